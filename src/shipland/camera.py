@@ -1,0 +1,176 @@
+"""The pinhole camera with OpenCV's distortion: project, back-project, calibration files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from shipland.config import require
+from shipland.errors import DataError
+from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
+from shipland.messages import GimbalAttitude
+
+
+@dataclass(frozen=True)
+class CameraParameters:
+    """What `configs/*.toml` says of a camera in section `[camera]`.
+
+    Attributes:
+        width_px, height_px: picture size.
+        horizontal_fov_deg: full horizontal field of view.
+        frame_rate_hz: pictures a second.
+        position_in_body_m: optical centre in `body`.
+        gimbal_rate_rad_s: largest rate of the gimbal's pitch.
+        gimbal_min_rad, gimbal_max_rad: range of the gimbal's pitch against the horizon.
+        gimbal_noise_rad: standard deviation of what stabilisation leaves in roll and pitch.
+    """
+
+    width_px: int
+    height_px: int
+    horizontal_fov_deg: float
+    frame_rate_hz: float
+    position_in_body_m: tuple[float, float, float]
+    gimbal_rate_rad_s: float
+    gimbal_min_rad: float
+    gimbal_max_rad: float
+    gimbal_noise_rad: float
+
+    def __post_init__(self) -> None:
+        require(self.width_px >= 16 and self.height_px >= 16, "the picture must be at least 16 × 16 px")
+        require(0.0 < self.horizontal_fov_deg < 170.0, "horizontal_fov_deg must be between 0 and 170")
+        require(self.frame_rate_hz > 0.0, "frame_rate_hz must be positive")
+        require(self.gimbal_rate_rad_s > 0.0, "gimbal_rate_rad_s must be positive")
+        require(self.gimbal_min_rad < self.gimbal_max_rad, "gimbal_min_rad must be below gimbal_max_rad")
+        require(self.gimbal_noise_rad >= 0.0, "gimbal_noise_rad must not be negative")
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics.
+
+    Attributes:
+        width_px, height_px: picture size.
+        matrix: (3,3) OpenCV camera matrix [px]; pixel centres at whole numbers.
+        distortion: (k,) OpenCV coefficients, k of 4, 5, 8, 12 or 14; zeros for none.
+    """
+
+    width_px: int
+    height_px: int
+    matrix: Array
+    distortion: Array = field(default_factory=lambda: np.zeros(5))
+
+    def __post_init__(self) -> None:
+        if np.shape(self.matrix) != (3, 3):
+            raise ValueError(f"Camera.matrix wants shape (3, 3), got {np.shape(self.matrix)}")
+        if self.distortion.ndim != 1 or self.distortion.size not in (4, 5, 8, 12, 14):
+            raise ValueError(f"Camera.distortion wants 4, 5, 8, 12 or 14 values, got {np.shape(self.distortion)}")
+        if not (np.isfinite(self.matrix).all() and np.isfinite(self.distortion).all()):
+            raise ValueError("Camera wants finite intrinsics")
+        if self.matrix[0, 0] <= 0.0 or self.matrix[1, 1] <= 0.0:
+            raise ValueError(f"Camera wants positive focal lengths, got {self.matrix[0, 0]}, {self.matrix[1, 1]}")
+
+    @staticmethod
+    def from_fov(width_px: int, height_px: int, horizontal_fov_deg: float) -> Camera:
+        """Distortion-free camera with square pixels and the principal point in the picture's middle."""
+        focal_px = 0.5 * width_px / np.tan(0.5 * np.radians(horizontal_fov_deg))
+        matrix = np.array(
+            [[focal_px, 0.0, 0.5 * (width_px - 1)], [0.0, focal_px, 0.5 * (height_px - 1)], [0.0, 0.0, 1.0]]
+        )
+        return Camera(width_px, height_px, matrix)
+
+    @staticmethod
+    def from_parameters(parameters: CameraParameters) -> Camera:
+        """The ideal camera of a configuration."""
+        return Camera.from_fov(parameters.width_px, parameters.height_px, parameters.horizontal_fov_deg)
+
+    @property
+    def focal_px(self) -> float:
+        """Mean focal length [px]."""
+        return float(0.5 * (self.matrix[0, 0] + self.matrix[1, 1]))
+
+    @property
+    def has_distortion(self) -> bool:
+        """Whether any coefficient is not zero."""
+        return bool(np.any(self.distortion))
+
+    def project(self, points_in_camera_m: Array) -> Array:
+        """Pixels (n,2) of points (n,3) in `camera` [m]; NaN for points not in front of the camera."""
+        points = np.asarray(points_in_camera_m, dtype=float).reshape(-1, 3)
+        pixels = np.full((len(points), 2), np.nan)
+        front = points[:, 2] > 1e-9
+        if front.any():
+            projected, _ = cv2.projectPoints(points[front], np.zeros(3), np.zeros(3), self.matrix, self.distortion)
+            pixels[front] = projected.reshape(-1, 2)
+        return pixels
+
+    def undistort(self, pixels: Array) -> Array:
+        """Pixels (n,2) as a distortion-free camera with the same matrix would see them."""
+        if not self.has_distortion:
+            return np.asarray(pixels, dtype=float).reshape(-1, 2)
+        points = np.asarray(pixels, dtype=float).reshape(-1, 1, 2)
+        return np.asarray(cv2.undistortPoints(points, self.matrix, self.distortion, P=self.matrix), float).reshape(
+            -1, 2
+        )
+
+    def back_project(self, pixels: Array) -> Array:
+        """Unit rays (n,3) in `camera` through pixels (n,2)."""
+        undistorted = self.undistort(pixels)
+        homogeneous = np.column_stack([undistorted, np.ones(len(undistorted))])
+        rays = homogeneous @ np.linalg.inv(self.matrix).T
+        return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+    def scaled(self, width_px: int, height_px: int) -> Camera:
+        """The same camera at another picture size of the same aspect."""
+        sx, sy = width_px / self.width_px, height_px / self.height_px
+        matrix = self.matrix.copy()
+        matrix[0] *= sx
+        matrix[1] *= sy
+        matrix[0, 2] += 0.5 * (sx - 1.0)
+        matrix[1, 2] += 0.5 * (sy - 1.0)
+        return Camera(width_px, height_px, matrix, self.distortion)
+
+    @staticmethod
+    def from_opencv_yaml(path: Path) -> Camera:
+        """Read an OpenCV calibration file (`camera_matrix`, `distortion_coefficients`, `image_width/height`).
+
+        Raises:
+            DataError: the file is missing, broken, or lacks one of them.
+        """
+        if not path.is_file():
+            raise DataError(f"calibration file {path} does not exist")
+        try:
+            storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+            if not storage.isOpened():
+                raise DataError(f"calibration file {path} is not an OpenCV YAML, XML or JSON file")
+            matrix = storage.getNode("camera_matrix").mat()
+            distortion = storage.getNode("distortion_coefficients").mat()
+            width, height = storage.getNode("image_width"), storage.getNode("image_height")
+            if matrix is None or width.empty() or height.empty():
+                raise DataError(f"calibration file {path} lacks camera_matrix, image_width or image_height")
+            coefficients = np.zeros(5) if distortion is None else np.asarray(distortion, dtype=float).ravel()
+            return Camera(int(width.real()), int(height.real()), np.asarray(matrix, dtype=float), coefficients)
+        except (cv2.error, SystemError, ValueError) as error:
+            raise DataError(f"calibration file {path} cannot be used: {str(error).splitlines()[0]}") from None
+
+    def to_opencv_yaml(self, path: Path) -> None:
+        """Write an OpenCV calibration file."""
+        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+        storage.write("image_width", self.width_px)
+        storage.write("image_height", self.height_px)
+        storage.write("camera_matrix", self.matrix)
+        storage.write("distortion_coefficients", self.distortion.reshape(1, -1))
+        storage.release()
+
+
+def level_from_camera(gimbal: GimbalAttitude) -> Array:
+    """Rotation (3,3) from `camera` to `level` for a gimbal attitude."""
+    return rotation_from_euler(gimbal.roll_rad, gimbal.pitch_rad, gimbal.yaw_rad) @ CAMERA_FROM_MOUNT.T
+
+
+def camera_pose(ned_from_body: Pose, heading_rad: float, gimbal: GimbalAttitude, camera_in_body_m: Array) -> Pose:
+    """ned_from_camera: the optical centre is carried by the body, the attitude by the gimbal."""
+    rotation = rotation_from_euler(0.0, 0.0, heading_rad) @ level_from_camera(gimbal)
+    return Pose(rotation, ned_from_body.apply(camera_in_body_m))

@@ -1,0 +1,162 @@
+"""Frozen dataclasses from TOML: layers merged, unknown keys refused with the nearest known name.
+
+The packaged TOML files in `shipland/configs` are the single home of every constant and of its source;
+dataclasses carry types and checks, not values.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import enum
+import math
+import tomllib
+import types
+import typing
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, TypeVar
+
+from shipland.errors import ConfigError
+
+T = TypeVar("T")
+Table = dict[str, Any]
+
+
+def read_toml(path: Path) -> Table:
+    """The table in a TOML file; ConfigError when it is missing or broken."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"configuration file {path} does not exist") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"configuration file {path} cannot be read: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"configuration file {path} is not valid TOML: {error}") from None
+
+
+def packaged_toml(name: str) -> Table:
+    """The packaged table `configs/<name>.toml`; ConfigError names the ones there are."""
+    folder = resources.files("shipland") / "configs"
+    entry = folder.joinpath(*f"{name}.toml".split("/"))
+    if not entry.is_file():
+        directory = entry
+        siblings = folder.joinpath(*name.split("/")[:-1])
+        known = sorted(item.name.removesuffix(".toml") for item in siblings.iterdir() if item.name.endswith(".toml"))
+        raise ConfigError(f"no packaged configuration {directory.name!r}; there are: {', '.join(known)}")
+    return tomllib.loads(entry.read_text(encoding="utf-8"))
+
+
+def packaged_names(folder: str) -> list[str]:
+    """Names of the packaged TOML files in `configs/<folder>`, sorted."""
+    items = (resources.files("shipland") / "configs").joinpath(folder).iterdir()
+    return sorted(item.name.removesuffix(".toml") for item in items if item.name.endswith(".toml"))
+
+
+def merge(base: Mapping[str, Any], overlay: Mapping[str, Any]) -> Table:
+    """`base` with `overlay` laid over it; tables merge key by key, everything else is replaced."""
+    merged: Table = dict(base)
+    for key, value in overlay.items():
+        below = merged.get(key)
+        merged[key] = merge(below, value) if isinstance(below, Mapping) and isinstance(value, Mapping) else value
+    return merged
+
+
+def build(cls: type[T], table: Mapping[str, Any], where: str = "configuration") -> T:
+    """An instance of the dataclass `cls` from a table, every value checked against its annotation.
+
+    Args:
+        cls: a dataclass; its fields may be bool, int, float, str, Path, an Enum, Literal, Optional,
+            homogeneous or fixed tuples, or dataclasses again.
+        table: the values; a missing key falls back to the field's default where it has one.
+        where: the table's name, for messages.
+
+    Raises:
+        ConfigError: unknown key (with the nearest known name), missing key, wrong type, or a value that
+            the dataclass itself refuses with ValueError.
+    """
+    if not isinstance(table, Mapping):
+        raise ConfigError(f"{where}: expected a table, got {table!r}")
+    hints = typing.get_type_hints(cls)
+    fields = {field.name: field for field in dataclasses.fields(cls)}  # type: ignore[arg-type]
+    for key in table:
+        if key not in fields:
+            near = difflib.get_close_matches(key, fields, n=1, cutoff=0.0)
+            raise ConfigError(
+                f"{where}: unknown key {key!r}; did you mean {near[0]!r}?"
+                if near
+                else f"{where}: unknown key {key!r}; it takes none"
+            )
+    values: Table = {}
+    for name, field in fields.items():
+        if name in table:
+            values[name] = _convert(table[name], hints[name], f"{where}.{name}")
+        elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+            raise ConfigError(f"{where}: missing key {name!r}")
+    try:
+        return cls(**values)
+    except ValueError as error:
+        raise ConfigError(f"{where}: {error}") from None
+
+
+def _convert(value: Any, hint: Any, where: str) -> Any:  # noqa: ANN401 - values of any TOML type come in
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is typing.Literal:
+        if value not in arguments:
+            raise ConfigError(f"{where}: {value!r} is none of {', '.join(map(repr, arguments))}")
+        return value
+    if origin in (typing.Union, types.UnionType):
+        choices = [argument for argument in arguments if argument is not type(None)]
+        if value is None:
+            return None
+        failures: list[str] = []
+        for choice in choices:
+            try:
+                return _convert(value, choice, where)
+            except ConfigError as error:
+                failures.append(str(error))
+        raise ConfigError(failures[-1])
+    if origin is tuple:
+        return _convert_tuple(value, arguments, where)
+    if dataclasses.is_dataclass(hint):
+        return value if isinstance(value, typing.cast(type, hint)) else build(typing.cast(type, hint), value, where)
+    if isinstance(hint, type) and issubclass(hint, enum.Enum):
+        names = {str(member.value): member for member in hint}
+        if str(value) not in names:
+            raise ConfigError(f"{where}: {value!r} is none of {', '.join(names)}")
+        return names[str(value)]
+    return _convert_scalar(value, hint, where)
+
+
+def _convert_tuple(value: Any, arguments: tuple[Any, ...], where: str) -> tuple[Any, ...]:  # noqa: ANN401
+    if not isinstance(value, list | tuple):
+        raise ConfigError(f"{where}: expected a list, got {value!r}")
+    if len(arguments) == 2 and arguments[1] is Ellipsis:
+        arguments = (arguments[0],) * len(value)
+    if len(value) != len(arguments):
+        raise ConfigError(f"{where}: expected {len(arguments)} values, got {len(value)}")
+    return tuple(
+        _convert(item, hint, f"{where}[{index}]")
+        for index, (item, hint) in enumerate(zip(value, arguments, strict=True))
+    )
+
+
+def _convert_scalar(value: Any, hint: Any, where: str) -> Any:  # noqa: ANN401
+    if hint is float and isinstance(value, int | float) and not isinstance(value, bool):
+        if not math.isfinite(value):
+            raise ConfigError(f"{where}: expected a finite number, got {value!r}")
+        return float(value)
+    if hint is Path and isinstance(value, str | Path):
+        return Path(value)
+    if hint is int and isinstance(value, int) and not isinstance(value, bool):
+        return value
+    if hint in (bool, str) and isinstance(value, hint):
+        return value
+    raise ConfigError(f"{where}: expected {getattr(hint, '__name__', hint)}, got {value!r}")
+
+
+def require(condition: bool, message: str) -> None:
+    """Raise ValueError(message) unless `condition`; for `__post_init__` checks, which `build` turns into ConfigError."""
+    if not condition:
+        raise ValueError(message)

@@ -1,0 +1,1 @@
+"""Estimators that know no camera and no vehicle."""

@@ -1,0 +1,1 @@
+"""Observations to commands: laws, modes, pilots, safety."""

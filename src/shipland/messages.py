@@ -1,0 +1,285 @@
+"""The frozen dataclasses that cross a stage. Arrays are checked at construction. Frames: see `frames`."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from shipland.frames import Array, Pose
+
+
+def _check_shape(owner: str, name: str, value: npt.NDArray[np.generic], shape: tuple[int | None, ...]) -> None:
+    got = np.shape(value)
+    if len(got) != len(shape) or any(want is not None and want != have for want, have in zip(shape, got, strict=True)):
+        wanted = tuple("n" if want is None else want for want in shape)
+        raise ValueError(f"{owner}.{name} wants shape {wanted}, got {got}")
+
+
+@dataclass(frozen=True)
+class GimbalAttitude:
+    """Attitude of the camera mount against the aircraft's `level` frame [rad]; pitch is positive upward."""
+
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One picture.
+
+    Attributes:
+        t_s: exposure time [s].
+        image: (H, W, 3) uint8 BGR; None from a vehicle whose camera is geometric.
+        gimbal: attitude of the camera at exposure, in `level`.
+    """
+
+    t_s: float
+    image: npt.NDArray[np.uint8] | None
+    gimbal: GimbalAttitude
+
+    def __post_init__(self) -> None:
+        if self.image is not None:
+            _check_shape("Frame", "image", self.image, (None, None, 3))
+            if self.image.dtype != np.uint8:
+                raise ValueError(f"Frame.image wants uint8, got {self.image.dtype}")
+
+
+@dataclass(frozen=True)
+class Telemetry:
+    """What the vehicle says of itself; what it cannot give is None.
+
+    Attributes:
+        t_s: time of receipt [s]: "now" for the loop.
+        roll_rad, pitch_rad: attitude of `body` against `level`.
+        heading_rad: magnetometer's heading, clockwise from north.
+        height_m: height above the take-off point (barometer).
+        velocity_in_level_mps: (3,) over ground, forward-right-down.
+        battery_percent, link_percent: 0 … 100.
+        flying: motors run and the vehicle is not landed.
+    """
+
+    t_s: float
+    roll_rad: float
+    pitch_rad: float
+    heading_rad: float | None
+    height_m: float | None
+    velocity_in_level_mps: Array | None
+    battery_percent: float | None
+    link_percent: float | None
+    flying: bool
+
+    def __post_init__(self) -> None:
+        if self.velocity_in_level_mps is not None:
+            _check_shape("Telemetry", "velocity_in_level_mps", self.velocity_in_level_mps, (3,))
+
+
+@dataclass(frozen=True)
+class Box:
+    """A detector's axis-aligned box: centre (column, row) and size (width, height) [px], confidence 0 … 1."""
+
+    centre_px: tuple[float, float]
+    size_px: tuple[float, float]
+    confidence: float
+
+    @property
+    def area_px2(self) -> float:
+        """Width × height [px²]."""
+        return self.size_px[0] * self.size_px[1]
+
+
+@dataclass(frozen=True)
+class BarPose:
+    """The camera against the cue, from its corners.
+
+    Attributes:
+        position_in_bar_m: (3,) the camera's optical centre in `bar` [m]; astern of the bar is negative forward.
+        yaw_rad: heading of the camera's vertical plane against `bar`'s forward axis, clockwise from above.
+        covariance: (4,4) of (position_in_bar_m, yaw_rad), [m, m, m, rad].
+        reprojection_px: root-mean-square distance of observed and reprojected corners.
+        corners_px: (4n, 2) observed corners (column, row), quadrilateral by quadrilateral, in the target's order.
+    """
+
+    position_in_bar_m: Array
+    yaw_rad: float
+    covariance: Array
+    reprojection_px: float
+    corners_px: Array
+
+    def __post_init__(self) -> None:
+        _check_shape("BarPose", "position_in_bar_m", self.position_in_bar_m, (3,))
+        _check_shape("BarPose", "covariance", self.covariance, (4, 4))
+        _check_shape("BarPose", "corners_px", self.corners_px, (None, 2))
+
+
+@dataclass(frozen=True)
+class Observation:
+    """The best the vision has of one frame, and why the better was refused.
+
+    Attributes:
+        t_s: exposure time of the frame [s].
+        gimbal: the camera's attitude at exposure, in `level`.
+        bar_pose: from corners (modes 1, 2).
+        bar_box: from the bar detector (mode 3).
+        ship_box: from the ship detector (mode 4).
+        reason: why there is no pose, in words; empty when there is one.
+    """
+
+    t_s: float
+    gimbal: GimbalAttitude
+    bar_pose: BarPose | None = None
+    bar_box: Box | None = None
+    ship_box: Box | None = None
+    reason: str = ""
+
+
+class Intent(enum.Enum):
+    """What the command is for; a vehicle may map LAND to its own landing."""
+
+    FLY = "fly"
+    LAND = "land"
+    HOLD = "hold"
+    CLIMB_OUT = "climb_out"
+
+
+class Mode(enum.Enum):
+    """The five flight modes [Lee2022, §Nonlinear Control System], and the states around them."""
+
+    LAND = 1
+    APPROACH = 2
+    TRACK_BAR = 3
+    TRACK_SHIP = 4
+    NO_VISION = 5
+    SEARCH = 6
+    CLIMB_OUT = 7
+    DONE = 8
+
+
+@dataclass(frozen=True)
+class PilotCommand:
+    """Sticks in percent, -100 … 100; zero holds.
+
+    Attributes:
+        t_s: when the command was ready [s].
+        pitch_percent: forward positive.
+        roll_percent: right positive.
+        heave_percent: up positive.
+        yaw_percent: clockwise (nose right) positive.
+        gimbal_pitch_rad: camera pitch asked for, against the horizon, upward positive.
+        intent: what it is for.
+    """
+
+    t_s: float
+    pitch_percent: float
+    roll_percent: float
+    heave_percent: float
+    yaw_percent: float
+    gimbal_pitch_rad: float
+    intent: Intent = Intent.FLY
+
+    @staticmethod
+    def hold(t_s: float, gimbal_pitch_rad: float) -> PilotCommand:
+        """Every stick at zero: the vehicle brakes and holds."""
+        return PilotCommand(t_s, 0.0, 0.0, 0.0, 0.0, gimbal_pitch_rad, Intent.HOLD)
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What the pilot decided in one cycle.
+
+    Attributes:
+        command: the sticks, after the safety bounds.
+        mode: flight mode.
+        reason: why this mode, in words.
+        aircraft_in_bar_m: (3,) the pilot's estimate of the aircraft's position in `bar`, or None.
+        yaw_rad: its estimate of the heading against `bar`, or None.
+    """
+
+    command: PilotCommand
+    mode: Mode
+    reason: str
+    aircraft_in_bar_m: Array | None = None
+    yaw_rad: float | None = None
+
+
+@dataclass(frozen=True)
+class GroundTruth:
+    """The simulator's truth at one instant: to the record, never to the pilot.
+
+    Attributes:
+        t_s: time [s].
+        ned_from_body: the aircraft.
+        velocity_in_ned_mps: (3,).
+        ned_from_ship: ship's position and course, without deck motion.
+        ned_from_deck: the deck with all motions.
+        ned_from_bar: the bar (level).
+        ned_from_camera: optical centre, OpenCV axes.
+        wind_in_ned_mps: (3,) air velocity at the aircraft.
+    """
+
+    t_s: float
+    ned_from_body: Pose
+    velocity_in_ned_mps: Array
+    ned_from_ship: Pose
+    ned_from_deck: Pose
+    ned_from_bar: Pose
+    ned_from_camera: Pose
+    wind_in_ned_mps: Array
+
+    @property
+    def aircraft_in_deck_m(self) -> Array:
+        """(3,) the aircraft's centre of mass in `deck`."""
+        return (self.ned_from_deck.inverse() @ self.ned_from_body).translation_m
+
+    @property
+    def aircraft_in_bar_m(self) -> Array:
+        """(3,) the aircraft's centre of mass in `bar`."""
+        return (self.ned_from_bar.inverse() @ self.ned_from_body).translation_m
+
+
+@dataclass(frozen=True)
+class TouchdownVerdict:
+    """How the flight met the deck, judged from contacts.
+
+    Attributes:
+        t_s: first contact [s].
+        landed: came to rest on its feet on the deck.
+        in_square: the touchdown point lies in the landing square.
+        touchdown_in_deck_m: (2,) forward, starboard of the aircraft's centre at first contact.
+        rest_in_deck_m: (2,) the same at rest (or at the end).
+        relative_velocity_in_deck_mps: (3,) against the deck just before contact; down positive.
+        tilt_rad: largest tilt of the aircraft's vertical against the deck's normal after contact.
+        slip_m: way over the deck from first contact to rest.
+        peak_contact_force_n: largest summed normal force on the gear.
+        reason: the verdict in words.
+    """
+
+    t_s: float
+    landed: bool
+    in_square: bool
+    touchdown_in_deck_m: Array
+    rest_in_deck_m: Array
+    relative_velocity_in_deck_mps: Array
+    tilt_rad: float
+    slip_m: float
+    peak_contact_force_n: float
+    reason: str
+
+    def __post_init__(self) -> None:
+        _check_shape("TouchdownVerdict", "touchdown_in_deck_m", self.touchdown_in_deck_m, (2,))
+        _check_shape("TouchdownVerdict", "rest_in_deck_m", self.rest_in_deck_m, (2,))
+        _check_shape("TouchdownVerdict", "relative_velocity_in_deck_mps", self.relative_velocity_in_deck_mps, (3,))
+
+
+@dataclass(frozen=True)
+class FlightRecord:
+    """One row of the flight log: one cycle of the loop."""
+
+    frame: Frame
+    telemetry: Telemetry
+    observation: Observation
+    decision: Decision
+    truth: GroundTruth | None

@@ -1,0 +1,160 @@
+"""Dimensions of the ship platform, the landing deck and the horizon bar (`[rig]` in TOML)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shipland.config import build, packaged_toml, read_toml, require
+from shipland.errors import ConfigError
+from shipland.frames import Array, Pose
+
+Corner = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Quad:
+    """One quadrilateral of the cue.
+
+    Attributes:
+        corners_m: four (right, down) points in the cue's plane from its origin [m], in the order top-left,
+            top-right, bottom-right, bottom-left as seen from the approach.
+    """
+
+    corners_m: tuple[Corner, Corner, Corner, Corner]
+
+    def __post_init__(self) -> None:
+        points = np.array(self.corners_m)
+        edges = np.roll(points, -1, axis=0) - points
+        after = np.roll(edges, -1, axis=0)
+        turns = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]
+        require(
+            bool(np.all(turns > 0.0)),
+            "corners_m must be a convex quadrilateral in the order top-left, top-right, bottom-right, bottom-left",
+        )
+
+    @staticmethod
+    def rectangle(centre_m: Corner, width_m: float, height_m: float) -> Quad:
+        """An upright rectangle around (right, down) `centre_m`."""
+        (x, y), w, h = centre_m, 0.5 * width_m, 0.5 * height_m
+        return Quad(((x - w, y - h), (x + w, y - h), (x + w, y + h), (x - w, y + h)))
+
+
+@dataclass(frozen=True)
+class Target:
+    """The visual cue: known coplanar quadrilaterals in the plane forward = 0 of `bar`."""
+
+    quad: tuple[Quad, ...]
+
+    def __post_init__(self) -> None:
+        require(len(self.quad) > 0, "a target needs at least one [[quad]]")
+
+    @property
+    def points_in_bar_m(self) -> Array:
+        """(4n, 3) corners in `bar` [m], quadrilateral by quadrilateral."""
+        plane = np.array([corner for quad in self.quad for corner in quad.corners_m])
+        return np.column_stack([np.zeros(len(plane)), plane])
+
+    @property
+    def count(self) -> int:
+        """Number of quadrilaterals."""
+        return len(self.quad)
+
+    @staticmethod
+    def from_file(path: Path) -> Target:
+        """Read a TOML file with one `[[quad]]` a quadrilateral; ConfigError when it is wrong."""
+        return build(Target, read_toml(path), str(path))
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The ship platform [Lee2022, §Experimental Setup] and this project's choices where the paper gives none.
+
+    Attributes:
+        platform_length_m, platform_width_m: plan of the platform.
+        superstructure_height_m: top of the superstructure above ground.
+        deck_size_m: side of the square deck.
+        deck_ahead_of_stern_m: deck centre ahead of the stern.
+        deck_height_m: neutral deck surface above ground.
+        landing_square_m: side of the landing square.
+        bar_ahead_of_stern_m: the bar's plane ahead of the stern.
+        bar_height_m: the bar's centre above ground.
+        board_width_m, board_height_m: grey board behind the rectangles.
+        rectangle_width_m, rectangle_height_m, rectangle_gap_m: the two green rectangles.
+        surge_limit_m … yaw_limit_deg: motion base's limits, either side.
+    """
+
+    platform_length_m: float
+    platform_width_m: float
+    superstructure_height_m: float
+    deck_size_m: float
+    deck_ahead_of_stern_m: float
+    deck_height_m: float
+    landing_square_m: float
+    bar_ahead_of_stern_m: float
+    bar_height_m: float
+    board_width_m: float
+    board_height_m: float
+    rectangle_width_m: float
+    rectangle_height_m: float
+    rectangle_gap_m: float
+    surge_limit_m: float
+    sway_limit_m: float
+    heave_limit_m: float
+    roll_limit_deg: float
+    pitch_limit_deg: float
+    yaw_limit_deg: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require(value > 0.0, f"{name} must be positive, got {value}")
+        require(self.landing_square_m <= self.deck_size_m, "landing_square_m must fit on the deck")
+        require(self.bar_ahead_of_stern_m > self.deck_ahead_of_stern_m, "the bar must be ahead of the deck")
+
+    @property
+    def target(self) -> Target:
+        """The bar's two green rectangles."""
+        offset = 0.5 * (self.rectangle_gap_m + self.rectangle_width_m)
+        return Target(
+            tuple(
+                Quad.rectangle((side * offset, 0.0), self.rectangle_width_m, self.rectangle_height_m)
+                for side in (-1.0, 1.0)
+            )
+        )
+
+    @property
+    def bar_in_ship_m(self) -> Array:
+        """(3,) the bar's centre in `ship` [m]."""
+        return np.array(
+            [
+                self.bar_ahead_of_stern_m - self.deck_ahead_of_stern_m,
+                0.0,
+                self.deck_height_m - self.bar_height_m,
+            ]
+        )
+
+    @property
+    def ship_from_bar(self) -> Pose:
+        """The bar in `ship`, in rig mode (the bar moves with the platform alone)."""
+        return Pose(np.eye(3), self.bar_in_ship_m)
+
+    @property
+    def deck_in_bar_m(self) -> Array:
+        """(3,) the deck centre's neutral point in `bar` [m]."""
+        return -self.bar_in_ship_m
+
+
+def packaged_table(section: str) -> dict[str, Any]:
+    """Section of the packaged defaults."""
+    table = packaged_toml("default").get(section)
+    if table is None:
+        raise ConfigError(f"the packaged defaults have no section [{section}]")
+    return dict(table)
+
+
+def default_rig() -> Rig:
+    """The rig of the packaged configuration."""
+    return build(Rig, packaged_table("rig"), "rig")

@@ -1,0 +1,1 @@
+"""The simulated world: physics, ship, sea, wind, picture."""

@@ -1,0 +1,1 @@
+"""What can be flown: one protocol, its implementations."""

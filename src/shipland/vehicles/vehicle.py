@@ -1,0 +1,38 @@
+"""The one protocol that everything flown answers to."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from shipland.camera import Camera
+from shipland.messages import Frame, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
+
+
+class Vehicle(Protocol):
+    """A camera-carrying aircraft. `read` blocks for the next frame: a link waits, the simulator steps, a replay reads on."""
+
+    @property
+    def camera(self) -> Camera:
+        """Intrinsics of the pictures that `read` gives."""
+
+    def open(self) -> None:
+        """Connect and make ready; raises VehicleError when that fails."""
+
+    def read(self) -> tuple[Frame, Telemetry] | None:
+        """The newest frame that the loop has not had, and the telemetry at its receipt; None at the end."""
+
+    def send(self, command: PilotCommand) -> None:
+        """Give the sticks."""
+
+    def close(self) -> None:
+        """Leave the vehicle safe and let go of it."""
+
+
+class Witness(Protocol):
+    """Who knows the truth of a flight: the simulator. Truth goes to the record, never to the pilot."""
+
+    def truth_at(self, t_s: float) -> GroundTruth | None:
+        """The truth at an exposure time that `read` gave [s]."""
+
+    def verdict(self) -> TouchdownVerdict | None:
+        """The touchdown, once there was one."""
