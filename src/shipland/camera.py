@@ -47,6 +47,10 @@ class CameraParameters:
         require(self.gimbal_noise_rad >= 0.0, "gimbal_noise_rad must not be negative")
 
 
+_UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
+"""When the fixed-point iteration of undistortion ends: steps, and error in normalised coordinates."""
+
+
 @dataclass(frozen=True)
 class Camera:
     """Intrinsics.
@@ -63,6 +67,8 @@ class Camera:
     distortion: Array = field(default_factory=lambda: np.zeros(5))
 
     def __post_init__(self) -> None:
+        if not (1 <= self.width_px < 65536 and 1 <= self.height_px < 65536):
+            raise ValueError(f"Camera wants a picture of 1 to 65535 px a side, got {self.width_px} × {self.height_px}")
         if np.shape(self.matrix) != (3, 3):
             raise ValueError(f"Camera.matrix wants shape (3, 3), got {np.shape(self.matrix)}")
         if self.distortion.ndim != 1 or self.distortion.size not in (4, 5, 8, 12, 14):
@@ -71,6 +77,10 @@ class Camera:
             raise ValueError("Camera wants finite intrinsics")
         if self.matrix[0, 0] <= 0.0 or self.matrix[1, 1] <= 0.0:
             raise ValueError(f"Camera wants positive focal lengths, got {self.matrix[0, 0]}, {self.matrix[1, 1]}")
+        if self.matrix[1, 0] != 0.0 or list(self.matrix[2]) != [0.0, 0.0, 1.0]:
+            raise ValueError(
+                f"Camera.matrix wants the form [[fx, s, cx], [0, fy, cy], [0, 0, 1]], got {self.matrix.tolist()}"
+            )
 
     @staticmethod
     def from_fov(width_px: int, height_px: int, horizontal_fov_deg: float) -> Camera:
@@ -97,7 +107,10 @@ class Camera:
         return bool(np.any(self.distortion))
 
     def project(self, points_in_camera_m: Array) -> Array:
-        """Pixels (n,2) of points (n,3) in `camera` [m]; NaN for points not in front of the camera."""
+        """Pixels (n,2) of points (n,3) in `camera` [m]; NaN for points not in front of the camera.
+
+        OpenCV's distortion holds inside the field of view only: points far outside it may fold back into the picture.
+        """
         points = np.asarray(points_in_camera_m, dtype=float).reshape(-1, 3)
         pixels = np.full((len(points), 2), np.nan)
         front = points[:, 2] > 1e-9
@@ -108,12 +121,14 @@ class Camera:
 
     def undistort(self, pixels: Array) -> Array:
         """Pixels (n,2) as a distortion-free camera with the same matrix would see them."""
-        if not self.has_distortion:
-            return np.asarray(pixels, dtype=float).reshape(-1, 2)
-        points = np.asarray(pixels, dtype=float).reshape(-1, 1, 2)
-        return np.asarray(cv2.undistortPoints(points, self.matrix, self.distortion, P=self.matrix), float).reshape(
-            -1, 2
+        points = np.asarray(pixels, dtype=float).reshape(-1, 2)
+        if not self.has_distortion or not len(points):
+            return points
+        # cv2.undistortPoints stops after five iterations: 0.7 px short in a wide lens's corners.
+        undistorted = cv2.undistortPointsIter(
+            points.reshape(-1, 1, 2), self.matrix, self.distortion, np.eye(3), self.matrix, _UNDISTORT_UNTIL
         )
+        return np.asarray(undistorted, dtype=float).reshape(-1, 2)
 
     def back_project(self, pixels: Array) -> Array:
         """Unit rays (n,3) in `camera` through pixels (n,2)."""
@@ -143,21 +158,28 @@ class Camera:
             raise DataError(f"calibration file {path} does not exist")
         try:
             storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-            if not storage.isOpened():
-                raise DataError(f"calibration file {path} is not an OpenCV YAML, XML or JSON file")
             matrix = storage.getNode("camera_matrix").mat()
             distortion = storage.getNode("distortion_coefficients").mat()
             width, height = storage.getNode("image_width"), storage.getNode("image_height")
-            if matrix is None or width.empty() or height.empty():
-                raise DataError(f"calibration file {path} lacks camera_matrix, image_width or image_height")
+            if matrix is None or not (width.isInt() and height.isInt()):
+                raise DataError(f"calibration file {path} lacks camera_matrix, or whole image_width and image_height")
             coefficients = np.zeros(5) if distortion is None else np.asarray(distortion, dtype=float).ravel()
             return Camera(int(width.real()), int(height.real()), np.asarray(matrix, dtype=float), coefficients)
-        except (cv2.error, SystemError, ValueError) as error:
-            raise DataError(f"calibration file {path} cannot be used: {str(error).splitlines()[0]}") from None
+        except ValueError as error:
+            raise DataError(f"calibration file {path} cannot be used: {error}") from None
+        except (cv2.error, SystemError):  # OpenCV's own words name its source files, not the fault
+            raise DataError(
+                f"calibration file {path} is not an OpenCV YAML, XML or JSON file "
+                "with camera_matrix and distortion_coefficients as opencv-matrix"
+            ) from None
 
     def to_opencv_yaml(self, path: Path) -> None:
-        """Write an OpenCV calibration file."""
+        """Write an OpenCV calibration file; DataError when it cannot be written."""
+        if not path.parent.is_dir():
+            raise DataError(f"calibration file {path} cannot be written: its folder does not exist")
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+        if not storage.isOpened():
+            raise DataError(f"calibration file {path} cannot be written")
         storage.write("image_width", self.width_px)
         storage.write("image_height", self.height_px)
         storage.write("camera_matrix", self.matrix)

@@ -27,31 +27,33 @@ Table = dict[str, Any]
 def read_toml(path: Path) -> Table:
     """The table in a TOML file; ConfigError when it is missing or broken."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # -sig: some editors write a byte-order mark
     except FileNotFoundError:
         raise ConfigError(f"configuration file {path} does not exist") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"configuration file {path} cannot be read: {error}") from None
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"configuration file {path} is not valid TOML: {error}") from None
+    except RecursionError:
+        raise ConfigError(f"configuration file {path} is not valid TOML: nested too deeply") from None
 
 
 def packaged_toml(name: str) -> Table:
-    """The packaged table `configs/<name>.toml`; ConfigError names the ones there are."""
-    folder = resources.files("shipland") / "configs"
-    entry = folder.joinpath(*f"{name}.toml".split("/"))
-    if not entry.is_file():
-        directory = entry
-        siblings = folder.joinpath(*name.split("/")[:-1])
-        known = sorted(item.name.removesuffix(".toml") for item in siblings.iterdir() if item.name.endswith(".toml"))
-        raise ConfigError(f"no packaged configuration {directory.name!r}; there are: {', '.join(known)}")
+    """The packaged table `configs/<name>.toml`, name as in `folder/name`; ConfigError names the ones there are."""
+    folder, _, stem = name.rpartition("/")
+    known = packaged_names(folder)
+    if stem not in known:
+        raise ConfigError(f"no packaged configuration {name!r}; there are: {', '.join(known)}")
+    entry = (resources.files("shipland") / "configs").joinpath(folder, f"{stem}.toml")
     return tomllib.loads(entry.read_text(encoding="utf-8"))
 
 
 def packaged_names(folder: str) -> list[str]:
-    """Names of the packaged TOML files in `configs/<folder>`, sorted."""
-    items = (resources.files("shipland") / "configs").joinpath(folder).iterdir()
-    return sorted(item.name.removesuffix(".toml") for item in items if item.name.endswith(".toml"))
+    """Names of the packaged TOML files in `configs/<folder>`, sorted; ConfigError when there is no such folder."""
+    directory = (resources.files("shipland") / "configs").joinpath(folder)
+    if not directory.is_dir():
+        raise ConfigError(f"no folder {folder!r} of packaged configurations")
+    return sorted(item.name.removesuffix(".toml") for item in directory.iterdir() if item.name.endswith(".toml"))
 
 
 def merge(base: Mapping[str, Any], overlay: Mapping[str, Any]) -> Table:
@@ -79,7 +81,7 @@ def build(cls: type[T], table: Mapping[str, Any], where: str = "configuration") 
     if not isinstance(table, Mapping):
         raise ConfigError(f"{where}: expected a table, got {table!r}")
     hints = typing.get_type_hints(cls)
-    fields = {field.name: field for field in dataclasses.fields(cls)}  # type: ignore[arg-type]
+    fields = {field.name: field for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
     for key in table:
         if key not in fields:
             near = difflib.get_close_matches(key, fields, n=1, cutoff=0.0)
@@ -144,9 +146,13 @@ def _convert_tuple(value: Any, arguments: tuple[Any, ...], where: str) -> tuple[
 
 def _convert_scalar(value: Any, hint: Any, where: str) -> Any:  # noqa: ANN401
     if hint is float and isinstance(value, int | float) and not isinstance(value, bool):
-        if not math.isfinite(value):
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
             raise ConfigError(f"{where}: expected a finite number, got {value!r}")
-        return float(value)
+        return number
     if hint is Path and isinstance(value, str | Path):
         return Path(value)
     if hint is int and isinstance(value, int) and not isinstance(value, bool):
@@ -157,6 +163,6 @@ def _convert_scalar(value: Any, hint: Any, where: str) -> Any:  # noqa: ANN401
 
 
 def require(condition: bool, message: str) -> None:
-    """Raise ValueError(message) unless `condition`; for `__post_init__` checks, which `build` turns into ConfigError."""
+    """Raise ValueError(message) unless `condition`; for `__post_init__`; `build` makes it a ConfigError."""
     if not condition:
         raise ValueError(message)

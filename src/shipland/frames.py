@@ -1,16 +1,16 @@
 """The frame table and the only axis conversions.
 
-| frame    | origin                               | axes                                | moves with |
-|----------|--------------------------------------|-------------------------------------|------------|
-| `ned`    | chosen point on the sea surface      | north, east, down                   | nothing |
-| `ship`   | deck centre's neutral point          | forward, starboard, down            | ship's position and course only |
-| `deck`   | deck centre, on its surface          | forward, starboard, down            | ship and all six deck motions |
-| `bar`    | centre of the horizon bar            | forward (into superstructure), right, down | ship; always level |
-| `body`   | aircraft's centre of mass            | forward, right, down                | aircraft |
-| `level`  | aircraft's centre of mass            | forward along heading, right, down  | aircraft's position and heading only |
-| `mount`  | camera's optical centre              | forward (optical axis), right, down | gimbal |
-| `camera` | camera's optical centre              | right, down, forward (OpenCV)       | gimbal |
-| `mujoco` | as `ned`                             | north, west, up                     | nothing |
+| frame    | origin                          | axes                                       | moves with                 |
+|----------|---------------------------------|--------------------------------------------|----------------------------|
+| `ned`    | chosen point on the sea surface | north, east, down                          | nothing                    |
+| `ship`   | deck centre's neutral point     | forward, starboard, down                   | ship's position and course |
+| `deck`   | deck centre, on its surface     | forward, starboard, down                   | ship and six deck motions  |
+| `bar`    | centre of the horizon bar       | forward (into superstructure), right, down | ship; always level         |
+| `body`   | aircraft's centre of mass       | forward, right, down                       | aircraft                   |
+| `level`  | aircraft's centre of mass       | forward along heading, right, down         | aircraft, heading only     |
+| `mount`  | camera's optical centre         | forward (optical axis), right, down        | gimbal                     |
+| `camera` | camera's optical centre         | right, down, forward (OpenCV)              | gimbal                     |
+| `mujoco` | as `ned`                        | north, west, up                            | nothing                    |
 
 All frames are right-handed; lengths in metres, angles in radians. `a_from_b` maps coordinates in `b` to
 coordinates in `a`. Euler angles are yaw-pitch-roll (z, then y, then x, about moving axes).
@@ -52,8 +52,9 @@ def rotation_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Ar
 def euler_from_rotation(parent_from_child: Array) -> tuple[float, float, float]:
     """Roll, pitch, yaw [rad] of a rotation (3,3); at pitch ±90° roll is taken as zero."""
     r = parent_from_child
-    pitch_rad = float(np.arcsin(np.clip(-r[2, 0], -1.0, 1.0)))
-    if np.hypot(r[0, 0], r[1, 0]) < 1e-9:
+    cosine = np.hypot(r[0, 0], r[1, 0])
+    pitch_rad = float(np.arctan2(-r[2, 0], cosine))  # arcsin would lose half the digits near ±90°
+    if cosine < 1e-9:
         return 0.0, pitch_rad, float(np.arctan2(-r[0, 1], r[1, 1]))
     return float(np.arctan2(r[2, 1], r[2, 2])), pitch_rad, float(np.arctan2(r[1, 0], r[0, 0]))
 
@@ -72,7 +73,8 @@ def rotation_from_quaternion(quaternion_wxyz: Array) -> Array:
 
 def wrap_angle(angle_rad: float) -> float:
     """The same angle [rad] in [-pi, pi)."""
-    return float((angle_rad + np.pi) % (2 * np.pi) - np.pi)
+    wrapped = float((angle_rad + np.pi) % (2 * np.pi) - np.pi)
+    return wrapped if wrapped < np.pi else -np.pi  # rounding can carry an angle just below -pi up to +pi
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from shipland.frames import Array, Pose
 def _check_shape(owner: str, name: str, value: npt.NDArray[np.generic], shape: tuple[int | None, ...]) -> None:
     got = np.shape(value)
     if len(got) != len(shape) or any(want is not None and want != have for want, have in zip(shape, got, strict=True)):
-        wanted = tuple("n" if want is None else want for want in shape)
+        wanted = str(tuple("n" if want is None else want for want in shape)).replace("'", "")
         raise ValueError(f"{owner}.{name} wants shape {wanted}, got {got}")
 
 
@@ -204,6 +204,10 @@ class Decision:
     aircraft_in_bar_m: Array | None = None
     yaw_rad: float | None = None
 
+    def __post_init__(self) -> None:
+        if self.aircraft_in_bar_m is not None:
+            _check_shape("Decision", "aircraft_in_bar_m", self.aircraft_in_bar_m, (3,))
+
 
 @dataclass(frozen=True)
 class GroundTruth:
@@ -228,6 +232,10 @@ class GroundTruth:
     ned_from_bar: Pose
     ned_from_camera: Pose
     wind_in_ned_mps: Array
+
+    def __post_init__(self) -> None:
+        _check_shape("GroundTruth", "velocity_in_ned_mps", self.velocity_in_ned_mps, (3,))
+        _check_shape("GroundTruth", "wind_in_ned_mps", self.wind_in_ned_mps, (3,))
 
     @property
     def aircraft_in_deck_m(self) -> Array:

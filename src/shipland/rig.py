@@ -28,12 +28,17 @@ class Quad:
 
     def __post_init__(self) -> None:
         points = np.array(self.corners_m)
+        require(points.shape == (4, 2), f"corners_m must be four (right, down) points, got shape {points.shape}")
         edges = np.roll(points, -1, axis=0) - points
         after = np.roll(edges, -1, axis=0)
         turns = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]
         require(
             bool(np.all(turns > 0.0)),
             "corners_m must be a convex quadrilateral in the order top-left, top-right, bottom-right, bottom-left",
+        )
+        require(
+            bool(edges[0, 0] > abs(edges[0, 1])),
+            "corners_m must start at the top-left corner: its first edge must run to the right, within 45° of level",
         )
 
     @staticmethod

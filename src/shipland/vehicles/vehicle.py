@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from shipland.camera import Camera
 from shipland.messages import Frame, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
@@ -28,6 +28,7 @@ class Vehicle(Protocol):
         """Leave the vehicle safe and let go of it."""
 
 
+@runtime_checkable
 class Witness(Protocol):
     """Who knows the truth of a flight: the simulator. Truth goes to the record, never to the pilot."""
 

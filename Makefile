@@ -1,0 +1,50 @@
+# Everything to do with shipland. On a fresh machine `make demo` and `make test` do all the set-up themselves.
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help setup setup-run demo test check bench docs clean
+
+BIN := .venv/bin
+ARGS ?=
+
+# One thread a process: pytest's workers, or what a benchmark measures, share the cores.
+test bench: export OMP_NUM_THREADS := 1
+test bench: export OPENBLAS_NUM_THREADS := 1
+test bench: export LP_NUM_THREADS := 1
+
+help: ## list what there is (default)
+	@sed -n 's/^\([a-z-]*\):[^#]*## /\1 @/p' $(MAKEFILE_LIST) | while IFS=@ read -r name what; do printf 'make %-7s %s\n' "$$name" "$$what"; done
+
+setup: ## make .venv with everything that developing needs
+	@tools/setup.sh dev
+
+setup-run:
+	@tools/setup.sh run
+
+demo: setup-run ## fly one landing in the simulator, camera in the loop: video, plots and log in out/demo/
+	$(BIN)/shipland fly --scenario near --out out/demo $(ARGS)
+
+test: setup ## run the tests; ARGS='-k frames' for some of them
+	$(BIN)/pytest -n 2 -p randomly $(ARGS)
+
+check: setup ## lint, format, types, direction of imports
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: setup ## run every benchmark, one after the other; tables on screen and in out/bench/
+	@mkdir -p out/bench; failed=(); \
+	for file in benchmarks/*.py; do \
+	    [[ -e $$file && $$(basename "$$file") != _* ]] || continue; \
+	    name=$$(basename "$$file" .py); printf '\n## %s\n\n' "$$name"; \
+	    $(BIN)/python "$$file" | tee "out/bench/$$name.md" || failed+=("$$name"); \
+	done; \
+	[[ $${#failed[@]} == 0 ]] || { echo "shipland: failed: $${failed[*]}" >&2; exit 1; }
+
+docs: setup ## build the documentation into site/; a warning is an error
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+clean: ## remove what was made, but for .venv
+	rm -rf out site build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
+	find src tests tools benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

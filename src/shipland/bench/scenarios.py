@@ -1,0 +1,99 @@
+"""Scenarios: the packaged defaults, a scenario laid over them, the user's file over both; and the crew to fly one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from shipland.camera import Camera, CameraParameters
+from shipland.config import build, merge, packaged_names, packaged_toml, read_toml, require
+from shipland.errors import ConfigError
+from shipland.flight import Crew, Vision
+from shipland.guidance.pilot import GuidanceParameters, PaperPilot, Pilot
+from shipland.guidance.safety import Safety, SafetyParameters
+from shipland.rig import Rig
+from shipland.sim.aircraft import AircraftParameters
+from shipland.sim.scene import Scene, SceneParameters
+from shipland.sim.ship import ShipParameters, build_ship
+from shipland.sim.touchdown import VerdictParameters
+from shipland.sim.wind import WindParameters, build_wind
+from shipland.sim.world import StartParameters, World
+from shipland.vehicles.delays import DelayParameters
+from shipland.vehicles.simulated import SimulatedVehicle
+from shipland.vision.pipeline import NearVision, VisionParameters
+
+CameraKind = Literal["rendered"]
+PilotKind = Literal["paper"]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Everything that a simulated flight is made of, but for the seed; one attribute a TOML section."""
+
+    description: str
+    time_limit_s: float
+    rig: Rig
+    camera: CameraParameters
+    delays: DelayParameters
+    aircraft: AircraftParameters
+    start: StartParameters
+    ship: ShipParameters
+    wind: WindParameters
+    scene: SceneParameters
+    verdict: VerdictParameters
+    vision: VisionParameters
+    guidance: GuidanceParameters
+    safety: SafetyParameters
+
+    def __post_init__(self) -> None:
+        require(self.time_limit_s > 0.0, f"time_limit_s must be positive, got {self.time_limit_s}")
+
+
+def scenario_table(name: str, config: Path | None = None) -> dict[str, Any]:
+    """The merged table of a packaged scenario's name, or of a TOML file laid over the defaults.
+
+    Raises:
+        ConfigError: no such scenario, or a file is missing or broken.
+    """
+    if name.endswith(".toml"):
+        overlay = read_toml(Path(name))
+    elif name in packaged_names("scenarios"):
+        overlay = packaged_toml(f"scenarios/{name}")
+    else:
+        known = ", ".join(packaged_names("scenarios"))
+        raise ConfigError(f"no scenario {name!r}; there are: {known}, or give a path that ends in .toml")
+    table = merge(packaged_toml("default"), overlay)
+    return merge(table, read_toml(config)) if config is not None else table
+
+
+def load_scenario(table: dict[str, Any]) -> Scenario:
+    """The scenario of a merged table; ConfigError names what is wrong in it."""
+    return build(Scenario, table, "configuration")
+
+
+def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> SimulatedVehicle:
+    """The simulated vehicle of one flight; the same seed gives the same flight."""
+    ship_rng, wind_rng, world_rng, picture_rng = (
+        np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(4)
+    )
+    world = World(
+        scenario.rig,
+        scenario.camera,
+        scenario.aircraft,
+        scenario.verdict,
+        build_ship(scenario.ship, scenario.rig, ship_rng),
+        build_wind(scenario.wind, scenario.rig, wind_rng),
+        scenario.start,
+        world_rng,
+    )
+    return SimulatedVehicle(world, Camera.from_parameters(scenario.camera), scenario.delays, scene, picture_rng)
+
+
+def build_crew(scenario: Scenario, camera: Camera, vision: Vision | None = None) -> Crew:
+    """Eyes (the near vision unless others are given), pilot and safety for one flight."""
+    pilot: Pilot = PaperPilot(scenario.guidance, scenario.rig, np.array(scenario.camera.position_in_body_m))
+    eyes = vision if vision is not None else NearVision(scenario.rig.target, camera, scenario.vision)
+    return Crew(eyes, pilot, Safety(scenario.safety, scenario.rig), scenario.delays)

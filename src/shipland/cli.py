@@ -1,0 +1,131 @@
+"""The command line. Heavy imports come after the arguments are read, so that `--help` answers at once."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from shipland import __version__
+from shipland.errors import ShiplandError
+
+
+@dataclass(frozen=True)
+class Fly:
+    """Fly one landing in the simulator and judge the touchdown.
+
+    Leaves flight.mcap (opens in Foxglove), flight.mp4, plots.png and summary.json in the output folder.
+    Exit code: 0 landed in the square, 1 not, 2 bad input.
+
+    Example: shipland fly --scenario near --seed 7 --out out/seven
+    """
+
+    scenario: str = "near"
+    """Packaged scenario, or the path of a TOML file laid over the defaults (see `shipland scenarios`)."""
+    pilot: Literal["paper"] = "paper"
+    """Who flies: `paper` is the published system."""
+    camera: Literal["rendered"] = "rendered"
+    """Where the picture comes from."""
+    seed: int = 1
+    """Seed of everything random; the same seed gives the same flight."""
+    out: Path = Path("out/flight")
+    """Output folder; made when missing."""
+    config: Path | None = None
+    """TOML file laid over the scenario, any section of the configuration."""
+    video: bool = True
+    """Write flight.mp4 (costs a second picture a frame, for the chase view)."""
+
+    def run(self) -> int:
+        """Fly; the exit code."""
+        from shipland.bench.fly import FlyRequest, fly_one
+
+        return fly_one(FlyRequest(self.scenario, self.pilot, self.camera, self.seed, self.out, self.config, self.video))
+
+
+@dataclass(frozen=True)
+class See:
+    """Find the cue in pictures or a video with the same near vision that flies.
+
+    One JSON line a picture: file, found, reason, distance_m, position_in_bar_m, yaw_deg, reprojection_px, corners_px.
+
+    Example: shipland see photo.jpg --target bar.toml --camera calibration.yaml --json
+    """
+
+    paths: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Pictures and videos."""
+    target: Path | None = None
+    """TOML with one [[quad]] a quadrilateral, corners_m = [[right, down], …] in metres from the cue's origin, in the
+    order top-left, top-right, bottom-right, bottom-left. Default: the rig's bar."""
+    camera: Path | None = None
+    """OpenCV calibration YAML. Default: the rig's camera."""
+    json: bool = False
+    """JSON lines instead of a table for people."""
+
+    def run(self) -> int:
+        """Look; 0 when the cue was found in every picture, 1 when not."""
+        from shipland.see import SeeRequest, see_paths
+
+        found_all = True
+        for result in see_paths(SeeRequest(self.paths, self.target, self.camera)):
+            found_all &= result.found
+            print(json.dumps(result.to_json()) if self.json else result.to_line(), flush=True)
+        return 0 if found_all else 1
+
+
+@dataclass(frozen=True)
+class Scenarios:
+    """List the packaged scenarios."""
+
+    def run(self) -> int:
+        """Print a line each."""
+        from shipland.config import packaged_names, packaged_toml
+
+        for name in packaged_names("scenarios"):
+            print(f"{name:16s} {packaged_toml(f'scenarios/{name}').get('description', '')}")
+        return 0
+
+
+@dataclass(frozen=True)
+class Version:
+    """Print the version."""
+
+    def run(self) -> int:
+        """Print it."""
+        print(__version__)
+        return 0
+
+
+Command = (
+    Annotated[Fly, tyro.conf.subcommand("fly")]
+    | Annotated[See, tyro.conf.subcommand("see")]
+    | Annotated[Scenarios, tyro.conf.subcommand("scenarios")]
+    | Annotated[Version, tyro.conf.subcommand("version")]
+)
+
+
+def main() -> None:
+    """Entry point: one line for every error of ours, exit 2; Ctrl-C leaves what was done in order, exit 130."""
+    command: Fly | See | Scenarios | Version = tyro.cli(
+        Command,  # type: ignore[arg-type]
+        prog="shipland",
+        description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.",
+    )
+    try:
+        code = command.run()
+    except ShiplandError as error:
+        print(f"shipland: {' '.join(str(error).split())}", file=sys.stderr)
+        code = 2
+    except KeyboardInterrupt:
+        print("shipland: interrupted; what was written is complete", file=sys.stderr)
+        code = 130
+    except BrokenPipeError:
+        code = 1
+    raise SystemExit(code)
+
+
+if __name__ == "__main__":
+    main()

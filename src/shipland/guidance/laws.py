@@ -1,0 +1,155 @@
+"""The two published control laws, each with its equation and its printed and corrected variants.
+
+Every law is a pure function: error in, percent of stick out. Positive error means "more of this stick is wanted";
+which measured quantity that is, is the pilot's business. Which variant is read how: the errata page.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from shipland.config import require
+
+FarVariant = Literal["printed", "growing", "saturating"]
+DerivativeVariant = Literal["probabilistic", "printed", "linear"]
+
+PUBLISHED_STEP_S = 0.03
+"""Cycle time at which the widths of Table 2 are stated [Lee2022, §Close-range Tracking Controller]."""
+
+
+def clamp(value: float, limit: float) -> float:
+    """`value` within ±`limit`."""
+    return max(-limit, min(limit, value))
+
+
+@dataclass(frozen=True)
+class FarGains:
+    """Constants of one axis of Eq. 1 [Lee2022, Table 1]; `setpoint` in px² (pitch) or px (roll, heave)."""
+
+    m: float
+    a: float
+    setpoint: float
+    d: float
+
+    def __post_init__(self) -> None:
+        require(self.m >= 0.0, "m must not be negative")
+        require(self.a >= 0.0, "a must not be negative")
+        require(self.d in (0.0, 1.0), "d must be 0 (linear) or 1 (exponential)")
+
+
+def exponential_law(error: float, gains: FarGains, variant: FarVariant) -> float:
+    """Stick [percent] of the far law [Lee2022, Eq. 1], clamped to ±100.
+
+    Variants (erratum 3), for d = 1:
+        printed: `sign(e)·m·(exp(a·e) − d)·e`, asymmetric as the paper prints it.
+        growing: the printed positive side both ways, `m·(exp(a|e|) − d)·e`.
+        saturating: the printed negative side both ways, `m·(d − exp(−a|e|))·e`.
+    With a = d = 0 the law is linear; `printed` then gives a forward stick on both sides (erratum 2), the others
+    `m·e`.
+    """
+    if variant == "printed":
+        side = 1.0 if error >= 0.0 else -1.0
+        gain = side * gains.m * (math.exp(min(gains.a * error, 50.0)) - gains.d)
+    elif gains.d == 0.0:
+        gain = gains.m
+    elif variant == "growing":
+        gain = gains.m * (math.exp(min(gains.a * abs(error), 50.0)) - gains.d)
+    else:
+        gain = gains.m * (gains.d - math.exp(-gains.a * abs(error)))
+    return clamp(gain * error, 100.0)
+
+
+@dataclass(frozen=True)
+class NearGains:
+    """Constants of one axis of Eq. 2–3 [Lee2022, Table 2]; errors in m (or degrees for yaw), output in percent.
+
+    Attributes:
+        k_p: percent per unit.
+        k_i: percent per unit·s.
+        b: largest derivative gain, percent per unit/s.
+        mu, sigma: mean and width of the error's step in 0.03 s.
+        integral_band: the sum runs only while |error| is below this (anti-windup; 0 turns the integral off, a huge
+            value is the printed sum).
+        error_limit: the proportional term sees the error no larger than this, which bounds the closing speed; the
+            derivative term sees it whole (a huge value is the printed law).
+    """
+
+    k_p: float
+    k_i: float
+    b: float
+    mu: float
+    sigma: float
+    integral_band: float
+    error_limit: float
+
+    def __post_init__(self) -> None:
+        require(self.sigma > 0.0, "sigma must be positive")
+        require(self.integral_band >= 0.0, "integral_band must not be negative")
+        require(self.error_limit > 0.0, "error_limit must be positive")
+
+
+@dataclass(frozen=True)
+class NearMemory:
+    """What the near law keeps of one axis: the last error, when it was, and the error's time integral."""
+
+    error: float | None = None
+    t_s: float = 0.0
+    integral: float = 0.0
+
+
+@dataclass(frozen=True)
+class NearTerms:
+    """The three terms of Eq. 2 [percent]."""
+
+    proportional: float
+    integral: float
+    derivative: float
+
+    @property
+    def stick_percent(self) -> float:
+        """Their sum, clamped to ±100."""
+        return clamp(self.proportional + self.integral + self.derivative, 100.0)
+
+
+def derivative_gain(step: float, dt_s: float, gains: NearGains, variant: DerivativeVariant) -> float:
+    """K_D of Eq. 3 for an error step in `dt_s` [percent per unit/s].
+
+    Variants:
+        probabilistic: the density of the step scaled to 0.03 s, so that the law does not change with the frame rate
+            (erratum 8).
+        printed: the density of the step itself.
+        linear: constant b, the baseline that the paper compares with.
+    """
+    if variant == "linear":
+        return gains.b
+    if variant == "probabilistic":
+        step *= PUBLISHED_STEP_S / dt_s
+    return gains.b * math.exp(-0.5 * ((step - gains.mu) / gains.sigma) ** 2)
+
+
+def near_law(
+    error: float, t_s: float, memory: NearMemory, gains: NearGains, variant: DerivativeVariant
+) -> tuple[NearTerms, NearMemory]:
+    """The near law [Lee2022, Eq. 2] for one axis.
+
+    Args:
+        error: filtered error (m or degrees).
+        t_s: its time [s]; the first error, or one no newer than the last, gives no derivative.
+        memory: of the last call.
+        gains: of the axis.
+        variant: of the derivative gain.
+
+    Returns:
+        The three terms and the memory for the next call.
+    """
+    derivative, integral = 0.0, memory.integral
+    dt_s = t_s - memory.t_s
+    if memory.error is not None and dt_s > 0.0:
+        step = error - memory.error
+        derivative = derivative_gain(step, dt_s, gains, variant) * step / dt_s
+        if abs(error) < gains.integral_band:
+            integral += error * dt_s
+    proportional = gains.k_p * clamp(error, gains.error_limit)
+    return NearTerms(proportional, gains.k_i * integral, derivative), NearMemory(error, t_s, integral)

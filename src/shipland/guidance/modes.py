@@ -1,0 +1,167 @@
+"""The five flight modes as one pure function: (situation, memory) → mode with a reason [Lee2022, flowchart].
+
+Evidence ranks corners above bar above ship. A mode lasts at least `dwell_s`, so no two modes can flicker within a
+second; only the wave-off of a landing and the end of the flight need not wait for that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from shipland.config import require
+from shipland.messages import Mode, Observation
+
+
+@dataclass(frozen=True)
+class ModeParameters:
+    """`[guidance.modes]`.
+
+    Attributes:
+        dwell_s: shortest stay in a mode.
+        confirm_s: evidence must have lasted this long to lead to a better mode.
+        lost_s: evidence not renewed for this long is gone.
+        memory_s: mode 5 flies on the data fed before for this long.
+        settle_s: the landing condition must have held this long.
+        blind_landing_s: a landing below commit height goes on without data this long.
+        max_tries: wave-offs before the pilot gives up and holds clear.
+    """
+
+    dwell_s: float
+    confirm_s: float
+    lost_s: float
+    memory_s: float
+    settle_s: float
+    blind_landing_s: float
+    max_tries: int
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require(value >= 0, f"{name} must not be negative, got {value}")
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What the mode function is told.
+
+    Attributes:
+        now_s: time of decision [s].
+        observation: of the newest frame.
+        landing_condition: why landing must not begin yet; empty when it may.
+        committed: the aircraft is below the height at which a wave-off is riskier than the deck.
+        astray: why the approach or landing must be broken off; empty when it need not.
+        near_ship: the last known distance to the bar is inside the climb-out radius.
+        clear: after a climb-out, height and distance allow another try.
+        flying: the vehicle's own word.
+    """
+
+    now_s: float
+    observation: Observation
+    landing_condition: str
+    committed: bool
+    astray: str
+    near_ship: bool
+    clear: bool
+    flying: bool
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """One source's history: since when it has come without a gap, and when it came last [s]."""
+
+    since_s: float = -1e9
+    last_s: float = -1e9
+
+    def update(self, seen: bool, now_s: float, lost_s: float) -> Evidence:
+        """With this frame's news."""
+        if not seen:
+            return self
+        return Evidence(now_s if now_s - self.last_s > lost_s else self.since_s, now_s)
+
+
+@dataclass(frozen=True)
+class ModeMemory:
+    """What the mode function keeps."""
+
+    mode: Mode = Mode.SEARCH
+    since_s: float = -1e9
+    reason: str = "nothing seen yet"
+    corners: Evidence = Evidence()
+    bar: Evidence = Evidence()
+    ship: Evidence = Evidence()
+    condition_since_s: float | None = None
+    tries: int = 0
+
+
+_SOURCES = ((Mode.APPROACH, "corners"), (Mode.TRACK_BAR, "bar"), (Mode.TRACK_SHIP, "ship"))
+_NAMES = {"corners": "the bar's corners", "bar": "the bar", "ship": "the ship"}
+_RANK = {Mode.APPROACH: 3, Mode.TRACK_BAR: 2, Mode.TRACK_SHIP: 1}
+
+
+def next_mode(situation: Situation, memory: ModeMemory, parameters: ModeParameters) -> ModeMemory:
+    """The mode for this cycle, with the reason for the last change in words."""
+    now_s, seen = situation.now_s, situation.observation
+    held = situation.landing_condition == ""
+    since_s = memory.condition_since_s if memory.condition_since_s is not None else now_s
+    memory = replace(
+        memory,
+        corners=memory.corners.update(seen.bar_pose is not None, now_s, parameters.lost_s),
+        bar=memory.bar.update(seen.bar_box is not None, now_s, parameters.lost_s),
+        ship=memory.ship.update(seen.ship_box is not None, now_s, parameters.lost_s),
+        condition_since_s=since_s if held else None,
+    )
+    wanted, reason = _wanted(situation, memory, parameters)
+    urgent = wanted is Mode.DONE or (wanted is Mode.CLIMB_OUT and memory.mode is Mode.LAND)
+    if wanted is memory.mode or (now_s - memory.since_s < parameters.dwell_s and not urgent):
+        return memory
+    tries = memory.tries + (wanted is Mode.CLIMB_OUT)
+    return replace(memory, mode=wanted, since_s=now_s, reason=reason, tries=tries, condition_since_s=None)
+
+
+def _wanted(situation: Situation, memory: ModeMemory, parameters: ModeParameters) -> tuple[Mode, str]:
+    mode, now_s = memory.mode, situation.now_s
+    if mode is Mode.DONE or (mode is Mode.LAND and not situation.flying):
+        return Mode.DONE, "the vehicle reports landed"
+    if mode is Mode.CLIMB_OUT and (not situation.clear or memory.tries > parameters.max_tries):
+        return Mode.CLIMB_OUT, memory.reason
+    if mode in (Mode.APPROACH, Mode.LAND) and situation.astray and not situation.committed:
+        return Mode.CLIMB_OUT, situation.astray
+    if mode is Mode.LAND:
+        return _wanted_landing(situation, memory, parameters)
+    if mode is Mode.APPROACH and memory.condition_since_s is not None:
+        held_s = now_s - memory.condition_since_s
+        if held_s >= parameters.settle_s:
+            return Mode.LAND, f"landing condition held for {held_s:.1f} s"
+    return _wanted_source(situation, memory, parameters)
+
+
+def _wanted_landing(situation: Situation, memory: ModeMemory, parameters: ModeParameters) -> tuple[Mode, str]:
+    blind_s = situation.now_s - memory.corners.last_s
+    if blind_s <= parameters.lost_s:
+        return Mode.LAND, memory.reason
+    if not situation.committed:
+        return Mode.CLIMB_OUT, f"corners lost for {blind_s:.1f} s above commit height"
+    if blind_s <= parameters.blind_landing_s:
+        return Mode.LAND, memory.reason
+    return Mode.CLIMB_OUT, f"corners lost for {blind_s:.1f} s while landing"
+
+
+def _wanted_source(situation: Situation, memory: ModeMemory, parameters: ModeParameters) -> tuple[Mode, str]:
+    now_s = situation.now_s
+    for mode, source in _SOURCES:
+        evidence: Evidence = getattr(memory, source)
+        if now_s - evidence.last_s > parameters.lost_s:
+            continue
+        confirmed = now_s - evidence.since_s >= parameters.confirm_s
+        if mode is memory.mode:
+            return mode, memory.reason
+        if confirmed or _RANK[mode] < _RANK.get(memory.mode, 0):
+            return mode, f"{_NAMES[source]} seen for {now_s - evidence.since_s:.1f} s"
+    if memory.mode in _RANK:
+        return Mode.NO_VISION, situation.observation.reason or "nothing seen"
+    if memory.mode is Mode.NO_VISION and now_s - memory.since_s > parameters.memory_s:
+        if situation.near_ship:
+            return Mode.CLIMB_OUT, "lost near the ship"
+        return Mode.SEARCH, "lost; searching"
+    if memory.mode is Mode.CLIMB_OUT:
+        return Mode.SEARCH, "clear of the ship; searching"
+    return memory.mode, memory.reason

@@ -1,0 +1,90 @@
+"""Checkpoints of a training run as safetensors: numbers and JSON, never pickles; written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from shipland.errors import DataError
+from shipland.learning.files import write_atomically
+from shipland.vision.decode import DetectorSpec
+
+FORMAT = "shipland-checkpoint-1"
+
+
+@dataclass
+class Progress:
+    """Where a run stands.
+
+    Attributes:
+        step: optimiser steps done.
+        best: best validation score so far.
+        since_best: evaluations since then.
+        hard: indices of the training pictures that fooled the detector in the last round.
+        history: one row an evaluation.
+    """
+
+    step: int = 0
+    best: float = -1.0
+    since_best: int = 0
+    hard: list[int] = field(default_factory=list)
+    history: list[dict[str, float]] = field(default_factory=list)
+
+
+def save_checkpoint(path: Path, tensors: dict[str, Tensor], spec: DetectorSpec, progress: Progress) -> None:
+    """Write tensors by name, the detector's spec and the run's progress."""
+    from safetensors.torch import save
+
+    metadata = {"format": FORMAT, "spec": spec.to_json(), "progress": json.dumps(asdict(progress))}
+    whole = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
+    write_atomically(path, bytes(save(whole, metadata)))
+
+
+def load_checkpoint(path: Path) -> tuple[dict[str, Tensor], DetectorSpec, Progress]:
+    """Read what `save_checkpoint` wrote; DataError when it is missing, truncated or another file."""
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(str(path), framework="pt") as stream:
+            metadata: dict[str, str] = stream.metadata() or {}
+            if metadata.get("format") != FORMAT:
+                raise DataError(f"checkpoint {path} was not written by this version's `shipland train`")
+            tensors = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 - no mapping
+    except (OSError, SafetensorError) as error:
+        reason = "does not exist" if not path.exists() else f"is truncated or no checkpoint ({error})"
+        raise DataError(f"checkpoint {path} {reason}") from None
+    progress: dict[str, Any] = json.loads(metadata["progress"])
+    return tensors, DetectorSpec.from_json(metadata["spec"], str(path)), Progress(**progress)
+
+
+def prefixed(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The same tensors under `prefix.name`."""
+    return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
+
+
+def with_prefix(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Those tensors that stand under `prefix.`, by what follows."""
+    start = f"{prefix}."
+    return {name.removeprefix(start): tensor for name, tensor in tensors.items() if name.startswith(start)}
+
+
+def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
+    """An optimiser's state, flat."""
+    state = optimizer.state_dict()["state"]
+    return {f"{index}.{name}": torch.as_tensor(value) for index, row in state.items() for name, value in row.items()}
+
+
+def restore_optimizer(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:
+    """Put back what `optimizer_tensors` gave."""
+    table = optimizer.state_dict()
+    rows: dict[int, dict[str, Tensor]] = {}
+    for key, tensor in tensors.items():
+        index, name = key.split(".", 1)
+        rows.setdefault(int(index), {})[name] = tensor
+    table["state"] = rows
+    optimizer.load_state_dict(table)

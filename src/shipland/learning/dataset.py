@@ -1,0 +1,204 @@
+"""Labelled pictures in YOLO's layout: `images/NAME.jpg` with `labels/NAME.txt`, one line a box.
+
+A line is `class centre_x centre_y width height`, the last four as fractions of the picture. An empty label file says
+that the picture shows no target; a missing one is an error. `classes.txt`, if there, names the classes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from shipland.errors import DataError
+
+Picture = npt.NDArray[np.uint8]
+Targets = npt.NDArray[np.float32]
+"""(n,5) rows (class, centre column, centre row, width, height) [px, edges at whole numbers]; class -1: do not care."""
+
+PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff"})
+EDGE_TOLERANCE = 2e-3
+"""Fraction of the picture by which a labelling tool's rounding may put a box outside."""
+IGNORED = -1.0
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One labelled picture.
+
+    Attributes:
+        path: the picture.
+        boxes: (n,5) rows (class, centre x, centre y, width, height), fractions of the picture.
+        scene: what is known of how it was made (range, weather …), from `scenes.jsonl`; empty otherwise.
+    """
+
+    path: Path
+    boxes: Targets
+    scene: dict[str, Any]
+
+    def load(self) -> tuple[Picture, Targets]:
+        """The picture (h,w,3) BGR and its targets in pixels; DataError when the picture is broken."""
+        picture = read_picture(self.path)
+        height, width = picture.shape[:2]
+        targets = self.boxes * np.array([1, width, height, width, height], np.float32)
+        return picture, targets.astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A set of labelled pictures and the names of their classes."""
+
+    folder: Path
+    classes: tuple[str, ...]
+    samples: tuple[Sample, ...]
+
+    def split(self, fraction: float, seed: int) -> tuple[Dataset, Dataset]:
+        """(rest, held out): `fraction` of the pictures, at least one, drawn by `seed`."""
+        if len(self.samples) < 2:
+            raise DataError(f"{self.folder} holds {len(self.samples)} picture; splitting off a part needs two")
+        order = np.random.default_rng(seed).permutation(len(self.samples))
+        held = min(max(1, round(fraction * len(order))), len(order) - 1)
+        pick = [self.samples[index] for index in order]
+        return (
+            Dataset(self.folder, self.classes, tuple(pick[held:])),
+            Dataset(self.folder, self.classes, tuple(pick[:held])),
+        )
+
+    def check_pictures(self) -> Iterator[Path]:
+        """Decode every picture, one a step; DataError names the first broken one."""
+        for sample in self.samples:
+            read_picture(sample.path)
+            yield sample.path
+
+
+def read_picture(path: Path) -> Picture:
+    """A picture (h,w,3) uint8 BGR; DataError names a file that is missing, broken or no picture."""
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+    except OSError as error:
+        raise DataError(f"picture {path} cannot be read: {error.strerror}") from None
+    picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
+    if picture is None or _is_truncated(path, data):
+        raise DataError(f"picture {path} is broken or no picture ({data.size} bytes)")
+    return np.asarray(picture, dtype=np.uint8)
+
+
+def _is_truncated(path: Path, data: npt.NDArray[np.uint8]) -> bool:
+    """Whether a JPEG ends before its end marker: OpenCV fills the missing part with grey and says nothing."""
+    return path.suffix.lower() in (".jpg", ".jpeg") and b"\xff\xd9" not in data[-64:].tobytes()
+
+
+def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
+    """Read a set in YOLO's layout and check every label.
+
+    Args:
+        folder: holds `images/` and `labels/`, or pictures and labels side by side.
+        classes: names of the classes; None takes `classes.txt`, or one class named after the folder.
+
+    Raises:
+        DataError: names the file: no picture, missing label, broken line, unknown class, box outside the picture.
+    """
+    if not folder.is_dir():
+        raise DataError(f"data set {folder} is no folder")
+    images, labels = folder / "images", folder / "labels"
+    if not images.is_dir():
+        images = labels = folder
+    elif not labels.is_dir():
+        raise DataError(f"data set {folder} has images/ but no labels/")
+    names = _class_names(folder, classes)
+    scenes = read_scenes(folder)
+    paths = sorted(path for path in images.iterdir() if path.suffix.lower() in PICTURE_SUFFIXES)
+    if not paths:
+        raise DataError(f"data set {folder} holds no picture in {images}")
+    samples = tuple(
+        Sample(path, read_label(labels / f"{path.stem}.txt", path, len(names)), scenes.get(path.name, {}))
+        for path in paths
+    )
+    return Dataset(folder, names, samples)
+
+
+def _class_names(folder: Path, classes: Sequence[str] | None) -> tuple[str, ...]:
+    if classes:
+        return tuple(classes)
+    listed = folder / "classes.txt"
+    if not listed.is_file():
+        return (folder.name,)
+    names = tuple(line.strip() for line in listed.read_text(encoding="utf-8").splitlines() if line.strip())
+    if not names:
+        raise DataError(f"{listed} names no class")
+    return names
+
+
+def read_scenes(folder: Path) -> dict[str, dict[str, Any]]:
+    """What `scenes.jsonl` tells of each picture, by file name; empty without the file."""
+    path = folder / "scenes.jsonl"
+    if not path.is_file():
+        return {}
+    scenes: dict[str, dict[str, Any]] = {}
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        try:
+            scene = json.loads(line)
+            scenes[scene["file"]] = scene
+        except (json.JSONDecodeError, KeyError, TypeError):
+            raise DataError(f"{path}, line {number}: expected a JSON object with a key 'file'") from None
+    return scenes
+
+
+def read_label(path: Path, picture: Path, class_count: int) -> Targets:
+    """Boxes (n,5) of one label file, fractions of the picture; DataError names the file and line."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise DataError(f"picture {picture} has no label: expected {path} (empty if it shows no target)") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"label {path} cannot be read: {error}") from None
+    rows = []
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip():
+            continue
+        where = f"label {path}, line {number}"
+        try:
+            row = [float(item) for item in line.split()]
+        except ValueError:
+            row = []
+        if len(row) != 5 or not np.isfinite(row).all():
+            raise DataError(f"{where}: expected 'class centre_x centre_y width height', got {line.strip()!r}")
+        kind, x, y, w, h = row
+        if kind != int(kind) or not 0 <= kind < class_count:
+            raise DataError(f"{where}: unknown class {kind:g}; this set has {class_count}, numbered from 0")
+        if w <= 0.0 or h <= 0.0:
+            raise DataError(f"{where}: box of size {w:g} × {h:g}; both must be positive")
+        low, high = min(x - w / 2, y - h / 2), max(x + w / 2, y + h / 2)
+        if low < -EDGE_TOLERANCE or high > 1.0 + EDGE_TOLERANCE:
+            raise DataError(f"{where}: box reaches outside the picture ({low:.4f} … {high:.4f}, expected 0 … 1)")
+        rows.append(row)
+    return np.array(rows, dtype=np.float32).reshape(-1, 5)
+
+
+def coco_table(dataset: Dataset) -> dict[str, Any]:
+    """The set as a COCO annotation table (JSON-ready); boxes are (left, top, width, height) [px]."""
+    images, annotations = [], []
+    for number, sample in enumerate(dataset.samples, 1):
+        picture, targets = sample.load()
+        height, width = picture.shape[:2]
+        images.append({"id": number, "file_name": sample.path.name, "width": width, "height": height})
+        for kind, x, y, w, h in targets.tolist():
+            box = [round(value, 3) for value in (x - w / 2, y - h / 2, w, h)]
+            annotations.append(
+                {
+                    "id": len(annotations) + 1,
+                    "image_id": number,
+                    "category_id": int(kind) + 1,
+                    "bbox": box,
+                    "area": round(w * h, 3),
+                    "iscrowd": 0,
+                }
+            )
+    categories = [{"id": index, "name": name} for index, name in enumerate(dataset.classes, 1)]
+    return {"images": images, "annotations": annotations, "categories": categories}

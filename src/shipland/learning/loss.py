@@ -1,0 +1,175 @@
+"""The training loss: which cells answer for which target, and what they are told.
+
+Darknet's assignment [YOLOv3, §2.1]: the one anchor of nine that overlaps a target best, in the one cell that holds its
+centre. The wide one, for the wide decoding: every anchor within a ratio of the target's sides, in that cell and its
+nearest two neighbours. Boxes are taught by complete IoU [Zheng et al., "Distance-IoU Loss", AAAI 2020], objectness by
+focal cross-entropy [Lin et al., "Focal Loss", ICCV 2017] over all cells but those that may be right by chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from shipland.learning.settings import LossParameters
+from shipland.vision.decode import STRIDES, Decoding, DetectorSpec
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Answering cells of one scale: index vectors (k,) and targets (k,5) rows (class, centre, size) [px]."""
+
+    picture: Tensor
+    anchor: Tensor
+    row: Tensor
+    column: Tensor
+    target: Tensor
+
+
+def assign(targets: Tensor, spec: DetectorSpec, shapes: Sequence[tuple[int, int]], anchor_ratio: float) -> list[Assignment]:
+    """Cells that answer for each target.
+
+    Args:
+        targets: (m,6) rows (picture, class, centre column, centre row, width, height) [px].
+        spec: anchors and decoding.
+        shapes: rows and columns of each scale's map.
+        anchor_ratio: see `LossParameters`.
+    """
+    anchors = torch.tensor(spec.anchors_px, dtype=torch.float32, device=targets.device)  # (3,3,2)
+    size = targets[:, None, None, 4:6]
+    overlap = torch.minimum(size, anchors).prod(-1)
+    likeness = overlap / (size.prod(-1) + anchors.prod(-1) - overlap)  # (m,3,3)
+    best = functional.one_hot(likeness.flatten(1).argmax(1), 9).bool().view(-1, 3, 3)
+    if spec.decoding is Decoding.WIDE:
+        ratio = torch.maximum(size / anchors, anchors / size).amax(-1)
+        best = best | (ratio < anchor_ratio)
+    assignments = []
+    for scale, (stride, (rows, columns)) in enumerate(zip(STRIDES, shapes, strict=True)):
+        index, anchor = best[:, scale].nonzero(as_tuple=True)
+        place = targets[index, 2:4] / stride
+        cell = place.floor()
+        cells = [cell]
+        if spec.decoding is Decoding.WIDE:
+            toward = torch.where(place - cell < 0.5, -1.0, 1.0)
+            cells += [cell + toward * torch.tensor(axis, device=cell.device) for axis in ((1.0, 0.0), (0.0, 1.0))]
+        for_all = torch.cat(cells)
+        inside = (for_all >= 0).all(1) & (for_all[:, 0] < columns) & (for_all[:, 1] < rows)
+        index, anchor, for_all = index.repeat(len(cells))[inside], anchor.repeat(len(cells))[inside], for_all[inside]
+        column, row = for_all.long().unbind(1)
+        assignments.append(Assignment(targets[index, 0].long(), anchor, row, column, targets[index, 1:]))
+    return assignments
+
+
+def decoded_boxes(raw: Tensor, cell: Tensor, anchors: Tensor, stride: int, decoding: Decoding) -> Tensor:
+    """Boxes (…,4) rows (centre, size) [px] of raw numbers (…,4), their cells (…,2) and anchors (…,2)."""
+    if decoding is Decoding.DARKNET:
+        centre = cell + raw[..., :2].sigmoid()
+        size = anchors * raw[..., 2:].clamp(-20.0, 20.0).exp()
+    else:
+        centre = cell + 2.0 * raw[..., :2].sigmoid() - 0.5
+        size = anchors * (2.0 * raw[..., 2:].sigmoid()).square()
+    return torch.cat([centre * stride, size], -1)
+
+
+def box_iou(a: Tensor, b: Tensor) -> Tensor:
+    """Intersection over union of boxes (…,4), broadcast."""
+    low = torch.maximum(a[..., :2] - a[..., 2:] / 2, b[..., :2] - b[..., 2:] / 2)
+    high = torch.minimum(a[..., :2] + a[..., 2:] / 2, b[..., :2] + b[..., 2:] / 2)
+    overlap = (high - low).clamp(min=0).prod(-1)
+    return overlap / (a[..., 2:].prod(-1) + b[..., 2:].prod(-1) - overlap + 1e-9)
+
+
+def complete_iou(a: Tensor, b: Tensor) -> Tensor:
+    """IoU less the penalties for distance and for another aspect, boxes (k,4)."""
+    iou = box_iou(a, b)
+    low = torch.minimum(a[..., :2] - a[..., 2:] / 2, b[..., :2] - b[..., 2:] / 2)
+    high = torch.maximum(a[..., :2] + a[..., 2:] / 2, b[..., :2] + b[..., 2:] / 2)
+    diagonal = (high - low).square().sum(-1) + 1e-9
+    distance = (a[..., :2] - b[..., :2]).square().sum(-1)
+    aspect = torch.atan2(a[..., 2], a[..., 3] + 1e-9) - torch.atan2(b[..., 2], b[..., 3] + 1e-9)
+    unlike = 4.0 / np.pi**2 * aspect.square()
+    with torch.no_grad():
+        weight = unlike / (1.0 - iou + unlike + 1e-9)
+    return iou - distance / diagonal - weight * unlike
+
+
+def detection_loss(
+    maps: Sequence[Tensor], targets: Tensor, spec: DetectorSpec, parameters: LossParameters
+) -> tuple[Tensor, Tensor]:
+    """The loss of a batch.
+
+    Args:
+        maps: per scale (n, 3·(5 + classes), rows, columns).
+        targets: (m,6) rows (picture, class, centre, size) [px]; class -1 marks a box that nobody asks for.
+        spec: anchors, classes, decoding.
+        parameters: weights.
+
+    Returns:
+        total (), and its parts (3,): box, objectness, class; detached.
+    """
+    batch, count = maps[0].shape[0], 5 + len(spec.classes)
+    wanted = targets[targets[:, 1] >= 0.0]
+    shapes = [(int(item.shape[2]), int(item.shape[3])) for item in maps]
+    assignments = assign(wanted, spec, shapes, parameters.anchor_ratio)
+    anchors_px = torch.tensor(spec.anchors_px, dtype=torch.float32, device=maps[0].device)
+    box_loss, kind_loss = maps[0].new_zeros((), dtype=torch.float32), maps[0].new_zeros((), dtype=torch.float32)
+    object_loss, hits = box_loss, 0
+    for scale, (raw, work) in enumerate(zip(maps, assignments, strict=True)):
+        rows, columns = shapes[scale]
+        cells = raw.float().view(batch, 3, count, rows, columns).permute(0, 1, 3, 4, 2)
+        goal = torch.zeros_like(cells[..., 4])
+        care = _care(cells.detach(), targets, spec, scale, parameters.ignore_iou)
+        if len(work.row):
+            mine = cells[work.picture, work.anchor, work.row, work.column]
+            cell = torch.stack([work.column, work.row], 1).float()
+            boxes = decoded_boxes(mine[:, :4], cell, anchors_px[scale][work.anchor], STRIDES[scale], spec.decoding)
+            box_loss = box_loss + (1.0 - complete_iou(boxes, work.target[:, 1:])).sum()
+            kind = functional.one_hot(work.target[:, 0].long(), len(spec.classes)).float()
+            kind_loss = kind_loss + functional.binary_cross_entropy_with_logits(mine[:, 5:], kind, reduction="sum")
+            goal[work.picture, work.anchor, work.row, work.column] = 1.0
+            care[work.picture, work.anchor, work.row, work.column] = 1.0
+            hits += len(work.row)
+        object_loss = object_loss + (focal_loss(cells[..., 4], goal, parameters.focal_power) * care).sum()
+    # A batch of empty pictures must not be divided by next to nothing.
+    answered = float(max(hits, batch))
+    parts = torch.stack([box_loss, object_loss, kind_loss]) / answered
+    weights = parts.new_tensor([parameters.box, parameters.objectness, parameters.kind])
+    return (parts * weights).sum(), parts.detach()
+
+
+def focal_loss(logit: Tensor, goal: Tensor, power: float) -> Tensor:
+    """Cross-entropy, weighted down where the answer is already right."""
+    plain = functional.binary_cross_entropy_with_logits(logit, goal, reduction="none")
+    if power == 0.0:
+        return plain
+    return plain * (logit.sigmoid() - goal).abs().pow(power)
+
+
+def _care(cells: Tensor, targets: Tensor, spec: DetectorSpec, scale: int, ignore_iou: float) -> Tensor:
+    """(n,3,rows,columns): 0 where a cell without a target is not punished, else 1."""
+    batch, _, rows, columns, _ = cells.shape
+    care = torch.ones_like(cells[..., 4])
+    stride = STRIDES[scale]
+    grid = torch.stack(
+        torch.meshgrid(
+            torch.arange(columns, device=cells.device), torch.arange(rows, device=cells.device), indexing="xy"
+        ),
+        -1,
+    ).float()
+    anchors = torch.tensor(spec.anchors_px[scale], dtype=torch.float32, device=cells.device)[:, None, None, :]
+    for index in range(batch):
+        mine = targets[targets[:, 0] == index, 1:]
+        if not len(mine):
+            continue
+        boxes = decoded_boxes(cells[index, ..., :4], grid, anchors, stride, spec.decoding)
+        # Unasked boxes are wiped out to a cell beyond their edge, whatever the cell answers.
+        offset = ((grid + 0.5) * stride)[..., None, :] - mine[:, 1:3]
+        near = (offset.abs() <= mine[:, 3:5] / 2 + stride).all(-1) & (mine[:, 0] < 0.0)
+        likely = box_iou(boxes[..., None, :], mine[:, 1:]) > ignore_iou
+        care[index][likely.any(-1) | near.any(-1)[None]] = 0.0
+    return care

@@ -1,0 +1,126 @@
+"""The torch network of a list of layers, and the way of its numbers in and out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from shipland.learning.yolov3 import (
+    LEAKY_SLOPE,
+    NORM_EPSILON,
+    Conv,
+    ConvWeights,
+    Head,
+    Layer,
+    Route,
+    Shortcut,
+    Upsample,
+    input_channels,
+)
+
+PRIOR_CONFIDENCE = 0.01
+"""Objectness of an untrained head: keeps the first steps from drowning in false positives."""
+
+
+class Network(nn.Module):
+    """YOLOv3 from its layers: pictures (n,3,h,w), 0 … 1, BGR, to raw maps, finest scale first."""
+
+    def __init__(self, layers: Sequence[Layer]) -> None:
+        super().__init__()
+        self.layers = list(layers)
+        self.kept = {source for layer in layers if isinstance(layer, Route) for source in layer.sources} | {
+            index - layer.back for index, layer in enumerate(layers) if isinstance(layer, Shortcut)
+        }
+        self.convs = nn.ModuleList()
+        for layer, entering in zip(layers, input_channels(layers), strict=True):
+            if isinstance(layer, Conv):
+                self.convs.append(_conv(layer, entering))
+
+    def forward(self, pictures: Tensor) -> list[Tensor]:
+        """Raw maps [(n, 3·(5 + classes), h/8, w/8), …/16, …/32]."""
+        kept: dict[int, Tensor] = {}
+        maps: dict[int, Tensor] = {}
+        convs = iter(self.convs)
+        value = pictures
+        for index, layer in enumerate(self.layers):
+            match layer:
+                case Conv():
+                    value = next(convs)(value)
+                case Shortcut(back):
+                    value = value + kept[index - back]
+                case Route(sources):
+                    value = torch.cat([kept[source] for source in sources], 1) if len(sources) > 1 else kept[sources[0]]
+                case Upsample():
+                    value = nn.functional.interpolate(value, scale_factor=2.0, mode="nearest")
+                case Head(scale):
+                    maps[scale] = value
+            if index in self.kept:
+                kept[index] = value
+        return [maps[scale] for scale in sorted(maps)]
+
+
+def _conv(layer: Conv, entering: int) -> nn.Module:
+    plain = nn.Conv2d(entering, layer.filters, layer.size, layer.stride, layer.size // 2, bias=not layer.normalised)
+    if layer.normalised:
+        nn.init.kaiming_normal_(plain.weight, a=LEAKY_SLOPE)
+        norm = nn.BatchNorm2d(layer.filters, eps=NORM_EPSILON, momentum=0.03)
+        return nn.Sequential(plain, norm, nn.LeakyReLU(LEAKY_SLOPE, inplace=True))
+    assert plain.bias is not None
+    nn.init.normal_(plain.weight, std=0.01)
+    with torch.no_grad():
+        plain.bias.zero_()
+        plain.bias.view(3, -1)[:, 4] = float(np.log(PRIOR_CONFIDENCE / (1.0 - PRIOR_CONFIDENCE)))
+        plain.bias.view(3, -1)[:, 5:] = 2.0
+    return nn.Sequential(plain)
+
+
+def load_weights(network: Network, weights: Sequence[ConvWeights]) -> None:
+    """Put numbers into a network, convolution by convolution."""
+    with torch.no_grad():
+        for module, item in zip(network.convs, weights, strict=True):
+            parts = list(module.children())
+            conv = parts[0]
+            assert isinstance(conv, nn.Conv2d)
+            conv.weight.copy_(torch.from_numpy(item.kernel))
+            if item.scale is None or item.mean is None or item.variance is None:
+                assert conv.bias is not None
+                conv.bias.copy_(torch.from_numpy(item.bias))
+                continue
+            norm = parts[1]
+            assert isinstance(norm, nn.BatchNorm2d) and norm.running_mean is not None and norm.running_var is not None
+            norm.weight.copy_(torch.from_numpy(item.scale))
+            norm.bias.copy_(torch.from_numpy(item.bias))
+            norm.running_mean.copy_(torch.from_numpy(item.mean))
+            norm.running_var.copy_(torch.from_numpy(item.variance))
+
+
+def weights_of(network: Network) -> list[ConvWeights]:
+    """A network's numbers, convolution by convolution."""
+    weights = []
+    for module in network.convs:
+        parts = list(module.children())
+        conv = parts[0]
+        assert isinstance(conv, nn.Conv2d)
+        if len(parts) == 1:
+            assert conv.bias is not None
+            weights.append(ConvWeights(_numbers(conv.weight), _numbers(conv.bias)))
+            continue
+        norm = parts[1]
+        assert isinstance(norm, nn.BatchNorm2d) and norm.running_mean is not None and norm.running_var is not None
+        weights.append(
+            ConvWeights(
+                _numbers(conv.weight),
+                _numbers(norm.bias),
+                _numbers(norm.weight),
+                _numbers(norm.running_mean),
+                _numbers(norm.running_var),
+            )
+        )
+    return weights
+
+
+def _numbers(tensor: Tensor) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    return np.array(tensor.detach().cpu().float().numpy(), dtype=np.float32)

@@ -1,0 +1,115 @@
+"""What a training run leaves: the detector in two files, curves, and a model card."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from shipland.learning.arguments import TrainArguments
+from shipland.learning.augment import window
+from shipland.learning.checkpoint import Progress
+from shipland.learning.dataset import Dataset, Picture
+from shipland.learning.export import write_int8, write_onnx
+from shipland.learning.files import write_atomically
+from shipland.learning.network import Network, weights_of
+from shipland.learning.settings import TrainParameters
+from shipland.learning.yolov3 import flop_count, parameter_count
+from shipland.vision.decode import DetectorSpec
+
+
+def write_results(
+    arguments: TrainArguments,
+    parameters: TrainParameters,
+    network: Network,
+    spec: DetectorSpec,
+    progress: Progress,
+    fitting: Dataset,
+    held_out: Dataset,
+) -> Path:
+    """Write `detector.onnx`, `detector-int8.onnx`, `curves.png` and `model-card.md`; the first one's path."""
+    out = arguments.out
+    weights = weights_of(network)
+    noted = replace(spec, note=f"shipland train, step {progress.step}, {len(fitting.samples)} pictures")
+    detector = out / "detector.onnx"
+    write_onnx(detector, network.layers, weights, noted, half=True)
+    write_int8(
+        out / "detector-int8.onnx",
+        network.layers,
+        weights,
+        noted,
+        lambda: calibration_windows(fitting, parameters, arguments.seed),
+    )
+    plot_curves(out / "curves.png", progress)
+    write_atomically(out / "model-card.md", model_card(arguments, parameters, network, spec, progress, fitting, held_out).encode())
+    return detector
+
+
+def calibration_windows(dataset: Dataset, parameters: TrainParameters, seed: int) -> Iterator[Picture]:
+    """Training pictures at their own scale, cut to the window, uncoloured."""
+    rng = np.random.default_rng([seed, 2])
+    plain = replace(parameters.augment, scale_min=1.0, scale_max=1.0)
+    side = (parameters.window_px, parameters.window_px)
+    count = min(parameters.calibration_pictures, len(dataset.samples))
+    for index in rng.choice(len(dataset.samples), size=count, replace=False):
+        yield window(*dataset.samples[index].load(), side, plain, rng)[0]
+
+
+def plot_curves(path: Path, progress: Progress) -> None:
+    """Losses and held-out scores over the steps, as a picture."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    step = [row["step"] for row in progress.history]
+    for name, label in (("box_loss", "box"), ("objectness_loss", "objectness"), ("class_loss", "class")):
+        left.plot(step, [row[name] for row in progress.history], label=label)
+    left.set(xlabel="step", ylabel="loss (running mean)", yscale="log")
+    for name, label in (("average_precision", "average precision"), ("recall", "recall at confidence 0.5")):
+        right.plot(step, [row[name] for row in progress.history], label=label)
+    right.set(xlabel="step", ylabel="held-out pictures", ylim=(0.0, 1.02))
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+        axes.legend(frameon=False)
+    beside = path.with_suffix(".part.png")
+    figure.savefig(beside, dpi=110)
+    beside.replace(path)
+
+
+def model_card(
+    arguments: TrainArguments,
+    parameters: TrainParameters,
+    network: Network,
+    spec: DetectorSpec,
+    progress: Progress,
+    fitting: Dataset,
+    held_out: Dataset,
+) -> str:
+    """Markdown: data, seed, command, figures, limits."""
+    best = max(progress.history, key=lambda row: row["average_precision"], default=None)
+    folders = " ".join(path.name for path in arguments.data)
+    lines = [
+        f"# Detector: {', '.join(spec.classes)}",
+        "",
+        f"- Network: YOLOv3, width ×{spec.width:g}, {parameter_count(network.layers) / 1e6:.2f} M parameters, "
+        f"{flop_count(network.layers, 416, 416) / 1e9:.2f} GFLOP at 416 × 416; {spec.decoding.value} decoding",
+        f"- Anchors [px]: {', '.join(f'{w:g} × {h:g}' for scale in spec.anchors_px for w, h in scale)}",
+        f"- Data: {folders}: {len(fitting.samples)} pictures to train on, {len(held_out.samples)} held out",
+        f"- Training: profile {arguments.profile}, seed {arguments.seed}, batch {parameters.batch}, "
+        f"window {parameters.window_px} px, best after {progress.step} of {parameters.steps} steps",
+    ]
+    if best is not None:
+        lines.append(
+            f"- Held out: average precision {best['average_precision']:.3f} at IoU {parameters.match_iou:g}, "
+            f"recall {best['recall']:.3f} at confidence 0.5"
+        )
+    lines += [
+        "- Files: `detector.onnx` (16-bit weights), `detector-int8.onnx` (8-bit, static, per channel)",
+        "- Limits: it knows what its data show; measure it on yours with `shipland evaluate`.",
+        "",
+    ]
+    return "\n".join(lines)

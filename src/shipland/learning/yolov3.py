@@ -1,0 +1,199 @@
+"""YOLOv3 as a list of layers: Darknet-53, three scales, a width factor. No torch here.
+
+Source: J. Redmon, A. Farhadi, "YOLOv3: An Incremental Improvement", arXiv 1804.02767 (2018) [YOLOv3]. The one list
+below is what the torch network, the Darknet `.cfg` and `.weights`, the ONNX graph and the counts are made from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Float32 = npt.NDArray[np.float32]
+Shape = tuple[int, int, int]
+"""Channels, rows, columns."""
+
+LEAKY_SLOPE = 0.1  # [YOLOv3]: Darknet's leaky rectifier
+NORM_EPSILON = 1e-6  # Darknet's batch normalisation
+STRIDES = (8, 16, 32)
+PUBLISHED_ANCHORS_PX = (
+    ((10.0, 13.0), (16.0, 30.0), (33.0, 23.0)),
+    ((30.0, 61.0), (62.0, 45.0), (59.0, 119.0)),
+    ((116.0, 90.0), (156.0, 198.0), (373.0, 326.0)),
+)
+"""[YOLOv3, §2.3]: the nine COCO clusters, three a scale, finest scale first."""
+
+
+@dataclass(frozen=True)
+class Conv:
+    """Square convolution, padded to keep the size at stride 1; batch-normalised with a leaky rectifier, or plain."""
+
+    filters: int
+    size: int
+    stride: int = 1
+    normalised: bool = True
+
+
+@dataclass(frozen=True)
+class Shortcut:
+    """Adds the output of the layer `back` places before to the layer's input."""
+
+    back: int
+
+
+@dataclass(frozen=True)
+class Route:
+    """Concatenates the outputs of the layers with these absolute indices."""
+
+    sources: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Upsample:
+    """Nearest-neighbour doubling."""
+
+
+@dataclass(frozen=True)
+class Head:
+    """One detection scale: takes the layer before it as the raw map of `3·(4 + 1 + classes)` channels.
+
+    Attributes:
+        scale: index into STRIDES and anchors; 0 is the finest.
+    """
+
+    scale: int
+
+
+Layer = Conv | Shortcut | Route | Upsample | Head
+
+
+@dataclass(frozen=True)
+class ConvWeights:
+    """Numbers of one convolution, in the order of the layers.
+
+    Attributes:
+        kernel: (filters, entering channels, size, size).
+        bias: (filters,): the plain convolution's bias, or batch normalisation's shift.
+        scale, mean, variance: (filters,) of batch normalisation; None without it.
+    """
+
+    kernel: Float32
+    bias: Float32
+    scale: Float32 | None = None
+    mean: Float32 | None = None
+    variance: Float32 | None = None
+
+    def folded(self) -> tuple[Float32, Float32]:
+        """Kernel and bias of the one convolution that equals this one with its normalisation."""
+        if self.scale is None or self.mean is None or self.variance is None:
+            return self.kernel, self.bias
+        factor = (self.scale / np.sqrt(self.variance.astype(np.float64) + NORM_EPSILON)).astype(np.float32)
+        return self.kernel * factor[:, None, None, None], self.bias - self.mean * factor
+
+
+def random_weights(layers: Sequence[Layer], rng: np.random.Generator) -> list[ConvWeights]:
+    """Random weights of a trained network's magnitude, for tests of importers and exporters."""
+    weights = []
+    for layer, entering in zip(layers, input_channels(layers), strict=True):
+        if not isinstance(layer, Conv):
+            continue
+        n, fan_in = layer.filters, entering * layer.size**2
+        kernel = (rng.standard_normal((n, entering, layer.size, layer.size)) * np.sqrt(2.0 / fan_in)).astype(np.float32)
+        bias = (0.1 * rng.standard_normal(n)).astype(np.float32)
+        if not layer.normalised:
+            weights.append(ConvWeights(kernel, bias))
+            continue
+        scale = rng.uniform(0.4, 0.8, n).astype(np.float32)
+        mean = (0.1 * rng.standard_normal(n)).astype(np.float32)
+        variance = rng.uniform(0.8, 1.4, n).astype(np.float32)
+        weights.append(ConvWeights(kernel, bias, scale, mean, variance))
+    return weights
+
+
+def scaled_filters(filters: int, width: float) -> int:
+    """`filters` times the width factor, in whole eights, at least eight."""
+    return max(8, 8 * round(filters * width / 8))
+
+
+def yolov3_layers(classes: int, width: float = 1.0) -> list[Layer]:
+    """The 107 layers of [YOLOv3] in Darknet's order, so that a layer's index is Darknet's.
+
+    Args:
+        classes: number of classes, at least one.
+        width: factor on every hidden layer's filters; 1.0 is the published network.
+    """
+    if classes < 1 or width <= 0.0:
+        raise ValueError(f"yolov3_layers wants classes ≥ 1 and width > 0, got {classes} and {width}")
+
+    layers: list[Layer] = []
+
+    def conv(filters: int, size: int, stride: int = 1) -> None:
+        layers.append(Conv(scaled_filters(filters, width), size, stride))
+
+    conv(32, 3)
+    for filters, blocks in ((64, 1), (128, 2), (256, 8), (512, 8), (1024, 4)):
+        conv(filters, 3, 2)
+        for _ in range(blocks):
+            conv(filters // 2, 1)
+            conv(filters, 3)
+            layers.append(Shortcut(3))
+    # The last outputs of Darknet-53 at strides 8 and 16, taken up again by the finer scales.
+    taps = {0: 36, 1: 61}
+    for scale, filters in ((2, 512), (1, 256), (0, 128)):
+        if scale < 2:
+            layers.append(Route((len(layers) - 4,)))
+            conv(filters, 1)
+            layers.append(Upsample())
+            layers.append(Route((len(layers) - 1, taps[scale])))
+        for _ in range(3):
+            conv(filters, 1)
+            conv(2 * filters, 3)
+        layers.append(Conv(3 * (4 + 1 + classes), 1, normalised=False))
+        layers.append(Head(scale))
+    return layers
+
+
+def layer_shapes(layers: Sequence[Layer], height_px: int, width_px: int, channels: int = 3) -> list[Shape]:
+    """Output shape of every layer for a picture of `height_px` × `width_px`, both multiples of 32."""
+    if height_px % STRIDES[-1] or width_px % STRIDES[-1]:
+        raise ValueError(f"the picture's sides must be multiples of {STRIDES[-1]}, got {height_px} × {width_px}")
+    shapes: list[Shape] = []
+    c, h, w = channels, height_px, width_px
+    for layer in layers:
+        if isinstance(layer, Conv):
+            c, h, w = layer.filters, h // layer.stride, w // layer.stride
+        elif isinstance(layer, Upsample):
+            h, w = 2 * h, 2 * w
+        elif isinstance(layer, Route):
+            _, h, w = shapes[layer.sources[0]]
+            c = sum(shapes[source][0] for source in layer.sources)
+        shapes.append((c, h, w))
+    return shapes
+
+
+def input_channels(layers: Sequence[Layer], channels: int = 3) -> list[int]:
+    """Channels that enter every layer."""
+    shapes = layer_shapes(layers, STRIDES[-1], STRIDES[-1], channels)
+    return [channels, *(shape[0] for shape in shapes[:-1])]
+
+
+def parameter_count(layers: Sequence[Layer]) -> int:
+    """Trained parameters: weights, biases, and the scale and shift of batch normalisation."""
+    count = 0
+    for layer, entering in zip(layers, input_channels(layers), strict=True):
+        if isinstance(layer, Conv):
+            count += layer.filters * (entering * layer.size**2 + (2 if layer.normalised else 1))
+    return count
+
+
+def flop_count(layers: Sequence[Layer], height_px: int, width_px: int) -> int:
+    """Floating-point operations of the convolutions, a multiply-add as two: Darknet's own count."""
+    shapes = layer_shapes(layers, height_px, width_px)
+    count = 0
+    for layer, entering, (_, h, w) in zip(layers, input_channels(layers), shapes, strict=True):
+        if isinstance(layer, Conv):
+            count += 2 * layer.filters * entering * layer.size**2 * h * w
+    return count

@@ -1,0 +1,179 @@
+"""What people look at in a flight, from its rows: places against the pad, deck motion, errors of the vision.
+
+`pad` here has the axes of `bar` turned up: forward, right, UP, from the deck centre's neutral point, so that an
+aircraft over the middle of a still deck is at (0, 0, height). It moves with the ship, never with the deck.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from shipland.frames import Array, euler_from_rotation, wrap_angle
+from shipland.messages import BarPose, FlightRecord, GroundTruth, Mode
+from shipland.rig import Rig
+
+_UP = np.array([1.0, 1.0, -1.0])
+
+
+@dataclass(frozen=True)
+class Derived:
+    """Figures of one cycle that follow from its record; NaN where it lacks what they follow from.
+
+    Attributes:
+        mode_number: the mode as a number, for plotting.
+        estimate_in_pad_m: (3,) aircraft, as the pilot has it.
+        estimate_yaw_rad: its heading against the ship, as the pilot has it.
+        truth_in_pad_m: (3,) aircraft.
+        truth_yaw_rad: its heading against the ship.
+        truth_tilt_rad: angle of its vertical against the world's.
+        truth_in_deck_m: (3,) aircraft against the moving deck: forward, starboard, UP.
+        truth_yaw_in_deck_rad: its heading in the deck's plane.
+        deck_shift_m: (3,) surge, sway, heave: forward, starboard, UP.
+        deck_turn_rad: (3,) roll, pitch, yaw.
+        vision_error_m: (3,) camera in `bar` (forward, right, down), seen minus true.
+        vision_error_yaw_rad: its heading, seen minus true.
+    """
+
+    mode_number: int
+    estimate_in_pad_m: Array
+    estimate_yaw_rad: float
+    truth_in_pad_m: Array
+    truth_yaw_rad: float
+    truth_tilt_rad: float
+    truth_in_deck_m: Array
+    truth_yaw_in_deck_rad: float
+    deck_shift_m: Array
+    deck_turn_rad: Array
+    vision_error_m: Array
+    vision_error_yaw_rad: float
+
+
+def derive(record: FlightRecord, rig: Rig) -> Derived:
+    """The derived figures of one cycle; truth and picture must be of the same instant, the exposure."""
+    decision, truth, pose = record.decision, record.truth, record.observation.bar_pose
+    place_m = decision.aircraft_in_bar_m
+    estimate = np.full(3, np.nan) if place_m is None else _UP * (place_m - rig.deck_in_bar_m)
+    estimate_yaw_rad = math.nan if decision.yaw_rad is None else decision.yaw_rad
+    if truth is None:
+        nothing = np.full(3, np.nan)
+        return Derived(
+            decision.mode.value, estimate, estimate_yaw_rad, nothing, math.nan, math.nan, nothing, math.nan,
+            nothing, nothing, nothing, math.nan,
+        )  # fmt: skip
+    bar_from_ned = truth.ned_from_bar.inverse()
+    ship_from_deck = truth.ned_from_ship.inverse() @ truth.ned_from_deck
+    deck_from_body = truth.ned_from_deck.inverse() @ truth.ned_from_body
+    error_m, error_yaw_rad = _vision_error(pose, truth)
+    return Derived(
+        mode_number=decision.mode.value,
+        estimate_in_pad_m=estimate,
+        estimate_yaw_rad=estimate_yaw_rad,
+        truth_in_pad_m=_UP * (truth.aircraft_in_bar_m - rig.deck_in_bar_m),
+        truth_yaw_rad=euler_from_rotation(bar_from_ned.rotation @ truth.ned_from_body.rotation)[2],
+        truth_tilt_rad=math.acos(min(1.0, max(-1.0, float(truth.ned_from_body.rotation[2, 2])))),
+        truth_in_deck_m=_UP * deck_from_body.translation_m,
+        truth_yaw_in_deck_rad=euler_from_rotation(deck_from_body.rotation)[2],
+        deck_shift_m=_UP * ship_from_deck.translation_m,
+        deck_turn_rad=np.array(euler_from_rotation(ship_from_deck.rotation)),
+        vision_error_m=error_m,
+        vision_error_yaw_rad=error_yaw_rad,
+    )
+
+
+def _vision_error(pose: BarPose | None, truth: GroundTruth) -> tuple[Array, float]:
+    if pose is None:
+        return np.full(3, np.nan), math.nan
+    bar_from_camera = truth.ned_from_bar.inverse() @ truth.ned_from_camera
+    axis = bar_from_camera.rotation[:, 2]
+    yaw_rad = math.atan2(axis[1], axis[0])
+    return pose.position_in_bar_m - bar_from_camera.translation_m, wrap_angle(pose.yaw_rad - yaw_rad)
+
+
+@dataclass(frozen=True)
+class FlightColumns:
+    """A flight as arrays, one row a cycle; NaN where there was nothing.
+
+    Attributes:
+        t_s: (n,) exposure times.
+        sticks_percent: (n, 4) pitch, roll, heave, yaw.
+        reprojection_px: (n,) of the vision's pose.
+        telemetry_tilt_rad: (n,) angle of the aircraft's vertical as the vehicle tells it.
+        mode_number … vision_error_yaw_rad: (n,) or (n, 3), stacked from `Derived`.
+    """
+
+    t_s: Array
+    sticks_percent: Array
+    reprojection_px: Array
+    telemetry_tilt_rad: Array
+    mode_number: npt.NDArray[np.int64]
+    estimate_in_pad_m: Array
+    estimate_yaw_rad: Array
+    truth_in_pad_m: Array
+    truth_yaw_rad: Array
+    truth_tilt_rad: Array
+    truth_in_deck_m: Array
+    truth_yaw_in_deck_rad: Array
+    deck_shift_m: Array
+    deck_turn_rad: Array
+    vision_error_m: Array
+    vision_error_yaw_rad: Array
+
+    @staticmethod
+    def from_records(records: Sequence[FlightRecord], rig: Rig) -> FlightColumns:
+        """Columns of rows in order of time."""
+        derived = [derive(record, rig) for record in records]
+        stacked = {
+            field.name: np.array([getattr(row, field.name) for row in derived]).reshape(
+                (-1, 3) if field.type == "Array" else -1
+            )
+            for field in fields(Derived)
+        }
+        commands = [record.decision.command for record in records]
+        poses = [record.observation.bar_pose for record in records]
+        return FlightColumns(
+            t_s=np.array([record.frame.t_s for record in records], dtype=float),
+            sticks_percent=np.array(
+                [[c.pitch_percent, c.roll_percent, c.heave_percent, c.yaw_percent] for c in commands], dtype=float
+            ).reshape(-1, 4),
+            reprojection_px=np.array([math.nan if pose is None else pose.reprojection_px for pose in poses], float),
+            telemetry_tilt_rad=np.array(
+                [
+                    math.acos(math.cos(record.telemetry.roll_rad) * math.cos(record.telemetry.pitch_rad))
+                    for record in records
+                ],
+                dtype=float,
+            ),
+            **stacked,
+        )
+
+    @property
+    def place_in_pad_m(self) -> Array:
+        """(n, 3) the aircraft against the pad: truth where there is one, else the pilot's estimate."""
+        return np.where(np.isfinite(self.truth_in_pad_m), self.truth_in_pad_m, self.estimate_in_pad_m)
+
+    @property
+    def speed_in_pad_mps(self) -> Array:
+        """(n, 3) rate of `place_in_pad_m`, by central differences; the ship's own way is thus taken out."""
+        place_m = self.place_in_pad_m
+        if len(self.t_s) < 2:
+            return np.full_like(place_m, np.nan)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = np.asarray(np.gradient(place_m, self.t_s, axis=0))
+        rate[~np.isfinite(rate)] = np.nan
+        return rate
+
+    def mode_spans(self) -> list[tuple[float, float, Mode]]:
+        """(from_s, to_s, mode) of each unbroken stretch of one mode; a stretch lasts until the next one's start."""
+        spans: list[tuple[float, float, Mode]] = []
+        if not len(self.t_s):
+            return spans
+        starts = [0, *(np.flatnonzero(np.diff(self.mode_number)) + 1).tolist()]
+        ends = [*starts[1:], len(self.t_s) - 1]
+        for start, end in zip(starts, ends, strict=True):
+            spans.append((float(self.t_s[start]), float(self.t_s[end]), Mode(int(self.mode_number[start]))))
+        return spans

@@ -1,0 +1,56 @@
+"""What a log says of its flight as a whole."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from shipland.camera import Camera
+from shipland.config import require
+from shipland.rig import Rig
+
+FORMAT_VERSION = 1
+"""Counts up when a column of the log changes its name or meaning."""
+
+
+@dataclass(frozen=True)
+class FlightInfo:
+    """Which flight this is. The same info, seed included, gives the same log.
+
+    Attributes:
+        scenario: name of the scenario, or of the place and day for a real vehicle.
+        seed: of every random number; None for a real vehicle.
+        pilot: name of the pilot.
+        software_version: version of this package.
+        config_digest: `config_digest` of the merged configuration.
+        aircraft_diagonal_m: distance between opposite motors, for drawing.
+    """
+
+    scenario: str
+    seed: int | None
+    pilot: str
+    software_version: str
+    config_digest: str
+    aircraft_diagonal_m: float
+
+    def __post_init__(self) -> None:
+        require(self.aircraft_diagonal_m > 0.0, f"aircraft_diagonal_m must be positive, got {self.aircraft_diagonal_m}")
+
+
+@dataclass(frozen=True)
+class LogHeader:
+    """First message of a log: with it the log alone is enough to remake every picture and figure."""
+
+    format_version: int
+    info: FlightInfo
+    rig: Rig
+    camera: Camera
+
+
+def config_digest(table: Mapping[str, Any]) -> str:
+    """First 16 hex digits of the SHA-256 of a configuration, independent of the order of its keys."""
+    text = json.dumps(table, sort_keys=True, separators=(",", ":"), default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -1,0 +1,84 @@
+"""Reads a flight log back: rows and verdict, from which every picture and figure can be remade."""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+from shipland.errors import DataError
+from shipland.messages import FlightRecord, TouchdownVerdict
+from shipland.record.columns import FlightColumns
+from shipland.record.info import FORMAT_VERSION, LogHeader
+from shipland.record.rows import Row, from_row
+
+FLIGHT_TOPIC, HEADER_TOPIC, VERDICT_TOPIC = "/flight", "/header", "/verdict"
+
+
+@dataclass(frozen=True)
+class FlightLog:
+    """A flight log.
+
+    Attributes:
+        header: which flight, with which rig and camera.
+        records: one a cycle, in order; their pictures are None.
+        verdict: the touchdown, None when there was none.
+        complete: the file was closed in order; False for the log of a process that was killed.
+    """
+
+    header: LogHeader
+    records: tuple[FlightRecord, ...]
+    verdict: TouchdownVerdict | None
+    complete: bool
+
+    def columns(self) -> FlightColumns:
+        """The flight as arrays."""
+        return FlightColumns.from_records(self.records, self.header.rig)
+
+
+def read_log(path: Path) -> FlightLog:
+    """Read `flight.mcap`; of a broken-off file, what there is.
+
+    Raises:
+        DataError: the file is missing, no MCAP file, or no flight log of this version.
+    """
+    rows, complete = _read_rows(path)
+    if not rows[HEADER_TOPIC]:
+        raise DataError(f"{path} holds no flight log: it lacks the channel {HEADER_TOPIC}")
+    header = from_row(LogHeader, rows[HEADER_TOPIC][0])
+    if header.format_version != FORMAT_VERSION:
+        raise DataError(
+            f"{path} is a flight log of format {header.format_version}, expected {FORMAT_VERSION}; "
+            "read it with the version of shipland that wrote it"
+        )
+    records = tuple(from_row(FlightRecord, row) for row in rows[FLIGHT_TOPIC])
+    verdict = from_row(TouchdownVerdict, rows[VERDICT_TOPIC][-1]) if rows[VERDICT_TOPIC] else None
+    return FlightLog(header, records, verdict, complete)
+
+
+def _read_rows(path: Path) -> tuple[dict[str, list[Row]], bool]:
+    from mcap.exceptions import McapError
+    from mcap.records import Channel, Footer, Message
+    from mcap.stream_reader import StreamReader
+    from zstandard import ZstdError
+
+    rows: dict[str, list[Row]] = {FLIGHT_TOPIC: [], HEADER_TOPIC: [], VERDICT_TOPIC: []}
+    topics: dict[int, str] = {}
+    complete = False
+    try:
+        with path.open("rb") as stream:
+            try:
+                for item in StreamReader(stream).records:
+                    if isinstance(item, Channel) and item.topic in rows:
+                        topics[item.id] = item.topic
+                    elif isinstance(item, Message) and item.channel_id in topics:
+                        rows[topics[item.channel_id]].append(json.loads(item.data))
+                    elif isinstance(item, Footer):
+                        complete = True
+            except (McapError, ZstdError, struct.error, ValueError) as error:
+                if not topics:
+                    raise DataError(f"{path} is not an MCAP file, or broken off at its start: {error}") from None
+    except OSError as error:
+        raise DataError(f"flight log {path} cannot be read: {error.strerror}") from None
+    return rows, complete

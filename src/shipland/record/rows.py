@@ -1,0 +1,165 @@
+"""Dataclasses to flat rows of JSON values and back, without loss, by their annotations.
+
+A nested field's name is its path joined by underscores: `telemetry.roll_rad` becomes `telemetry_roll_rad`. A part
+that is None leaves all its columns null, so every row of one type has the same columns. Arrays are (nested) lists.
+Numbers that JSON lacks (NaN, ±inf) become null and come back as NaN.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import functools
+import math
+import types
+import typing
+from typing import Any, TypeVar
+
+import numpy as np
+
+from shipland.errors import DataError
+
+T = TypeVar("T")
+Row = dict[str, Any]
+
+_PICTURE = object()
+"""Stands for the annotation of a picture, which a row does not hold."""
+
+_JSON_TYPES: dict[type, str] = {float: "number", int: "integer", bool: "boolean", str: "string"}
+
+
+@dataclasses.dataclass(frozen=True)
+class _Part:
+    """One field: a leaf (`parts` empty) or a dataclass of more parts."""
+
+    column: str
+    field: str
+    kind: Any
+    optional: bool
+    parts: tuple[_Part, ...] = ()
+
+
+def to_row(value: object) -> Row:
+    """The flat row of a dataclass instance; pictures (uint8 arrays) are left out."""
+    row: Row = {}
+    for part in _parts(type(value), ""):
+        _write(row, part, getattr(value, part.field))
+    return row
+
+
+def from_row(cls: type[T], row: Row) -> T:
+    """The instance of dataclass `cls` that `to_row` flattened; columns that it does not know are passed over.
+
+    Raises:
+        DataError: a column is missing or holds the wrong type.
+    """
+    try:
+        return cls(**{part.field: _read(row, part) for part in _parts(cls, "")})
+    except KeyError as error:
+        raise DataError(
+            f"a row of {cls.__name__} lacks the column {error}; was it written by another version?"
+        ) from None
+    except (TypeError, ValueError) as error:
+        raise DataError(f"a row of {cls.__name__} cannot be read: {error}") from None
+
+
+def json_schema(cls: type, title: str) -> Row:
+    """JSON Schema of the rows of dataclass `cls`."""
+    properties: Row = {}
+    for part in _parts(cls, ""):
+        _describe(properties, part, optional=False)
+    return {"title": title, "type": "object", "properties": properties}
+
+
+def _parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401 - mypy holds no class for hashable
+    return _cached_parts(cls, prefix)
+
+
+@functools.cache
+def _cached_parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401
+    hints = typing.get_type_hints(cls)
+    parts = []
+    for field in dataclasses.fields(cls):
+        hint, optional = hints[field.name], False
+        if typing.get_origin(hint) in (typing.Union, types.UnionType):
+            choices = [choice for choice in typing.get_args(hint) if choice is not type(None)]
+            hint, optional = choices[0], True
+        column = f"{prefix}{field.name}"
+        if _is_picture(hint):
+            hint = _PICTURE
+        children = _parts(hint, f"{column}_") if dataclasses.is_dataclass(hint) else ()
+        parts.append(_Part(column, field.name, hint, optional, children))
+    return tuple(parts)
+
+
+def _is_picture(hint: Any) -> bool:  # noqa: ANN401 - annotations of any form
+    return typing.get_origin(hint) is np.ndarray and np.uint8 in typing.get_args(typing.get_args(hint)[1])
+
+
+def _write(row: Row, part: _Part, value: Any) -> None:  # noqa: ANN401
+    if part.parts:
+        for child in part.parts:
+            _write(row, child, None if value is None else getattr(value, child.field))
+    elif part.kind is not _PICTURE:
+        row[part.column] = _plain(value)
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, enum.Enum):
+        return value.name
+    if isinstance(value, np.ndarray):
+        return value.tolist() if np.isfinite(value).all() else _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.bool_):
+        return bool(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if math.isfinite(value) else None
+    return int(value) if isinstance(value, np.integer) else value
+
+
+def _read(row: Row, part: _Part) -> Any:  # noqa: ANN401
+    if part.parts:
+        if part.optional and all(row[column] is None for column in _columns(part)):
+            return None
+        return part.kind(**{child.field: _read(row, child) for child in part.parts})
+    if part.kind is _PICTURE:
+        return None
+    value = row[part.column]
+    if value is None and part.optional:
+        return None
+    if isinstance(part.kind, type) and issubclass(part.kind, enum.Enum):
+        return part.kind[value]
+    origin = typing.get_origin(part.kind)
+    if origin is np.ndarray:
+        return np.array(value, dtype=float)  # None becomes NaN
+    if origin is tuple:
+        return tuple(value)
+    if part.kind is float:
+        return math.nan if value is None else float(value)
+    if not isinstance(value, part.kind):
+        raise TypeError(f"{part.column} is {value!r}, expected {part.kind.__name__}")
+    return value
+
+
+def _columns(part: _Part) -> list[str]:
+    if part.parts:
+        return [column for child in part.parts for column in _columns(child)]
+    return [] if part.kind is _PICTURE else [part.column]
+
+
+def _describe(properties: Row, part: _Part, optional: bool) -> None:
+    optional = optional or part.optional
+    if part.parts:
+        for child in part.parts:
+            _describe(properties, child, optional)
+        return
+    if part.kind is _PICTURE:
+        return
+    if isinstance(part.kind, type) and issubclass(part.kind, enum.Enum):
+        name = "string"
+    elif typing.get_origin(part.kind) in (np.ndarray, tuple):
+        name = "array"
+    else:
+        name = _JSON_TYPES[part.kind]
+    properties[part.column] = {"type": [name, "null"] if optional or part.kind is float else name}

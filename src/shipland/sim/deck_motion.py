@@ -1,0 +1,100 @@
+"""Motion of the deck in `ship`: six coordinates with their first and second time derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from shipland.frames import Array
+
+DOF_NAMES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
+"""Order of the six coordinates: along forward, starboard and down [m], then about them, right-handed [rad]."""
+
+
+@dataclass(frozen=True)
+class SixDof:
+    """The deck against `ship` at one instant, in the order of `DOF_NAMES`.
+
+    The angles are Euler angles (yaw, then pitch, then roll, about moving axes); velocity and acceleration are the
+    time derivatives of the coordinates themselves, not angular velocity vectors.
+
+    Attributes:
+        displacement: (6,) [m, m, m, rad, rad, rad].
+        velocity: (6,) [m/s, …, rad/s, …].
+        acceleration: (6,) [m/s², …, rad/s², …].
+    """
+
+    displacement: Array
+    velocity: Array
+    acceleration: Array
+
+
+class DeckMotion(Protocol):
+    """A motion of `deck` in `ship`, defined at any time."""
+
+    def at(self, t_s: float) -> SixDof:
+        """The deck's coordinates and their derivatives at time `t_s`."""
+
+
+class Still:
+    """A deck that keeps its neutral place."""
+
+    def __init__(self) -> None:
+        self._state = SixDof(np.zeros(6), np.zeros(6), np.zeros(6))
+
+    def at(self, t_s: float) -> SixDof:  # noqa: ARG002 - the protocol's argument
+        """Zeros."""
+        return self._state
+
+
+class Harmonics:
+    """Sum of harmonics: Re Σ_k amplitude[:, k] · exp(i ω_k t).
+
+    Args:
+        frequency_rad_s: (K,) circular frequencies.
+        amplitude: (6, K) complex amplitudes [m or rad]; their angle is the phase at t = 0.
+    """
+
+    def __init__(self, frequency_rad_s: npt.ArrayLike, amplitude: npt.NDArray[np.complex128]) -> None:
+        omega = np.asarray(frequency_rad_s, dtype=float)
+        if omega.ndim != 1 or np.shape(amplitude) != (6, omega.size):
+            raise ValueError(
+                f"Harmonics wants frequencies (K,) and amplitudes (6, K), got {omega.shape}, {np.shape(amplitude)}"
+            )
+        self.frequency_rad_s = omega
+        self.amplitude = np.asarray(amplitude, dtype=complex)
+        stacked = np.vstack([self.amplitude, 1j * omega * self.amplitude, -(omega**2) * self.amplitude])
+        self._weights = np.ascontiguousarray(np.hstack([stacked.real, -stacked.imag]))
+        self._basis = np.empty(2 * omega.size)
+
+    def at(self, t_s: float) -> SixDof:
+        """Displacement, velocity and acceleration, all analytic."""
+        count = self.frequency_rad_s.size
+        phase = self.frequency_rad_s * t_s
+        np.cos(phase, out=self._basis[:count])
+        np.sin(phase, out=self._basis[count:])
+        values = self._weights @ self._basis
+        return SixDof(values[:6], values[6:12], values[12:])
+
+
+class Sinusoids(Harmonics):
+    """One sinusoid a degree of freedom: amplitude · sin(2π t / period + phase).
+
+    Args:
+        amplitude: (6,) [m, m, m, rad, rad, rad]; zero leaves that degree of freedom still.
+        period_s: (6,) [s], all positive.
+        phase_rad: (6,) phases at t = 0.
+    """
+
+    def __init__(self, amplitude: npt.ArrayLike, period_s: npt.ArrayLike, phase_rad: npt.ArrayLike) -> None:
+        size, period = np.asarray(amplitude, dtype=float), np.asarray(period_s, dtype=float)
+        if not np.all(period > 0.0):
+            raise ValueError(f"Sinusoids wants positive periods, got {period.tolist()}")
+        moving = np.flatnonzero(size)
+        complex_amplitude = np.zeros((6, moving.size), dtype=complex)
+        phase = np.asarray(phase_rad, dtype=float)[moving]
+        complex_amplitude[moving, np.arange(moving.size)] = -1j * size[moving] * np.exp(1j * phase)
+        super().__init__(2.0 * np.pi / period[moving], complex_amplitude)

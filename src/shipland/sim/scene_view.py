@@ -1,0 +1,133 @@
+"""Projection for the rasteriser: OpenCV's pinhole as clip space, screen boxes, horizon, exact edge lines.
+
+Row 0 of every target is the picture's top row, so nothing is flipped on read-back. A pixel's centre is a whole
+number in `image` and a half in the rasteriser's window.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.frames import Array, Pose
+
+_BIG = 1e9
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A part of the picture: left, top, width, height [px]."""
+
+    left: int
+    top: int
+    width: int
+    height: int
+
+    @property
+    def area(self) -> int:
+        """Pixels in it."""
+        return self.width * self.height
+
+
+def clip_from_rel(camera: Camera, ned_from_camera: Pose, crop: Crop, near_m: float, far_m: float) -> Array:
+    """(4,4) from camera-relative ned [m] to clip space of a crop of the picture."""
+    k = camera.matrix
+    depth = (far_m + near_m) / (far_m - near_m), -2.0 * far_m * near_m / (far_m - near_m)
+    clip_from_camera = np.array(
+        [
+            [
+                2.0 * k[0, 0] / crop.width,
+                2.0 * k[0, 1] / crop.width,
+                2.0 * (k[0, 2] + 0.5 - crop.left) / crop.width - 1.0,
+                0.0,
+            ],
+            [0.0, 2.0 * k[1, 1] / crop.height, 2.0 * (k[1, 2] + 0.5 - crop.top) / crop.height - 1.0, 0.0],
+            [0.0, 0.0, depth[0], depth[1]],
+            [0.0, 0.0, 1.0, 0.0],
+        ]
+    )
+    turn = np.eye(4)
+    turn[:3, :3] = ned_from_camera.rotation.T
+    return np.asarray(clip_from_camera @ turn)
+
+
+def rays(camera: Camera, ned_from_camera: Pose) -> Array:
+    """(3,3): columns ray_x, ray_y, ray_0 in ned, so that ray = u ray_x + v ray_y + ray_0."""
+    return np.asarray(ned_from_camera.rotation @ np.linalg.inv(camera.matrix))
+
+
+def horizon_line(camera: Camera, ned_from_camera: Pose) -> Array:
+    """(3,) line of the horizon: a u + b v + c is the distance below it [px]; the sign alone where there is none."""
+    line = rays(camera, ned_from_camera)[2].copy()
+    length = float(np.hypot(line[0], line[1]))
+    if length < 1e-9:
+        return np.array([0.0, 0.0, _BIG if line[2] > 0.0 else -_BIG])
+    return line / length
+
+
+def picture_polygon(width_px: int, height_px: int, line: Array | None = None, offset_px: float = 0.0) -> Array:
+    """(n,2) corners [px] of the picture, or of its part where line·(u,v,1) + offset ≥ 0; empty when none is."""
+    box = np.array(
+        [
+            [-0.5, -0.5],
+            [width_px - 0.5, -0.5],
+            [width_px - 0.5, height_px - 0.5],
+            [-0.5, height_px - 0.5],
+        ]
+    )
+    if line is None:
+        return box
+    values = box @ line[:2] + line[2] + offset_px
+    kept: list[Array] = []
+    for index in range(4):
+        here, there = index, (index + 1) % 4
+        if values[here] >= 0.0:
+            kept.append(box[here])
+        if (values[here] >= 0.0) != (values[there] >= 0.0):
+            share = values[here] / (values[here] - values[there])
+            kept.append(box[here] + share * (box[there] - box[here]))
+    return np.array(kept).reshape(-1, 2)
+
+
+def screen_box(
+    camera: Camera, points_in_camera_m: Array, near_m: float = 0.02, margin_px: float = 2.0
+) -> Crop | None:
+    """The picture's part that holds the points' convex hull, whole when it reaches behind; None when outside."""
+    width, height = camera.width_px, camera.height_px
+    depth = points_in_camera_m[:, 2]
+    if depth.max() <= near_m:
+        return None
+    if depth.min() <= near_m:
+        return Crop(0, 0, width, height)
+    pixels = points_in_camera_m @ camera.matrix.T
+    pixels = pixels[:, :2] / pixels[:, 2:]
+    low = np.floor(pixels.min(axis=0) - margin_px)
+    high = np.ceil(pixels.max(axis=0) + margin_px)
+    left, top = int(np.clip(low[0], 0, width)), int(np.clip(low[1], 0, height))
+    right, bottom = int(np.clip(high[0] + 1, 0, width)), int(np.clip(high[1] + 1, 0, height))
+    if right <= left or bottom <= top:
+        return None
+    return Crop(left, top, right - left, bottom - top)
+
+
+def edge_lines(camera: Camera, camera_from_bar: Pose, corners_m: Array) -> Array:
+    """(4n,4) lines of the cue's edges in the picture: a u + b v + c = px inside the edge, last column zero.
+
+    Args:
+        camera: intrinsics; distortion is not applied.
+        camera_from_bar: pose of `bar`.
+        corners_m: (n,4,2) corners (right, down) in the plane, clockwise from top-left.
+    """
+    homography = camera.matrix @ np.column_stack(
+        [camera_from_bar.rotation[:, 1], camera_from_bar.rotation[:, 2], camera_from_bar.translation_m]
+    )
+    if abs(np.linalg.det(homography)) < 1e-9:
+        return np.zeros((4 * len(corners_m), 4))
+    along = np.roll(corners_m, -1, axis=1) - corners_m
+    inward = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    plane_lines = np.concatenate([inward, -np.sum(inward * corners_m, axis=-1, keepdims=True)], axis=-1)
+    lines = plane_lines.reshape(-1, 3) @ np.linalg.inv(homography)
+    lines /= np.maximum(np.hypot(lines[:, 0], lines[:, 1]), 1e-12)[:, None]
+    return np.column_stack([lines, np.zeros(len(lines))])

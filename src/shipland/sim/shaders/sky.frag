@@ -1,0 +1,18 @@
+uniform sampler2D clouds;
+uniform vec2 px_a_sample;
+out vec4 colour;
+
+void main() {
+    vec3 direction = ray_at(gl_FragCoord.xy * px_a_sample - 0.5);
+    float up = -direction.z;
+    vec3 radiance = sky(direction, up);
+    float above = max(up, 0.0) + 0.06;
+    vec2 where = direction.xy * (0.11 / above) + vec2(horizon_rgb.w, 0.4 * horizon_rgb.w);
+    float thick = smoothstep(0.0, 0.55, texture(clouds, where).r - 1.0 + zenith_rgb.w) * smoothstep(0.02, 0.22, up);
+    vec3 cloud = 0.55 * horizon_rgb.rgb + 0.20 * sun_rgb.rgb * (1.0 - 0.45 * thick);
+    radiance = mix(radiance, cloud, 0.85 * thick);
+    float disc = smoothstep(sun.w - 4e-6, sun.w + 4e-6, dot(direction, sun.xyz)) * (1.0 - thick);
+    radiance += disc * 40.0 * sun_rgb.rgb;
+    float veil = exp(-water_rgb.w * 1200.0 / (above + 0.1));
+    colour = vec4(display(mix(horizon_rgb.rgb, radiance, veil)).bgr, 1.0);
+}

@@ -1,0 +1,93 @@
+"""One instant of a flight in a few floats, and the truth and the scene that are made from it when wanted."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from shipland.camera import CameraParameters, camera_pose, level_from_camera
+from shipland.frames import Pose, rotation_from_quaternion
+from shipland.messages import GimbalAttitude, GroundTruth
+from shipland.sim.aerodynamics import Quaternion, euler_from_quaternion
+from shipland.sim.aircraft import Vector
+from shipland.sim.ship import ShipState
+from shipland.sim.state import SceneState
+
+
+class Snapshot(NamedTuple):
+    """The aircraft, its gimbal and the wind at one instant; vectors in `ned`, rates in `body`.
+
+    Attributes:
+        gimbal_pitch_rad, gimbal_pitch_rate_rad_s: as the gimbal believes.
+        gimbal_error_rad: residual motion (roll, pitch) on top of it.
+    """
+
+    t_s: float
+    position_m: Vector
+    quaternion: Quaternion
+    velocity_mps: Vector
+    body_rates_rad_s: Vector
+    gimbal_pitch_rad: float
+    gimbal_pitch_rate_rad_s: float
+    gimbal_error_rad: tuple[float, float]
+    wind_mps: Vector
+
+    @property
+    def reported_gimbal(self) -> GimbalAttitude:
+        """What the vehicle reports: without the residual motion, which it does not know."""
+        return GimbalAttitude(0.0, self.gimbal_pitch_rad)
+
+    @property
+    def true_gimbal(self) -> GimbalAttitude:
+        """Where the camera really looks."""
+        roll_rad, pitch_rad = self.gimbal_error_rad
+        return GimbalAttitude(roll_rad, self.gimbal_pitch_rad + pitch_rad)
+
+    @property
+    def ned_from_body(self) -> Pose:
+        """The aircraft's pose."""
+        return Pose(rotation_from_quaternion(np.array(self.quaternion)), np.array(self.position_m))
+
+    def ned_from_camera(self, camera: CameraParameters, ned_from_body: Pose) -> Pose:
+        """The camera's true pose."""
+        heading_rad = euler_from_quaternion(self.quaternion)[2]
+        return camera_pose(ned_from_body, heading_rad, self.true_gimbal, np.array(camera.position_in_body_m))
+
+
+def truth_of(at: Snapshot, ship: ShipState, camera: CameraParameters) -> GroundTruth:
+    """The ground truth of a snapshot; `ship` at its time."""
+    ned_from_body = at.ned_from_body
+    return GroundTruth(
+        t_s=at.t_s,
+        ned_from_body=ned_from_body,
+        velocity_in_ned_mps=np.array(at.velocity_mps),
+        ned_from_ship=ship.ned_from_ship,
+        ned_from_deck=ship.ned_from_deck,
+        ned_from_bar=ship.ned_from_bar,
+        ned_from_camera=at.ned_from_camera(camera, ned_from_body),
+        wind_in_ned_mps=np.array(at.wind_mps),
+    )
+
+
+def scene_of(at: Snapshot, ship: ShipState, camera: CameraParameters) -> SceneState:
+    """What the camera sees at a snapshot; `ship` at its time."""
+    ned_from_body = at.ned_from_body
+    ned_from_camera = at.ned_from_camera(camera, ned_from_body)
+    arm_m = ned_from_camera.translation_m - ned_from_body.translation_m
+    turn_in_ned = ned_from_body.rotation @ np.array(at.body_rates_rad_s)
+    roll_rad, pitch_rad, _ = euler_from_quaternion(at.quaternion)
+    _, q, r = at.body_rates_rad_s
+    heading_rate_rad_s = (q * math.sin(roll_rad) + r * math.cos(roll_rad)) / max(math.cos(pitch_rad), 0.1)
+    turn_in_level = np.array([0.0, at.gimbal_pitch_rate_rad_s, heading_rate_rad_s])
+    return SceneState(
+        t_s=at.t_s,
+        ned_from_camera=ned_from_camera,
+        ned_from_ship=ship.ned_from_hull,
+        ned_from_deck=ship.ned_from_deck,
+        ned_from_bar=ship.ned_from_bar,
+        ned_from_body=ned_from_body,
+        camera_velocity_in_ned_mps=np.array(at.velocity_mps) + np.cross(turn_in_ned, arm_m),
+        camera_rate_in_camera_rad_s=level_from_camera(at.true_gimbal).T @ turn_in_level,
+    )

@@ -1,0 +1,126 @@
+"""Coloured regions of a picture: gate, opening, closing, watershed, contours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from shipland.frames import Array
+from shipland.vision.parameters import VisionParameters
+
+Image = npt.NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of the picture: columns left … right − 1, rows top … bottom − 1 [px]."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @staticmethod
+    def around(points_px: Array, margin_px: float, width_px: int, height_px: int) -> Window:
+        """The box of points (n,2) grown by a margin and cut to the picture; empty when outside of it."""
+        low = np.floor(points_px.min(axis=0) - margin_px)
+        high = np.ceil(points_px.max(axis=0) + margin_px) + 1.0
+        left, right = (int(v) for v in np.clip([low[0], high[0]], 0, width_px))
+        top, bottom = (int(v) for v in np.clip([low[1], high[1]], 0, height_px))
+        return Window(left, top, right, bottom)
+
+    @staticmethod
+    def whole(image: Image) -> Window:
+        """All of a picture."""
+        return Window(0, 0, image.shape[1], image.shape[0])
+
+    @property
+    def empty(self) -> bool:
+        """Whether no pixel lies in it."""
+        return self.right <= self.left or self.bottom <= self.top
+
+    def of(self, image: Image) -> Image:
+        """The part of the picture, not copied."""
+        return image[self.top : self.bottom, self.left : self.right]
+
+
+@dataclass(frozen=True)
+class Region:
+    """One connected coloured region.
+
+    Attributes:
+        contour_px: (n,2) int32 outer boundary through pixel centres, in the whole picture.
+        area_px2: enclosed by it, holes included.
+        cut: reaches the picture's edge.
+    """
+
+    contour_px: npt.NDArray[np.int32]
+    area_px2: float
+    cut: bool
+
+
+def colour_mask(image: Image, parameters: VisionParameters) -> Image:
+    """The gate, then opening, then closing [Lee2022, §Image Filtering]: (H,W) 0 or 255."""
+    hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
+    bands = (parameters.hue, parameters.saturation, parameters.value)
+    mask = cv2.inRange(hsv, np.array([band[0] for band in bands]), np.array([band[1] for band in bands]))
+    kernel = np.ones((parameters.kernel_px, parameters.kernel_px), np.uint8)
+    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
+    # A border of nothing, or closing would join regions to the picture's edge.
+    return np.asarray(
+        cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0), np.uint8
+    )
+
+
+def find_regions(image: Image, window: Window, parameters: VisionParameters) -> list[Region]:
+    """The largest coloured regions in a part of the picture, largest first; too small ones are left out.
+
+    Args:
+        image: (H,W,3) BGR.
+        window: where to look; not empty.
+        parameters: gate, kernel, least size and greatest number.
+    """
+    mask = colour_mask(window.of(image), parameters)
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=(window.left, window.top))
+    # A contour through the centres of the outermost pixels is one pixel short on each axis.
+    least_px2 = max(parameters.min_side_px - 1.0, 1.0) ** 2
+    sized = [(cv2.contourArea(contour), contour) for contour in contours if len(contour) >= 4]
+    sized = sorted((item for item in sized if item[0] >= least_px2), key=lambda item: -item[0])
+    height_px, width_px = image.shape[:2]
+    regions = []
+    for area_px2, contour in sized[: parameters.max_candidates]:
+        points = np.asarray(contour[:, 0], np.int32)
+        left, top, width, height = cv2.boundingRect(points)
+        if min(width, height) < parameters.min_side_px:
+            continue
+        cut = left <= 0 or top <= 0 or left + width >= width_px or top + height >= height_px
+        regions.append(Region(points, float(area_px2), cut))
+    return regions
+
+
+def watershed_region(image: Image, region: Region, margin: float) -> Region | None:
+    """The region with the boundary that the watershed finds [Lee2022, §Image Filtering].
+
+    The region eroded and the background outside of the region dilated, both by `margin` of the region's longer
+    side and at least one pixel, flood toward each other over the picture. None when nothing is left of it.
+    """
+    left, top, width, height = cv2.boundingRect(region.contour_px)
+    reach = max(1, round(margin * max(width, height)))
+    window = Window.around(region.contour_px.astype(float), reach + 2.0, image.shape[1], image.shape[0])
+    offset = (-window.left, -window.top)
+    filled = np.zeros((window.bottom - window.top, window.right - window.left), np.uint8)
+    cv2.drawContours(filled, [region.contour_px.reshape(-1, 1, 2)], -1, 255, cv2.FILLED, offset=offset)
+    kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    markers = np.zeros(filled.shape, np.int32)
+    markers[cv2.dilate(filled, kernel) == 0] = 1
+    markers[cv2.erode(filled, kernel) > 0] = 2
+    cv2.watershed(np.ascontiguousarray(window.of(image)), markers)
+    inside = np.asarray(markers == 2, np.uint8)
+    contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=(window.left, window.top))
+    if not contours:
+        return None
+    contour = max(contours, key=cv2.contourArea)
+    return Region(np.asarray(contour[:, 0], np.int32), float(cv2.contourArea(contour)), region.cut)

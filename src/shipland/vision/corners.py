@@ -1,0 +1,85 @@
+"""Sub-pixel corners: lines fitted to the sides and intersected, or Förstner's operator."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.frames import Array
+from shipland.vision.bar import Image, Window
+from shipland.vision.parameters import VisionParameters
+from shipland.vision.sides import Sides, contrast_direction, distort, intersect_sides, measure_sides
+
+def measure_corners(
+    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters
+) -> tuple[Array, Array] | None:
+    """Corners (n,4,2) undistorted [px] and covariances (n,8,8) [px²] by the method of `parameters.corners`.
+
+    Args:
+        image: (H,W,3) BGR.
+        quads_px: (n,4,2) corners to within two pixels, clockwise, undistorted.
+        camera: its distortion is taken out.
+        parameters: method and its sizes.
+
+    Returns:
+        None when a corner cannot be measured.
+    """
+    if parameters.corners == "forstner":
+        return forstner_corners(image, quads_px, camera, parameters)
+    return edge_corners(image, quads_px, camera, parameters)
+
+
+def forstner_corners(
+    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters
+) -> tuple[Array, Array] | None:
+    """Förstner's corners [Lee2022, §Contour and Corner Detection]; the window's side as in erratum 4."""
+    direction = _direction(image, quads_px, camera)
+    if direction is None:
+        return None
+    corners = np.empty(quads_px.shape)
+    for index, quad in enumerate(quads_px):
+        start_px = distort(quad, camera)
+        sides = np.linalg.norm(np.roll(start_px, -1, axis=0) - start_px, axis=1)
+        shorter = float(sides.min())
+        window_px = min(max(parameters.forstner_fraction * shorter, parameters.forstner_min_px), 0.9 * shorter)
+        half = max(1, round(0.5 * (window_px - 1.0)))
+        window = Window.around(start_px, 2.0 * half + 4.0, image.shape[1], image.shape[0])
+        offset = np.array([window.left, window.top], float)
+        grey = cv2.transform(window.of(image).astype(np.float32), direction.astype(np.float32).reshape(1, 3))
+        points = (start_px - offset).astype(np.float32).reshape(-1, 1, 2)
+        if points.min() < 0.0 or np.any(points[:, 0] > np.array([grey.shape[1] - 1, grey.shape[0] - 1])):
+            return None
+        until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 0.002)
+        refined = cv2.cornerSubPix(grey, points, (half, half), (-1, -1), until).reshape(-1, 2) + offset
+        if np.max(np.abs(refined - start_px)) > max(2.0 * half, 3.0):
+            return None
+        corners[index] = camera.undistort(refined)
+    covariance = np.broadcast_to(parameters.corner_noise_px**2 * np.eye(8), (len(quads_px), 8, 8))
+    return corners, covariance.copy()
+
+
+def edge_corners(
+    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters
+) -> tuple[Array, Array] | None:
+    """Corners where the lines fitted to the sides meet, with the covariance that the lines' noise gives.
+
+    Profiles across each side are taken in undistorted pixels, so that sides are straight.
+    """
+    sides = Sides.of(quads_px, parameters.edge_reach_px)
+    fit = measure_sides(image, sides, camera, parameters.edge_floor_px)
+    return None if fit is None else intersect_sides(fit)
+
+
+def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:
+    """The colour direction of the contrast, from points well inside and just outside of the quadrilaterals."""
+    centres = quads_px.mean(axis=1, keepdims=True)
+    sides = Sides.of(quads_px, 3.0)
+    inside = (centres[:, :, None] + np.linspace(0.0, 0.6, 4)[:, None] * (quads_px - centres)[:, :, None]).reshape(-1, 2)
+    outside = sides.middle_px + 3.0 * sides.outward
+    colours = []
+    for points_px in (inside, outside):
+        columns, rows = np.rint(distort(points_px, camera)).astype(np.intp).T
+        columns, rows = np.clip(columns, 0, image.shape[1] - 1), np.clip(rows, 0, image.shape[0] - 1)
+        colours.append(image[rows, columns])
+    return contrast_direction(colours[0], colours[1])

@@ -1,0 +1,180 @@
+"""Which quadrilateral of the picture is which of the cue: hypotheses from geometry, or from the last pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.frames import Array
+from shipland.rig import Target
+
+_PLACE_TOLERANCE = 0.4
+"""How far a neighbour may lie from where one quadrilateral's affine frame puts it, as a fraction of the way to it.
+Perspective alone reaches 0.3 for the rig's bar at 2 m and 40° off."""
+
+_SIZE_RATIO = 3.0
+"""Largest ratio of a neighbour's area to the one foreseen."""
+
+_APART = 0.8
+"""How far a quadrilateral may lie from where the last pose foresees it, in square roots of its area."""
+
+_TURNS = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [2, 3, 0, 1], [3, 0, 1, 2]])
+"""The four ways to count a quadrilateral's corners clockwise."""
+
+_MOST = 24
+"""Hypotheses that are looked at."""
+
+
+@dataclass(frozen=True)
+class Match:
+    """A hypothesis: quadrilaterals of the picture for quadrilaterals of the cue.
+
+    Attributes:
+        model: indices into the target's quadrilaterals, rising.
+        quads_px: (k,4,2) their corners in the picture, in the target's order of corners.
+        candidates: indices into the picture's quadrilaterals.
+    """
+
+    model: tuple[int, ...]
+    quads_px: Array
+    candidates: tuple[int, ...]
+
+
+def model_plane(target: Target) -> Array:
+    """(n,4,2) corners (right, down) of the target's quadrilaterals [m]."""
+    return np.array([quad.corners_m for quad in target.quad], dtype=float)
+
+
+def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> list[Match]:
+    """Hypotheses, those with most quadrilaterals first, then the best fitting.
+
+    Each quadrilateral of the picture is tried as each of the cue; its affine frame foresees the others.
+
+    Args:
+        quads_px: (m,4,2) clockwise corners found, starting anywhere.
+        plane_m: (n,4,2) the cue.
+        max_roll_rad: largest roll of the camera against the cue; it settles which corner is the first.
+    """
+    if not len(quads_px):
+        return []
+    turned, fits = _turned(quads_px, plane_m)
+    allowed = fits >= np.cos(max_roll_rad)
+    count, models = len(quads_px), len(plane_m)
+    if models == 1:
+        return [Match((0,), turned[c, 0][None], (int(c),)) for c in np.flatnonzero(allowed[:, 0])]
+    frame = _affine(turned, plane_m)
+    model_centre = plane_m.mean(axis=1)
+    way_m = model_centre[None] - model_centre[:, None]
+    centre = quads_px.mean(axis=1)
+    way_px = np.einsum("ckab,kjb->ckja", frame, way_m)
+    foreseen = centre[:, None, None] + way_px
+    reach = np.linalg.norm(way_px, axis=-1)
+    off = np.linalg.norm(foreseen[:, :, :, None] - centre[None, None, None], axis=-1)
+    area_m2 = np.abs(_area(plane_m))
+    area_px2 = np.abs(_area(quads_px))
+    expected = np.abs(np.linalg.det(frame))[:, :, None] * area_m2[None, None]
+    ratio = area_px2[None, None, None] / np.maximum(expected[..., None], 1e-9)
+    close = off <= _PLACE_TOLERANCE * np.maximum(reach[..., None], 1.0)
+    fitting = close & (ratio < _SIZE_RATIO) & (ratio > 1.0 / _SIZE_RATIO) & allowed.T[None, None]
+    score = np.where(fitting, off / np.maximum(reach[..., None], 1.0), np.inf)
+    matches: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[int, float, Match]] = {}
+    for seed in range(count):
+        for model in range(models):
+            if not allowed[seed, model]:
+                continue
+            row = score[seed, model].copy()
+            row[:, seed] = np.inf
+            row[model] = np.inf
+            for index, candidates in _alternatives(row):
+                members = {model: seed} | dict(zip(index, candidates, strict=True))
+                if len(set(members.values())) < len(members):
+                    continue
+                order = tuple(sorted(members))
+                chosen = tuple(members[i] for i in order)
+                quality = float(sum(row[i, c] for i, c in zip(index, candidates, strict=True))) / max(len(index), 1)
+                key = (order, chosen)
+                if key not in matches or quality < matches[key][1]:
+                    quads = np.stack([turned[c, i] for i, c in zip(order, chosen, strict=True)])
+                    matches[key] = (len(order), quality, Match(order, quads, chosen))
+    ranked = sorted(matches.values(), key=lambda item: (-item[0], item[1]))
+    return [match for _, _, match in ranked[:_MOST]]
+
+
+def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
+    """The quadrilaterals that lie where the last pose foresees those of the cue; None when there are none.
+
+    Args:
+        quads_px: (m,4,2) found.
+        predicted_px: (n,4,2) foreseen, in the target's order of corners.
+    """
+    if not len(quads_px):
+        return None
+    centre, wanted = quads_px.mean(axis=1), predicted_px.mean(axis=1)
+    area_px2, wanted_px2 = _area(quads_px), _area(predicted_px)
+    apart2 = ((centre[:, None] - wanted) ** 2).sum(axis=-1) / np.maximum(wanted_px2, 1.0)
+    ratio = area_px2[:, None] / np.maximum(wanted_px2, 1.0)
+    score = np.where((apart2 < _APART**2) & (ratio < 2.0) & (ratio > 0.5), apart2, np.inf)
+    members: dict[int, int] = {}
+    for _ in range(min(score.shape)):
+        candidate, model = divmod(int(score.argmin()), score.shape[1])
+        if not np.isfinite(score[candidate, model]):
+            break
+        members[model] = candidate
+        score[candidate], score[:, model] = np.inf, np.inf
+    if not members:
+        return None
+    order = tuple(sorted(members))
+    chosen = tuple(members[i] for i in order)
+    # Among the four turns of each quadrilateral, the one whose corners lie nearest to the foreseen ones.
+    turns = quads_px[list(chosen)][:, _TURNS]
+    off2 = ((turns - turns.mean(axis=(1, 2), keepdims=True) - _centred(predicted_px[list(order)])[:, None]) ** 2).sum(
+        axis=(2, 3)
+    )
+    best = off2.argmin(axis=1)
+    return Match(order, turns[np.arange(len(order)), best], chosen)
+
+
+def _centred(quads: Array) -> Array:
+    return quads - quads.mean(axis=1, keepdims=True)
+
+
+def _turned(quads_px: Array, plane: Array) -> tuple[Array, Array]:
+    """Each picture quadrilateral with its corners in each model's order (m,n,4,2), and the cosine of what is left."""
+    starts = quads_px[:, _TURNS]
+    edges = starts[:, :, _TURNS[1]] - starts
+    edges = edges / np.maximum(np.linalg.norm(edges, axis=-1, keepdims=True), 1e-9)
+    model_edges = plane[:, [1, 2, 3, 0]] - plane
+    model_edges = model_edges / np.maximum(np.linalg.norm(model_edges, axis=-1, keepdims=True), 1e-9)
+    fit = np.einsum("mrsa,nsa->mnr", edges, model_edges) / 4.0
+    best = np.argmax(fit, axis=2)
+    turned = starts[np.arange(len(quads_px))[:, None], best]
+    return turned, np.take_along_axis(fit, best[..., None], axis=2)[..., 0]
+
+
+def _affine(turned: Array, plane_m: Array) -> Array:
+    """(m,n,2,2) px/m: the least-squares parallelogram of each quadrilateral over each model's."""
+    model = plane_m - plane_m.mean(axis=1, keepdims=True)
+    picture = turned - turned.mean(axis=2, keepdims=True)
+    normal = np.linalg.inv(np.einsum("nsa,nsb->nab", model, model))
+    return np.einsum("mnsa,nsb,nbc->mnac", picture, model, normal)
+
+
+def _area(quads: Array) -> Array:
+    """Signed areas (…,) of quadrilaterals (…,4,2)."""
+    diagonal, other = quads[..., 2, :] - quads[..., 0, :], quads[..., 3, :] - quads[..., 1, :]
+    return 0.5 * np.asarray(diagonal[..., 0] * other[..., 1] - diagonal[..., 1] * other[..., 0])
+
+
+def _alternatives(row: Array) -> list[tuple[list[int], list[int]]]:
+    """Ways to fill the other models: each with its nearest candidate; with two models, also the runners-up."""
+    index = [int(i) for i in np.flatnonzero(np.isfinite(row).any(axis=1))]
+    ways: list[tuple[list[int], list[int]]] = [([], [])]
+    if not index:
+        return ways
+    best = [int(np.argmin(row[i])) for i in index]
+    ways.append((index, best))
+    if len(index) == 1:
+        runners = np.argsort(row[index[0]])[1:4]
+        ways += [(index, [int(c)]) for c in runners if np.isfinite(row[index[0], c])]
+    return ways

@@ -1,0 +1,101 @@
+"""What `[vision]` in TOML says of the near chain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from shipland.config import require
+
+Band = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class VisionParameters:
+    """The near chain [Lee2022, §Classical Computer Vision Based Approach].
+
+    Attributes:
+        hue, saturation, value: the colour gate in OpenCV's ranges (hue 0 … 179), both ends included.
+        kernel_px: side of the square kernel of opening and closing.
+        watershed: where the published watershed runs: on every region, on those that are no quadrilateral
+            without it, or nowhere.
+        watershed_margin: erosion and dilation around the boundary, as a fraction of the region's longer side.
+        min_side_px: shortest side of a quadrilateral that is looked at.
+        max_candidates: largest regions that are looked at in one picture.
+        corners: sub-pixel corners by lines fitted to the sides and intersected, or by Förstner's operator.
+        forstner_fraction, forstner_min_px: window side as a fraction of the quadrilateral's shorter side, and
+            its least (erratum 4).
+        edge_reach_px: half-length of the profiles across a side.
+        edge_floor_px: standard deviation of a fitted side that no averaging removes.
+        corner_noise_px: standard deviation of a Förstner corner, per axis.
+        screening: how the ±10 % and ±5 % are read: against what the pose's perspective gives, or raw as printed.
+        length_tolerance: largest relative difference of opposite sides' lengths.
+        slope_tolerance: largest difference of opposite sides' slopes.
+        reprojection_px, reprojection_fraction: largest root-mean-square reprojection error: the first plus the
+            second times the cue's diagonal in the picture.
+        max_distance_m: farthest pose that is accepted.
+        max_obliquity_deg: largest angle between the line of sight and the cue's normal.
+        max_roll_deg: largest roll of the camera against the cue.
+        several_cues: what to do when the whole cue is there more than once: take the nearest, or refuse.
+        track_s: longest time over which the last pose predicts the next.
+        track_margin: growth of the tracked region on each side, as a fraction of the cue's size.
+        track_margin_px: its least.
+        gimbal_noise_rad: standard deviation of the gimbal's roll and pitch as the frame states them, for use as
+            a prior of the cue's level; 0 leaves the gimbal out.
+    """
+
+    hue: Band
+    saturation: Band
+    value: Band
+    kernel_px: int
+    watershed: Literal["always", "where_needed", "never"]
+    watershed_margin: float
+    min_side_px: float
+    max_candidates: int
+    corners: Literal["edges", "forstner"]
+    forstner_fraction: float
+    forstner_min_px: float
+    edge_reach_px: float
+    edge_floor_px: float
+    corner_noise_px: float
+    screening: Literal["perspective", "printed"]
+    length_tolerance: float
+    slope_tolerance: float
+    reprojection_px: float
+    reprojection_fraction: float
+    max_distance_m: float
+    max_obliquity_deg: float
+    max_roll_deg: float
+    several_cues: Literal["nearest", "refuse"]
+    track_s: float
+    track_margin: float
+    track_margin_px: float
+    gimbal_noise_rad: float
+
+    def __post_init__(self) -> None:
+        for name, (low, high), top in (
+            ("hue", self.hue, 179),
+            ("saturation", self.saturation, 255),
+            ("value", self.value, 255),
+        ):
+            require(0 <= low <= high <= top, f"{name} must be two rising numbers in 0 … {top}, got {[low, high]}")
+        require(self.kernel_px >= 1 and self.kernel_px % 2 == 1, f"kernel_px must be odd, got {self.kernel_px}")
+        require(self.max_candidates >= 1, "max_candidates must be at least 1")
+        for name in ("edge_floor_px", "reprojection_fraction", "track_s", "track_margin", "gimbal_noise_rad"):
+            require(getattr(self, name) >= 0.0, f"{name} must not be negative")
+        for name in (
+            "watershed_margin",
+            "min_side_px",
+            "forstner_fraction",
+            "forstner_min_px",
+            "corner_noise_px",
+            "length_tolerance",
+            "slope_tolerance",
+            "reprojection_px",
+            "max_distance_m",
+            "track_margin_px",
+        ):
+            require(getattr(self, name) > 0.0, f"{name} must be positive, got {getattr(self, name)}")
+        require(1.0 <= self.edge_reach_px <= 20.0, "edge_reach_px must be between 1 and 20")
+        require(0.0 < self.max_obliquity_deg < 90.0, "max_obliquity_deg must be between 0 and 90")
+        require(0.0 < self.max_roll_deg <= 90.0, "max_roll_deg must be between 0 and 90")

@@ -1,0 +1,223 @@
+"""Pose of the camera against a planar cue: two planar solutions, refined together, and their covariance.
+
+Frame `plane`: the cue's, with OpenCV-like axes right, down, forward; `plane` = CAMERA_FROM_MOUNT · `bar`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose
+
+_STEPS = 8
+"""Most Levenberg–Marquardt steps; three or four are usual."""
+
+_GAIN_DONE = 0.02
+"""The step that would lower the sum of squared standard deviations by less is the last one."""
+
+
+@dataclass(frozen=True)
+class Corners:
+    """Measured corners and what they are known to.
+
+    Attributes:
+        undistorted_px: (n,4,2) as a distortion-free camera would see them.
+        covariance_px2: (n,8,8) of each quadrilateral's (column, row) × four corners [px²].
+        plane_m: (n,4,2) the same corners in the cue's plane (right, down) [m].
+    """
+
+    undistorted_px: Array
+    covariance_px2: Array
+    plane_m: Array
+
+
+@dataclass(frozen=True)
+class LevelPrior:
+    """What the gimbal knows: the direction of `bar`'s down axis in `camera`, to within a noise.
+
+    Attributes:
+        down_in_camera: (3,) unit vector.
+        noise_rad: standard deviation about either perpendicular axis.
+    """
+
+    down_in_camera: Array
+    noise_rad: float
+
+
+@dataclass(frozen=True)
+class Solution:
+    """One pose that solves the corners.
+
+    Attributes:
+        camera_from_plane: the pose.
+        chi2: weighted sum of squared residuals; the prior's share is `prior_chi2`.
+        prior_chi2: of the level prior, 0 without one.
+        covariance: (6,6) of the left rotation vector [rad] and translation [m], both in `camera`.
+        residual_px: (n,4,2) reprojected minus measured.
+    """
+
+    camera_from_plane: Pose
+    chi2: float
+    prior_chi2: float
+    covariance: Array
+    residual_px: Array
+
+    @property
+    def reprojection_px(self) -> float:
+        """Root-mean-square distance of observed and reprojected corners."""
+        return float(np.sqrt(np.mean(np.sum(self.residual_px**2, axis=-1))))
+
+
+def solve(corners: Corners, camera: Camera, prior: LevelPrior | None = None) -> list[Solution]:
+    """The one or two poses that solve the corners, better first; empty when none does.
+
+    IPPE gives both planar solutions, Levenberg–Marquardt refines them [Lee2022, §Pose Estimation].
+    """
+    refiner = _Refiner(corners, camera, prior)
+    found, rotations, translations, _ = cv2.solvePnPGeneric(
+        refiner.plane, refiner.rays.reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+    )
+    starts = [
+        Pose(cv2.Rodrigues(rotation)[0], translation.ravel())
+        for rotation, translation in zip(rotations, translations, strict=True)
+        if np.isfinite(rotation).all() and np.isfinite(translation).all() and translation[2] > 0.0
+    ]
+    if not found or not starts:
+        return []
+    return sorted(refiner.refine(starts), key=lambda solution: solution.chi2)
+
+
+class _Refiner:
+    """Levenberg–Marquardt over several starts at once: one pass of NumPy serves both planar solutions.
+
+    Rays (x/z, y/z) stand for pixels; whitening by the corners' covariance makes every residual one standard
+    deviation. A step is a left rotation vector and a translation, both in `camera`.
+    """
+
+    def __init__(self, corners: Corners, camera: Camera, prior: LevelPrior | None) -> None:
+        count = corners.plane_m.size // 2
+        self.plane = np.zeros((count, 3))
+        self.plane[:, :2] = corners.plane_m.reshape(-1, 2)
+        self._to_rays = np.linalg.inv(camera.matrix)[:2]
+        self._to_pixels = camera.matrix[:2, :2]
+        self.rays = corners.undistorted_px.reshape(-1, 2) @ self._to_rays[:, :2].T + self._to_rays[:, 2]
+        size = 2 * count
+        rows = size if prior is None else size + 2
+        self._size = size
+        # L⁻¹ of each quadrilateral's covariance, times the camera matrix: rays to standard deviations.
+        blocks = np.linalg.inv(np.linalg.cholesky(corners.covariance_px2))
+        blocks = (blocks.reshape(-1, 8, 4, 2) @ self._to_pixels).reshape(-1, 8, 8)
+        self._whiten = np.zeros((size, size))
+        for first, block in zip(range(0, size, 8), blocks, strict=True):
+            self._whiten[first : first + 8, first : first + 8] = block
+        self._prior = prior
+        self._rows = rows
+        if prior is not None:
+            self._across = _perpendicular(prior.down_in_camera) / prior.noise_rad
+
+    def refine(self, starts: list[Pose]) -> list[Solution]:
+        """The solutions from the starts; a start that diverges is left out."""
+        rotation = np.array([start.rotation for start in starts])
+        translation = np.array([start.translation_m for start in starts])
+        damping = np.full(len(starts), 1e-3)
+        residual, jacobian, raw = self._linearise(rotation, translation)
+        cost = (residual * residual).sum(axis=1)
+        diagonal = np.arange(6)
+        for _ in range(_STEPS):
+            turned = jacobian.transpose(0, 2, 1)
+            normal = turned @ jacobian
+            gradient = (turned @ residual[:, :, None])[:, :, 0]
+            damped = normal.copy()
+            damped[:, diagonal, diagonal] *= 1.0 + damping[:, None]
+            step = -np.linalg.solve(damped, gradient[:, :, None])[:, :, 0]
+            new_rotation = np.array([cv2.Rodrigues(w)[0] for w in step[:, :3]]) @ rotation
+            new_translation = translation + step[:, 3:]
+            if not np.any(-(step * gradient).sum(axis=1) >= _GAIN_DONE):
+                rotation, translation = new_rotation, new_translation
+                break
+            new_residual, new_jacobian, new_raw = self._linearise(new_rotation, new_translation)
+            new_cost = (new_residual * new_residual).sum(axis=1)
+            better = new_cost <= cost
+            # Near the view where both solutions merge the cost is of fourth order and Gauss–Newton oversteps.
+            gained = (cost - new_cost) / np.maximum(-(step * gradient).sum(axis=1), 1e-12)
+            damping = np.clip(np.where(gained > 0.75, 0.1, np.where(gained > 0.25, 1.0, 30.0)) * damping, 1e-4, 1e6)
+            rotation[better], translation[better] = new_rotation[better], new_translation[better]
+            residual[better], jacobian[better] = new_residual[better], new_jacobian[better]
+            raw[better], cost[better] = new_raw[better], new_cost[better]
+        return [
+            self._solution(Pose(rotation[i], translation[i]), residual[i], jacobian[i], raw[i])
+            for i in range(len(starts))
+            if np.isfinite(cost[i]) and translation[i, 2] > 0.0
+        ]
+
+    def _solution(self, pose: Pose, residual: Array, jacobian: Array, raw: Array) -> Solution:
+        return Solution(
+            camera_from_plane=pose,
+            chi2=float(residual @ residual),
+            prior_chi2=float(residual[self._size :] @ residual[self._size :]),
+            covariance=np.linalg.inv(jacobian.T @ jacobian),
+            residual_px=(raw @ self._to_pixels.T).reshape(-1, 4, 2),
+        )
+
+    def _linearise(self, rotation: Array, translation: Array) -> tuple[Array, Array, Array]:
+        """Whitened residuals (b,rows), their Jacobian (b,rows,6), and the rays' residuals (b,n,2)."""
+        arms = self.plane @ rotation.transpose(0, 2, 1)
+        points = arms + translation[:, None]
+        near = 1.0 / np.maximum(points[:, :, 2], 1e-6)
+        u, v = points[:, :, 0] * near, points[:, :, 1] * near
+        raw = np.stack([u, v], axis=-1) - self.rays
+        x, y, z = arms[:, :, 0] * near, arms[:, :, 1] * near, arms[:, :, 2] * near
+        partial = np.zeros((*u.shape, 2, 6))
+        partial[:, :, 0, 0], partial[:, :, 0, 1], partial[:, :, 0, 2] = -y * u, z + x * u, -y
+        partial[:, :, 1, 0], partial[:, :, 1, 1], partial[:, :, 1, 2] = -z - y * v, x * v, x
+        partial[:, :, 0, 3] = partial[:, :, 1, 4] = near
+        partial[:, :, 0, 5], partial[:, :, 1, 5] = -u * near, -v * near
+        residual = np.empty((len(rotation), self._rows))
+        jacobian = np.zeros((len(rotation), self._rows, 6))
+        residual[:, : self._size] = raw.reshape(len(rotation), -1) @ self._whiten.T
+        jacobian[:, : self._size] = self._whiten @ partial.reshape(len(rotation), -1, 6)
+        if self._prior is not None:
+            down = rotation[:, :, 1]
+            residual[:, self._size :] = down @ self._across.T
+            jacobian[:, self._size :, :3] = np.cross(down[:, None], self._across[None])
+        return residual, jacobian, raw
+
+
+def position_and_yaw(camera_from_plane: Pose) -> tuple[Array, float]:
+    """The camera's optical centre in `bar` (3,) [m], and the heading of its vertical plane there [rad]."""
+    bar_from_camera = CAMERA_FROM_MOUNT.T @ camera_from_plane.rotation.T
+    position_in_bar_m = -bar_from_camera @ camera_from_plane.translation_m
+    return position_in_bar_m, float(np.arctan2(bar_from_camera[1, 2], bar_from_camera[0, 2]))
+
+
+def covariance_in_bar(solution: Solution) -> Array:
+    """(4,4) covariance of (position in `bar` [m], yaw [rad]) from the solution's (6,6)."""
+    pose = solution.camera_from_plane
+    bar_from_camera = CAMERA_FROM_MOUNT.T @ pose.rotation.T
+    # R' = exp(w) R: position −B Rᵀ exp(−w) t changes by −B Rᵀ ([t]ₓ w + dt); the optical axis by B Rᵀ (z × w).
+    position_by_step = -bar_from_camera @ np.hstack([_cross_matrix(pose.translation_m), np.eye(3)])
+    axis = bar_from_camera[:, 2]
+    axis_by_rotation = bar_from_camera @ _cross_matrix(np.array([0.0, 0.0, 1.0]))
+    horizontal2 = max(float(axis[0] ** 2 + axis[1] ** 2), 1e-12)
+    yaw_by_rotation = (axis[0] * axis_by_rotation[1] - axis[1] * axis_by_rotation[0]) / horizontal2
+    jacobian = np.zeros((4, 6))
+    jacobian[:3] = position_by_step
+    jacobian[3, :3] = yaw_by_rotation
+    return np.asarray(jacobian @ solution.covariance @ jacobian.T)
+
+
+def _cross_matrix(vector: Array) -> Array:
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def _perpendicular(direction: Array) -> Array:
+    """Two unit vectors (2,3) perpendicular to a unit vector and to each other."""
+    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    first = np.cross(direction, helper)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(direction, first)])

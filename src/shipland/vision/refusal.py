@@ -1,0 +1,23 @@
+"""Why near vision gives no pose: the names, and the words that `Observation.reason` carries."""
+
+from __future__ import annotations
+
+import enum
+
+
+class Refusal(enum.Enum):
+    """Every way to end without a pose; the value is the sentence for people."""
+
+    NO_PICTURE = "the frame carries no picture"
+    BAD_PICTURE = "the picture is not three-channel 8-bit or is empty"
+    WRONG_SIZE = "the picture's size is not the camera's"
+    NOTHING_GREEN = "nothing in the picture passes the colour gate"
+    NO_QUADRILATERAL = "no coloured region is a quadrilateral"
+    CUT_BY_FRAME = "the cue is cut by the picture's edge"
+    NO_MATCH = "the quadrilaterals found do not form the cue"
+    AMBIGUOUS = "which part of the cue is in sight cannot be told"
+    CORNERS_UNSURE = "the corners cannot be measured at sub-pixel"
+    SIDES_UNEQUAL = "opposite sides differ in length or slope more than perspective explains"
+    REPROJECTION = "the corners do not fit the cue's dimensions"
+    OUT_OF_REACH = "the pose lies outside the range or obliquity that is accepted"
+    NO_SOLUTION = "no pose solves the corners"

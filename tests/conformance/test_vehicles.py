@@ -1,0 +1,177 @@
+"""The contract of `Vehicle`, held by everything that can be flown here."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from worlds import world
+
+from shipland.camera import Camera, CameraParameters
+from shipland.config import build
+from shipland.messages import Frame, Intent, PilotCommand, Telemetry
+from shipland.rig import default_rig, packaged_table
+from shipland.sim.ship import Ship, StraightCourse
+from shipland.sim.wind import SteadyWind
+from shipland.vehicles.delays import DelayParameters
+from shipland.vehicles.simulated import SimulatedVehicle
+from shipland.vehicles.vehicle import Vehicle
+
+Made = Callable[[int], Vehicle]
+
+
+def simulated(seed: int) -> Vehicle:
+    rig = default_rig()
+    from worlds import natops
+
+    flown = world(
+        distance_m=3.0,
+        height_m=1.2,
+        wind_mps=SteadyWind(np.array([4.0, 2.0, 0.0])),
+        ship=Ship(rig, StraightCourse(0.3, 1.0), natops()),
+        start={"distance_spread_m": 1.0, "bearing_spread_deg": 20.0},
+        seed=seed,
+    )
+    camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+    delays = build(DelayParameters, packaged_table("delays"), "delays")
+    return SimulatedVehicle(flown, camera, delays, None, np.random.default_rng(seed))
+
+
+VEHICLES: dict[str, Made] = {"simulated": simulated}
+
+
+@pytest.fixture(params=VEHICLES.values(), ids=VEHICLES.keys())
+def make(request: pytest.FixtureRequest) -> Made:
+    return request.param
+
+
+def cycles(vehicle: Vehicle, count: int, *sticks: float, intent: Intent = Intent.FLY) -> list[tuple[Frame, Telemetry]]:
+    """Up to `count` cycles with the same sticks, 30 ms of processing each."""
+    pairs = []
+    for _ in range(count):
+        pair = vehicle.read()
+        if pair is None:
+            break
+        pairs.append(pair)
+        vehicle.send(PilotCommand(pair[1].t_s + 0.03, *sticks, 0.0, intent))
+    return pairs
+
+
+def test_times_run_on_and_frames_are_older_than_now(make: Made) -> None:
+    vehicle = make(1)
+    vehicle.open()
+    pairs = cycles(vehicle, 60, 10.0, -10.0, 5.0, 10.0)
+    vehicle.close()
+    assert len(pairs) == 60
+    exposed = np.array([frame.t_s for frame, _ in pairs])
+    now = np.array([telemetry.t_s for _, telemetry in pairs])
+    assert np.diff(exposed).min() > 0.0
+    assert np.diff(now).min() > 0.0
+    assert (now - exposed).min() >= 0.0
+
+
+def test_frames_fit_the_camera(make: Made) -> None:
+    vehicle = make(2)
+    vehicle.open()
+    for frame, _ in cycles(vehicle, 3, 0.0, 0.0, 0.0, 0.0):
+        assert frame.image is None or frame.image.shape == (vehicle.camera.height_px, vehicle.camera.width_px, 3)
+    vehicle.close()
+
+
+def test_telemetry_is_sane(make: Made) -> None:
+    vehicle = make(3)
+    vehicle.open()
+    for _, telemetry in cycles(vehicle, 60, 10.0, 0.0, 0.0, 0.0):
+        assert telemetry.flying
+        assert abs(telemetry.roll_rad) < 1.0
+        assert abs(telemetry.pitch_rad) < 1.0
+        assert telemetry.heading_rad is None or -np.pi <= telemetry.heading_rad <= np.pi
+        for percent in (telemetry.battery_percent, telemetry.link_percent):
+            assert percent is None or 0.0 <= percent <= 100.0
+    vehicle.close()
+
+
+def test_hold_keeps_hovering(make: Made) -> None:
+    vehicle = make(4)
+    vehicle.open()
+    pairs = cycles(vehicle, 30, 0.0, 0.0, 0.0, 0.0, intent=Intent.HOLD)
+    pairs = cycles(vehicle, 120, 0.0, 0.0, 0.0, 0.0, intent=Intent.HOLD)
+    vehicle.close()
+    assert len(pairs) == 120
+    assert all(telemetry.flying for _, telemetry in pairs)
+    speeds = [np.linalg.norm(t.velocity_in_level_mps) for _, t in pairs if t.velocity_in_level_mps is not None]
+    assert max(speeds, default=0.0) < 0.4  # [m/s]
+    heights = [t.height_m for _, t in pairs if t.height_m is not None]
+    assert np.ptp(heights) < 0.6 if heights else True  # barometer noise 0.05 m
+
+
+def test_sticks_mean_forward_right_up_and_clockwise(make: Made) -> None:
+    for index in range(3):
+        sticks = [0.0, 0.0, 0.0, 0.0]
+        sticks[index] = 50.0
+        vehicle = make(5)
+        vehicle.open()
+        velocity = cycles(vehicle, 40, *sticks)[-1][1].velocity_in_level_mps
+        vehicle.close()
+        if velocity is not None:
+            assert velocity[index] * (-1.0 if index == 2 else 1.0) > 0.2
+    vehicle = make(5)
+    vehicle.open()
+    pairs = cycles(vehicle, 40, 0.0, 0.0, 0.0, 50.0)
+    vehicle.close()
+    first, last = pairs[0][1].heading_rad, pairs[-1][1].heading_rad
+    if first is not None and last is not None:
+        assert 0.1 < (last - first) % (2.0 * np.pi) < 2.0
+
+
+def test_nothing_raises_in_flight_whatever_is_sent(make: Made) -> None:
+    vehicle = make(6)
+    vehicle.open()
+    for value in (float("nan"), float("inf"), -float("inf"), 1e12):
+        for intent in Intent:
+            vehicle.send(PilotCommand(value, value, value, value, value, value, intent))
+            assert vehicle.read() is not None
+    vehicle.close()
+
+
+def test_a_closed_vehicle_is_at_its_end(make: Made) -> None:
+    vehicle = make(7)
+    vehicle.open()
+    assert vehicle.read() is not None
+    vehicle.close()
+    assert vehicle.read() is None
+    vehicle.send(PilotCommand.hold(9.0, 0.0))
+    vehicle.close()
+
+
+# What only a simulator promises.
+
+
+def test_the_same_seed_gives_the_same_truth_bit_for_bit() -> None:
+    def flight(seed: int) -> list[bytes]:
+        vehicle = simulated(seed)
+        assert isinstance(vehicle, SimulatedVehicle)
+        vehicle.open()
+        states = []
+        pairs = cycles(vehicle, 60, 20.0, -5.0, -20.0, 10.0) + cycles(vehicle, 200, 0.0, 0.0, -60.0, 0.0, intent=Intent.LAND)
+        for frame, telemetry in pairs:
+            truth = vehicle.truth_at(frame.t_s)
+            if truth is not None:
+                states.append(truth.ned_from_body.matrix().tobytes() + truth.ned_from_camera.matrix().tobytes())
+            states.append(np.array([telemetry.heading_rad, telemetry.height_m]).tobytes())
+        verdict = vehicle.verdict()
+        return [*states, repr(verdict).encode()]
+
+    first = flight(11)
+    assert first == flight(11)
+    assert first != flight(12)
+
+
+def test_the_end_is_none_and_stays_none() -> None:
+    vehicle = simulated(13)
+    vehicle.open()
+    pairs = cycles(vehicle, 2000, 0.0, 0.0, -80.0, 0.0, intent=Intent.LAND)
+    assert len(pairs) < 2000
+    assert isinstance(vehicle, SimulatedVehicle)
+    assert vehicle.verdict() is not None
+    assert vehicle.read() is None
+    assert vehicle.read() is None

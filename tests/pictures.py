@@ -1,0 +1,95 @@
+"""Small antialiased pictures of coplanar quadrilaterals, for tests that need no renderer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
+from shipland.rig import Quad, Target
+
+GREEN = (60.0, 190.0, 70.0)
+GREY = (128.0, 128.0, 128.0)
+SKY = (200.0, 170.0, 140.0)
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a picture is made: blur [px, standard deviation], noise [grey levels], supersampling a side."""
+
+    blur_px: float = 0.7
+    noise: float = 2.0
+    samples: int = 4
+
+
+def camera_from_bar(position_in_bar_m, yaw_rad=0.0, pitch_rad=0.0, roll_rad=0.0) -> Pose:
+    """Pose of `bar` in `camera` for a camera at a place in `bar`, turned by yaw, pitch, roll."""
+    bar_from_mount = rotation_from_euler(roll_rad, pitch_rad, yaw_rad)
+    bar_from_camera = bar_from_mount @ CAMERA_FROM_MOUNT.T
+    return Pose(bar_from_camera, np.asarray(position_in_bar_m, float)).inverse()
+
+
+def project_plane(plane_m, camera: Camera, pose: Pose) -> Array:
+    """Pixels (n,2) of plane points (n,2) (right, down)."""
+    plane_m = np.asarray(plane_m, float).reshape(-1, 2)
+    return camera.project(pose.apply(np.column_stack([np.zeros(len(plane_m)), plane_m])))
+
+
+def paint(canvas, polygon_px, colour, samples: int) -> None:
+    """Fill a convex clockwise polygon on a float canvas by coverage; pixel centres at whole numbers.
+
+    Coverage is that of each of `samples`² sub-pixels by each side's half-plane, multiplied: exact but at corners.
+    """
+    polygon = np.asarray(polygon_px, float)
+    if not np.all(np.isfinite(polygon)):
+        return
+    height, width = canvas.shape[:2]
+    low = np.clip(np.floor(polygon.min(axis=0)) - 1, 0, [width, height]).astype(int)
+    high = np.clip(np.ceil(polygon.max(axis=0)) + 2, 0, [width, height]).astype(int)
+    if np.any(high <= low):
+        return
+    size = (high - low) * samples
+    columns = low[0] - 0.5 + (np.arange(size[0]) + 0.5) / samples
+    rows = low[1] - 0.5 + (np.arange(size[1]) + 0.5) / samples
+    fine = np.ones((size[1], size[0]), np.float32)
+    for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        along = (end - start) / np.linalg.norm(end - start)
+        inward = (columns - start[0]) * -along[1] + ((rows - start[1]) * along[0])[:, None]
+        fine *= np.clip(0.5 + inward * samples / np.abs(along).sum(), 0.0, 1.0)
+    coverage = fine.reshape(high[1] - low[1], samples, high[0] - low[0], samples).mean(axis=(1, 3))[..., None]
+    part = canvas[low[1] : high[1], low[0] : high[0]]
+    part[:] = part * (1.0 - coverage) + coverage * np.asarray(colour)
+
+
+def bar_picture(target: Target, camera: Camera, pose: Pose, rng, look: Look = Look(), colour=GREEN, margin_m=0.075):
+    """A picture (H,W,3) uint8 of a target on a grey board before a plain background."""
+    canvas = np.empty((camera.height_px, camera.width_px, 3))
+    canvas[:] = SKY
+    add_target(canvas, target, camera, pose, look, colour, margin_m)
+    return finish(canvas, rng, look)
+
+
+def add_target(canvas, target: Target, camera: Camera, pose: Pose, look: Look = Look(), colour=GREEN, margin_m=0.075):
+    """Paint board and quadrilaterals on a float canvas."""
+    plane = target.points_in_bar_m[:, 1:]
+    low, high = plane.min(axis=0) - margin_m, plane.max(axis=0) + margin_m
+    board = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+    paint(canvas, project_plane(board, camera, pose), GREY, 2)
+    for quad in target.quad:
+        paint(canvas, project_plane(quad.corners_m, camera, pose), colour, look.samples)
+
+
+def finish(canvas, rng, look: Look = Look()):
+    """Blur, noise, eight bits."""
+    image = cv2.GaussianBlur(canvas, (0, 0), look.blur_px) if look.blur_px > 0 else canvas
+    if look.noise > 0:
+        image = image + rng.normal(0.0, look.noise, image.shape)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+
+def rectangles(*boxes) -> Target:
+    """A target of upright rectangles (centre right, centre down, width, height) [m]."""
+    return Target(tuple(Quad.rectangle((x, y), w, h) for x, y, w, h in boxes))

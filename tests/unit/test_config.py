@@ -1,0 +1,245 @@
+"""Dataclasses from TOML: what is taken, what is refused and in which words, and how layers merge."""
+
+import dataclasses
+import enum
+import math
+from pathlib import Path
+from typing import Literal
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given
+
+from shipland.config import build, merge, packaged_names, packaged_toml, read_toml, require
+from shipland.errors import ConfigError, ShiplandError
+
+
+class Law(enum.Enum):
+    LINEAR = "linear"
+    EXPONENTIAL = "exponential"
+
+
+@dataclasses.dataclass(frozen=True)
+class Gain:
+    k_p: float
+    k_i: float
+
+    def __post_init__(self) -> None:
+        require(self.k_p >= 0.0, f"k_p must not be negative, got {self.k_p}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    pitch: Gain
+    law: Law
+    steps: int
+    damped: bool
+    name: str
+    file: Path
+    point_m: tuple[float, float, float]
+    gains: tuple[Gain, ...]
+    processing: Literal["paper", "zero"]
+    limit: float | None
+    margin_m: float = 0.5
+
+
+@dataclasses.dataclass(frozen=True)
+class NoKeys:
+    pass
+
+
+def table(**changes):
+    """A table that is right, but for `changes`."""
+    return {
+        "pitch": {"k_p": 7.5, "k_i": 0.05},
+        "law": "exponential",
+        "steps": 3,
+        "damped": True,
+        "name": "near",
+        "file": "run.mcap",
+        "point_m": [1, 2.0, 3.5],
+        "gains": [{"k_p": 1, "k_i": 0}],
+        "processing": "paper",
+        "limit": 2,
+    } | changes
+
+
+class TestBuild:
+    def test_every_kind_of_value_arrives_in_its_type(self):
+        settings = build(Settings, table())
+        assert settings == Settings(
+            pitch=Gain(7.5, 0.05),
+            law=Law.EXPONENTIAL,
+            steps=3,
+            damped=True,
+            name="near",
+            file=Path("run.mcap"),
+            point_m=(1.0, 2.0, 3.5),
+            gains=(Gain(1.0, 0.0),),
+            processing="paper",
+            limit=2.0,
+            margin_m=0.5,
+        )
+        assert isinstance(settings.limit, float)
+        assert isinstance(settings.gains[0].k_p, float)
+
+    def test_a_key_with_a_default_may_be_given(self):
+        assert build(Settings, table(margin_m=1)).margin_m == 1.0
+
+    @pytest.mark.parametrize(
+        ("key", "value", "fault"),
+        [
+            ("pitch", 7.5, r"s\.pitch: expected a table, got 7\.5"),
+            ("pitch", {"k_p": 1.0}, r"s\.pitch: missing key 'k_i'"),
+            ("pitch", {"k_p": "high", "k_i": 0}, r"s\.pitch\.k_p: expected float, got 'high'"),
+            ("pitch", {"k_p": -1, "k_i": 0}, r"s\.pitch: k_p must not be negative, got -1\.0"),
+            ("law", "cubic", r"s\.law: 'cubic' is none of linear, exponential"),
+            ("law", 3, r"s\.law: 3 is none of linear, exponential"),
+            ("steps", 3.0, r"s\.steps: expected int, got 3\.0"),
+            ("steps", True, r"s\.steps: expected int, got True"),
+            ("steps", "3", r"s\.steps: expected int, got '3'"),
+            ("damped", 1, r"s\.damped: expected bool, got 1"),
+            ("name", 7, r"s\.name: expected str, got 7"),
+            ("file", 7, r"s\.file: expected Path, got 7"),
+            ("point_m", 1.0, r"s\.point_m: expected a list, got 1\.0"),
+            ("point_m", "123", r"s\.point_m: expected a list, got '123'"),
+            ("point_m", [1, 2], r"s\.point_m: expected 3 values, got 2"),
+            ("point_m", [1, 2, math.nan], r"s\.point_m\[2\]: expected a finite number, got nan"),
+            ("point_m", [1, True, 3], r"s\.point_m\[1\]: expected float, got True"),
+            ("gains", [{"k_p": 1, "k_i": 0}, {"k_p": 1}], r"s\.gains\[1\]: missing key 'k_i'"),
+            ("processing", "fast", r"s\.processing: 'fast' is none of 'paper', 'zero'"),
+            ("limit", "none", r"s\.limit: expected float, got 'none'"),
+            ("margin_m", math.inf, r"s\.margin_m: expected a finite number, got inf"),
+            ("margin_m", -math.inf, r"s\.margin_m: expected a finite number, got -inf"),
+            ("margin_m", math.nan, r"s\.margin_m: expected a finite number, got nan"),
+            ("margin_m", 10**400, r"s\.margin_m: expected a finite number, got 1000"),
+        ],
+    )
+    def test_wrong_values_are_refused_with_their_place(self, key, value, fault):
+        with pytest.raises(ConfigError, match=fault):
+            build(Settings, table(**{key: value}), "s")
+
+    @pytest.mark.parametrize("key", [field.name for field in dataclasses.fields(Settings) if field.name != "margin_m"])
+    def test_a_missing_key_is_named(self, key):
+        lacking = table()
+        del lacking[key]
+        with pytest.raises(ConfigError, match=f"^s: missing key '{key}'$"):
+            build(Settings, lacking, "s")
+
+    @pytest.mark.parametrize(("key", "nearest"), [("stpes", "steps"), ("gain", "gains"), ("point", "point_m")])
+    def test_an_unknown_key_is_refused_with_the_nearest_known_one(self, key, nearest):
+        with pytest.raises(ConfigError, match=rf"^s: unknown key '{key}'; did you mean '{nearest}'\?$"):
+            build(Settings, table(**{key: 1}), "s")
+
+    def test_an_unknown_key_is_refused_in_a_nested_table_too(self):
+        with pytest.raises(ConfigError, match=r"^s\.pitch: unknown key 'kp'; did you mean 'k_p'\?$"):
+            build(Settings, table(pitch={"kp": 1, "k_i": 0}), "s")
+
+    def test_a_table_that_takes_no_keys_says_so(self):
+        assert build(NoKeys, {}) == NoKeys()
+        with pytest.raises(ConfigError, match="unknown key 'x'; it takes none"):
+            build(NoKeys, {"x": 1})
+
+    def test_something_other_than_a_table_is_refused(self):
+        with pytest.raises(ConfigError, match="s: expected a table, got 3"):
+            build(Settings, 3, "s")
+
+    @given(st.dictionaries(st.text(), st.recursive(st.none() | st.booleans() | st.floats() | st.text(), st.lists)))
+    def test_any_table_is_either_built_or_refused_in_the_family_of_errors(self, junk):
+        with pytest.raises(ShiplandError):
+            build(Settings, junk)
+
+
+keys = st.sampled_from(["a", "b", "c"])
+tables = st.recursive(
+    st.dictionaries(keys, st.integers()), lambda inner: st.dictionaries(keys, st.integers() | inner), max_leaves=8
+)
+
+
+class TestLayers:
+    def test_tables_merge_key_by_key_and_everything_else_is_replaced(self):
+        base = {"rig": {"deck_m": 1.0, "bar_m": 2.0}, "list": [1, 2], "name": "x"}
+        overlay = {"rig": {"deck_m": 3.0}, "list": [9], "extra": {"k": 1}}
+        assert merge(base, overlay) == {
+            "rig": {"deck_m": 3.0, "bar_m": 2.0},
+            "list": [9],
+            "name": "x",
+            "extra": {"k": 1},
+        }
+
+    def test_the_layers_themselves_stay_as_they_are(self):
+        base, overlay = {"rig": {"deck_m": 1.0}}, {"rig": {"deck_m": 3.0}}
+        merge(base, overlay)
+        assert base == {"rig": {"deck_m": 1.0}}
+        assert overlay == {"rig": {"deck_m": 3.0}}
+
+    @given(tables)
+    def test_an_empty_layer_changes_nothing_and_a_layer_over_itself_is_itself(self, layer):
+        assert merge(layer, {}) == layer
+        assert merge({}, layer) == layer
+        assert merge(layer, layer) == layer
+
+    @given(tables, tables)
+    def test_what_the_upper_layer_says_stands(self, base, overlay):
+        merged = merge(base, overlay)
+        assert merge(merged, overlay) == merged
+        assert set(merged) == set(base) | set(overlay)
+
+    def test_a_value_laid_over_a_table_is_refused_when_it_is_built(self):
+        with pytest.raises(ConfigError, match=r"s\.pitch: expected a table, got 3"):
+            build(Settings, merge(table(), {"pitch": 3}), "s")
+
+
+class TestFiles:
+    def test_read(self, tmp_path):
+        path = tmp_path / "a.toml"
+        path.write_text("[rig]\ndeck_m = 1.5\n")
+        assert read_toml(path) == {"rig": {"deck_m": 1.5}}
+
+    def test_a_byte_order_mark_and_windows_line_ends_do_no_harm(self, tmp_path):
+        path = tmp_path / "a.toml"
+        path.write_bytes(b"\xef\xbb\xbf[rig]\r\ndeck_m = 1.5\r\n")
+        assert read_toml(path) == {"rig": {"deck_m": 1.5}}
+
+    @pytest.mark.parametrize(
+        ("content", "fault"),
+        [
+            (b"[rig\n", "is not valid TOML"),
+            (b"a = 1\na = 2\n", "is not valid TOML"),
+            (b"a = \xff\n", "cannot be read"),
+            (b"a = " + b"[" * 100000, "is not valid TOML"),
+            (b"\x00\x01\x02", "is not valid TOML"),
+        ],
+    )
+    def test_broken_files_are_refused_with_their_name(self, tmp_path, content, fault):
+        path = tmp_path / "a.toml"
+        path.write_bytes(content)
+        with pytest.raises(ConfigError, match=rf"a\.toml {fault}"):
+            read_toml(path)
+
+    def test_missing_file_and_folder(self, tmp_path):
+        with pytest.raises(ConfigError, match=r"b\.toml does not exist"):
+            read_toml(tmp_path / "b.toml")
+        with pytest.raises(ConfigError, match="cannot be read"):
+            read_toml(tmp_path)
+
+
+class TestPackaged:
+    def test_defaults_are_there(self):
+        assert "default" in packaged_names("")
+        assert {"rig", "camera"} <= set(packaged_toml("default"))
+
+    @pytest.mark.parametrize("name", ["defualt", "", "default.toml"])
+    def test_an_unknown_name_lists_the_known_ones(self, name):
+        with pytest.raises(ConfigError, match=rf"no packaged configuration '{name}'; there are: .*\bdefault\b"):
+            packaged_toml(name)
+
+    def test_an_unknown_folder_is_named(self):
+        with pytest.raises(ConfigError, match="no folder 'nowhere'"):
+            packaged_toml("nowhere/near")
+
+
+def test_require():
+    require(True, "never said")
+    with pytest.raises(ValueError, match=r"^the reason$"):
+        require(False, "the reason")

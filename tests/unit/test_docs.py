@@ -1,0 +1,106 @@
+"""The documentation: its examples give what they say, its links lead somewhere, it names only what exists."""
+
+import doctest
+import importlib.util
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = sorted((ROOT / "docs").rglob("*.md"))
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS]
+DEFAULTS = ROOT / "src" / "shipland" / "configs" / "default.toml"
+
+
+def page_id(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def prose(path: Path) -> str:
+    """A page without its fenced blocks and comments."""
+    text = re.sub(r"<!--.*?-->", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    return re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+
+
+def fences(path: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", path.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+@pytest.mark.parametrize("path", PAGES, ids=page_id)
+def test_examples_give_what_the_page_says(path):
+    source = "\n".join(fences(path, "pycon"))
+    example = doctest.DocTestParser().get_doctest(source, {}, page_id(path), str(path), 0)
+    report: list[str] = []
+    doctest.DocTestRunner().run(example, out=report.append)
+    assert not report, "".join(report)
+
+
+@pytest.mark.parametrize("path", PAGES, ids=page_id)
+def test_links_and_pictures_lead_to_files(path):
+    targets = re.findall(r"\]\(([^)\s]+)", prose(path)) + re.findall(r'src="([^"]+)"', prose(path))
+    local = [target.partition("#")[0] for target in targets if not re.match(r"[a-z]+:", target)]
+    missing = [target for target in local if target and not (path.parent / target).exists()]
+    assert not missing
+
+
+def test_every_page_is_in_the_navigation():
+    # MkDocs has tags of its own in its YAML, so the names are read as text.
+    navigation = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
+    named = set(re.findall(r"([\w/-]+\.md)\s*$", navigation, flags=re.MULTILINE))
+    assert named == {str(path.relative_to(ROOT / "docs")) for path in DOCS}
+
+
+@pytest.mark.parametrize("path", PAGES, ids=page_id)
+def test_every_make_target_that_is_named_exists(path):
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE))
+    named = set(re.findall(r"(?:^\$ |`)make ([a-z-]+)", path.read_text(encoding="utf-8"), flags=re.MULTILINE))
+    assert named <= targets
+
+
+def test_no_script_or_font_comes_from_elsewhere():
+    settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    assert re.search(r"^  font: false", settings, flags=re.MULTILINE)
+    assert "http" not in settings
+    assert not [page_id(path) for path in DOCS if re.search(r"<(script|iframe|link)\b", prose(path))]
+
+
+def test_the_configuration_page_shows_every_key_of_the_defaults():
+    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+    text = DEFAULTS.read_text(encoding="utf-8")
+    tables = hooks.configuration_tables(text)
+    shown = re.findall(r"^\| `([\w.]+)` \|", tables, flags=re.MULTILINE)
+    assert sorted(shown) == sorted(re.findall(r"^([\w.]+) *=", text, flags=re.MULTILINE))
+    headings = re.findall(r"^### `\[+([\w.]+)\]+`", tables, flags=re.MULTILINE)
+    assert {heading.split(".")[0] for heading in headings} == {
+        key for key, value in tomllib.loads(text).items() if isinstance(value, dict)
+    }
+    assert hooks.TABLES in (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
+
+
+def test_configuration_tables_by_hand():
+    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+    tables = hooks.configuration_tables(
+        '# a preface\n[rig] # [Lee2022]\nname = "a # b" # chosen: a | b\nlist = [\n  1, # one\n  2,\n]\nbare = 3\n'
+    )
+    assert tables.splitlines() == [
+        "",
+        "### `[rig]`",
+        "",
+        "[Lee2022]",
+        "",
+        "| key | value | source or meaning |",
+        "|---|---|---|",
+        '| `name` | `"a # b"` | chosen: a &#124; b |',
+        "| `list` | `[ 1, # one 2, ]` |  |",
+        "| `bare` | `3` |  |",
+    ]
+
+
+def load(path: Path):
+    pytest.importorskip("latex2mathml", reason="the docs extra is not installed")
+    specification = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module

@@ -1,0 +1,133 @@
+"""The mode function: every transition by its rule, and no flicker for any input."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipland.config import build
+from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
+from shipland.messages import BarPose, Box, GimbalAttitude, Mode, Observation
+from shipland.rig import packaged_table
+
+PARAMETERS = build(ModeParameters, packaged_table("guidance")["modes"])
+POSE = BarPose(np.array([-5.0, 0.0, 0.0]), 0.0, np.eye(4), 0.1, np.zeros((8, 2)))
+BOX = Box((640.0, 360.0), (30.0, 20.0), 0.9)
+STEP_S = 1.0 / 30.0
+
+
+def situation(now_s, pose=False, bar=False, ship=False, **changes):
+    seen = Observation(
+        now_s,
+        GimbalAttitude(0.0, 0.0),
+        POSE if pose else None,
+        BOX if bar else None,
+        BOX if ship else None,
+        "" if pose else "no green in the picture",
+    )
+    return replace(Situation(now_s, seen, "far from it", False, "", False, False, True), **changes)
+
+
+def run(memory, start_s, seconds, **changes):
+    now_s = start_s
+    while now_s < start_s + seconds:
+        memory = next_mode(situation(now_s, **changes), memory, PARAMETERS)
+        now_s += STEP_S
+    return memory, now_s
+
+
+def test_better_evidence_leads_up():
+    memory, now_s = run(ModeMemory(), 0.0, 2.0, ship=True)
+    assert memory.mode is Mode.TRACK_SHIP
+    memory, now_s = run(memory, now_s, 2.0, ship=True, bar=True)
+    assert memory.mode is Mode.TRACK_BAR
+    memory, now_s = run(memory, now_s, 2.0, bar=True, pose=True)
+    assert memory.mode is Mode.APPROACH
+    memory, now_s = run(memory, now_s, 2.0, pose=True, landing_condition="")
+    assert memory.mode is Mode.LAND
+    memory, now_s = run(memory, now_s, 0.1, pose=True, flying=False)
+    assert memory.mode is Mode.DONE
+
+
+def test_a_glimpse_is_not_enough():
+    memory = next_mode(situation(0.0, pose=True), ModeMemory(), PARAMETERS)
+    assert memory.mode is Mode.SEARCH
+
+
+def test_loss_leads_to_mode_5_then_search_far_away():
+    memory, now_s = run(ModeMemory(), 0.0, 2.0, ship=True)
+    memory, now_s = run(memory, now_s, 1.5)
+    assert memory.mode is Mode.NO_VISION
+    assert memory.reason == "no green in the picture"
+    memory, now_s = run(memory, now_s, PARAMETERS.memory_s + 1.0)
+    assert memory.mode is Mode.SEARCH
+
+
+def test_loss_near_the_ship_leads_to_climb_out_and_back():
+    memory, now_s = run(ModeMemory(), 0.0, 2.0, pose=True)
+    memory, now_s = run(memory, now_s, PARAMETERS.memory_s + 2.5, near_ship=True)
+    assert memory.mode is Mode.CLIMB_OUT
+    memory, now_s = run(memory, now_s, 2.0, near_ship=True, clear=True, pose=True)
+    assert memory.mode is Mode.APPROACH
+
+
+def test_mode_5_returns_to_what_is_seen_again():
+    memory, now_s = run(ModeMemory(), 0.0, 2.0, pose=True)
+    memory, now_s = run(memory, now_s, 1.2)
+    assert memory.mode is Mode.NO_VISION
+    memory, now_s = run(memory, now_s, 1.5, ship=True)
+    assert memory.mode is Mode.TRACK_SHIP
+
+
+def test_landing_goes_on_blind_only_when_committed():
+    landing = ModeMemory(mode=Mode.LAND, since_s=-10.0)
+    landing, now_s = run(landing, 0.0, 0.5, pose=True)
+    high, _ = run(landing, now_s, 1.0, committed=False)
+    assert high.mode is Mode.CLIMB_OUT
+    low, now_s = run(landing, now_s, 1.0, committed=True)
+    assert low.mode is Mode.LAND
+    low, _ = run(low, now_s, 1.0, committed=True)
+    assert low.mode is Mode.CLIMB_OUT
+
+
+def test_astray_landing_is_waved_off_at_once_but_not_when_committed():
+    landing = ModeMemory(mode=Mode.LAND, since_s=0.0)
+    off = next_mode(situation(0.1, pose=True, astray="0.5 m off"), landing, PARAMETERS)
+    assert (off.mode, off.reason, off.tries) == (Mode.CLIMB_OUT, "0.5 m off", 1)
+    kept = next_mode(situation(0.1, pose=True, astray="0.5 m off", committed=True), landing, PARAMETERS)
+    assert kept.mode is Mode.LAND
+
+
+def test_after_the_last_try_the_climb_out_stays():
+    tired = ModeMemory(mode=Mode.CLIMB_OUT, since_s=-10.0, tries=PARAMETERS.max_tries + 1)
+    tired, _ = run(tired, 0.0, 3.0, pose=True, clear=True)
+    assert tired.mode is Mode.CLIMB_OUT
+
+
+news = st.tuples(*[st.booleans()] * 8)
+
+
+@given(st.lists(st.tuples(st.integers(1, 40), news), min_size=2, max_size=25))
+def test_no_two_modes_flicker_within_a_second(stretches):
+    memory, now_s, changes = ModeMemory(), 0.0, []
+    for frames, (pose, bar, ship, condition, committed, astray, near_ship, clear) in stretches:
+        for _ in range(frames):
+            told = situation(
+                now_s,
+                pose,
+                bar,
+                ship,
+                landing_condition="" if condition else "not yet",
+                committed=committed,
+                astray="off" if astray else "",
+                near_ship=near_ship,
+                clear=clear,
+            )
+            after = next_mode(told, memory, PARAMETERS)
+            if after.mode is not memory.mode:
+                changes.append((now_s, memory.mode, after.mode))
+            memory, now_s = after, now_s + STEP_S
+    for (first_s, a, _), (second_s, _, c) in itertools.pairwise(changes):
+        assert not (a is c and second_s - first_s < PARAMETERS.dwell_s - 1e-9)

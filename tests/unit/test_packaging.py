@@ -1,0 +1,75 @@
+"""The package as a user meets it: version, licence, data files, a quick command line; no path of a machine in it."""
+
+import importlib.metadata
+import importlib.resources
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import shipland
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+FOLDERS = ("src", "tests", "docs", "tools", "benchmarks", "examples", ".ci")
+TEXT = {".py", ".md", ".toml", ".yml", ".yaml", ".sh", ".svg", ".json", ".csv", ".txt", ".glsl", ".vert", ".frag", ""}
+HEAVY = {"av", "cv2", "foxglove", "matplotlib", "mcap", "mujoco", "moderngl", "openvino", "pyarrow", "scipy", "torch"}
+
+
+def texts() -> list[Path]:
+    """Every text file of the repository, but for what is made."""
+    inside = [path for folder in FOLDERS if (ROOT / folder).is_dir() for path in (ROOT / folder).rglob("*")]
+    top = [path for path in ROOT.iterdir() if path.name != ".git"]
+    return [path for path in inside + top if path.is_file() and path.suffix in TEXT and "__pycache__" not in path.parts]
+
+
+def test_one_version_everywhere():
+    assert shipland.__version__ == PROJECT["version"] == importlib.metadata.version("shipland")
+    newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert newest
+    assert newest[1] == shipland.__version__
+
+
+def test_licence_is_the_whole_apache_licence():
+    text = (ROOT / "LICENSE").read_text(encoding="utf-8")
+    assert PROJECT["license"] == "Apache-2.0"
+    for part in ("Version 2.0, January 2004", "9. Accepting Warranty", "END OF TERMS AND CONDITIONS", "APPENDIX"):
+        assert part in text
+
+
+@pytest.mark.parametrize("name", ["py.typed", "configs/default.toml"])
+def test_data_files_are_in_the_package(name):
+    assert importlib.resources.files("shipland").joinpath(name).is_file()
+
+
+def test_help_answers_without_heavy_imports():
+    # 0.3 s is the aim, measured in benchmarks/; what would break it is importing any of these.
+    code = (
+        "import sys\nsys.argv = ['shipland', '--help']\nfrom shipland.cli import main\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
+        "print('modules:', *sorted({name.partition('.')[0] for name in sys.modules}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    *usage, modules = done.stdout.splitlines()
+    assert "usage: shipland" in "\n".join(usage)
+    assert not HEAVY & set(modules.split()[1:])
+
+
+def test_the_console_script_is_the_command_line():
+    (script,) = [
+        entry for entry in importlib.metadata.entry_points(group="console_scripts") if entry.name == "shipland"
+    ]
+    assert script.value == "shipland.cli:main"
+
+
+def test_run_time_needs_no_torch():
+    assert not [requirement for requirement in PROJECT["dependencies"] if requirement.startswith("torch")]
+
+
+@pytest.mark.parametrize("place", ["work", "root", "home"])
+def test_no_file_names_a_path_of_the_machine_it_was_made_on(place):
+    pattern = re.compile(rf"(?<![\w.~])/{place}/\w")
+    assert not [str(path.relative_to(ROOT)) for path in texts() if pattern.search(path.read_text(encoding="utf-8"))]

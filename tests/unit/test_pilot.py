@@ -1,0 +1,134 @@
+"""The published pilot: every stick moves the right way, and a simple aircraft under it comes to its place."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shipland.config import build
+from shipland.frames import rotation_from_euler
+from shipland.guidance.pilot import GuidanceParameters, PaperPilot
+from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Mode, Observation, Telemetry
+from shipland.rig import default_rig, packaged_table
+
+PARAMETERS = build(GuidanceParameters, packaged_table("guidance"))
+RIG = default_rig()
+CAMERA_IN_BODY_M = np.array([0.09, 0.0, 0.0])
+HOVER_IN_BAR_M = RIG.deck_in_bar_m - np.array([0.0, 0.0, PARAMETERS.approach.hover_height_m])
+LEVEL = GimbalAttitude(0.0, 0.0)
+STEP_S = 1.0 / 30.0
+
+
+def pose_of(aircraft_in_bar_m, yaw_rad=0.0):
+    camera_in_bar_m = np.asarray(aircraft_in_bar_m) + rotation_from_euler(0.0, 0.0, yaw_rad) @ CAMERA_IN_BODY_M
+    return BarPose(camera_in_bar_m, yaw_rad, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
+
+
+def telemetry(t_s, flying=True):
+    return Telemetry(t_s, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, flying)
+
+
+def settled(aircraft_in_bar_m, yaw_rad=0.0, cycles=30, pilot=None, start_s=0.0):
+    """Decision after some cycles at one place."""
+    pilot = pilot or PaperPilot(PARAMETERS, RIG, CAMERA_IN_BODY_M)
+    for index in range(cycles):
+        t_s = start_s + index * STEP_S
+        seen = Observation(t_s, LEVEL, pose_of(aircraft_in_bar_m, yaw_rad))
+        decision = pilot.decide(seen, telemetry(t_s), t_s + 0.03)
+    return decision
+
+
+@pytest.mark.parametrize(
+    ("offset_m", "stick", "sign"),
+    [
+        ((-2.0, 0.0, 0.0), "pitch_percent", 1),
+        ((2.0, 0.0, 0.0), "pitch_percent", -1),
+        ((0.0, -1.0, 0.0), "roll_percent", 1),
+        ((0.0, 1.0, 0.0), "roll_percent", -1),
+        ((0.0, 0.0, 1.0), "heave_percent", 1),
+        ((0.0, 0.0, -1.0), "heave_percent", -1),
+    ],
+)
+def test_stick_leads_back_to_the_place_wanted(offset_m, stick, sign):
+    command = settled(HOVER_IN_BAR_M + np.array(offset_m)).command
+    assert sign * getattr(command, stick) > 5.0
+    others = {"pitch_percent", "roll_percent", "heave_percent", "yaw_percent"} - {stick}
+    assert all(abs(getattr(command, other)) < 1e-6 for other in others)
+
+
+def test_nose_right_of_the_bar_turns_left():
+    command = settled(HOVER_IN_BAR_M, yaw_rad=math.radians(10.0)).command
+    assert command.yaw_percent == pytest.approx(-55.0, abs=3.0)  # K_P 5.5 %/° and a little integral
+
+
+def test_error_is_flown_in_the_aircrafts_own_axes():
+    # 90° nose right of the bar: what is ahead of the bar lies to the left of the aircraft
+    command = settled(HOVER_IN_BAR_M + np.array([-2.0, 0.0, 0.0]), yaw_rad=math.pi / 2).command
+    assert command.roll_percent < -10.0
+    assert abs(command.pitch_percent) < 1e-6
+
+
+def test_camera_looks_at_the_bar():
+    command = settled(np.array([-2.0, 0.0, 0.0]) - CAMERA_IN_BODY_M + np.array([0.0, 0.0, 0.7]), cycles=90).command
+    assert command.gimbal_pitch_rad == pytest.approx(math.atan2(0.7, 2.0), abs=0.01)
+
+
+def test_steady_in_the_square_lands_and_the_landed_vehicle_ends_it():
+    pilot = PaperPilot(PARAMETERS, RIG, CAMERA_IN_BODY_M)
+    landing = settled(HOVER_IN_BAR_M, cycles=90, pilot=pilot)
+    assert landing.mode is Mode.LAND
+    assert landing.command.intent is Intent.LAND
+    assert landing.command.heave_percent == -PARAMETERS.approach.descent_percent
+    after_s = 91 * STEP_S
+    done = pilot.decide(Observation(after_s, LEVEL), telemetry(after_s, flying=False), after_s)
+    assert done.mode is Mode.DONE
+    assert done.command.heave_percent == 0.0
+
+
+def test_just_outside_the_margin_does_not_land():
+    half_m = 0.5 * PARAMETERS.approach.square_m * PARAMETERS.approach.square_margin
+    outside = HOVER_IN_BAR_M + np.array([0.0, half_m + 0.03, 0.0])
+    assert settled(outside, cycles=90).mode is Mode.APPROACH
+
+
+def test_without_data_the_sticks_decay_to_zero():
+    pilot = PaperPilot(PARAMETERS, RIG, CAMERA_IN_BODY_M)
+    before = settled(HOVER_IN_BAR_M + np.array([-4.0, 0.0, 0.0]), cycles=60, pilot=pilot)
+    assert before.command.pitch_percent == pytest.approx(30.0)
+    for index in range(60, 60 + 90):
+        t_s = index * STEP_S
+        decision = pilot.decide(Observation(t_s, LEVEL, reason="fog"), telemetry(t_s), t_s)
+    assert decision.mode is Mode.NO_VISION
+    assert abs(decision.command.pitch_percent) < 1.0  # percent, of the 30 fed before
+
+
+def test_boxes_fly_the_far_laws():
+    pilot = PaperPilot(PARAMETERS, RIG, CAMERA_IN_BODY_M)
+    for index in range(60):
+        t_s = index * STEP_S
+        box = Box((740.0, 360.0), (20.0, 20.0), 0.9)
+        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s), t_s)
+    assert decision.mode is Mode.TRACK_SHIP
+    assert decision.command.pitch_percent == pytest.approx(0.008 * (5000.0 - 400.0))
+    assert decision.command.roll_percent == 100.0  # 1.2 · (exp(1.58) − 1) · 100, clamped
+    assert decision.command.heave_percent == 0.0
+
+
+@pytest.mark.parametrize("start_m", [(-10.0, 2.0, -1.0), (-6.0, -3.0, 1.0)])
+def test_a_velocity_held_aircraft_comes_to_rest_in_the_square(start_m):
+    """Aircraft that takes sticks as velocities (4 m/s, 1 m/s, 40°/s) with a lag of 0.5 s: the law alone."""
+    pilot = PaperPilot(PARAMETERS, RIG, CAMERA_IN_BODY_M)
+    place_m, velocity_mps = np.array(start_m), np.zeros(3)
+    for index in range(30 * 60):
+        t_s = index * STEP_S
+        decision = pilot.decide(Observation(t_s, LEVEL, pose_of(place_m)), telemetry(t_s), t_s)
+        if decision.mode is Mode.LAND:
+            break
+        command = decision.command
+        wanted_mps = np.array(
+            [0.04 * command.pitch_percent, 0.04 * command.roll_percent, -0.01 * command.heave_percent]
+        )
+        velocity_mps += (wanted_mps - velocity_mps) * STEP_S / 0.5
+        place_m = place_m + velocity_mps * STEP_S
+    assert decision.mode is Mode.LAND
+    assert np.all(np.abs(place_m[:2] - RIG.deck_in_bar_m[:2]) < 0.5 * RIG.landing_square_m)

@@ -1,0 +1,168 @@
+"""The rig against the paper's figures, and the cue's geometry."""
+
+import numpy as np
+import pytest
+
+from shipland.config import build
+from shipland.errors import ConfigError
+from shipland.rig import Quad, Rig, Target, default_rig, packaged_table
+
+# [Lee2022, Experimental Setup]
+PAPER = {
+    "platform_length_m": 3.0,
+    "platform_width_m": 1.8,
+    "superstructure_height_m": 1.8,
+    "deck_size_m": 1.22,
+    "landing_square_m": 0.35,
+    "surge_limit_m": 1.02,
+    "sway_limit_m": 1.02,
+    "heave_limit_m": 0.64,
+    "roll_limit_deg": 13.0,
+    "pitch_limit_deg": 15.0,
+    "yaw_limit_deg": 16.0,
+}
+# [Lee2022, Table 1]: box area at the setpoint of the far controller
+BAR_SETPOINT_PX2 = 3400.0
+SHIP_SETPOINT_PX2 = 5000.0
+
+
+def range_m(area_m2: float, area_px2: float, focal_px: float) -> float:
+    """Where a flat area seen square on covers that many pixels."""
+    return float(np.sqrt(area_m2 * focal_px**2 / area_px2))
+
+
+@pytest.mark.parametrize("name", list(PAPER))
+def test_the_papers_dimensions(rig, name):
+    assert getattr(rig, name) == PAPER[name]
+
+
+def test_bar_setpoint_of_the_far_controller_lies_at_10_3_m(rig, camera):
+    # The box is drawn around the board; 10.3 m leaves the near range (from 15 m) to begin before it.
+    got_m = range_m(rig.board_width_m * rig.board_height_m, BAR_SETPOINT_PX2, camera.focal_px)
+    assert got_m == pytest.approx(10.35, abs=0.05)
+
+
+def test_ship_setpoint_of_the_far_controller_lies_at_23_7_m(rig, camera):
+    got_m = range_m(rig.platform_width_m * rig.superstructure_height_m, SHIP_SETPOINT_PX2, camera.focal_px)
+    assert got_m == pytest.approx(23.7, abs=0.05)
+
+
+def test_platform_at_250_m_is_seven_pixels_wide(rig, camera):
+    # The paper's longest range: no detector that shrinks the picture can see it.
+    assert camera.focal_px * rig.platform_width_m / 250.0 == pytest.approx(6.7, abs=0.05)
+
+
+def test_target_is_two_rectangles_in_the_bars_plane(rig):
+    # 0.45 × 0.15 m, 0.30 m apart: from -0.60 to -0.15 and from 0.15 to 0.60; down is positive.
+    want = [
+        [0.0, -0.60, -0.075],
+        [0.0, -0.15, -0.075],
+        [0.0, -0.15, 0.075],
+        [0.0, -0.60, 0.075],
+        [0.0, 0.15, -0.075],
+        [0.0, 0.60, -0.075],
+        [0.0, 0.60, 0.075],
+        [0.0, 0.15, 0.075],
+    ]
+    assert rig.target.count == 2
+    np.testing.assert_allclose(rig.target.points_in_bar_m, want, atol=1e-12)
+
+
+def test_rectangles_fit_on_the_board(rig):
+    right_m, down_m = np.abs(rig.target.points_in_bar_m[:, 1:]).max(axis=0)
+    assert right_m <= 0.5 * rig.board_width_m
+    assert down_m <= 0.5 * rig.board_height_m
+
+
+def test_bar_is_2_09_m_ahead_of_the_deck_and_0_75_m_above_it(rig):
+    np.testing.assert_allclose(rig.bar_in_ship_m, [2.09, 0.0, -0.75], atol=1e-12)
+    np.testing.assert_allclose(rig.ship_from_bar.apply(rig.deck_in_bar_m), np.zeros(3), atol=1e-12)
+
+
+def test_deck_and_bar_stand_on_the_platform(rig):
+    half_deck_m = 0.5 * rig.deck_size_m
+    assert rig.deck_ahead_of_stern_m - half_deck_m >= 0.0
+    assert rig.bar_ahead_of_stern_m <= rig.platform_length_m
+    assert rig.bar_ahead_of_stern_m > rig.deck_ahead_of_stern_m + half_deck_m
+    assert rig.deck_size_m <= rig.platform_width_m
+    assert rig.bar_height_m + 0.5 * rig.board_height_m <= rig.superstructure_height_m
+
+
+def test_default_rig_is_the_packaged_one(rig):
+    assert default_rig() == rig
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "fault"),
+    [
+        ("deck_size_m", 0.0, "deck_size_m must be positive, got 0.0"),
+        ("rectangle_gap_m", -0.1, "rectangle_gap_m must be positive, got -0.1"),
+        ("landing_square_m", 2.0, "landing_square_m must fit on the deck"),
+        ("bar_ahead_of_stern_m", 0.5, "the bar must be ahead of the deck"),
+    ],
+)
+def test_impossible_rigs_are_refused(key, value, fault):
+    with pytest.raises(ConfigError, match=f"rig: {fault}"):
+        build(Rig, packaged_table("rig") | {key: value}, "rig")
+
+
+def test_a_missing_section_is_named():
+    with pytest.raises(ConfigError, match=r"no section \[rigg\]"):
+        packaged_table("rigg")
+
+
+class TestTargets:
+    GOOD = ((-1.0, -0.5), (1.0, -0.5), (1.0, 0.5), (-1.0, 0.5))
+
+    def test_rectangle_by_hand(self):
+        assert Quad.rectangle((0.5, 0.25), 1.0, 0.5).corners_m == ((0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (0.0, 0.5))
+
+    def test_a_leaning_trapezoid_is_good(self):
+        Quad(((-0.8, -0.6), (1.0, -0.3), (1.2, 0.5), (-1.0, 0.6)))
+
+    @pytest.mark.parametrize(
+        ("corners_m", "fault"),
+        [
+            (GOOD[::-1], "convex quadrilateral in the order"),  # counter-clockwise
+            ((GOOD[0], GOOD[2], GOOD[1], GOOD[3]), "convex quadrilateral"),  # crossed
+            ((GOOD[0], GOOD[1], (0.0, -0.4), GOOD[3]), "convex quadrilateral"),  # an arrowhead
+            ((GOOD[0], GOOD[1], GOOD[1], GOOD[3]), "convex quadrilateral"),  # a corner twice
+            ((GOOD[0], GOOD[1], (float("nan"), 0.5), GOOD[3]), "convex quadrilateral"),
+            (((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)), "convex quadrilateral"),  # a line
+            (GOOD[1:] + GOOD[:1], "must start at the top-left corner"),
+            (GOOD[2:] + GOOD[:2], "must start at the top-left corner"),
+            (GOOD[3:] + GOOD[:3], "must start at the top-left corner"),
+            (GOOD[:3], r"four \(right, down\) points, got shape \(3, 2\)"),
+        ],
+    )
+    def test_bad_quadrilaterals_are_refused(self, corners_m, fault):
+        with pytest.raises(ValueError, match=fault):
+            Quad(corners_m)
+
+    def test_a_target_without_quadrilaterals_is_refused(self):
+        with pytest.raises(ValueError, match=r"at least one \[\[quad\]\]"):
+            Target(())
+
+    def test_file_round_trip(self, rig, tmp_path):
+        lines = [f"[[quad]]\ncorners_m = {[list(corner) for corner in quad.corners_m]}\n" for quad in rig.target.quad]
+        path = tmp_path / "target.toml"
+        path.write_text("\n".join(lines))
+        assert Target.from_file(path) == rig.target
+
+    @pytest.mark.parametrize(
+        ("text", "fault"),
+        [
+            ("", "missing key 'quad'"),
+            ("quad = []", "at least one"),
+            ("quad = 3", "expected a list, got 3"),
+            ("[[quads]]\ncorners_m = []", "unknown key 'quads'; did you mean 'quad'"),
+            ("[[quad]]\ncorners_m = [[0, 0], [1, 0], [1, 1]]", r"quad\[0\].corners_m: expected 4 values, got 3"),
+            ("[[quad]]\ncorners_m = [[0, 0], [1, 0], [1, 1], [0]]", r"corners_m\[3\]: expected 2 values, got 1"),
+            ("[[quad]]\ncorners_m = [[0, 0], [0, 1], [1, 1], [1, 0]]", r"quad\[0\]: corners_m must be a convex"),
+        ],
+    )
+    def test_bad_target_files_are_refused_with_file_and_place(self, tmp_path, text, fault):
+        path = tmp_path / "target.toml"
+        path.write_text(text)
+        with pytest.raises(ConfigError, match=rf"target\.toml.*{fault}"):
+            Target.from_file(path)

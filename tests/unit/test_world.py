@@ -1,0 +1,245 @@
+"""The world: the deck's kinematics, what MuJoCo makes of them, starts, gimbal, telemetry, and determinism."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from worlds import QUIET, CircleCourse, WanderingCourse, aircraft_parameters, natops, six_sinusoids, world
+
+from shipland.config import ConfigError, build, merge
+from shipland.frames import MUJOCO_FROM_NED, Array, euler_from_rotation, rotation_from_euler
+from shipland.messages import Intent, PilotCommand
+from shipland.rig import Rig, packaged_table
+from shipland.sim.deck_drive import Stage, against_deck, deck_state
+from shipland.sim.model import build_model
+from shipland.sim.ship import Ship, ShipState
+from shipland.sim.touchdown import VerdictParameters
+from shipland.sim.world import STEP_S, StartParameters
+
+TIMES = (0.0, 1.3, 7.9)
+H = 1e-3
+"""Step of central differences [s]; their error is about h² times a third derivative: 1e-6 of the motion."""
+
+
+@pytest.fixture(params=[False, True], ids=["rig", "full ship"])
+def ship(request: pytest.FixtureRequest, rig: Rig) -> Ship:
+    return Ship(rig, WanderingCourse(), six_sinusoids(), full_ship=request.param)
+
+
+@pytest.mark.parametrize("t_s", TIMES)
+def test_deck_velocity_and_acceleration_are_the_derivatives_of_its_pose(ship: Ship, t_s: float) -> None:
+    deck = deck_state(ship.at(t_s))
+    before, now, after = (ship.at(t).ned_from_deck for t in (t_s - H, t_s, t_s + H))
+    np.testing.assert_allclose(deck.origin_m, now.translation_m, atol=1e-12)
+    np.testing.assert_allclose(np.reshape(deck.ned_from_deck, (3, 3)), now.rotation, atol=1e-12)
+    slope = (after.translation_m - before.translation_m) / (2 * H)
+    bend = (after.translation_m - 2 * now.translation_m + before.translation_m) / H**2
+    np.testing.assert_allclose(deck.velocity_mps, slope, atol=1e-5)
+    np.testing.assert_allclose(deck.acceleration_mps2, bend, atol=1e-5)
+    turning = (after.rotation - before.rotation) / (2 * H) @ now.rotation.T
+    np.testing.assert_allclose(deck.turn_rad_s, [turning[2, 1], turning[0, 2], turning[1, 0]], atol=1e-6)
+    roll, pitch, yaw = (np.array([deck_state(ship.at(t)).angles_rad[i] for t in (t_s - H, t_s, t_s + H)]) for i in range(3))
+    for index, angle in enumerate((roll, pitch, yaw)):
+        assert deck.rates_rad_s[index] == pytest.approx((angle[2] - angle[0]) / (2 * H), abs=1e-6)
+        assert deck.accelerations_rad_s2[index] == pytest.approx((angle[2] - 2 * angle[1] + angle[0]) / H**2, abs=1e-5)
+
+
+@pytest.mark.parametrize("t_s", TIMES)
+def test_mujoco_has_the_ship_where_it_is_and_accelerates_the_deck_as_told(ship: Ship, rig: Rig, t_s: float) -> None:
+    model = build_model(rig, aircraft_parameters().airframe, STEP_S)
+    data = mujoco.MjData(model.mj)
+    data.qpos[2] = 50.0  # the aircraft out of the way
+    state = ship.at(t_s)
+    deck = deck_state(state)
+    stage = Stage(model, data)
+    stage.set_deck(deck)
+    stage.set_hull(state, deck)
+    mujoco.mj_forward(model.mj, data)
+    bodies = (("deck", state.ned_from_deck), ("ship", state.ned_from_hull), ("bar", state.ned_from_bar))
+    for name, pose in bodies:
+        body = data.body(name)
+        np.testing.assert_allclose(body.xpos, MUJOCO_FROM_NED @ pose.translation_m, atol=1e-9)
+        flipped = MUJOCO_FROM_NED @ pose.rotation @ MUJOCO_FROM_NED
+        np.testing.assert_allclose(body.xmat.reshape(3, 3), flipped, atol=1e-9)
+    velocity = np.zeros(6)
+    mujoco.mj_objectVelocity(model.mj, data, mujoco.mjtObj.mjOBJ_XBODY, model.mj.body("deck").id, velocity, 0)
+    half_step_earlier = deck_state(ship.at(t_s - 0.5 * STEP_S))  # MuJoCo's integrator is semi-implicit
+    np.testing.assert_allclose(velocity[:3], MUJOCO_FROM_NED @ half_step_earlier.turn_rad_s, atol=1e-4)
+    np.testing.assert_allclose(velocity[3:], MUJOCO_FROM_NED @ half_step_earlier.velocity_mps, atol=1e-6)
+    wanted = (*deck.acceleration_mps2, *deck.accelerations_rad_s2)
+    got = data.qacc[6:12] * [1, -1, -1, -1, -1, 1]
+    np.testing.assert_allclose(got, [*wanted[:3], wanted[5], wanted[4], wanted[3]], atol=1e-5)
+
+
+def test_a_point_carried_by_the_deck_has_no_velocity_against_it(ship: Ship) -> None:
+    def at(t_s: float) -> Array:
+        return ship.at(t_s).ned_from_deck.apply(np.array([0.3, -0.2, -0.05]))
+
+    t_s = 2.7
+    velocity = (at(t_s + H) - at(t_s - H)) / (2 * H)
+    down_axis = ship.at(t_s).ned_from_deck.rotation @ rotation_from_euler(0.1, 0.0, 2.0)[:, 2]
+    on_deck = against_deck(deck_state(ship.at(t_s)), tuple(at(t_s)), tuple(velocity), tuple(down_axis))
+    np.testing.assert_allclose(on_deck.position_m, [0.3, -0.2, -0.05], atol=1e-9)
+    np.testing.assert_allclose(on_deck.velocity_mps, 0.0, atol=1e-5)
+    assert on_deck.tilt_rad == pytest.approx(0.1, abs=1e-6)
+
+
+def test_start_is_where_the_configuration_says(rig: Rig) -> None:
+    ship = Ship(rig, CircleCourse(4.0, 0.2), natops())
+    flown = world(ship=ship, distance_m=20.0, bearing_deg=30.0, height_m=3.0, start={"heading_error_deg": 5.0})
+    truth = flown.truth()
+    in_ship = truth.ned_from_ship.inverse().apply(truth.ned_from_body.translation_m)
+    np.testing.assert_allclose(in_ship, [-20.0 * math.cos(math.pi / 6), 10.0, -3.0], atol=1e-9)
+    heading = euler_from_rotation(truth.ned_from_body.rotation)[2]
+    assert math.degrees(heading) == pytest.approx(-30.0 + 5.0, abs=1e-6)  # at the deck's centre, but for the error
+    np.testing.assert_array_equal(truth.velocity_in_ned_mps, 0.0)
+    assert flown.gimbal().pitch_rad == 0.0
+    assert flown.t_s == 0.0
+
+
+def test_starts_spread_uniformly_within_their_bounds() -> None:
+    spread = {"distance_spread_m": 2.0, "bearing_spread_deg": 10.0, "height_spread_m": 0.5}
+    truths = [world(distance_m=12.0, height_m=1.5, start=spread, seed=seed).truth() for seed in range(40)]
+    places = np.array([t.ned_from_ship.inverse().apply(t.ned_from_body.translation_m) for t in truths])
+    distance = np.hypot(places[:, 0], places[:, 1])
+    bearing = np.degrees(np.arctan2(places[:, 1], -places[:, 0]))
+    for values, middle, half in ((distance, 12.0, 2.0), (bearing, 0.0, 10.0), (-places[:, 2], 1.5, 0.5)):
+        assert np.abs(values - middle).max() <= half + 1e-9
+        assert np.abs(values - middle).max() > 0.7 * half  # 40 draws: missed once in 10⁶
+        assert abs(values.mean() - middle) < 0.4 * half
+
+
+def test_bad_starts_and_limits_are_refused() -> None:
+    for change in ({"height_m": 0.2}, {"distance_m": 1.0}, {"bearing_spread_deg": -1.0}, {"distanc_m": 3.0}):
+        with pytest.raises(ConfigError):
+            build(StartParameters, merge(packaged_table("start"), change), "start")
+    for change in ({"max_slip_m": 0.0}, {"patience_s": 1.0}):
+        with pytest.raises(ConfigError):
+            build(VerdictParameters, merge(packaged_table("verdict"), change), "verdict")
+
+
+def _fly(cuts_s: list[float], chatty: bool) -> tuple[Array, Array]:
+    ship = Ship(world()._ship.rig, WanderingCourse(), six_sinusoids())
+    flown = world(ship=ship, distance_m=4.0, height_m=1.0, wind_mps=(3.0, -2.0, 0.0), start={"bearing_spread_deg": 20.0})
+    commanded = 0
+    for t_s in sorted({*cuts_s, *np.arange(0.0, 4.0, 0.5)}):
+        flown.advance(t_s)
+        if chatty:
+            flown.telemetry()
+            flown.truth()
+            flown.scene_state()
+        if t_s == 0.5 * commanded:
+            intent = Intent.LAND if commanded > 2 else Intent.FLY
+            flown.command(PilotCommand(t_s, 60.0 - 10 * commanded, 5.0, -30.0, 10.0, -0.1, intent))
+            commanded += 1
+    flown.advance(4.0)
+    truth = flown.truth()
+    return np.r_[truth.ned_from_body.matrix().ravel(), truth.velocity_in_ned_mps], truth.ned_from_camera.matrix()
+
+
+def test_the_same_seed_gives_the_same_flight_however_it_is_cut_and_watched(rng: np.random.Generator) -> None:
+    body, camera = _fly([], chatty=False)
+    for cuts in ([], rng.uniform(0.0, 4.0, 300).tolist()):
+        again_body, again_camera = _fly(cuts, chatty=True)
+        np.testing.assert_array_equal(again_body, body)
+        np.testing.assert_array_equal(again_camera, camera)
+
+
+def test_another_seed_gives_another_flight() -> None:
+    first, second = world(seed=1), world(seed=2)
+    for flown in (first, second):
+        flown.advance(1.0)
+    assert not np.array_equal(first.truth().velocity_in_ned_mps, second.truth().velocity_in_ned_mps)
+
+
+def test_time_runs_on_its_grid_and_never_back() -> None:
+    flown = world()
+    flown.advance(1.0 / 30.0)
+    assert flown.t_s == pytest.approx(0.032)
+    assert flown.truth().t_s == flown.t_s == flown.scene_state().t_s
+    flown.advance(0.01)
+    assert flown.t_s == pytest.approx(0.032)
+
+
+def test_gimbal_slews_at_its_rate_within_its_range_and_holds_the_horizon() -> None:
+    flown = world(camera={"gimbal_noise_rad": 0.0}, wind_mps=(9.0, 0.0, 0.0))
+    flown.command(PilotCommand(0.0, 0.0, 0.0, 0.0, 0.0, -3.0))
+    flown.advance(0.25)
+    assert flown.gimbal().pitch_rad == pytest.approx(-3.14 * 0.25, abs=3.14 * 0.004 + 1e-9)
+    flown.command(PilotCommand(0.25, 50.0, 50.0, 0.0, 0.0, -3.0))
+    flown.advance(1.2)
+    assert flown.gimbal().pitch_rad == pytest.approx(-1.5708)
+    roll, _, _ = euler_from_rotation(flown.truth().ned_from_body.rotation)
+    assert abs(roll) > 0.02  # the aircraft tilts, the camera does not: its right axis stays level
+    assert flown.truth().ned_from_camera.rotation[2, 0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_gimbal_residual_has_its_size_and_is_not_reported() -> None:
+    flown = world(camera={"gimbal_noise_rad": 0.01})
+    rolls = []
+    for t_s in np.arange(0.2, 60.0, 0.2):
+        flown.advance(float(t_s))
+        rolls.append(np.arcsin(-flown.truth().ned_from_camera.rotation[2, 0]))
+        assert flown.gimbal().roll_rad == 0.0
+    assert np.std(rolls) == pytest.approx(0.01, rel=0.25)  # 300 draws with 0.1 s of memory: 4 % of scatter, 6 sigma
+
+
+def test_scene_state_moves_as_its_poses_say() -> None:
+    flown = world(aircraft=QUIET, camera={"gimbal_noise_rad": 0.0})
+    states = []
+    for index in range(4):
+        flown.command(PilotCommand(0.0, 60.0, -30.0, 20.0, 80.0, -1.5))
+        flown.advance(0.3 + 0.004 * index)
+        states.append(flown.scene_state())
+    before, now, after = states[1:]
+    span = after.t_s - before.t_s
+    slope = (after.ned_from_camera.translation_m - before.ned_from_camera.translation_m) / span
+    np.testing.assert_allclose(now.camera_velocity_in_ned_mps, slope, atol=0.02)
+    step = now.ned_from_camera.rotation.T @ (after.ned_from_camera.rotation - before.ned_from_camera.rotation) / span
+    np.testing.assert_allclose(now.camera_rate_in_camera_rad_s, [step[2, 1], step[0, 2], step[1, 0]], atol=0.02)
+    assert np.abs(now.camera_rate_in_camera_rad_s).max() > 1.0
+
+
+def test_telemetry_is_the_truth_plus_its_errors() -> None:
+    flown = world(height_m=20.0, bearing_deg=-60.0)
+    sensors = aircraft_parameters().sensors
+    rows = []
+    for t_s in np.arange(0.1, 20.0, 0.1):
+        flown.command(PilotCommand(float(t_s), 20.0, 0.0, 0.0, 0.0, 0.0))
+        flown.advance(float(t_s))
+        truth, said = flown.truth(), flown.telemetry()
+        roll, pitch, heading = euler_from_rotation(truth.ned_from_body.rotation)
+        level = rotation_from_euler(0.0, 0.0, heading).T @ truth.velocity_in_ned_mps
+        assert said.heading_rad is not None
+        assert said.height_m is not None
+        assert said.velocity_in_level_mps is not None
+        rows.append(
+            [
+                said.roll_rad - roll,
+                said.pitch_rad - pitch,
+                said.heading_rad - heading,
+                said.height_m + truth.ned_from_body.translation_m[2],
+                *(said.velocity_in_level_mps - level),
+            ]
+        )
+        assert said.flying
+    spread, mean = np.std(rows, axis=0), np.mean(rows, axis=0)
+    np.testing.assert_allclose(spread[:2], sensors.attitude_noise_rad, rtol=0.3)
+    assert spread[2] == pytest.approx(sensors.heading_noise_rad, rel=0.3)
+    assert abs(mean[2]) > 1e-4  # this seed's bias
+    assert abs(mean[2]) < 4.0 * sensors.heading_bias_rad
+    np.testing.assert_allclose(spread[4:], sensors.velocity_noise_mps, rtol=0.5)  # 40 independent draws
+    assert spread[3] < 0.25  # noise 0.05 m and a walk of 0.02 m/√s over 20 s
+    assert flown.telemetry().battery_percent == pytest.approx(100.0 * (1.0 - 20.0 / 1500.0), abs=0.1)
+    assert flown.telemetry().link_percent == pytest.approx(92.0, abs=2.0)  # some 300 m of 4 km
+
+
+def test_ship_state_is_the_ships_own(rig: Rig) -> None:
+    ship = Ship(rig, CircleCourse(4.5, 0.3), natops())
+    flown = world(ship=ship, distance_m=30.0)
+    flown.advance(3.0)
+    state: ShipState = ship.at(flown.t_s)
+    truth = flown.truth()
+    np.testing.assert_array_equal(truth.ned_from_deck.matrix(), state.ned_from_deck.matrix())
+    np.testing.assert_array_equal(truth.ned_from_bar.matrix(), state.ned_from_bar.matrix())

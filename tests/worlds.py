@@ -1,0 +1,116 @@
+"""Simulated worlds for tests: the packaged configuration with a few things changed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from shipland.camera import CameraParameters
+from shipland.config import build, merge
+from shipland.rig import default_rig, packaged_table
+from shipland.sim.aircraft import AircraftParameters
+from shipland.sim.ship import CourseState, DeckMotion, Ship, Sinusoids, Still, StillCourse
+from shipland.sim.touchdown import VerdictParameters
+from shipland.sim.wind import SteadyWind, Wind
+from shipland.sim.world import StartParameters, World
+
+QUIET = {
+    "sensors": {
+        "velocity_noise_mps": 0.0,
+        "attitude_noise_rad": 0.0,
+        "heading_noise_rad": 0.0,
+        "heading_bias_rad": 0.0,
+        "height_noise_m": 0.0,
+        "height_drift_m_per_sqrt_s": 0.0,
+    }
+}
+"""Laid over `[aircraft]`: every sensor exact."""
+
+
+def aircraft_parameters(overlay: dict[str, Any] | None = None) -> AircraftParameters:
+    """The packaged aircraft with `overlay` laid over it."""
+    return build(AircraftParameters, merge(packaged_table("aircraft"), overlay or {}), "aircraft")
+
+
+def world(
+    *,
+    distance_m: float = 300.0,
+    bearing_deg: float = 0.0,
+    height_m: float = 20.0,
+    wind_mps: tuple[float, float, float] | Wind = (0.0, 0.0, 0.0),
+    ship: Ship | None = None,
+    aircraft: dict[str, Any] | None = None,
+    camera: dict[str, Any] | None = None,
+    start: dict[str, Any] | None = None,
+    seed: int = 5,
+) -> World:
+    """A world with an exact start: far astern of a ship that lies still heading north, unless told otherwise."""
+    rig = default_rig()
+    exact = {
+        "distance_m": distance_m,
+        "distance_spread_m": 0.0,
+        "bearing_deg": bearing_deg,
+        "bearing_spread_deg": 0.0,
+        "height_m": height_m,
+        "height_spread_m": 0.0,
+        "heading_error_spread_deg": 0.0,
+    }
+    return World(
+        rig,
+        build(CameraParameters, merge(packaged_table("camera"), camera or {}), "camera"),
+        aircraft_parameters(aircraft),
+        build(VerdictParameters, packaged_table("verdict"), "verdict"),
+        ship or Ship(rig, StillCourse(), Still()),
+        SteadyWind(np.array(wind_mps)) if isinstance(wind_mps, tuple) else wind_mps,
+        build(StartParameters, merge(merge(packaged_table("start"), exact), start or {}), "start"),
+        np.random.default_rng(seed),
+    )
+
+
+class CircleCourse:
+    """Way at a steady speed along a circle, heading along it."""
+
+    def __init__(self, speed_mps: float, rate_rad_s: float) -> None:
+        self._speed, self._rate = speed_mps, rate_rad_s
+
+    def at(self, t_s: float) -> CourseState:
+        speed, rate = self._speed, self._rate
+        course = rate * t_s
+        c, s = math.cos(course), math.sin(course)
+        return CourseState(
+            speed / rate * np.array([s, 1.0 - c]),
+            speed * np.array([c, s]),
+            speed * rate * np.array([-s, c]),
+            course,
+            rate,
+            0.0,
+        )
+
+
+class WanderingCourse:
+    """A course with everything in it: position and heading wander, each on its own."""
+
+    def at(self, t_s: float) -> CourseState:
+        a, b, c = 0.3 * t_s, 0.2 * t_s, 0.4 * t_s
+        return CourseState(
+            np.array([3.0 * math.sin(a), 2.0 * math.cos(b)]),
+            np.array([0.9 * math.cos(a), -0.4 * math.sin(b)]),
+            np.array([-0.27 * math.sin(a), -0.08 * math.cos(b)]),
+            0.6 * math.sin(c) + 0.3,
+            0.24 * math.cos(c),
+            -0.096 * math.sin(c),
+        )
+
+
+def natops() -> DeckMotion:
+    """[Lee2022]'s NATOPS limits: roll ±8° at 10.1 s, pitch ±3° at 6.5 s."""
+    amplitude = [0.0, 0.0, 0.0, math.radians(8.0), math.radians(3.0), 0.0]
+    return Sinusoids(amplitude, [10.0, 10.0, 10.0, 10.1, 6.5, 10.0], [0.0, 0.0, 0.0, 0.4, 1.1, 0.0])
+
+
+def six_sinusoids() -> DeckMotion:
+    """All six motions, a tenth of the rig's limits to a half."""
+    amplitude = [0.3, 0.2, 0.15, math.radians(8.0), math.radians(5.0), math.radians(6.0)]
+    return Sinusoids(amplitude, [7.0, 5.0, 4.0, 6.0, 5.5, 8.0], [0.1, 0.9, 1.7, 0.4, 1.1, 2.0])

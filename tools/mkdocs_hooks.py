@@ -1,0 +1,82 @@
+"""What MkDocs does beyond Markdown: tables of the packaged configuration, and formulas as MathML without scripts."""
+
+from __future__ import annotations
+
+import html
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import griffe
+from latex2mathml.converter import convert
+
+DEFAULTS = Path(__file__).parent.parent / "src" / "shipland" / "configs" / "default.toml"
+NO_BREAK_SPACE = "\u00a0"
+TABLES = "<!-- tables of default.toml -->"
+SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE)
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:  # noqa: ANN401 - MkDocs passes its own objects by name
+    """Puts the tables where the page asks for them."""
+    if TABLES not in markdown:
+        return markdown
+    return markdown.replace(TABLES, configuration_tables(DEFAULTS.read_text(encoding="utf-8")))
+
+
+def on_page_content(content: str, **_: Any) -> str:  # noqa: ANN401
+    """Turns TeX between dollars into MathML, which browsers draw themselves."""
+    return FORMULA.sub(
+        lambda match: convert(html.unescape(match[2]), display="block" if match[1] == "div" else "inline"), content
+    )
+
+
+class SeveralNames(griffe.Extension):
+    """Lets a docstring describe several attributes in one line: `a, b: …` would be read as `a` of type `b`."""
+
+    def on_object(self, *, obj: griffe.Object, **_: Any) -> None:  # noqa: ANN401
+        """Makes the spaces between the names non-breaking, which keeps them one name."""
+        if obj.docstring:
+            obj.docstring.value = SEVERAL_NAMES.sub(
+                lambda match: f"{match[1]}{match[2].replace(' ', NO_BREAK_SPACE)}: ", obj.docstring.value
+            )
+
+
+def configuration_tables(text: str) -> str:
+    """Markdown: for each section of a TOML text a heading and a table of key, value and comment."""
+    lines, pending = [], ""
+    for raw in text.splitlines():
+        if raw.startswith("#") or not (pending or raw.strip()):
+            continue
+        pending = f"{pending}\n{raw}" if pending else raw
+        parsed = _split(pending)
+        if parsed is None:
+            continue  # a value that goes on in the next line
+        code, comment = parsed
+        if code.startswith("["):
+            lines += [
+                "",
+                f"### `{code}`",
+                "",
+                *([comment, ""] if comment else []),
+                "| key | value | source or meaning |",
+            ]
+            lines += ["|---|---|---|"]
+        else:
+            key, _, value = code.partition("=")
+            lines.append(f"| `{key.strip()}` | `{' '.join(value.split())}` | {comment.replace('|', '&#124;')} |")
+        pending = ""
+    return "\n".join(lines)
+
+
+def _split(statement: str) -> tuple[str, str] | None:
+    """Code and comment of one TOML statement, or None while it is not complete."""
+    for end in [index for index, letter in enumerate(statement) if letter == "#"] + [len(statement)]:
+        code = statement[:end].strip()
+        try:
+            tomllib.loads(code)
+        except tomllib.TOMLDecodeError:
+            continue
+        return code, statement[end:].lstrip("# ").strip()
+    return None
