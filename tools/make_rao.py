@@ -167,7 +167,7 @@ def added_mass(waves: Radiation, omega_e: float, to_centre: np.ndarray) -> np.nd
 def make_ship(waves: Radiation) -> Ship:
     """Place the centre of gravity so that the roll period is `ROLL_PERIOD_S`."""
     x, _, z = waves.centres.T
-    nx, ny, nz = waves.normals.T
+    nz = waves.normals[:, 2]
     volume = float(np.sum(-nz * -z * waves.areas))
     z_b = float(np.sum(-nz * -0.5 * z**2 * waves.areas)) / volume
     x_b = float(np.sum(-nz * -z * x * waves.areas)) / volume

@@ -11,18 +11,16 @@ from typing import Any
 import griffe
 from latex2mathml.converter import convert
 
-DEFAULTS = Path(__file__).parent.parent / "src" / "shipland" / "configs" / "default.toml"
+CONFIGS = Path(__file__).parent.parent / "src" / "shipland" / "configs"
 NO_BREAK_SPACE = "\u00a0"
-TABLES = "<!-- tables of default.toml -->"
+TABLES = re.compile(r"<!-- tables of (\w+\.toml) -->")
 SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:  # noqa: ANN401 - MkDocs passes its own objects by name
-    """Puts the tables where the page asks for them."""
-    if TABLES not in markdown:
-        return markdown
-    return markdown.replace(TABLES, configuration_tables(DEFAULTS.read_text(encoding="utf-8")))
+    """Puts the tables where a page asks for them: `<!-- tables of default.toml -->`."""
+    return TABLES.sub(lambda match: configuration_tables((CONFIGS / match[1]).read_text(encoding="utf-8")), markdown)
 
 
 def on_page_content(content: str, **_: Any) -> str:  # noqa: ANN401

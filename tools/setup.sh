@@ -22,6 +22,10 @@ stamped() { # stamped run|dev: is that stamp there and current?
     [[ -f .venv/.ready-$1 && $(<".venv/.ready-$1") == "$stamp" ]]
 }
 
+can_make_environments() {
+    "$python" -c 'import ensurepip, venv' >/dev/null 2>&1
+}
+
 # The first Python ≥ 3.11 on the path, newest named one first; one that can make environments goes before one that cannot.
 python=''
 find_python() {
@@ -29,10 +33,8 @@ find_python() {
     for name in python3.13 python3.12 python3.11 python3; do
         while IFS= read -r candidate; do
             "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 || continue
-            if "$candidate" -c 'import ensurepip, venv' >/dev/null 2>&1; then
-                python=$candidate
-                return
-            fi
+            python=$candidate
+            can_make_environments && return
             fallback=${fallback:-$candidate}
         done < <(type -aP "$name" || true)
     done
@@ -58,17 +60,18 @@ fi
 
 find_python
 [[ $python ]] || fail "needs Python 3.11 or newer and found none; run: apt install python3 python3-venv (Debian 12, Ubuntu 24.04 or newer)"
-if ! "$python" -c 'import ensurepip, venv' >/dev/null 2>&1; then
-    [[ $(id -u) == 0 ]] || fail "$python cannot make virtual environments; run: sudo apt install python3-venv"
-    install_packages "$python cannot make virtual environments" python3-venv
-    find_python
-    "$python" -c 'import ensurepip, venv' >/dev/null 2>&1 ||
-        fail "$python still cannot make virtual environments; install the venv package of its version"
+missing=() packages=()
+if ! can_make_environments; then
+    missing+=("$python cannot make virtual environments") packages+=(python3-venv)
 fi
-
-if ! reason=$("$python" tools/check_graphics.py 2>&1); then
-    install_packages "the renderer lacks a system library ($reason)" "${graphics_packages[@]}"
-    reason=$("$python" tools/check_graphics.py 2>&1) || fail "still no off-screen OpenGL: $reason"
+if ! reason=$("$python" tools/check_graphics.py 2>/dev/null); then
+    missing+=("the renderer cannot draw off screen: $reason") packages+=("${graphics_packages[@]}")
+fi
+if [[ ${packages[*]} ]]; then
+    install_packages "$(IFS=';' && echo "${missing[*]}" | sed 's/;/; /g')" "${packages[@]}"
+    find_python
+    can_make_environments || fail "$python still cannot make virtual environments; install the venv package of its version"
+    reason=$("$python" tools/check_graphics.py 2>/dev/null) || fail "still no off-screen OpenGL: $reason"
 fi
 
 # An environment that was moved, or whose Python is gone, is made anew; one made by hand without a stamp is kept.

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from worlds import world
 
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build
@@ -15,14 +14,13 @@ from shipland.sim.wind import SteadyWind
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import Vehicle
+from worlds import natops, world
 
 Made = Callable[[int], Vehicle]
 
 
 def simulated(seed: int) -> Vehicle:
     rig = default_rig()
-    from worlds import natops
-
     flown = world(
         distance_m=3.0,
         height_m=1.2,
@@ -126,10 +124,12 @@ def test_sticks_mean_forward_right_up_and_clockwise(make: Made) -> None:
 def test_nothing_raises_in_flight_whatever_is_sent(make: Made) -> None:
     vehicle = make(6)
     vehicle.open()
-    for value in (float("nan"), float("inf"), -float("inf"), 1e12):
+    for value in (float("nan"), float("inf"), -float("inf"), -1e12):
         for intent in Intent:
             vehicle.send(PilotCommand(value, value, value, value, value, value, intent))
             assert vehicle.read() is not None
+    vehicle.send(PilotCommand(0.0, 1e12, 1e12, 1e12, 1e12, 1e12))
+    assert vehicle.read() is not None
     vehicle.close()
 
 
@@ -152,7 +152,9 @@ def test_the_same_seed_gives_the_same_truth_bit_for_bit() -> None:
         assert isinstance(vehicle, SimulatedVehicle)
         vehicle.open()
         states = []
-        pairs = cycles(vehicle, 60, 20.0, -5.0, -20.0, 10.0) + cycles(vehicle, 200, 0.0, 0.0, -60.0, 0.0, intent=Intent.LAND)
+        pairs = cycles(vehicle, 60, 20.0, -5.0, -20.0, 10.0) + cycles(
+            vehicle, 200, 0.0, 0.0, -60.0, 0.0, intent=Intent.LAND
+        )
         for frame, telemetry in pairs:
             truth = vehicle.truth_at(frame.t_s)
             if truth is not None:

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS]
-DEFAULTS = ROOT / "src" / "shipland" / "configs" / "default.toml"
+CONFIGS = sorted((ROOT / "src" / "shipland" / "configs").glob("*.toml"))
 
 
 def page_id(path: Path) -> str:
@@ -66,17 +66,17 @@ def test_no_script_or_font_comes_from_elsewhere():
     assert not [page_id(path) for path in DOCS if re.search(r"<(script|iframe|link)\b", prose(path))]
 
 
-def test_the_configuration_page_shows_every_key_of_the_defaults():
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.name)
+def test_the_configuration_page_shows_every_key(path):
     hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
-    text = DEFAULTS.read_text(encoding="utf-8")
+    text = path.read_text(encoding="utf-8")
     tables = hooks.configuration_tables(text)
     shown = re.findall(r"^\| `([\w.]+)` \|", tables, flags=re.MULTILINE)
     assert sorted(shown) == sorted(re.findall(r"^([\w.]+) *=", text, flags=re.MULTILINE))
     headings = re.findall(r"^### `\[+([\w.]+)\]+`", tables, flags=re.MULTILINE)
-    assert {heading.split(".")[0] for heading in headings} == {
-        key for key, value in tomllib.loads(text).items() if isinstance(value, dict)
-    }
-    assert hooks.TABLES in (ROOT / "docs" / "configuration.md").read_text(encoding="utf-8")
+    sections = {key for key, value in tomllib.loads(text).items() if isinstance(value, dict)}
+    assert {heading.split(".")[0] for heading in headings} == sections
+    assert path.name in hooks.TABLES.findall((ROOT / "docs" / "configuration.md").read_text(encoding="utf-8"))
 
 
 def test_configuration_tables_by_hand():

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from worlds import QUIET, world
 
 from shipland.camera import Camera
 from shipland.config import ConfigError, build, merge
@@ -13,6 +12,7 @@ from shipland.sim.state import SceneState
 from shipland.sim.world import World
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.simulated import SimulatedVehicle
+from worlds import QUIET, world
 
 GRID_S = 0.002
 FRAME_S = 1.0 / 30.0

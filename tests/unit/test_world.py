@@ -5,7 +5,6 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from worlds import QUIET, CircleCourse, WanderingCourse, aircraft_parameters, natops, six_sinusoids, world
 
 from shipland.config import ConfigError, build, merge
 from shipland.frames import MUJOCO_FROM_NED, Array, euler_from_rotation, rotation_from_euler
@@ -16,6 +15,7 @@ from shipland.sim.model import build_model
 from shipland.sim.ship import Ship, ShipState
 from shipland.sim.touchdown import VerdictParameters
 from shipland.sim.world import STEP_S, StartParameters
+from worlds import QUIET, CircleCourse, WanderingCourse, aircraft_parameters, natops, six_sinusoids, world
 
 TIMES = (0.0, 1.3, 7.9)
 H = 1e-3
@@ -39,7 +39,9 @@ def test_deck_velocity_and_acceleration_are_the_derivatives_of_its_pose(ship: Sh
     np.testing.assert_allclose(deck.acceleration_mps2, bend, atol=1e-5)
     turning = (after.rotation - before.rotation) / (2 * H) @ now.rotation.T
     np.testing.assert_allclose(deck.turn_rad_s, [turning[2, 1], turning[0, 2], turning[1, 0]], atol=1e-6)
-    roll, pitch, yaw = (np.array([deck_state(ship.at(t)).angles_rad[i] for t in (t_s - H, t_s, t_s + H)]) for i in range(3))
+    roll, pitch, yaw = (
+        np.array([deck_state(ship.at(t)).angles_rad[i] for t in (t_s - H, t_s, t_s + H)]) for i in range(3)
+    )
     for index, angle in enumerate((roll, pitch, yaw)):
         assert deck.rates_rad_s[index] == pytest.approx((angle[2] - angle[0]) / (2 * H), abs=1e-6)
         assert deck.accelerations_rad_s2[index] == pytest.approx((angle[2] - 2 * angle[1] + angle[0]) / H**2, abs=1e-5)
@@ -121,7 +123,9 @@ def test_bad_starts_and_limits_are_refused() -> None:
 
 def _fly(cuts_s: list[float], chatty: bool) -> tuple[Array, Array]:
     ship = Ship(world()._ship.rig, WanderingCourse(), six_sinusoids())
-    flown = world(ship=ship, distance_m=4.0, height_m=1.0, wind_mps=(3.0, -2.0, 0.0), start={"bearing_spread_deg": 20.0})
+    flown = world(
+        ship=ship, distance_m=4.0, height_m=1.0, wind_mps=(3.0, -2.0, 0.0), start={"bearing_spread_deg": 20.0}
+    )
     commanded = 0
     for t_s in sorted({*cuts_s, *np.arange(0.0, 4.0, 0.5)}):
         flown.advance(t_s)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from shipland.sim.scene import Scene
 
 _BEHIND_RIGHT_UP_M = np.array([-2.1, 1.3, 0.75])
-_LOOK_AHEAD_M = 1.6
+_LOOK_AHEAD_M = 1.4
 _LOWEST_M = 0.5
 _HORIZONTAL_FOV_DEG = 52.0
 
@@ -39,7 +39,7 @@ def chase_state(truth: GroundTruth) -> SceneState:
     eye_m[2] = min(eye_m[2], -_LOWEST_M)
     way_m = truth.ned_from_ship.translation_m - aircraft_m
     distance_m = float(np.linalg.norm(way_m))
-    aim_m = aircraft_m + way_m * min(1.0, _LOOK_AHEAD_M / max(distance_m, 1e-9))
+    aim_m = aircraft_m + way_m * min(0.5, _LOOK_AHEAD_M / max(distance_m, 1e-9))
     zero = np.zeros(3)
     return SceneState(
         t_s=truth.t_s,

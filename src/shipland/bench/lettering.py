@@ -12,11 +12,15 @@ from PIL import ImageFont
 Image = npt.NDArray[np.uint8]
 Bgr = tuple[int, int, int]
 
+_LAYOUT = ImageFont.Layout.BASIC  # the other one raises on control characters
+
 
 @functools.cache
 def _font(size_px: int, bold: bool) -> ImageFont.FreeTypeFont:
     folder = resources.files("matplotlib") / "mpl-data" / "fonts" / "ttf"  # DejaVu Sans travels with it
-    return ImageFont.truetype(str(folder / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")), size_px)
+    return ImageFont.truetype(
+        str(folder / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")), size_px, layout_engine=_LAYOUT
+    )
 
 
 @functools.lru_cache(maxsize=1024)

@@ -141,7 +141,7 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if not self._finished:
-            self.finish(None, "broken off" if error is None else f"broken off: {error or type(error).__name__}")
+            self.finish(None, "broken off" if error is None else f"broken off: {str(error) or type(error).__name__}")
         self._close()
 
     def _attempt(self, name: str, act: Callable[[], None]) -> None:
@@ -149,7 +149,7 @@ class Recorder:
         try:
             act()
         except Exception as error:
-            self.problems.append(f"{name} given up: {error or type(error).__name__}")
+            self.problems.append(f"{name} given up: {str(error) or type(error).__name__}")
             output = self._outputs.pop(name, None)
             if output is not None:
                 self._attempt(f"closing {name}", output.close)

@@ -258,7 +258,7 @@ def _draw_touchdown(
             f"tilt {np.degrees(verdict.tilt_rad):.1f}°, slip {100.0 * verdict.slip_m:.1f} cm"
         )
         corner_m = -0.5 * rig.deck_size_m + 0.03
-        axes.text(corner_m, corner_m, text, fontsize=9, va="bottom", bbox={"facecolor": "#e9ecef", "linewidth": 0})
+        axes.text(corner_m, corner_m, text, fontsize=9, va="bottom")
     if axes.get_legend_handles_labels()[0]:
         half = 0.5 + 0.5 * 0.94 * rig.deck_size_m / (2.0 * max(axes.get_xlim()))
         axes.legend(loc="upper right", bbox_to_anchor=(half, half), fontsize=8.5)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from shipland.bench.geometric import GeometricParameters, GeometricVision
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge, packaged_names, packaged_toml, read_toml, require
 from shipland.errors import ConfigError
@@ -25,7 +26,7 @@ from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vision.pipeline import NearVision, VisionParameters
 
-CameraKind = Literal["rendered"]
+CameraKind = Literal["rendered", "geometric"]
 PilotKind = Literal["paper"]
 
 
@@ -47,6 +48,7 @@ class Scenario:
     vision: VisionParameters
     guidance: GuidanceParameters
     safety: SafetyParameters
+    geometric: GeometricParameters
 
     def __post_init__(self) -> None:
         require(self.time_limit_s > 0.0, f"time_limit_s must be positive, got {self.time_limit_s}")
@@ -75,10 +77,8 @@ def load_scenario(table: dict[str, Any]) -> Scenario:
 
 
 def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> SimulatedVehicle:
-    """The simulated vehicle of one flight; the same seed gives the same flight."""
-    ship_rng, wind_rng, world_rng, picture_rng = (
-        np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(4)
-    )
+    """The simulated vehicle of one flight, its camera rendered or (`scene` None) geometric; seeds repeat flights."""
+    ship_rng, wind_rng, world_rng, picture_rng, _ = _generators(seed)
     world = World(
         scenario.rig,
         scenario.camera,
@@ -92,8 +92,19 @@ def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> Simulat
     return SimulatedVehicle(world, Camera.from_parameters(scenario.camera), scenario.delays, scene, picture_rng)
 
 
-def build_crew(scenario: Scenario, camera: Camera, vision: Vision | None = None) -> Crew:
-    """Eyes (the near vision unless others are given), pilot and safety for one flight."""
+def build_crew(scenario: Scenario, vehicle: SimulatedVehicle, camera: CameraKind, seed: int) -> Crew:
+    """Eyes, pilot and safety for one flight."""
     pilot: Pilot = PaperPilot(scenario.guidance, scenario.rig, np.array(scenario.camera.position_in_body_m))
-    eyes = vision if vision is not None else NearVision(scenario.rig.target, camera, scenario.vision)
+    eyes: Vision
+    if camera == "rendered":
+        eyes = NearVision(scenario.rig.target, vehicle.camera, scenario.vision)
+    else:
+        gimbal_noise_rad = scenario.vision.gimbal_noise_rad
+        target, rng = scenario.rig.target, _generators(seed)[4]
+        eyes = GeometricVision(vehicle, target, vehicle.camera, scenario.geometric, gimbal_noise_rad, rng)
     return Crew(eyes, pilot, Safety(scenario.safety, scenario.rig), scenario.delays)
+
+
+def _generators(seed: int) -> list[np.random.Generator]:
+    """Independent generators of ship, wind, aircraft, picture and geometric camera."""
+    return [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(5)]

@@ -68,6 +68,8 @@ class ApproachParameters:
         square_margin: share of the half side that the horizontal error must stay within.
         max_height_error_m, max_speed_mps, max_yaw_error_deg, max_data_age_s: of the landing condition.
         descent_percent: heave stick while landing.
+        gate_m, gate_s: above commit height the descent waits while the horizontal error, foreseen `gate_s` ahead at
+            its present rate, is larger than `gate_m`.
         commit_height_m: below this height over the neutral deck the landing is no longer broken off.
         astray_m: horizontal error that breaks off a landing.
         climb_out_radius_m: nearer than this to the bar, loss of vision means climb-out.
@@ -87,6 +89,8 @@ class ApproachParameters:
     max_yaw_error_deg: float
     max_data_age_s: float
     descent_percent: float
+    gate_m: float
+    gate_s: float
     commit_height_m: float
     astray_m: float
     climb_out_radius_m: float
@@ -262,7 +266,7 @@ class PaperPilot:
         if mode in (Mode.APPROACH, Mode.LAND):
             if fresh and self._estimate is not None:
                 pitch, roll, heave, yaw = self._near_sticks(self._estimate)
-                return pitch, roll, -approach.descent_percent if mode is Mode.LAND else heave, yaw
+                return pitch, roll, self._descent(self._estimate) if mode is Mode.LAND else heave, yaw
             if self._estimate is not None and step_s > 0.0 and self._stale_s() <= self._parameters.modes.lost_s:
                 return self._sticks
             return (0.0, 0.0, -approach.descent_percent if mode is Mode.LAND else 0.0, 0.0)
@@ -279,6 +283,12 @@ class PaperPilot:
         keep = math.exp(-_DECAY * step_s / max(self._parameters.modes.memory_s, 1e-3))
         pitch, roll, heave, yaw = self._sticks
         return (keep * pitch, keep * roll, keep * heave, keep * yaw)
+
+    def _descent(self, estimate: NearEstimate) -> float:
+        approach = self._parameters.approach
+        ahead_m = estimate.error_in_level_m[:2] + approach.gate_s * estimate.rate_in_level_mps[:2]
+        waits = self._height_m(estimate) > approach.commit_height_m and np.max(np.abs(ahead_m)) > approach.gate_m
+        return 0.0 if waits else -approach.descent_percent
 
     def _stale_s(self) -> float:
         if self._estimate is None or self._now_s is None:

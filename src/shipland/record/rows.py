@@ -1,8 +1,10 @@
 """Dataclasses to flat rows of JSON values and back, without loss, by their annotations.
 
 A nested field's name is its path joined by underscores: `telemetry.roll_rad` becomes `telemetry_roll_rad`. A part
-that is None leaves all its columns null, so every row of one type has the same columns. Arrays are (nested) lists.
-Numbers that JSON lacks (NaN, ±inf) become null and come back as NaN.
+that is None leaves all its columns null, so every row of one type has the same columns. Arrays are flat lists, row by
+row. Numbers that JSON lacks (NaN, ±inf) become null and come back as NaN.
+
+The schema keeps to what the parsers of Foxglove and Lichtblick take: one type a column, no arrays in arrays, no "null".
 """
 
 from __future__ import annotations
@@ -24,6 +26,9 @@ Row = dict[str, Any]
 
 _PICTURE = object()
 """Stands for the annotation of a picture, which a row does not hold."""
+
+_WIDTHS = {"rotation": 3, "covariance": 4, "corners_px": 2, "matrix": 3}
+"""Columns of the fields that are two-dimensional arrays."""
 
 _JSON_TYPES: dict[type, str] = {float: "number", int: "integer", bool: "boolean", str: "string"}
 
@@ -67,7 +72,7 @@ def json_schema(cls: type, title: str) -> Row:
     """JSON Schema of the rows of dataclass `cls`."""
     properties: Row = {}
     for part in _parts(cls, ""):
-        _describe(properties, part, optional=False)
+        _describe(properties, part)
     return {"title": title, "type": "object", "properties": properties}
 
 
@@ -101,6 +106,10 @@ def _write(row: Row, part: _Part, value: Any) -> None:  # noqa: ANN401
         for child in part.parts:
             _write(row, child, None if value is None else getattr(value, child.field))
     elif part.kind is not _PICTURE:
+        if isinstance(value, np.ndarray) and value.ndim == 2:
+            if value.shape[1] != _WIDTHS[part.field]:
+                raise ValueError(f"{part.column} wants {_WIDTHS[part.field]} columns, got {value.shape[1]}")
+            value = value.ravel()
         row[part.column] = _plain(value)
 
 
@@ -132,7 +141,8 @@ def _read(row: Row, part: _Part) -> Any:  # noqa: ANN401
         return part.kind[value]
     origin = typing.get_origin(part.kind)
     if origin is np.ndarray:
-        return np.array(value, dtype=float)  # None becomes NaN
+        array = np.array(value, dtype=float)  # None becomes NaN
+        return array.reshape(-1, _WIDTHS[part.field]) if part.field in _WIDTHS else array
     if origin is tuple:
         return tuple(value)
     if part.kind is float:
@@ -148,18 +158,14 @@ def _columns(part: _Part) -> list[str]:
     return [] if part.kind is _PICTURE else [part.column]
 
 
-def _describe(properties: Row, part: _Part, optional: bool) -> None:
-    optional = optional or part.optional
-    if part.parts:
-        for child in part.parts:
-            _describe(properties, child, optional)
-        return
-    if part.kind is _PICTURE:
+def _describe(properties: Row, part: _Part) -> None:
+    for child in part.parts:
+        _describe(properties, child)
+    if part.parts or part.kind is _PICTURE:
         return
     if isinstance(part.kind, type) and issubclass(part.kind, enum.Enum):
-        name = "string"
+        properties[part.column] = {"type": "string"}
     elif typing.get_origin(part.kind) in (np.ndarray, tuple):
-        name = "array"
+        properties[part.column] = {"type": "array", "items": {"type": "number"}}
     else:
-        name = _JSON_TYPES[part.kind]
-    properties[part.column] = {"type": [name, "null"] if optional or part.kind is float else name}
+        properties[part.column] = {"type": _JSON_TYPES[part.kind]}

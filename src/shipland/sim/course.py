@@ -111,19 +111,23 @@ def quintic_blend(share: float) -> tuple[float, float, float]:
     return s**3 * (10.0 + s * (6.0 * s - 15.0)), 30.0 * (s * (1.0 - s)) ** 2, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s)
 
 
+@dataclass(frozen=True)
 class _Leg:
-    """One stretch of constant course and speed, or one manoeuvre."""
+    """One stretch of constant course and speed (`duration_s` zero), or one manoeuvre."""
 
-    def __init__(self, start_s: float, duration_s: float, start: tuple[float, float], change: tuple[float, float]):
-        self.start_s, self.duration_s = start_s, duration_s
-        self.course_rad, self.speed_mps = start
-        self.turn_rad, self.speed_change_mps = change
+    start_s: float
+    duration_s: float
+    course_rad: float
+    speed_mps: float
+    turn_rad: float = 0.0
+    speed_change_mps: float = 0.0
 
     def motion(self, after_s: float) -> tuple[float, float, float, float, float]:
         """Course, rate, acceleration, speed and its rate, `after_s` into the leg."""
-        w, dw, ddw = quintic_blend(after_s / self.duration_s) if self.duration_s > 0.0 else (0.0, 0.0, 0.0)
-        if self.duration_s > 0.0:
-            dw, ddw = dw / self.duration_s, ddw / self.duration_s**2
+        if self.duration_s == 0.0:
+            return self.course_rad, 0.0, 0.0, self.speed_mps, 0.0
+        w, dw, ddw = quintic_blend(after_s / self.duration_s)
+        dw, ddw = dw / self.duration_s, ddw / self.duration_s**2
         return (
             self.course_rad + self.turn_rad * w,
             self.turn_rad * dw,
@@ -155,16 +159,16 @@ class ManoeuvringCourse:
     """
 
     def __init__(self, course_rad: float, speed_mps: float, manoeuvres: Sequence[Manoeuvre]) -> None:
-        legs = [_Leg(0.0, 0.0, (course_rad, speed_mps), (0.0, 0.0))]
+        legs = [_Leg(0.0, 0.0, course_rad, speed_mps)]
         end_s = 0.0
         for manoeuvre in manoeuvres:
             if manoeuvre.start_s < end_s - 1e-9 or manoeuvre.duration_s <= 0.0:
                 raise ValueError(f"manoeuvres must follow one another and last, got {manoeuvre}")
-            change = (manoeuvre.turn_rad, manoeuvre.speed_change_mps)
-            legs.append(_Leg(manoeuvre.start_s, manoeuvre.duration_s, (course_rad, speed_mps), change))
-            course_rad, speed_mps = course_rad + change[0], speed_mps + change[1]
+            turn_rad, change_mps = manoeuvre.turn_rad, manoeuvre.speed_change_mps
+            legs.append(_Leg(manoeuvre.start_s, manoeuvre.duration_s, course_rad, speed_mps, turn_rad, change_mps))
+            course_rad, speed_mps = course_rad + turn_rad, speed_mps + change_mps
             end_s = manoeuvre.start_s + manoeuvre.duration_s
-            legs.append(_Leg(end_s, 0.0, (course_rad, speed_mps), (0.0, 0.0)))
+            legs.append(_Leg(end_s, 0.0, course_rad, speed_mps))
         self._knots: list[tuple[float, float, float, _Leg]] = []
         north = east = 0.0
         for leg, after in zip(legs, [*legs[1:], None], strict=True):
@@ -252,7 +256,8 @@ def build_course(parameters: CourseParameters, rng: np.random.Generator) -> Cour
         legs = p.leg_s * rng.uniform(0.5, 1.5, p.manoeuvres)
     else:
         count = p.manoeuvres if p.kind == "s" else 1
-        turns = change_rad * (-1.0) ** np.arange(count)
+        turns = np.full(count, change_rad)
+        turns[1::2] *= -1.0
         if p.kind == "s" and count:
             turns[0] *= 0.5
         speeds = np.full(count, p.speed_mps)

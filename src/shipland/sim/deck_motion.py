@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from shipland.config import require
 from shipland.frames import Array
 
 DOF_NAMES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -98,3 +99,27 @@ class Sinusoids(Harmonics):
         phase = np.asarray(phase_rad, dtype=float)[moving]
         complex_amplitude[moving, np.arange(moving.size)] = -1j * size[moving] * np.exp(1j * phase)
         super().__init__(2.0 * np.pi / period[moving], complex_amplitude)
+
+
+@dataclass(frozen=True)
+class SinusoidParameters:
+    """One amplitude and period a degree of freedom: surge, sway, heave, roll, pitch, yaw.
+
+    Attributes:
+        amplitude_m_deg: three lengths [m], three angles [deg].
+        period_s: six periods; that of a still degree of freedom is not used.
+    """
+
+    amplitude_m_deg: tuple[float, float, float, float, float, float]
+    period_s: tuple[float, float, float, float, float, float]
+
+    def __post_init__(self) -> None:
+        require(min(self.amplitude_m_deg) >= 0.0, f"amplitude_m_deg must not be negative, got {self.amplitude_m_deg}")
+        require(max(self.amplitude_m_deg[3:]) < 90.0, "amplitude_m_deg: angles must be below 90°")
+        require(min(self.period_s) > 0.0, f"period_s must be positive, got {self.period_s}")
+
+    def motion(self, rng: np.random.Generator) -> Sinusoids:
+        """The motion, with phases drawn from `rng`."""
+        amplitude = np.array(self.amplitude_m_deg)
+        amplitude[3:] = np.radians(amplitude[3:])
+        return Sinusoids(amplitude, self.period_s, rng.uniform(0.0, 2.0 * np.pi, 6))

@@ -7,12 +7,12 @@ FFG-7 is behind it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib import resources
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline, RegularGridInterpolator
+from scipy.interpolate import CubicSpline, RectBivariateSpline
 
 from shipland.frames import Array
 
@@ -22,7 +22,7 @@ MIRRORED = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 """Signs of surge, sway, heave, roll, pitch, yaw when the waves come from the other side."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ResponseTable:
     """Complex motion a metre of wave amplitude, time factor exp(+iωt), wave crest at the origin at t = 0.
 
@@ -54,17 +54,29 @@ class ResponseTable:
             heading_rad: (N,) direction that the waves run to, any angle; beyond 180° (waves from port) mirrored.
             omega_rad_s: (N,) within the table.
         """
-        at_speed = CubicSpline(self.speed_kn, self.rao)(speed_kn)
-        table = RegularGridInterpolator((self.heading_deg, self.omega_rad_s), at_speed, method="cubic")
         heading_deg = np.degrees(heading_rad) % 360.0
         from_port = heading_deg > 180.0
         heading_deg = np.where(from_port, 360.0 - heading_deg, heading_deg)
-        found = np.asarray(table(np.column_stack([heading_deg, omega_rad_s])), dtype=complex)
+        found = np.empty((heading_deg.size, 6), dtype=complex)
+        for index, (real, imaginary) in enumerate(_surfaces(self, speed_kn)):
+            found.real[:, index] = real.ev(heading_deg, omega_rad_s)
+            found.imag[:, index] = imaginary.ev(heading_deg, omega_rad_s)
         return found * np.where(from_port[:, None], MIRRORED, 1.0)
 
 
+@lru_cache(maxsize=16)
+def _surfaces(table: ResponseTable, speed_kn: float) -> list[tuple[RectBivariateSpline, RectBivariateSpline]]:
+    """Real and imaginary part of each motion over heading and frequency at one speed."""
+    at_speed = CubicSpline(table.speed_kn, table.rao)(speed_kn)
+    grid = (table.heading_deg, table.omega_rad_s)
+    return [
+        (RectBivariateSpline(*grid, at_speed[..., index].real), RectBivariateSpline(*grid, at_speed[..., index].imag))
+        for index in range(6)
+    ]
+
+
 def at_point(responses: ComplexArray, point_m: npt.ArrayLike) -> ComplexArray:
-    """(N, 6) responses at a point (3,) of the hull, forward, starboard, down of the origin [m]; linear in the angles."""
+    """(N, 6) responses at a point (3,) forward, starboard, down of the origin [m]; linear in the angles."""
     moved = np.array(responses)
     moved[:, :3] += np.cross(responses[:, 3:], np.asarray(point_m, dtype=float))
     return moved

@@ -61,7 +61,8 @@ def read_motion(path: Path, length_scale: float = 1.0, time_scale: float = 1.0) 
 
     Args:
         path: the file.
-        length_scale, time_scale: recorded lengths and times are divided by these.
+        length_scale: recorded lengths are divided by it.
+        time_scale: recorded times are divided by it.
 
     Raises:
         DataError: the file is missing or a line is wrong; names line and column.

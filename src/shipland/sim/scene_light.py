@@ -7,9 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from shipland.frames import Array
+from shipland.sim.scene_parameters import SceneParameters
 
 KOSCHMIEDER_CONTRAST = 0.05
 """What is left of a black object's contrast at the visibility: 5 %, WMO's meteorological optical range."""
+
+
+_REFERENCE_BRIGHTNESS, _REFERENCE_EXPOSURE = 1.15, 1.15
+"""Clear day, sun at 38°: what the exposure is set by."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +29,8 @@ class Light:
         water_rgb: (3,) radiance out of the water.
         exposure: factor ahead of the tone curve.
         extinction_per_m: of the air.
+        cloud_cover: 0 … 1.
+        glare: strength of the sun's glitter on the sea; 1 is the physical one.
     """
 
     sun_in_ned: Array
@@ -34,6 +41,23 @@ class Light:
     water_rgb: Array
     exposure: float
     extinction_per_m: float
+    cloud_cover: float
+    glare: float
+
+    @property
+    def gain(self) -> float:
+        """Noise against a daylight picture's: shot noise grows with the root of the amplification."""
+        return float(np.sqrt(max(self.exposure / _REFERENCE_EXPOSURE, 0.25)))
+
+    @property
+    def dimming(self) -> float:
+        """What the bar's panel is dimmed to in less than daylight, so that it does not blind."""
+        return min(1.0, _REFERENCE_EXPOSURE / self.exposure) if self.exposure > 0.0 else 1.0
+
+    @property
+    def on_grey_rgb(self) -> Array:
+        """(3,) radiance of an upright grey face in half sun."""
+        return np.asarray(0.35 * (0.35 * self.sun_rgb + 0.5 * (self.zenith_rgb + self.horizon_rgb)))
 
 
 def _smooth(low: float, high: float, value: float) -> float:
@@ -41,20 +65,28 @@ def _smooth(low: float, high: float, value: float) -> float:
     return share * share * (3.0 - 2.0 * share)
 
 
-def light(
-    sun_azimuth_rad: float,
-    sun_elevation_rad: float,
-    visibility_m: float,
-    cloud_cover: float,
-    exposure_ev: float,
-    auto_exposure: float,
-) -> Light:
+def rain_extinction_per_m(rain_mm_h: float) -> float:
+    """Extinction of visible light by rain: 1.076 R^0.67 dB/km [ITU-R P.1814]."""
+    return float(0.248e-3 * rain_mm_h**0.67)
+
+
+def display(radiance_rgb: Array, exposure: float) -> Array:
+    """Display value 0 … 255 of a radiance, as `common.glsl` has it."""
+    value = np.sqrt(1.0 - np.exp(-radiance_rgb * exposure))
+    return np.asarray(255.0 * value * (0.65 + value * (1.05 - 0.70 * value)))
+
+
+def light(parameters: SceneParameters) -> Light:
     """The light for a sun position and weather.
 
     The beam is dimmed by the air's optical depth per colour (Rayleigh and haze) over Kasten & Young's (1989) air mass;
     the sky's colours are blended from day, low sun and dusk by elevation.
     """
-    azimuth, elevation = sun_azimuth_rad, sun_elevation_rad
+    cloud_cover = parameters.cloud_cover
+    extinction = -float(np.log(KOSCHMIEDER_CONTRAST)) / parameters.visibility_m
+    extinction += rain_extinction_per_m(parameters.rain_mm_h)
+    visibility_m = -float(np.log(KOSCHMIEDER_CONTRAST)) / extinction
+    azimuth, elevation = np.radians(parameters.sun_azimuth_deg), np.radians(parameters.sun_elevation_deg)
     degrees = float(np.degrees(elevation))
     sun = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), -np.sin(elevation)])
     above = max(degrees, 0.0)
@@ -77,7 +109,8 @@ def light(
     downwelling = beam * max(float(np.sin(elevation)), 0.0) + 0.5 * (zenith + horizon)
     water = np.array([0.010, 0.045, 0.062]) * downwelling
     brightness = float(np.dot([0.25, 0.65, 0.10], downwelling))
-    exposure = 1.15 * (1.15 / max(brightness, 1e-4)) ** auto_exposure * 2.0**exposure_ev
+    amplified = (_REFERENCE_BRIGHTNESS / max(brightness, 1e-4)) ** parameters.auto_exposure
+    exposure = _REFERENCE_EXPOSURE * amplified * 2.0**parameters.exposure_ev
     return Light(
         sun,
         beam,
@@ -86,5 +119,7 @@ def light(
         glow,
         water,
         exposure,
-        -np.log(KOSCHMIEDER_CONTRAST) / visibility_m,
+        extinction,
+        cloud_cover,
+        parameters.glare,
     )

@@ -6,6 +6,7 @@ share of the sky's light that comes through. Triangles run counter-clockwise see
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,7 @@ DARK: Colour = (0.06, 0.065, 0.07)
 BOARD: Colour = (0.13, 0.13, 0.13)
 METAL: Colour = (0.50, 0.51, 0.52)
 
+_DRAUGHT_M = 0.4
 _FACES = ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0))
 
 
@@ -71,7 +73,7 @@ def layout(rig: Rig, target: Target) -> Layout:
     tall = max(0.5 * rig.board_height_m, float(np.abs(points[:, 2]).max()) + 0.02)
     size = 0.5 * rig.deck_size_m
     return Layout(
-        hull=Solid((stern, -half, ground - freeboard), (bow, half, ground + 0.30)),
+        hull=Solid((stern, -half, ground - freeboard), (bow, half, ground)),
         house=Solid((face, -half, ground - rig.superstructure_height_m), (bow, half, ground - freeboard)),
         deck=Solid((-size, -size, 0.0), (size, size, 0.05)),
         board=Solid((0.0, -wide, -tall), (0.02, wide, tall)),
@@ -117,9 +119,7 @@ def box(
         steps = np.linspace(0.0, 1.0, count + 1)
         for row in range(count):
             for column in range(count):
-                share = np.array(
-                    [(steps[column + i], steps[row + j]) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
-                )
+                share = np.array([(steps[column + i], steps[row + j]) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))])
                 corners = np.zeros((4, 3))
                 corners[:, axis] = high[axis] if side > 0 else low[axis]
                 corners[:, [u, v]] = low[[u, v]] + share * (high - low)[[u, v]]
@@ -130,7 +130,8 @@ def box(
 
 def prism(triangle: Array, thickness_m: float, albedo: Colour) -> Mesh:
     """A triangular plate (3,3) in a plane y = constant, thick towards +y."""
-    near, far = np.asarray(triangle, dtype=float), np.asarray(triangle, dtype=float) + [0.0, thickness_m, 0.0]
+    near = np.asarray(triangle, dtype=float)
+    far = near + np.array([0.0, thickness_m, 0.0])
     middle = 0.5 * (near.mean(axis=0) + far.mean(axis=0))
     parts = []
     for face, side in ((near, -1.0), (far, 1.0)):
@@ -153,7 +154,7 @@ def _unit_cylinder(sides: int, caps: bool) -> Mesh:
     ring = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(sides + 1)])
     up = np.array([0.0, 0.0, 1.0])
     parts = []
-    for here, there in zip(ring[:-1], ring[1:], strict=True):
+    for here, there in itertools.pairwise(ring):
         rows = np.zeros((4, 13), np.float32)
         rows[:, 0:3] = here, there, there + up, here + up
         rows[:, 3:6] = here, there, there, here
@@ -169,7 +170,7 @@ def _unit_cylinder(sides: int, caps: bool) -> Mesh:
     return mesh
 
 
-_TUBES = {(6, False): _unit_cylinder(6, False), (10, True): _unit_cylinder(10, True), (24, True): _unit_cylinder(24, True)}
+_TUBES = {key: _unit_cylinder(*key) for key in ((6, False), (10, True), (24, True))}
 
 
 def cylinder(start: Point, end: Point, radius_m: float, albedo: Colour, sides: int = 6, caps: bool = False) -> Mesh:
@@ -225,7 +226,8 @@ def hull(parts: Layout) -> Mesh:
     """The platform, in `ship`; light under the deck as with the deck at rest."""
     low, high = parts.hull.low_m, parts.hull.high_m
     floor = box(Solid((low[0], low[1], low[2]), (high[0], high[1], low[2] + 0.02)), DARK, cells={5: 10}, skip=(4,))
-    side = box(Solid((low[0], low[1], low[2] + 0.02), high), GREY, layer=HULL, skip=(4, 5))
+    keel = (high[0], high[1], high[2] + _DRAUGHT_M)  # what is under water is cut off when drawn
+    side = box(Solid((low[0], low[1], low[2] + 0.02), keel), GREY, layer=HULL, skip=(4, 5))
     return np.concatenate([_shade(floor, [(parts.deck, Pose.identity()), (parts.house, Pose.identity())]), side])
 
 

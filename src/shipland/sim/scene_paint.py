@@ -18,18 +18,18 @@ def tileable_noise(rng: np.random.Generator, size: int, falloff: float) -> npt.N
     gain = np.where(frequency > 0.0, np.maximum(frequency, 1.0) ** -falloff, 0.0)
     spectrum = gain * np.exp(2j * np.pi * rng.random(gain.shape))
     field = np.fft.irfft2(spectrum, s=(size, size))
-    return (field / field.std()).astype(np.float32)
+    return np.asarray(field / field.std(), np.float32)
 
 
 def clouds(rng: np.random.Generator) -> Picture:
     """(512,512,1) cloud density."""
     field = tileable_noise(rng, 512, 1.75)
-    return np.clip(128.0 + 52.0 * field, 0, 255).astype(np.uint8)[..., None]
+    return np.asarray(np.clip(128.0 + 52.0 * field, 0, 255), np.uint8)[..., None]
 
 
 def _stained(rng: np.random.Generator, strength: float, size: int = _SIZE) -> npt.NDArray[np.float32]:
     fine, coarse = tileable_noise(rng, size, 0.4), tileable_noise(rng, size, 1.6)
-    return 1.0 + strength * (0.35 * fine + 0.65 * coarse)
+    return np.asarray(1.0 + strength * (0.35 * fine + 0.65 * coarse), np.float32)
 
 
 def _three(field: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
@@ -76,10 +76,12 @@ def _hangar(rng: np.random.Generator) -> npt.NDArray[np.float32]:
         cv2.circle(picture, (x, int(0.63 * _SIZE)), 26, (0.16, 0.17, 0.2), -1, cv2.LINE_AA)
     picture[int(0.30 * _SIZE) : int(0.30 * _SIZE) + 4] *= 0.8
     for _ in range(26):
-        x, y, length = rng.integers(0, _SIZE), rng.integers(0, _SIZE // 2), rng.integers(60, 320)
-        streak = np.linspace(0.16, 0.0, int(length), dtype=np.float32)[:, None, None] * np.array([0.5, 0.9, 1.2], np.float32)
-        width = int(rng.integers(3, 10))
-        part = picture[y : y + length, x : x + width]
+        left, y, length, width = (
+            int(rng.integers(*ends)) for ends in ((0, _SIZE), (0, _SIZE // 2), (60, 320), (3, 10))
+        )
+        rust = np.array([0.5, 0.9, 1.2], np.float32)
+        streak = np.linspace(0.16, 0.0, length, dtype=np.float32)[:, None, None] * rust
+        part = picture[y : y + length, left : left + width]
         part *= 1.0 - streak[: part.shape[0]]
     return picture
 
@@ -91,5 +93,5 @@ def paints(rng: np.random.Generator, rig: Rig) -> Picture:
     hull[:: _SIZE // 8] *= 0.75
     hull[:, :: _SIZE // 4] *= 0.75
     layers = [plain, _deck(rng, rig), _hangar(rng), hull]
-    # Half of full scale is a factor of 1: bright paint on a grey base needs factors above it.
-    return np.stack([np.clip(255.0 * np.sqrt(np.clip(layer, 0.0, 4.0) / 4.0), 0, 255) for layer in layers]).astype(np.uint8)
+    # Half of full scale is a factor of 1: white lines on grey paint need factors above it.
+    return np.stack([np.asarray(255.0 * np.sqrt(np.clip(layer, 0.0, 4.0) / 4.0), np.uint8) for layer in layers])

@@ -17,7 +17,8 @@ def horizon_rows(line: Array, width_px: int, height_px: int) -> tuple[int, int]:
 
     Args:
         line: (3,) a u + b v + c = px below the horizon.
-        width_px, height_px: picture size.
+        width_px: picture size.
+        height_px: picture size.
     """
     a, b, c = line
     columns = np.array([0.0, width_px - 1.0])
@@ -38,17 +39,18 @@ def join_at_horizon(sky: Image, sea: Image, line: Array, rows: tuple[int, int], 
     cv2.blendLinear(sea, sky, below, 1.0 - below, out[first:last])
 
 
-def lay_over(picture: Image, layer: Image, crop: Crop, samples_a_px: int) -> None:
-    """Area-average a premultiplied layer (h n, w n, 4) down to its crop, and lay it over the picture by its cover."""
-    size = (crop.width, crop.height)
-    cover = cv2.resize(layer, size, interpolation=cv2.INTER_AREA) if samples_a_px > 1 else layer
-    part = picture[crop.top : crop.top + crop.height, crop.left : crop.left + crop.width]
-    alpha = cover[..., 3]
+def reduce(layer: Image, crop: Crop, samples_a_px: int) -> Image:
+    """Area-average a premultiplied layer (h n, w n, 4) down to its crop."""
     if samples_a_px == 1:
-        edge = np.unravel_index(np.flatnonzero(alpha - np.uint8(1) < 254), alpha.shape)
-        under = part[edge].astype(np.uint16) * (255 - alpha[edge]).astype(np.uint16)[:, None]
-        cv2.copyTo(cover, alpha, part)
-        part[edge] = cover[edge] + (under + 127) // 255
-        return
-    clear = 255 - alpha.astype(np.uint16)[..., None]
-    part[:] = cover + (part.astype(np.uint16) * clear + 127) // 255
+        return layer
+    return np.asarray(cv2.resize(layer, (crop.width, crop.height), interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def lay_over(picture: Image, layer: Image, crop: Crop) -> None:
+    """Lay a premultiplied layer (h,w,4) over its crop of the picture by its cover."""
+    part = picture[crop.top : crop.top + crop.height, crop.left : crop.left + crop.width]
+    alpha = layer[..., 3]
+    edge = np.unravel_index(np.flatnonzero(alpha - np.uint8(1) < 254), alpha.shape)
+    under = part[edge].astype(np.uint16) * (255 - alpha[edge]).astype(np.uint16)[:, None]
+    cv2.copyTo(layer, alpha, part)
+    part[edge] = layer[edge] + np.minimum((under + 127) // 255, 255 - layer[edge])

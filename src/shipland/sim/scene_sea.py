@@ -11,11 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 import scipy.fft
+from scipy.special import ndtri
 
 from shipland.frames import Array
 
 GRAVITY_MPS2 = 9.81
 LONG_SIZE, SHORT_SIZE = 128, 256
+_CREST_DEVIATION = 0.149  # of `crest` in waves.glsl
 Texels = npt.NDArray[np.uint8]
 
 
@@ -26,12 +28,12 @@ def cox_munk_variance(wind_speed_mps: float) -> float:
 
 def whitecap_cover(wind_speed_mps: float) -> float:
     """Share of the sea under whitecaps [Monahan & O'Muircheartaigh 1980]."""
-    return 3.84e-6 * wind_speed_mps**3.41
+    return float(3.84e-6 * wind_speed_mps**3.41)
 
 
 def peak_wavelength_m(significant_height_m: float) -> float:
     """Of a fully grown sea: Tp = 5.0 √Hs (Pierson–Moskowitz), so a steepness of 1/39."""
-    return GRAVITY_MPS2 / (2.0 * np.pi) * 25.0 * significant_height_m
+    return float(GRAVITY_MPS2 / (2.0 * np.pi) * 25.0 * significant_height_m)
 
 
 def _wave_numbers(size: int, tile_m: float) -> tuple[Array, Array, Array]:
@@ -77,6 +79,7 @@ class WaveTiles:
         rng: np.random.Generator,
     ) -> None:
         height_m = max(significant_height_m, 0.02)
+        self.wind_speed_mps, self._direction_rad = wind_speed_mps, wave_direction_rad
         peak_m = max(float(peak_wavelength_m(height_m)), 2.0)
         self.long_tile_m = 4.0 * peak_m
         self._long, long_variance = self._make_long(height_m, peak_m, wave_direction_rad, rng)
@@ -132,6 +135,16 @@ class WaveTiles:
         height = scipy.fft.ifft2(hermitian).real
         crest = 0.5 + height * np.float32(1.0 / (8.0 * self.height_deviation_m / np.sqrt(2.0)))
         return _encode(slopes, crest.astype(np.float32), self.long_gain)
+
+    @property
+    def foam_threshold(self) -> float:
+        """Crest above which the sea is white, so that Monahan's share of it is (crests are about normal)."""
+        return float(_CREST_DEVIATION * -ndtri(max(whitecap_cover(self.wind_speed_mps), 1e-7)))
+
+    def short_drift_m(self, t_s: float) -> Array:
+        """(2,) how far the short waves have run [m] at a time [s]: at half the phase speed of their tile's length."""
+        speed = 0.5 * np.sqrt(GRAVITY_MPS2 * self.short_tile_m / (2.0 * np.pi)) / 2.0
+        return np.asarray(speed * t_s * np.array([np.cos(self._direction_rad), np.sin(self._direction_rad)]))
 
     def _make_short(self, variance: float, direction_rad: float, rng: np.random.Generator) -> Texels:
         north, east, number = _wave_numbers(SHORT_SIZE, self.short_tile_m)

@@ -9,10 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from shipland.camera import Camera
 from shipland.frames import Array, Pose
 
+Map = npt.NDArray[np.float32]
 _BIG = 1e9
 
 
@@ -50,12 +52,12 @@ def clip_from_rel(camera: Camera, ned_from_camera: Pose, crop: Crop, near_m: flo
     )
     turn = np.eye(4)
     turn[:3, :3] = ned_from_camera.rotation.T
-    return np.asarray(clip_from_camera @ turn)
+    return np.asarray(clip_from_camera @ turn, dtype=float)
 
 
 def rays(camera: Camera, ned_from_camera: Pose) -> Array:
     """(3,3): columns ray_x, ray_y, ray_0 in ned, so that ray = u ray_x + v ray_y + ray_0."""
-    return np.asarray(ned_from_camera.rotation @ np.linalg.inv(camera.matrix))
+    return np.asarray(ned_from_camera.rotation @ np.linalg.inv(camera.matrix), dtype=float)
 
 
 def horizon_line(camera: Camera, ned_from_camera: Pose) -> Array:
@@ -67,9 +69,14 @@ def horizon_line(camera: Camera, ned_from_camera: Pose) -> Array:
     return line / length
 
 
+def picture_corners(camera: Camera) -> Array:
+    """(4,2) corners of the picture [px]."""
+    return picture_polygon(camera.width_px, camera.height_px)
+
+
 def picture_polygon(width_px: int, height_px: int, line: Array | None = None, offset_px: float = 0.0) -> Array:
     """(n,2) corners [px] of the picture, or of its part where line·(u,v,1) + offset ≥ 0; empty when none is."""
-    box = np.array(
+    box: Array = np.array(
         [
             [-0.5, -0.5],
             [width_px - 0.5, -0.5],
@@ -79,7 +86,7 @@ def picture_polygon(width_px: int, height_px: int, line: Array | None = None, of
     )
     if line is None:
         return box
-    values = box @ line[:2] + line[2] + offset_px
+    values = np.asarray(box @ line[:2] + line[2] + offset_px)
     kept: list[Array] = []
     for index in range(4):
         here, there = index, (index + 1) % 4
@@ -91,25 +98,46 @@ def picture_polygon(width_px: int, height_px: int, line: Array | None = None, of
     return np.array(kept).reshape(-1, 2)
 
 
+def clipped_polygon(camera: Camera, corners_in_camera_m: Array, near_m: float = 0.05) -> Array:
+    """(n,2) pixels of a polygon (m,3) in `camera`, cut where it comes nearer than `near_m`."""
+    kept: list[Array] = []
+    count = len(corners_in_camera_m)
+    for index in range(count):
+        here, there = corners_in_camera_m[index], corners_in_camera_m[(index + 1) % count]
+        if here[2] >= near_m:
+            kept.append(here)
+        if (here[2] >= near_m) != (there[2] >= near_m):
+            kept.append(here + (near_m - here[2]) / (there[2] - here[2]) * (there - here))
+    points = np.array(kept).reshape(-1, 3) @ camera.matrix.T
+    return np.asarray(points[:, :2] / points[:, 2:])
+
+
 def screen_box(
-    camera: Camera, points_in_camera_m: Array, near_m: float = 0.02, margin_px: float = 2.0
+    camera: Camera, points_in_camera_m: Array, near_m: float = 0.02, margin_px: float = 2.0, beyond: float = 0.0
 ) -> Crop | None:
-    """The picture's part that holds the points' convex hull, whole when it reaches behind; None when outside."""
-    width, height = camera.width_px, camera.height_px
+    """The picture's part that holds the points' convex hull, whole when it reaches behind; None when outside.
+
+    Args:
+        camera: intrinsics.
+        points_in_camera_m: (n,3).
+        near_m: what is nearer is behind.
+        margin_px: added on all sides.
+        beyond: how far the box may reach out of the picture, in pictures.
+    """
+    size = np.array([camera.width_px, camera.height_px])
+    low, high = -np.floor(beyond * size), size + np.floor(beyond * size)
     depth = points_in_camera_m[:, 2]
     if depth.max() <= near_m:
         return None
-    if depth.min() <= near_m:
-        return Crop(0, 0, width, height)
-    pixels = points_in_camera_m @ camera.matrix.T
-    pixels = pixels[:, :2] / pixels[:, 2:]
-    low = np.floor(pixels.min(axis=0) - margin_px)
-    high = np.ceil(pixels.max(axis=0) + margin_px)
-    left, top = int(np.clip(low[0], 0, width)), int(np.clip(low[1], 0, height))
-    right, bottom = int(np.clip(high[0] + 1, 0, width)), int(np.clip(high[1] + 1, 0, height))
-    if right <= left or bottom <= top:
-        return None
-    return Crop(left, top, right - left, bottom - top)
+    if depth.min() > near_m:
+        pixels = points_in_camera_m @ camera.matrix.T
+        pixels = pixels[:, :2] / pixels[:, 2:]
+        if (pixels.min(axis=0) > size + margin_px).any() or (pixels.max(axis=0) < -margin_px).any():
+            return None
+        low = np.clip(np.floor(pixels.min(axis=0) - margin_px), low, high)
+        high = np.clip(np.ceil(pixels.max(axis=0) + margin_px) + 1, low, high)
+    left, top, width, height = *low.astype(int), *(high - low).astype(int)
+    return Crop(int(left), int(top), int(width), int(height)) if width > 0 and height > 0 else None
 
 
 def edge_lines(camera: Camera, camera_from_bar: Pose, corners_m: Array) -> Array:
@@ -131,3 +159,20 @@ def edge_lines(camera: Camera, camera_from_bar: Pose, corners_m: Array) -> Array
     lines = plane_lines.reshape(-1, 3) @ np.linalg.inv(homography)
     lines /= np.maximum(np.hypot(lines[:, 0], lines[:, 1]), 1e-12)[:, None]
     return np.column_stack([lines, np.zeros(len(lines))])
+
+
+def pinhole_around(camera: Camera) -> tuple[Camera, Map, Map]:
+    """A distortion-free camera that sees all a distorted one sees, and the remap (columns, rows) back to it [px].
+
+    The wider picture is at most three times as wide and high; what a lens bends in from beyond is left out.
+    """
+    size = np.array([camera.width_px, camera.height_px])
+    columns, rows = np.meshgrid(np.arange(size[0]), np.arange(size[1]))
+    pixels = camera.undistort(np.column_stack([columns.ravel(), rows.ravel()]).astype(float))
+    low = np.floor(np.clip(pixels.min(axis=0), -size, 0.0)) - 2.0
+    high = np.ceil(np.clip(pixels.max(axis=0), size, 2.0 * size)) + 2.0
+    matrix = camera.matrix.copy()
+    matrix[:2, 2] -= low
+    width, height = (high - low + 1.0).astype(int)
+    moved = (pixels - low).astype(np.float32).reshape(camera.height_px, camera.width_px, 2)
+    return Camera(int(width), int(height), matrix), moved[..., 0].copy(), moved[..., 1].copy()

@@ -84,7 +84,9 @@ class SeaParameters:
         require(0.0 <= height <= 9.0, f"significant_height_m must be in 0…9 m (linear theory), got {height}")
         require(4.0 <= period <= 25.0, f"modal_period_s must be in 4…25 s, got {period}")
         require(1.0 <= self.jonswap_gamma <= 7.0, f"jonswap_gamma must be in 1…7, got {self.jonswap_gamma}")
-        require(-180.0 <= self.waves_from_deg <= 360.0, f"waves_from_deg must be in -180…360, got {self.waves_from_deg}")
+        require(
+            -180.0 <= self.waves_from_deg <= 360.0, f"waves_from_deg must be in -180…360, got {self.waves_from_deg}"
+        )
         low, high = SPEED_KN
         require(low <= self.speed_kn <= high, f"speed_kn must be in {low:g}…{high:g} kn, got {self.speed_kn}")
         require(8 <= self.frequencies <= 400, f"frequencies must be in 8…400, got {self.frequencies}")
@@ -204,7 +206,7 @@ def deck_motion(sea: SeaParameters, rng: np.random.Generator, length_scale: floa
 
 
 def significant_amplitude(sea: SeaParameters) -> Array:
-    """(6,) significant single amplitudes 2√m₀ of the full-scale deck motion [m, rad], by integration of the spectrum."""
+    """(6,) significant single amplitudes 2√m₀ of the full-scale deck motion [m, rad], from the spectrum."""
     omega = np.linspace(*BAND_RAD_S, 361)
     if sea.short_crested:
         angle = np.radians(np.arange(-87.5, 90.0, 5.0))

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from shipland.config import require
-from shipland.frames import Array, Pose
+from shipland.frames import Pose
 from shipland.rig import Rig
-from shipland.sim.course import Course, CourseState, StillCourse, StraightCourse
-from shipland.sim.deck_motion import DeckMotion, Harmonics, Sinusoids, SixDof, Still
+from shipland.sim.course import Course, CourseParameters, CourseState, StillCourse, StraightCourse, build_course
+from shipland.sim.deck_motion import DeckMotion, Harmonics, SinusoidParameters, Sinusoids, SixDof, Still
+from shipland.sim.motion_base import LimitBite, LimitedMotion, LimitParameters, rig_limits
+from shipland.sim.recorded import read_motion
+from shipland.sim.sea import SeaParameters, deck_motion
 
 __all__ = [
     "Course",
+    "CourseParameters",
     "CourseState",
     "DeckMotion",
     "Harmonics",
+    "LimitBite",
     "Ship",
     "ShipParameters",
     "ShipState",
@@ -94,51 +101,49 @@ class Ship:
         self.deck_motion = deck_motion
         self.full_ship = full_ship
 
+    @property
+    def limit_bites(self) -> tuple[LimitBite, ...]:
+        """Where the motion base's limits have held the deck back so far."""
+        return self.deck_motion.bites if isinstance(self.deck_motion, LimitedMotion) else ()
+
     def at(self, t_s: float) -> ShipState:
         """The ship at time `t_s` [s]."""
         return ShipState(self.course.at(t_s), self.deck_motion.at(t_s), self.rig, self.full_ship)
 
 
 @dataclass(frozen=True)
-class CourseParameters:
-    """Section `[ship.course]`.
+class ScaleParameters:
+    """Section `[ship.scale]`: from a full-scale ship to the rig.
 
     Attributes:
-        kind: shape of the course.
-        course_deg: the first heading, clockwise from north.
-        speed_mps: speed through the water.
+        length: full-scale lengths are divided by it; angles stay.
+        time: `froude` divides times by its square root, as gravity does; `length_only` leaves times as they are, so
+            that the small deck moves as slowly as the large one, as the rig of [Lee2022] implies.
     """
 
-    kind: Literal["still", "straight"]
-    course_deg: float
-    speed_mps: float
+    length: float
+    time: Literal["froude", "length_only"]
 
     def __post_init__(self) -> None:
-        require(0.0 <= self.speed_mps <= 4.5, f"speed_mps must be in 0…4.5 m/s, got {self.speed_mps}")
+        require(1.0 <= self.length <= 1000.0, f"length must be in 1…1000, got {self.length}")
+
+    @property
+    def time_scale(self) -> float:
+        """Full-scale times are divided by it."""
+        return math.sqrt(self.length) if self.time == "froude" else 1.0
 
 
 @dataclass(frozen=True)
-class SinusoidParameters:
-    """One amplitude and period a degree of freedom: surge, sway, heave, roll, pitch, yaw.
+class RecordedParameters:
+    """Section `[ship.recorded]`.
 
     Attributes:
-        amplitude_m_deg: three lengths [m], three angles [deg].
-        period_s: six periods; that of a still degree of freedom is not used.
+        path: CSV file, columns as in `recorded.HEADER`; relative to the working directory.
+        full_scale: the record is a full-scale ship's and is scaled by `[ship.scale]`.
     """
 
-    amplitude_m_deg: tuple[float, float, float, float, float, float]
-    period_s: tuple[float, float, float, float, float, float]
-
-    def __post_init__(self) -> None:
-        require(min(self.amplitude_m_deg) >= 0.0, "amplitude_m_deg must not be negative")
-        require(min(self.period_s) > 0.0, "period_s must be positive")
-
-    @property
-    def amplitude(self) -> Array:
-        """(6,) [m, m, m, rad, rad, rad]."""
-        values = np.array(self.amplitude_m_deg)
-        values[3:] = np.radians(values[3:])
-        return values
+    path: str
+    full_scale: bool
 
 
 @dataclass(frozen=True)
@@ -147,33 +152,56 @@ class ShipParameters:
 
     Attributes:
         motion: what moves the deck.
-        full_ship: superstructure and bar have the ship's motions too (see `ShipState`).
+        full_ship: superstructure and bar have the ship's motions too (see `ShipState`); no motion base, no limits.
         course: where the ship goes.
         natops: the deck-motion limits of the US Navy's NATOPS manual, as [Lee2022] flies them.
         sinusoids: any other sinusoids.
+        sea: the frigate in waves.
+        recorded: a recorded motion.
+        scale: from the frigate to the rig.
+        limits: the motion base's limits.
     """
 
-    motion: Literal["still", "natops", "sinusoids"]
+    motion: Literal["still", "natops", "sinusoids", "sea", "recorded"]
     full_ship: bool
     course: CourseParameters
     natops: SinusoidParameters
     sinusoids: SinusoidParameters
+    sea: SeaParameters
+    recorded: RecordedParameters
+    scale: ScaleParameters
+    limits: LimitParameters
+
+    def __post_init__(self) -> None:
+        missing = self.motion == "recorded" and not self.recorded.path
+        require(not missing, 'motion = "recorded" needs recorded.path, a CSV file')
 
 
 def build_ship(parameters: ShipParameters, rig: Rig, rng: np.random.Generator) -> Ship:
-    """The ship that `parameters` describe; `rng` draws the phases of its motion."""
-    return Ship(rig, _course(parameters.course), _motion(parameters, rng), parameters.full_ship)
+    """The ship that `parameters` describe; `rng` draws its course, then the phases of its motion.
+
+    Raises:
+        DataError: the recorded motion cannot be used.
+    """
+    course = build_course(parameters.course, rng)
+    motion = build_deck_motion(parameters, rng)
+    if parameters.limits.enabled and not parameters.full_ship and parameters.motion != "still":
+        motion = LimitedMotion(motion, rig_limits(rig), parameters.limits.knee)
+    return Ship(rig, course, motion, parameters.full_ship)
 
 
-def _course(parameters: CourseParameters) -> Course:
-    course_rad = float(np.radians(parameters.course_deg))
-    if parameters.kind == "straight":
-        return StraightCourse(course_rad, parameters.speed_mps)
-    return StillCourse(course_rad)
-
-
-def _motion(parameters: ShipParameters, rng: np.random.Generator) -> DeckMotion:
-    if parameters.motion == "still":
-        return Still()
-    waves = parameters.natops if parameters.motion == "natops" else parameters.sinusoids
-    return Sinusoids(waves.amplitude, waves.period_s, rng.uniform(0.0, 2.0 * np.pi, 6))
+def build_deck_motion(parameters: ShipParameters, rng: np.random.Generator) -> DeckMotion:
+    """The deck's motion before the motion base's limits; DataError when a recorded motion cannot be used."""
+    scale = parameters.scale
+    match parameters.motion:
+        case "still":
+            return Still()
+        case "natops":
+            return parameters.natops.motion(rng)
+        case "sinusoids":
+            return parameters.sinusoids.motion(rng)
+        case "sea":
+            return deck_motion(parameters.sea, rng, scale.length, scale.time_scale)
+        case "recorded":
+            scales = (scale.length, scale.time_scale) if parameters.recorded.full_scale else (1.0, 1.0)
+            return read_motion(Path(parameters.recorded.path), *scales)

@@ -175,7 +175,8 @@ class World:
             if self._reach_m < NEAR_DECK_M:
                 if phase:
                     self._set_ship(hull=False)
-                self._judge_now()
+                if self._judge.verdict is None:
+                    self._judge_now()
                 count = 1
             mujoco.mj_step(self._mj_model, self._data, count)
             self._steps += count
@@ -185,7 +186,7 @@ class World:
         motion = self._body.motion()
         self._reach_m = math.dist(motion.position_m, self._deck.origin_m)
         if self._steps % AIR_EVERY == 0:
-            self._sample_air(self._set_ship(hull=True), motion.position_m)
+            self._sample_air(self._set_ship(hull=self._reach_m < NEAR_SHIP_M), motion.position_m)
         elif self._reach_m < NEAR_SHIP_M:
             self._set_ship(hull=True)
         self._gimbal.step(self._gimbal_wanted_rad)

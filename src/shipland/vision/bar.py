@@ -68,11 +68,10 @@ def colour_mask(image: Image, parameters: VisionParameters) -> Image:
     bands = (parameters.hue, parameters.saturation, parameters.value)
     mask = cv2.inRange(hsv, np.array([band[0] for band in bands]), np.array([band[1] for band in bands]))
     kernel = np.ones((parameters.kernel_px, parameters.kernel_px), np.uint8)
-    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
-    # A border of nothing, or closing would join regions to the picture's edge.
-    return np.asarray(
-        cv2.morphologyEx(mask, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0), np.uint8
-    )
+    opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
+    # Nothing lies outside: else closing would join a region to the picture's edge. What is at the edge stays there.
+    closed = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    return np.asarray(cv2.bitwise_or(closed, opened), np.uint8)
 
 
 def find_regions(image: Image, window: Window, parameters: VisionParameters) -> list[Region]:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from shipland.camera import Camera
 from shipland.frames import Array
 from shipland.vision.bar import Image, Window
 from shipland.vision.parameters import VisionParameters
+from shipland.vision.quads import edge_distances
 from shipland.vision.sides import Sides, contrast_direction, distort, intersect_sides, measure_sides
+
 
 def measure_corners(
     image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters
@@ -66,7 +69,7 @@ def edge_corners(
 
     Profiles across each side are taken in undistorted pixels, so that sides are straight.
     """
-    sides = Sides.of(quads_px, parameters.edge_reach_px)
+    sides = Sides.of(quads_px, parameters.edge_reach_px, _held(image, quads_px, camera))
     fit = measure_sides(image, sides, camera, parameters.edge_floor_px)
     return None if fit is None else intersect_sides(fit)
 
@@ -83,3 +86,10 @@ def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:
         columns, rows = np.clip(columns, 0, image.shape[1] - 1), np.clip(rows, 0, image.shape[0] - 1)
         colours.append(image[rows, columns])
     return contrast_direction(colours[0], colours[1])
+
+
+def _held(image: Image, quads_px: Array, camera: Camera) -> npt.NDArray[np.bool_]:
+    """(4n,) sides that lie on the picture's edge, where `find_quads` has set them."""
+    raw_px = distort(quads_px.reshape(-1, 2), camera).reshape(-1, 4, 2)
+    on = edge_distances(raw_px, image.shape[1], image.shape[0]) < 0.5
+    return np.asarray((on & on[:, [1, 2, 3, 0]]).any(axis=-1).reshape(-1))

@@ -31,6 +31,8 @@ class VisionParameters:
         screening: how the ±10 % and ±5 % are read: against what the pose's perspective gives, or raw as printed.
         length_tolerance: largest relative difference of opposite sides' lengths.
         slope_tolerance: largest difference of opposite sides' slopes.
+        screening_px: what both tolerances allow at least, on sides so short that they would ask for more than corners
+            can be measured to.
         reprojection_px, reprojection_fraction: largest root-mean-square reprojection error: the first plus the
             second times the cue's diagonal in the picture.
         max_distance_m: farthest pose that is accepted.
@@ -61,6 +63,7 @@ class VisionParameters:
     screening: Literal["perspective", "printed"]
     length_tolerance: float
     slope_tolerance: float
+    screening_px: float
     reprojection_px: float
     reprojection_fraction: float
     max_distance_m: float
@@ -81,7 +84,14 @@ class VisionParameters:
             require(0 <= low <= high <= top, f"{name} must be two rising numbers in 0 … {top}, got {[low, high]}")
         require(self.kernel_px >= 1 and self.kernel_px % 2 == 1, f"kernel_px must be odd, got {self.kernel_px}")
         require(self.max_candidates >= 1, "max_candidates must be at least 1")
-        for name in ("edge_floor_px", "reprojection_fraction", "track_s", "track_margin", "gimbal_noise_rad"):
+        for name in (
+            "edge_floor_px",
+            "screening_px",
+            "reprojection_fraction",
+            "track_s",
+            "track_margin",
+            "gimbal_noise_rad",
+        ):
             require(getattr(self, name) >= 0.0, f"{name} must not be negative")
         for name in (
             "watershed_margin",

@@ -2,51 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array, Pose
-from shipland.messages import BarPose, Frame, GimbalAttitude, Observation
+from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target
-from shipland.vision.bar import Image, Region, Window, find_regions
-from shipland.vision.corners import measure_corners
-from shipland.vision.matching import Match, match_by_geometry, match_by_prediction, model_plane
+from shipland.vision.bar import Image, Window, find_regions
+from shipland.vision.matching import Match, match_by_geometry, match_by_prediction
 from shipland.vision.parameters import VisionParameters
-from shipland.vision.pose import Corners, LevelPrior, Solution, covariance_in_bar, position_and_yaw, solve
+from shipland.vision.pose import LevelPrior
 from shipland.vision.quads import find_quads
 from shipland.vision.refusal import Refusal
-from shipland.vision.screening import sides_agree
-from shipland.vision.sides import distort
+from shipland.vision.sighting import Evidence, Judge, Sighting
 
 __all__ = ["NearVision", "Refusal", "VisionParameters"]
 
-_CLEAR_CHI2 = 9.0
-"""By how much one planar solution must fit better to be taken against continuity."""
-
-
-@dataclass(frozen=True)
-class Sighting:
-    """A pose and what it came from.
-
-    Attributes:
-        match: which quadrilaterals of the picture it rests on.
-        solutions: the planar solutions, the one taken first.
-        corners_px: (k,4,2) measured corners in the picture.
-        covariance: (4,4) of position in `bar` and yaw, both solutions weighed.
-    """
-
-    match: Match
-    solutions: list[Solution]
-    corners_px: Array
-    covariance: Array
+_MOST_JUDGED = 8
+"""Hypotheses that are measured in one picture; each takes about a millisecond."""
 
 
 @dataclass(frozen=True)
 class _Track:
-    """The last pose and when it was."""
+    """The last pose: when, where its corners were (n,4,2), and how fast they moved (2,)."""
 
     t_s: float
     camera_from_plane: Pose
@@ -58,25 +40,25 @@ class NearVision:
     """Sees one cue with one camera; holds the last pose to look near it first and to choose by continuity."""
 
     def __init__(self, target: Target, camera: Camera, parameters: VisionParameters) -> None:
-        self._plane_m = model_plane(target)
+        self._judge = Judge(target, camera, parameters)
         self._camera = camera
         self._parameters = parameters
+        self._max_roll_rad = math.radians(parameters.max_roll_deg)
         self._track: _Track | None = None
-        self._max_roll_rad = np.radians(parameters.max_roll_deg)
 
     def reset(self) -> None:
         """Forget the last pose: the next frame is searched whole."""
         self._track = None
 
     def see(self, frame: Frame) -> Observation:
-        """The cue's pose in one frame, or the reason why there is none; never raises."""
+        """The cue's pose in one frame, or the reason why there is none (`Refusal`); never raises."""
         try:
             found = self._find(frame)
-        except (cv2.error, np.linalg.LinAlgError, ValueError, FloatingPointError, MemoryError):
+        except (cv2.error, np.linalg.LinAlgError, ArithmeticError, ValueError, IndexError, MemoryError):
             found = Refusal.NO_SOLUTION
         if isinstance(found, Refusal):
             return Observation(frame.t_s, frame.gimbal, reason=found.value)
-        return Observation(frame.t_s, frame.gimbal, bar_pose=self._bar_pose(found))
+        return Observation(frame.t_s, frame.gimbal, bar_pose=found.bar_pose())
 
     def _find(self, frame: Frame) -> Sighting | Refusal:
         image = frame.image
@@ -87,12 +69,12 @@ class NearVision:
         if image.shape[:2] != (self._camera.height_px, self._camera.width_px):
             return Refusal.WRONG_SIZE
         prior = self._prior(frame.gimbal)
-        predicted = self._predicted(frame.t_s)
+        predicted_px = self._predicted_px(frame.t_s)
         found: Sighting | Refusal = Refusal.NO_MATCH
-        if predicted is not None:
-            found = self._look(image, self._around(predicted), predicted, prior)
+        if predicted_px is not None:
+            found = self._look(image, self._around(predicted_px), predicted_px, prior)
         if isinstance(found, Refusal):
-            found = self._look(image, Window.whole(image), predicted, prior)
+            found = self._look(image, Window.whole(image), predicted_px, prior)
         if isinstance(found, Sighting):
             self._remember(frame.t_s, found)
         return found
@@ -105,127 +87,89 @@ class NearVision:
         regions = find_regions(image, window, self._parameters)
         if not regions:
             return Refusal.NOTHING_GREEN
-        quads, _, cut = find_quads(image, regions, self._parameters)
-        if not quads:
-            return Refusal.CUT_BY_FRAME if cut else Refusal.NO_QUADRILATERAL
-        undistorted = self._camera.undistort(np.concatenate(quads)).reshape(-1, 4, 2)
-        if predicted_px is not None:
-            foreseen = match_by_prediction(undistorted, predicted_px)
-            if foreseen is not None:
-                followed = self._judge(image, foreseen, prior)
-                if isinstance(followed, Sighting):
-                    return followed
-        hypotheses = match_by_geometry(undistorted, self._plane_m, self._max_roll_rad)
-        return self._best(image, hypotheses, cut, prior)
+        found = find_quads(image, regions, self._parameters)
+        last = None if predicted_px is None or self._track is None else self._track.camera_from_plane
+        evidence = Evidence(image, found.cut, prior, last)
+        result = self._match(found.quads, predicted_px, evidence)
+        if isinstance(result, Refusal) and found.flush:
+            flush = self._match(found.quads + found.flush, predicted_px, evidence)
+            return flush if isinstance(flush, Sighting) else Refusal.CUT_BY_FRAME
+        return result
 
-    def _best(
-        self, image: Image, hypotheses: list[Match], cut: list[Region], prior: LevelPrior | None
-    ) -> Sighting | Refusal:
-        refusal = Refusal.CUT_BY_FRAME if cut else Refusal.NO_MATCH
-        found: list[Sighting] = []
-        for match in hypotheses:
-            if len(match.model) < len(self._plane_m):
-                continue
-            result = self._judge(image, match, prior)
-            if isinstance(result, Sighting):
-                found.append(result)
-            elif refusal is not Refusal.CUT_BY_FRAME:
-                refusal = result
-        if not found:
-            return refusal
+    def _match(self, quads: list[Array], predicted_px: Array | None, evidence: Evidence) -> Sighting | Refusal:
+        if not quads:
+            return Refusal.CUT_BY_FRAME if evidence.cut else Refusal.NO_QUADRILATERAL
+        quads_px = self._camera.undistort(np.concatenate(quads)).reshape(-1, 4, 2)
+        if predicted_px is not None:
+            followed = match_by_prediction(quads_px, predicted_px)
+            if followed is not None:
+                result = self._judge.judge(followed, evidence)
+                if isinstance(result, Sighting):
+                    return result
+        return self._choose(match_by_geometry(quads_px, self._judge.plane_m, self._max_roll_rad), evidence)
+
+    def _choose(self, hypotheses: list[Match], evidence: Evidence) -> Sighting | Refusal:
+        """The best sighting among hypotheses; whole cues first, then parts that the picture's edge explains."""
+        whole = [match for match in hypotheses if len(match.model) == len(self._judge.plane_m)]
+        found, refusal = self._judged(whole, evidence)
         if len(found) > 1 and self._parameters.several_cues == "refuse":
             return Refusal.AMBIGUOUS
-        return min(found, key=lambda s: float(np.linalg.norm(s.solutions[0].camera_from_plane.translation_m)))
+        if found:
+            return min(found, key=lambda sighting: sighting.distance_m)
+        parts = [match for match in hypotheses if len(match.model) < len(self._judge.plane_m)]
+        sightings, _ = self._judged(parts, evidence, overlapping=True)
+        verdicts = [self._judge.explains_absence(sighting, evidence.cut) for sighting in sightings]
+        if verdicts.count(True) == 1:
+            return sightings[verdicts.index(True)]
+        if evidence.cut:
+            return Refusal.CUT_BY_FRAME
+        return refusal if whole or not any(verdict in (True, None) for verdict in verdicts) else Refusal.AMBIGUOUS
 
-    def _judge(self, image: Image, match: Match, prior: LevelPrior | None) -> Sighting | Refusal:
-        measured = measure_corners(image, match.quads_px, self._camera, self._parameters)
-        if measured is None:
-            return Refusal.CORNERS_UNSURE
-        corners = Corners(measured[0], measured[1], self._plane_m[list(match.model)])
-        solutions = solve(corners, self._camera, prior)
-        if not solutions:
-            return Refusal.NO_SOLUTION
-        solutions = self._ordered(solutions)
-        taken = solutions[0]
-        diagonal = float(np.linalg.norm(np.ptp(measured[0].reshape(-1, 2), axis=0)))
-        most_px = self._parameters.reprojection_px + self._parameters.reprojection_fraction * diagonal
-        if not taken.reprojection_px <= most_px:
-            return Refusal.REPROJECTION
-        if not sides_agree(measured[0], measured[0] + taken.residual_px, self._parameters):
-            return Refusal.SIDES_UNEQUAL
-        if not self._within_reach(taken.camera_from_plane):
-            return Refusal.OUT_OF_REACH
-        corners_px = distort(measured[0].reshape(-1, 2), self._camera).reshape(-1, 4, 2)
-        return Sighting(match, solutions, corners_px, _mixed_covariance(solutions))
-
-    def _ordered(self, solutions: list[Solution]) -> list[Solution]:
-        if len(solutions) < 2 or self._track is None or solutions[1].chi2 - solutions[0].chi2 > _CLEAR_CHI2:
-            return solutions
-        last = self._track.camera_from_plane.rotation
-        return sorted(solutions, key=lambda s: -float(np.sum(s.camera_from_plane.rotation * last)))
-
-    def _within_reach(self, camera_from_plane: Pose) -> bool:
-        centre = camera_from_plane.translation_m
-        distance_m = float(np.linalg.norm(centre))
-        facing = float(camera_from_plane.rotation[:, 2] @ centre) / max(distance_m, 1e-9)
-        return distance_m <= self._parameters.max_distance_m and facing >= np.cos(
-            np.radians(self._parameters.max_obliquity_deg)
-        )
+    def _judged(
+        self, hypotheses: list[Match], evidence: Evidence, overlapping: bool = False
+    ) -> tuple[list[Sighting], Refusal]:
+        """Sightings, and why the first of the others is none; what a sighting uses is not used again."""
+        found: list[Sighting] = []
+        refusal: Refusal | None = None
+        used: set[int] = set()
+        for match in hypotheses[:_MOST_JUDGED]:
+            if used.intersection(match.candidates) and not overlapping:
+                continue
+            result = self._judge.judge(match, evidence)
+            if isinstance(result, Sighting):
+                found.append(result)
+                used.update(match.candidates)
+            elif refusal is None:
+                refusal = result
+        return found, refusal or Refusal.NO_MATCH
 
     def _prior(self, gimbal: GimbalAttitude) -> LevelPrior | None:
         noise_rad = self._parameters.gimbal_noise_rad
-        if noise_rad <= 0.0 or not np.all(np.isfinite([gimbal.roll_rad, gimbal.pitch_rad])):
+        if noise_rad <= 0.0 or not (math.isfinite(gimbal.roll_rad) and math.isfinite(gimbal.pitch_rad)):
             return None
-        return LevelPrior(level_from_camera(replace(gimbal, yaw_rad=0.0)).T @ np.array([0.0, 0.0, 1.0]), noise_rad)
+        level = level_from_camera(GimbalAttitude(gimbal.roll_rad, gimbal.pitch_rad))
+        return LevelPrior(level[2].copy(), noise_rad)
 
-    def _predicted(self, t_s: float) -> Array | None:
+    def _predicted_px(self, t_s: float) -> Array | None:
         track = self._track
         if track is None or not 0.0 <= t_s - track.t_s <= self._parameters.track_s:
             return None
         return track.corners_px + track.drift_px_s * (t_s - track.t_s)
 
     def _around(self, predicted_px: Array) -> Window:
-        points = predicted_px.reshape(-1, 2)
-        if not np.all(np.isfinite(points)):
-            return Window(0, 0, 0, 0)
-        margin = max(
-            self._parameters.track_margin_px, self._parameters.track_margin * float(np.ptp(points, axis=0).max())
-        )
-        return Window.around(points, margin, self._camera.width_px, self._camera.height_px)
+        points_px = predicted_px.reshape(-1, 2)
+        size_px = float(np.ptp(points_px, axis=0).max())
+        margin_px = max(self._parameters.track_margin_px, self._parameters.track_margin * size_px)
+        return Window.around(points_px, margin_px, self._camera.width_px, self._camera.height_px)
 
     def _remember(self, t_s: float, sighting: Sighting) -> None:
-        pose = sighting.solutions[0].camera_from_plane
-        plane = np.column_stack([self._plane_m.reshape(-1, 2), np.zeros(self._plane_m.size // 2)])
-        corners_px = self._camera.project(pose.apply(plane)).reshape(-1, 4, 2)
-        drift = np.zeros(2)
-        if self._track is not None and 0.0 < t_s - self._track.t_s <= self._parameters.track_s:
-            moved = corners_px.mean(axis=(0, 1)) - self._track.corners_px.mean(axis=(0, 1))
-            drift = moved / (t_s - self._track.t_s)
-        self._track = _Track(t_s, pose, corners_px, drift if np.all(np.isfinite(drift)) else np.zeros(2))
-
-    def _bar_pose(self, sighting: Sighting) -> BarPose:
-        taken = sighting.solutions[0]
-        position_in_bar_m, yaw_rad = position_and_yaw(taken.camera_from_plane)
-        return BarPose(
-            position_in_bar_m,
-            yaw_rad,
-            sighting.covariance,
-            taken.reprojection_px,
-            sighting.corners_px.reshape(-1, 2),
-        )
-
-
-def _mixed_covariance(solutions: list[Solution]) -> Array:
-    """Covariance about the pose taken, the other planar solution weighed by its likelihood."""
-    covariance = covariance_in_bar(solutions[0])
-    if len(solutions) < 2:
-        return covariance
-    lead = solutions[1].chi2 - solutions[0].chi2
-    share = 1.0 / (1.0 + float(np.exp(np.clip(0.5 * lead, -50.0, 50.0))))
-    if share < 1e-4:
-        return covariance
-    (position, yaw), (other_position, other_yaw) = (position_and_yaw(s.camera_from_plane) for s in solutions[:2])
-    apart = np.append(other_position - position, other_yaw - yaw)
-    return (1.0 - share) * covariance + share * (covariance_in_bar(solutions[1]) + np.outer(apart, apart))
-
-
+        pose, last = sighting.camera_from_plane, self._track
+        whole = len(sighting.match.model) == len(self._judge.plane_m)
+        corners_px = sighting.corners_px if whole else self._judge.projected_px(pose)
+        if not (math.isfinite(t_s) and np.isfinite(corners_px).all()):
+            self._track = None
+            return
+        drift_px_s = np.zeros(2)
+        if last is not None and 0.0 < t_s - last.t_s <= self._parameters.track_s:
+            drift_px_s = (corners_px - last.corners_px).mean(axis=(0, 1)) / (t_s - last.t_s)
+        self._track = _Track(t_s, pose, corners_px, drift_px_s)

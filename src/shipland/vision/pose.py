@@ -16,8 +16,15 @@ from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose
 _STEPS = 8
 """Most Levenberg–Marquardt steps; three or four are usual."""
 
-_GAIN_DONE = 0.02
+_GAIN_DONE = 0.03
 """The step that would lower the sum of squared standard deviations by less is the last one."""
+
+
+_DOUBTFUL_CHI2 = 2.5
+"""Sum of squared standard deviations a coordinate, from which a prior is put to the test."""
+
+_CONTRADICTION_CHI2 = 20.0
+"""What leaving the prior out must gain: both of its angles off by more than four standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +65,7 @@ class Solution:
         prior_chi2: of the level prior, 0 without one.
         covariance: (6,6) of the left rotation vector [rad] and translation [m], both in `camera`.
         residual_px: (n,4,2) reprojected minus measured.
+        freedom: residuals less unknowns.
     """
 
     camera_from_plane: Pose
@@ -65,6 +73,13 @@ class Solution:
     prior_chi2: float
     covariance: Array
     residual_px: Array
+    freedom: int
+
+    @property
+    def excess(self) -> float:
+        """By how much the corners' variance was taken too small: χ² a degree of freedom where that is beyond chance."""
+        chance = self.freedom + 2.0 * (2.0 * self.freedom) ** 0.5
+        return self.chi2 / self.freedom if self.chi2 > chance else 1.0
 
     @property
     def reprojection_px(self) -> float:
@@ -75,8 +90,33 @@ class Solution:
 def solve(corners: Corners, camera: Camera, prior: LevelPrior | None = None) -> list[Solution]:
     """The one or two poses that solve the corners, better first; empty when none does.
 
-    IPPE gives both planar solutions, Levenberg–Marquardt refines them [Lee2022, §Pose Estimation].
+    IPPE gives both planar solutions, Levenberg–Marquardt refines them [Lee2022, §Pose Estimation]. A prior that the
+    corners contradict is left out.
     """
+    solutions = _solve(corners, camera, prior)
+    if prior is None or not solutions or solutions[0].chi2 < _DOUBTFUL_CHI2 * corners.plane_m.size:
+        return solutions
+    free = _solve(corners, camera, None)
+    return free if free and free[0].chi2 < solutions[0].chi2 - _CONTRADICTION_CHI2 else solutions
+
+
+def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: LevelPrior | None = None) -> Solution:
+    """The Cramér–Rao bound at a known pose: its `covariance` is the least that unbiased estimates can have.
+
+    Args:
+        camera_from_plane: the true pose.
+        corners: noise and model; the measured pixels do not matter.
+        camera: intrinsics.
+        prior: what is known besides.
+    """
+    refiner = _Refiner(corners, camera, prior)
+    residual, jacobian, raw = refiner.linearise(
+        camera_from_plane.rotation[None], camera_from_plane.translation_m[None]
+    )
+    return refiner.solution(camera_from_plane, residual[0], jacobian[0], raw[0])
+
+
+def _solve(corners: Corners, camera: Camera, prior: LevelPrior | None) -> list[Solution]:
     refiner = _Refiner(corners, camera, prior)
     found, rotations, translations, _ = cv2.solvePnPGeneric(
         refiner.plane, refiner.rays.reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
@@ -102,9 +142,11 @@ class _Refiner:
         count = corners.plane_m.size // 2
         self.plane = np.zeros((count, 3))
         self.plane[:, :2] = corners.plane_m.reshape(-1, 2)
-        self._to_rays = np.linalg.inv(camera.matrix)[:2]
+        (fx, skew, cx), (_, fy, cy), _ = camera.matrix.tolist()
         self._to_pixels = camera.matrix[:2, :2]
-        self.rays = corners.undistorted_px.reshape(-1, 2) @ self._to_rays[:, :2].T + self._to_rays[:, 2]
+        self.rays = (corners.undistorted_px.reshape(-1, 2) - (cx, cy)) / (fx, fy)
+        if skew != 0.0:
+            self.rays[:, 0] -= skew / fx * self.rays[:, 1]
         size = 2 * count
         rows = size if prior is None else size + 2
         self._size = size
@@ -124,7 +166,7 @@ class _Refiner:
         rotation = np.array([start.rotation for start in starts])
         translation = np.array([start.translation_m for start in starts])
         damping = np.full(len(starts), 1e-3)
-        residual, jacobian, raw = self._linearise(rotation, translation)
+        residual, jacobian, raw = self.linearise(rotation, translation)
         cost = (residual * residual).sum(axis=1)
         diagonal = np.arange(6)
         for _ in range(_STEPS):
@@ -139,31 +181,36 @@ class _Refiner:
             if not np.any(-(step * gradient).sum(axis=1) >= _GAIN_DONE):
                 rotation, translation = new_rotation, new_translation
                 break
-            new_residual, new_jacobian, new_raw = self._linearise(new_rotation, new_translation)
+            new_residual, new_jacobian, new_raw = self.linearise(new_rotation, new_translation)
             new_cost = (new_residual * new_residual).sum(axis=1)
             better = new_cost <= cost
             # Near the view where both solutions merge the cost is of fourth order and Gauss–Newton oversteps.
             gained = (cost - new_cost) / np.maximum(-(step * gradient).sum(axis=1), 1e-12)
             damping = np.clip(np.where(gained > 0.75, 0.1, np.where(gained > 0.25, 1.0, 30.0)) * damping, 1e-4, 1e6)
+            if better.all():
+                rotation, translation, cost = new_rotation, new_translation, new_cost
+                residual, jacobian, raw = new_residual, new_jacobian, new_raw
+                continue
             rotation[better], translation[better] = new_rotation[better], new_translation[better]
             residual[better], jacobian[better] = new_residual[better], new_jacobian[better]
             raw[better], cost[better] = new_raw[better], new_cost[better]
         return [
-            self._solution(Pose(rotation[i], translation[i]), residual[i], jacobian[i], raw[i])
+            self.solution(Pose(rotation[i], translation[i]), residual[i], jacobian[i], raw[i])
             for i in range(len(starts))
             if np.isfinite(cost[i]) and translation[i, 2] > 0.0
         ]
 
-    def _solution(self, pose: Pose, residual: Array, jacobian: Array, raw: Array) -> Solution:
+    def solution(self, pose: Pose, residual: Array, jacobian: Array, raw: Array) -> Solution:
         return Solution(
             camera_from_plane=pose,
             chi2=float(residual @ residual),
             prior_chi2=float(residual[self._size :] @ residual[self._size :]),
             covariance=np.linalg.inv(jacobian.T @ jacobian),
             residual_px=(raw @ self._to_pixels.T).reshape(-1, 4, 2),
+            freedom=self._rows - 6,
         )
 
-    def _linearise(self, rotation: Array, translation: Array) -> tuple[Array, Array, Array]:
+    def linearise(self, rotation: Array, translation: Array) -> tuple[Array, Array, Array]:
         """Whitened residuals (b,rows), their Jacobian (b,rows,6), and the rays' residuals (b,n,2)."""
         arms = self.plane @ rotation.transpose(0, 2, 1)
         points = arms + translation[:, None]
@@ -198,21 +245,16 @@ def covariance_in_bar(solution: Solution) -> Array:
     """(4,4) covariance of (position in `bar` [m], yaw [rad]) from the solution's (6,6)."""
     pose = solution.camera_from_plane
     bar_from_camera = CAMERA_FROM_MOUNT.T @ pose.rotation.T
-    # R' = exp(w) R: position −B Rᵀ exp(−w) t changes by −B Rᵀ ([t]ₓ w + dt); the optical axis by B Rᵀ (z × w).
-    position_by_step = -bar_from_camera @ np.hstack([_cross_matrix(pose.translation_m), np.eye(3)])
-    axis = bar_from_camera[:, 2]
-    axis_by_rotation = bar_from_camera @ _cross_matrix(np.array([0.0, 0.0, 1.0]))
-    horizontal2 = max(float(axis[0] ** 2 + axis[1] ** 2), 1e-12)
-    yaw_by_rotation = (axis[0] * axis_by_rotation[1] - axis[1] * axis_by_rotation[0]) / horizontal2
+    # R' = exp(w) R turns position −B Rᵀ t into −B Rᵀ (t + dt − w × t), and the optical axis into B Rᵀ (z − w × z).
+    x, y, z = pose.translation_m.tolist()
+    right, down, forward = bar_from_camera.T
+    horizontal2 = max(float(forward[0] ** 2 + forward[1] ** 2), 1e-12)
     jacobian = np.zeros((4, 6))
-    jacobian[:3] = position_by_step
-    jacobian[3, :3] = yaw_by_rotation
+    jacobian[:3, :3] = -bar_from_camera @ [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+    jacobian[:3, 3:] = -bar_from_camera
+    jacobian[3, 0] = (forward[0] * down[1] - forward[1] * down[0]) / horizontal2
+    jacobian[3, 1] = -(forward[0] * right[1] - forward[1] * right[0]) / horizontal2
     return np.asarray(jacobian @ solution.covariance @ jacobian.T)
-
-
-def _cross_matrix(vector: Array) -> Array:
-    x, y, z = vector
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def _perpendicular(direction: Array) -> Array:

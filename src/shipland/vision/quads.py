@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -15,6 +16,15 @@ from shipland.vision.parameters import VisionParameters
 _LEAST_SOLIDITY = 0.85
 """Area of a region over that of its convex hull; foliage stays below, a rectangle 8 px high above."""
 
+_LEAST_TURN = 0.3
+"""Sine of the least turn from one side to the next."""
+
+_FLUSH_PX = 2.0
+"""A corner this near to the picture's edge lies on it: regions end at pixels, and a side may lean a little."""
+
+_SUBPIXEL = 16
+"""OpenCV's simplification rounds its corners to whole numbers: it gets the hull in sixteenths of a pixel."""
+
 _AREA_RATIO = (0.82, 1.18)
 """Area of the four-cornered approximation over that of the hull."""
 
@@ -22,7 +32,8 @@ _AREA_RATIO = (0.82, 1.18)
 def quad_from_region(region: Region, min_side_px: float) -> Array | None:
     """Four corners (4,2) [px], clockwise in the picture, of a region that is one quadrilateral; else None.
 
-    The corners lie on the region's outer boundary, half a pixel outside the centres of its outermost pixels.
+    The sides run around the centres of the region's outermost pixels, which is within half a pixel of where the colour
+    changes by half.
     """
     hull = cv2.convexHull(region.contour_px)
     hull_px2 = cv2.contourArea(hull)
@@ -34,63 +45,85 @@ def quad_from_region(region: Region, min_side_px: float) -> Array | None:
     area_px2 = cv2.contourArea(corners.astype(np.float32))
     if not _AREA_RATIO[0] * hull_px2 <= area_px2 <= _AREA_RATIO[1] * hull_px2:
         return None
-    return _grown(corners.tolist(), 0.5, min_side_px)
+    return corners if _is_proper(corners.tolist(), min_side_px) else None
 
 
-def find_quads(
-    image: Image, regions: list[Region], parameters: VisionParameters
-) -> tuple[list[Array], list[Region], list[Region]]:
-    """Quadrilaterals of whole regions, their regions, and the regions cut by the picture's edge."""
-    quads: list[Array] = []
-    whole: list[Region] = []
-    cut: list[Region] = []
+@dataclass(frozen=True)
+class Found:
+    """What the coloured regions of a picture amount to.
+
+    Attributes:
+        quads: (4,2) corners [px] each, of regions that are whole.
+        flush: the same of regions with one side along the picture's edge: whole if the edge happens to be that side.
+        cut: regions that reach the picture's edge, those of `flush` among them.
+    """
+
+    quads: list[Array]
+    flush: list[Array]
+    cut: list[Region]
+
+
+def find_quads(image: Image, regions: list[Region], parameters: VisionParameters) -> Found:
+    """Quadrilaterals of regions, with the watershed where the parameters want it."""
+    found = Found([], [], [])
     for region in regions:
         if region.cut:
-            cut.append(region)
+            found.cut.append(region)
+            quad = quad_from_region(region, parameters.min_side_px)
+            snapped = None if quad is None else _snapped(quad, image.shape[1], image.shape[0])
+            if snapped is not None:
+                found.flush.append(snapped)
             continue
-        found: Region | None = region
         quad = None
         if parameters.watershed != "always":
             quad = quad_from_region(region, parameters.min_side_px)
         if parameters.watershed == "always" or (parameters.watershed == "where_needed" and quad is None):
-            found = watershed_region(image, region, parameters.watershed_margin)
-            quad = None if found is None else quad_from_region(found, parameters.min_side_px)
-        if quad is not None and found is not None:
-            quads.append(quad)
-            whole.append(found)
-    return quads, whole, cut
+            flooded = watershed_region(image, region, parameters.watershed_margin)
+            quad = None if flooded is None else quad_from_region(flooded, parameters.min_side_px)
+        if quad is not None:
+            found.quads.append(quad)
+    return found
+
+
+def edge_distances(quad_px: Array, width_px: int, height_px: int) -> Array:
+    """(…,4) distances [px] of corners (…,2) from the picture's left, top, right and lower edge."""
+    column, row = quad_px[..., 0], quad_px[..., 1]
+    return np.stack([column + 0.5, row + 0.5, width_px - 0.5 - column, height_px - 0.5 - row], axis=-1)
+
+
+def _snapped(quad: Array, width_px: int, height_px: int) -> Array | None:
+    """The quadrilateral with its one side along the picture's edge set on it; None when it is not just one."""
+    near = edge_distances(quad, width_px, height_px) < _FLUSH_PX
+    if near.sum() != 2 or near.sum(axis=0).max() != 2:
+        return None
+    edge = int(near.sum(axis=0).argmax())
+    snapped = quad.copy()
+    snapped[near[:, edge], edge % 2] = (-0.5, -0.5, width_px - 0.5, height_px - 0.5)[edge]
+    return snapped
 
 
 def _four_corners(hull: npt.NDArray[np.int32]) -> Array | None:
-    """The hull simplified until four vertices are left, clockwise; None when it jumps past four."""
-    perimeter = cv2.arcLength(hull, True)
-    for fraction in (0.02, 0.035, 0.05, 0.07, 0.09):
-        polygon = cv2.approxPolyDP(hull, fraction * perimeter, True)
-        if len(polygon) == 4:
-            corners = polygon[:, 0].astype(float)
-            return corners if cv2.contourArea(polygon, oriented=True) > 0.0 else corners[::-1]
-        if len(polygon) < 4:
-            return None
-    return None
+    """The hull with its least sides left out, their neighbours prolonged, until four are left; clockwise."""
+    polygon = cv2.approxPolyN(hull * _SUBPIXEL, 4, ensure_convex=True).reshape(-1, 2)
+    if len(polygon) != 4:
+        return None
+    corners = polygon / float(_SUBPIXEL)
+    return corners if cv2.contourArea(polygon, oriented=True) > 0.0 else corners[::-1]
 
 
-def _grown(corners: list[list[float]], distance_px: float, min_side_px: float) -> Array | None:
-    """The clockwise quadrilateral with every side moved outward; None when it is not convex or a side is too short.
+def _is_proper(corners: list[list[float]], min_side_px: float) -> bool:
+    """Whether clockwise corners make a convex quadrilateral without short sides or flat corners.
 
     Plain numbers: four corners are too few for arrays to pay.
     """
-    lines = []
-    for (x, y), (next_x, next_y) in zip(corners, corners[1:] + corners[:1], strict=True):
-        along_x, along_y = next_x - x, next_y - y
-        length = math.hypot(along_x, along_y)
-        if length + 2.0 * distance_px < min_side_px:
-            return None
-        normal_x, normal_y = along_y / length, -along_x / length
-        lines.append((normal_x, normal_y, normal_x * x + normal_y * y + distance_px))
-    grown = []
-    for (ax, ay, a), (bx, by, b) in zip(lines[-1:] + lines[:-1], lines, strict=True):
-        turn = ax * by - ay * bx
-        if turn < 0.1:
-            return None
-        grown.append(((a * by - b * ay) / turn, (b * ax - a * bx) / turn))
-    return np.array(grown)
+    sides = [(bx - ax, by - ay) for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True)]
+    lengths = [math.hypot(x, y) for x, y in sides]
+    if min(lengths) < min_side_px:
+        return False
+    turns = (
+        (ax * by - ay * bx) / (a * b)
+        for (ax, ay), (bx, by), a, b in zip(
+            sides, sides[1:] + sides[:1], lengths, lengths[1:] + lengths[:1], strict=True
+        )
+    )
+    return min(turns) > _LEAST_TURN

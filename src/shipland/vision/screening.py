@@ -27,9 +27,13 @@ def sides_agree(measured_px: Array, foreseen_px: Array, parameters: VisionParame
         ratio, slope = ratio[:count] / ratio[count:], slope[:count] - slope[count:]
     else:
         ratio, slope = ratio[:count], slope[:count]
-    low, high = 1.0 - parameters.length_tolerance, 1.0 / (1.0 - parameters.length_tolerance)
+    sides_px = np.hypot(*np.moveaxis(measured_px[:, [1, 2, 3, 0]] - measured_px, -1, 0))
+    # Corners of a small rectangle are not known finely enough for the fractions to mean anything.
+    unsure = parameters.screening_px / np.minimum(sides_px[:, :2], sides_px[:, 2:])
+    length_tolerance = np.maximum(parameters.length_tolerance, unsure)
+    slope_tolerance = np.maximum(parameters.slope_tolerance, unsure)
     return bool(
-        np.all(ratio >= low) and np.all(ratio <= high) and np.all(np.abs(slope) <= parameters.slope_tolerance)
+        np.all(np.abs(np.log(ratio)) <= np.log1p(length_tolerance)) and np.all(np.abs(slope) <= slope_tolerance)
     )
 
 

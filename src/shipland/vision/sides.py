@@ -7,9 +7,10 @@ next, clockwise. Everything is in undistorted pixels, where sides are straight.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.special import ndtr
 
 from shipland.camera import Camera
@@ -37,6 +38,9 @@ _REFIT_PX = 0.1
 _STEP_PX = 0.5
 """Distance of samples along a profile."""
 
+_MOST_SAMPLES = 12
+"""Most of them on either side; long profiles are sampled more thinly."""
+
 _LEAST_CONTRAST = 12.0
 """Smallest difference of colour between inside and outside, in grey levels, that is measured."""
 
@@ -46,7 +50,16 @@ _LEAST_SIDE_CONTRAST = 0.15
 _BILINEAR_VARIANCE = 4.0 / 9.0
 """Bilinear interpolation at random phase leaves this much of the pixels' noise variance."""
 
-_BLUR_PX = (0.4, 2.5)
+_HELD_PX = 0.05
+"""Standard deviation of a side that is taken to lie on the picture's edge."""
+
+_TRIES = 5
+"""Times that sides are measured, each from where the last left them, before they are given up."""
+
+_BLUR_PER_REACH = 0.45
+"""Profiles must reach so much farther than the blur that their ends lie on the plain colours."""
+
+_BLUR_PX = (0.4, 8.0)
 """Range of the blur that is taken from the picture."""
 
 
@@ -60,6 +73,7 @@ class Sides:
         outward: (s,2) unit normal.
         length_px: (s,).
         reach_px: (s,) half-length of the profiles across them.
+        held: (s,) lies along the picture's edge and cannot be measured.
     """
 
     middle_px: Array
@@ -67,9 +81,10 @@ class Sides:
     outward: Array
     length_px: Array
     reach_px: Array
+    held: npt.NDArray[np.bool_]
 
     @staticmethod
-    def of(quads_px: Array, reach_px: float) -> Sides:
+    def of(quads_px: Array, reach_px: float, held: npt.NDArray[np.bool_] | None = None) -> Sides:
         """The sides of quadrilaterals (n,4,2); profiles reach no farther than 0.42 of the shorter side."""
         starts = quads_px.reshape(-1, 2)
         ends = quads_px[:, _NEXT].reshape(-1, 2)
@@ -78,7 +93,9 @@ class Sides:
         outward = along[:, ::-1] * _QUARTER_TURN
         shorter_px = length_px.reshape(-1, 4).min(axis=1).repeat(4)
         reach = np.minimum(reach_px, np.maximum(0.42 * shorter_px, 1.5))
-        return Sides(0.5 * (starts + ends), along, outward, length_px, reach)
+        if held is None:
+            held = np.zeros(len(starts), bool)
+        return Sides(0.5 * (starts + ends), along, outward, length_px, reach, held)
 
     def half_px(self) -> Array:
         """(s,) half of each side's length that is looked at: off the corners by twice a usual blur."""
@@ -86,7 +103,7 @@ class Sides:
 
     def samples_px(self, half_px: Array) -> tuple[Array, Array, Array]:
         """Columns and rows of samples (s,profile,sample), and their places across (s,sample) [px, outward positive]."""
-        samples = 2 * int(math.ceil(float(self.reach_px.max()) / _STEP_PX)) + 1
+        samples = 2 * min(math.ceil(float(self.reach_px.max()) / _STEP_PX), _MOST_SAMPLES) + 1
         across_px = self.reach_px[:, None] * np.linspace(-1.0, 1.0, samples)
         along_px = half_px[:, None] * _UNIT
         columns, rows = (
@@ -96,12 +113,18 @@ class Sides:
         )
         return columns, rows, across_px
 
+    def wider(self) -> Sides:
+        """The same with profiles twice as long, as far as the quadrilaterals allow."""
+        shorter_px = self.length_px.reshape(-1, 4).min(axis=1).repeat(4)
+        reach_px = np.maximum(np.minimum(2.0 * self.reach_px, 0.42 * shorter_px), self.reach_px)
+        return replace(self, reach_px=reach_px)
+
     def moved(self, offset_px: Array, slope: Array) -> Sides:
         """The sides shifted outward and turned."""
         along = self.along + slope[:, None] * self.outward
         along /= np.sqrt(1.0 + slope * slope)[:, None]
         middle_px = self.middle_px + offset_px[:, None] * self.outward
-        return Sides(middle_px, along, along[:, ::-1] * _QUARTER_TURN, self.length_px, self.reach_px)
+        return Sides(middle_px, along, along[:, ::-1] * _QUARTER_TURN, self.length_px, self.reach_px, self.held)
 
 
 @dataclass(frozen=True)
@@ -113,12 +136,14 @@ class SideFit:
         offset_px: (s,) at the middle.
         slope: (s,).
         covariance: (s,2,2) of both.
+        blur_px: standard deviation of the picture's blur.
     """
 
     sides: Sides
     offset_px: Array
     slope: Array
     covariance: Array
+    blur_px: float
 
 
 def distort(undistorted_px: Array, camera: Camera) -> Array:
@@ -133,7 +158,8 @@ def measure_sides(image: Image, sides: Sides, camera: Camera, floor_px: float) -
     """Where the sides lie, at sub-pixel.
 
     The area under each profile finds the side coarsely; then Gauss–Newton fits one ideal edge, blurred as the picture
-    is, to all profiles of a side. What turns out far from where the profiles were centred is measured once more.
+    is, to all profiles of a side. What turns out far from where the profiles were centred, or blurred more than they
+    reach, is measured once more.
 
     Args:
         image: (H,W,3) BGR.
@@ -144,10 +170,14 @@ def measure_sides(image: Image, sides: Sides, camera: Camera, floor_px: float) -
     Returns:
         The fit and the sides as last centred; None when there is no contrast, or a side too far off.
     """
-    for _ in range(3):
+    for _ in range(_TRIES):
         fit = _fit(image, sides, camera, floor_px)
-        if fit is None:
-            return None
+        if fit is None or fit.blur_px > _BLUR_PER_REACH * float(sides.reach_px.min()):
+            wider = sides.wider()
+            if np.all(wider.reach_px == sides.reach_px):
+                return fit
+            sides = wider
+            continue
         ends_px = np.abs(fit.offset_px) + np.abs(fit.slope) * sides.half_px()
         if np.all(ends_px <= _RECENTRE * sides.reach_px):
             return fit
@@ -165,7 +195,7 @@ def contrast_direction(inside: Array, outside: Array) -> Array | None:
 def _fit(image: Image, sides: Sides, camera: Camera, floor_px: float) -> SideFit | None:
     half_px = sides.half_px()
     columns, rows, across_px = sides.samples_px(half_px)
-    values = _contrasts(image, columns, rows, camera)
+    values = _contrasts(image, columns, rows, camera, sides.held)
     if values is None:
         return None
     step_px = across_px[:, 1] - across_px[:, 0]
@@ -190,10 +220,10 @@ def _fit(image: Image, sides: Sides, camera: Camera, floor_px: float) -> SideFit
         determinant = np.maximum(a * c - b * b, 1e-9)
         by_offset, by_tilt = (c * p - b * q) / determinant, (a * q - b * p) / determinant
         offset_px, tilt_px = offset_px + by_offset, tilt_px + by_tilt
-        longest_px = float((np.abs(by_offset) + np.abs(by_tilt)).max())
+        longest_px = float(((np.abs(by_offset) + np.abs(by_tilt)) * ~sides.held).max())
         if not longest_px > _REFIT_PX:
             break
-    if not np.all(np.abs(offset_px) + np.abs(tilt_px) <= sides.reach_px):
+    if not np.all((np.abs(offset_px) + np.abs(tilt_px) <= sides.reach_px) | sides.held):
         return None
     misfit2 = np.einsum("spx,spx->s", residual, residual) - (by_offset * p + by_tilt * q)
     noise2 = np.maximum(misfit2, 0.0) / (residual[0].size * _BILINEAR_VARIANCE)
@@ -203,7 +233,11 @@ def _fit(image: Image, sides: Sides, camera: Camera, floor_px: float) -> SideFit
     covariance[:, 0, 0] = scale * c + floor_px**2
     covariance[:, 0, 1] = covariance[:, 1, 0] = -scale * b / half_px
     covariance[:, 1, 1] = (scale * a + 3.0 * floor_px**2) / half_px**2
-    return SideFit(sides, offset_px, tilt_px / half_px, covariance)
+    if sides.held.any():
+        offset_px[sides.held] = tilt_px[sides.held] = 0.0
+        covariance[sides.held] = _HELD_PX**2 * np.eye(2)
+        covariance[sides.held, 1, 1] /= half_px[sides.held] ** 2
+    return SideFit(sides, offset_px, tilt_px / half_px, covariance, blur_px)
 
 
 def intersect_sides(fit: SideFit) -> tuple[Array, Array] | None:
@@ -240,7 +274,7 @@ def intersect_sides(fit: SideFit) -> tuple[Array, Array] | None:
     return corners_px, flat @ spread.reshape(-1, 8, 8) @ flat.transpose(0, 2, 1)
 
 
-def _contrasts(image: Image, columns: Array, rows: Array, camera: Camera) -> Array | None:
+def _contrasts(image: Image, columns: Array, rows: Array, camera: Camera, held: npt.NDArray[np.bool_]) -> Array | None:
     """Samples (s,profile,sample) from 0 outside to 1 inside, bilinear between pixels; None without contrast."""
     shape = columns.shape
     columns, rows = columns.ravel(), rows.ravel()
@@ -251,7 +285,7 @@ def _contrasts(image: Image, columns: Array, rows: Array, camera: Camera) -> Arr
     left, top = columns.astype(np.intp), rows.astype(np.intp)
     index = top * width + left
     around = image.reshape(-1, 3).take(np.concatenate([index, index + 1, index + width, index + width + 1]), axis=0)
-    few = around[: len(index)].reshape(*shape, 3)[:, ::4]
+    few = around[: len(index)].reshape(*shape, 3)[~held, ::4]
     direction = contrast_direction(few[:, :, :2].reshape(-1, 3), few[:, :, -2:].reshape(-1, 3))
     if direction is None:
         return None
@@ -262,6 +296,8 @@ def _contrasts(image: Image, columns: Array, rows: Array, camera: Camera) -> Arr
     profile = (upper + lower_share * (lower - upper)).reshape(shape)
     inside = 0.5 * (profile[:, :, 0] + profile[:, :, 1]).mean(axis=1)
     span = inside - 0.5 * (profile[:, :, -1] + profile[:, :, -2]).mean(axis=1)
+    if held.any():
+        span[held] = 1.0
     if not np.all(span >= _LEAST_SIDE_CONTRAST):
         return None
     return np.asarray(1.0 + (profile - inside[:, None, None]) / span[:, None, None])

@@ -1,5 +1,5 @@
 #version 330
-// One block for every program: written once a frame from scene_view.FrameBlock, in this order.
+// One block for every program: packed by scene_block.py, in this order.
 layout(std140) uniform FrameBlock {
     mat4 clip_from_rel;   // camera-relative ned [m] to clip
     vec4 ray_x;           // ray in ned = ray_0 + u ray_x + v ray_y, u, v in px of the whole picture
@@ -15,9 +15,9 @@ layout(std140) uniform FrameBlock {
     vec4 eye;             // height above the sea [m], focal length [px], far sea's whitecap cover, time [s]
     vec4 sea_scale;       // texture units a metre of the four wave layers
     vec4 sea_offset_a;    // texture coordinates at the camera's foot: layers 0, 1
-    vec4 sea_offset_b;    // layers 2, 3
+    vec4 sea_offset_b;    // layer 2; unused; strength of the foam around the hull
     vec4 sea_gain;        // slope a texture unit of the long and the short tile; residual variance; foam threshold
-    vec4 horizon_line;    // a u + b v + c = px below the horizon
+    vec4 ground;          // north and east of the camera [m]
     mat4 box_from_rel[4]; // shadow casters: camera-relative ned to a cube of ±1
     vec4 sun_in_box[4];   // 1 / direction to the sun in that cube; 1 / path to full shade [1/m]
 };
@@ -28,8 +28,11 @@ vec2 picture_px() { return crop.xy + gl_FragCoord.xy * crop.z; }
 
 vec3 ray_at(vec2 px) { return normalize(ray_0.xyz + px.x * ray_x.xyz + px.y * ray_y.xyz); }
 
-// Display value of a radiance: a shoulder against burnt-out light, and gamma 2.
-vec3 display(vec3 radiance) { return sqrt(1.0 - exp(-radiance * glow_rgb.w)); }
+// Display value of a radiance: a shoulder against burnt-out light, gamma 2, and some contrast.
+vec3 display(vec3 radiance) {
+    vec3 value = sqrt(1.0 - exp(-radiance * glow_rgb.w));
+    return value * (0.65 + value * (1.05 - 0.70 * value));
+}
 
 // Clear sky without clouds and disc; up = sine of the elevation.
 vec3 sky(vec3 direction, float up) {

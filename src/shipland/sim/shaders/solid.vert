@@ -29,4 +29,5 @@ void main() {
     skylit = in_paint.rgb * (sky_light + bounce) * in_open;
     clear = exp(-water_rgb.w * length(position.xyz));
     gl_Position = clip_from_rel * position;
+    gl_ClipDistance[0] = eye.x - position.z; // nothing shows below the sea
 }

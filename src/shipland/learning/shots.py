@@ -1,0 +1,234 @@
+"""Drawing situations at random: range, aspect, height, light, air, sea, motion, decoys. Same seed, same situations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.config import require
+from shipland.frames import Array
+from shipland.learning.decoys import Decoy, DecoyKind, foot_box_px
+from shipland.learning.sensor import SensorParameters
+from shipland.learning.shot import Shot, target_box
+from shipland.rig import Rig
+from shipland.sim.scene import SceneParameters
+
+Span = tuple[float, float]
+_CONTRAST_LEFT = 3.0
+_AWAY_M = 5000.0
+
+
+@dataclass(frozen=True)
+class SynthParameters:
+    """Ranges that are drawn from (`[synth]` in configs/learning.toml).
+
+    Attributes:
+        ship_range_m, bar_range_m: nearest and farthest target.
+        uniform_share: part of the ranges drawn uniformly, the rest log-uniformly.
+        empty_share: part of the pictures without the target.
+        height_m: of the camera above the sea, log-uniform.
+        steepest_deg: largest depression of the line of sight to the ship.
+        aspect_sigma_deg: of the camera's bearing about dead astern; a part of `any_aspect` comes from anywhere.
+        any_aspect: see there.
+        roll_sigma_deg: what the gimbal leaves.
+        edge_px: the target's centre stays so far from the picture's edges, mostly.
+        speed_mps, climb_mps, turn_deg_s: largest motion of the camera between frames.
+        ship_speed_mps: largest speed of the ship.
+        visibility_m: log-uniform; `hazy` is the part of the scenes drawn from haze_m instead.
+        haze_m, hazy: see there.
+        least_contrast: the range is cut so that this part of the contrast is left.
+        sun_elevation_deg, cloud_cover, wave_height_m, wind_mps, exposure_ev, lamp: uniform, of the scene.
+        auto_exposure: of the scene.
+        pictures_per_scene: pictures that share light, air and sea.
+        vessels, buoys, birds, greens: mean number of each in a picture.
+        least_visible: part of the target's box that must lie in the picture to be labelled.
+        least_facing: sine of the flattest angle at which the bar is labelled.
+        sensor: see `SensorParameters`.
+    """
+
+    ship_range_m: Span
+    bar_range_m: Span
+    uniform_share: float
+    empty_share: float
+    height_m: Span
+    steepest_deg: float
+    aspect_sigma_deg: float
+    any_aspect: float
+    roll_sigma_deg: float
+    edge_px: float
+    speed_mps: float
+    climb_mps: float
+    turn_deg_s: float
+    ship_speed_mps: float
+    visibility_m: Span
+    haze_m: Span
+    hazy: float
+    least_contrast: float
+    sun_elevation_deg: Span
+    cloud_cover: Span
+    wave_height_m: Span
+    wind_mps: Span
+    exposure_ev: Span
+    lamp: Span
+    auto_exposure: float
+    pictures_per_scene: int
+    vessels: float
+    buoys: float
+    birds: float
+    greens: float
+    least_visible: float
+    least_facing: float
+    sensor: SensorParameters
+
+    def __post_init__(self) -> None:
+        for name in ("ship_range_m", "bar_range_m", "height_m", "visibility_m", "haze_m"):
+            low, high = getattr(self, name)
+            require(0.0 < low <= high, f"{name} must be two positive numbers, the smaller first")
+        for name in ("uniform_share", "empty_share", "any_aspect", "hazy", "least_contrast", "least_visible"):
+            require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1")
+        require(self.pictures_per_scene >= 1, "pictures_per_scene must be positive")
+
+
+def draw_scene(block: int, parameters: SynthParameters, seed: int) -> tuple[SceneParameters, int]:
+    """Light, air and sea of one block of pictures, and the seed of its waves and clouds."""
+    rng = np.random.default_rng([seed, block, 0])
+    hazy = rng.random() < parameters.hazy
+    scene = SceneParameters(
+        sun_azimuth_deg=float(rng.uniform(0.0, 360.0)),
+        sun_elevation_deg=float(rng.uniform(*parameters.sun_elevation_deg)),
+        visibility_m=_log_uniform(parameters.haze_m if hazy else parameters.visibility_m, rng),
+        cloud_cover=float(rng.uniform(*parameters.cloud_cover)),
+        significant_wave_height_m=float(rng.uniform(*parameters.wave_height_m)),
+        wave_direction_deg=float(rng.uniform(0.0, 360.0)),
+        wind_speed_mps=float(rng.uniform(*parameters.wind_mps)),
+        exposure_ev=float(rng.uniform(*parameters.exposure_ev)),
+        auto_exposure=parameters.auto_exposure,
+        lamp=float(rng.uniform(*parameters.lamp)),
+    )
+    return scene, int(rng.integers(2**31))
+
+
+def draw_shot(
+    number: int, kind: Literal["ship", "bar"], scene: SceneParameters, camera: Camera, rig: Rig, parameters: SynthParameters, seed: int
+) -> Shot:
+    """The situation of one picture."""
+    rng = np.random.default_rng([seed, number, 1])
+    empty = bool(rng.random() < parameters.empty_share)
+    span = parameters.ship_range_m if kind == "ship" else parameters.bar_range_m
+    clearest_m = scene.visibility_m * -np.log(max(parameters.least_contrast, 1e-6)) / _CONTRAST_LEFT
+    span = (span[0], max(min(span[1], clearest_m), 1.2 * span[0]))
+    range_m = float(rng.uniform(*span)) if rng.random() < parameters.uniform_share else _log_uniform(span, rng)
+    steepest_m = range_m * np.sin(np.radians(parameters.steepest_deg))
+    height_m = min(_log_uniform(parameters.height_m, rng), max(float(steepest_m), parameters.height_m[0]))
+    height_m = min(height_m, 0.95 * range_m)
+    if rng.random() < parameters.any_aspect:
+        aspect_deg = float(rng.uniform(-180.0, 180.0))
+    else:
+        aspect_deg = float(np.clip(rng.normal(0.0, parameters.aspect_sigma_deg), -180.0, 180.0))
+    target_up_m = rig.bar_height_m if kind == "bar" else 0.5 * rig.superstructure_height_m
+    ship_heading = float(rng.uniform(-np.pi, np.pi))
+    ship_position = np.array([0.0, 0.0, -rig.deck_height_m])
+    target = ship_position + _turned(rig.bar_in_ship_m if kind == "bar" else np.zeros(3), ship_heading)
+    bearing = ship_heading + np.pi - np.radians(aspect_deg)
+    ground_m = float(np.sqrt(max(range_m**2 - (height_m - target_up_m) ** 2, 0.25)))
+    eye = np.array(
+        [target[0] + ground_m * np.cos(bearing), target[1] + ground_m * np.sin(bearing), -height_m]
+    )
+    column, row = _place_in_picture(camera, parameters.edge_px, rng)
+    roll = np.radians(parameters.roll_sigma_deg) * rng.standard_normal()
+    depression = np.arctan2(height_m - target_up_m, ground_m)
+    heading = bearing + np.pi - np.arctan((column - camera.matrix[0, 2]) / camera.matrix[0, 0])
+    pitch = -depression + np.arctan((row - camera.matrix[1, 2]) / camera.matrix[1, 1])
+    course = ship_heading + np.radians(rng.normal(0.0, 3.0))
+    ship_velocity = rng.uniform(0.0, parameters.ship_speed_mps) * np.array([np.cos(course), np.sin(course), 0.0])
+    velocity = np.append(
+        rng.uniform(-parameters.speed_mps, parameters.speed_mps, 2), rng.uniform(-parameters.climb_mps, parameters.climb_mps)
+    )
+    if empty:
+        ship_position = ship_position + _AWAY_M * np.append(-np.array([np.cos(heading), np.sin(heading)]), 0.0)
+    limits = np.array([rig.surge_limit_m, rig.sway_limit_m, rig.heave_limit_m])
+    turns = np.radians([rig.roll_limit_deg, rig.pitch_limit_deg, rig.yaw_limit_deg])
+    shot = Shot(
+        number=number,
+        kind=kind,
+        empty=empty,
+        range_m=range_m,
+        aspect_deg=aspect_deg,
+        visibility_m=scene.visibility_m,
+        position_in_ned_m=eye,
+        velocity_in_ned_mps=velocity,
+        heading_rad=float(heading),
+        heading_rate_rad_s=float(np.radians(rng.uniform(-parameters.turn_deg_s, parameters.turn_deg_s))),
+        pitch_rad=float(np.clip(pitch, -1.4, 0.6)),
+        roll_rad=float(roll),
+        ship_position_in_ned_m=ship_position,
+        ship_velocity_in_ned_mps=ship_velocity,
+        ship_heading_rad=ship_heading,
+        deck_amplitude=0.8 * rng.random() * np.append(limits, turns) * rng.random(6),
+        deck_phase_rad=rng.uniform(0.0, 2.0 * np.pi, 6),
+        t0_s=float(rng.uniform(0.0, 600.0)),
+        decoys=(),
+        sensor_seed=int(rng.integers(2**31)),
+    )
+    return replace(shot, decoys=_decoys(shot, camera, rig, parameters, rng))
+
+
+def _log_uniform(span: Span, rng: np.random.Generator) -> float:
+    return float(np.exp(rng.uniform(np.log(span[0]), np.log(span[1]))))
+
+
+def _turned(vector: Array, heading_rad: float) -> Array:
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    return np.array([cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1], vector[2]])
+
+
+def _place_in_picture(camera: Camera, edge_px: float, rng: np.random.Generator) -> Span:
+    """Where the target's centre goes: anywhere, one time in twenty over the edge."""
+    edge = -0.5 * edge_px if rng.random() < 0.05 else edge_px
+    return float(rng.uniform(edge, camera.width_px - edge)), float(rng.uniform(edge, camera.height_px - edge))
+
+
+def _decoys(shot: Shot, camera: Camera, rig: Rig, parameters: SynthParameters, rng: np.random.Generator) -> tuple[Decoy, ...]:
+    """Decoys in view that do not hide the target; those nearer than it keep clear of it."""
+    state = shot.at(0.0, rig)
+    camera_from_ned = state.ned_from_camera.inverse()
+    box = None if shot.empty else target_box("ship", state, camera, rig, 0.01, 0.0)
+    found: list[Decoy] = []
+    kinds: tuple[tuple[DecoyKind, float], ...] = (
+        ("vessel", parameters.vessels),
+        ("buoy", parameters.buoys),
+        ("bird", parameters.birds),
+        ("green", parameters.greens),
+    )
+    for kind, mean in kinds:
+        for _ in range(int(rng.poisson(mean))):
+            decoy = _decoy(kind, shot, camera, rng)
+            around = foot_box_px(decoy, camera, camera_from_ned)
+            if around is None or (box is not None and _overlap(around, box)):
+                continue
+            found.append(decoy)
+    return tuple(found)
+
+
+def _decoy(kind: DecoyKind, shot: Shot, camera: Camera, rng: np.random.Generator) -> Decoy:
+    size_m, ranges = {
+        "vessel": (_log_uniform((6.0, 150.0), rng), (60.0, 4000.0)),
+        "buoy": (_log_uniform((0.3, 3.5), rng), (8.0, 400.0)),
+        "bird": (_log_uniform((0.3, 1.6), rng), (5.0, 150.0)),
+        "green": (_log_uniform((0.2, 2.5), rng), (8.0, 250.0)),
+    }[kind]
+    distance = max(_log_uniform(ranges, rng), 2.0 * size_m)
+    half_view = np.arctan(0.5 * camera.width_px / camera.matrix[0, 0])
+    bearing = shot.heading_rad + rng.uniform(-half_view, half_view)
+    up = 0.0
+    if kind == "bird":
+        up = float(max(-shot.position_in_ned_m[2] + distance * rng.uniform(-0.3, 0.3), 0.3))
+    place = shot.position_in_ned_m[:2] + distance * np.array([np.cos(bearing), np.sin(bearing)])
+    return Decoy(kind, np.append(place, -up), size_m, int(rng.integers(2**31)))
+
+
+def _overlap(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
+    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]

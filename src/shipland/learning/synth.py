@@ -1,0 +1,176 @@
+"""`shipland synth`: labelled pictures from the simulator's scene, in YOLO's layout.
+
+Picture n of a seed is always the same, whatever was made before it, so a run that was cut off goes on where it stopped.
+The label is written after its picture: a picture without a label is made again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from rich.progress import track
+
+from shipland.camera import Camera, CameraParameters
+from shipland.config import build
+from shipland.errors import DataError
+from shipland.learning.arguments import Kind, SynthArguments
+from shipland.learning.dataset import coco_table, read_dataset
+from shipland.learning.decoys import foot_box_px, paint
+from shipland.learning.files import write_atomically
+from shipland.learning.sensor import degrade
+from shipland.learning.settings import learning_table
+from shipland.learning.shot import NearestBox, Shot, target_box
+from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
+from shipland.rig import Rig, default_rig, packaged_table
+from shipland.sim.scene import Scene
+
+Picture = npt.NDArray[np.uint8]
+DEFAULT_COUNTS = {"ship": 2000, "bar": 1000}  # [Lee2022, §Image Data Set]
+FRAME_S = 0.1
+
+
+@dataclass(frozen=True)
+class Still:
+    """A labelled picture: the situation, the picture (h,w,3) BGR, and the target's box in it, if it is there."""
+
+    shot: Shot
+    picture: Picture
+    box: NearestBox | None
+
+
+def synth_parameters(config: Path | None) -> SynthParameters:
+    """The packaged `[synth]`, the user's file laid over it."""
+    return build(SynthParameters, learning_table("synth", config), "synth")
+
+
+def synth(arguments: SynthArguments) -> Path:
+    """Make the set; the folder's path.
+
+    Raises:
+        DataError: the folder holds another set.
+    """
+    parameters, rig = synth_parameters(arguments.config), default_rig()
+    camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+    count = DEFAULT_COUNTS[arguments.kind] if arguments.count is None else arguments.count
+    out = arguments.out
+    _claim(out, arguments)
+    names = [f"{arguments.kind}-{arguments.seed}-{number:06d}" for number in range(count)]
+    done = {number for number, name in enumerate(names) if (out / "labels" / f"{name}.txt").is_file()}
+    missing = [number for number in range(count) if number not in done]
+    stills = make_stills(missing, arguments.kind, camera, rig, parameters, arguments.seed, arguments.crop_px)
+    for still in track(stills, description=f"{arguments.kind} pictures", total=len(missing)):
+        name = names[still.shot.number]
+        quality = int(
+            np.random.default_rng(still.shot.sensor_seed).integers(
+                parameters.sensor.quality_min, parameters.sensor.quality_max + 1
+            )
+        )
+        data = cv2.imencode(".jpg", still.picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+        write_plainly(out / "images" / f"{name}.jpg", data)
+        write_plainly(out / "scenes" / f"{name}.json", json.dumps(still.shot.scene(f"{name}.jpg")).encode())
+        write_plainly(out / "labels" / f"{name}.txt", label_line(still.box, still.picture.shape).encode())
+    lines = [(out / "scenes" / f"{name}.json").read_text(encoding="utf-8") for name in names]
+    write_atomically(out / "scenes.jsonl", ("\n".join(lines) + "\n").encode())
+    if arguments.coco:
+        write_atomically(out / "coco.json", json.dumps(coco_table(read_dataset(out))).encode())
+    return out
+
+
+def write_plainly(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all, without waiting for the disk."""
+    beside = path.with_name(f".{path.name}.part")
+    beside.write_bytes(data)
+    beside.replace(path)
+
+
+def _claim(out: Path, arguments: SynthArguments) -> None:
+    """Make the folders, or check that what is there was begun with the same arguments."""
+    wanted = {"kind": arguments.kind, "seed": arguments.seed, "crop_px": arguments.crop_px}
+    note = out / "synth.json"
+    if note.is_file():
+        there = json.loads(note.read_text(encoding="utf-8"))
+        if there != wanted:
+            raise DataError(f"{out} holds a set made with {there}, not {wanted}: choose another folder")
+    elif out.is_dir() and any(out.iterdir()):
+        raise DataError(f"{out} is not empty and holds no set of `shipland synth`: choose another folder")
+    for name in ("images", "labels", "scenes"):
+        (out / name).mkdir(parents=True, exist_ok=True)
+    write_atomically(note, json.dumps(wanted).encode())
+    write_atomically(out / "classes.txt", f"{arguments.kind}\n".encode())
+
+
+def label_line(box: NearestBox | None, shape: tuple[int, ...]) -> str:
+    """YOLO's line of a box (left, top, right, bottom) [px], empty without one."""
+    if box is None:
+        return ""
+    height, width = shape[:2]
+    left, top, right, bottom = box
+    values = ((left + right) / 2 / width, (top + bottom) / 2 / height, (right - left) / width, (bottom - top) / height)
+    return "0 " + " ".join(f"{value:.7f}" for value in values) + "\n"
+
+
+def make_stills(
+    numbers: list[int], kind: Kind, camera: Camera, rig: Rig, parameters: SynthParameters, seed: int, crop_px: int
+) -> Iterator[Still]:
+    """Labelled pictures of these numbers, in order; `crop_px` 0 gives whole frames."""
+    block, scene, scene_parameters = -1, None, None
+    try:
+        for number in numbers:
+            if scene is None or number // parameters.pictures_per_scene != block:
+                block = number // parameters.pictures_per_scene
+                if scene is not None:
+                    scene.close()
+                scene_parameters, waves = draw_scene(block, parameters, seed)
+                scene = Scene(rig, scene_parameters, waves)
+            assert scene_parameters is not None
+            shot = draw_shot(number, kind, scene_parameters, camera, rig, parameters, seed)
+            view = camera if crop_px == 0 else crop_camera(shot, camera, rig, parameters, crop_px)
+            yield Still(shot, *draw(shot, 0.0, scene, view, rig, parameters))
+    finally:
+        if scene is not None:
+            scene.close()
+
+
+def draw(
+    shot: Shot, t_s: float, scene: Scene, camera: Camera, rig: Rig, parameters: SynthParameters
+) -> tuple[Picture, NearestBox | None]:
+    """One frame of a situation and the target's box in it."""
+    state = shot.at(t_s, rig)
+    picture = scene.render(state, camera)
+    paint(picture, shot.decoys, camera, state.ned_from_camera, shot.visibility_m)
+    steady = np.random.default_rng([shot.sensor_seed, 1])
+    grain = np.random.default_rng([shot.sensor_seed, 2, round(t_s / FRAME_S)])
+    picture = degrade(picture, parameters.sensor, steady, grain)
+    box = None
+    if not shot.empty:
+        box = target_box(shot.kind, state, camera, rig, parameters.least_visible, parameters.least_facing)
+    return picture, box
+
+
+def crop_camera(shot: Shot, camera: Camera, rig: Rig, parameters: SynthParameters, crop_px: int) -> Camera:
+    """The camera whose picture is a window of `camera`'s: over the target, over a decoy, or anywhere."""
+    rng = np.random.default_rng([shot.sensor_seed, 3])
+    state = shot.at(0.0, rig)
+    box = target_box(shot.kind, state, camera, rig, parameters.least_visible, parameters.least_facing)
+    size = np.array([camera.width_px, camera.height_px], dtype=float)
+    centre = rng.uniform(0.0, size)
+    if box is not None and not shot.empty and rng.random() < 0.85:
+        half = 0.5 * np.array([box[2] - box[0], box[3] - box[1]])
+        slack = np.maximum(0.5 * crop_px - half - 2.0, 0.0)
+        centre = 0.5 * np.array([box[0] + box[2], box[1] + box[3]]) + rng.uniform(-slack, slack)
+    elif shot.decoys and rng.random() < 0.7:
+        decoy = shot.decoys[int(rng.integers(len(shot.decoys)))]
+        around = foot_box_px(decoy, camera, state.ned_from_camera.inverse())
+        if around is not None:
+            middle = 0.5 * np.array([around[0] + around[2], around[1] + around[3]])
+            centre = middle + rng.uniform(-0.3, 0.3, 2) * crop_px
+    corner = np.round(np.clip(centre - 0.5 * crop_px, 0.0, np.maximum(size - crop_px, 0.0)))
+    matrix = camera.matrix.copy()
+    matrix[:2, 2] -= corner
+    return Camera(crop_px, crop_px, matrix)

@@ -1,0 +1,56 @@
+"""What the picture looks like: section `[scene]` of the configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from shipland.config import require
+
+
+@dataclass(frozen=True)
+class SceneParameters:
+    """What the picture looks like (`[scene]` in TOML); a strength of zero costs nothing.
+
+    Attributes:
+        sun_azimuth_deg, sun_elevation_deg: towards the sun, clockwise from north and above the horizon.
+        visibility_m: distance at which 5 % of contrast is left (meteorological optical range).
+        rain_mm_h: rainfall: streaks, and its own loss of contrast.
+        cloud_cover: 0 … 1.
+        significant_wave_height_m: of the sea that is drawn; the rig does not move with it.
+        wave_direction_deg: towards which the waves run, clockwise from north.
+        wind_speed_mps: sets the small waves' slope and the whitecaps.
+        exposure_ev: brighter by a power of two.
+        auto_exposure: 0 (fixed) … 1 (the camera makes up for the light).
+        glare: the sun's veil and ghosts in the lens, and its glitter on the sea; 1 is the physical glitter.
+        shutter_s: exposure time, for motion blur.
+        sensor_noise: standard deviation of a display value 0 … 255 in daylight; grows as light is amplified.
+        spray: of waves along the hull, 0 … 1.
+        lens_drops: water on the lens, 0 … 1; 1 is some forty drops.
+        lamp: luminous green of the bar, in radiance of sunlit white; dimmed as the light goes.
+    """
+
+    sun_azimuth_deg: float
+    sun_elevation_deg: float
+    visibility_m: float
+    rain_mm_h: float
+    cloud_cover: float
+    significant_wave_height_m: float
+    wave_direction_deg: float
+    wind_speed_mps: float
+    exposure_ev: float
+    auto_exposure: float
+    glare: float
+    shutter_s: float
+    sensor_noise: float
+    spray: float
+    lens_drops: float
+    lamp: float
+
+    def __post_init__(self) -> None:
+        require(-12.0 <= self.sun_elevation_deg <= 90.0, "sun_elevation_deg must be between -12 and 90")
+        require(self.visibility_m >= 5.0, "visibility_m must be at least 5")
+        for name in ("cloud_cover", "auto_exposure", "spray", "lens_drops"):
+            require(0.0 <= getattr(self, name) <= 1.0, f"{name} must be between 0 and 1")
+        strengths = ("rain_mm_h", "significant_wave_height_m", "wind_speed_mps", "glare", "sensor_noise", "lamp")
+        for name in (*strengths, "shutter_s"):
+            require(getattr(self, name) >= 0.0, f"{name} must not be negative")

@@ -1,0 +1,201 @@
+"""From a hypothesis to a pose that has stood every test, or to the reason why it has not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.frames import Array, Pose
+from shipland.messages import BarPose
+from shipland.rig import Target
+from shipland.vision.bar import Image, Region
+from shipland.vision.corners import measure_corners
+from shipland.vision.matching import Match, model_plane
+from shipland.vision.parameters import VisionParameters
+from shipland.vision.pose import Corners, LevelPrior, Solution, covariance_in_bar, position_and_yaw, solve
+from shipland.vision.quads import edge_distances
+from shipland.vision.refusal import Refusal
+from shipland.vision.screening import sides_agree
+from shipland.vision.sides import distort
+
+_CLEAR_CHI2 = 9.0
+"""By how much one planar solution must fit better to be taken against continuity."""
+
+_LEAST_SHARE = 1e-4
+"""Probability of the other planar solution that still counts in the covariance."""
+
+_EDGE_PX = 1.0
+"""How far beyond the picture's edge a side that seems to lie on it may be."""
+
+_COVERED = 0.6
+"""Least share of a foreseen quadrilateral's visible part, and of a cut region, that the two must have in common."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a frame brings to judge a hypothesis by.
+
+    Attributes:
+        image: (H,W,3) BGR.
+        cut: coloured regions that reach the picture's edge.
+        prior: what the gimbal knows, or None.
+        last: the last pose, camera_from_plane, or None.
+    """
+
+    image: Image
+    cut: Sequence[Region]
+    prior: LevelPrior | None
+    last: Pose | None
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A pose and what it rests on.
+
+    Attributes:
+        match: which quadrilaterals of the picture.
+        solutions: the planar solutions, the one taken first.
+        corners_px: (k,4,2) measured corners in the picture.
+    """
+
+    match: Match
+    solutions: list[Solution]
+    corners_px: Array
+
+    @property
+    def camera_from_plane(self) -> Pose:
+        """The pose taken."""
+        return self.solutions[0].camera_from_plane
+
+    @property
+    def distance_m(self) -> float:
+        """From the camera to the cue's origin."""
+        return float(np.linalg.norm(self.camera_from_plane.translation_m))
+
+    def bar_pose(self) -> BarPose:
+        """What crosses to the pilot; the covariance weighs the other planar solution by its likelihood."""
+        taken = self.solutions[0]
+        position_in_bar_m, yaw_rad = position_and_yaw(taken.camera_from_plane)
+        excess = taken.excess
+        covariance = excess * covariance_in_bar(taken)
+        for other in self.solutions[1:]:
+            share = 1.0 / (1.0 + math.exp(min(max(0.5 * (other.chi2 - taken.chi2) / excess, -50.0), 50.0)))
+            if share < _LEAST_SHARE:
+                continue
+            other_position_in_bar_m, other_yaw_rad = position_and_yaw(other.camera_from_plane)
+            apart = np.append(other_position_in_bar_m - position_in_bar_m, other_yaw_rad - yaw_rad)
+            apart[3] = math.remainder(apart[3], math.tau)
+            other_covariance = excess * covariance_in_bar(other) + np.outer(apart, apart)
+            covariance = (1.0 - share) * covariance + share * other_covariance
+        corners_px = self.corners_px.reshape(-1, 2)
+        return BarPose(position_in_bar_m, yaw_rad, covariance, taken.reprojection_px, corners_px)
+
+
+class Judge:
+    """Measures and tests hypotheses about one cue, seen with one camera."""
+
+    def __init__(self, target: Target, camera: Camera, parameters: VisionParameters) -> None:
+        self.plane_m = model_plane(target)
+        self._camera = camera
+        self._parameters = parameters
+        self._least_facing = math.cos(math.radians(parameters.max_obliquity_deg))
+
+    def judge(self, match: Match, evidence: Evidence) -> Sighting | Refusal:
+        """Sub-pixel corners, pose, reprojection gate, screening, reach."""
+        measured = measure_corners(evidence.image, match.quads_px, self._camera, self._parameters)
+        if measured is None:
+            return Refusal.CORNERS_UNSURE
+        corners_px, covariance_px2 = measured
+        corners = Corners(corners_px, covariance_px2, self.plane_m[list(match.model)])
+        solutions = self._ordered(solve(corners, self._camera, evidence.prior), evidence.last)
+        if not solutions:
+            return Refusal.NO_SOLUTION
+        taken = solutions[0]
+        diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
+        if not taken.reprojection_px <= (
+            self._parameters.reprojection_px + self._parameters.reprojection_fraction * diagonal_px
+        ):
+            return Refusal.REPROJECTION
+        if self._beyond_edge(corners_px, taken.residual_px, evidence.image):
+            return Refusal.CUT_BY_FRAME
+        if not sides_agree(corners_px, corners_px + taken.residual_px, self._parameters):
+            return Refusal.SIDES_UNEQUAL
+        if not self._within_reach(taken.camera_from_plane):
+            return Refusal.OUT_OF_REACH
+        raw_px = distort(corners_px.reshape(-1, 2), self._camera).reshape(-1, 4, 2)
+        return Sighting(match, solutions, raw_px)
+
+    def projected_px(self, camera_from_plane: Pose) -> Array:
+        """(n,4,2) all corners of the cue in the picture; NaN where they are not in front of the camera."""
+        points = np.zeros((self.plane_m.size // 2, 3))
+        points[:, :2] = self.plane_m.reshape(-1, 2)
+        return self._camera.project(camera_from_plane.apply(points)).reshape(-1, 4, 2)
+
+    def explains_absence(self, sighting: Sighting, cut: Sequence[Region]) -> bool | None:
+        """Whether the picture's edge explains the quadrilaterals that the sighting lacks.
+
+        Returns:
+            False when one of them should be there whole; True when at least two quadrilaterals are whole, or one that
+            the edge cuts is found where the pose foresees it; None when nothing speaks for or against.
+        """
+        foreseen_px = self.projected_px(sighting.camera_from_plane)
+        size_px = (self._camera.width_px, self._camera.height_px)
+        proven = len(sighting.match.model) > 1
+        for model in range(len(self.plane_m)):
+            if model in sighting.match.model:
+                continue
+            quad_px = foreseen_px[model]
+            if not np.isfinite(quad_px).all():
+                return None
+            visible = _clipped_area(quad_px, size_px)
+            if visible >= 0.98 * abs(cv2.contourArea(quad_px.astype(np.float32))):
+                return False
+            if visible > 0.0:
+                proven |= any(_same_place(quad_px, region, size_px) for region in cut)
+        return True if proven else None
+
+    def _ordered(self, solutions: list[Solution], last: Pose | None) -> list[Solution]:
+        if len(solutions) < 2 or last is None or solutions[1].chi2 - solutions[0].chi2 > _CLEAR_CHI2:
+            return solutions
+        return sorted(solutions, key=lambda s: -float(np.sum(s.camera_from_plane.rotation * last.rotation)))
+
+    def _beyond_edge(self, corners_px: Array, residual_px: Array, image: Image) -> bool:
+        """Whether a corner that was set on the picture's edge lies more than a pixel off it by the pose."""
+        raw_px = distort(corners_px.reshape(-1, 2), self._camera).reshape(corners_px.shape)
+        distances_px = edge_distances(raw_px, image.shape[1], image.shape[0])
+        if distances_px.min() >= 0.5:
+            return False
+        held = distances_px < 0.5
+        off_px = np.abs(residual_px[..., [0, 1, 0, 1]])
+        return bool(np.any(held & (off_px > _EDGE_PX)))
+
+    def _within_reach(self, camera_from_plane: Pose) -> bool:
+        sight_m = camera_from_plane.translation_m
+        distance_m = float(np.linalg.norm(sight_m))
+        facing = float(camera_from_plane.rotation[:, 2] @ sight_m)
+        return distance_m <= self._parameters.max_distance_m and facing >= self._least_facing * distance_m
+
+
+def _picture_corners(size_px: tuple[int, int]) -> Array:
+    width, height = size_px
+    return np.array([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
+
+
+def _clipped_area(quad_px: Array, size_px: tuple[int, int]) -> float:
+    """Area [px²] of the part of a convex quadrilateral that lies in the picture."""
+    area, _ = cv2.intersectConvexConvex(quad_px.astype(np.float32), _picture_corners(size_px).astype(np.float32))
+    return float(area)
+
+
+def _same_place(quad_px: Array, region: Region, size_px: tuple[int, int]) -> bool:
+    """Whether a cut region fills what the picture shows of a foreseen quadrilateral, and no more."""
+    hull = cv2.convexHull(region.contour_px).astype(np.float32)
+    hull_px2 = cv2.contourArea(hull)
+    visible_px2 = _clipped_area(quad_px, size_px)
+    common_px2, _ = cv2.intersectConvexConvex(quad_px.astype(np.float32), hull)
+    return common_px2 >= _COVERED * visible_px2 and common_px2 >= _COVERED * hull_px2 and hull_px2 > 0.0

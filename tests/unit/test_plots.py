@@ -1,0 +1,134 @@
+"""Pictures of a flight and of many: they show what the data hold, whatever is missing, and are reproducible."""
+
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+from made_up_flight import INFO, RIG, VERDICT, flight, record_at
+
+from shipland.bench.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
+from shipland.bench.outputs import load_outputs
+from shipland.bench.palette import BLUE, MODE_COLOURS, MODE_NAMES, VERMILION, unit
+from shipland.bench.plots import PlotParameters, draw_footprint, draw_pad, new_figure, plot_flight
+from shipland.camera import Camera
+from shipland.config import build
+from shipland.errors import ConfigError, DataError
+from shipland.messages import Mode
+from shipland.record.info import FORMAT_VERSION, LogHeader
+from shipland.record.reader import FlightLog
+
+PARAMETERS = PlotParameters(dpi=60)
+HEADER = LogHeader(FORMAT_VERSION, INFO, RIG, Camera.from_fov(1280, 720, 69.0))
+
+
+def log_of(records, verdict=VERDICT):
+    return FlightLog(HEADER, tuple(records), verdict, complete=True)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return log_of(flight(pictures=False))
+
+
+def picture(path):
+    return cv2.imread(str(path))
+
+
+def test_a_flight_s_picture_has_its_size_and_the_modes_colours(whole, tmp_path):
+    path = tmp_path / "deep" / "plots.png"
+    plot_flight(path, whole, PARAMETERS)
+    first = path.read_bytes()
+    plot_flight(path, whole, PARAMETERS)
+    assert path.read_bytes() == first  # the same flight gives the same picture
+    image = picture(path)
+    assert image.shape == (round(11.6 * 60), round(10.4 * 60), 3)
+    colours = {tuple(colour) for colour in image.reshape(-1, 3)}
+    for mode in (Mode.SEARCH, Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.DONE):
+        # bands are laid over white at 0.2
+        shade = [round(255 * (1 - 0.2) + 0.2 * value) for value in MODE_COLOURS[mode]][::-1]
+        assert any(max(abs(int(a) - b) for a, b in zip(colour, shade, strict=True)) <= 1 for colour in colours), mode
+
+
+@pytest.mark.parametrize(
+    ("records", "verdict"),
+    [
+        (list(flight(from_s=30.0, pictures=False, witnessed=False)), VERDICT),
+        (list(flight(from_s=0.0, to_s=1.0, pictures=False, witnessed=False)), None),
+        ([record_at(20.0, np.random.default_rng(1), pictures=False)], None),
+        (list(flight(from_s=33.0, to_s=34.0, pictures=False)), dataclasses.replace(VERDICT, landed=False)),
+    ],
+    ids=["no truth", "nothing seen", "one row", "ended before contact"],
+)
+def test_what_is_missing_is_left_out(records, verdict, tmp_path):
+    plot_flight(tmp_path / "plots.png", log_of(records, verdict), PARAMETERS)  # warnings are errors here
+    assert picture(tmp_path / "plots.png").std() > 5.0
+
+
+def test_an_empty_log_and_a_bad_place_are_said_in_words(whole, tmp_path):
+    with pytest.raises(DataError, match="no rows"):
+        plot_flight(tmp_path / "plots.png", log_of([], None), PARAMETERS)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DataError, match="cannot be written"):
+        plot_flight(tmp_path / "file" / "plots.png", whole, PARAMETERS)
+
+
+def test_every_mode_has_its_own_colour_and_name():
+    assert set(MODE_COLOURS) == set(MODE_NAMES) == set(Mode)
+    assert len(set(MODE_COLOURS.values())) == len(set(MODE_NAMES.values())) == len(Mode)
+    for number in range(1, 6):  # the paper's five carry its numbers
+        assert MODE_NAMES[Mode(number)].startswith(f"{number} ")
+    assert unit((255, 0, 51)) == (1.0, 0.0, 0.2)
+
+
+def test_the_pad_is_drawn_to_scale_forward_up():
+    axes = new_figure(4.0, 4.0).add_subplot()
+    draw_pad(axes, RIG)
+    deck, square = (patch.get_bbox() for patch in axes.patches[:2])
+    assert (deck.width, deck.height) == pytest.approx((RIG.deck_size_m, RIG.deck_size_m))
+    assert (square.x0, square.y1) == pytest.approx((-0.5 * RIG.landing_square_m, 0.5 * RIG.landing_square_m))
+    assert axes.get_ylim()[1] > axes.get_ylim()[0]
+
+
+def test_the_footprint_lies_where_the_aircraft_stands():
+    axes = new_figure(4.0, 4.0).add_subplot()
+    draw_footprint(axes, np.array([0.1, -0.2]), np.radians(45.0), 0.24)
+    hubs = np.array([patch.get_center() for patch in axes.patches[:4]])
+    assert hubs.mean(axis=0) == pytest.approx([-0.2, 0.1])  # starboard is right, forward is up
+    assert np.linalg.norm(hubs - [-0.2, 0.1], axis=1) == pytest.approx(0.12)
+    # headed 45° to starboard, one rotor is straight ahead... and one straight to starboard
+    assert sorted(hubs[:, 0])[-1] == pytest.approx(-0.2 + 0.12)
+
+
+def test_dots_of_many_landings_lie_at_their_places(tmp_path):
+    place_m = np.array([[0.1, -0.05], [0.3, 0.3], [np.nan, np.nan]])
+    touchdowns = Touchdowns(np.array([5.0, 9.0, np.nan]), place_m, np.array([True, False, False]))
+    plot_touchdowns(tmp_path / "scatter.png", touchdowns, RIG, "three", PARAMETERS)
+    t_s = np.arange(0.0, 20.0, 0.1)
+    trace = DeckTrace(t_s, 0.1 * np.sin(t_s), 0.05 * np.cos(t_s), 0.2 * np.sin(0.5 * t_s))
+    plot_instants(tmp_path / "instants.png", trace, touchdowns, "three", PARAMETERS)
+    assert picture(tmp_path / "instants.png").std() > 5.0
+
+    def rightmost(name, colour):
+        off = np.abs(picture(tmp_path / name).astype(int) - colour[::-1]).max(axis=2)
+        return np.nonzero((off < 90).any(axis=0))[0].max()  # dots are laid over white at 0.7 and antialiased
+
+    # the missed square is to starboard of the landing in it
+    assert rightmost("scatter.png", VERMILION) > rightmost("scatter.png", BLUE)
+    before = (tmp_path / "scatter.png").read_bytes()
+    plot_touchdowns(tmp_path / "scatter.png", touchdowns, RIG, "three", PARAMETERS)
+    assert (tmp_path / "scatter.png").read_bytes() == before
+
+
+def test_no_landing_at_all_is_shown_as_such(tmp_path):
+    none = Touchdowns(np.array([np.nan]), np.full((1, 2), np.nan), np.array([False]))
+    plot_touchdowns(tmp_path / "scatter.png", none, RIG, "none", PARAMETERS)
+    assert picture(tmp_path / "scatter.png").std() > 2.0
+    with pytest.raises(ValueError, match=r"shapes \(1, 2\) and \(1,\) for 1 times"):
+        Touchdowns(np.zeros(1), np.zeros((2, 2)), np.array([False]))
+
+
+def test_the_packaged_resolution_suits_a_readme():
+    assert 1600 <= round(10.4 * load_outputs().plots.dpi) <= 2000  # twice a README's 830 px
+    with pytest.raises(ConfigError, match="dpi must be in"):
+        build(PlotParameters, {"dpi": 5}, "plots")
