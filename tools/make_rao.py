@@ -1,8 +1,8 @@
 """Compute the motion responses (RAOs) of an FFG-7-like frigate and write `src/shipland/sim/data/frigate_rao.npz`.
 
-    python tools/make_rao.py [--out FILE]
+    python tools/make_rao.py [--out FILE] [--zero-speed-forces]
 
-Needs capytaine (`pip install capytaine`); takes about three minutes on one core. The package ships the table, so
+Needs capytaine (`pip install capytaine`); takes less than a minute on one core. The package ships the table, so
 nobody has to run this. Method:
 
 1. A parametric hull with the main dimensions of the FFG-7 class; no lines plan of that class is behind it.
@@ -27,12 +27,18 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import logging
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import capytaine as cpt
 import numpy as np
+from scipy.integrate import trapezoid
 from scipy.optimize import brentq
+
+from shipland.config import build
+from shipland.rig import packaged_table
+from shipland.sim.rao import ResponseTable
+from shipland.sim.sea import SeaParameters, significant_amplitude
 
 RHO, G = 1025.0, 9.81
 KNOT_MPS = 0.514444
@@ -174,10 +180,10 @@ def make_ship(waves: Radiation) -> Ship:
     # waterplane integrals by stations
     s = np.linspace(-0.5 * LENGTH_M, 0.5 * LENGTH_M, 2001)
     y = np.array([half_hull_station(v)[0] for v in s])
-    area = float(np.trapezoid(2 * y, s))
-    x_f = float(np.trapezoid(2 * y * s, s)) / area
-    transverse = float(np.trapezoid(2.0 / 3.0 * y**3, s)) / volume
-    longitudinal = float(np.trapezoid(2 * y * s**2, s)) / volume
+    area = float(trapezoid(2 * y, s))
+    x_f = float(trapezoid(2 * y * s, s)) / area
+    transverse = float(trapezoid(2.0 / 3.0 * y**3, s)) / volume
+    longitudinal = float(trapezoid(2 * y * s**2, s)) / volume
     mass = RHO * volume
 
     def with_height(z_g: float) -> Ship:
@@ -230,7 +236,9 @@ def exciting_force(
     return froude_krylov + RHO * ((1j * omega_e * psi + speed * (SPEED_MODES @ psi)) @ (slope * waves.areas))
 
 
-def response(waves: Radiation, ship: Ship, omega: float, speed: float, heading_rad: float) -> np.ndarray:
+def response(
+    waves: Radiation, ship: Ship, omega: float, speed: float, heading_rad: float, zero_speed_forces: bool = False
+) -> np.ndarray:
     """(6,) complex motion at the origin for a wave of 1 m amplitude."""
     omega_e = omega - omega**2 / G * speed * np.cos(heading_rad)
     omega_e = omega_e if abs(omega_e) > 1e-3 else 1e-3
@@ -243,7 +251,8 @@ def response(waves: Radiation, ship: Ship, omega: float, speed: float, heading_r
     for i in (0, 1, 5):
         damping[i, i] = 2.0 * COURSE_KEEPING_DAMPING * COURSE_KEEPING_RAD_S * ship.mass[i, i]
     system = -(omega_e**2) * ship.mass - radiated - 1j * omega_e * damping + ship.stiffness
-    motion = np.linalg.solve(system, exciting_force(waves, ship, omega, omega_e, speed, heading_rad))
+    at_speed = (omega, 0.0) if zero_speed_forces else (omega_e, speed)
+    motion = np.linalg.solve(system, exciting_force(waves, ship, omega, *at_speed, heading_rad))
     motion[:3] += np.cross(motion[3:], -ship.centre)
     return motion
 
@@ -254,6 +263,9 @@ def main() -> None:
     root = Path(__file__).resolve().parents[1]
     parser.add_argument("--out", type=Path, default=root / "src/shipland/sim/data/frigate_rao.npz")
     parser.add_argument("--radiation", type=Path, help="file that keeps the potentials between runs")
+    parser.add_argument(
+        "--zero-speed-forces", action="store_true", help="exciting forces of a ship at rest, to compare with"
+    )
     arguments = parser.parse_args()
     logging.getLogger("capytaine").setLevel(logging.ERROR)
     started = time.process_time()
@@ -283,11 +295,11 @@ def main() -> None:
     for i, speed_kn in enumerate(SPEED_KN):
         for j, heading_deg in enumerate(HEADING_DEG):
             for k, omega in enumerate(OMEGA_RAD_S):
-                motion = response(waves, ship, omega, speed_kn * KNOT_MPS, np.radians(heading_deg))
+                motion = response(
+                    waves, ship, omega, speed_kn * KNOT_MPS, np.radians(heading_deg), arguments.zero_speed_forces
+                )
                 table[i, j, k] = SHIP_FROM_CAPYTAINE * motion.conj()
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(
-        arguments.out,
+    found = ResponseTable(
         speed_kn=SPEED_KN,
         heading_deg=HEADING_DEG,
         omega_rad_s=OMEGA_RAD_S,
@@ -295,6 +307,13 @@ def main() -> None:
         natural_period_s=2 * np.pi / np.array([natural["heave"], natural["roll"], natural["pitch"]]),
         particulars=np.array([LENGTH_M, BEAM_M, DRAUGHT_M, ship.volume_m3, ship.gm_m, *ship.centre]),
     )
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(arguments.out, **vars(found))
+    sea = build(SeaParameters, packaged_table("ship")["sea"])
+    for waves_from_deg in (120.0, 60.0):
+        amplitude = significant_amplitude(replace(sea, waves_from_deg=waves_from_deg), found)
+        amplitude[3:] = np.degrees(amplitude[3:])
+        print(f"waves from {waves_from_deg:g}°: significant amplitudes {amplitude.round(2)}")
     size_kb = arguments.out.stat().st_size / 1024
     print(f"{arguments.out.name}: {size_kb:.0f} kB, {time.process_time() - started:.0f} s of CPU")
 

@@ -130,8 +130,9 @@ def main(folder: Path) -> None:
         way = float(run.position_m[-1, 0] - run.position_m[np.argmax(t >= until), 0])
         over = float(-speed[t > until].min())
         print(
-            f"pitch {percent:3.0f} %: {top:.2f} m/s, 63 % after {rise:.2f} s, nose {run.attitude_deg[:, 1].min():.1f}°; "
-            f"release: stops in {stop:.2f} s and {way:.2f} m, nose {run.attitude_deg[:, 1].max():.1f}°, back at {over:.2f} m/s"
+            f"pitch {percent:3.0f} %: {top:.2f} m/s, 63 % after {rise:.2f} s, "
+            f"nose {run.attitude_deg[:, 1].min():.1f}°; released: stops in {stop:.2f} s and {way:.2f} m, "
+            f"nose {run.attitude_deg[:, 1].max():.1f}°, back at {over:.2f} m/s"
         )
         column = 0 if percent == 20.0 else 1
         axes[0, column].plot(t, speed)
@@ -145,16 +146,18 @@ def main(folder: Path) -> None:
     for wind in (5.0, 9.0, 14.0):
         run = fly(step(0, 0.0, 0.0, 0.0), 21.0, (0.0, wind, 0.0), 1.0)
         drift = run.position_m[:, 1]
-        back = run.t_s[np.abs(drift) > 0.2]
+        away_s = run.t_s[np.abs(drift) > 0.2].max() - 1.0
         print(
-            f"{wind:.0f} m/s of wind sets in: drifts {drift.max():.2f} m, within 0.2 m after {back.max() - 1.0 if back.size else 0:.1f} s, "
+            f"{wind:.0f} m/s of wind: drifts {drift.max():.2f} m, within 0.2 m after {away_s:.1f} s, "
             f"roll {run.attitude_deg[-1, 0]:.1f}°, height {np.abs(run.position_m[:, 2]).max():.2f} m"
         )
         axes[0, 2].plot(run.t_s, run.velocity_mps[:, 1], label=f"{wind:.0f} m/s")
         axes[1, 2].plot(run.t_s, run.attitude_deg[:, 0])
         axes[2, 2].plot(run.t_s, drift)
     axes[0, 2].legend()
-    axes[0, 2].set_title("side wind sets in at 1 s, sticks centred")
+    axes[0, 2].set(title="side wind from 1 s, sticks centred", ylabel="sideward speed [m/s]")
+    axes[1, 2].set_ylabel("roll attitude [°]")
+    axes[2, 2].set_ylabel("drift [m]")
     for axis in axes[2]:
         axis.set_xlabel("t [s]")
     figure.savefig(folder / "aircraft_horizontal.png", dpi=70)
@@ -183,7 +186,7 @@ def main(folder: Path) -> None:
     right.set(title="hover for 120 s", xlabel="right [m]", ylabel="forward [m]", aspect="equal")
     figure.savefig(folder / "aircraft_vertical.png", dpi=70)
 
-    print("steady speed over stick, one minute each:")
+    print("steady speed over stick:")
     for percent in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0):
         run = fly(step(0, percent, 0.0, 99.0), 20.0)
         print(f"  {percent:4.1f} %: {run.velocity_mps[run.t_s > 15.0, 0].mean():.3f} m/s")

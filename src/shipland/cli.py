@@ -26,8 +26,8 @@ class Fly:
 
     scenario: str = "near"
     """Packaged scenario, or the path of a TOML file laid over the defaults (see `shipland scenarios`)."""
-    pilot: Literal["paper"] = "paper"
-    """Who flies: `paper` is the published system."""
+    pilot: Literal["paper", "offset_free"] = "paper"
+    """Who flies: `paper` is the published system; `offset_free` replaces its near law by ours."""
     camera: Literal["rendered", "geometric"] = "rendered"
     """`rendered`: vision sees drawn pictures; `geometric`: true corners with vision's errors, a twentieth of the cost."""
     seed: int = 1
@@ -57,7 +57,7 @@ class Campaign:
 
     scenario: str = "near"
     """Packaged scenario, or the path of a TOML file laid over the defaults."""
-    pilot: Literal["paper"] = "paper"
+    pilot: Literal["paper", "offset_free"] = "paper"
     """Who flies."""
     camera: Literal["rendered", "geometric"] = "geometric"
     """As in `shipland fly`."""

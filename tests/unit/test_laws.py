@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from shipland.config import build
 from shipland.guidance.laws import FarGains, NearGains, NearMemory, derivative_gain, exponential_law, near_law
-from shipland.guidance.pilot import FarParameters, NearParameters
+from shipland.guidance.near import NearParameters
+from shipland.guidance.pilot import FarParameters
 from shipland.rig import packaged_table
 
 TABLE_1 = {  # [Lee2022, Table 1]: m, a, c, d

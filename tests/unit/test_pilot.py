@@ -7,7 +7,8 @@ import pytest
 
 from shipland.config import build
 from shipland.frames import rotation_from_euler
-from shipland.guidance.pilot import GuidanceParameters, PaperPilot
+from shipland.guidance.near import PublishedNear
+from shipland.guidance.pilot import GuidanceParameters, ModePilot
 from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Mode, Observation, Telemetry
 from shipland.rig import default_rig, packaged_table
 
@@ -17,6 +18,10 @@ CAMERA_IN_BODY_M = np.array([0.09, 0.0, 0.0])
 HOVER_IN_BAR_M = RIG.deck_in_bar_m - np.array([0.0, 0.0, PARAMETERS.approach.hover_height_m])
 LEVEL = GimbalAttitude(0.0, 0.0)
 STEP_S = 1.0 / 30.0
+
+
+def paper_pilot():
+    return ModePilot(PARAMETERS, RIG, CAMERA_IN_BODY_M, PublishedNear(PARAMETERS.near))
 
 
 def pose_of(aircraft_in_bar_m, yaw_rad=0.0):
@@ -30,7 +35,7 @@ def telemetry(t_s, flying=True):
 
 def settled(aircraft_in_bar_m, yaw_rad=0.0, cycles=30, pilot=None, start_s=0.0):
     """Decision after some cycles at one place."""
-    pilot = pilot or PaperPilot(PARAMETERS, RIG, CAMERA_IN_BODY_M)
+    pilot = pilot or paper_pilot()
     for index in range(cycles):
         t_s = start_s + index * STEP_S
         seen = Observation(t_s, LEVEL, pose_of(aircraft_in_bar_m, yaw_rad))
@@ -74,7 +79,7 @@ def test_camera_looks_at_the_bar():
 
 
 def test_steady_in_the_square_lands_and_the_landed_vehicle_ends_it():
-    pilot = PaperPilot(PARAMETERS, RIG, CAMERA_IN_BODY_M)
+    pilot = paper_pilot()
     landing = settled(HOVER_IN_BAR_M, cycles=90, pilot=pilot)
     assert landing.mode is Mode.LAND
     assert landing.command.intent is Intent.LAND
@@ -92,18 +97,18 @@ def test_just_outside_the_margin_does_not_land():
 
 
 def test_without_data_the_sticks_decay_to_zero():
-    pilot = PaperPilot(PARAMETERS, RIG, CAMERA_IN_BODY_M)
+    pilot = paper_pilot()
     before = settled(HOVER_IN_BAR_M + np.array([-4.0, 0.0, 0.0]), cycles=60, pilot=pilot)
-    assert before.command.pitch_percent == pytest.approx(30.0)
+    assert before.command.pitch_percent == pytest.approx(11.25)
     for index in range(60, 60 + 90):
         t_s = index * STEP_S
         decision = pilot.decide(Observation(t_s, LEVEL, reason="fog"), telemetry(t_s), t_s)
     assert decision.mode is Mode.NO_VISION
-    assert abs(decision.command.pitch_percent) < 1.0  # percent, of the 30 fed before
+    assert abs(decision.command.pitch_percent) < 1.0  # percent, of the 11 fed before
 
 
 def test_boxes_fly_the_far_laws():
-    pilot = PaperPilot(PARAMETERS, RIG, CAMERA_IN_BODY_M)
+    pilot = paper_pilot()
     for index in range(60):
         t_s = index * STEP_S
         box = Box((740.0, 360.0), (20.0, 20.0), 0.9)
@@ -117,7 +122,7 @@ def test_boxes_fly_the_far_laws():
 @pytest.mark.parametrize("start_m", [(-10.0, 2.0, -1.0), (-6.0, -3.0, 1.0)])
 def test_a_velocity_held_aircraft_comes_to_rest_in_the_square(start_m):
     """Aircraft that takes sticks as velocities (4 m/s, 1 m/s, 40°/s) with a lag of 0.5 s: the law alone."""
-    pilot = PaperPilot(PARAMETERS, RIG, CAMERA_IN_BODY_M)
+    pilot = paper_pilot()
     place_m, velocity_mps = np.array(start_m), np.zeros(3)
     for index in range(30 * 60):
         t_s = index * STEP_S

@@ -184,13 +184,12 @@ def test_far_ship_is_right_to_the_pixel(scene: Scene, range_m: float) -> None:
     width, height = int(box.right_px) - left + 2, int(box.bottom_px) - top + 2
     seen = scene.render(state, CAMERA).astype(float)[top : top + height, left : left + width]
     wanted = reference(scene, state, (left, top, width, height))
-    # Tolerances in display values of 255: the sea behind is drawn at other mipmaps, the ship is not.
-    upper = slice(2, 2 + max(int(0.45 * height), 1))
-    inner = slice(2, -2)
-    assert np.abs(seen - wanted)[upper, inner].mean() < 4.0
+    # Superstructure and bar, in display values of 255; the deck's lines and the sea are drawn at other mipmaps.
+    upper, inner = slice(2, 2 + max(int(0.35 * height), 1)), slice(2, -3)
+    assert np.abs(seen - wanted)[upper, inner].mean() < 3.0
     assert np.abs(seen - wanted)[upper, inner].max() < 16.0
     lit, meant = greenness(seen)[upper].clip(0).sum(), greenness(wanted)[upper].clip(0).sum()
-    assert lit == pytest.approx(meant, rel=0.10)  # the bar's green as a whole
+    assert lit == pytest.approx(meant, rel=0.05)  # the bar's green as a whole; at 300 m the picture's rounding is 3 %
 
 
 def test_far_sea_has_the_brightness_of_a_supersampled_one(scene: Scene) -> None:

@@ -76,9 +76,9 @@ class CampaignRequest:
             raise ConfigError(f"--workers must be at least 1, got {self.workers}")
 
 
-def land_once(table: dict[str, Any], camera: CameraKind, seed: int) -> Landing:
+def land_once(table: dict[str, Any], pilot: PilotKind, camera: CameraKind, seed: int) -> Landing:
     """Fly one seed without leaving anything behind."""
-    flown = fly_quietly(load_scenario(table), camera, seed)
+    flown = fly_quietly(load_scenario(table), pilot, camera, seed)
     verdict = flown.verdict
     if verdict is None:
         nan = float("nan")
@@ -129,12 +129,12 @@ def run_campaign(request: CampaignRequest) -> Iterator[Landing]:
 def _fly_all(table: dict[str, Any], request: CampaignRequest, seeds: list[int]) -> Iterator[Landing]:
     if request.workers == 1 or len(seeds) < 2:
         for seed in seeds:
-            yield land_once(table, request.camera, seed)
+            yield land_once(table, request.pilot, request.camera, seed)
         return
     # spawn: an OpenGL context does not survive a fork
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(request.workers, context, initializer=_ignore_interrupt) as pool:
-        futures = [pool.submit(land_once, table, request.camera, seed) for seed in seeds]
+        futures = [pool.submit(land_once, table, request.pilot, request.camera, seed) for seed in seeds]
         try:
             for future in as_completed(futures):
                 yield future.result()

@@ -62,6 +62,7 @@ class Flown:
 
 def fly_quietly(
     scenario: Scenario,
+    pilot: PilotKind,
     camera: CameraKind,
     seed: int,
     on_cycle: Callable[[FlightRecord], None] = lambda _: None,
@@ -73,7 +74,7 @@ def fly_quietly(
             scene = Scene(scenario.rig, scenario.scene, seed)
             stack.callback(scene.close)
         vehicle = build_vehicle(scenario, seed, scene)
-        crew = build_crew(scenario, vehicle, camera, seed)
+        crew = build_crew(scenario, vehicle, pilot, camera, seed)
         result = fly(vehicle, crew, scenario.time_limit_s, time.perf_counter, on_cycle)
         return Flown(result, vehicle.verdict())
 
@@ -96,7 +97,7 @@ def fly_one(request: FlyRequest) -> int:
             scene = Scene(scenario.rig, scenario.scene, request.seed)
             stack.callback(scene.close)
         vehicle = build_vehicle(scenario, request.seed, scene if request.camera == "rendered" else None)
-        crew = build_crew(scenario, vehicle, request.camera, request.seed)
+        crew = build_crew(scenario, vehicle, request.pilot, request.camera, request.seed)
         chase = chase_view(scene, vehicle.camera) if scene is not None and request.video else None
         recorder = stack.enter_context(
             Recorder(request.out, info, scenario.rig, vehicle.camera, load_outputs(), chase, request.video)

@@ -12,7 +12,7 @@ from shipland.bench.plots import PLOT_STYLE, new_figure, save_figure
 from shipland.frames import Array
 from shipland.sim.deck_motion import DOF_NAMES
 
-_DPI = 100
+_DPI = 80
 _AXIS_UNITS = ("m", "m", "m, down", "°", "°", "°")
 RULE_NAMES = {"froude": "Froude: time / √scale", "length_only": "lengths only: time as at sea"}
 _RULE_COLOURS = {"froude": unit(BLUE), "length_only": unit(VERMILION)}

@@ -166,7 +166,7 @@ class Instruments:
         strip: Image, row: int, size_px: int, colour: Bgr, place_m: npt.NDArray[np.float64], yaw_rad: float
     ) -> None:
         texts = [_metres(float(value)) for value in place_m]
-        texts.append(f"{math.degrees(yaw_rad):+.1f}°".replace("-", "−") if math.isfinite(yaw_rad) else "–")
+        texts.append(f"{_signed(math.degrees(yaw_rad), 1)}°" if math.isfinite(yaw_rad) else "–")
         for column, text in zip(_PLACE_COLUMNS_PX, texts, strict=True):
             put_text(strip, text, (column, row), size_px, colour)
 
@@ -181,7 +181,7 @@ class Instruments:
             tip = middle + round(half * max(-100.0, min(100.0, percent)) / 100.0)
             strip[row - 5 : row + 6, min(middle, tip) : max(middle, tip) + 1] = bgr(colour)
             strip[row - 7 : row + 8, middle] = _INK
-            put_text(strip, f"{percent:+.0f}".replace("-", "−"), (right_px + 8, row + 5), 13, _INK)
+            put_text(strip, _signed(percent, 0), (right_px + 8, row + 5), 13, _INK)
 
     def _draw_traces(self, strip: Image, t_s: float) -> None:
         samples = np.array([sample for sample in self._deck if sample[0] <= t_s + 1e-9])
@@ -191,9 +191,9 @@ class Instruments:
                 put_text(strip, f"deck {name}  –", (left, 22), 14, _FAINT)
                 continue
             value = samples[-1, lane + 1]
-            digits = f"{value:+.2f}" if suffix == " m" else f"{value:+.1f}"
+            digits = _signed(float(value), 2 if suffix == " m" else 1)
             put_text(strip, f"deck {name}", (left, 22), 14, _FAINT)
-            put_text(strip, digits.replace("-", "−") + suffix, (left + 100, 22), 15, _INK)
+            put_text(strip, digits + suffix, (left + 100, 22), 15, _INK)
             columns = left + 199.0 * (1.0 - (t_s - samples[:, 0]) / self._trace_s)
             rows = 61.0 - 30.0 * np.clip(samples[:, lane + 1] / span, -1.0, 1.0)
             points = np.round(np.column_stack([columns, rows]) * (1 << _SUBPIXEL_BITS)).astype(np.int32)
@@ -204,8 +204,11 @@ class Instruments:
 def _metres(value_m: float) -> str:
     if not math.isfinite(value_m):
         return "–"
-    digits = 1 if abs(value_m) >= 10.0 else 2
-    return f"{value_m:+.{digits}f} m".replace("-", "−")
+    return f"{_signed(value_m, 1 if abs(value_m) >= 10.0 else 2)} m"
+
+
+def _signed(value: float, digits: int) -> str:
+    return f"{round(value, digits) + 0.0:+.{digits}f}".replace("-", "−")  # + 0.0: no minus before a zero
 
 
 def _one_line(text: str, size_px: int, width_px: int) -> str:

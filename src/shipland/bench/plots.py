@@ -159,7 +159,7 @@ def _finish_time_axes(axes: Axes, columns: FlightColumns, verdict: TouchdownVerd
     else:
         axes.tick_params(labelbottom=False)
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="best", ncols=4, handlelength=1.2, columnspacing=0.9, borderpad=0.25)
+        axes.legend(loc="best", ncols=4, markerscale=2.5, handlelength=1.2, columnspacing=0.9, borderpad=0.25)
 
 
 def _draw_forward(axes: Axes, columns: FlightColumns) -> None:
@@ -186,14 +186,21 @@ def _draw_up(axes: Axes, columns: FlightColumns) -> None:
 
 def _draw_place(axes: Axes, columns: FlightColumns, axis: int, title: str) -> None:
     axes.set_title(title)
-    axes.plot(columns.t_s, columns.estimate_in_pad_m[:, axis], color=_SEEN, linewidth=2.6, label="pilot's estimate")
+    _draw_estimate(axes, columns.t_s, columns.estimate_in_pad_m[:, axis])
     axes.plot(columns.t_s, columns.truth_in_pad_m[:, axis], color=_TRUTH, label="truth")
     _show_at_least(axes, 0.4)
 
 
+def _draw_estimate(axes: Axes, t_s: Array, values: Array) -> None:
+    axes.plot(
+        t_s, values, color=_SEEN, label="pilot's estimate", linestyle="none", marker=".", markersize=4.0,
+        markeredgewidth=0.0,
+    )  # fmt: skip
+
+
 def _draw_heading(axes: Axes, columns: FlightColumns) -> None:
     axes.set_title("heading against the ship's [°]")
-    axes.plot(columns.t_s, np.degrees(columns.estimate_yaw_rad), color=_SEEN, linewidth=2.6, label="pilot's estimate")
+    _draw_estimate(axes, columns.t_s, np.degrees(columns.estimate_yaw_rad))
     axes.plot(columns.t_s, np.degrees(columns.truth_yaw_rad), color=_TRUTH, label="truth")
     _show_at_least(axes, 10.0)
 
@@ -253,15 +260,14 @@ def _draw_touchdown(
         )  # fmt: skip
         velocity = verdict.relative_velocity_in_deck_mps
         text = (
-            f"{100.0 * np.hypot(forward_m, right_m):.1f} cm from the centre\n"
-            f"{velocity[2]:.2f} m/s down, {np.hypot(velocity[0], velocity[1]):.2f} m/s along\n"
+            f"{100.0 * np.hypot(forward_m, right_m):.1f} cm from the centre, {velocity[2]:.2f} m/s down, "
             f"tilt {np.degrees(verdict.tilt_rad):.1f}°, slip {100.0 * verdict.slip_m:.1f} cm"
         )
-        corner_m = -0.5 * rig.deck_size_m + 0.03
-        axes.text(corner_m, corner_m, text, fontsize=9, va="bottom")
+        axes.set_title("touchdown on the deck, from above", pad=20.0)
+        axes.text(0.0, 1.02, text, transform=axes.transAxes, fontsize=9)
     if axes.get_legend_handles_labels()[0]:
-        half = 0.5 + 0.5 * 0.94 * rig.deck_size_m / (2.0 * max(axes.get_xlim()))
-        axes.legend(loc="upper right", bbox_to_anchor=(half, half), fontsize=8.5)
+        half = 0.5 - 0.5 * 0.96 * rig.deck_size_m / (2.0 * max(axes.get_xlim()))
+        axes.legend(loc="lower left", bbox_to_anchor=(half, half), fontsize=8.5)
 
 
 def draw_footprint(axes: Axes, place_in_deck_m: Array, yaw_rad: float, diagonal_m: float) -> None:

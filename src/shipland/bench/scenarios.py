@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -13,10 +14,12 @@ from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge, packaged_names, packaged_toml, read_toml, require
 from shipland.errors import ConfigError
 from shipland.flight import Crew, Vision
-from shipland.guidance.pilot import GuidanceParameters, PaperPilot, Pilot
+from shipland.guidance.near import NearControl, PublishedNear
+from shipland.guidance.offset_free import OffsetFreeNear, Response
+from shipland.guidance.pilot import GuidanceParameters, ModePilot
 from shipland.guidance.safety import Safety, SafetyParameters
 from shipland.rig import Rig
-from shipland.sim.aircraft import AircraftParameters
+from shipland.sim.aircraft import GRAVITY_MPS2, AircraftParameters
 from shipland.sim.scene import Scene, SceneParameters
 from shipland.sim.ship import ShipParameters, build_ship
 from shipland.sim.touchdown import VerdictParameters
@@ -27,7 +30,7 @@ from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vision.pipeline import NearVision, VisionParameters
 
 CameraKind = Literal["rendered", "geometric"]
-PilotKind = Literal["paper"]
+PilotKind = Literal["paper", "offset_free"]
 
 
 @dataclass(frozen=True)
@@ -92,9 +95,14 @@ def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> Simulat
     return SimulatedVehicle(world, Camera.from_parameters(scenario.camera), scenario.delays, scene, picture_rng)
 
 
-def build_crew(scenario: Scenario, vehicle: SimulatedVehicle, camera: CameraKind, seed: int) -> Crew:
+def build_crew(scenario: Scenario, vehicle: SimulatedVehicle, pilot: PilotKind, camera: CameraKind, seed: int) -> Crew:
     """Eyes, pilot and safety for one flight."""
-    pilot: Pilot = PaperPilot(scenario.guidance, scenario.rig, np.array(scenario.camera.position_in_body_m))
+    near: NearControl
+    if pilot == "paper":
+        near = PublishedNear(scenario.guidance.near)
+    else:
+        near = OffsetFreeNear(scenario.guidance.offset_free, response_of(scenario))
+    mode_pilot = ModePilot(scenario.guidance, scenario.rig, np.array(scenario.camera.position_in_body_m), near)
     eyes: Vision
     if camera == "rendered":
         eyes = NearVision(scenario.rig.target, vehicle.camera, scenario.vision)
@@ -102,7 +110,20 @@ def build_crew(scenario: Scenario, vehicle: SimulatedVehicle, camera: CameraKind
         gimbal_noise_rad = scenario.vision.gimbal_noise_rad
         target, rng = scenario.rig.target, _generators(seed)[4]
         eyes = GeometricVision(vehicle, target, vehicle.camera, scenario.geometric, gimbal_noise_rad, rng)
-    return Crew(eyes, pilot, Safety(scenario.safety, scenario.rig), scenario.delays)
+    return Crew(eyes, mode_pilot, Safety(scenario.safety, scenario.rig), scenario.delays)
+
+
+def response_of(scenario: Scenario) -> Response:
+    """What full sticks mean, from the settings of the simulated aircraft."""
+    settings, airframe = scenario.aircraft.settings, scenario.aircraft.airframe
+    max_tilt_rad = math.radians(settings.max_tilt_deg)
+    return Response(
+        max_tilt_rad=max_tilt_rad,
+        speed_time_s=airframe.level_speed_mps(max_tilt_rad) / (GRAVITY_MPS2 * math.tan(max_tilt_rad)),
+        max_climb_mps=settings.max_vertical_speed_mps,
+        max_turn_rad_s=math.radians(settings.max_yaw_rate_deg_s),
+        uplink_s=scenario.delays.uplink_s,
+    )
 
 
 def _generators(seed: int) -> list[np.random.Generator]:

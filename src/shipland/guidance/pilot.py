@@ -1,52 +1,25 @@
-"""The pilot as published: five modes, the far law on boxes, the near law on corners [Lee2022].
+"""The pilot: five modes, the far law on boxes, a near control on corners [Lee2022, flowchart].
 
 The aircraft's place is wanted over the deck's neutral point, as the level bar shows it; the deck's motion is neither
-measured nor followed.
+measured nor followed. With `near.PublishedNear` it is the published pilot; with `offset_free.OffsetFreeNear` ours.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from shipland.config import require
-from shipland.estimation.kalman import ScalarKalman
-from shipland.frames import Array, rotation_from_euler, wrap_angle
-from shipland.guidance.laws import (
-    PUBLISHED_STEP_S,
-    DerivativeVariant,
-    FarGains,
-    FarVariant,
-    NearGains,
-    NearMemory,
-    exponential_law,
-    near_law,
-)
+from shipland.frames import Array
+from shipland.guidance.laws import FarGains, FarVariant, exponential_law
 from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
-from shipland.messages import BarPose, Box, Decision, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.guidance.near import Measured, NearControl, NearEstimate, NearParameters, Sticks, measure
+from shipland.guidance.offset_free import OffsetFreeParameters
+from shipland.messages import Box, Decision, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
-
-
-@dataclass(frozen=True)
-class NearParameters:
-    """`[guidance.near]`: Table 2 and the filter before it.
-
-    Attributes:
-        pitch, roll, heave, yaw: gains; errors in m and degrees.
-        derivative: variant of K_D.
-        process_noise, measurement_noise: of the one-state Kalman filters, per 0.03 s (erratum 1).
-    """
-
-    pitch: NearGains
-    roll: NearGains
-    heave: NearGains
-    yaw: NearGains
-    derivative: DerivativeVariant
-    process_noise: float
-    measurement_noise: float
 
 
 @dataclass(frozen=True)
@@ -114,6 +87,7 @@ class GuidanceParameters:
     """`[guidance]`."""
 
     near: NearParameters
+    offset_free: OffsetFreeParameters
     ship: FarParameters
     bar: FarParameters
     far_variant: FarVariant
@@ -128,97 +102,57 @@ class Pilot(Protocol):
         """One cycle, whose command is ready at `ready_s` [s]; never raises."""
 
 
-@dataclass(frozen=True)
-class NearEstimate:
-    """Filtered errors of mode 2, as the sticks need them.
+class ModePilot:
+    """Modes around a far law and a near control. Time comes with the data."""
 
-    Attributes:
-        t_s: exposure time of the frame [s].
-        error_in_level_m: (3,) forward, right, up to the point wanted.
-        rate_in_level_mps: (3,) its time derivative, smoothed.
-        yaw_rad: filtered heading against the bar.
-        aircraft_in_bar_m: (3,) unfiltered.
-        bar_elevation_rad: the bar's centre above the horizon, from the camera.
-    """
-
-    t_s: float
-    error_in_level_m: Array
-    rate_in_level_mps: Array
-    yaw_rad: float
-    aircraft_in_bar_m: Array
-    bar_elevation_rad: float
-
-
-class PaperPilot:
-    """The published pilot. Holds only filter and law memories; time comes with the data."""
-
-    def __init__(self, parameters: GuidanceParameters, rig: Rig, camera_in_body_m: Array) -> None:
+    def __init__(self, parameters: GuidanceParameters, rig: Rig, camera_in_body_m: Array, near: NearControl) -> None:
         self._parameters = parameters
         self._camera_in_body_m = np.asarray(camera_in_body_m, dtype=float)
-        self._deck_in_bar_m = rig.deck_in_bar_m
-        near = parameters.near
-        self._filters = [ScalarKalman(near.process_noise, near.measurement_noise) for _ in range(4)]
-        self._laws = [NearMemory() for _ in range(4)]
+        self._deck_down_m = float(rig.deck_in_bar_m[2])
+        self._wanted_in_bar_m = rig.deck_in_bar_m - np.array([0.0, 0.0, parameters.approach.hover_height_m])
+        self._near = near
         self._modes = ModeMemory()
         self._estimate: NearEstimate | None = None
+        self._aircraft_in_bar_m: Array | None = None
         self._gimbal_pitch_rad = parameters.approach.gimbal_search_rad
-        self._sticks = (0.0, 0.0, 0.0, 0.0)
+        self._sticks = Sticks(0.0, 0.0, 0.0, 0.0)
         self._now_s: float | None = None
 
     def decide(self, observation: Observation, telemetry: Telemetry, ready_s: float) -> Decision:
         """One cycle: estimate, choose the mode, fly its law."""
         step_s = 0.0 if self._now_s is None else telemetry.t_s - self._now_s
         self._now_s = telemetry.t_s
-        previous = self._estimate
+        fresh = observation.bar_pose is not None
         if observation.bar_pose is not None:
-            self._estimate = self._update_estimate(observation, observation.bar_pose)
+            pose = observation.bar_pose
+            measured = measure(observation.t_s, pose, self._wanted_in_bar_m, self._camera_in_body_m)
+            self._take(measured, ready_s)
         self._modes = next_mode(self._situation(observation, telemetry), self._modes, self._parameters.modes)
         mode = self._modes.mode
-        fresh = self._estimate is not previous
         self._sticks = self._fly(mode, observation, fresh, step_s)
+        self._near.sent(ready_s, self._sticks)
         self._point_camera(mode, step_s)
-        pitch, roll, heave, yaw = self._sticks
-        command = PilotCommand(ready_s, pitch, roll, heave, yaw, self._gimbal_pitch_rad, _INTENTS[mode])
+        command = PilotCommand(ready_s, *self._sticks, self._gimbal_pitch_rad, _INTENTS[mode])
         estimate = self._estimate if mode in _NEAR_MODES else None
         return Decision(
             command,
             mode,
             self._modes.reason,
-            None if estimate is None else estimate.aircraft_in_bar_m,
+            None if estimate is None else self._aircraft_in_bar_m,
             None if estimate is None else estimate.yaw_rad,
         )
 
-    def _update_estimate(self, observation: Observation, pose: BarPose) -> NearEstimate:
-        # The yaw of this very picture turns the error into `level`: its noise and the position's are one and the same
-        # and cancel, since the camera knows the bar's direction far better than its own heading.
-        level_from_bar = rotation_from_euler(0.0, 0.0, pose.yaw_rad).T
-        aircraft_in_bar_m = pose.position_in_bar_m - level_from_bar.T @ self._camera_in_body_m
-        wanted_in_bar_m = self._deck_in_bar_m - np.array([0.0, 0.0, self._parameters.approach.hover_height_m])
-        raw = level_from_bar @ (wanted_in_bar_m - aircraft_in_bar_m)
-        raw[2] = -raw[2]
+    def _take(self, measured: Measured, ready_s: float) -> None:
         before = self._estimate
-        gap_s = math.inf if before is None else observation.t_s - before.t_s
-        if gap_s > self._parameters.modes.lost_s:
-            for kalman in self._filters:
-                kalman.reset()
-            self._laws = [replace(memory, error=None) for memory in self._laws]
-            before = None
-        ratio = 1.0 if before is None else gap_s / PUBLISHED_STEP_S
-        error = np.array([self._filters[i].update(float(raw[i]), steps=ratio) for i in range(3)])
-        yaw_rad = math.radians(self._filters[3].update(math.degrees(pose.yaw_rad), steps=ratio))
-        rate = np.zeros(3)
-        if before is not None and gap_s > 0.0:
-            rate = before.rate_in_level_mps + 0.2 * (
-                (error - before.error_in_level_m) / gap_s - before.rate_in_level_mps
-            )
-        bar_in_level_m = level_from_bar @ -pose.position_in_bar_m
-        elevation_rad = math.atan2(-bar_in_level_m[2], float(np.hypot(bar_in_level_m[0], bar_in_level_m[1])))
-        return NearEstimate(observation.t_s, error, rate, yaw_rad, aircraft_in_bar_m, elevation_rad)
+        if before is not None and measured.t_s - before.t_s > self._parameters.modes.lost_s:
+            self._near.reset()
+        self._estimate = self._near.observe(measured, ready_s)
+        self._aircraft_in_bar_m = self._estimate.aircraft_in_bar_m(self._wanted_in_bar_m)
 
     def _situation(self, observation: Observation, telemetry: Telemetry) -> Situation:
-        approach, estimate = self._parameters.approach, self._estimate
-        height_m = None if estimate is None else self._height_m(estimate)
-        distance_m = math.inf if estimate is None else float(np.linalg.norm(estimate.aircraft_in_bar_m))
+        approach, place_m = self._parameters.approach, self._aircraft_in_bar_m
+        height_m = None if place_m is None else self._deck_down_m - float(place_m[2])
+        distance_m = math.inf if place_m is None else float(np.linalg.norm(place_m))
         climbing_s = telemetry.t_s - self._modes.since_s
         high = height_m is None or height_m >= approach.climb_out_height_m or climbing_s >= 3.0 * approach.climb_out_s
         return Situation(
@@ -231,10 +165,6 @@ class PaperPilot:
             clear=climbing_s >= approach.climb_out_s and high,
             flying=telemetry.flying,
         )
-
-    def _height_m(self, estimate: NearEstimate) -> float:
-        """Height of the aircraft's centre over the deck's neutral surface [m]."""
-        return float(self._deck_in_bar_m[2] - estimate.aircraft_in_bar_m[2])
 
     def _landing_condition(self, now_s: float) -> str:
         approach, estimate = self._parameters.approach, self._estimate
@@ -259,35 +189,40 @@ class PaperPilot:
         off_m = float(np.max(np.abs(self._estimate.error_in_level_m[:2])))
         return f"{off_m:.2f} m off the place wanted while landing" if off_m > self._parameters.approach.astray_m else ""
 
-    def _fly(
-        self, mode: Mode, observation: Observation, fresh: bool, step_s: float
-    ) -> tuple[float, float, float, float]:
+    def _fly(self, mode: Mode, observation: Observation, fresh: bool, step_s: float) -> Sticks:
         approach = self._parameters.approach
         if mode in (Mode.APPROACH, Mode.LAND):
-            if fresh and self._estimate is not None:
-                pitch, roll, heave, yaw = self._near_sticks(self._estimate)
-                return pitch, roll, self._descent(self._estimate) if mode is Mode.LAND else heave, yaw
-            if self._estimate is not None and step_s > 0.0 and self._stale_s() <= self._parameters.modes.lost_s:
-                return self._sticks
-            return (0.0, 0.0, -approach.descent_percent if mode is Mode.LAND else 0.0, 0.0)
+            return self._fly_near(mode, fresh)
         if mode is Mode.TRACK_BAR and observation.bar_box is not None:
-            return self._far_sticks(observation.bar_box, self._parameters.bar)
+            return self._fly_far(observation.bar_box, self._parameters.bar)
         if mode is Mode.TRACK_SHIP and observation.ship_box is not None:
-            return self._far_sticks(observation.ship_box, self._parameters.ship)
+            return self._fly_far(observation.ship_box, self._parameters.ship)
         if mode is Mode.CLIMB_OUT:
-            return (-approach.back_off_percent, 0.0, approach.climb_out_percent, 0.0)
+            return Sticks(-approach.back_off_percent, 0.0, approach.climb_out_percent, 0.0)
         if mode is Mode.SEARCH:
-            return (0.0, 0.0, 0.0, approach.search_yaw_percent)
+            return Sticks(0.0, 0.0, 0.0, approach.search_yaw_percent)
         if mode is Mode.DONE:
-            return (0.0, 0.0, 0.0, 0.0)
+            return Sticks(0.0, 0.0, 0.0, 0.0)
         keep = math.exp(-_DECAY * step_s / max(self._parameters.modes.memory_s, 1e-3))
-        pitch, roll, heave, yaw = self._sticks
-        return (keep * pitch, keep * roll, keep * heave, keep * yaw)
+        return Sticks(*(keep * stick for stick in self._sticks))
 
-    def _descent(self, estimate: NearEstimate) -> float:
+    def _fly_near(self, mode: Mode, fresh: bool) -> Sticks:
+        estimate = self._estimate
+        if estimate is None or self._stale_s() > self._parameters.modes.lost_s:
+            sticks = Sticks(0.0, 0.0, 0.0, 0.0)
+        else:
+            sticks = self._near.sticks() if fresh else self._sticks
+        if mode is Mode.LAND:
+            sticks = sticks._replace(heave=self._descent(estimate))
+        return sticks
+
+    def _descent(self, estimate: NearEstimate | None) -> float:
         approach = self._parameters.approach
+        if estimate is None or self._aircraft_in_bar_m is None:
+            return -approach.descent_percent
         ahead_m = estimate.error_in_level_m[:2] + approach.gate_s * estimate.rate_in_level_mps[:2]
-        waits = self._height_m(estimate) > approach.commit_height_m and np.max(np.abs(ahead_m)) > approach.gate_m
+        high = self._deck_down_m - float(self._aircraft_in_bar_m[2]) > approach.commit_height_m
+        waits = high and float(np.max(np.abs(ahead_m))) > approach.gate_m
         return 0.0 if waits else -approach.descent_percent
 
     def _stale_s(self) -> float:
@@ -295,22 +230,12 @@ class PaperPilot:
             return math.inf
         return self._now_s - self._estimate.t_s
 
-    def _near_sticks(self, estimate: NearEstimate) -> tuple[float, float, float, float]:
-        near = self._parameters.near
-        forward_m, right_m, up_m = (float(value) for value in estimate.error_in_level_m)
-        errors = (forward_m, right_m, up_m, -math.degrees(wrap_angle(estimate.yaw_rad)))
-        sticks = []
-        for index, (error, gains) in enumerate(zip(errors, (near.pitch, near.roll, near.heave, near.yaw), strict=True)):
-            terms, self._laws[index] = near_law(error, estimate.t_s, self._laws[index], gains, near.derivative)
-            sticks.append(terms.stick_percent)
-        return (sticks[0], sticks[1], sticks[2], sticks[3])
-
-    def _far_sticks(self, box: Box, far: FarParameters) -> tuple[float, float, float, float]:
+    def _fly_far(self, box: Box, far: FarParameters) -> Sticks:
         variant = self._parameters.far_variant
         pitch = exponential_law(far.pitch.setpoint - box.area_px2, far.pitch, variant)
         roll = exponential_law(box.centre_px[0] - far.roll.setpoint, far.roll, variant)
         heave = -exponential_law(box.centre_px[1] - far.heave.setpoint, far.heave, variant)
-        return (pitch, roll, heave, 0.0)
+        return Sticks(pitch, roll, heave, 0.0)
 
     def _point_camera(self, mode: Mode, step_s: float) -> None:
         approach = self._parameters.approach

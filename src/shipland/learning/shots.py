@@ -40,7 +40,11 @@ class SynthParameters:
         visibility_m: log-uniform; `hazy` is the part of the scenes drawn from haze_m instead.
         haze_m, hazy: see there.
         least_contrast: the range is cut so that this part of the contrast is left.
-        sun_elevation_deg, cloud_cover, wave_height_m, wind_mps, exposure_ev, lamp: uniform, of the scene.
+        sun_elevation_deg, cloud_cover, wave_height_m, wind_mps, exposure_ev, lamp, sun_glare: uniform, of the scene.
+        shutter_s: log-uniform, of the scene.
+        rainy: part of the scenes with rain, of rain_mm_h (log-uniform), and drops on the lens up to drops_max.
+        rain_mm_h, drops_max: see there.
+        spray_max: largest spray along the hull; uniform from 0.
         auto_exposure: of the scene.
         pictures_per_scene: pictures that share light, air and sea.
         vessels, buoys, birds, greens: mean number of each in a picture.
@@ -73,6 +77,12 @@ class SynthParameters:
     wind_mps: Span
     exposure_ev: Span
     lamp: Span
+    sun_glare: Span
+    shutter_s: Span
+    rainy: float
+    rain_mm_h: Span
+    drops_max: float
+    spray_max: float
     auto_exposure: float
     pictures_per_scene: int
     vessels: float
@@ -84,10 +94,10 @@ class SynthParameters:
     sensor: SensorParameters
 
     def __post_init__(self) -> None:
-        for name in ("ship_range_m", "bar_range_m", "height_m", "visibility_m", "haze_m"):
+        for name in ("ship_range_m", "bar_range_m", "height_m", "visibility_m", "haze_m", "shutter_s", "rain_mm_h"):
             low, high = getattr(self, name)
             require(0.0 < low <= high, f"{name} must be two positive numbers, the smaller first")
-        for name in ("uniform_share", "empty_share", "any_aspect", "hazy", "least_contrast", "least_visible"):
+        for name in ("uniform_share", "empty_share", "any_aspect", "hazy", "rainy", "least_contrast", "least_visible"):
             require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1")
         require(self.pictures_per_scene >= 1, "pictures_per_scene must be positive")
 
@@ -95,7 +105,7 @@ class SynthParameters:
 def draw_scene(block: int, parameters: SynthParameters, seed: int) -> tuple[SceneParameters, int]:
     """Light, air and sea of one block of pictures, and the seed of its waves and clouds."""
     rng = np.random.default_rng([seed, block, 0])
-    hazy = rng.random() < parameters.hazy
+    hazy, rainy = rng.random() < parameters.hazy, rng.random() < parameters.rainy
     scene = SceneParameters(
         sun_azimuth_deg=float(rng.uniform(0.0, 360.0)),
         sun_elevation_deg=float(rng.uniform(*parameters.sun_elevation_deg)),
@@ -107,6 +117,12 @@ def draw_scene(block: int, parameters: SynthParameters, seed: int) -> tuple[Scen
         exposure_ev=float(rng.uniform(*parameters.exposure_ev)),
         auto_exposure=parameters.auto_exposure,
         lamp=float(rng.uniform(*parameters.lamp)),
+        glare=float(rng.uniform(*parameters.sun_glare)),
+        shutter_s=_log_uniform(parameters.shutter_s, rng),
+        rain_mm_h=_log_uniform(parameters.rain_mm_h, rng) if rainy else 0.0,
+        lens_drops=float(rng.uniform(0.0, parameters.drops_max)) if rainy else 0.0,
+        spray=float(rng.uniform(0.0, parameters.spray_max)),
+        sensor_noise=0.0,  # `sensor` adds it
     )
     return scene, int(rng.integers(2**31))
 

@@ -168,7 +168,7 @@ def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Data
         network.load_state_dict(with_prefix("network", tensors))
     start = with_prefix("average", tensors)
     average.load_state_dict(start or network.state_dict())
-    optimizer = torch.optim.AdamW(_groups(network, parameters.weight_decay), lr=parameters.learning_rate)
+    optimizer = torch.optim.AdamW(_groups(network, parameters.weight_decay), lr=parameters.learning_rate, fused=True)
     state = with_prefix("optimizer", tensors)
     if state:
         restore_optimizer(optimizer, state)

@@ -53,7 +53,7 @@ class Scene:
         self._waves = WaveTiles(p.significant_wave_height_m, p.wind_speed_mps, np.radians(p.wave_direction_deg), rng)
         self._context = scene_gl.open_context()
         self._block = self._context.buffer(reserve=BLOCK_BYTES, dynamic=True)
-        self._background = Background(self._context, self._waves, rng)
+        self._background = Background(self._context, self._waves, self._light, rng)
         self._ship = ShipLayer(self._context, rig, cue, p.lamp * self._light.dimming, rng)
         self._spray = Spray(self._context, self._hull, p.spray, seed) if p.spray > 0.0 else None
         self._rain = Rain(p.rain_mm_h, rng) if p.rain_mm_h > 0.0 else None

@@ -10,25 +10,31 @@ from shipland.camera import Camera
 from shipland.frames import Array, Pose
 from shipland.sim import scene_gl, scene_motion, scene_paint, scene_picture, scene_view
 from shipland.sim.scene_block import View
+from shipland.sim.scene_light import Light
 from shipland.sim.scene_mesh import Solid
 from shipland.sim.scene_picture import Image
 from shipland.sim.scene_sea import WaveTiles
 
-_SEA_PX, _SKY_PX = (2, 1), (2, 2)
+_SEA_PX, _SKY_PX = (2, 1), (3, 3)
 """Pixels a sample: what the mipmaps leave of far waves is longer than two pixels, and the sky is smooth."""
 _LONG, _SHORT, _CLOUDS = 0, 1, 2
-_WATERLINE_M = 2.0
+_WATERLINE_M = 1.3
 _FARTHEST_WATERLINE_M = 200.0
+_RAREST_FACET = 4.2
+"""Root mean squares of slope; the glitter of steeper facets is below a display step."""
 
 
 class Background:
     """Sky, sea, and the water around the ship. The uniform block must be bound and written before a draw."""
 
-    def __init__(self, context: moderngl.Context, waves: WaveTiles, rng: np.random.Generator) -> None:
-        self._context, self._waves = context, waves
+    def __init__(
+        self, context: moderngl.Context, waves: WaveTiles, light: Light, rng: np.random.Generator
+    ) -> None:
+        self._context, self._waves, self._light = context, waves, light
         self._targets: dict[tuple[int, int], scene_gl.Target] = {}
         self._sky = scene_gl.program(context, "background.vert", ("sky.frag",))
-        self._sea = scene_gl.program(context, "background.vert", ("waves.glsl", "sea.frag"))
+        sea = ("waves.glsl", "sea.frag")
+        self._sea, self._glittering = (scene_gl.program(context, "background.vert", sea, GLITTER=on) for on in (0, 1))
         self._waterline = scene_gl.program(context, "background.vert", ("waves.glsl", "waterline.frag"))
         self._long = scene_gl.mipmapped(context, waves.long_texels(0.0))
         self._textures = (
@@ -39,12 +45,12 @@ class Background:
         for unit, texture in zip((_LONG, _SHORT, _CLOUDS), self._textures, strict=True):
             texture.use(unit)
         self._sky["clouds"] = _CLOUDS
-        for program in (self._sea, self._waterline):
+        for program in (self._sea, self._glittering, self._waterline):
             program["long_waves"], program["short_waves"] = _LONG, _SHORT
         self._corners = context.buffer(reserve=8 * 8, dynamic=True)
         self._areas = {
             program: context.vertex_array(program, [(self._corners, "2f", "in_ndc")])
-            for program in (self._sky, self._sea, self._waterline)
+            for program in (self._sky, self._sea, self._glittering, self._waterline)
         }
 
     def move(self, t_s: float) -> None:
@@ -74,13 +80,27 @@ class Background:
             sky = self._spread(target, camera, _SKY_PX, (0, last), blurs[0])
             picture[:first] = sky[:first]
         if first < height:
-            target = self._fill(self._sea, line, camera, _SEA_PX)
+            sea_program = self._glittering if self._glitters(view) else self._sea
+            target = self._fill(sea_program, line, camera, _SEA_PX)
             self._draw_waterline(target, view, hull, ned_from_ship, hull_rgb)
             sea = self._spread(target, camera, _SEA_PX, (first, height), blurs[1])
             picture[last:] = sea[last - first :]
         if last > first:
             scene_picture.join_at_horizon(sky[first:last], sea[: last - first], line, (first, last), picture)
         return picture
+
+    def _glitters(self, view: View) -> bool:
+        """Whether any facet that mirrors the sun into the picture is less steep than the sea's rarest."""
+        camera, sun = view.camera, self._light.sun_in_ned
+        if self._light.glare <= 0.0 or sun[2] > 0.03 or self._light.sun_rgb.max() < 1e-3:
+            return False
+        columns, rows = np.meshgrid(np.linspace(0, camera.width_px, 9), np.linspace(0, camera.height_px, 9))
+        pixels = np.column_stack([columns.ravel(), rows.ravel(), np.ones(81)])
+        rays = pixels @ scene_view.rays(camera, view.ned_from_camera).T
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        half_way = sun - rays[rays[:, 2] > -0.05]
+        steepness = np.hypot(half_way[:, 0], half_way[:, 1]) / np.maximum(-half_way[:, 2], 1e-3)
+        return bool((steepness < _RAREST_FACET * np.sqrt(self._waves.slope_variance)).any())
 
     def _target(self, camera: Camera, step: tuple[int, int]) -> scene_gl.Target:
         size = -(-camera.width_px // step[0]), -(-camera.height_px // step[1])

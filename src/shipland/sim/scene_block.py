@@ -14,7 +14,7 @@ from shipland.sim.scene_mesh import Solid
 from shipland.sim.scene_sea import WaveTiles, whitecap_cover
 from shipland.sim.scene_view import Crop
 
-CASTERS = 4
+CASTERS = 5
 BLOCK_BYTES = 4 * (16 + 4 * 16 + 16 * CASTERS + 4 * CASTERS)
 
 _SHADOW_EDGE_M = 0.02
@@ -82,7 +82,7 @@ def block(view: View, light: Light, waves: WaveTiles, casters: list[tuple[Solid,
 
 
 def _casters(casters: list[tuple[Solid, Pose]], eye: Pose, sun_in_ned: Array) -> tuple[Array, Array]:
-    """(4,4,4) matrices, column-major, camera-relative ned to a cube of ±1, and (4,4) inverse sun directions there."""
+    """(5,4,4) matrices, column-major, camera-relative ned to a cube of ±1, and (5,4) inverse sun directions there."""
     boxes, suns = np.zeros((CASTERS, 4, 4)), np.ones((CASTERS, 4))
     for index, (solid, ned_from_box) in enumerate(casters):
         low, high = np.array(solid.low_m), np.array(solid.high_m)

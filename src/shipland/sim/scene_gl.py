@@ -26,7 +26,6 @@ def open_context() -> moderngl.Context:
     except Exception as error:  # glcontext and moderngl raise bare Exception, ImportError and ValueError
         said = " ".join(str(error).split()) or type(error).__name__
         raise SystemLibraryError(f"{_HINT} (OpenGL said: {said})") from None
-    context.gc_mode = "auto"
     return context
 
 

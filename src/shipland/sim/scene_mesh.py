@@ -23,7 +23,7 @@ PLAIN, DECK, HANGAR, HULL = range(4)
 """Layers of the paint array."""
 
 GREY: Colour = (0.34, 0.36, 0.38)
-DARK: Colour = (0.06, 0.065, 0.07)
+DARK: Colour = (0.09, 0.095, 0.10)
 BOARD: Colour = (0.13, 0.13, 0.13)
 METAL: Colour = (0.50, 0.51, 0.52)
 
@@ -286,22 +286,36 @@ def legs(parts: Layout, ship_from_deck: Pose) -> Mesh:
 AIRCRAFT = Solid((-0.17, -0.17, -0.05), (0.17, 0.17, 0.06))
 """Bounds of the aircraft in `body`."""
 
+AIRCRAFT_SHADE = Solid((-0.10, -0.07, -0.03), (0.11, 0.07, 0.02))
+"""What of it throws a shadow."""
+
+_MOTORS_M = [(x, y) for x in (-0.085, 0.085) for y in (-0.085, 0.085)]
+
 
 def quadrotor() -> Mesh:
-    """A small quadrotor in `body`, 0.24 m across the motors, as the rig's aircraft is."""
-    shell: Colour = (0.09, 0.09, 0.10)
+    """A small quadrotor in `body` without its rotors, 0.24 m across the motors, as the rig's aircraft is."""
+    shell: Colour = (0.10, 0.10, 0.11)
     meshes = [
-        box(Solid((-0.075, -0.032, -0.022), (0.085, 0.032, 0.022)), shell),
-        box(Solid((0.085, -0.014, -0.012), (0.105, 0.014, 0.014)), (0.02, 0.02, 0.025)),
-        box(Solid((-0.05, -0.026, -0.034), (0.05, 0.026, -0.022)), (0.30, 0.31, 0.33)),
+        box(Solid((-0.080, -0.030, -0.020), (0.080, 0.030, 0.020)), shell),
+        box(Solid((0.080, -0.016, -0.014), (0.108, 0.016, 0.016)), (0.02, 0.02, 0.025)),
+        box(Solid((-0.060, -0.025, -0.032), (0.045, 0.025, -0.020)), (0.42, 0.43, 0.45)),
+        box(Solid((-0.084, -0.012, -0.008), (-0.080, 0.012, 0.006)), (0.8, 0.05, 0.03)),
     ]
-    reach = 0.12 / np.sqrt(2.0)
-    for x in (-reach, reach):
-        for y in (-reach, reach):
-            meshes += [
-                cylinder((0.4 * x, 0.3 * y, 0.0), (x, y, -0.005), 0.008, shell),
-                cylinder((x, y, 0.015), (x, y, -0.032), 0.012, (0.05, 0.05, 0.055), 10, caps=True),
-                cylinder((x, y, -0.032), (x, y, -0.035), 0.075, (0.20, 0.20, 0.21), 24, caps=True),
-                cylinder((x, y, 0.01), (x, y, 0.05), 0.006, shell),
-            ]
+    for x, y in _MOTORS_M:
+        meshes += [
+            cylinder((0.55 * x, 0.28 * y, 0.0), (x, y, -0.006), 0.0075, shell),
+            cylinder((x, y, 0.012), (x, y, -0.030), 0.011, (0.05, 0.05, 0.055), 10, caps=True),
+            cylinder((x, y, 0.008), (1.04 * x, 1.04 * y, 0.050), 0.0045, shell),
+        ]
+    return np.concatenate(meshes)
+
+
+def rotors() -> Mesh:
+    """The four turning rotors in `body`: discs seen from both sides, with texture coordinates over the unit disc."""
+    meshes = []
+    for x, y in _MOTORS_M:
+        disc = cylinder((x, y, -0.032), (x, y, -0.033), 0.072, (0.22, 0.22, 0.23), 24, caps=True)
+        disc = disc[np.abs(disc[:, 5]) > 0.5]
+        disc[:, 6:8] = (disc[:, 0:2] - [x, y]) / 0.072
+        meshes.append(disc)
     return np.concatenate(meshes)

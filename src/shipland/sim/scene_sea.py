@@ -90,6 +90,7 @@ class WaveTiles:
         self.short_tile_m = max(0.12 * peak_m, 1.6)
         self.short_gain = float(9.0 * np.sqrt(0.5 * short_variance))
         self.residual_variance = 0.15 * wanted
+        self.slope_variance = 2.0 * long_variance + short_variance + self.residual_variance
         self.short_texels = self._make_short(short_variance, wave_direction_rad, rng)
 
     def _make_long(

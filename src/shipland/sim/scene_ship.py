@@ -15,7 +15,7 @@ from shipland.sim.scene_mesh import Mesh, Solid
 from shipland.sim.scene_view import Crop
 from shipland.sim.state import SceneState
 
-HULL, HOUSE, DECK, BOARD = 1, 2, 4, 8
+HULL, HOUSE, DECK, BOARD, AIRCRAFT = 1, 2, 4, 8, 16
 """Bits of the shadow casters, in the order of `ShipLayer.casters`."""
 ID_SHIP, ID_BAR, ID_AIRCRAFT = 1, 2, 3
 _PAINT_UNIT = 3
@@ -72,11 +72,14 @@ class ShipLayer:
         self._flat_program = scene_gl.program(context, "solid.vert", ("identity.frag",), SHADOWS=0)
         parts = self._layout
         face, board = scene_mesh.board(parts)
-        self._hull = self._part(scene_mesh.hull(parts), HOUSE | DECK | BOARD)
-        self._house = self._part(scene_mesh.house(rig, parts), DECK | BOARD)
-        self._deck = self._part(scene_mesh.deck(parts), HOUSE | BOARD)
+        self._hull = self._part(scene_mesh.hull(parts), HOUSE | DECK | BOARD | AIRCRAFT)
+        self._house = self._part(scene_mesh.house(rig, parts), DECK | BOARD | AIRCRAFT)
+        self._deck = self._part(scene_mesh.deck(parts), HOUSE | BOARD | AIRCRAFT)
         self._board = self._part(board, 0, ID_BAR)
         self._aircraft = self._part(scene_mesh.quadrotor(), HOUSE, ID_AIRCRAFT)
+        veil = scene_gl.program(context, "solid.vert", ("paint.glsl", "rotor.frag"), SHADOWS=HOUSE)
+        veil["paints"] = _PAINT_UNIT
+        self._rotors = self._part_of(context.buffer(scene_mesh.rotors().tobytes()), veil, ID_AIRCRAFT)
         self._face = self._part_of(context.buffer(face.tobytes()), self._face_program, ID_BAR)
         self._leg_buffer = context.buffer(scene_mesh.legs(parts, Pose.identity()).tobytes(), dynamic=True)
         self._legs = self._part_of(self._leg_buffer, self._solid(DECK), ID_SHIP)
@@ -104,10 +107,11 @@ class ShipLayer:
             (parts.house, state.ned_from_ship),
             (parts.deck, state.ned_from_deck),
             (parts.board, state.ned_from_bar),
+            (scene_mesh.AIRCRAFT_SHADE, state.ned_from_body),
         ]
 
     def place(self, state: SceneState, draw_aircraft: bool) -> list[Placed]:
-        """What there is to draw, front to back as seen from the approach: hidden pixels cost nothing then."""
+        """What there is to draw, front to back as seen from the approach, as hidden pixels cost nothing; veils last."""
         parts = self._layout
         ship_from_deck = state.ned_from_ship.inverse() @ state.ned_from_deck
         self._leg_buffer.write(scene_mesh.legs(parts, ship_from_deck).tobytes())
@@ -121,6 +125,7 @@ class ShipLayer:
         ]
         if draw_aircraft:
             placed.insert(0, Placed(self._aircraft, state.ned_from_body, scene_mesh.AIRCRAFT))
+            placed.append(Placed(self._rotors, state.ned_from_body, scene_mesh.AIRCRAFT))
         return placed
 
     def aim(self, camera: Camera, state: SceneState) -> None:
@@ -132,6 +137,9 @@ class ShipLayer:
         """Draw into the bound target."""
         self._begin()
         for item in placed:
+            if item.part is self._rotors:
+                self._context.enable(moderngl.BLEND)
+                self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
             scene_gl.write_uniform(item.part.lit.program, "rel_from_mesh", _relative(item, eye))
             item.part.lit.render()
         self._end()

@@ -12,7 +12,7 @@ from scipy.integrate import trapezoid
 from shipland.config import require
 from shipland.frames import Array
 from shipland.sim.deck_motion import Harmonics
-from shipland.sim.rao import at_point, frigate
+from shipland.sim.rao import ResponseTable, at_point, frigate
 
 GRAVITY_MPS2 = 9.81
 KNOT_MPS = 1852.0 / 3600.0
@@ -205,8 +205,14 @@ def deck_motion(sea: SeaParameters, rng: np.random.Generator, length_scale: floa
     return Harmonics(omega_e * time_scale, amplitude)
 
 
-def significant_amplitude(sea: SeaParameters) -> Array:
-    """(6,) significant single amplitudes 2√m₀ of the full-scale deck motion [m, rad], from the spectrum."""
+def significant_amplitude(sea: SeaParameters, table: ResponseTable | None = None) -> Array:
+    """(6,) significant single amplitudes 2√m₀ of the full-scale deck motion [m, rad], from the spectrum.
+
+    Args:
+        sea: waves and ship, at full scale.
+        table: responses; the packaged frigate's where None.
+    """
+    ship = table if table is not None else frigate()
     omega = np.linspace(*BAND_RAD_S, 361)
     if sea.short_crested:
         angle = np.radians(np.arange(-87.5, 90.0, 5.0))
@@ -214,7 +220,7 @@ def significant_amplitude(sea: SeaParameters) -> Array:
     else:
         angle, weight = np.zeros(1), np.ones(1)
     grid_omega, grid_angle = (a.ravel() for a in np.meshgrid(omega, sea.heading_rad + angle, indexing="ij"))
-    at_deck = at_point(frigate().responses(sea.speed_kn, grid_angle, grid_omega), sea.flight_deck_m)
+    at_deck = at_point(ship.responses(sea.speed_kn, grid_angle, grid_omega), sea.flight_deck_m)
     squared = np.abs(at_deck.reshape(omega.size, angle.size, 6)) ** 2
     density = np.einsum("fad,a->fd", squared, weight) * sea.density(omega)[:, None]
     return np.asarray(2.0 * np.sqrt(trapezoid(density, omega, axis=0)))

@@ -175,7 +175,7 @@ class World:
             if self._reach_m < NEAR_DECK_M:
                 if phase:
                     self._set_ship(hull=False)
-                if self._judge.verdict is None:
+                if self._judge.verdict is None and (phase == 0 or self._body.in_contact):
                     self._judge_now()
                 count = 1
             mujoco.mj_step(self._mj_model, self._data, count)

@@ -84,7 +84,7 @@ def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:
     for points_px in (inside, outside):
         columns, rows = np.rint(distort(points_px, camera)).astype(np.intp).T
         columns, rows = np.clip(columns, 0, image.shape[1] - 1), np.clip(rows, 0, image.shape[0] - 1)
-        colours.append(image[rows, columns])
+        colours.append(image[rows, columns].mean(axis=0))
     return contrast_direction(colours[0], colours[1])
 
 

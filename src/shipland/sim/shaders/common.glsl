@@ -18,8 +18,8 @@ layout(std140) uniform FrameBlock {
     vec4 sea_offset_b;    // layer 2; unused; strength of the foam around the hull
     vec4 sea_gain;        // slope a texture unit of the long and the short tile; residual variance; foam threshold
     vec4 ground;          // north and east of the camera [m]
-    mat4 box_from_rel[4]; // shadow casters: camera-relative ned to a cube of ±1
-    vec4 sun_in_box[4];   // 1 / direction to the sun in that cube; 1 / path to full shade [1/m]
+    mat4 box_from_rel[5]; // shadow casters: camera-relative ned to a cube of ±1
+    vec4 sun_in_box[5];   // 1 / direction to the sun in that cube; 1 / path to full shade [1/m]
 };
 
 #ifdef FRAGMENT

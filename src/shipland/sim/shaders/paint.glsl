@@ -3,7 +3,7 @@ uniform sampler2DArray paints;
 in vec2 uv;
 in vec3 sunlit;
 in vec3 skylit;
-in vec3 middle[4];
+in vec3 middle[5];
 in float clear;
 flat in float layer;
 out vec4 colour;
@@ -19,7 +19,7 @@ float behind_box(vec3 amid, vec4 inverse) {
 
 vec3 painted() {
     float open = 1.0;
-    for (int which = 0; which < 4; which++)
+    for (int which = 0; which < 5; which++)
         if ((SHADOWS & (1 << which)) != 0) open *= 1.0 - behind_box(middle[which], sun_in_box[which]);
     vec3 texel = texture(paints, vec3(uv, layer)).rgb;
     return 4.0 * texel * texel * (sunlit * open + skylit);

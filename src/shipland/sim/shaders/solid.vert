@@ -8,7 +8,7 @@ uniform mat4 rel_from_mesh;
 out vec2 uv;
 out vec3 sunlit; // radiance of unshadowed sun
 out vec3 skylit; // radiance without sun
-out vec3 middle[4]; // where a ray to the sun is amid each shadow caster's slabs [m along it]
+out vec3 middle[5]; // where a ray to the sun is amid each shadow caster's slabs [m along it]
 out float clear; // share that comes through the air
 flat out float layer;
 
@@ -17,8 +17,9 @@ void main() {
     vec3 normal = mat3(rel_from_mesh) * in_normal;
     float up = -normal.z;
     vec3 sky_light = mix(horizon_rgb.rgb, zenith_rgb.rgb, 0.5 + 0.5 * up) * (0.62 + 0.38 * up);
+    sky_light = mix(vec3(dot(sky_light, vec3(0.25, 0.55, 0.20))), sky_light, 0.55); // clouds and haze take out colour
     vec3 bounce = (0.10 * horizon_rgb.rgb + 0.06 * sun_rgb.rgb * max(-sun.z, 0.0)) * (0.5 - 0.5 * up);
-    for (int which = 0; which < 4; which++)
+    for (int which = 0; which < 5; which++)
         if ((SHADOWS & (1 << which)) != 0) {
             vec4 lifted = vec4(position.xyz + 0.004 * normal, 1.0);
             middle[which] = -(box_from_rel[which] * lifted).xyz * sun_in_box[which].xyz;
