@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
+from scipy.special import ndtr
 
 from shipland.camera import Camera
 from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
@@ -38,17 +38,18 @@ def project_plane(plane_m, camera: Camera, pose: Pose) -> Array:
     return camera.project(pose.apply(np.column_stack([np.zeros(len(plane_m)), plane_m])))
 
 
-def paint(canvas, polygon_px, colour, samples: int) -> None:
+def paint(canvas, polygon_px, colour, samples: int, blur_px: float = 0.0) -> None:
     """Fill a convex clockwise polygon on a float canvas by coverage; pixel centres at whole numbers.
 
-    Coverage is that of each of `samples`² sub-pixels by each side's half-plane, multiplied: exact but at corners.
+    Coverage is that of each of `samples`² sub-pixels by each side's half-plane, multiplied: exact but at corners. A
+    blur is a Gaussian's, before the pixels take their squares.
     """
     polygon = np.asarray(polygon_px, float)
     if not np.all(np.isfinite(polygon)):
         return
     height, width = canvas.shape[:2]
-    low = np.clip(np.floor(polygon.min(axis=0)) - 1, 0, [width, height]).astype(int)
-    high = np.clip(np.ceil(polygon.max(axis=0)) + 2, 0, [width, height]).astype(int)
+    low = np.clip(np.floor(polygon.min(axis=0) - 4.0 * blur_px) - 1, 0, [width, height]).astype(int)
+    high = np.clip(np.ceil(polygon.max(axis=0) + 4.0 * blur_px) + 2, 0, [width, height]).astype(int)
     if np.any(high <= low):
         return
     size = (high - low) * samples
@@ -58,7 +59,10 @@ def paint(canvas, polygon_px, colour, samples: int) -> None:
     for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         along = (end - start) / np.linalg.norm(end - start)
         inward = (columns - start[0]) * -along[1] + ((rows - start[1]) * along[0])[:, None]
-        fine *= np.clip(0.5 + inward * samples / np.abs(along).sum(), 0.0, 1.0)
+        if blur_px > 0.0:
+            fine *= ndtr(inward / blur_px)
+        else:
+            fine *= np.clip(0.5 + inward * samples / np.abs(along).sum(), 0.0, 1.0)
     coverage = fine.reshape(high[1] - low[1], samples, high[0] - low[0], samples).mean(axis=(1, 3))[..., None]
     part = canvas[low[1] : high[1], low[0] : high[0]]
     part[:] = part * (1.0 - coverage) + coverage * np.asarray(colour)
@@ -77,19 +81,57 @@ def add_target(canvas, target: Target, camera: Camera, pose: Pose, look: Look = 
     plane = target.points_in_bar_m[:, 1:]
     low, high = plane.min(axis=0) - margin_m, plane.max(axis=0) + margin_m
     board = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
-    paint(canvas, project_plane(board, camera, pose), GREY, 2)
+    paint(canvas, project_plane(board, camera, pose), GREY, 2, look.blur_px)
     for quad in target.quad:
-        paint(canvas, project_plane(quad.corners_m, camera, pose), colour, look.samples)
+        paint(canvas, project_plane(quad.corners_m, camera, pose), colour, look.samples, look.blur_px)
 
 
 def finish(canvas, rng, look: Look = Look()):
-    """Blur, noise, eight bits."""
-    image = cv2.GaussianBlur(canvas, (0, 0), look.blur_px) if look.blur_px > 0 else canvas
-    if look.noise > 0:
-        image = image + rng.normal(0.0, look.noise, image.shape)
+    """Noise, eight bits."""
+    image = canvas + rng.normal(0.0, look.noise, canvas.shape) if look.noise > 0 else canvas
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
 def rectangles(*boxes) -> Target:
     """A target of upright rectangles (centre right, centre down, width, height) [m]."""
     return Target(tuple(Quad.rectangle((x, y), w, h) for x, y, w, h in boxes))
+
+
+def decoys(camera: Camera, kind: str, rng):
+    """A float canvas without the cue: green things of a kind on a plain background."""
+    canvas = np.empty((camera.height_px, camera.width_px, 3))
+    canvas[:] = SKY
+    size = np.array([camera.width_px, camera.height_px])
+    for _ in range(int(rng.integers(1, 7))):
+        centre = rng.uniform(0.1, 0.9, 2) * size
+        across = np.exp(rng.uniform(np.log(12.0), np.log(250.0)))
+        angle = rng.normal(0.0, 0.1)
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        colour = np.array(GREEN) * rng.uniform(0.8, 1.2)
+        if kind == "rectangles":
+            half = 0.5 * across * np.array([1.0, rng.uniform(0.15, 1.0)])
+            shape = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half
+        elif kind == "shapes":
+            count = int(rng.choice([3, 5, 6, 16]))
+            steps = 2.0 * np.pi * np.arange(count) / count
+            shape = 0.5 * across * np.column_stack([np.cos(steps), rng.uniform(0.4, 1.0) * np.sin(steps)])
+        else:
+            raise ValueError(kind)
+        paint(canvas, shape @ turn + centre, colour, 2, 0.6)
+    return canvas
+
+
+def foliage(camera: Camera, rng, cover: float = 0.4):
+    """A float canvas of mottled green on brown, blotches of many sizes."""
+    height, width = camera.height_px, camera.width_px
+    texture = np.zeros((height, width))
+    for step in (4, 8, 16, 48):
+        coarse = rng.normal(size=(height // step + 2, width // step + 2))
+        rows, columns = np.arange(height) / step, np.arange(width) / step
+        top, left = rows.astype(int), columns.astype(int)
+        down, right = (rows - top)[:, None], (columns - left)[None]
+        upper = coarse[np.ix_(top, left)] * (1 - right) + coarse[np.ix_(top, left + 1)] * right
+        lower = coarse[np.ix_(top + 1, left)] * (1 - right) + coarse[np.ix_(top + 1, left + 1)] * right
+        texture += upper * (1 - down) + lower * down
+    leaf = texture > np.quantile(texture, 1.0 - cover)
+    return np.where(leaf[..., None], np.array([50.0, 150.0, 60.0]), np.array([60.0, 80.0, 100.0]))

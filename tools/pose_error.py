@@ -25,7 +25,7 @@ from shipland.sim.scene import Scene, SceneParameters
 from shipland.sim.state import SceneState
 from shipland.vision.matching import model_plane
 from shipland.vision.pipeline import NearVision, VisionParameters
-from shipland.vision.pose import Corners, LevelPrior, Solution, bound, covariance_in_bar
+from shipland.vision.pose import Corners, LevelPrior, bound, covariance_in_bar
 
 RANGES_M = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0)
 OFF_AXIS_DEG = 20.0
@@ -97,7 +97,7 @@ def look(view: View, image: Array, vision: NearVision, camera: Camera, points_in
 
 def cramer_rao(view: View, camera: Camera, plane_m: Array, noise_px: float, gimbal_noise_rad: float) -> Array:
     """(4,4) least covariance of (position in `bar`, yaw) for corners with equal noise on both axes."""
-    corners = Corners(np.zeros_like(plane_m), np.broadcast_to(noise_px**2 * np.eye(8), (len(plane_m), 8, 8)), plane_m)
+    corners = Corners(np.zeros_like(plane_m), np.broadcast_to(np.eye(8) / noise_px, (len(plane_m), 8, 8)), plane_m)
     prior = None
     if gimbal_noise_rad > 0.0:
         prior = LevelPrior(level_from_camera(replace(view.gimbal, yaw_rad=0.0))[2], gimbal_noise_rad)

@@ -16,7 +16,20 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 FOLDERS = ("src", "tests", "docs", "tools", "benchmarks", "examples", ".ci")
 TEXT = {".py", ".md", ".toml", ".yml", ".yaml", ".sh", ".svg", ".json", ".csv", ".txt", ".glsl", ".vert", ".frag", ""}
-HEAVY = {"av", "cv2", "foxglove", "matplotlib", "mcap", "mujoco", "moderngl", "openvino", "pyarrow", "scipy", "torch"}
+HEAVY = {
+    "av",
+    "cv2",
+    "foxglove",
+    "matplotlib",
+    "mcap",
+    "mujoco",
+    "moderngl",
+    "onnxruntime",
+    "openvino",
+    "pyarrow",
+    "scipy",
+    "torch",
+}
 
 
 def texts() -> list[Path]:

@@ -185,10 +185,12 @@ def test_far_ship_is_right_to_the_pixel(scene: Scene, range_m: float) -> None:
     seen = scene.render(state, CAMERA).astype(float)[top : top + height, left : left + width]
     wanted = reference(scene, state, (left, top, width, height))
     # Superstructure and bar, in display values of 255; the deck's lines and the sea are drawn at other mipmaps.
-    upper, inner = slice(2, 2 + max(int(0.35 * height), 1)), slice(2, -3)
+    upper, inner = slice(3 if height > 10 else 2, 2 + max(int(0.35 * height), 1)), slice(3, -4)
     assert np.abs(seen - wanted)[upper, inner].mean() < 3.0
     assert np.abs(seen - wanted)[upper, inner].max() < 16.0
-    lit, meant = greenness(seen)[upper].clip(0).sum(), greenness(wanted)[upper].clip(0).sum()
+    green = greenness(wanted) > 15.0
+    lit, meant = greenness(seen)[green].sum(), greenness(wanted)[green].sum()
+    assert green.sum() >= 4
     assert lit == pytest.approx(meant, rel=0.05)  # the bar's green as a whole; at 300 m the picture's rounding is 3 %
 
 
@@ -336,7 +338,7 @@ def test_labels_are_tight(scene: Scene, range_m: float) -> None:
 def test_labels_know_what_hides_and_what_is_outside(scene: Scene) -> None:
     state = look((-6.0, 0.0, 0.0))
     hidden = dataclasses.replace(
-        state, ned_from_body=Pose(state.ned_from_ship.rotation, state.ned_from_bar.apply(np.array([-0.8, 0.45, 0.0])))
+        state, ned_from_body=Pose(state.ned_from_ship.rotation, state.ned_from_bar.apply(np.array([-4.0, 0.1, 0.0])))
     )
     free, behind = scene.labels(hidden, CAMERA), scene.labels(hidden, CAMERA, draw_aircraft=True)
     assert free.bar is not None

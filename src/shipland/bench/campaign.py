@@ -13,47 +13,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from shipland.bench.fly import fly_quietly
+from shipland.bench.landing import Landing, table_of
+from shipland.bench.landing_plots import Touchdowns, plot_touchdowns
+from shipland.bench.outputs import load_outputs
+from shipland.bench.rules import rules_table
 from shipland.bench.scenarios import CameraKind, PilotKind, load_scenario, scenario_table
 from shipland.errors import ConfigError, DataError
 from shipland.record.info import config_digest
-
-
-@dataclass(frozen=True)
-class Landing:
-    """One landing of a campaign.
-
-    Attributes:
-        seed: of the flight.
-        landed, in_square: the verdict.
-        forward_m, starboard_m: touchdown point in `deck`.
-        sink_mps: vertical speed against the deck just before contact, down positive.
-        slide_mps: horizontal speed against the deck just before contact.
-        tilt_deg: largest tilt against the deck after contact.
-        slip_m: way over the deck until rest.
-        force_n: largest contact force.
-        time_s: first contact, from the start of the flight; the end of the flight where there was none.
-        reason: the verdict in words.
-    """
-
-    seed: int
-    landed: bool
-    in_square: bool
-    forward_m: float
-    starboard_m: float
-    sink_mps: float
-    slide_mps: float
-    tilt_deg: float
-    slip_m: float
-    force_n: float
-    time_s: float
-    reason: str
-
-    @property
-    def error_m(self) -> float:
-        """Distance of the touchdown point from the deck's centre."""
-        return float(np.hypot(self.forward_m, self.starboard_m))
 
 
 @dataclass(frozen=True)
@@ -98,6 +68,39 @@ def land_once(table: dict[str, Any], pilot: PilotKind, camera: CameraKind, seed:
         time_s=verdict.t_s,
         reason=verdict.reason,
     )
+
+
+def campaign(request: CampaignRequest) -> int:
+    """Fly, show progress, write `table.md` and `landings.png`; 0 when all landed in the square, 1 when not."""
+    console = Console(stderr=True, highlight=False)
+    landings: list[Landing] = []
+    columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("landings", total=request.count)
+        try:
+            for landing in run_campaign(request):
+                landings.append(landing)
+                good = sum(each.landed and each.in_square for each in landings)
+                progress.update(task, advance=1, description=f"{good} of {len(landings)} in the square")
+        finally:
+            if landings:
+                _write_pictures(request, landings)
+    print(f"{table_of(landings)}\n\n{rules_table(landings)}")
+    console.print(f"{request.out}: landings.csv, table.md, landings.png")
+    return 0 if all(landing.landed and landing.in_square for landing in landings) else 1
+
+
+def _write_pictures(request: CampaignRequest, landings: list[Landing]) -> None:
+    text = f"{table_of(landings)}\n\n{rules_table(landings)}\n"
+    (request.out / "table.md").write_text(text, encoding="utf-8")
+    scenario = load_scenario(scenario_table(request.scenario, request.config))
+    touchdowns = Touchdowns(
+        t_s=np.array([landing.time_s for landing in landings]),
+        place_in_deck_m=np.array([[landing.forward_m, landing.starboard_m] for landing in landings]),
+        landed=np.array([landing.landed and landing.in_square for landing in landings]),
+    )
+    title = f"{request.scenario}, pilot {request.pilot}, {request.camera} camera"
+    plot_touchdowns(request.out / "landings.png", touchdowns, scenario.rig, title, load_outputs().plots)
 
 
 def run_campaign(request: CampaignRequest) -> Iterator[Landing]:
@@ -170,44 +173,3 @@ def _parse(name: str, text: str) -> bool | int | float | str:
     if name == "seed":
         return int(text)
     return text if name == "reason" else float(text)
-
-
-def table_of(landings: list[Landing]) -> str:
-    """Markdown table, a row a seed, with a last line that sums up."""
-    lines = [
-        "| seed | error [m] | forward [m] | starboard [m] | sink [m/s] | slide [m/s] | slip [m] | tilt [°] | time [s] "
-        "| verdict |",
-        "|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|",
-    ]
-    for landing in sorted(landings, key=lambda landing: landing.seed):
-        numbers = (
-            landing.error_m,
-            landing.forward_m,
-            landing.starboard_m,
-            landing.sink_mps,
-            landing.slide_mps,
-            landing.slip_m,
-        )
-        cells = " | ".join(f"{number:.3f}" for number in numbers)
-        lines.append(f"| {landing.seed} | {cells} | {landing.tilt_deg:.1f} | {landing.time_s:.1f} | {landing.reason} |")
-    return "\n".join([*lines, "", summary_of(landings)])
-
-
-def summary_of(landings: list[Landing]) -> str:
-    """How many landed in the square, with the 95 % Clopper–Pearson interval, and the medians."""
-    from scipy.stats import beta
-
-    n, k = len(landings), sum(landing.in_square and landing.landed for landing in landings)
-    low = float(beta.ppf(0.025, k, n - k + 1)) if k else 0.0
-    high = float(beta.ppf(0.975, k + 1, n - k)) if k < n else 1.0
-    touched = [landing for landing in landings if np.isfinite(landing.forward_m)]
-    line = f"{k} of {n} landed in the square (95 % interval {100 * low:.1f}–{100 * high:.1f} %)"
-    if not touched:
-        return line + "."
-    errors = [landing.error_m for landing in touched]
-    sinks = [landing.sink_mps for landing in touched]
-    times = [landing.time_s for landing in touched]
-    return (
-        f"{line}; touchdown error median {np.median(errors):.3f} m, largest {max(errors):.3f} m; sink speed median "
-        f"{np.median(sinks):.2f} m/s, largest {max(sinks):.2f} m/s; time to land median {np.median(times):.1f} s."
-    )

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from shipland.bench.follower import DeckFollower, FollowParameters
 from shipland.bench.geometric import GeometricParameters, GeometricVision
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge, packaged_names, packaged_toml, read_toml, require
@@ -16,7 +17,7 @@ from shipland.errors import ConfigError
 from shipland.flight import Crew, Vision
 from shipland.guidance.near import NearControl, PublishedNear
 from shipland.guidance.offset_free import OffsetFreeNear, Response
-from shipland.guidance.pilot import GuidanceParameters, ModePilot
+from shipland.guidance.pilot import GuidanceParameters, ModePilot, Pilot
 from shipland.guidance.safety import Safety, SafetyParameters
 from shipland.rig import Rig
 from shipland.sim.aircraft import GRAVITY_MPS2, AircraftParameters
@@ -52,6 +53,7 @@ class Scenario:
     guidance: GuidanceParameters
     safety: SafetyParameters
     geometric: GeometricParameters
+    follow: FollowParameters
 
     def __post_init__(self) -> None:
         require(self.time_limit_s > 0.0, f"time_limit_s must be positive, got {self.time_limit_s}")
@@ -102,7 +104,9 @@ def build_crew(scenario: Scenario, vehicle: SimulatedVehicle, pilot: PilotKind, 
         near = PublishedNear(scenario.guidance.near)
     else:
         near = OffsetFreeNear(scenario.guidance.offset_free, response_of(scenario))
-    mode_pilot = ModePilot(scenario.guidance, scenario.rig, np.array(scenario.camera.position_in_body_m), near)
+    flier: Pilot = ModePilot(scenario.guidance, scenario.rig, np.array(scenario.camera.position_in_body_m), near)
+    if scenario.follow.enabled:
+        flier = DeckFollower(flier, vehicle, math.radians(scenario.aircraft.settings.max_tilt_deg), scenario.follow)
     eyes: Vision
     if camera == "rendered":
         eyes = NearVision(scenario.rig.target, vehicle.camera, scenario.vision)
@@ -110,7 +114,7 @@ def build_crew(scenario: Scenario, vehicle: SimulatedVehicle, pilot: PilotKind, 
         gimbal_noise_rad = scenario.vision.gimbal_noise_rad
         target, rng = scenario.rig.target, _generators(seed)[4]
         eyes = GeometricVision(vehicle, target, vehicle.camera, scenario.geometric, gimbal_noise_rad, rng)
-    return Crew(eyes, mode_pilot, Safety(scenario.safety, scenario.rig), scenario.delays)
+    return Crew(eyes, flier, Safety(scenario.safety, scenario.rig), scenario.delays)
 
 
 def response_of(scenario: Scenario) -> Response:

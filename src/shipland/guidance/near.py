@@ -88,8 +88,9 @@ class NearEstimate:
 
     def aircraft_in_bar_m(self, wanted_in_bar_m: Array) -> Array:
         """(3,) the aircraft's centre of mass in `bar`."""
-        error = self.error_in_level_m * np.array([1.0, 1.0, -1.0])
-        return wanted_in_bar_m - rotation_from_euler(0.0, 0.0, self.yaw_rad) @ error
+        error_in_level_m: Array = self.error_in_level_m * np.array([1.0, 1.0, -1.0])
+        bar_from_level: Array = rotation_from_euler(0.0, 0.0, self.yaw_rad)
+        return np.asarray(wanted_in_bar_m - bar_from_level @ error_in_level_m, dtype=float)
 
 
 class NearControl(Protocol):

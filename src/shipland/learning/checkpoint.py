@@ -80,11 +80,17 @@ def optimizer_tensors(optimizer: torch.optim.Optimizer) -> dict[str, Tensor]:
 
 
 def restore_optimizer(optimizer: torch.optim.Optimizer, tensors: dict[str, Tensor]) -> None:
-    """Put back what `optimizer_tensors` gave."""
+    """Put back what `optimizer_tensors` gave.
+
+    Moments get their parameter's layout in memory: the fused step walks all of them by address.
+    """
+    parameters = [parameter for group in optimizer.param_groups for parameter in group["params"]]
     table = optimizer.state_dict()
     rows: dict[int, dict[str, Tensor]] = {}
     for key, tensor in tensors.items():
         index, name = key.split(".", 1)
-        rows.setdefault(int(index), {})[name] = tensor
+        parameter = parameters[int(index)]
+        laid = torch.empty_like(parameter).copy_(tensor) if tensor.shape == parameter.shape else tensor
+        rows.setdefault(int(index), {})[name] = laid.detach()
     table["state"] = rows
     optimizer.load_state_dict(table)

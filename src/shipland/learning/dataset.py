@@ -183,7 +183,8 @@ def read_label(path: Path, picture: Path, class_count: int) -> Targets:
 
 def coco_table(dataset: Dataset) -> dict[str, Any]:
     """The set as a COCO annotation table (JSON-ready); boxes are (left, top, width, height) [px]."""
-    images, annotations = [], []
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
     for number, sample in enumerate(dataset.samples, 1):
         picture, targets = sample.load()
         height, width = picture.shape[:2]

@@ -24,7 +24,13 @@ Part = tuple[Array, tuple[float, float, float]]
 SUPERSAMPLING = 6
 _CONTRAST_LEFT = 3.0
 """Koschmieder: ln(1/0.05), visibility at 5 % of contrast."""
-_GREENS_BGR = ((60.0, 200.0, 60.0), (40.0, 255.0, 90.0), (90.0, 170.0, 40.0), (50.0, 140.0, 30.0), (120.0, 255.0, 140.0))
+_GREENS_BGR = (
+    (60.0, 200.0, 60.0),
+    (40.0, 255.0, 90.0),
+    (90.0, 170.0, 40.0),
+    (50.0, 140.0, 30.0),
+    (120.0, 255.0, 140.0),
+)
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,9 @@ class Decoy:
     seed: int
 
 
-def paint(picture: Picture, decoys: tuple[Decoy, ...], camera: Camera, ned_from_camera: Pose, visibility_m: float) -> None:
+def paint(
+    picture: Picture, decoys: tuple[Decoy, ...], camera: Camera, ned_from_camera: Pose, visibility_m: float
+) -> None:
     """Paint decoys into a picture (h,w,3) BGR, in place, the farthest first."""
     camera_from_ned = ned_from_camera.inverse()
     air = horizon_colour(picture, camera, ned_from_camera)
@@ -138,7 +146,10 @@ def _vessel(length_m: float, rng: np.random.Generator) -> list[Part]:
 
 def _buoy(height_m: float, rng: np.random.Generator) -> list[Part]:
     """Cone, can, sphere or spar, plain or banded."""
-    colour = np.array([(40, 40, 210), (50, 160, 40), (30, 210, 240), (30, 30, 30), (40, 120, 245), (225, 225, 225)][rng.integers(6)], float)
+    colour = np.array(
+        [(40, 40, 210), (50, 160, 40), (30, 210, 240), (30, 30, 30), (40, 120, 245), (225, 225, 225)][rng.integers(6)],
+        float,
+    )
     wide = height_m * rng.uniform(0.12, 0.6)
     form = rng.integers(3)
     if form == 0:
@@ -175,7 +186,12 @@ def _green(width_m: float, rng: np.random.Generator) -> list[Part]:
     parts: list[Part] = []
     if rng.random() < 0.5:
         margin = 0.4 * width_m
-        parts.append((_rectangle(-width_m / 2 - margin, width_m / 2 + margin, 0.0, low + tall + margin), _shade(_colour(rng), 0.9)))
+        parts.append(
+            (
+                _rectangle(-width_m / 2 - margin, width_m / 2 + margin, 0.0, low + tall + margin),
+                _shade(_colour(rng), 0.9),
+            )
+        )
     if form == 0:
         parts.append((_rectangle(-width_m / 2, width_m / 2, low, low + tall), shade))
     elif form == 1:
@@ -183,10 +199,13 @@ def _green(width_m: float, rng: np.random.Generator) -> list[Part]:
         parts.append((_rectangle(-width_m / 2, width_m / 2, low + 0.65 * tall, low + tall), shade))
     elif form == 2:
         turn = np.linspace(0.0, 2.0 * np.pi, 16)
-        parts.append((0.5 * width_m * np.column_stack([np.cos(turn), np.sin(turn)]) + [0.0, low + 0.5 * width_m], shade))
+        parts.append(
+            (0.5 * width_m * np.column_stack([np.cos(turn), np.sin(turn)]) + [0.0, low + 0.5 * width_m], shade)
+        )
     else:
-        for left in (-0.5, -0.1, 0.3):
-            parts.append((_rectangle(left * width_m, (left + 0.2) * width_m, low, low + tall), shade))
+        parts += [
+            (_rectangle(left * width_m, (left + 0.2) * width_m, low, low + tall), shade) for left in (-0.5, -0.1, 0.3)
+        ]
     return parts
 
 

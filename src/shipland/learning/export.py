@@ -75,7 +75,9 @@ def onnx_bytes(
                 raw = f"{name}_raw" if normalised else name
                 pads = [size // 2] * 4
                 nodes.append(
-                    helper.make_node("Conv", [value, *pair], [raw], raw, kernel_shape=[size, size], pads=pads, strides=[stride] * 2)
+                    helper.make_node(
+                        "Conv", [value, *pair], [raw], raw, kernel_shape=[size, size], pads=pads, strides=[stride] * 2
+                    )
                 )
                 if normalised:
                     nodes.append(helper.make_node("LeakyRelu", [raw], [name], name, alpha=LEAKY_SLOPE))
@@ -162,7 +164,7 @@ def write_int8(
     if next(calibration(), None) is None:
         raise DataError(f"{path}: 8-bit weights need calibration pictures, got none")
 
-    class Reader(quantization.CalibrationDataReader):  # type: ignore[name-defined,misc]
+    class Reader(quantization.CalibrationDataReader):  # type: ignore[name-defined]
         def __init__(self) -> None:
             self.pictures = calibration()
 

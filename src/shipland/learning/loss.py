@@ -31,7 +31,9 @@ class Assignment:
     target: Tensor
 
 
-def assign(targets: Tensor, spec: DetectorSpec, shapes: Sequence[tuple[int, int]], anchor_ratio: float) -> list[Assignment]:
+def assign(
+    targets: Tensor, spec: DetectorSpec, shapes: Sequence[tuple[int, int]], anchor_ratio: float
+) -> list[Assignment]:
     """Cells that answer for each target.
 
     Args:

@@ -43,7 +43,9 @@ def write_results(
         lambda: calibration_windows(fitting, parameters, arguments.seed),
     )
     plot_curves(out / "curves.png", progress)
-    write_atomically(out / "model-card.md", model_card(arguments, parameters, network, spec, progress, fitting, held_out).encode())
+    write_atomically(
+        out / "model-card.md", model_card(arguments, parameters, network, spec, progress, fitting, held_out).encode()
+    )
     return detector
 
 
@@ -54,7 +56,8 @@ def calibration_windows(dataset: Dataset, parameters: TrainParameters, seed: int
     side = (parameters.window_px, parameters.window_px)
     count = min(parameters.calibration_pictures, len(dataset.samples))
     for index in rng.choice(len(dataset.samples), size=count, replace=False):
-        yield window(*dataset.samples[index].load(), side, plain, rng)[0]
+        picture, targets = dataset.samples[index].load()
+        yield window(picture, targets, side, plain, rng)[0]
 
 
 def plot_curves(path: Path, progress: Progress) -> None:

@@ -45,7 +45,9 @@ class SensorParameters:
         require(1 <= self.quality_min <= self.quality_max <= 100, "qualities must lie in 1 … 100, min ≤ max")
 
 
-def degrade(picture: Picture, parameters: SensorParameters, rng: np.random.Generator, grain: np.random.Generator) -> Picture:
+def degrade(
+    picture: Picture, parameters: SensorParameters, rng: np.random.Generator, grain: np.random.Generator
+) -> Picture:
     """The picture (h,w,3) BGR as a camera would deliver it, before compression.
 
     Args:
@@ -56,7 +58,11 @@ def degrade(picture: Picture, parameters: SensorParameters, rng: np.random.Gener
     """
     height, width = picture.shape[:2]
     sigma = rng.uniform(0.0, parameters.defocus_max_px) ** 1.0
-    moves, length, angle = rng.random() < parameters.motion, rng.uniform(1.5, max(1.5, parameters.motion_max_px)), rng.uniform(0, np.pi)
+    moves, length, angle = (
+        rng.random() < parameters.motion,
+        rng.uniform(1.5, max(1.5, parameters.motion_max_px)),
+        rng.uniform(0, np.pi),
+    )
     veils, veil = rng.random() < parameters.glare, rng.uniform(0.0, parameters.glare_max)
     source = rng.uniform(-0.3, 1.3, 2) * [width, height]
     reach = rng.uniform(0.3, 1.2) * width
@@ -69,7 +75,9 @@ def degrade(picture: Picture, parameters: SensorParameters, rng: np.random.Gener
     if moves:
         picture = np.asarray(cv2.filter2D(picture, -1, motion_kernel(float(length), float(angle))), np.uint8)
     # Exposure acts on light, not on grey levels; a power of 2.2 stands for the camera's curve.
-    curves = [255.0 * np.clip((np.arange(256) / 255.0) ** 2.2 * gain * factor, 0.0, 1.0) ** (1.0 / 2.2) for factor in cast]
+    curves = [
+        255.0 * np.clip((np.arange(256) / 255.0) ** 2.2 * gain * factor, 0.0, 1.0) ** (1.0 / 2.2) for factor in cast
+    ]
     values = np.asarray(cv2.LUT(picture, np.stack(curves, axis=1).astype(np.float32)[None]), np.float32)
     if veils or vignette > 0.02:
         rows, columns = np.mgrid[0:height:8, 0:width:8].astype(np.float32)
@@ -81,7 +89,7 @@ def degrade(picture: Picture, parameters: SensorParameters, rng: np.random.Gener
             haze = veil * cv2.resize(spot, (width, height))[..., None]
             values += haze * (255.0 - values)
     values += noise * grain.standard_normal(values.shape, dtype=np.float32)
-    return np.clip(values + 0.5, 0.0, 255.0).astype(np.uint8)
+    return np.asarray(np.clip(values + 0.5, 0.0, 255.0), np.uint8)
 
 
 def motion_kernel(length_px: float, angle_rad: float) -> npt.NDArray[np.float32]:
@@ -92,4 +100,4 @@ def motion_kernel(length_px: float, angle_rad: float) -> npt.NDArray[np.float32]
     half = 0.5 * length_px * np.array([np.cos(angle_rad), np.sin(angle_rad)])
     ends = [tuple(int(value) for value in np.round(256 * (middle + sign * half))) for sign in (-1.0, 1.0)]
     cv2.line(kernel, ends[0], ends[1], 255, 1, cv2.LINE_AA, 8)
-    return (kernel / kernel.sum()).astype(np.float32)
+    return np.asarray(kernel / kernel.sum(), np.float32)

@@ -128,7 +128,13 @@ def draw_scene(block: int, parameters: SynthParameters, seed: int) -> tuple[Scen
 
 
 def draw_shot(
-    number: int, kind: Literal["ship", "bar"], scene: SceneParameters, camera: Camera, rig: Rig, parameters: SynthParameters, seed: int
+    number: int,
+    kind: Literal["ship", "bar"],
+    scene: SceneParameters,
+    camera: Camera,
+    rig: Rig,
+    parameters: SynthParameters,
+    seed: int,
 ) -> Shot:
     """The situation of one picture."""
     rng = np.random.default_rng([seed, number, 1])
@@ -150,9 +156,7 @@ def draw_shot(
     target = ship_position + _turned(rig.bar_in_ship_m if kind == "bar" else np.zeros(3), ship_heading)
     bearing = ship_heading + np.pi - np.radians(aspect_deg)
     ground_m = float(np.sqrt(max(range_m**2 - (height_m - target_up_m) ** 2, 0.25)))
-    eye = np.array(
-        [target[0] + ground_m * np.cos(bearing), target[1] + ground_m * np.sin(bearing), -height_m]
-    )
+    eye = np.array([target[0] + ground_m * np.cos(bearing), target[1] + ground_m * np.sin(bearing), -height_m])
     column, row = _place_in_picture(camera, parameters.edge_px, rng)
     roll = np.radians(parameters.roll_sigma_deg) * rng.standard_normal()
     depression = np.arctan2(height_m - target_up_m, ground_m)
@@ -161,7 +165,8 @@ def draw_shot(
     course = ship_heading + np.radians(rng.normal(0.0, 3.0))
     ship_velocity = rng.uniform(0.0, parameters.ship_speed_mps) * np.array([np.cos(course), np.sin(course), 0.0])
     velocity = np.append(
-        rng.uniform(-parameters.speed_mps, parameters.speed_mps, 2), rng.uniform(-parameters.climb_mps, parameters.climb_mps)
+        rng.uniform(-parameters.speed_mps, parameters.speed_mps, 2),
+        rng.uniform(-parameters.climb_mps, parameters.climb_mps),
     )
     if empty:
         ship_position = ship_position + _AWAY_M * np.append(-np.array([np.cos(heading), np.sin(heading)]), 0.0)
@@ -207,7 +212,9 @@ def _place_in_picture(camera: Camera, edge_px: float, rng: np.random.Generator) 
     return float(rng.uniform(edge, camera.width_px - edge)), float(rng.uniform(edge, camera.height_px - edge))
 
 
-def _decoys(shot: Shot, camera: Camera, rig: Rig, parameters: SynthParameters, rng: np.random.Generator) -> tuple[Decoy, ...]:
+def _decoys(
+    shot: Shot, camera: Camera, rig: Rig, parameters: SynthParameters, rng: np.random.Generator
+) -> tuple[Decoy, ...]:
     """Decoys in view that do not hide the target; those nearer than it keep clear of it."""
     state = shot.at(0.0, rig)
     camera_from_ned = state.ned_from_camera.inverse()

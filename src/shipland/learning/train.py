@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch import Tensor
 
 from shipland.errors import DataError
-from shipland.learning.anchors import fit_anchors
+from shipland.learning.anchors import Anchors, fit_anchors
 from shipland.learning.arguments import TrainArguments
 from shipland.learning.augment import Loader, training_window, window
 from shipland.learning.checkpoint import Progress as RunProgress
@@ -40,6 +41,7 @@ from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, yolov3_layers
 from shipland.vision.decode import Decoding, DetectorSpec, Float32, decode, suppress
 from shipland.vision.detector import padded
 
+Floats = npt.NDArray[np.float64]
 LAST, BEST = "last.safetensors", "best.safetensors"
 LEAST_CONFIDENCE = 0.05
 MAX_IOU = 0.45
@@ -112,9 +114,13 @@ def train(arguments: TrainArguments) -> Path:
 
 def _parameters(arguments: TrainArguments) -> TrainParameters:
     parameters = train_parameters(arguments.profile, arguments.config)
-    chosen = {"steps": arguments.steps, "batch": arguments.batch, "window_px": arguments.window_px}
     try:
-        return replace(parameters, **{name: value for name, value in chosen.items() if value is not None})
+        return replace(
+            parameters,
+            steps=parameters.steps if arguments.steps is None else arguments.steps,
+            batch=parameters.batch if arguments.batch is None else arguments.batch,
+            window_px=parameters.window_px if arguments.window_px is None else arguments.window_px,
+        )
     except ValueError as error:
         raise DataError(str(error)) from None
 
@@ -146,7 +152,7 @@ def _progress() -> Progress:
 
 
 def _network(spec: DetectorSpec) -> Network:
-    return Network(yolov3_layers(len(spec.classes), spec.width)).to(memory_format=torch.channels_last)  # type: ignore[call-overload, no-any-return]
+    return Network(yolov3_layers(len(spec.classes), spec.width)).to(memory_format=torch.channels_last)  # type: ignore[no-any-return]
 
 
 def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Dataset) -> Run:
@@ -176,7 +182,7 @@ def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Data
 
 
 def _spec(arguments: TrainArguments, parameters: TrainParameters, fitting: Dataset) -> DetectorSpec:
-    anchors = PUBLISHED_ANCHORS_PX
+    anchors: Anchors = PUBLISHED_ANCHORS_PX
     if parameters.anchors == "fit":
         sizes = []
         for sample in fitting.samples:
@@ -225,7 +231,7 @@ def steps(
     run: Run, parameters: TrainParameters, fitting: Dataset, held_out: Dataset, out: Path, seed: int
 ) -> Iterator[str]:
     """Train to the end or until patience runs out; yields a note after every step."""
-    recent = np.zeros(3)
+    recent: Floats | None = None
     while run.progress.step < parameters.steps:
         step = run.progress.step
         rng = np.random.default_rng([seed, step])
@@ -233,7 +239,7 @@ def steps(
         parts = _step(run, parameters, pictures, targets)
         if not np.isfinite(parts).all():
             raise DataError(f"training diverged at step {step}: lower learning_rate; {out / LAST} is whole")
-        recent = parts if step == 0 else 0.98 * recent + 0.02 * parts
+        recent = parts if recent is None else 0.98 * recent + 0.02 * parts
         run.progress.step += 1
         done = run.progress.step
         if parameters.mine_every and done % parameters.mine_every == 0 and done < parameters.steps:
@@ -280,9 +286,7 @@ def autocast(device: torch.device, bf16: bool) -> contextlib.AbstractContextMana
     return torch.autocast(device.type, dtype=torch.bfloat16) if bf16 else contextlib.nullcontext()
 
 
-def _step(
-    run: Run, parameters: TrainParameters, pictures: list[Picture], targets: Targets
-) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+def _step(run: Run, parameters: TrainParameters, pictures: list[Picture], targets: Targets) -> Floats:
     for group in run.optimizer.param_groups:
         group["lr"] = learning_rate(run.progress.step, parameters)
     run.network.train()
@@ -290,7 +294,7 @@ def _step(
         maps = run.network(to_batch(pictures, run.device))
     total, parts = detection_loss(maps, torch.from_numpy(targets).to(run.device), run.spec, parameters.loss)
     run.optimizer.zero_grad(set_to_none=True)
-    total.backward()  # type: ignore[no-untyped-call]
+    total.backward()
     torch.nn.utils.clip_grad_norm_(run.network.parameters(), parameters.clip_norm)
     run.optimizer.step()
     # Short memory at first, or the average would hold on to the random start.
@@ -301,11 +305,11 @@ def _step(
                 mine.lerp_(theirs, 1.0 - decay)
             else:
                 mine.copy_(theirs)
-    return parts.cpu().numpy().astype(np.float64)
+    return np.asarray(parts.cpu().numpy(), np.float64)
 
 
 def mine(run: Run, parameters: TrainParameters, dataset: Dataset, rng: np.random.Generator) -> list[int]:
-    """Indices of the pictures that fool the detector most: the surest boxes where there is nothing, or missed targets."""
+    """Indices of the pictures that fool the detector most: sure boxes where there is nothing, or missed targets."""
     engine = TorchEngine(run.average, run.spec, run.device, parameters.bf16)
     plain = replace(parameters.augment, scale_min=1.0, scale_max=1.0)
     count = min(parameters.mine_pictures, len(dataset.samples))
@@ -314,7 +318,8 @@ def mine(run: Run, parameters: TrainParameters, dataset: Dataset, rng: np.random
     side = parameters.window_px
     for start in range(0, count, parameters.batch):
         part = chosen[start : start + parameters.batch]
-        cut = [window(*dataset.samples[index].load(), (side, side), plain, rng) for index in part]
+        loaded = [dataset.samples[index].load() for index in part]
+        cut = [window(picture, targets, (side, side), plain, rng) for picture, targets in loaded]
         for offset, maps in enumerate(engine.maps_of([picture for picture, _ in cut])):
             tally = Tally(parameters.match_iou)
             found, confidence, _ = suppress(*decode(maps, run.spec, LEAST_CONFIDENCE), MAX_IOU, merge=True)
@@ -329,7 +334,7 @@ def _evaluate(
     run: Run,
     parameters: TrainParameters,
     held_out: Dataset,
-    recent: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
+    recent: Floats,
     out: Path,
 ) -> None:
     tally = validate(TorchEngine(run.average, run.spec, run.device, parameters.bf16), parameters, held_out)

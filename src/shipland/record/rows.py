@@ -89,12 +89,19 @@ def _cached_parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401
         if typing.get_origin(hint) in (typing.Union, types.UnionType):
             choices = [choice for choice in typing.get_args(hint) if choice is not type(None)]
             hint, optional = choices[0], True
+        hint = _resolved(hint)
         column = f"{prefix}{field.name}"
         if _is_picture(hint):
             hint = _PICTURE
         children = _parts(hint, f"{column}_") if dataclasses.is_dataclass(hint) else ()
         parts.append(_Part(column, field.name, hint, optional, children))
     return tuple(parts)
+
+
+def _resolved(hint: Any) -> Any:  # noqa: ANN401 - annotations of any form
+    """What an alias stands for: from NumPy 2.5 on Python 3.12, `NDArray` is one."""
+    alias = typing.get_origin(hint)
+    return alias.__value__[typing.get_args(hint)] if hasattr(alias, "__value__") else hint
 
 
 def _is_picture(hint: Any) -> bool:  # noqa: ANN401 - annotations of any form

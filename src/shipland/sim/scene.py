@@ -87,9 +87,7 @@ class Scene:
         with self._context:  # another scene's context may be current
             return self._render(state, camera, draw_aircraft, rng)
 
-    def _render(
-        self, state: SceneState, camera: Camera, draw_aircraft: bool, rng: np.random.Generator | None
-    ) -> Image:
+    def _render(self, state: SceneState, camera: Camera, draw_aircraft: bool, rng: np.random.Generator | None) -> Image:
         if camera.has_distortion:
             wide, columns, rows = self._remap(camera)
             picture = cv2.remap(self._render_pinhole(state, wide, draw_aircraft), columns, rows, cv2.INTER_CUBIC)

@@ -15,8 +15,8 @@ from shipland.sim.scene_mesh import Solid
 from shipland.sim.scene_picture import Image
 from shipland.sim.scene_sea import WaveTiles
 
-_SEA_PX, _SKY_PX = (2, 1), (3, 3)
-"""Pixels a sample: what the mipmaps leave of far waves is longer than two pixels, and the sky is smooth."""
+_SEA_PX, _SKY_PX = (3, 1), (3, 3)
+"""Pixels a sample: what mipmaps leave of waves at grazing view is longer across than that, and the sky is smooth."""
 _LONG, _SHORT, _CLOUDS = 0, 1, 2
 _WATERLINE_M = 1.3
 _FARTHEST_WATERLINE_M = 200.0
@@ -27,9 +27,7 @@ _RAREST_FACET = 4.2
 class Background:
     """Sky, sea, and the water around the ship. The uniform block must be bound and written before a draw."""
 
-    def __init__(
-        self, context: moderngl.Context, waves: WaveTiles, light: Light, rng: np.random.Generator
-    ) -> None:
+    def __init__(self, context: moderngl.Context, waves: WaveTiles, light: Light, rng: np.random.Generator) -> None:
         self._context, self._waves, self._light = context, waves, light
         self._targets: dict[tuple[int, int], scene_gl.Target] = {}
         self._sky = scene_gl.program(context, "background.vert", ("sky.frag",))

@@ -54,6 +54,12 @@ def write_uniform(linked: moderngl.Program, name: str, value: npt.NDArray[np.flo
     uniform.write(value.astype(np.float32).tobytes())
 
 
+def write_depth(context: moderngl.Context, on: bool) -> None:
+    """Let what is drawn into the bound target hide what comes after it, or not (veils, mist)."""
+    bound: Any = context.fbo
+    bound.depth_mask = on
+
+
 class Target:
     """A picture to draw into; `samples` > 0 makes it multisampled."""
 

@@ -13,7 +13,7 @@ KOSCHMIEDER_CONTRAST = 0.05
 """What is left of a black object's contrast at the visibility: 5 %, WMO's meteorological optical range."""
 
 
-_REFERENCE_BRIGHTNESS, _REFERENCE_EXPOSURE = 1.15, 1.15
+_REFERENCE_BRIGHTNESS, _REFERENCE_EXPOSURE = 1.15, 1.55
 """Clear day, sun at 38°: what the exposure is set by."""
 
 
@@ -97,8 +97,8 @@ def light(parameters: SceneParameters) -> Light:
 
     day, low = _smooth(4.0, 30.0, degrees), _smooth(-9.0, 10.0, degrees)
     level = 0.035 + 0.965 * _smooth(-8.0, 22.0, degrees) ** 1.4
-    zenith = day * np.array([0.105, 0.225, 0.50]) + (1.0 - day) * np.array([0.13, 0.20, 0.40])
-    horizon = day * np.array([0.50, 0.66, 0.86]) + (1.0 - day) * (
+    zenith = day * np.array([0.075, 0.185, 0.46]) + (1.0 - day) * np.array([0.13, 0.20, 0.40])
+    horizon = day * np.array([0.46, 0.62, 0.83]) + (1.0 - day) * (
         low * np.array([0.66, 0.58, 0.56]) + (1.0 - low) * np.array([0.38, 0.38, 0.50])
     )
     glow = day * np.array([0.45, 0.42, 0.36]) + (1.0 - day) * np.array([1.60, 0.72, 0.22])

@@ -314,7 +314,7 @@ def rotors() -> Mesh:
     """The four turning rotors in `body`: discs seen from both sides, with texture coordinates over the unit disc."""
     meshes = []
     for x, y in _MOTORS_M:
-        disc = cylinder((x, y, -0.032), (x, y, -0.033), 0.072, (0.22, 0.22, 0.23), 24, caps=True)
+        disc = cylinder((x, y, -0.032), (x, y, -0.033), 0.072, (0.34, 0.34, 0.35), 24, caps=True)
         disc = disc[np.abs(disc[:, 5]) > 0.5]
         disc[:, 6:8] = (disc[:, 0:2] - [x, y]) / 0.072
         meshes.append(disc)

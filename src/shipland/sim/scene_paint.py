@@ -27,9 +27,9 @@ def clouds(rng: np.random.Generator) -> Picture:
     return np.asarray(np.clip(128.0 + 52.0 * field, 0, 255), np.uint8)[..., None]
 
 
-def _stained(rng: np.random.Generator, strength: float, size: int = _SIZE) -> npt.NDArray[np.float32]:
-    fine, coarse = tileable_noise(rng, size, 0.4), tileable_noise(rng, size, 1.6)
-    return np.asarray(1.0 + strength * (0.35 * fine + 0.65 * coarse), np.float32)
+def _stained(rng: np.random.Generator, strength: float) -> npt.NDArray[np.float32]:
+    fine, coarse = tileable_noise(rng, _SIZE // 2, 0.4), tileable_noise(rng, _SIZE // 2, 1.6)
+    return np.asarray(np.tile(1.0 + strength * (0.35 * fine + 0.65 * coarse), (2, 2)), np.float32)
 
 
 def _three(field: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

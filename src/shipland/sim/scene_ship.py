@@ -140,6 +140,7 @@ class ShipLayer:
             if item.part is self._rotors:
                 self._context.enable(moderngl.BLEND)
                 self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+                scene_gl.write_depth(self._context, False)
             scene_gl.write_uniform(item.part.lit.program, "rel_from_mesh", _relative(item, eye))
             item.part.lit.render()
         self._end()
@@ -159,6 +160,7 @@ class ShipLayer:
         self._context.front_face = "cw"
 
     def _end(self) -> None:
+        scene_gl.write_depth(self._context, True)
         self._context.enable_only(moderngl.NOTHING)
         self._context.disable_direct(_CLIP_DISTANCE_0)
 

@@ -12,9 +12,9 @@ from shipland.sim.scene_mesh import Solid
 
 _GRAVITY_MPS2 = 9.81
 _EMITTERS = 14
-_PUFFS, _DROPS = 10, 26
+_PUFFS, _DROPS = 16, 40
 _LIFE_S = 0.9
-_REACH_M = 0.9
+_REACH_M = 1.3
 _CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], float)
 
 
@@ -61,7 +61,9 @@ class Spray:
         self._buffer.write(data.tobytes())
         self._context.enable_only(moderngl.DEPTH_TEST | moderngl.BLEND)
         self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        scene_gl.write_depth(self._context, False)
         self._vertices.render(vertices=len(data))
+        scene_gl.write_depth(self._context, True)
         self._context.enable_only(moderngl.NOTHING)
 
     def _puffs(self, t_s: float, ned_from_ship: Pose, eye: Pose) -> npt.NDArray[np.float32]:
@@ -74,16 +76,16 @@ class Spray:
             rng = np.random.default_rng([self._seed, 2, index, int(cycle) & 0x7FFFFFFF])
             count = _PUFFS + _DROPS
             power = self._strength * rng.uniform(0.3, 1.0)
-            speed = rng.normal(0.0, 0.35, (count, 3))
+            speed = np.clip(rng.normal(0.0, 0.25, (count, 3)), -0.6, 0.6)
             speed[:, 2] = -rng.uniform(0.8, 2.6, count) * (0.4 + 0.6 * power)
-            speed += self._outward[index] * rng.uniform(0.1, 0.7, (count, 1))
+            speed += self._outward[index] * rng.uniform(0.1, 0.5, (count, 1))
             foot = self._feet[index] + rng.normal(0.0, 0.08, (count, 3)) * [1.0, 1.0, 0.0]
             at = foot + speed * age_s
             at[:, 2] += 0.5 * _GRAVITY_MPS2 * age_s**2 * np.where(np.arange(count) < _PUFFS, 0.45, 1.0)
             mist = np.arange(count) < _PUFFS
-            size = np.where(mist, 0.07 + 0.16 * age_s, 0.007 + 0.010 * rng.random(count))
+            size = np.where(mist, 0.06 + 0.13 * age_s, 0.007 + 0.010 * rng.random(count))
             fade = 1.0 - age_s / _LIFE_S
-            opacity = power * fade * np.where(mist, 0.45, 0.9)
+            opacity = power * fade * np.where(mist, 0.6, 0.95)
             places.append(np.column_stack([at, size, opacity])[at[:, 2] < self._feet[index, 2] + 0.02])
         if not places:
             return np.zeros((0, 6), np.float32)

@@ -62,7 +62,7 @@ def rays(camera: Camera, ned_from_camera: Pose) -> Array:
 
 def horizon_line(camera: Camera, ned_from_camera: Pose) -> Array:
     """(3,) line of the horizon: a u + b v + c is the distance below it [px]; the sign alone where there is none."""
-    line = rays(camera, ned_from_camera)[2].copy()
+    line: Array = rays(camera, ned_from_camera)[2]
     length = float(np.hypot(line[0], line[1]))
     if length < 1e-9:
         return np.array([0.0, 0.0, _BIG if line[2] > 0.0 else -_BIG])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -76,6 +76,7 @@ class WindParameters:
     Attributes:
         mean_mps: mean wind speed, at `reference_height_m` where there is a profile.
         from_deg: compass direction that the wind comes from.
+        mean_spread_mps, from_spread_deg: drawn evenly within this much either side, once a flight; never below 0 m/s.
         profile: the same at every height, or logarithmic.
         reference_height_m: height of `mean_mps` in a logarithmic profile.
         roughness_m: roughness length of the surface in a logarithmic profile.
@@ -86,6 +87,8 @@ class WindParameters:
 
     mean_mps: float
     from_deg: float
+    mean_spread_mps: float
+    from_spread_deg: float
     profile: Literal["uniform", "log"]
     reference_height_m: float
     roughness_m: float
@@ -96,6 +99,8 @@ class WindParameters:
     def __post_init__(self) -> None:
         low, high = MEAN_MPS
         require(low <= self.mean_mps <= high, f"mean_mps must be in {low:g}…{high:g} m/s, got {self.mean_mps}")
+        require(self.mean_spread_mps >= 0.0, f"mean_spread_mps must not be negative, got {self.mean_spread_mps}")
+        require(0.0 <= self.from_spread_deg <= 180.0, f"from_spread_deg must be 0…180, got {self.from_spread_deg}")
         require(0.0 < self.roughness_m < 0.1, f"roughness_m must be between 0 and 0.1 m, got {self.roughness_m}")
         require(self.reference_height_m >= 1.0, f"reference_height_m must be at least 1, got {self.reference_height_m}")
 
@@ -199,10 +204,13 @@ class NaturalWind:
 
 
 def build_wind(parameters: WindParameters, rig: Rig, rng: np.random.Generator) -> Wind:
-    """The wind that `parameters` describe; `rng` draws its turbulence."""
-    p = parameters
+    """The wind that `parameters` describe; `rng` draws its spread and its turbulence."""
+    spread_rng, air_rng = rng.spawn(2)
+    mean_mps = parameters.mean_mps + parameters.mean_spread_mps * spread_rng.uniform(-1.0, 1.0)
+    from_deg = parameters.from_deg + parameters.from_spread_deg * spread_rng.uniform(-1.0, 1.0)
+    p = replace(parameters, mean_mps=float(np.clip(mean_mps, *MEAN_MPS)), from_deg=from_deg)
     turbulent = p.turbulence.enabled and p.mean_mps > 0.0 and p.turbulence.intensity > 0.0
     if not turbulent and not p.airwake.enabled and not p.gust and (p.profile == "uniform" or p.mean_mps == 0.0):
         towards_rad = math.radians(p.from_deg) + math.pi
         return SteadyWind(p.mean_mps * np.array([math.cos(towards_rad), math.sin(towards_rad), 0.0]))
-    return NaturalWind(parameters, rig, rng)
+    return NaturalWind(p, rig, air_rng)

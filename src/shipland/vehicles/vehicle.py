@@ -9,7 +9,10 @@ from shipland.messages import Frame, GroundTruth, PilotCommand, Telemetry, Touch
 
 
 class Vehicle(Protocol):
-    """A camera-carrying aircraft. `read` blocks for the next frame: a link waits, the simulator steps, a replay reads on."""
+    """A camera-carrying aircraft.
+
+    `read` blocks for the next frame: a link waits, the simulator steps, a replay reads on.
+    """
 
     @property
     def camera(self) -> Camera:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -10,32 +12,44 @@ from shipland.camera import Camera
 from shipland.frames import Array
 from shipland.vision.bar import Image, Window
 from shipland.vision.parameters import VisionParameters
-from shipland.vision.quads import edge_distances
+from shipland.vision.quads import edge_distances, reaches_edge
 from shipland.vision.sides import Sides, contrast_direction, distort, intersect_sides, measure_sides
 
 
+@dataclass(frozen=True)
+class Measured:
+    """Corners at sub-pixel.
+
+    Attributes:
+        corners_px: (n,4,2) undistorted.
+        whiten: (n,8,8) [1/px] what turns deviations of a quadrilateral's (column, row) × four corners into standard
+            deviations.
+        blur_px: standard deviation of the picture's blur; None when the method does not measure it.
+    """
+
+    corners_px: Array
+    whiten: Array
+    blur_px: float | None
+
+
 def measure_corners(
-    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters
-) -> tuple[Array, Array] | None:
-    """Corners (n,4,2) undistorted [px] and covariances (n,8,8) [px²] by the method of `parameters.corners`.
+    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters, blur_px: float | None = None
+) -> Measured | None:
+    """Sub-pixel corners by the method of `parameters.corners`; None when one cannot be measured.
 
     Args:
         image: (H,W,3) BGR.
         quads_px: (n,4,2) corners to within two pixels, clockwise, undistorted.
         camera: its distortion is taken out.
         parameters: method and its sizes.
-
-    Returns:
-        None when a corner cannot be measured.
+        blur_px: a guess of the picture's blur, as the last one's.
     """
     if parameters.corners == "forstner":
         return forstner_corners(image, quads_px, camera, parameters)
-    return edge_corners(image, quads_px, camera, parameters)
+    return edge_corners(image, quads_px, camera, parameters, blur_px)
 
 
-def forstner_corners(
-    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters
-) -> tuple[Array, Array] | None:
+def forstner_corners(image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters) -> Measured | None:
     """Förstner's corners [Lee2022, §Contour and Corner Detection]; the window's side as in erratum 4."""
     direction = _direction(image, quads_px, camera)
     if direction is None:
@@ -58,20 +72,20 @@ def forstner_corners(
         if np.max(np.abs(refined - start_px)) > max(2.0 * half, 3.0):
             return None
         corners[index] = camera.undistort(refined)
-    covariance = np.broadcast_to(parameters.corner_noise_px**2 * np.eye(8), (len(quads_px), 8, 8))
-    return corners, covariance.copy()
+    return Measured(corners, np.broadcast_to(np.eye(8) / parameters.corner_noise_px, (len(quads_px), 8, 8)), None)
 
 
 def edge_corners(
-    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters
-) -> tuple[Array, Array] | None:
-    """Corners where the lines fitted to the sides meet, with the covariance that the lines' noise gives.
+    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters, blur_px: float | None = None
+) -> Measured | None:
+    """Corners where the lines fitted to the sides meet, weighted by what is known of the lines.
 
-    Profiles across each side are taken in undistorted pixels, so that sides are straight.
+    Lines are fitted in undistorted pixels, where sides are straight.
     """
     sides = Sides.of(quads_px, parameters.edge_reach_px, _held(image, quads_px, camera))
-    fit = measure_sides(image, sides, camera, parameters.edge_floor_px)
-    return None if fit is None else intersect_sides(fit)
+    fit = measure_sides(image, sides, camera, parameters.edge_floor_px, blur_px)
+    met = None if fit is None else intersect_sides(fit)
+    return None if fit is None or met is None else Measured(*met, fit.blur_px)
 
 
 def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:
@@ -88,8 +102,11 @@ def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:
     return contrast_direction(colours[0], colours[1])
 
 
-def _held(image: Image, quads_px: Array, camera: Camera) -> npt.NDArray[np.bool_]:
-    """(4n,) sides that lie on the picture's edge, where `find_quads` has set them."""
+def _held(image: Image, quads_px: Array, camera: Camera) -> npt.NDArray[np.bool_] | None:
+    """(4n,) sides that lie on the picture's edge, where `find_quads` has set them; None when none does."""
     raw_px = distort(quads_px.reshape(-1, 2), camera).reshape(-1, 4, 2)
+    if not reaches_edge(raw_px, image.shape[1], image.shape[0]):
+        return None
     on = edge_distances(raw_px, image.shape[1], image.shape[0]) < 0.5
-    return np.asarray((on & on[:, [1, 2, 3, 0]]).any(axis=-1).reshape(-1))
+    held = (on & on[:, [1, 2, 3, 0]]).any(axis=-1).reshape(-1)
+    return held if held.any() else None

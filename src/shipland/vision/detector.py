@@ -1,7 +1,7 @@
 """A learned detector over one picture: whole frames and tiles at native size, never shrunk to the network.
 
-At 250 m the 1.8 m platform is 6.7 px wide in a 1280-px frame (erratum 9 of [Lee2022]); a detector that shrinks the frame
-cannot see it. Only a tile around a target that is already large is reduced.
+At 250 m the 1.8 m platform is 6.7 px wide in a 1280-px frame (erratum 9 of [Lee2022]); a detector that shrinks the
+frame cannot see it. Only a tile around a target that is already large is reduced.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from shipland.config import require
+from shipland.config import build, merge, packaged_toml, read_toml, require
 from shipland.errors import DataError
 from shipland.messages import Box
 from shipland.vision.decode import STRIDES, Float32, decode, suppress, to_boxes
@@ -83,6 +83,14 @@ class DetectorParameters:
         require(1 <= self.confirm_hits <= self.confirm_frames, "confirm_hits must lie in 1 … confirm_frames")
         require(self.lost_frames >= 1 and self.recheck_frames >= 1, "lost_frames and recheck_frames must be positive")
         require(self.threads >= 0, "threads must not be negative")
+
+
+def detector_parameters(config: Path | None = None) -> DetectorParameters:
+    """The packaged `[detector]` of configs/learning.toml, that of the file `config` laid over it."""
+    table = packaged_toml("learning")["detector"]
+    if config is not None:
+        table = merge(table, read_toml(config).get("detector", {}))
+    return build(DetectorParameters, table, "detector")
 
 
 def weights_path(name: str, precision: Precision = "auto") -> Path:

@@ -1,4 +1,4 @@
-"""Far vision: ship platform and bar, frame by frame. Acquire on the whole frame, track in a tile, believe after a while.
+"""Far vision: ship platform and bar. Acquire on the whole frame, track in a tile, believe after a while.
 
 A box is reported only when it was seen in this very frame by a track that is believed; predictions are never reported.
 One whole frame is searched a cycle at most, for the ship or for the bar; everything else is tiles.
@@ -202,7 +202,9 @@ class FarVision:
         told, reason, _ = self._told(self._bar_track, box, "bar")
         return told, reason
 
-    def _follow(self, track: Track, detector: Detector, frame: Frame, picture: Picture) -> tuple[Box | None, Track | None]:
+    def _follow(
+        self, track: Track, detector: Detector, frame: Frame, picture: Picture
+    ) -> tuple[Box | None, Track | None]:
         predicted_px = track.predicted_px(frame, self.camera.focal_px)
         tile_px, reduction = self._tile(float(track.size_px.max()))
         centre = (float(predicted_px[0]), float(predicted_px[1]))

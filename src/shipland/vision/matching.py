@@ -16,8 +16,8 @@ Perspective alone reaches 0.3 for the rig's bar at 2 m and 40° off."""
 _SIZE_RATIO = 3.0
 """Largest ratio of a neighbour's area to the one foreseen."""
 
-_APART = 0.8
-"""How far a quadrilateral may lie from where the last pose foresees it, in square roots of its area."""
+_APART = 0.7
+"""How far corners may lie from where the last pose foresees them, in square roots of their quadrilateral's area."""
 
 _TURNS = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [2, 3, 0, 1], [3, 0, 1, 2]])
 """The four ways to count a quadrilateral's corners clockwise."""
@@ -110,15 +110,14 @@ def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
     """
     if not len(quads_px):
         return None
-    centre, wanted = quads_px.mean(axis=1), predicted_px.mean(axis=1)
-    area_px2, wanted_px2 = _area(quads_px), _area(predicted_px)
-    apart2 = ((centre[:, None] - wanted) ** 2).sum(axis=-1) / np.maximum(wanted_px2, 1.0)
-    ratio = area_px2[:, None] / np.maximum(wanted_px2, 1.0)
-    score = np.where((apart2 < _APART**2) & (ratio < 2.0) & (ratio > 0.5), apart2, np.inf)
+    # Mean square distance of corners from foreseen ones, for each of the four ways to count them.
+    off2 = ((quads_px[:, None, _TURNS] - predicted_px[None, :, None]) ** 2).sum(axis=(3, 4)) * 0.25
+    best = off2.argmin(axis=2)
+    score = off2.min(axis=2) / np.maximum(_area(predicted_px), 1.0)
     members: dict[int, int] = {}
     for _ in range(min(score.shape)):
         candidate, model = divmod(int(score.argmin()), score.shape[1])
-        if not np.isfinite(score[candidate, model]):
+        if not score[candidate, model] < _APART**2:
             break
         members[model] = candidate
         score[candidate], score[:, model] = np.inf, np.inf
@@ -126,17 +125,7 @@ def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
         return None
     order = tuple(sorted(members))
     chosen = tuple(members[i] for i in order)
-    # Among the four turns of each quadrilateral, the one whose corners lie nearest to the foreseen ones.
-    turns = quads_px[list(chosen)][:, _TURNS]
-    off2 = ((turns - turns.mean(axis=(1, 2), keepdims=True) - _centred(predicted_px[list(order)])[:, None]) ** 2).sum(
-        axis=(2, 3)
-    )
-    best = off2.argmin(axis=1)
-    return Match(order, turns[np.arange(len(order)), best], chosen)
-
-
-def _centred(quads: Array) -> Array:
-    return quads - quads.mean(axis=1, keepdims=True)
+    return Match(order, np.array([quads_px[c][_TURNS[best[c, i]]] for i, c in zip(order, chosen, strict=True)]), chosen)
 
 
 def _turned(quads_px: Array, plane: Array) -> tuple[Array, Array]:

@@ -25,8 +25,8 @@ class VisionParameters:
         corners: sub-pixel corners by lines fitted to the sides and intersected, or by Förstner's operator.
         forstner_fraction, forstner_min_px: window side as a fraction of the quadrilateral's shorter side, and
             its least (erratum 4).
-        edge_reach_px: half-length of the profiles across a side.
-        edge_floor_px: standard deviation of a fitted side that no averaging removes.
+        edge_reach_px: how far across a side pixels are taken; more where the picture is blurred.
+        edge_floor_px: standard deviation of what a single column of pixels across a side errs by without any noise.
         corner_noise_px: standard deviation of a Förstner corner, per axis.
         screening: how the ±10 % and ±5 % are read: against what the pose's perspective gives, or raw as printed.
         length_tolerance: largest relative difference of opposite sides' lengths.

@@ -12,7 +12,7 @@ from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array, Pose
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target
-from shipland.vision.bar import Image, Window, find_regions
+from shipland.vision.bar import Image, Window, coloured_window, find_regions
 from shipland.vision.matching import Match, match_by_geometry, match_by_prediction
 from shipland.vision.parameters import VisionParameters
 from shipland.vision.pose import LevelPrior
@@ -28,12 +28,13 @@ _MOST_JUDGED = 8
 
 @dataclass(frozen=True)
 class _Track:
-    """The last pose: when, where its corners were (n,4,2), and how fast they moved (2,)."""
+    """The last pose: when, where its corners were (n,4,2), how fast they moved (2,), how blurred the picture was."""
 
     t_s: float
     camera_from_plane: Pose
     corners_px: Array
     drift_px_s: Array
+    blur_px: float | None
 
 
 class NearVision:
@@ -74,7 +75,7 @@ class NearVision:
         if predicted_px is not None:
             found = self._look(image, self._around(predicted_px), predicted_px, prior)
         if isinstance(found, Refusal):
-            found = self._look(image, Window.whole(image), predicted_px, prior)
+            found = self._look(image, coloured_window(image, self._parameters), predicted_px, prior)
         if isinstance(found, Sighting):
             self._remember(frame.t_s, found)
         return found
@@ -88,8 +89,9 @@ class NearVision:
         if not regions:
             return Refusal.NOTHING_GREEN
         found = find_quads(image, regions, self._parameters)
-        last = None if predicted_px is None or self._track is None else self._track.camera_from_plane
-        evidence = Evidence(image, found.cut, prior, last)
+        track = None if predicted_px is None else self._track
+        last, blur_px = (None, None) if track is None else (track.camera_from_plane, track.blur_px)
+        evidence = Evidence(image, found.cut, prior, last, blur_px)
         result = self._match(found.quads, predicted_px, evidence)
         if isinstance(result, Refusal) and found.flush:
             flush = self._match(found.quads + found.flush, predicted_px, evidence)
@@ -172,4 +174,4 @@ class NearVision:
         drift_px_s = np.zeros(2)
         if last is not None and 0.0 < t_s - last.t_s <= self._parameters.track_s:
             drift_px_s = (corners_px - last.corners_px).mean(axis=(0, 1)) / (t_s - last.t_s)
-        self._track = _Track(t_s, pose, corners_px, drift_px_s)
+        self._track = _Track(t_s, pose, corners_px, drift_px_s, sighting.blur_px)

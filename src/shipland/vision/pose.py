@@ -33,12 +33,13 @@ class Corners:
 
     Attributes:
         undistorted_px: (n,4,2) as a distortion-free camera would see them.
-        covariance_px2: (n,8,8) of each quadrilateral's (column, row) × four corners [px²].
+        whiten: (n,8,8) what turns deviations of a quadrilateral's (column, row) × four corners into standard
+            deviations [1/px]: the inverse of a square root of their covariance.
         plane_m: (n,4,2) the same corners in the cue's plane (right, down) [m].
     """
 
     undistorted_px: Array
-    covariance_px2: Array
+    whiten: Array
     plane_m: Array
 
 
@@ -87,12 +88,25 @@ class Solution:
         return float(np.sqrt(np.mean(np.sum(self.residual_px**2, axis=-1))))
 
 
-def solve(corners: Corners, camera: Camera, prior: LevelPrior | None = None) -> list[Solution]:
+def solve(
+    corners: Corners, camera: Camera, prior: LevelPrior | None = None, near: Pose | None = None
+) -> list[Solution]:
     """The one or two poses that solve the corners, better first; empty when none does.
 
     IPPE gives both planar solutions, Levenberg–Marquardt refines them [Lee2022, §Pose Estimation]. A prior that the
     corners contradict is left out.
+
+    Args:
+        corners: measured.
+        camera: intrinsics.
+        prior: what the gimbal knows.
+        near: a pose (camera_from_plane) not far off; with a prior, which leaves no second solution, it is what the
+            refinement starts from.
     """
+    if prior is not None and near is not None:
+        solutions = _Refiner(corners, camera, prior).refine([near])
+        if solutions and solutions[0].chi2 < _DOUBTFUL_CHI2 * corners.plane_m.size:
+            return solutions
     solutions = _solve(corners, camera, prior)
     if prior is None or not solutions or solutions[0].chi2 < _DOUBTFUL_CHI2 * corners.plane_m.size:
         return solutions
@@ -110,9 +124,7 @@ def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: Leve
         prior: what is known besides.
     """
     refiner = _Refiner(corners, camera, prior)
-    residual, jacobian, raw = refiner.linearise(
-        camera_from_plane.rotation[None], camera_from_plane.translation_m[None]
-    )
+    residual, jacobian, raw = refiner.linearise(camera_from_plane.rotation[None], camera_from_plane.translation_m[None])
     return refiner.solution(camera_from_plane, residual[0], jacobian[0], raw[0])
 
 
@@ -150,9 +162,7 @@ class _Refiner:
         size = 2 * count
         rows = size if prior is None else size + 2
         self._size = size
-        # L⁻¹ of each quadrilateral's covariance, times the camera matrix: rays to standard deviations.
-        blocks = np.linalg.inv(np.linalg.cholesky(corners.covariance_px2))
-        blocks = (blocks.reshape(-1, 8, 4, 2) @ self._to_pixels).reshape(-1, 8, 8)
+        blocks = (corners.whiten.reshape(-1, 8, 4, 2) @ self._to_pixels).reshape(-1, 8, 8)
         self._whiten = np.zeros((size, size))
         for first, block in zip(range(0, size, 8), blocks, strict=True):
             self._whiten[first : first + 8, first : first + 8] = block
@@ -230,7 +240,11 @@ class _Refiner:
         if self._prior is not None:
             down = rotation[:, :, 1]
             residual[:, self._size :] = down @ self._across.T
-            jacobian[:, self._size :, :3] = np.cross(down[:, None], self._across[None])
+            x, y, z = down.T[:, :, None]
+            across_x, across_y, across_z = self._across.T
+            tilt = jacobian[:, self._size :]
+            tilt[:, :, 0], tilt[:, :, 1] = y * across_z - z * across_y, z * across_x - x * across_z
+            tilt[:, :, 2] = x * across_y - y * across_x
         return residual, jacobian, raw
 
 
@@ -259,7 +273,9 @@ def covariance_in_bar(solution: Solution) -> Array:
 
 def _perpendicular(direction: Array) -> Array:
     """Two unit vectors (2,3) perpendicular to a unit vector and to each other."""
-    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    first = np.cross(direction, helper)
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(direction, first)])
+    x, y, z = direction.tolist()
+    # Frisvad's frame, about the axis that the direction is farthest against.
+    sign = 1.0 if z >= 0.0 else -1.0
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    return np.array([[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]])

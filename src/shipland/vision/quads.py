@@ -91,6 +91,12 @@ def edge_distances(quad_px: Array, width_px: int, height_px: int) -> Array:
     return np.stack([column + 0.5, row + 0.5, width_px - 0.5 - column, height_px - 0.5 - row], axis=-1)
 
 
+def reaches_edge(quads_px: Array, width_px: int, height_px: int) -> bool:
+    """Whether a corner (…,2) lies on the picture's edge or beyond, to within half a pixel."""
+    (left, top), (right, bottom) = (f(quads_px.reshape(-1, 2), axis=0).tolist() for f in (np.min, np.max))
+    return bool(left < 0.0 or top < 0.0 or right > width_px - 1.0 or bottom > height_px - 1.0)
+
+
 def _snapped(quad: Array, width_px: int, height_px: int) -> Array | None:
     """The quadrilateral with its one side along the picture's edge set on it; None when it is not just one."""
     near = edge_distances(quad, width_px, height_px) < _FLUSH_PX

@@ -18,7 +18,7 @@ from shipland.vision.corners import measure_corners
 from shipland.vision.matching import Match, model_plane
 from shipland.vision.parameters import VisionParameters
 from shipland.vision.pose import Corners, LevelPrior, Solution, covariance_in_bar, position_and_yaw, solve
-from shipland.vision.quads import edge_distances
+from shipland.vision.quads import edge_distances, reaches_edge
 from shipland.vision.refusal import Refusal
 from shipland.vision.screening import sides_agree
 from shipland.vision.sides import distort
@@ -45,12 +45,14 @@ class Evidence:
         cut: coloured regions that reach the picture's edge.
         prior: what the gimbal knows, or None.
         last: the last pose, camera_from_plane, or None.
+        blur_px: the last picture's blur, or None.
     """
 
     image: Image
     cut: Sequence[Region]
     prior: LevelPrior | None
     last: Pose | None
+    blur_px: float | None
 
 
 @dataclass(frozen=True)
@@ -61,11 +63,13 @@ class Sighting:
         match: which quadrilaterals of the picture.
         solutions: the planar solutions, the one taken first.
         corners_px: (k,4,2) measured corners in the picture.
+        blur_px: the picture's blur, where it was measured.
     """
 
     match: Match
     solutions: list[Solution]
     corners_px: Array
+    blur_px: float | None
 
     @property
     def camera_from_plane(self) -> Pose:
@@ -107,12 +111,12 @@ class Judge:
 
     def judge(self, match: Match, evidence: Evidence) -> Sighting | Refusal:
         """Sub-pixel corners, pose, reprojection gate, screening, reach."""
-        measured = measure_corners(evidence.image, match.quads_px, self._camera, self._parameters)
+        measured = measure_corners(evidence.image, match.quads_px, self._camera, self._parameters, evidence.blur_px)
         if measured is None:
             return Refusal.CORNERS_UNSURE
-        corners_px, covariance_px2 = measured
-        corners = Corners(corners_px, covariance_px2, self.plane_m[list(match.model)])
-        solutions = self._ordered(solve(corners, self._camera, evidence.prior), evidence.last)
+        corners_px = measured.corners_px
+        corners = Corners(corners_px, measured.whiten, self.plane_m[list(match.model)])
+        solutions = self._ordered(solve(corners, self._camera, evidence.prior, evidence.last), evidence.last)
         if not solutions:
             return Refusal.NO_SOLUTION
         taken = solutions[0]
@@ -128,7 +132,7 @@ class Judge:
         if not self._within_reach(taken.camera_from_plane):
             return Refusal.OUT_OF_REACH
         raw_px = distort(corners_px.reshape(-1, 2), self._camera).reshape(-1, 4, 2)
-        return Sighting(match, solutions, raw_px)
+        return Sighting(match, solutions, raw_px, measured.blur_px)
 
     def projected_px(self, camera_from_plane: Pose) -> Array:
         """(n,4,2) all corners of the cue in the picture; NaN where they are not in front of the camera."""
@@ -167,9 +171,9 @@ class Judge:
     def _beyond_edge(self, corners_px: Array, residual_px: Array, image: Image) -> bool:
         """Whether a corner that was set on the picture's edge lies more than a pixel off it by the pose."""
         raw_px = distort(corners_px.reshape(-1, 2), self._camera).reshape(corners_px.shape)
-        distances_px = edge_distances(raw_px, image.shape[1], image.shape[0])
-        if distances_px.min() >= 0.5:
+        if not reaches_edge(raw_px, image.shape[1], image.shape[0]):
             return False
+        distances_px = edge_distances(raw_px, image.shape[1], image.shape[0])
         held = distances_px < 0.5
         off_px = np.abs(residual_px[..., [0, 1, 0, 1]])
         return bool(np.any(held & (off_px > _EDGE_PX)))

@@ -31,6 +31,6 @@ void main() {
     float foam = smoothstep(sea_gain.w - 0.03, sea_gain.w + 0.05, sea.crest);
     foam = mix(foam, eye.z, smoothstep(60.0, 250.0, distance_m));
     vec3 white = 0.55 * (sun_rgb.rgb * max(-sun.z, 0.0) + 0.6 * zenith_rgb.rgb + 0.4 * horizon_rgb.rgb);
-    radiance = mix(radiance, white, 0.85 * foam);
+    radiance = mix(radiance, white, foam * sea.grain);
     colour = vec4(display(through_air(radiance, distance_m)).bgr, 1.0);
 }

@@ -10,6 +10,7 @@ const mat2 TURN_BACK = mat2(0.766, -0.643, 0.643, 0.766);
 struct Sea {
     vec2 slope;     // of the surface's normal
     float variance; // of what the texture has averaged away, both directions together
+    float grain;    // fine unevenness for foam, 0 … 1
     float crest;    // height on the waves, 0 on average, deviation 0.149
 };
 
@@ -26,6 +27,7 @@ Sea sea_at(vec2 foot, float down) {
     Sea sea;
     sea.slope = slope_a0 + slope_a1 * TURN + slope_b0 * TURN_BACK;
     sea.variance = max(variance, 0.0) + sea_gain.z;
+    sea.grain = clamp(0.62 + 4.5 * (b0.x - 0.5) - 3.0 * (b0.y - 0.5), 0.0, 1.0);
     sea.crest = 0.55 * (a0.w + a1.w - 1.0) + 0.9 * (b0.w - 0.5);
     return sea;
 }

@@ -1,0 +1,64 @@
+"""The ablation's other side: a pilot that matches the deck's attitude while landing, as most of the literature does.
+
+It is told the deck's true attitude without error or delay, which no system has; what it loses by following it loses
+for no other reason.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from shipland.config import require
+from shipland.frames import euler_from_rotation
+from shipland.guidance.laws import clamp
+from shipland.guidance.pilot import Pilot
+from shipland.messages import Decision, Mode, Observation, Telemetry
+from shipland.vehicles.vehicle import Witness
+
+
+@dataclass(frozen=True)
+class FollowParameters:
+    """`[follow]`.
+
+    Attributes:
+        enabled: whether the deck's attitude is followed.
+        below_m: only while landing lower than this over the deck.
+    """
+
+    enabled: bool
+    below_m: float
+
+    def __post_init__(self) -> None:
+        require(self.below_m > 0.0, f"below_m must be positive, got {self.below_m}")
+
+
+class DeckFollower:
+    """Adds to another pilot's sticks the tilt that the deck has."""
+
+    def __init__(self, pilot: Pilot, witness: Witness, max_tilt_rad: float, parameters: FollowParameters) -> None:
+        self._pilot, self._witness = pilot, witness
+        self._max_tilt_rad, self._parameters = max_tilt_rad, parameters
+
+    def decide(self, observation: Observation, telemetry: Telemetry, ready_s: float) -> Decision:
+        """The other pilot's decision; while landing low, with the deck's roll and pitch added."""
+        decision = self._pilot.decide(observation, telemetry, ready_s)
+        truth = self._witness.truth_at(observation.t_s)
+        if truth is None or decision.mode is not Mode.LAND or -truth.aircraft_in_deck_m[2] > self._parameters.below_m:
+            return decision
+        heading_rad = euler_from_rotation(truth.ned_from_body.rotation)[2]
+        normal = truth.ned_from_deck.rotation[:, 2]
+        ahead = math.cos(heading_rad) * normal[0] + math.sin(heading_rad) * normal[1]
+        aside = math.cos(heading_rad) * normal[1] - math.sin(heading_rad) * normal[0]
+        # Upright on the deck, the aircraft's down axis is the deck's: its forward part is the tangent of pitch.
+        pitch = -100.0 * math.atan2(ahead, normal[2]) / self._max_tilt_rad
+        roll = -100.0 * math.atan2(aside, normal[2]) / self._max_tilt_rad
+        command = decision.command
+        return replace(
+            decision,
+            command=replace(
+                command,
+                pitch_percent=clamp(command.pitch_percent + pitch, 100.0),
+                roll_percent=clamp(command.roll_percent + roll, 100.0),
+            ),
+        )

@@ -1,0 +1,380 @@
+"""`shipland evaluate`: a detector on a labelled set, or on fresh scenes of the simulator over range.
+
+Fresh scenes are whole frames. Each is looked at twice: its first frame by the detector alone, and all its frames by the
+far vision that flies, with its tracks and its confirmation. One line a scene goes to `scenes.jsonl` as soon as it is
+known, so a run that was cut off goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from rich.progress import track
+
+from shipland.camera import Camera, CameraParameters
+from shipland.config import build, require
+from shipland.errors import DataError
+from shipland.learning.arguments import EvaluateArguments
+from shipland.learning.dataset import Dataset, read_dataset
+from shipland.learning.files import write_atomically
+from shipland.learning.metrics import Tally
+from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table
+from shipland.learning.settings import learning_table
+from shipland.learning.shot import NearestBox, Shot, target_box
+from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
+from shipland.learning.synth import FRAME_S, draw, synth_parameters
+from shipland.messages import Box, Frame, GimbalAttitude
+from shipland.rig import Rig, default_rig, packaged_table
+from shipland.sim.scene import Scene
+from shipland.vision.decode import PIXEL_CENTRE, iou
+from shipland.vision.detector import Detector, DetectorParameters, detector_parameters
+from shipland.vision.far import FarVision
+
+Picture = npt.NDArray[np.uint8]
+LEAST_CONFIDENCE = 0.05
+_LEAST_SEEN = 0.01
+
+
+@dataclass(frozen=True)
+class EvaluateParameters:
+    """How detectors are measured (`[evaluate]` in configs/learning.toml).
+
+    Attributes:
+        ship_range_m, bar_range_m: nearest and farthest target of fresh scenes, drawn uniformly.
+        ship_bin_m, bar_bin_m: widths of the table's bins.
+        empty_share: part of the fresh scenes without the target.
+        edge_px: the target's centre stays so far from the picture's edges in the first frame.
+        match_iou: overlap from which a box is a hit.
+        hazy_below_m: visibility that parts haze from clear air.
+    """
+
+    ship_range_m: Span
+    bar_range_m: Span
+    ship_bin_m: float
+    bar_bin_m: float
+    empty_share: float
+    edge_px: float
+    match_iou: float
+    hazy_below_m: float
+
+    def __post_init__(self) -> None:
+        for name in ("ship_range_m", "bar_range_m"):
+            low, high = getattr(self, name)
+            require(0.0 < low < high, f"{name} must be two positive numbers, the smaller first")
+        require(min(self.ship_bin_m, self.bar_bin_m) > 0.0, "widths of bins must be positive")
+        require(0.0 <= self.empty_share < 1.0, "empty_share must lie in 0 … 1")
+        require(0.0 < self.match_iou < 1.0, "match_iou must lie between 0 and 1")
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What was measured.
+
+    Attributes:
+        detector: runtime, arithmetic and the weights' own note.
+        confidence: least confidence of a single frame's box.
+        pictures: looked at.
+        average_precision, recall, precision: over all single pictures, at `EvaluateParameters.match_iou`.
+        tables: over range, by name (all, clear, haze); empty where ranges are not known.
+        missed: pictures of a labelled set with a target that was not found.
+    """
+
+    detector: str
+    confidence: float
+    pictures: int
+    average_precision: float
+    recall: float
+    precision: float
+    tables: dict[str, RangeTable]
+    missed: tuple[str, ...]
+
+    def text(self) -> str:
+        """For people: Markdown."""
+        parts = [
+            f"{self.detector}: {self.pictures} pictures, average precision {self.average_precision:.3f}, recall "
+            f"{self.recall:.3f} and precision {self.precision:.3f} at confidence {self.confidence:g}"
+        ]
+        for name, table in self.tables.items():
+            parts += [f"## {name}", markdown(table)]
+        return "\n\n".join(parts) + "\n"
+
+
+def evaluate(arguments: EvaluateArguments) -> Evaluation:
+    """Measure; leaves `evaluation.json`, `table.md`, with ranges `recall.png`, and for fresh scenes `scenes.jsonl`.
+
+    Raises:
+        DataError: the set or the weights cannot be used, or the folder holds another run.
+        ConfigError: a setting is wrong.
+    """
+    settings = detector_parameters(arguments.config)
+    settings = replace(settings, runtime=arguments.runtime, precision=arguments.precision, threads=arguments.threads)
+    parameters = build(EvaluateParameters, learning_table("evaluate", arguments.config), "evaluate")
+    detector = Detector.load(arguments.weights, settings)
+    confidence = settings.acquire_confidence if arguments.confidence is None else arguments.confidence
+    tally = Tally(parameters.match_iou)
+    missed: list[str] = []
+    if arguments.data is not None:
+        dataset = read_dataset(arguments.data)
+        records, missed = _labelled(detector, dataset, confidence, tally)
+    else:
+        records = list(fresh_records(arguments, parameters, detector, settings))
+        for record in records:
+            _add(tally, record)
+    tables = _tables(records, arguments, parameters, confidence)
+    result = Evaluation(
+        f"{detector.engine.description}, {detector.engine.spec.note or 'no note'}",
+        confidence,
+        tally.pictures,
+        tally.average_precision(),
+        tally.recall(confidence),
+        tally.precision(confidence),
+        tables,
+        tuple(missed),
+    )
+    write_atomically(arguments.out / "evaluation.json", json.dumps(asdict(result), indent=1).encode())
+    write_atomically(arguments.out / "table.md", result.text().encode())
+    if tables:
+        plot_recall(arguments.out / "recall.png", tables, arguments.kind)
+    return result
+
+
+def _add(tally: Tally, record: SceneRecord) -> None:
+    boxes = np.array(record.boxes, np.float32).reshape(-1, 5)
+    rows = [] if record.target is None else [(0.0, *record.target)]
+    tally.add(boxes[:, :4], boxes[:, 4], np.array(rows, np.float32).reshape(-1, 5))
+
+
+def _tables(
+    records: Sequence[SceneRecord], arguments: EvaluateArguments, parameters: EvaluateParameters, confidence: float
+) -> dict[str, RangeTable]:
+    known = [record for record in records if np.isfinite(record.range_m)]
+    if not known:
+        return {}
+    ship = arguments.kind == "ship"
+    span = parameters.ship_range_m if ship else parameters.bar_range_m
+    step_m = parameters.ship_bin_m if ship else parameters.bar_bin_m
+    edges = np.arange(step_m * np.floor(span[0] / step_m), span[1] + 0.5 * step_m, step_m).tolist()
+    limit_m = parameters.hazy_below_m
+    parts = {
+        "all": known,
+        "clear": [record for record in known if record.visibility_m >= limit_m],
+        "haze": [record for record in known if record.visibility_m < limit_m],
+    }
+    return {name: range_table(part, edges, confidence, parameters.match_iou) for name, part in parts.items() if part}
+
+
+def _labelled(
+    detector: Detector, dataset: Dataset, confidence: float, tally: Tally
+) -> tuple[list[SceneRecord], list[str]]:
+    """Records of the pictures whose range is known, and the names of those with a missed target."""
+    if len(dataset.classes) != len(detector.engine.spec.classes):
+        raise DataError(
+            f"{dataset.folder} has the classes {', '.join(dataset.classes)}; the detector was trained for "
+            f"{', '.join(detector.engine.spec.classes)}"
+        )
+    records, missed = [], []
+    for number, sample in enumerate(track(dataset.samples, description="pictures")):
+        picture, targets = sample.load()
+        boxes = np.concatenate(
+            [
+                np.array(_rows(detector.detect(picture, LEAST_CONFIDENCE, kind)), np.float32).reshape(-1, 5)
+                for kind in range(len(dataset.classes))
+            ]
+        )
+        verdict = tally.add(boxes[:, :4], boxes[:, 4], targets)
+        if len(np.unique(verdict[(verdict >= 0) & (boxes[:, 4] >= confidence)])) < len(targets):
+            missed.append(sample.path.name)
+        if "range_m" in sample.scene and len(targets) < 2:
+            target = tuple(targets[0, 1:5].tolist()) if len(targets) else None
+            scene = sample.scene
+            sure = tuple(tuple(row) for row in boxes.tolist())
+            records.append(SceneRecord(number, scene["range_m"], scene["visibility_m"], target, sure))
+    return records, missed
+
+
+def fresh_records(
+    arguments: EvaluateArguments, parameters: EvaluateParameters, detector: Detector, settings: DetectorParameters
+) -> Iterator[SceneRecord]:
+    """Records of all fresh scenes: those already in `scenes.jsonl`, then new ones, written as they come."""
+    made = _claim(arguments)
+    yield from made.values()
+    missing = [number for number in range(arguments.scenes) if number not in made]
+    synth = replace(
+        synth_parameters(arguments.config),
+        ship_range_m=parameters.ship_range_m,
+        bar_range_m=parameters.bar_range_m,
+        uniform_share=1.0,
+        empty_share=parameters.empty_share,
+        edge_px=parameters.edge_px,
+        least_contrast=0.0,
+    )
+    camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+    with (arguments.out / "scenes.jsonl").open("a", encoding="utf-8") as stream:
+        looks = look_at_scenes(missing, arguments, synth, detector, settings, camera)
+        for record in track(looks, description=f"{arguments.kind} scenes", total=len(missing)):
+            stream.write(record.to_json() + "\n")
+            stream.flush()
+            yield record
+
+
+def _claim(arguments: EvaluateArguments) -> dict[int, SceneRecord]:
+    """Records that are there already; DataError when they come from other arguments."""
+    out = arguments.out
+    wanted = {
+        "weights": arguments.weights,
+        "kind": arguments.kind,
+        "seed": arguments.seed,
+        "frames": arguments.frames,
+    }
+    note, lines = out / "evaluate.json", out / "scenes.jsonl"
+    if note.is_file():
+        there = json.loads(note.read_text(encoding="utf-8"))
+        if there != wanted:
+            raise DataError(f"{out} holds an evaluation with {there}, not {wanted}: choose another folder")
+    out.mkdir(parents=True, exist_ok=True)
+    write_atomically(note, json.dumps(wanted).encode())
+    if not lines.is_file():
+        return {}
+    text = lines.read_text(encoding="utf-8")
+    whole = text[: text.rfind("\n") + 1]  # a line that was cut off is made again
+    if whole != text:
+        write_atomically(lines, whole.encode())
+    records = [SceneRecord.from_json(line, str(lines)) for line in whole.splitlines()]
+    return {record.number: record for record in records if record.number < arguments.scenes}
+
+
+def look_at_scenes(
+    numbers: Sequence[int],
+    arguments: EvaluateArguments,
+    synth: SynthParameters,
+    detector: Detector,
+    settings: DetectorParameters,
+    camera: Camera,
+) -> Iterator[SceneRecord]:
+    """Draw and look at fresh scenes, one record each."""
+    rig = default_rig()
+    block, scene, scene_parameters = -1, None, None
+    try:
+        for number in numbers:
+            if scene is None or number // synth.pictures_per_scene != block:
+                block = number // synth.pictures_per_scene
+                if scene is not None:
+                    scene.close()
+                scene_parameters, waves = draw_scene(block, synth, arguments.seed)
+                scene = Scene(rig, scene_parameters, waves)
+            assert scene_parameters is not None
+            shot = draw_shot(number, arguments.kind, scene_parameters, camera, rig, synth, arguments.seed)
+            yield _look(shot, scene, camera, rig, synth, detector, settings, arguments.frames)
+    finally:
+        if scene is not None:
+            scene.close()
+
+
+def _look(
+    shot: Shot,
+    scene: Scene,
+    camera: Camera,
+    rig: Rig,
+    synth: SynthParameters,
+    detector: Detector,
+    settings: DetectorParameters,
+    frames: int,
+) -> SceneRecord:
+    far = FarVision(
+        detector if shot.kind == "ship" else None, detector if shot.kind == "bar" else None, camera, settings
+    )
+    quality = int(
+        np.random.default_rng(shot.sensor_seed).integers(synth.sensor.quality_min, synth.sensor.quality_max + 1)
+    )
+    first: BoxRow | None = None
+    boxes: tuple[SureBox, ...] = ()
+    told: list[tuple[BoxRow | None, SureBox | None]] = []
+    for number in range(max(frames, 1)):
+        t_s = FRAME_S * number
+        drawn, edges = draw(shot, t_s, scene, camera, rig, synth)
+        picture = _compressed(drawn, quality)
+        target = None if edges is None else _row(edges)
+        partly = None
+        if target is None and not shot.empty:
+            # What is cut off by the picture's edge, or seen too flat, is neither asked for nor counted as false.
+            partly = target_box(shot.kind, shot.at(t_s, rig), camera, rig, _LEAST_SEEN, 0.0)
+        if number == 0:
+            first = target
+            boxes = tuple(row for row in _rows(detector.detect(picture, LEAST_CONFIDENCE)) if not _over(row, partly))
+        if frames > 0:
+            gimbal = GimbalAttitude(shot.roll_rad, shot.pitch_rad)
+            seen = far.see(Frame(t_s, picture, gimbal))
+            box = seen.ship_box if shot.kind == "ship" else seen.bar_box
+            row = None if box is None else _rows([box])[0]
+            told.append((target, None if row is None or _over(row, partly) else row))
+    return SceneRecord(shot.number, shot.range_m, shot.visibility_m, first, boxes, tuple(told))
+
+
+def _compressed(picture: Picture, quality: int) -> Picture:
+    data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
+
+
+def _row(edges: NearestBox) -> BoxRow:
+    left, top, right, bottom = edges
+    return (0.5 * (left + right), 0.5 * (top + bottom), right - left, bottom - top)
+
+
+def _rows(boxes: Sequence[Box]) -> list[SureBox]:
+    """Boxes with pixel edges at whole numbers, as labels have them."""
+    return [
+        (
+            round(box.centre_px[0] + PIXEL_CENTRE, 3),
+            round(box.centre_px[1] + PIXEL_CENTRE, 3),
+            round(box.size_px[0], 3),
+            round(box.size_px[1], 3),
+            round(box.confidence, 4),
+        )
+        for box in boxes
+    ]
+
+
+def _over(box: SureBox, edges: NearestBox | None) -> bool:
+    if edges is None:
+        return False
+    return bool(iou(np.array([box[:4]], float), np.array([_row(edges)], float))[0, 0] > 0.0)
+
+
+def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
+    """Recall over range with its intervals, and the boxes' errors, as a picture."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.5, 3.8), layout="constrained")
+    FigureCanvasAgg(figure)
+    left, right = figure.subplots(1, 2)
+    colours = {"all": "#444444", "clear": "#1f77b4", "haze": "#d98a1f"}
+    for name, table in tables.items():
+        bins = [item for item in table.bins if item.scenes]
+        middle = [0.5 * (item.low_m + item.high_m) for item in bins]
+        colour = colours.get(name, "#444444")
+        if name != "all":
+            low = [item.recall - item.recall_low for item in bins]
+            high = [item.recall_high - item.recall for item in bins]
+            recall = [item.recall for item in bins]
+            left.errorbar(middle, recall, (low, high), color=colour, capsize=2, label=f"{name}, one frame")
+        elif any(np.isfinite(item.confirmed) for item in bins):
+            left.plot(middle, [item.confirmed for item in bins], ":", color=colour, label="all, believed track")
+        if name == "all":
+            right.plot(middle, [item.centre_px for item in bins], color="#1f77b4", label="centre, median [px]")
+            right.plot(middle, [item.centre_95_px for item in bins], "--", color="#1f77b4", label="centre, 95 % [px]")
+            right.plot(middle, [10.0 * item.area_spread for item in bins], color="#b5446e", label="area, spread [10 %]")
+    left.set(xlabel=f"range of the {kind} [m]", ylabel="recall", ylim=(0.0, 1.02))
+    right.set(xlabel=f"range of the {kind} [m]", ylabel="error of the box", ylim=(0.0, None))
+    for axes in (left, right):
+        axes.grid(alpha=0.3)
+        axes.legend(frameon=False, fontsize=8)
+    beside = path.with_suffix(".part.png")
+    figure.savefig(beside, dpi=110)
+    beside.replace(path)

@@ -1,0 +1,233 @@
+"""What a detector saw, scene by scene, and the table over range that follows from it."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from shipland.config import build
+from shipland.errors import ConfigError, DataError
+from shipland.learning.metrics import Tally, wilson_interval
+from shipland.vision.decode import iou
+
+BoxRow = tuple[float, float, float, float]
+"""Centre column, centre row, width, height [px, edges at whole numbers]."""
+SureBox = tuple[float, float, float, float, float]
+"""A box and its confidence."""
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SceneRecord:
+    """One scene: what was there and what was said.
+
+    Attributes:
+        number: of the scene.
+        range_m: distance from the camera to the target's centre; as drawn, for an empty scene.
+        visibility_m: of the scene's air.
+        target: the target's box in the first frame; None where it is not to be seen.
+        boxes: all boxes of the first frame, down to a low confidence.
+        told: for each frame the target's box and the box that a believed track gave.
+    """
+
+    number: int
+    range_m: float
+    visibility_m: float
+    target: BoxRow | None
+    boxes: tuple[SureBox, ...]
+    told: tuple[tuple[BoxRow | None, SureBox | None], ...] = ()
+
+    def to_json(self) -> str:
+        """One line of JSON."""
+        return json.dumps(asdict(self))
+
+    @staticmethod
+    def from_json(line: str, where: str) -> SceneRecord:
+        """Read what `to_json` wrote; DataError names the place `where`."""
+        try:
+            return build(SceneRecord, json.loads(line), where)
+        except (json.JSONDecodeError, ConfigError) as error:
+            raise DataError(f"{where}: no scene of `shipland evaluate`: {error}") from None
+
+
+@dataclass(frozen=True)
+class RangeBin:
+    """Scenes whose target lies between two ranges.
+
+    Attributes:
+        low_m, high_m: the bin.
+        scenes: with the target in sight.
+        recall, recall_low, recall_high: of single frames, with Wilson's 95 % interval.
+        precision: hits over boxes, single frames; NaN without boxes.
+        confirmed: part of the scenes whose target a believed track gave in some frame; NaN when not measured.
+        confirmed_low, confirmed_high: Wilson's 95 % interval.
+        width_px: median width of the target.
+        centre_px, centre_95_px: median and 95th percentile of the distance between box and target; NaN without hits.
+        area_bias, area_spread: median of the boxes' area over the target's, less one, and half the width of its
+            central 68 %.
+    """
+
+    low_m: float
+    high_m: float
+    scenes: int
+    recall: float
+    recall_low: float
+    recall_high: float
+    precision: float
+    confirmed: float
+    confirmed_low: float
+    confirmed_high: float
+    width_px: float
+    centre_px: float
+    centre_95_px: float
+    area_bias: float
+    area_spread: float
+
+
+@dataclass(frozen=True)
+class RangeTable:
+    """Bins over range and what holds over all of them.
+
+    Attributes:
+        bins: from near to far.
+        scenes, empty: scenes in all, and those without a target in sight.
+        false_per_frame: boxes that hit nothing, a single frame, over all scenes.
+        false_told_per_1000: believed boxes that hit nothing, in 1,000 frames; NaN when not measured.
+        frames: frames that `false_told_per_1000` was counted on.
+        average_precision: over all single frames.
+        range_99_m, range_50_m: upper edge of the last bin before recall first falls below 99 % and 50 %.
+    """
+
+    bins: tuple[RangeBin, ...]
+    scenes: int
+    empty: int
+    false_per_frame: float
+    false_told_per_1000: float
+    frames: int
+    average_precision: float
+    range_99_m: float
+    range_50_m: float
+
+
+def hits(box: Sequence[float], target: BoxRow | None, min_iou: float) -> bool:
+    """Whether a box overlaps the target enough."""
+    if target is None:
+        return False
+    return bool(iou(np.array([box[:4]], float), np.array([target], float))[0, 0] >= min_iou)
+
+
+def range_table(
+    records: Sequence[SceneRecord], edges_m: Sequence[float], confidence: float, min_iou: float
+) -> RangeTable:
+    """Count.
+
+    Args:
+        records: of single scenes, in any order.
+        edges_m: of the bins, rising.
+        confidence: least confidence of a single frame's box.
+        min_iou: overlap from which a box is a hit.
+    """
+    tally = Tally(min_iou)
+    for record in records:
+        boxes = np.array(record.boxes, np.float32).reshape(-1, 5)
+        targets = np.array([] if record.target is None else [(0.0, *record.target)], np.float32).reshape(-1, 5)
+        tally.add(boxes[:, :4], boxes[:, 4], targets)
+    told = [(target, box) for record in records for target, box in record.told]
+    false_told = sum(box is not None and not hits(box, target, min_iou) for target, box in told)
+    bins = tuple(
+        _bin(low_m, high_m, [item for item in records if low_m <= item.range_m < high_m], confidence, min_iou)
+        for low_m, high_m in itertools.pairwise(edges_m)
+    )
+    return RangeTable(
+        bins=bins,
+        scenes=len(records),
+        empty=sum(record.target is None for record in records),
+        false_per_frame=tally.false_per_picture(confidence),
+        false_told_per_1000=1000.0 * false_told / len(told) if told else float("nan"),
+        frames=len(told),
+        average_precision=tally.average_precision(),
+        range_99_m=_reach(bins, 0.99),
+        range_50_m=_reach(bins, 0.5),
+    )
+
+
+def _bin(low_m: float, high_m: float, records: list[SceneRecord], confidence: float, min_iou: float) -> RangeBin:
+    seen = [record for record in records if record.target is not None]
+    found: list[tuple[BoxRow, SureBox]] = []
+    false = 0
+    for record in records:
+        sure = [box for box in record.boxes if box[4] >= confidence]
+        good = [box for box in sure if hits(box, record.target, min_iou)]
+        if good and record.target is not None:
+            found.append((record.target, max(good, key=lambda box: box[4])))
+        false += len(sure) - (1 if good else 0)
+    tracked = [record for record in seen if record.told]
+    confirmed = sum(
+        any(box is not None and hits(box, target, min_iou) for target, box in record.told) for record in tracked
+    )
+    off = np.array([np.hypot(box[0] - target[0], box[1] - target[1]) for target, box in found])
+    ratio = np.array([box[2] * box[3] / (target[2] * target[3]) - 1.0 for target, box in found])
+    nan = float("nan")
+    return RangeBin(
+        low_m,
+        high_m,
+        len(seen),
+        len(found) / len(seen) if seen else nan,
+        *wilson_interval(len(found), len(seen)),
+        precision=len(found) / (len(found) + false) if found or false else nan,
+        confirmed=confirmed / len(tracked) if tracked else nan,
+        confirmed_low=wilson_interval(confirmed, len(tracked))[0],
+        confirmed_high=wilson_interval(confirmed, len(tracked))[1],
+        width_px=float(np.median([record.target[2] for record in seen if record.target])) if seen else nan,
+        centre_px=float(np.median(off)) if len(off) else nan,
+        centre_95_px=float(np.percentile(off, 95)) if len(off) else nan,
+        area_bias=float(np.median(ratio)) if len(ratio) else nan,
+        area_spread=float(0.5 * np.diff(np.percentile(ratio, [16, 84]))[0]) if len(ratio) else nan,
+    )
+
+
+def _reach(bins: Sequence[RangeBin], recall: float) -> float:
+    """Upper edge of the last bin before recall first falls below; 0 where the nearest bin does. Empty bins pass."""
+    reach_m = 0.0
+    for item in bins:
+        if item.scenes and item.recall < recall:
+            break
+        if item.scenes:
+            reach_m = item.high_m
+    return reach_m
+
+
+def markdown(table: RangeTable) -> str:
+    """The table for people, GitHub's Markdown."""
+    lines = [
+        "| range [m] | scenes | width [px] | recall (95 %) | precision | confirmed | "
+        "centre, median / 95 % [px] | area |",
+        "|---|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    for item in table.bins:
+        if not item.scenes:
+            continue
+        lines.append(
+            f"| {item.low_m:g}–{item.high_m:g} | {item.scenes} | {item.width_px:.0f} | "
+            f"{item.recall:.3f} ({item.recall_low:.2f}–{item.recall_high:.2f}) | {_number(item.precision, '.3f')} | "
+            f"{_number(item.confirmed, '.3f')} | "
+            f"{_number(item.centre_px, '.2f')} / {_number(item.centre_95_px, '.2f')} | "
+            f"{_number(100.0 * item.area_bias, '+.0f')} ± {_number(100.0 * item.area_spread, '.0f')} % |"
+        )
+    lines += [
+        "",
+        f"{table.scenes} scenes, {table.empty} of them without the target in sight; average precision "
+        f"{table.average_precision:.3f}; {1000.0 * table.false_per_frame:.1f} false boxes in 1,000 single frames; "
+        f"{_number(table.false_told_per_1000, '.2f')} in 1,000 frames after confirmation ({table.frames} frames). "
+        f"99 % of single frames to {table.range_99_m:g} m, 50 % to {table.range_50_m:g} m.",
+    ]
+    return "\n".join(lines)
+
+
+def _number(value: float, form: str) -> str:
+    return "–" if np.isnan(value) else format(value, form)

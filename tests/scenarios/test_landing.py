@@ -1,0 +1,96 @@
+"""Whole flights: they land, they repeat bit for bit, and the geometric camera stands for the rendered one."""
+
+import numpy as np
+import pytest
+
+from shipland.bench.fly import FlyRequest, fly_one, fly_quietly
+from shipland.bench.geometric import GeometricVision
+from shipland.bench.scenarios import build_vehicle, load_scenario, scenario_table
+from shipland.config import merge
+from shipland.messages import Mode, PilotCommand
+from shipland.record.reader import read_log
+from shipland.sim.scene import Scene
+from shipland.vision.pipeline import NearVision
+
+
+def near(**overlay):
+    return load_scenario(merge(scenario_table("near"), overlay))
+
+
+@pytest.mark.parametrize("pilot", ["paper", "offset_free"])
+def test_near_landing_is_inside_the_square(pilot):
+    rows = []
+    flown = fly_quietly(near(), pilot, "geometric", 3, rows.append)
+    assert flown.succeeded, flown.reason
+    modes = [row.decision.mode for row in rows]
+    assert [mode for mode in Mode if mode in modes] == [Mode.LAND, Mode.APPROACH, Mode.SEARCH, Mode.DONE]
+
+
+def test_wind_of_the_near_scenario_spreads():
+    speeds = [np.linalg.norm(build_vehicle(near(), seed, None).world.truth().wind_in_ned_mps) for seed in range(1, 13)]
+    assert 0.0 <= min(speeds) < 1.5 < 3.5 < max(speeds) <= 5.0
+
+
+@pytest.mark.parametrize("camera", ["geometric", "rendered"])
+def test_same_seed_gives_the_same_log(camera, tmp_path):
+    config = tmp_path / "short.toml"
+    config.write_text("time_limit_s = 1.5\n")
+    for name in ("one", "two"):
+        fly_one(FlyRequest("near", "paper", camera, 5, tmp_path / name, config, video=False))
+    assert (tmp_path / "one/flight.mcap").read_bytes() == (tmp_path / "two/flight.mcap").read_bytes()
+    assert len(read_log(tmp_path / "one/flight.mcap").records) > 30
+
+
+def test_another_seed_gives_another_flight():
+    scenario = near(time_limit_s=0.5)
+    rows = [[], []]
+    for seed, kept in ((1, rows[0]), (2, rows[1])):
+        fly_quietly(scenario, "paper", "geometric", seed, kept.append)
+    first, second = (kept[-1].truth.ned_from_body.translation_m for kept in rows)
+    assert np.linalg.norm(first - second) > 0.01  # m
+
+
+def test_an_interrupted_flight_leaves_a_readable_log(tmp_path, monkeypatch):
+    monkeypatch.setattr("shipland.bench.fly.ProgressLine.show", _interrupt_at_one_second)
+    with pytest.raises(KeyboardInterrupt):
+        fly_one(FlyRequest("near", "paper", "geometric", 1, tmp_path, None, video=False))
+    assert 20 < len(read_log(tmp_path / "flight.mcap").records) < 60
+    assert (tmp_path / "summary.json").is_file()
+    assert (tmp_path / "plots.png").is_file()
+
+
+def _interrupt_at_one_second(_, record):
+    if record.frame.t_s > 1.0:
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("distance_m", [3.0, 8.0])
+def test_geometric_camera_errs_as_the_rendered_one(distance_m):
+    """Both look at the same moments of a hover: both find the bar, with errors of the same size (factor of two)."""
+    scenario = near(start={"distance_m": distance_m, "distance_spread_m": 0.5, "heading_error_spread_deg": 3.0})
+    errors = {"rendered": [], "geometric": []}
+    for seed in (1, 2, 3, 4):
+        scene = Scene(scenario.rig, scenario.scene, seed)
+        vehicle = build_vehicle(scenario, seed, scene)
+        target, camera = scenario.rig.target, vehicle.camera
+        noise_rad, rng = scenario.vision.gimbal_noise_rad, np.random.default_rng(seed)
+        eyes = {
+            "rendered": NearVision(target, camera, scenario.vision),
+            "geometric": GeometricVision(vehicle, target, camera, scenario.geometric, noise_rad, rng),
+        }
+        vehicle.open()
+        try:
+            for _ in range(6):
+                frame, telemetry = vehicle.read()
+                truth = vehicle.truth_at(frame.t_s)
+                camera_in_bar_m = truth.ned_from_bar.inverse().apply(truth.ned_from_camera.translation_m)
+                for name, each in eyes.items():
+                    pose = each.see(frame).bar_pose
+                    assert pose is not None, (name, seed)
+                    errors[name].append(pose.position_in_bar_m - camera_in_bar_m)
+                vehicle.send(PilotCommand.hold(telemetry.t_s + 0.2, 0.0))
+        finally:
+            vehicle.close()
+            scene.close()
+    rendered, geometric = (np.sqrt(np.mean(np.square(errors[name]))) for name in ("rendered", "geometric"))
+    assert 0.5 < geometric / rendered < 2.0, (rendered, geometric)

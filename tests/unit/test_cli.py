@@ -1,0 +1,87 @@
+"""The command line: answers at once, teaches, and turns every bad input into one line and exit code 2."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = ("mujoco", "moderngl", "matplotlib", "cv2", "av", "foxglove", "scipy", "openvino", "torch", "numpy")
+
+
+def shipland(*arguments, cwd=None):
+    return subprocess.run(
+        [sys.executable, "-m", "shipland.cli", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        timeout=120,
+    )
+
+
+def test_help_imports_nothing_heavy():
+    code = f"import shipland.cli, sys; print([name for name in {HEAVY} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("command", ["fly", "campaign", "motion", "see", "scenarios"])
+def test_help_teaches(command):
+    done = shipland(command, "--help")
+    assert done.returncode == 0
+    assert len(done.stdout) > 200
+
+
+def test_version_and_scenarios():
+    assert shipland("version").stdout.strip()
+    assert "near" in shipland("scenarios").stdout
+
+
+BAD_TOML = "this is [ not toml"
+UNKNOWN_KEY = "[rig]\ndeck_sise_m = 1.0\n"
+BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("fly", "--scenario", "nowhere"), "nowhere"),
+        (("fly", "--config", "missing.toml"), "does not exist"),
+        (("fly", "--config", "bad.toml"), "not valid TOML"),
+        (("fly", "--config", "unknown.toml"), "did you mean 'deck_size_m'"),
+        (("fly", "--config", "value.toml"), "mean_mps"),
+        (("fly", "--out", "file.txt"), "file.txt"),
+        (("campaign", "--count", "0"), "at least 1"),
+        (("motion", "--sea-state", "9"), "sea_state"),
+        (("see", "missing.png"), "missing.png"),
+        (("see", "picture.png", "--camera", "missing.yaml"), "missing.yaml"),
+        (("see", "picture.png", "--target", "bad.toml"), "not valid TOML"),
+        (("see", "picture.png", "--target", "unknown.toml"), "unknown key"),
+        (("see", "file.txt"), "file.txt"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(arguments, words, tmp_path):
+    for name, text in (("bad.toml", BAD_TOML), ("unknown.toml", UNKNOWN_KEY), ("value.toml", BAD_VALUE)):
+        (tmp_path / name).write_text(text)
+    (tmp_path / "file.txt").write_text("not a picture")
+    (tmp_path / "picture.png").write_bytes(b"")
+    done = shipland(*arguments, cwd=tmp_path)
+    assert done.returncode == 2, done.stdout + done.stderr
+    line = done.stderr.strip()
+    assert line.startswith("shipland: ")
+    assert "\n" not in line
+    assert words in line
+
+
+def test_see_prints_one_json_line_a_picture(tmp_path):
+    cv2 = pytest.importorskip("cv2")
+    np = pytest.importorskip("numpy")
+    cv2.imwrite(str(tmp_path / "dark.png"), np.zeros((720, 1280, 3), np.uint8))
+    done = shipland("see", tmp_path / "dark.png", "--json")
+    assert done.returncode == 0
+    line = json.loads(done.stdout)
+    assert list(line) == [
+        "file", "found", "reason", "distance_m", "position_in_bar_m", "yaw_deg", "reprojection_px", "corners_px",
+    ]  # fmt: skip
+    assert line["found"] is False
+    assert line["reason"]

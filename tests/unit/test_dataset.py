@@ -1,0 +1,158 @@
+"""Labelled pictures: what is read, what is refused by name, how sets are split and exported."""
+
+import cv2
+import numpy as np
+import pytest
+
+from shipland.errors import DataError
+from shipland.learning.augment import AugmentParameters, clip_targets, training_window, window
+from shipland.learning.dataset import IGNORED, coco_table, read_dataset
+
+PLAIN = AugmentParameters(
+    scale_min=1.0,
+    scale_max=1.0,
+    fit=False,
+    on_target=0.0,
+    mosaic=0.0,
+    mirror=0.0,
+    contrast=0.0,
+    brightness=0.0,
+    gamma=0.0,
+    saturation=0.0,
+    hue_deg=0.0,
+    blur=0.0,
+    blur_max_px=0.0,
+    noise=0.0,
+    noise_max=0.0,
+    min_side_px=4.0,
+    min_visible=0.4,
+)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Ten grey pictures of 64 × 48 px, a white square of 8 px in each but the last."""
+    (tmp_path / "images").mkdir()
+    (tmp_path / "labels").mkdir()
+    (tmp_path / "classes.txt").write_text("ship\n")
+    for number in range(10):
+        picture = np.full((48, 64, 3), 90, np.uint8)
+        line = ""
+        if number < 9:
+            left, top = 4 * number, 3 * number
+            picture[top : top + 8, left : left + 8] = 255
+            line = f"0 {(left + 4) / 64} {(top + 4) / 48} {8 / 64} {8 / 48}\n"
+        cv2.imwrite(str(tmp_path / "images" / f"p{number}.jpg"), picture)
+        (tmp_path / "labels" / f"p{number}.txt").write_text(line)
+    return tmp_path
+
+
+def test_targets_come_in_pixels(folder):
+    dataset = read_dataset(folder)
+    assert dataset.classes == ("ship",)
+    picture, targets = dataset.samples[3].load()
+    assert picture.shape == (48, 64, 3)
+    np.testing.assert_allclose(targets, [[0, 16, 13, 8, 8]], atol=1e-4)  # float32 of the fractions
+    assert dataset.samples[9].load()[1].shape == (0, 5)
+
+
+def test_split_is_a_partition_that_the_seed_decides(folder):
+    dataset = read_dataset(folder)
+    rest, held = dataset.split(0.2, 5)
+    names = [sample.path.name for sample in rest.samples + held.samples]
+    assert len(held.samples) == 2
+    assert sorted(names) == [f"p{number}.jpg" for number in range(10)]
+    again = dataset.split(0.2, 5)[1]
+    assert [sample.path for sample in held.samples] == [sample.path for sample in again.samples]
+
+
+def test_coco_boxes_are_corner_and_size(folder):
+    table = coco_table(read_dataset(folder))
+    assert len(table["images"]) == 10
+    assert len(table["annotations"]) == 9
+    assert table["annotations"][3]["bbox"] == pytest.approx([12.0, 9.0, 8.0, 8.0], abs=0.01)
+    assert table["categories"] == [{"id": 1, "name": "ship"}]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("0 0.5 0.5 0.1", "expected 'class centre_x"),
+        ("0 0.5 0.5 0.1 nan", "expected 'class centre_x"),
+        ("ship 0.5 0.5 0.1 0.1", "expected 'class centre_x"),
+        ("1 0.5 0.5 0.1 0.1", "unknown class 1"),
+        ("0.5 0.5 0.5 0.1 0.1", "unknown class 0.5"),
+        ("0 0.5 0.5 0 0.1", "both must be positive"),
+        ("0 0.98 0.5 0.1 0.1", "outside the picture"),
+    ],
+)
+def test_bad_label_is_named_with_its_line(folder, line, message):
+    (folder / "labels" / "p4.txt").write_text(f"0 0.5 0.5 0.1 0.1\n{line}\n")
+    with pytest.raises(DataError, match=message) as caught:
+        read_dataset(folder)
+    assert "p4.txt, line 2" in str(caught.value)
+
+
+def test_missing_label_is_named(folder):
+    (folder / "labels" / "p7.txt").unlink()
+    with pytest.raises(DataError, match=r"p7\.jpg has no label"):
+        read_dataset(folder)
+
+
+@pytest.mark.parametrize("keep", [0, 200, 500])
+def test_truncated_picture_is_named(folder, keep):
+    path = folder / "images" / "p2.jpg"
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(DataError, match=r"p2\.jpg is broken"):
+        list(read_dataset(folder).check_pictures())
+
+
+def test_empty_folder_and_missing_folder(tmp_path):
+    with pytest.raises(DataError, match="is no folder"):
+        read_dataset(tmp_path / "none")
+    with pytest.raises(DataError, match="holds no picture"):
+        read_dataset(tmp_path)
+
+
+def test_window_moves_picture_and_target_together(folder, rng):
+    """The white square must lie under its target, whatever was cut and zoomed; JPEG blurs its edge by a pixel."""
+    picture, targets = read_dataset(folder).samples[4].load()
+    zoom = AugmentParameters(**{**vars(PLAIN), "scale_min": 0.7, "scale_max": 2.0, "on_target": 1.0})
+    for _ in range(30):
+        cut, moved = window(picture, targets, (40, 40), zoom, rng)
+        assert cut.shape == (40, 40, 3)
+        assert len(moved) == 1
+        rows, columns = np.nonzero(cut[..., 0] > 172)
+        _, x, y, w, h = moved[0]
+        np.testing.assert_allclose([columns.min(), columns.max() + 1], [x - w / 2, x + w / 2], atol=1.2)
+        np.testing.assert_allclose([rows.min(), rows.max() + 1], [y - h / 2, y + h / 2], atol=1.2)
+
+
+def test_same_generator_same_window(folder):
+    samples = read_dataset(folder).samples
+    busy = AugmentParameters(
+        **{**vars(PLAIN), "mosaic": 0.5, "mirror": 0.5, "noise": 1.0, "noise_max": 9.0, "hue_deg": 9.0, "gamma": 0.3}
+    )
+
+    def draw(rng):
+        return samples[int(rng.integers(10))].load()
+
+    first = [training_window(draw, 64, busy, np.random.default_rng(3)) for _ in range(2)]
+    np.testing.assert_array_equal(first[0][0], first[1][0])
+    np.testing.assert_array_equal(first[0][1], first[1][1])
+
+
+def test_targets_cut_off_or_tiny_are_not_asked_for():
+    targets = np.array(
+        [
+            [0, 20, 20, 10, 10],  # whole
+            [0, 1, 20, 10, 10],  # six tenths inside
+            [0, -3, 20, 10, 10],  # two tenths inside
+            [0, 30, 30, 3, 3],  # tiny
+            [0, -9, 20, 10, 10],  # outside
+        ],
+        np.float32,
+    )
+    cut = clip_targets(targets, (40, 40), PLAIN)
+    assert cut[:, 0].tolist() == [0.0, 0.0, IGNORED, IGNORED]
+    np.testing.assert_allclose(cut[1, 1:], [3, 20, 6, 10])

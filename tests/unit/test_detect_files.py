@@ -1,0 +1,121 @@
+"""Boxes for files: JSON lines, drawings, and clear errors."""
+
+import json
+from dataclasses import replace
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from shipland.errors import DataError
+from shipland.learning.export import write_onnx
+from shipland.learning.yolov3 import ConvWeights, random_weights, yolov3_layers
+from shipland.messages import Box
+from shipland.vision.decode import Decoding, DetectorSpec
+from shipland.vision.detect_files import DetectRequest, DetectResult, detect_paths, draw_boxes
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory):
+    """A detector with one answer: a box of 24 × 16 px about every second coarse cell's middle, all equally sure."""
+    path = tmp_path_factory.mktemp("weights") / "w.onnx"
+    layers = yolov3_layers(1, 0.125)
+    spec = DetectorSpec(("ship",), (((24.0, 16.0),) * 3,) * 3, Decoding.WIDE, 0.125)
+    made = []
+    heads = 0
+    for item in random_weights(layers, np.random.default_rng(1)):
+        if item.scale is not None:
+            made.append(item)
+            continue
+        bias = np.full((3, 6), -20.0, np.float32)
+        bias[:, :4] = 0.0
+        if heads == 0:  # the coarsest scale comes first
+            bias[0, 4:] = 4.0
+        heads += 1
+        made.append(ConvWeights(np.zeros_like(item.kernel), bias.ravel()))
+    write_onnx(path, layers, made, spec)
+    return path
+
+
+@pytest.fixture
+def pictures(tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for name in ("b.png", "a.jpg"):
+        cv2.imwrite(str(folder / name), np.full((50, 90, 3), 120, np.uint8))
+    return folder
+
+
+def test_boxes_are_corner_and_size_in_pixels(weights, pictures):
+    """A picture of 90 × 50 px is continued to 96 × 64: six coarse cells of 32 px, each with its box."""
+    results = list(detect_paths(DetectRequest((pictures,), weights=weights, threads=1)))
+    assert [result.file for result in results] == [str(pictures / "a.jpg"), str(pictures / "b.png")]
+    line = json.loads(json.dumps(results[0].to_json()))
+    assert set(line) == {"file", "boxes"}
+    assert len(line["boxes"]) == 6
+    corners = sorted((box["x"], box["y"]) for box in line["boxes"])
+    # Middles at 16, 48, 80 and 16, 48; a tenth of a pixel for bf16.
+    wanted = sorted((16.0 + 32 * column - 12.0, 16.0 + 32 * row - 8.0) for column in range(3) for row in range(2))
+    np.testing.assert_allclose(corners, wanted, atol=0.1)
+    assert line["boxes"][0]["w"] == pytest.approx(24.0, abs=0.2)
+    assert line["boxes"][0]["class"] == "ship"
+    assert 0.9 < line["boxes"][0]["confidence"] <= 1.0
+    assert "ship 9" in results[0].to_line()
+
+
+def test_confidence_above_all_finds_nothing(weights, pictures):
+    (result,) = detect_paths(DetectRequest((pictures / "a.jpg",), weights=weights, confidence=0.999, threads=1))
+    assert result.boxes == ()
+    assert result.to_line().endswith("nothing found")
+
+
+def test_drawings_go_where_they_are_asked_to(weights, pictures, tmp_path):
+    out = tmp_path / "out"
+    before = (pictures / "a.jpg").read_bytes()
+    list(detect_paths(DetectRequest((pictures,), weights=weights, out=out, threads=1)))
+    assert sorted(item.name for item in out.iterdir()) == ["a.jpg", "b.jpg"]
+    assert cv2.imread(str(out / "a.jpg")).shape == (50, 90, 3)
+    with pytest.raises(DataError, match="would be drawn over"):
+        list(detect_paths(DetectRequest((pictures,), weights=weights, out=pictures, threads=1)))
+    assert (pictures / "a.jpg").read_bytes() == before
+
+
+def test_frame_is_drawn_around_the_box():
+    picture = np.zeros((80, 120, 3), np.uint8)
+    drawn = draw_boxes(picture, ((Box((60.0, 40.0), (20.0, 10.0), 0.5), "ship"),))
+    assert picture.max() == 0
+    assert drawn[40, 60].max() == 0, "the target itself stays as it is"
+    assert drawn[40, 48].max() > 200 and drawn[33, 60].max() > 200
+
+
+def test_video_keeps_its_pictures_and_times(weights, tmp_path):
+    film = tmp_path / "film.mp4"
+    with av.open(str(film), "w") as container:
+        stream = container.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
+        for number in range(5):
+            frame = av.VideoFrame.from_ndarray(np.full((64, 96, 3), 40 * number, np.uint8), format="bgr24")
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    results = list(detect_paths(DetectRequest((film,), weights=weights, out=tmp_path / "out", threads=1)))
+    assert [result.file[-7:] for result in results] == [f"#{number:06d}" for number in range(5)]
+    with av.open(str(tmp_path / "out" / "film.mp4")) as container:
+        times = [frame.time for frame in container.decode(video=0)]
+    np.testing.assert_allclose(times, np.arange(5) / 10.0, atol=1e-3)
+
+
+def test_bad_input_is_named(weights, pictures, tmp_path):
+    request = DetectRequest((), weights=weights)
+    with pytest.raises(DataError, match="nothing to look at"):
+        list(detect_paths(request))
+    with pytest.raises(DataError, match=r"none\.jpg"):
+        list(detect_paths(replace(request, paths=(tmp_path / "none.jpg",))))
+    with pytest.raises(DataError, match=r"none\.onnx"):
+        list(detect_paths(replace(request, paths=(pictures,), weights=tmp_path / "none.onnx")))
+    with pytest.raises(DataError, match="between 0 and 1"):
+        list(detect_paths(replace(request, paths=(pictures,), confidence=1.5)))
+
+
+def test_result_without_boxes_is_a_line_too():
+    assert DetectResult("p.jpg", ()).to_json() == {"file": "p.jpg", "boxes": []}

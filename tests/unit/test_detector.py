@@ -1,0 +1,340 @@
+"""Raw maps to boxes, tiles, weights files, and the far vision's tracks."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipland.errors import DataError
+from shipland.learning.export import onnx_bytes, write_int8, write_onnx
+from shipland.learning.yolov3 import random_weights, yolov3_layers
+from shipland.messages import Box, Frame, GimbalAttitude
+from shipland.vision.decode import Decoding, DetectorSpec, decode, iou, suppress, to_boxes
+from shipland.vision.detector import Detector, cut_tile, detector_parameters, padded, weights_path
+from shipland.vision.far import FarVision
+from shipland.vision.runtime import load_engine
+
+ANCHORS = (((6.0, 5.0), (9.0, 7.0), (12.0, 12.0)), ((20.0, 14.0), (30.0, 20.0), (40.0, 36.0)), ((60.0, 50.0),) * 3)
+SPEC = DetectorSpec(("ship",), ANCHORS, Decoding.WIDE, 0.125)
+
+
+def empty_maps(rows=8, columns=8):
+    return [np.full((18, rows // step, columns // step), -20.0, np.float32) for step in (1, 2, 4)]
+
+
+def test_wide_decoding_by_hand():
+    """Scale 1 (stride 16), anchor 2, cell (3, 1): x = 0.4 → σ = 0.5987; w = −0.3 → σ = 0.4256."""
+    maps = empty_maps()
+    maps[1].reshape(3, 6, 4, 4)[2, :, 1, 3] = (0.4, 0.0, -0.3, 0.0, 1.0, 2.0)
+    boxes, scores, kinds = decode(maps, SPEC, 0.3)
+    np.testing.assert_allclose(
+        boxes, [[16 * (3 + 2 * 0.598688 - 0.5), 16 * 1.5, 40 * (2 * 0.425557) ** 2, 36.0]], rtol=1e-5
+    )
+    assert scores[0] == pytest.approx(0.731059 * 0.880797, rel=1e-5)
+    assert kinds[0] == 0
+
+
+def test_darknets_decoding_by_hand():
+    """[YOLOv3, §2.1]: centre s(c + σ(x)), size a·exp(w)."""
+    spec = DetectorSpec(("ship",), ANCHORS, Decoding.DARKNET, 0.125)
+    maps = empty_maps()
+    maps[0].reshape(3, 6, 8, 8)[0, :, 5, 2] = (0.4, 0.0, -0.3, 0.2, 1.0, 2.0)
+    boxes, _, _ = decode(maps, spec, 0.3)
+    np.testing.assert_allclose(boxes, [[8 * 2.598688, 8 * 5.5, 6 * np.exp(-0.3), 5 * np.exp(0.2)]], rtol=1e-5)
+
+
+def test_nothing_sure_gives_nothing():
+    boxes, scores, kinds = decode(empty_maps(), SPEC, 0.05)
+    assert boxes.shape == (0, 4) and len(scores) == len(kinds) == 0
+    assert suppress(boxes, scores, kinds, 0.5, merge=True)[0].shape == (0, 4)
+
+
+box_rows = st.tuples(*[st.floats(5.0, 60.0)] * 2, *[st.floats(1.0, 40.0)] * 2)
+
+
+@given(box_rows, box_rows)
+def test_overlap_against_a_count_of_cells(a, b):
+    """The peer counts the midpoints of a 0.25-px grid; its error is a cell along both outlines."""
+    grid = np.arange(-20.0, 90.0, 0.25) + 0.125
+
+    def inside(box):
+        x, y, w, h = box
+        return np.outer(np.abs(grid - y) < h / 2, np.abs(grid - x) < w / 2)
+
+    both, either = (inside(a) & inside(b)).sum() / 16, (inside(a) | inside(b)).sum() / 16
+    ours = float(iou(np.array([a]), np.array([b]))[0, 0])
+    outline = 0.25 * 2 * (a[2] + a[3] + b[2] + b[3])
+    assert abs(ours - both / either) <= 2.0 * outline / max(either - outline, 1.0)
+    assert ours == pytest.approx(float(iou(np.array([b]), np.array([a]))[0, 0]), abs=1e-6)
+
+
+@given(st.lists(st.tuples(box_rows, st.floats(0.1, 1.0)), min_size=1, max_size=12))
+def test_suppression_leaves_no_two_alike(rows):
+    boxes = np.array([row for row, _ in rows], np.float32)
+    scores = np.array([score for _, score in rows], np.float32)
+    kept, sure, _ = suppress(boxes, scores, np.zeros(len(rows), np.float32), 0.45, merge=False)
+    assert sure[0] == scores.max()
+    assert np.all(np.diff(sure) <= 0.0)
+    overlap = iou(kept, kept)
+    assert np.all(overlap[~np.eye(len(kept), dtype=bool)] <= 0.4501)
+
+
+def test_merging_weighs_by_confidence_and_keeps_the_best_ones():
+    boxes = np.array([[10, 10, 8, 8], [11, 10, 8, 8], [12, 10, 8, 8]], np.float32)
+    kept, sure, _ = suppress(boxes, np.array([0.8, 0.4, 0.1], np.float32), np.zeros(3, np.float32), 0.3, merge=True)
+    np.testing.assert_allclose(kept, [[(0.8 * 10 + 0.4 * 11) / 1.2, 10, 8, 8]], rtol=1e-6)
+    assert sure == pytest.approx([0.8])
+
+
+def test_pixel_centres_of_a_tile():
+    """A box over the tile's first pixel, edges 0 … 1, is centred on the picture's pixel of that column and row."""
+    (box,) = to_boxes(np.array([[0.5, 0.5, 1, 1]], np.float32), np.array([0.9], np.float32), (100.0, 40.0), 1.0)
+    assert box.centre_px == (100.0, 40.0)
+    (box,) = to_boxes(np.array([[0.5, 0.5, 1, 1]], np.float32), np.array([0.9], np.float32), (100.0, 40.0), 2.0)
+    assert box.centre_px == (100.5, 40.5)  # it covers the pixels 100 and 101
+
+
+@pytest.mark.parametrize("centre", [(0.0, 0.0), (100.0, 60.0), (199.0, 119.0), (-50.0, 500.0)])
+def test_tile_is_a_part_of_the_picture(centre, rng):
+    picture = rng.integers(0, 256, (120, 200, 3), dtype=np.uint8)
+    tile, (left, top) = cut_tile(picture, centre, 96)
+    np.testing.assert_array_equal(tile, picture[int(top) : int(top) + 96, int(left) : int(left) + 96])
+    wide, _ = cut_tile(picture, centre, 160)
+    assert wide.shape == (160, 160, 3)
+
+
+def test_padding_repeats_the_last_pixels(rng):
+    picture = rng.integers(0, 256, (70, 96, 3), dtype=np.uint8)
+    whole = padded(picture)
+    assert whole.shape == (96, 96, 3)
+    np.testing.assert_array_equal(whole[:70], picture)
+    np.testing.assert_array_equal(whole[80], picture[69])
+
+
+@pytest.fixture(scope="module")
+def weights_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("weights") / "tiny.onnx"
+    layers = yolov3_layers(1, 0.125)
+    write_onnx(path, layers, random_weights(layers, np.random.default_rng(5)), SPEC, half=False)
+    return path
+
+
+@pytest.mark.parametrize("runtime", ["openvino", "onnxruntime"])
+def test_runtimes_agree_with_torch(weights_file, runtime):
+    """Same weights, same picture; float32 sums over 75 layers in another order, so a thousandth of the spread."""
+    torch = pytest.importorskip("torch")
+    pytest.importorskip(runtime)
+    from shipland.learning.network import Network, load_weights
+
+    layers = yolov3_layers(1, 0.125)
+    network = Network(layers).eval()
+    load_weights(network, random_weights(layers, np.random.default_rng(5)))
+    picture = np.random.default_rng(6).integers(0, 256, (64, 96, 3), dtype=np.uint8)
+    with torch.no_grad():
+        wanted = network(torch.from_numpy(picture.transpose(2, 0, 1)[None].astype(np.float32) / 255.0))
+    engine = load_engine(weights_file, runtime, "fp32", 1)
+    assert engine.spec == SPEC
+    for mine, theirs in zip(engine.maps(picture), wanted, strict=True):
+        np.testing.assert_allclose(mine, theirs[0].numpy(), atol=1e-3 * float(theirs.std()))
+
+
+def test_half_and_int8_files_are_near_the_full_one(weights_file, tmp_path):
+    """16-bit weights to a fiftieth of the maps' spread, 8-bit ones (random weights, three pictures) to a half."""
+    pytest.importorskip("onnxruntime")
+    layers = yolov3_layers(1, 0.125)
+    weights = random_weights(layers, np.random.default_rng(5))
+    pictures = [np.random.default_rng(number).integers(0, 256, (64, 96, 3), dtype=np.uint8) for number in range(3)]
+    write_onnx(tmp_path / "half.onnx", layers, weights, SPEC, half=True)
+    write_int8(tmp_path / "int8.onnx", layers, weights, SPEC, lambda: iter(pictures))
+    assert (tmp_path / "half.onnx").stat().st_size < 0.55 * weights_file.stat().st_size
+    assert (tmp_path / "int8.onnx").stat().st_size < 0.45 * weights_file.stat().st_size
+    wanted = load_engine(weights_file, "openvino", "fp32", 1).maps(pictures[0])
+    for name, share in (("half", 0.02), ("int8", 0.5)):
+        maps = load_engine(tmp_path / f"{name}.onnx", "openvino", "fp32", 1).maps(pictures[0])
+        for mine, full in zip(maps, wanted, strict=True):
+            assert np.sqrt(np.mean((mine - full) ** 2)) < share * full.std(), name
+
+
+def test_foreign_weights_are_refused_by_name(weights_file, tmp_path):
+    with pytest.raises(DataError, match="do not exist"):
+        load_engine(tmp_path / "none.onnx")
+    text = tmp_path / "text.onnx"
+    text.write_text("hello")
+    with pytest.raises(DataError, match=r"text\.onnx is no ONNX network"):
+        load_engine(text)
+    cut = tmp_path / "cut.onnx"
+    cut.write_bytes(weights_file.read_bytes()[:5000])
+    for runtime in ("openvino", "onnxruntime"):
+        with pytest.raises(DataError, match=r"cut\.onnx is no ONNX network"):
+            load_engine(cut, runtime)
+
+
+def test_network_without_our_metadata_is_refused(tmp_path):
+    onnx = pytest.importorskip("onnx")
+    layers = yolov3_layers(1, 0.125)
+    model = onnx.load_from_string(
+        onnx_bytes(layers, random_weights(layers, np.random.default_rng(1)), SPEC, half=False)
+    )
+    del model.metadata_props[:]
+    path = tmp_path / "foreign.onnx"
+    path.write_bytes(model.SerializeToString())
+    for runtime in ("openvino", "onnxruntime"):
+        with pytest.raises(DataError, match="is no shipland detector"):
+            load_engine(path, runtime)
+
+
+def test_unknown_weights_name_the_packaged_ones():
+    with pytest.raises(DataError, match="no detector weights 'tanker'"):
+        weights_path("tanker")
+
+
+class Scripted:
+    """A detector that sees what it is told to, where a tile covers it."""
+
+    def __init__(self):
+        self.boxes = []
+        self.whole_frames = 0
+
+    def detect(self, picture, min_confidence, kind=0):
+        self.whole_frames += 1
+        return [box for box in self.boxes if box.confidence >= min_confidence]
+
+    def detect_in_tile(self, picture, centre_px, tile_px, reduction, min_confidence, kind=0):
+        _, corner = cut_tile(picture, centre_px, tile_px * reduction)
+        reach = tile_px * reduction
+        return [
+            box
+            for box in self.boxes
+            if box.confidence >= min_confidence
+            and all(0 <= at - low < reach for at, low in zip(box.centre_px, corner, strict=True))
+        ]
+
+
+def ship_at(column, row, width=12.0, confidence=0.9):
+    return Box((column, row), (width, 0.7 * width), confidence)
+
+
+class Stage:
+    """Far vision with scripted detectors, frame after frame at 10 Hz."""
+
+    def __init__(self, camera, *, bar=False):
+        self.parameters = detector_parameters()
+        self.ship = Scripted()
+        self.bar = Scripted() if bar else None
+        self.far = FarVision(self.ship, self.bar, camera, self.parameters)
+        self.t_s = 0.0
+
+    def see(self, ship=(), bar=(), step_s=0.1, pitch_rad=0.0):
+        self.t_s += step_s
+        self.ship.boxes = list(ship)
+        if self.bar is not None:
+            self.bar.boxes = list(bar)
+        picture = np.zeros((720, 1280, 3), np.uint8)
+        return self.far.see(Frame(self.t_s, picture, GimbalAttitude(0.0, pitch_rad)))
+
+
+def test_a_box_is_believed_after_some_hits_and_only_where_it_is_seen(camera):
+    stage = Stage(camera)
+    need = stage.parameters.confirm_hits
+    seen = [stage.see([ship_at(600, 350)]).ship_box for _ in range(need)]
+    assert seen[:-1] == [None] * (need - 1)
+    assert seen[-1].centre_px == (600, 350)
+    nothing = stage.see()
+    assert nothing.ship_box is None
+    assert "missed" in nothing.reason
+    assert stage.see([ship_at(601, 350)]).ship_box is not None
+
+
+def test_a_flash_is_never_believed(camera):
+    """Boxes that jump about the frame, one a frame, as sure as can be."""
+    stage = Stage(camera)
+    rng = np.random.default_rng(2)
+    for _ in range(40):
+        assert stage.see([ship_at(*rng.uniform([50, 50], [1230, 670]))]).ship_box is None
+
+
+def test_tracking_looks_at_tiles(camera):
+    stage = Stage(camera)
+    for number in range(stage.parameters.recheck_frames - 1):
+        stage.see([ship_at(600 + 3 * number, 350)])
+    assert stage.ship.whole_frames == 1
+
+
+def test_a_steady_drift_is_followed(camera):
+    """120 px/s across the frame: 12 px a frame, the whole way."""
+    stage = Stage(camera)
+    seen = [stage.see([ship_at(100 + 12 * number, 350)]).ship_box for number in range(60)]
+    assert all(box is not None for box in seen[stage.parameters.confirm_hits - 1 :])
+
+
+def test_a_gimbal_step_is_taken_out(camera):
+    """Half a radian of pitch in a second moves the picture's content by 46 px a frame, down as the camera looks up."""
+    stage = Stage(camera)
+    pitch, row = 0.0, 100.0
+    for number in range(18):
+        seen = stage.see([ship_at(640, row)], pitch_rad=pitch).ship_box
+        assert (seen is not None) == (number >= stage.parameters.confirm_hits - 1)
+        if number >= 6:
+            pitch += 0.05
+            row += 0.05 * camera.focal_px
+
+
+def test_a_lost_track_starts_again_from_nothing(camera):
+    stage = Stage(camera)
+    for _ in range(5):
+        stage.see([ship_at(600, 350)])
+    for _ in range(stage.parameters.lost_frames):
+        stage.see()
+    again = [stage.see([ship_at(200, 500)]).ship_box for _ in range(stage.parameters.confirm_hits)]
+    assert again[0] is None
+    assert again[-1] is not None
+
+
+@pytest.mark.parametrize("step_s", [-0.5, 60.0])
+def test_time_that_jumps_forgets_the_track(camera, step_s):
+    stage = Stage(camera)
+    for _ in range(5):
+        stage.see([ship_at(600, 350)])
+    assert stage.see([ship_at(600, 350)], step_s=step_s).ship_box is None
+
+
+def test_a_much_surer_ship_elsewhere_takes_over(camera):
+    stage = Stage(camera)
+    wrong, right = ship_at(200, 350, confidence=0.5), ship_at(900, 350, confidence=0.95)
+    for _ in range(5):
+        stage.see([wrong])
+    frames = 2 * stage.parameters.recheck_frames
+    last = [stage.see([right, wrong]) for _ in range(frames)][-1]
+    assert last.ship_box.centre_px == (900, 350)
+
+
+def test_bar_is_told_only_inside_the_ship(camera):
+    stage = Stage(camera, bar=True)
+    ship, bar, buoy = ship_at(600, 350, 60.0), ship_at(600, 340, 30.0), ship_at(800, 340, 30.0)
+    for _ in range(8):
+        seen = stage.see([ship], [buoy])
+    assert seen.ship_box is not None and seen.bar_box is None
+    for _ in range(8):
+        seen = stage.see([ship], [bar, buoy])
+    assert seen.bar_box.centre_px == (600, 340)
+
+
+def test_a_frame_without_picture_is_no_error(camera):
+    stage = Stage(camera)
+    seen = stage.far.see(Frame(0.0, None, GimbalAttitude(0.0, 0.0)))
+    assert seen.ship_box is None and seen.reason == "far: no picture"
+    assert (
+        FarVision(None, None, camera, stage.parameters)
+        .see(Frame(0.0, np.zeros((720, 1280, 3), np.uint8), GimbalAttitude(0.0, 0.0)))
+        .reason.startswith("ship: no detector")
+    )
+
+
+def test_detector_pads_and_maps_back(weights_file, rng):
+    """A tile's box lies where the whole picture's does when both hold the same pixels."""
+    detector = Detector(load_engine(weights_file, "openvino", "fp32", 1), 0.45)
+    picture = rng.integers(0, 256, (96, 96, 3), dtype=np.uint8)
+    whole = detector.detect(picture, 0.05)
+    tile = detector.detect_in_tile(picture, (48.0, 48.0), 96, 1, 0.05)
+    assert whole == tile
+    assert len(whole) > 0

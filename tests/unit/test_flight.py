@@ -1,0 +1,102 @@
+"""The loop: one row a cycle, the vehicle is closed whatever happens, nothing flies past its time."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shipland.camera import Camera
+from shipland.config import build
+from shipland.flight import Crew, Stage, fly
+from shipland.guidance.safety import Safety, SafetyParameters
+from shipland.messages import Decision, Frame, GimbalAttitude, Mode, Observation, PilotCommand, Telemetry
+from shipland.rig import default_rig, packaged_table
+from shipland.vehicles.delays import DelayParameters
+
+LEVEL = GimbalAttitude(0.0, 0.0)
+
+
+class Recorded:
+    """A vehicle that gives numbered frames and remembers what it was told."""
+
+    camera = Camera.from_fov(64, 48, 69.0)
+
+    def __init__(self, frames):
+        self.frames, self.commands, self.closed = iter(range(frames)), [], False
+
+    def open(self):
+        pass
+
+    def read(self):
+        index = next(self.frames, None)
+        if index is None:
+            return None
+        t_s = index / 30.0
+        return Frame(t_s, None, LEVEL), Telemetry(t_s + 0.1, 0.0, 0.0, 0.0, 1.0, np.zeros(3), 90.0, 90.0, True)
+
+    def send(self, command):
+        self.commands.append(command)
+
+    def close(self):
+        self.closed = True
+
+
+class Eyes:
+    def see(self, frame):
+        return Observation(frame.t_s, frame.gimbal, reason="dark")
+
+
+class Wild:
+    """A pilot that asks for more than anyone may have."""
+
+    def decide(self, observation, telemetry, ready_s):
+        return Decision(PilotCommand(ready_s, 500.0, 0.0, 0.0, 0.0, 0.0), Mode.SEARCH, "wild")
+
+
+def crew(**changes):
+    delays = build(DelayParameters, packaged_table("delays"))
+    safety = Safety(build(SafetyParameters, packaged_table("safety")), default_rig())
+    return replace(Crew(Eyes(), Wild(), safety, delays), **changes)
+
+
+def test_every_frame_is_seen_decided_bounded_sent_and_logged():
+    vehicle, rows = Recorded(5), []
+    result = fly(vehicle, crew(), 10.0, itertools.count().__next__, rows.append)
+    assert result.cycles == len(rows) == len(vehicle.commands) == 5
+    assert result.reason == "the flight is over"
+    assert all(command.pitch_percent <= 100.0 for command in vehicle.commands)
+    assert [row.decision.command for row in rows] == vehicle.commands
+    assert vehicle.closed
+
+
+def test_command_is_ready_a_processing_time_after_receipt():
+    vehicle = Recorded(1)
+    fly(vehicle, crew(), 10.0, lambda: 0.0, lambda _: None)
+    assert vehicle.commands[0].t_s == pytest.approx(0.1 + 0.03)  # [delays] near_s
+
+
+def test_time_limit_ends_the_flight():
+    vehicle = Recorded(1000)
+    result = fly(vehicle, crew(), 1.0, lambda: 0.0, lambda _: None)
+    assert result.reason == "time limit of 1 s"
+    assert result.cycles == 28
+    assert vehicle.closed
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
+def test_vehicle_is_closed_when_the_loop_is_broken_off(error):
+    vehicle = Recorded(10)
+
+    def stop(_):
+        raise error
+
+    with pytest.raises(error):
+        fly(vehicle, crew(), 10.0, lambda: 0.0, stop)
+    assert vehicle.closed
+
+
+def test_costs_add_up_to_the_clock():
+    clock = itertools.count(0.0, 0.25).__next__
+    result = fly(Recorded(8), crew(), 10.0, clock, lambda _: None)
+    assert sum(result.cost_s.values()) == pytest.approx(8 * len(Stage) * 0.25)

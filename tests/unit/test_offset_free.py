@@ -1,0 +1,97 @@
+"""Near control of ours: on a plant with its delay, wind and ship's way it leaves no steady error."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shipland.config import build
+from shipland.frames import rotation_from_euler
+from shipland.guidance.near import Measured, measure
+from shipland.guidance.offset_free import OffsetFreeNear, OffsetFreeParameters, Response
+from shipland.messages import BarPose
+from shipland.rig import packaged_table
+
+PARAMETERS = build(OffsetFreeParameters, packaged_table("guidance")["offset_free"])
+RESPONSE = Response(math.radians(15.0), 2.9, 1.0, math.radians(40.0), 0.025)
+STEP_S = 1.0 / 30.0
+VIDEO_S, PROCESSING_S = 0.28, 0.03
+
+
+def fly(seconds, start_m, wind_mps2=0.0, ship_mps=0.0, noise_m=0.0, rng=None):
+    """Forward error over time of a point mass with the response's own lag; frames and sticks arrive late."""
+    control = OffsetFreeNear(PARAMETERS, RESPONSE)
+    error_m, speed_mps = start_m, 0.0
+    inner_s = 0.005
+    history, commands, errors = [], [], []
+    for index in range(round(seconds / STEP_S)):
+        now_s = index * STEP_S
+        for part in range(round(STEP_S / inner_s)):
+            t_s = now_s + part * inner_s
+            stick = 0.0
+            for effect_s, given in commands:
+                if effect_s <= t_s:
+                    stick = given
+            push = 9.81 * math.tan(stick / 100.0 * RESPONSE.max_tilt_rad) + wind_mps2
+            speed_mps += (push - speed_mps / RESPONSE.speed_time_s) * inner_s
+            error_m += (ship_mps - speed_mps) * inner_s
+            history.append((t_s, error_m))
+        exposed_s = now_s - VIDEO_S
+        if exposed_s < 0.0:
+            continue
+        seen_m = min(history, key=lambda item: abs(item[0] - exposed_s))[1]
+        if rng is not None:
+            seen_m += rng.normal(0.0, noise_m)
+        errors_m = np.array([seen_m, 0.0, 0.0])
+        ready_s = now_s + PROCESSING_S
+        control.observe(Measured(exposed_s, errors_m, np.full(3, 1e-4), 0.0, 1e-4, 0.0), ready_s)
+        sticks = control.sticks()
+        control.sent(ready_s, sticks)
+        commands.append((ready_s + RESPONSE.uplink_s + PARAMETERS.lag_s, sticks.pitch))
+        commands = commands[-60:]
+        errors.append(error_m)
+    return np.array(errors)
+
+
+@pytest.mark.parametrize(("wind_mps2", "ship_mps"), [(0.0, 0.0), (-0.6, 0.0), (0.0, 1.5), (0.4, 2.0)])
+def test_neither_wind_nor_the_ships_way_leaves_an_error(wind_mps2, ship_mps):
+    errors = fly(40.0, 6.0, wind_mps2, ship_mps)
+    assert np.all(np.abs(errors[-150:]) < 0.02)  # m; the square's half side is 0.175
+
+
+def test_no_overshoot_in_still_air():
+    assert fly(30.0, 8.0).min() > -0.10  # m past the place wanted, of 8 m flown
+
+
+def test_noise_is_not_passed_on():
+    errors = fly(40.0, 2.0, noise_m=0.02, rng=np.random.default_rng(1))
+    assert np.std(errors[-300:]) < 0.02  # m: no more than the measurement's own
+
+
+def test_errors_of_a_pose_by_hand():
+    """2 m astern and 0.5 m left of the place wanted, nose 90° right of the bar: the place is to the left, behind."""
+    wanted_in_bar_m = np.array([-2.0, 0.0, -0.5])
+    camera_in_body_m = np.array([0.1, 0.0, 0.0])
+    yaw_rad = math.pi / 2
+    aircraft_in_bar_m = np.array([-4.0, -0.5, 0.0])
+    camera_in_bar_m = aircraft_in_bar_m + rotation_from_euler(0.0, 0.0, yaw_rad) @ camera_in_body_m
+    pose = BarPose(camera_in_bar_m, yaw_rad, np.eye(4) * 1e-4, 0.1, np.zeros((8, 2)))
+    measured = measure(1.0, pose, wanted_in_bar_m, camera_in_body_m)
+    np.testing.assert_allclose(measured.error_in_level_m, [0.5, -2.0, 0.5], atol=1e-12)
+
+
+def test_variance_of_the_error_matches_drawn_poses():
+    rng = np.random.default_rng(5)
+    wanted_in_bar_m, camera_in_body_m = np.array([-2.1, 0.0, -0.45]), np.array([0.09, 0.0, 0.0])
+    mean = np.array([-9.0, 1.0, -0.4, 0.15])
+    mix = np.array([[0.02, 0, 0, 0], [0.01, 0.12, 0, 0], [0, 0, 0.05, 0], [0, 0.012, 0, 0.004]])
+    covariance = mix @ mix.T
+    drawn = [
+        measure(0.0, BarPose(x[:3], x[3], covariance, 0.1, np.zeros((8, 2))), wanted_in_bar_m, camera_in_body_m)
+        for x in rng.multivariate_normal(mean, covariance, 4000)
+    ]
+    spread = np.var([each.error_in_level_m for each in drawn], axis=0)
+    told = measure(
+        0.0, BarPose(mean[:3], mean[3], covariance, 0.1, np.zeros((8, 2))), wanted_in_bar_m, camera_in_body_m
+    )
+    np.testing.assert_allclose(told.variance_in_level_m2, spread, rtol=0.1)  # 4,000 draws know a variance to 2 %

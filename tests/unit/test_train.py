@@ -1,0 +1,276 @@
+"""Loss, anchors, scores, and the training run: it learns, resumes bit for bit, and loses nothing."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from shipland.errors import DataError  # noqa: E402 - after importorskip
+from shipland.learning import train as training  # noqa: E402
+from shipland.learning.anchors import fit_anchors  # noqa: E402
+from shipland.learning.arguments import TrainArguments  # noqa: E402
+from shipland.learning.checkpoint import Progress, load_checkpoint, save_checkpoint  # noqa: E402
+from shipland.learning.dataset import read_dataset  # noqa: E402
+from shipland.learning.loss import assign, complete_iou, detection_loss  # noqa: E402
+from shipland.learning.metrics import Tally, match, wilson_interval  # noqa: E402
+from shipland.learning.settings import train_parameters  # noqa: E402
+from shipland.vision.decode import Decoding, DetectorSpec, decode  # noqa: E402
+from shipland.vision.runtime import load_engine  # noqa: E402
+
+ANCHORS = (((8.0, 8.0), (12.0, 8.0), (8.0, 12.0)), ((24.0, 24.0), (36.0, 24.0), (24.0, 36.0)), ((80.0, 80.0),) * 3)
+WIDE = DetectorSpec(("ship",), ANCHORS, Decoding.WIDE, 0.125)
+DARKNET = replace(WIDE, decoding=Decoding.DARKNET)
+LOSS = train_parameters("far", None).loss
+SHAPES = [(8, 8), (4, 4), (2, 2)]
+
+
+def rows(*targets):
+    return torch.tensor(targets, dtype=torch.float32).reshape(-1, 6)
+
+
+def test_darknets_assignment_by_hand():
+    """One anchor, one cell: 11 × 9 px at (21, 37) is nearest 12 × 8 (scale 0, anchor 1), in cell (2, 4)."""
+    work = assign(rows((0, 0, 21, 37, 11, 9)), DARKNET, SHAPES, LOSS.anchor_ratio)
+    assert [len(item.row) for item in work] == [1, 0, 0]
+    assert (int(work[0].anchor), int(work[0].column), int(work[0].row)) == (1, 2, 4)
+
+
+def test_wide_assignment_by_hand():
+    """Three like anchors on scale 0 and two on scale 1 (24 × 36 is too tall), three cells each where they exist."""
+    work = assign(rows((0, 0, 21, 37, 11, 9)), WIDE, SHAPES, 3.0)
+    cells = {(int(c), int(r)) for c, r in zip(work[0].column, work[0].row, strict=True)}
+    assert cells == {(2, 4), (3, 4), (2, 5)}  # centre at (2.625, 4.625): right and below are nearest
+    assert sorted(set(work[0].anchor.tolist())) == [0, 1, 2]
+    assert sorted(set(work[1].anchor.tolist())) == [0]  # 36 / 11 and 36 / 9 exceed 3
+    assert len(work[2].row) == 0
+
+
+def test_cells_outside_the_picture_are_left_out():
+    work = assign(rows((0, 0, 1, 1, 8, 8)), WIDE, SHAPES, 3.0)
+    for item, (height, width) in zip(work, SHAPES, strict=True):
+        assert ((item.row >= 0) & (item.row < height) & (item.column >= 0) & (item.column < width)).all()
+
+
+def test_complete_iou_is_one_only_for_the_same_box():
+    box = torch.tensor([[20.0, 20.0, 10.0, 6.0]])
+    assert complete_iou(box, box).item() == pytest.approx(1.0, abs=1e-6)
+    for change in ([1, 0, 0, 0], [0, 0, 3, 0], [0, 0, 2, -2], [40, 0, 0, 0]):
+        assert complete_iou(box + torch.tensor([change], dtype=torch.float32), box).item() < 0.95
+    apart = [complete_iou(box + torch.tensor([[shift, 0.0, 0.0, 0.0]]), box).item() for shift in (20.0, 40.0)]
+    assert apart[1] < apart[0] < 0.0, "without overlap, nearer must still be better"
+
+
+def maps_for(targets, spec):
+    """Maps that say exactly what the assignment asks for, from the decoding's inverse."""
+    maps = [torch.full((1, 18, *shape), -9.0) for shape in SHAPES]
+    for scale, work in enumerate(assign(targets, spec, SHAPES, LOSS.anchor_ratio)):
+        cells = maps[scale].view(1, 3, 6, *SHAPES[scale])
+        stride = (8, 16, 32)[scale]
+        for anchor, row, column, target in zip(work.anchor, work.row, work.column, work.target, strict=True):
+            place = (target[1:3] / stride - torch.tensor([column, row]) + 0.5) / 2.0
+            size = (target[3:5] / torch.tensor(spec.anchors_px[scale][anchor])).sqrt() / 2.0
+            cells[0, anchor, :4, row, column] = torch.logit(torch.cat([place, size]), eps=1e-6)
+            cells[0, anchor, 4:, row, column] = 9.0
+    return maps
+
+
+def test_right_answers_cost_nothing_and_decode_to_the_target():
+    targets = rows((0, 0, 21, 37, 11, 9))
+    maps = maps_for(targets, WIDE)
+    total, _ = detection_loss(maps, targets, WIDE, LOSS)
+    assert total.item() < 1e-3
+    boxes, _, _ = decode([item[0].numpy() for item in maps], WIDE, 0.5)
+    assert len(boxes) > 3
+    np.testing.assert_allclose(boxes, np.tile([21, 37, 11, 9], (len(boxes), 1)), atol=1e-3)
+    wrong = [item.clone() for item in maps]
+    wrong[0][0, 4, 0, 0] = 9.0  # sure of a box where there is none
+    assert detection_loss(wrong, targets, WIDE, LOSS)[0].item() > 100 * total.item()
+
+
+def test_unasked_boxes_are_neither_taught_nor_punished():
+    target = (0, 0, 21, 37, 11, 9)
+    maps = maps_for(rows(target), WIDE)
+    ignored = rows((0, -1, *target[2:]))
+    assert detection_loss(maps, ignored, WIDE, LOSS)[0].item() < 1e-3
+    assert detection_loss(maps, rows(), WIDE, LOSS)[0].item() > 1.0
+
+
+def test_a_batch_without_targets_has_gradients():
+    maps = [torch.zeros(2, 18, *shape, requires_grad=True) for shape in SHAPES]
+    detection_loss(maps, rows(), WIDE, LOSS)[0].backward()
+    assert all(torch.isfinite(item.grad).all() and item.grad.abs().max() > 0.0 for item in maps)
+
+
+def test_anchors_cover_the_sizes_they_were_fitted_to(rng):
+    sizes = np.exp(rng.normal(np.log(20.0), 0.8, (500, 1)) + rng.normal(0.0, 0.2, (500, 2)))
+    anchors = np.array(fit_anchors(sizes, 1)).reshape(9, 2)
+    assert np.all(np.diff(anchors.prod(axis=1)) > 0.0)
+    worst = np.maximum(sizes[:, None] / anchors, anchors / sizes[:, None]).max(axis=2).min(axis=1)
+    assert np.quantile(worst, 0.9) < 1.8
+    assert len(np.array(fit_anchors(np.full((5, 2), 10.0), 1)).reshape(9, 2)) == 9
+    with pytest.raises(DataError, match="no target"):
+        fit_anchors(np.zeros((0, 2)), 1)
+
+
+def test_average_precision_by_hand():
+    """Scores .9 hit, .8 false, .7 hit, one target missed: precision 1 at recall 1/3, 2/3 at recall 2/3."""
+    tally = Tally(0.5)
+    targets = np.array([[0, 10, 10, 8, 8], [0, 40, 10, 8, 8], [0, 70, 10, 8, 8]], np.float32)
+    boxes = np.array([[10, 10, 8, 8], [90, 30, 8, 8], [40, 11, 8, 8]], np.float32)
+    tally.add(boxes, np.array([0.9, 0.8, 0.7], np.float32), targets)
+    assert tally.average_precision() == pytest.approx(1 / 3 + 2 / 3 / 3)
+    assert tally.recall(0.75) == pytest.approx(1 / 3)
+    assert tally.precision(0.5) == pytest.approx(2 / 3)
+
+
+def test_a_target_is_hit_once_and_unasked_ones_do_not_count():
+    targets = np.array([[0, 10, 10, 8, 8], [-1, 40, 10, 8, 8]], np.float32)
+    boxes = np.array([[10, 10, 8, 8], [11, 10, 8, 8], [40, 10, 8, 8]], np.float32)
+    assert match(boxes, np.array([0.6, 0.9, 0.8], np.float32), targets, 0.3).tolist() == [-1, 0, -2]
+
+
+def test_wilson_interval_of_a_known_case():
+    """10 of 10: low end n/(n + z²) = 10 / (10 + 3.8416)."""
+    low, high = wilson_interval(10, 10)
+    assert low == pytest.approx(10 / (10 + 1.96**2), abs=1e-9)
+    assert high == 1.0
+
+
+def test_rate_warms_up_and_falls():
+    parameters = replace(train_parameters("far", None), steps=1000, warmup_steps=100, learning_rate=0.01)
+    rates = [training.learning_rate(step, parameters) for step in range(1000)]
+    assert rates[0] == pytest.approx(0.0001)
+    assert max(rates) == pytest.approx(0.01, rel=1e-3)
+    assert rates[-1] == pytest.approx(0.0002, rel=0.05)
+    assert np.all(np.diff(rates[100:]) <= 0.0)
+
+
+@pytest.fixture(scope="module")
+def squares(tmp_path_factory):
+    """24 noisy pictures of 64 px with a light rectangle of 9–20 px; every fourth is empty."""
+    folder = tmp_path_factory.mktemp("squares")
+    (folder / "images").mkdir()
+    (folder / "labels").mkdir()
+    (folder / "classes.txt").write_text("ship\n")
+    rng = np.random.default_rng(8)
+    for number in range(24):
+        picture = rng.normal(80.0, 12.0, (64, 64, 3))
+        line = ""
+        if number % 4:
+            w, h = rng.integers(9, 21, 2)
+            x, y = rng.integers(0, 64 - w), rng.integers(0, 64 - h)
+            picture[y : y + h, x : x + w] += 110.0
+            line = f"0 {(x + w / 2) / 64} {(y + h / 2) / 64} {w / 64} {h / 64}\n"
+        cv2.imwrite(str(folder / "images" / f"{number:02d}.png"), np.clip(picture, 0, 255).astype(np.uint8))
+        (folder / "labels" / f"{number:02d}.txt").write_text(line)
+    return folder
+
+
+SETTINGS = """[train]
+warmup_steps = 5
+calibration_pictures = 2
+[train.far]
+evaluate_every = 5
+validation_pictures = 4
+mine_every = 4
+mine_pictures = 8
+mine_keep = 4
+learning_rate = 0.004
+held_out = 0.15
+"""
+
+
+def arguments(folder: Path, out: Path, steps: int, **more) -> TrainArguments:
+    config = folder / "settings.toml"
+    config.write_text(SETTINGS)
+    return TrainArguments(
+        (folder,), out, steps=steps, batch=6, window_px=64, width=0.125, device="cpu", config=config, **more
+    )
+
+
+def test_training_learns(squares, tmp_path):
+    """On one batch the loss falls to a third within sixteen steps; measured 0.12 of it."""
+    wanted = arguments(squares, tmp_path / "run", 16)
+    parameters, dataset = training._parameters(wanted), read_dataset(squares)
+    torch.set_num_threads(1)
+    run = training._start(wanted, parameters, dataset)
+    batch = training.draw_batch(dataset, [], parameters, np.random.default_rng(1))
+    losses = []
+    for step in range(16):
+        losses.append(float(training._step(run, parameters, *batch).sum()))
+        run.progress.step = step + 1
+    assert losses[-1] < losses[0] / 3.0
+
+
+def test_resumed_run_equals_one_in_a_piece(squares, tmp_path, monkeypatch):
+    """Cut off after five steps and resumed to ten: every tensor as in a run of ten, bit for bit."""
+    training.train(arguments(squares, tmp_path / "whole", 10))
+    cut = tmp_path / "cut"
+    evaluate = training._evaluate
+
+    def stop(run, *rest):
+        evaluate(run, *rest)
+        if run.progress.step == 5:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(training, "_evaluate", stop)
+    with pytest.raises(KeyboardInterrupt):
+        training.train(arguments(squares, cut, 10))
+    monkeypatch.setattr(training, "_evaluate", evaluate)
+    with pytest.raises(DataError, match="--resume"):
+        training.train(arguments(squares, cut, 10))
+    detector = training.train(arguments(squares, cut, 10, resume=True))
+    one, _, _ = load_checkpoint(tmp_path / "whole" / training.LAST)
+    two, _, _ = load_checkpoint(cut / training.LAST)
+    assert one.keys() == two.keys()
+    assert all(torch.equal(one[name], two[name]) for name in one)
+    assert load_engine(detector, "onnxruntime", "fp32", 1).spec.classes == ("ship",)
+    assert {item.name for item in cut.iterdir()} >= {"detector-int8.onnx", "curves.png", "model-card.md"}
+
+
+def test_checkpoints_that_cannot_be_read_are_named(tmp_path):
+    path = tmp_path / "last.safetensors"
+    with pytest.raises(DataError, match="does not exist"):
+        load_checkpoint(path)
+    save_checkpoint(path, {"a.b": torch.ones(3)}, WIDE, Progress(step=7))
+    tensors, spec, progress = load_checkpoint(path)
+    assert torch.equal(tensors["a.b"], torch.ones(3))
+    assert (spec, progress.step) == (WIDE, 7)
+    path.write_bytes(path.read_bytes()[:-6])
+    with pytest.raises(DataError, match="is truncated"):
+        load_checkpoint(path)
+    path.write_bytes(b"PK\x03\x04 a zip archive, as torch.save writes")
+    with pytest.raises(DataError, match=r"last\.safetensors is truncated or no checkpoint"):
+        load_checkpoint(path)
+
+
+def test_a_failed_write_leaves_the_old_checkpoint(tmp_path, monkeypatch):
+    path = tmp_path / "last.safetensors"
+    save_checkpoint(path, {"a": torch.ones(3)}, WIDE, Progress(step=1))
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        save_checkpoint(path, {"a": torch.zeros(3)}, WIDE, Progress(step=2))
+    assert load_checkpoint(path)[2].step == 1
+    assert [item.name for item in tmp_path.iterdir()] == ["last.safetensors"]
+
+
+def test_start_from_weights_of_another_shape_is_refused(squares, tmp_path):
+    other = tmp_path / "other.safetensors"
+    save_checkpoint(other, {"average.a": torch.ones(1)}, replace(WIDE, width=0.5), Progress())
+    with pytest.raises(DataError, match=r"has width 0\.5"):
+        training.train(arguments(squares, tmp_path / "run", 5, weights=other))
+
+
+def test_settings_that_cannot_be_are_refused(squares, tmp_path):
+    with pytest.raises(DataError, match="window_px must be a multiple of 32"):
+        training.train(replace(arguments(squares, tmp_path / "run", 5), window_px=100))
+    with pytest.raises(DataError, match="no data set given"):
+        training.train(replace(arguments(squares, tmp_path / "run", 5), data=()))
