@@ -1,7 +1,7 @@
-"""Median time of a rendered frame by range and weather: `python benchmarks/render.py`.
+"""Median time of a rendered frame by range and weather: `python benchmarks/render.py [--frames 9] [--pictures out]`.
 
 Wall time and the process's own CPU time, which other work on the machine disturbs less. `LP_NUM_THREADS` sets how many
-threads Mesa's software renderer takes.
+threads Mesa's software renderer takes. `--pictures` writes the documentation's sheet of frames too.
 """
 
 from __future__ import annotations
@@ -10,8 +10,11 @@ import argparse
 import dataclasses
 import statistics
 import time
+from pathlib import Path
 
+import cv2
 import numpy as np
+import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
 
@@ -22,6 +25,7 @@ from shipland.rig import Rig, default_rig, packaged_table
 from shipland.sim.scene import Scene, SceneParameters
 from shipland.sim.state import SceneState
 
+Picture = npt.NDArray[np.uint8]
 RANGES_M = (2.0, 5.0, 12.0, 30.0, 100.0, 250.0)
 WEATHERS: dict[str, dict[str, float]] = {
     "clear, no noise": {"sensor_noise": 0.0},
@@ -35,11 +39,36 @@ WEATHERS: dict[str, dict[str, float]] = {
 }
 
 
-def state_at(rig: Rig, range_m: float, t_s: float) -> SceneState:
+SHEET: list[tuple[float, float, dict[str, float]]] = [  # range, height over the bar, weather
+    (3.0, 0.0, {}),
+    (12.0, 1.5, {}),
+    (100.0, 5.0, {}),
+    (9.0, 1.2, {"sun_azimuth_deg": 12.0, "sun_elevation_deg": 12.0}),
+    (9.0, 1.2, {"sun_azimuth_deg": 40.0, "sun_elevation_deg": 0.0}),
+    (9.0, 1.2, {"visibility_m": 60.0, "cloud_cover": 0.9}),
+    (9.0, 1.2, {"rain_mm_h": 20.0, "cloud_cover": 0.95, "visibility_m": 8000.0}),
+    (9.0, 1.2, {"significant_wave_height_m": 0.8, "wind_speed_mps": 14.0, "spray": 1.0}),
+    (9.0, 1.2, {"lens_drops": 0.8}),
+]
+
+
+def sheet(rig: Rig, camera: Camera, base: SceneParameters) -> Picture:
+    """Nine frames, three a row, at half size."""
+    tiles = []
+    for range_m, height_m, changes in SHEET:
+        scene = Scene(rig, dataclasses.replace(base, **changes), seed=3)
+        image = scene.render(state_at(rig, range_m, 3.6, height_m), camera, rng=np.random.default_rng(0))
+        tiles.append(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+        scene.close()
+    return np.asarray(cv2.vconcat([cv2.hconcat(tiles[row : row + 3]) for row in (0, 3, 6)]), np.uint8)
+
+
+def state_at(rig: Rig, range_m: float, t_s: float, height_m: float | None = None) -> SceneState:
     """An approach from astern, 3 m/s ahead and turning slowly."""
     ned_from_ship = Pose.from_euler([0.0, 0.0, -rig.deck_height_m], 0.0, 0.0, 0.0)
     ned_from_bar = ned_from_ship @ rig.ship_from_bar
-    height_m = min(0.08 * range_m, 8.0) if range_m > 8.0 else 0.0
+    if height_m is None:
+        height_m = min(0.08 * range_m, 8.0) if range_m > 8.0 else 0.0
     eye = ned_from_bar.apply(np.array([-range_m, 0.1, -height_m]))
     looks = rotation_from_euler(0.0, -np.arctan2(height_m, range_m), 0.0) @ CAMERA_FROM_MOUNT.T
     return SceneState(
@@ -57,10 +86,15 @@ def state_at(rig: Rig, range_m: float, t_s: float) -> SceneState:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=9, help="frames a cell")
-    frames = parser.parse_args().frames
+    parser.add_argument("--pictures", type=Path, help="folder for scene.jpg")
+    arguments = parser.parse_args()
+    frames, pictures = arguments.frames, arguments.pictures
     rig, rng = default_rig(), np.random.default_rng(0)
     camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
     base = build(SceneParameters, packaged_table("scene"), "scene")
+    if pictures is not None:
+        pictures.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(pictures / "scene.jpg"), sheet(rig, camera, base), [cv2.IMWRITE_JPEG_QUALITY, 82])
     table = Table(title=f"ms a {camera.width_px}×{camera.height_px} frame: wall (CPU), median of {frames}")
     table.add_column("weather")
     for range_m in RANGES_M:

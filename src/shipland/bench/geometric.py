@@ -12,12 +12,13 @@ import numpy as np
 
 from shipland.camera import Camera, level_from_camera
 from shipland.config import require
-from shipland.frames import Array
-from shipland.messages import BarPose, Frame, Observation
+from shipland.frames import Array, Pose
+from shipland.messages import Frame, Observation
 from shipland.rig import Target
 from shipland.vehicles.vehicle import Witness
-from shipland.vision.pose import Corners, LevelPrior, covariance_in_bar, position_and_yaw, solve
+from shipland.vision.pose import Corners, LevelPrior, solve
 from shipland.vision.refusal import Refusal
+from shipland.vision.sighting import bar_pose_of, ordered
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class GeometricVision:
         self._points_in_bar_m = target.points_in_bar_m
         self._plane_m = self._points_in_bar_m[:, 1:].reshape(-1, 4, 2)
         self._quads = target.count
-        self._last_rotation: Array | None = None
+        self._last: Pose | None = None
 
     def see(self, frame: Frame) -> Observation:
         """What near vision would make of the picture; never raises."""
@@ -89,20 +90,14 @@ class GeometricVision:
         return self._solve(frame, corners_px, sigma_px)
 
     def _solve(self, frame: Frame, corners_px: Array, sigma_px: float) -> Observation:
-        undistorted = self._camera.undistort(corners_px).reshape(-1, 4, 2)
         prior = None
         if self._gimbal_noise_rad > 0.0:
             down_in_camera = level_from_camera(frame.gimbal).T @ np.array([0.0, 0.0, 1.0])
             prior = LevelPrior(down_in_camera, self._gimbal_noise_rad)
-        solutions = solve(Corners(undistorted, np.tile(sigma_px**2 * np.eye(8), (self._quads, 1, 1)), self._plane_m), self._camera, prior)
+        undistorted_px = self._camera.undistort(corners_px).reshape(-1, 4, 2)
+        corners = Corners(undistorted_px, np.tile(np.eye(8) / sigma_px, (self._quads, 1, 1)), self._plane_m)
+        solutions = ordered(solve(corners, self._camera, prior, self._last), self._last)
         if not solutions:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_SOLUTION.value)
-        taken = solutions[0]
-        last = self._last_rotation
-        if len(solutions) > 1 and last is not None and solutions[1].chi2 - solutions[0].chi2 < 9.0:
-            taken = max(solutions, key=lambda solution: float(np.sum(solution.camera_from_plane.rotation * last)))
-        self._last_rotation = taken.camera_from_plane.rotation
-        position_in_bar_m, yaw_rad = position_and_yaw(taken.camera_from_plane)
-        covariance = covariance_in_bar(taken)
-        pose = BarPose(position_in_bar_m, yaw_rad, covariance, taken.reprojection_px, corners_px)
-        return Observation(frame.t_s, frame.gimbal, bar_pose=pose)
+        self._last = solutions[0].camera_from_plane
+        return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose_of(solutions, corners_px))

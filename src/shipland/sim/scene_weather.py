@@ -39,7 +39,7 @@ class Rain:
             for wrap in (0, _RAIN_TILE):
                 end = (int(x), int(y + length) - wrap)
                 cv2.line(self._tile, (int(x), int(y) - wrap), end, float(light), 2 if far < 1.6 else 1, cv2.LINE_AA)
-        self._tile = np.asarray(cv2.GaussianBlur(self._tile, (3, 5), 0), np.uint8)
+        self._tile = np.tile(np.asarray(cv2.GaussianBlur(self._tile, (3, 5), 0), np.uint8), (3, 3))
 
     def fall(self, picture: Image, state: SceneState, camera: Camera, colour: Array) -> None:
         """Draw on a picture (H,W,4) in place; `colour` (3,) is the streaks' display value 0 … 255, BGR."""
@@ -50,14 +50,15 @@ class Rain:
         scale = 1.0 / max(camera.focal_px / 930.0, 0.3)
         cosine, sine = scale * np.cos(slant), scale * np.sin(slant)
         # Drops of one frame are gone in the next: a new place on the tile each time.
-        jump = np.modf(np.array([0.754877, 0.569840]) * (1e3 * state.t_s))[0] * _RAIN_TILE
+        jump = (0.5 + np.modf(np.array([0.754877, 0.569840]) * (1e3 * state.t_s))[0]) * _RAIN_TILE
         matrix = np.array([[cosine, -sine, jump[0]], [sine, cosine, jump[1]]])
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        mask = cv2.warpAffine(self._tile, matrix, (width, height), flags=flags, borderMode=cv2.BORDER_WRAP)
-        rows, columns = np.nonzero(mask)
-        share = mask[rows, columns].astype(np.uint16)[:, None]
-        under = picture[rows, columns].astype(np.uint16)
-        picture[rows, columns] = ((255 - share) * under + share * np.array([*colour, 255.0]).astype(np.uint16)) // 255
+        mask = cv2.warpAffine(self._tile, matrix, (width, height), flags=flags, borderMode=cv2.BORDER_REFLECT)
+        where = np.flatnonzero(mask)
+        share = mask.reshape(-1)[where].astype(np.uint16)[:, None]
+        pixels = picture.reshape(-1, 4)
+        streak = np.array([*colour, 255.0]).astype(np.uint16)
+        pixels[where] = ((255 - share) * pixels[where] + share * streak) // 255
 
 
 def sun_in_lens(

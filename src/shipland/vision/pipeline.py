@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array, Pose
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target
-from shipland.vision.bar import Image, Window, coloured_window, find_regions
+from shipland.vision.bar import Window, coloured_window, find_regions
 from shipland.vision.matching import Match, match_by_geometry, match_by_prediction
 from shipland.vision.parameters import VisionParameters
 from shipland.vision.pose import LevelPrior
@@ -69,73 +69,96 @@ class NearVision:
             return Refusal.BAD_PICTURE
         if image.shape[:2] != (self._camera.height_px, self._camera.width_px):
             return Refusal.WRONG_SIZE
-        prior = self._prior(frame.gimbal)
         predicted_px = self._predicted_px(frame.t_s)
+        track = None if predicted_px is None else self._track
+        last, blur_px = (None, None) if track is None else (track.camera_from_plane, track.blur_px)
+        evidence = Evidence(image, (), self._prior(frame.gimbal), last, blur_px)
         found: Sighting | Refusal = Refusal.NO_MATCH
         if predicted_px is not None:
-            found = self._look(image, self._around(predicted_px), predicted_px, prior)
+            found = self._look(self._around(predicted_px), predicted_px, evidence, parts=False)
         if isinstance(found, Refusal):
-            found = self._look(image, coloured_window(image, self._parameters), predicted_px, prior)
+            found = self._look(coloured_window(image, self._parameters), predicted_px, evidence, parts=True)
         if isinstance(found, Sighting):
             self._remember(frame.t_s, found)
         return found
 
     def _look(
-        self, image: Image, window: Window, predicted_px: Array | None, prior: LevelPrior | None
+        self, window: Window, predicted_px: Array | None, evidence: Evidence, *, parts: bool
     ) -> Sighting | Refusal:
+        """The cue in a part of the picture; `parts` says whether a cue that is not whole will do."""
         if window.empty:
             return Refusal.NOTHING_GREEN
-        regions = find_regions(image, window, self._parameters)
+        regions = find_regions(evidence.image, window, self._parameters)
         if not regions:
             return Refusal.NOTHING_GREEN
-        found = find_quads(image, regions, self._parameters)
-        track = None if predicted_px is None else self._track
-        last, blur_px = (None, None) if track is None else (track.camera_from_plane, track.blur_px)
-        evidence = Evidence(image, found.cut, prior, last, blur_px)
-        result = self._match(found.quads, predicted_px, evidence)
-        if isinstance(result, Refusal) and found.flush:
-            flush = self._match(found.quads + found.flush, predicted_px, evidence)
+        found = find_quads(evidence.image, regions, self._parameters)
+        evidence = replace(evidence, cut=found.cut)
+        result = self._match(found.quads, predicted_px, evidence, parts)
+        if isinstance(result, Refusal) and parts and found.flush:
+            flush = self._match(found.quads + found.flush, predicted_px, evidence, parts)
             return flush if isinstance(flush, Sighting) else Refusal.CUT_BY_FRAME
         return result
 
-    def _match(self, quads: list[Array], predicted_px: Array | None, evidence: Evidence) -> Sighting | Refusal:
+    def _match(
+        self, quads: list[Array], predicted_px: Array | None, evidence: Evidence, parts: bool
+    ) -> Sighting | Refusal:
+        """Whole cues first, where the last pose foresees them and then anywhere; then parts in the same order."""
         if not quads:
             return Refusal.CUT_BY_FRAME if evidence.cut else Refusal.NO_QUADRILATERAL
         quads_px = self._camera.undistort(np.concatenate(quads)).reshape(-1, 4, 2)
-        if predicted_px is not None:
-            followed = match_by_prediction(quads_px, predicted_px)
-            if followed is not None:
-                result = self._judge.judge(followed, evidence)
-                if isinstance(result, Sighting):
-                    return result
-        return self._choose(match_by_geometry(quads_px, self._judge.plane_m, self._max_roll_rad), evidence)
-
-    def _choose(self, hypotheses: list[Match], evidence: Evidence) -> Sighting | Refusal:
-        """The best sighting among hypotheses; whole cues first, then parts that the picture's edge explains."""
-        whole = [match for match in hypotheses if len(match.model) == len(self._judge.plane_m)]
-        found, refusal = self._judged(whole, evidence)
-        if len(found) > 1 and self._parameters.several_cues == "refuse":
-            return Refusal.AMBIGUOUS
+        count = len(self._judge.plane_m)
+        followed = None if predicted_px is None else match_by_prediction(quads_px, predicted_px)
+        refusal = Refusal.NO_MATCH
+        if followed is not None and len(followed.model) == count:
+            result = self._judge.judge(followed, evidence)
+            if isinstance(result, Sighting):
+                return result
+            refusal = result
+        hypotheses = match_by_geometry(quads_px, self._judge.plane_m, self._max_roll_rad)
+        found, why = self._judged([match for match in hypotheses if len(match.model) == count], evidence)
         if found:
-            return min(found, key=lambda sighting: sighting.distance_m)
-        parts = [match for match in hypotheses if len(match.model) < len(self._judge.plane_m)]
-        sightings, _ = self._judged(parts, evidence, overlapping=True)
-        verdicts = [self._judge.explains_absence(sighting, evidence.cut) for sighting in sightings]
-        if verdicts.count(True) == 1:
-            return sightings[verdicts.index(True)]
-        if evidence.cut:
-            return Refusal.CUT_BY_FRAME
-        return refusal if whole or not any(verdict in (True, None) for verdict in verdicts) else Refusal.AMBIGUOUS
+            return self._one_of(found, predicted_px)
+        if not parts:
+            return why or refusal
+        if followed is not None and len(followed.model) < count:
+            result = self._judge.judge(followed, evidence)
+            if isinstance(result, Sighting):
+                return result
+        some = [match for match in hypotheses if len(match.model) < count and (evidence.cut or len(match.model) > 1)]
+        return self._part(some, evidence) or (Refusal.CUT_BY_FRAME if evidence.cut else why or refusal)
 
-    def _judged(
-        self, hypotheses: list[Match], evidence: Evidence, overlapping: bool = False
-    ) -> tuple[list[Sighting], Refusal]:
+    def _one_of(self, found: list[Sighting], predicted_px: Array | None) -> Sighting | Refusal:
+        """Of several whole cues the one that the last pose foresees, else the nearest."""
+        if len(found) == 1:
+            return found[0]
+        if predicted_px is not None:
+            wanted = predicted_px.mean(axis=(0, 1))
+            return min(found, key=lambda sighting: math.dist(sighting.corners_px.mean(axis=(0, 1)), wanted))
+        if self._parameters.several_cues == "refuse":
+            return Refusal.AMBIGUOUS
+        return min(found, key=lambda sighting: sighting.distance_m)
+
+    def _part(self, hypotheses: list[Match], evidence: Evidence) -> Sighting | Refusal | None:
+        """A cue that is not whole: the one hypothesis that explains what is missing; None when there is none."""
+        sightings = [self._judge.judge(match, evidence) for match in hypotheses[:_MOST_JUDGED]]
+        proven = [
+            sighting
+            for sighting in sightings
+            if isinstance(sighting, Sighting) and self._judge.explains_absence(sighting, evidence.cut)
+        ]
+        if not proven:
+            return None
+        most = max(len(sighting.match.model) for sighting in proven)
+        best = [sighting for sighting in proven if len(sighting.match.model) == most]
+        return best[0] if len(best) == 1 else Refusal.AMBIGUOUS
+
+    def _judged(self, hypotheses: list[Match], evidence: Evidence) -> tuple[list[Sighting], Refusal | None]:
         """Sightings, and why the first of the others is none; what a sighting uses is not used again."""
         found: list[Sighting] = []
         refusal: Refusal | None = None
         used: set[int] = set()
         for match in hypotheses[:_MOST_JUDGED]:
-            if used.intersection(match.candidates) and not overlapping:
+            if used.intersection(match.candidates):
                 continue
             result = self._judge.judge(match, evidence)
             if isinstance(result, Sighting):
@@ -143,7 +166,7 @@ class NearVision:
                 used.update(match.candidates)
             elif refusal is None:
                 refusal = result
-        return found, refusal or Refusal.NO_MATCH
+        return found, refusal
 
     def _prior(self, gimbal: GimbalAttitude) -> LevelPrior | None:
         noise_rad = self._parameters.gimbal_noise_rad

@@ -16,6 +16,12 @@ from shipland.vision.parameters import VisionParameters
 _LEAST_SOLIDITY = 0.85
 """Area of a region over that of its convex hull; foliage stays below, a rectangle 8 px high above."""
 
+_LEAST_PLAINNESS = 0.12
+"""4π area / perimeter²: 1 for a circle, 0.6 for the rig's rectangles, 0.25 for a frame's three sides."""
+
+_MOST_FLOODS = 8
+"""Regions in one picture that the watershed is tried on where it is not asked for; bounds the time foliage takes."""
+
 _LEAST_TURN = 0.3
 """Sine of the least turn from one side to the next."""
 
@@ -55,7 +61,7 @@ class Found:
     Attributes:
         quads: (4,2) corners [px] each, of regions that are whole.
         flush: the same of regions with one side along the picture's edge: whole if the edge happens to be that side.
-        cut: regions that reach the picture's edge, those of `flush` among them.
+        cut: regions of plain outline that reach the picture's edge, those of `flush` among them.
     """
 
     quads: list[Array]
@@ -66,8 +72,12 @@ class Found:
 def find_quads(image: Image, regions: list[Region], parameters: VisionParameters) -> Found:
     """Quadrilaterals of regions, with the watershed where the parameters want it."""
     found = Found([], [], [])
+    floods = 0
     for region in regions:
+        plain = _is_plain(region)
         if region.cut:
+            if not plain:
+                continue
             found.cut.append(region)
             quad = quad_from_region(region, parameters.min_side_px)
             snapped = None if quad is None else _snapped(quad, image.shape[1], image.shape[0])
@@ -77,12 +87,21 @@ def find_quads(image: Image, regions: list[Region], parameters: VisionParameters
         quad = None
         if parameters.watershed != "always":
             quad = quad_from_region(region, parameters.min_side_px)
-        if parameters.watershed == "always" or (parameters.watershed == "where_needed" and quad is None):
+        if parameters.watershed == "always" or (
+            parameters.watershed == "where_needed" and quad is None and plain and floods < _MOST_FLOODS
+        ):
+            floods += 1
             flooded = watershed_region(image, region, parameters.watershed_margin)
             quad = None if flooded is None else quad_from_region(flooded, parameters.min_side_px)
         if quad is not None:
             found.quads.append(quad)
     return found
+
+
+def _is_plain(region: Region) -> bool:
+    """Whether the region's outline is short for its area, as a rectangle's or a frame's, not foliage's."""
+    perimeter_px = cv2.arcLength(region.contour_px, True)
+    return bool(4.0 * math.pi * region.area_px2 >= _LEAST_PLAINNESS * perimeter_px**2)
 
 
 def edge_distances(quad_px: Array, width_px: int, height_px: int) -> Array:

@@ -32,6 +32,9 @@ _LEAST_SHARE = 1e-4
 _EDGE_PX = 1.0
 """How far beyond the picture's edge a side that seems to lie on it may be."""
 
+_WHOLE = 0.98
+"""Share of a foreseen quadrilateral in the picture from which it should have been found whole."""
+
 _COVERED = 0.6
 """Least share of a foreseen quadrilateral's visible part, and of a cut region, that the two must have in common."""
 
@@ -82,22 +85,38 @@ class Sighting:
         return float(np.linalg.norm(self.camera_from_plane.translation_m))
 
     def bar_pose(self) -> BarPose:
-        """What crosses to the pilot; the covariance weighs the other planar solution by its likelihood."""
-        taken = self.solutions[0]
-        position_in_bar_m, yaw_rad = position_and_yaw(taken.camera_from_plane)
-        excess = taken.excess
-        covariance = excess * covariance_in_bar(taken)
-        for other in self.solutions[1:]:
-            share = 1.0 / (1.0 + math.exp(min(max(0.5 * (other.chi2 - taken.chi2) / excess, -50.0), 50.0)))
-            if share < _LEAST_SHARE:
-                continue
-            other_position_in_bar_m, other_yaw_rad = position_and_yaw(other.camera_from_plane)
-            apart = np.append(other_position_in_bar_m - position_in_bar_m, other_yaw_rad - yaw_rad)
-            apart[3] = math.remainder(apart[3], math.tau)
-            other_covariance = excess * covariance_in_bar(other) + np.outer(apart, apart)
-            covariance = (1.0 - share) * covariance + share * other_covariance
-        corners_px = self.corners_px.reshape(-1, 2)
-        return BarPose(position_in_bar_m, yaw_rad, covariance, taken.reprojection_px, corners_px)
+        """What crosses to the pilot."""
+        return bar_pose_of(self.solutions, self.corners_px)
+
+
+def ordered(solutions: list[Solution], last: Pose | None) -> list[Solution]:
+    """The planar solutions, the one to take first: by fit where that is clear, else by continuity with `last`."""
+    if len(solutions) < 2 or last is None or solutions[1].chi2 - solutions[0].chi2 > _CLEAR_CHI2:
+        return solutions
+    return sorted(solutions, key=lambda s: -float(np.sum(s.camera_from_plane.rotation * last.rotation)))
+
+
+def bar_pose_of(solutions: list[Solution], corners_px: Array) -> BarPose:
+    """The first solution as a message; its covariance weighs the others by their likelihood.
+
+    Args:
+        solutions: of one picture, the one taken first.
+        corners_px: (k,4,2) the corners they rest on.
+    """
+    taken = solutions[0]
+    position_in_bar_m, yaw_rad = position_and_yaw(taken.camera_from_plane)
+    excess = taken.excess
+    covariance = excess * covariance_in_bar(taken)
+    for other in solutions[1:]:
+        share = 1.0 / (1.0 + math.exp(min(max(0.5 * (other.chi2 - taken.chi2) / excess, -50.0), 50.0)))
+        if share < _LEAST_SHARE:
+            continue
+        other_position_in_bar_m, other_yaw_rad = position_and_yaw(other.camera_from_plane)
+        apart = np.append(other_position_in_bar_m - position_in_bar_m, other_yaw_rad - yaw_rad)
+        apart[3] = math.remainder(apart[3], math.tau)
+        other_covariance = excess * covariance_in_bar(other) + np.outer(apart, apart)
+        covariance = (1.0 - share) * covariance + share * other_covariance
+    return BarPose(position_in_bar_m, yaw_rad, covariance, taken.reprojection_px, corners_px.reshape(-1, 2))
 
 
 class Judge:
@@ -116,7 +135,7 @@ class Judge:
             return Refusal.CORNERS_UNSURE
         corners_px = measured.corners_px
         corners = Corners(corners_px, measured.whiten, self.plane_m[list(match.model)])
-        solutions = self._ordered(solve(corners, self._camera, evidence.prior, evidence.last), evidence.last)
+        solutions = ordered(solve(corners, self._camera, evidence.prior, evidence.last), evidence.last)
         if not solutions:
             return Refusal.NO_SOLUTION
         taken = solutions[0]
@@ -140,33 +159,26 @@ class Judge:
         points[:, :2] = self.plane_m.reshape(-1, 2)
         return self._camera.project(camera_from_plane.apply(points)).reshape(-1, 4, 2)
 
-    def explains_absence(self, sighting: Sighting, cut: Sequence[Region]) -> bool | None:
+    def explains_absence(self, sighting: Sighting, cut: Sequence[Region]) -> bool:
         """Whether the picture's edge explains the quadrilaterals that the sighting lacks.
 
-        Returns:
-            False when one of them should be there whole; True when at least two quadrilaterals are whole, or one that
-            the edge cuts is found where the pose foresees it; None when nothing speaks for or against.
+        None of them may be one that should be there whole; and unless at least two quadrilaterals are whole, one that
+        the edge cuts must be found where the pose foresees it.
         """
         foreseen_px = self.projected_px(sighting.camera_from_plane)
+        if not np.isfinite(foreseen_px).all():
+            return False
         size_px = (self._camera.width_px, self._camera.height_px)
         proven = len(sighting.match.model) > 1
         for model in range(len(self.plane_m)):
             if model in sighting.match.model:
                 continue
             quad_px = foreseen_px[model]
-            if not np.isfinite(quad_px).all():
-                return None
-            visible = _clipped_area(quad_px, size_px)
-            if visible >= 0.98 * abs(cv2.contourArea(quad_px.astype(np.float32))):
+            visible_px2 = _clipped_area(quad_px, size_px)
+            if visible_px2 >= _WHOLE * abs(cv2.contourArea(quad_px.astype(np.float32))):
                 return False
-            if visible > 0.0:
-                proven |= any(_same_place(quad_px, region, size_px) for region in cut)
-        return True if proven else None
-
-    def _ordered(self, solutions: list[Solution], last: Pose | None) -> list[Solution]:
-        if len(solutions) < 2 or last is None or solutions[1].chi2 - solutions[0].chi2 > _CLEAR_CHI2:
-            return solutions
-        return sorted(solutions, key=lambda s: -float(np.sum(s.camera_from_plane.rotation * last.rotation)))
+            proven |= visible_px2 > 0.0 and any(_same_place(quad_px, region, size_px) for region in cut)
+        return proven
 
     def _beyond_edge(self, corners_px: Array, residual_px: Array, image: Image) -> bool:
         """Whether a corner that was set on the picture's edge lies more than a pixel off it by the pose."""
