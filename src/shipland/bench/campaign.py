@@ -8,7 +8,7 @@ import multiprocessing
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +17,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from shipland.bench.fly import fly_quietly
-from shipland.bench.landing import Landing, table_of
-from shipland.bench.landing_plots import Touchdowns, plot_touchdowns
+from shipland.bench.landing import Landing, failures_table, no_landing, table_of
+from shipland.bench.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
 from shipland.bench.outputs import load_outputs
 from shipland.bench.rules import rules_table
-from shipland.bench.scenarios import CameraKind, PilotKind, load_scenario, scenario_table
+from shipland.bench.scenarios import CameraKind, PilotKind, Scenario, load_scenario, motion_start_s, scenario_table
 from shipland.errors import ConfigError, DataError
+from shipland.messages import FlightRecord, GroundTruth
 from shipland.record.info import config_digest
+from shipland.sim.ship import build_ship
 
 
 @dataclass(frozen=True)
@@ -48,12 +50,23 @@ class CampaignRequest:
 
 def land_once(table: dict[str, Any], pilot: PilotKind, camera: CameraKind, seed: int) -> Landing:
     """Fly one seed without leaving anything behind."""
-    flown = fly_quietly(load_scenario(table), pilot, camera, seed)
+    truths: list[GroundTruth] = []
+
+    def remember(record: FlightRecord) -> None:
+        if record.truth is not None:
+            truths.append(record.truth)
+
+    scenario = load_scenario(table)
+    flown = fly_quietly(scenario, pilot, camera, seed, remember)
+    start_s = motion_start_s(scenario, seed)
     verdict = flown.verdict
     if verdict is None:
-        nan = float("nan")
-        return Landing(seed, False, False, nan, nan, nan, nan, nan, nan, nan, flown.result.t_s, flown.reason)
+        return no_landing(seed, flown.result.t_s, start_s, flown.reason)
     velocity = verdict.relative_velocity_in_deck_mps
+    at_contact = max((truth for truth in truths if truth.t_s <= verdict.t_s), key=lambda truth: truth.t_s)
+    ship_from_ned = at_contact.ned_from_ship.inverse()
+    place_m = ship_from_ned.apply(at_contact.ned_from_body.translation_m)
+    deck_m = ship_from_ned.apply(at_contact.ned_from_deck.translation_m)
     return Landing(
         seed=seed,
         landed=verdict.landed,
@@ -66,6 +79,11 @@ def land_once(table: dict[str, Any], pilot: PilotKind, camera: CameraKind, seed:
         slip_m=verdict.slip_m,
         force_n=verdict.peak_contact_force_n,
         time_s=verdict.t_s,
+        instant_s=verdict.t_s + start_s,
+        place_forward_m=float(place_m[0]),
+        place_starboard_m=float(place_m[1]),
+        deck_forward_m=float(deck_m[0]),
+        deck_starboard_m=float(deck_m[1]),
         reason=verdict.reason,
     )
 
@@ -91,7 +109,7 @@ def campaign(request: CampaignRequest) -> int:
 
 
 def _write_pictures(request: CampaignRequest, landings: list[Landing]) -> None:
-    text = f"{table_of(landings)}\n\n{rules_table(landings)}\n"
+    text = "\n\n".join([table_of(landings), rules_table(landings), failures_table(landings)]).strip() + "\n"
     (request.out / "table.md").write_text(text, encoding="utf-8")
     scenario = load_scenario(scenario_table(request.scenario, request.config))
     touchdowns = Touchdowns(
@@ -100,7 +118,21 @@ def _write_pictures(request: CampaignRequest, landings: list[Landing]) -> None:
         landed=np.array([landing.landed and landing.in_square for landing in landings]),
     )
     title = f"{request.scenario}, pilot {request.pilot}, {request.camera} camera"
-    plot_touchdowns(request.out / "landings.png", touchdowns, scenario.rig, title, load_outputs().plots)
+    parameters = load_outputs().plots
+    plot_touchdowns(request.out / "landings.png", touchdowns, scenario.rig, title, parameters)
+    if scenario.ship.same_motion:
+        instants = replace(touchdowns, t_s=np.array([landing.instant_s for landing in landings]))
+        trace = _trace(scenario, float(np.max(instants.t_s)) + 5.0)
+        plot_instants(request.out / "instants.png", trace, instants, title, parameters)
+
+
+def _trace(scenario: Scenario, length_s: float) -> DeckTrace:
+    """The one motion that every flight met."""
+    parameters = replace(scenario.ship, instant_spread_s=0.0)
+    ship = build_ship(parameters, scenario.rig, np.random.default_rng(0))
+    t_s = np.arange(0.0, length_s, 0.05)
+    motion = np.array([ship.at(float(t)).deck.displacement for t in t_s])
+    return DeckTrace(t_s, motion[:, 3], motion[:, 4], -motion[:, 2])
 
 
 def run_campaign(request: CampaignRequest) -> Iterator[Landing]:

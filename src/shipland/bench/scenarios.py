@@ -117,6 +117,11 @@ def build_crew(scenario: Scenario, vehicle: SimulatedVehicle, pilot: PilotKind, 
     return Crew(eyes, flier, Safety(scenario.safety, scenario.rig), scenario.delays)
 
 
+def motion_start_s(scenario: Scenario, seed: int) -> float:
+    """How far into the one motion that every flight meets this flight starts [s]; 0 where each has its own."""
+    return build_ship(scenario.ship, scenario.rig, _generators(seed)[0]).start_s
+
+
 def response_of(scenario: Scenario) -> Response:
     """What full sticks mean, from the settings of the simulated aircraft."""
     settings, airframe = scenario.aircraft.settings, scenario.aircraft.airframe

@@ -40,6 +40,18 @@ class DeckMotion(Protocol):
         """The deck's coordinates and their derivatives at time `t_s`."""
 
 
+class Later:
+    """Another motion, met `start_s` after its beginning."""
+
+    def __init__(self, motion: DeckMotion, start_s: float) -> None:
+        self._motion = motion
+        self.start_s = start_s
+
+    def at(self, t_s: float) -> SixDof:
+        """The other motion's state at `t_s + start_s`."""
+        return self._motion.at(t_s + self.start_s)
+
+
 class Still:
     """A deck that keeps its neutral place."""
 

@@ -183,7 +183,10 @@ class Scene:
     ) -> Image:
         width, height = crop.width * samples_a_px, crop.height * samples_a_px
         direct = samples_a_px == 1
-        size = (camera.width_px, camera.height_px) if direct else _LAYER_SIZE
+        size = _LAYER_SIZE
+        if direct:  # resolving takes as long as the target is large
+            quarters = max(-(-4 * width // camera.width_px), -(-4 * height // camera.height_px), 2)
+            size = -(-quarters * camera.width_px // 4), -(-quarters * camera.height_px // 4)
         target = self._target(*size, 4 if direct else 0)
         target.use(width, height)
         target.fbo.clear(viewport=(0, 0, width, height))
@@ -233,6 +236,6 @@ class Scene:
             sun_in_lens(picture, state, camera, sky.sun_in_ned, sky.sun_rgb[::-1], self._parameters.glare)
         if self._rain is not None:
             bright = 0.6 * sky.horizon_rgb + 0.4 * sky.zenith_rgb
-            self._rain.fall(picture, state, camera, scene_light.display(1.15 * bright, sky.exposure)[::-1])
+            self._rain.fall(picture, state, camera, scene_light.display(1.6 * bright, sky.exposure)[::-1])
         if self._drops is not None:
             self._drops.cover(picture, state.t_s)

@@ -102,7 +102,7 @@ def light(parameters: SceneParameters) -> Light:
         low * np.array([0.66, 0.58, 0.56]) + (1.0 - low) * np.array([0.38, 0.38, 0.50])
     )
     glow = day * np.array([0.45, 0.42, 0.36]) + (1.0 - day) * np.array([1.60, 0.72, 0.22])
-    grey = np.array([0.60, 0.63, 0.66]) * (0.55 + 0.45 * day)
+    grey = np.array([0.46, 0.49, 0.52]) * (0.55 + 0.45 * day)
     zenith, horizon = (1 - overcast) * zenith + overcast * 0.85 * grey, (1 - overcast) * horizon + overcast * grey
     glow, beam = glow * (1.0 - 0.9 * overcast), beam * (1.0 - 0.93 * overcast)
     zenith, horizon, glow = level * zenith, level * horizon, level * glow

@@ -34,7 +34,7 @@ class Rain:
         distance_m = np.maximum(12.0 * rng.random(count) ** (1.0 / 3.0), 0.8)
         place = rng.integers(0, _RAIN_TILE, (count, 2))
         length_px = np.clip(_RAIN_SPEED_MPS * _RAIN_SHUTTER_S * 930.0 / distance_m, 4.0, 60.0)
-        bright = np.clip(420.0 / distance_m, 30.0, 170.0) * rng.uniform(0.6, 1.0, count)
+        bright = np.clip(620.0 / distance_m, 48.0, 215.0) * rng.uniform(0.6, 1.0, count)
         for (x, y), length, light, far in zip(place, length_px, bright, distance_m, strict=True):
             for wrap in (0, _RAIN_TILE):
                 end = (int(x), int(y + length) - wrap)

@@ -14,7 +14,7 @@ from shipland.config import require
 from shipland.frames import Pose
 from shipland.rig import Rig
 from shipland.sim.course import Course, CourseParameters, CourseState, StillCourse, StraightCourse, build_course
-from shipland.sim.deck_motion import DeckMotion, Harmonics, SinusoidParameters, Sinusoids, SixDof, Still
+from shipland.sim.deck_motion import DeckMotion, Harmonics, Later, SinusoidParameters, Sinusoids, SixDof, Still
 from shipland.sim.motion_base import LimitBite, LimitedMotion, LimitParameters, rig_limits
 from shipland.sim.recorded import read_motion
 from shipland.sim.sea import SeaParameters, deck_motion
@@ -93,13 +93,17 @@ class Ship:
         course: motion of the `ship` origin.
         deck_motion: motion of `deck` in `ship`.
         full_ship: see `ShipState`.
+        start_s: how far into its motion the deck is at time zero; for the record.
     """
 
-    def __init__(self, rig: Rig, course: Course, deck_motion: DeckMotion, full_ship: bool = False) -> None:
+    def __init__(
+        self, rig: Rig, course: Course, deck_motion: DeckMotion, full_ship: bool = False, start_s: float = 0.0
+    ) -> None:
         self.rig = rig
         self.course = course
         self.deck_motion = deck_motion
         self.full_ship = full_ship
+        self.start_s = start_s
 
     @property
     def limit_bites(self) -> tuple[LimitBite, ...]:
@@ -152,6 +156,8 @@ class ShipParameters:
 
     Attributes:
         motion: what moves the deck.
+        same_motion: every flight meets one and the same motion, at an instant of its own; else each draws its own.
+        instant_spread_s: the instants are drawn from this much of the motion.
         full_ship: superstructure and bar have the ship's motions too (see `ShipState`); no motion base, no limits.
         course: where the ship goes.
         natops: the deck-motion limits of the US Navy's NATOPS manual, as [Lee2022] flies them.
@@ -163,6 +169,8 @@ class ShipParameters:
     """
 
     motion: Literal["still", "natops", "sinusoids", "sea", "recorded"]
+    same_motion: bool
+    instant_spread_s: float
     full_ship: bool
     course: CourseParameters
     natops: SinusoidParameters
@@ -174,7 +182,12 @@ class ShipParameters:
 
     def __post_init__(self) -> None:
         missing = self.motion == "recorded" and not self.recorded.path
+        require(self.instant_spread_s >= 0.0, f"instant_spread_s must not be negative, got {self.instant_spread_s}")
         require(not missing, 'motion = "recorded" needs recorded.path, a CSV file')
+
+
+SAME_MOTION_SEED = 1
+"""Of the one motion that every flight meets where the parameters say so."""
 
 
 def build_ship(parameters: ShipParameters, rig: Rig, rng: np.random.Generator) -> Ship:
@@ -184,10 +197,15 @@ def build_ship(parameters: ShipParameters, rig: Rig, rng: np.random.Generator) -
         DataError: the recorded motion cannot be used.
     """
     course = build_course(parameters.course, rng)
-    motion = build_deck_motion(parameters, rng)
+    start_s = 0.0
+    if parameters.same_motion:
+        start_s = float(rng.uniform(0.0, parameters.instant_spread_s))
+        motion: DeckMotion = Later(build_deck_motion(parameters, np.random.default_rng(SAME_MOTION_SEED)), start_s)
+    else:
+        motion = build_deck_motion(parameters, rng)
     if parameters.limits.enabled and not parameters.full_ship and parameters.motion != "still":
         motion = LimitedMotion(motion, rig_limits(rig), parameters.limits.knee)
-    return Ship(rig, course, motion, parameters.full_ship)
+    return Ship(rig, course, motion, parameters.full_ship, start_s)
 
 
 def build_deck_motion(parameters: ShipParameters, rng: np.random.Generator) -> DeckMotion:

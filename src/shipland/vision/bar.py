@@ -24,8 +24,8 @@ class Window:
     bottom: int
 
     @staticmethod
-    def around(points_px: Array, margin_px: float, width_px: int, height_px: int) -> Window:
-        """The box of points (n,2) grown by a margin and cut to the picture; empty when outside of it."""
+    def around(points_px: Array, margin_px: float | Array, width_px: int, height_px: int) -> Window:
+        """The box of points (n,2) grown by a margin, one or (2,), and cut to the picture; empty when outside of it."""
         low = np.floor(points_px.min(axis=0) - margin_px)
         high = np.ceil(points_px.max(axis=0) + margin_px) + 1.0
         left, right = (int(v) for v in np.clip([low[0], high[0]], 0, width_px))

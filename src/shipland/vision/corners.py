@@ -25,11 +25,13 @@ class Measured:
         whiten: (n,8,8) [1/px] what turns deviations of a quadrilateral's (column, row) × four corners into standard
             deviations.
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
+        held: a side lies along the picture's edge.
     """
 
     corners_px: Array
     whiten: Array
-    blur_px: float | None
+    blur_px: float | None = None
+    held: bool = False
 
 
 def measure_corners(
@@ -72,7 +74,7 @@ def forstner_corners(image: Image, quads_px: Array, camera: Camera, parameters: 
         if np.max(np.abs(refined - start_px)) > max(2.0 * half, 3.0):
             return None
         corners[index] = camera.undistort(refined)
-    return Measured(corners, np.broadcast_to(np.eye(8) / parameters.corner_noise_px, (len(quads_px), 8, 8)), None)
+    return Measured(corners, np.broadcast_to(np.eye(8) / parameters.corner_noise_px, (len(quads_px), 8, 8)))
 
 
 def edge_corners(
@@ -82,10 +84,11 @@ def edge_corners(
 
     Lines are fitted in undistorted pixels, where sides are straight.
     """
-    sides = Sides.of(quads_px, parameters.edge_reach_px, _held(image, quads_px, camera))
+    held = _held(image, quads_px, camera)
+    sides = Sides.of(quads_px, parameters.edge_reach_px, held)
     fit = measure_sides(image, sides, camera, parameters.edge_floor_px, blur_px)
     met = None if fit is None else intersect_sides(fit)
-    return None if fit is None or met is None else Measured(*met, fit.blur_px)
+    return None if fit is None or met is None else Measured(*met, fit.blur_px, held is not None)
 
 
 def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:

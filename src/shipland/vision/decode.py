@@ -25,6 +25,9 @@ STRIDES = (8, 16, 32)
 PIXEL_CENTRE = 0.5
 """Pixel centres at whole numbers against pixel edges at whole numbers."""
 
+MOST_CANDIDATES = 500
+"""What suppression looks at, at most: bounds its time, whatever the picture and the network."""
+
 
 class Decoding(enum.Enum):
     """How raw numbers become a box; σ is the logistic function, c the cell, s the stride, a the anchor.
@@ -145,7 +148,7 @@ def iou(boxes: npt.NDArray[np.floating[Any]], other: npt.NDArray[np.floating[Any
 def suppress(
     boxes: Float32, scores: Float32, kinds: Float32, max_iou: float, merge: bool
 ) -> tuple[Float32, Float32, Float32]:
-    """Greedy non-maximum suppression within each class, best first.
+    """Greedy non-maximum suppression within each class, best first; looks at the MOST_CANDIDATES surest only.
 
     Args:
         boxes: (n,4) rows (centre, size).
@@ -158,7 +161,7 @@ def suppress(
     Returns:
         boxes (k,4), scores (k,), kinds (k,), most confident first.
     """
-    order = np.argsort(-scores, kind="stable")
+    order = np.argsort(-scores, kind="stable")[:MOST_CANDIDATES]
     boxes, scores, kinds = boxes[order], scores[order], kinds[order]
     kept_boxes, kept = [], []
     alive = np.ones(len(boxes), dtype=bool)

@@ -40,7 +40,7 @@ class VisionParameters:
         max_roll_deg: largest roll of the camera against the cue.
         several_cues: what to do when the whole cue is there more than once: take the nearest, or refuse.
         track_s: longest time over which the last pose predicts the next.
-        track_margin: growth of the tracked region on each side, as a fraction of the cue's size.
+        track_margin: growth of the tracked region on each side, as a fraction of the cue's width or height.
         track_margin_px: its least.
         gimbal_noise_rad: standard deviation of the gimbal's roll and pitch as the frame states them, for use as
             a prior of the cue's level; 0 leaves the gimbal out.

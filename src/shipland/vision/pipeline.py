@@ -183,8 +183,9 @@ class NearVision:
 
     def _around(self, predicted_px: Array) -> Window:
         points_px = predicted_px.reshape(-1, 2)
-        size_px = float(np.ptp(points_px, axis=0).max())
-        margin_px = max(self._parameters.track_margin_px, self._parameters.track_margin * size_px)
+        margin_px = np.maximum(
+            self._parameters.track_margin_px, self._parameters.track_margin * np.ptp(points_px, axis=0)
+        )
         return Window.around(points_px, margin_px, self._camera.width_px, self._camera.height_px)
 
     def _remember(self, t_s: float, sighting: Sighting) -> None:

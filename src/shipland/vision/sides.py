@@ -42,10 +42,10 @@ _LEAST_SIDE_CONTRAST = 0.15
 _RECENTRE = 0.4
 """A side farther than this fraction of the reach from where its pixels were taken is measured once more."""
 
-_REFIT_PX = 0.03
+_REFIT_PX = 0.08
 """A Gauss–Newton step longer than this is followed by another; the error left is of its square."""
 
-_REBLUR = 0.3
+_REBLUR = 0.15
 """The same for the blur, as a fraction of it."""
 
 _STEPS = 6

@@ -18,7 +18,7 @@ from shipland.vision.corners import measure_corners
 from shipland.vision.matching import Match, model_plane
 from shipland.vision.parameters import VisionParameters
 from shipland.vision.pose import Corners, LevelPrior, Solution, covariance_in_bar, position_and_yaw, solve
-from shipland.vision.quads import edge_distances, reaches_edge
+from shipland.vision.quads import edge_distances
 from shipland.vision.refusal import Refusal
 from shipland.vision.screening import sides_agree
 from shipland.vision.sides import distort
@@ -144,7 +144,7 @@ class Judge:
             self._parameters.reprojection_px + self._parameters.reprojection_fraction * diagonal_px
         ):
             return Refusal.REPROJECTION
-        if self._beyond_edge(corners_px, taken.residual_px, evidence.image):
+        if measured.held and self._beyond_edge(corners_px, taken.residual_px, evidence.image):
             return Refusal.CUT_BY_FRAME
         if not sides_agree(corners_px, corners_px + taken.residual_px, self._parameters):
             return Refusal.SIDES_UNEQUAL
@@ -183,8 +183,6 @@ class Judge:
     def _beyond_edge(self, corners_px: Array, residual_px: Array, image: Image) -> bool:
         """Whether a corner that was set on the picture's edge lies more than a pixel off it by the pose."""
         raw_px = distort(corners_px.reshape(-1, 2), self._camera).reshape(corners_px.shape)
-        if not reaches_edge(raw_px, image.shape[1], image.shape[0]):
-            return False
         distances_px = edge_distances(raw_px, image.shape[1], image.shape[0])
         held = distances_px < 0.5
         off_px = np.abs(residual_px[..., [0, 1, 0, 1]])
