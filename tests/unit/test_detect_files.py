@@ -48,7 +48,10 @@ def pictures(tmp_path):
 
 
 def test_boxes_are_corner_and_size_in_pixels(weights, pictures):
-    """A picture of 90 × 50 px is continued to 96 × 64: six coarse cells of 32 px, each with its box."""
+    """A picture of 90 × 50 px is continued to 96 × 64: six coarse cells of 32 px, each with its box.
+
+    All six centres lie in the picture itself, the lowest at row 48.
+    """
     results = list(detect_paths(DetectRequest((pictures,), weights=weights, threads=1)))
     assert [result.file for result in results] == [str(pictures / "a.jpg"), str(pictures / "b.png")]
     line = json.loads(json.dumps(results[0].to_json()))

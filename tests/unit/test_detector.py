@@ -103,12 +103,13 @@ def test_tile_is_a_part_of_the_picture(centre, rng):
     assert wide.shape == (160, 160, 3)
 
 
-def test_padding_repeats_the_last_pixels(rng):
+def test_padding_mirrors_at_the_last_pixel(rng):
     picture = rng.integers(0, 256, (70, 96, 3), dtype=np.uint8)
     whole = padded(picture)
     assert whole.shape == (96, 96, 3)
     np.testing.assert_array_equal(whole[:70], picture)
-    np.testing.assert_array_equal(whole[80], picture[69])
+    np.testing.assert_array_equal(whole[80], picture[58])
+    assert padded(picture[:1, :1]).shape == (32, 32, 3)
 
 
 @pytest.fixture(scope="module")

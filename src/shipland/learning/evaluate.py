@@ -360,8 +360,8 @@ def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
         middle = [0.5 * (item.low_m + item.high_m) for item in bins]
         colour = colours.get(name, "#444444")
         if name != "all":
-            low = [item.recall - item.recall_low for item in bins]
-            high = [item.recall_high - item.recall for item in bins]
+            low = [max(item.recall - item.recall_low, 0.0) for item in bins]
+            high = [max(item.recall_high - item.recall, 0.0) for item in bins]
             recall = [item.recall for item in bins]
             left.errorbar(middle, recall, (low, high), color=colour, capsize=2, label=f"{name}, one frame")
         elif any(np.isfinite(item.confirmed) for item in bins):

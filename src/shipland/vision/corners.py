@@ -11,9 +11,11 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.frames import Array
 from shipland.vision.bar import Image, Window
+from shipland.vision.edge_fit import measure_sides
+from shipland.vision.edge_pixels import contrast_direction
 from shipland.vision.parameters import VisionParameters
 from shipland.vision.quads import edge_distances, reaches_edge
-from shipland.vision.sides import Sides, contrast_direction, distort, intersect_sides, measure_sides
+from shipland.vision.sides import Sides, distort, intersect_sides
 
 
 @dataclass(frozen=True)
@@ -24,12 +26,14 @@ class Measured:
         corners_px: (n,4,2) undistorted.
         whiten: (n,8,8) [1/px] what turns deviations of a quadrilateral's (column, row) × four corners into standard
             deviations.
+        growth: (n,4,2) how the corners move when all sides move outward by one; None when the method has no sides.
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
         held: a side lies along the picture's edge.
     """
 
     corners_px: Array
     whiten: Array
+    growth: Array | None = None
     blur_px: float | None = None
     held: bool = False
 
@@ -88,7 +92,9 @@ def edge_corners(
     sides = Sides.of(quads_px, parameters.edge_reach_px, held)
     fit = measure_sides(image, sides, camera, parameters.edge_floor_px, blur_px)
     met = None if fit is None else intersect_sides(fit)
-    return None if fit is None or met is None else Measured(*met, fit.blur_px, held is not None)
+    if fit is None or met is None:
+        return None
+    return Measured(met.corners_px, met.whiten, met.growth, fit.blur_px, held is not None)
 
 
 def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:

@@ -131,7 +131,7 @@ class Detector:
     def detect(self, picture: Picture, min_confidence: float, kind: int = 0) -> list[Box]:
         """Boxes of class `kind` in a whole picture (h,w,3) BGR at its own size, most confident first."""
         boxes, scores = self._boxes(padded(picture), min_confidence, kind)
-        return to_boxes(boxes, scores, (0.0, 0.0), 1.0)
+        return _inside(to_boxes(boxes, scores, (0.0, 0.0), 1.0), picture)
 
     def detect_in_tile(
         self,
@@ -156,7 +156,7 @@ class Detector:
         if reduction > 1:
             tile = np.asarray(cv2.resize(tile, (tile_px, tile_px), interpolation=cv2.INTER_AREA), np.uint8)
         boxes, scores = self._boxes(tile, min_confidence, kind)
-        return to_boxes(boxes, scores, origin_px, float(reduction))
+        return _inside(to_boxes(boxes, scores, origin_px, float(reduction)), picture)
 
     def _boxes(self, picture: Picture, min_confidence: float, kind: int) -> tuple[Float32, Float32]:
         spec = self.engine.spec
@@ -165,19 +165,28 @@ class Detector:
         return boxes[kinds == kind], scores[kinds == kind]
 
 
+def _inside(boxes: list[Box], picture: Picture) -> list[Box]:
+    """Those boxes whose centre lies in the picture, not in what it was continued by."""
+    height, width = picture.shape[:2]
+    return [box for box in boxes if 0.0 <= box.centre_px[0] + 0.5 <= width and 0.0 <= box.centre_px[1] + 0.5 <= height]
+
+
 def padded(picture: Picture) -> Picture:
-    """The picture continued to the right and downward to multiples of 32, its last pixels repeated."""
+    """The picture continued to the right and downward to multiples of 32, mirrored at its last pixel.
+
+    Repeating the last pixel instead draws stripes, which a detector takes for ships (measured).
+    """
     height, width = picture.shape[:2]
     down, right = -height % STRIDES[-1], -width % STRIDES[-1]
     if not (down or right):
         return np.ascontiguousarray(picture)
-    return np.asarray(cv2.copyMakeBorder(picture, 0, down, 0, right, cv2.BORDER_REPLICATE), np.uint8)
+    return np.asarray(cv2.copyMakeBorder(picture, 0, down, 0, right, cv2.BORDER_REFLECT_101), np.uint8)
 
 
 def cut_tile(picture: Picture, centre_px: tuple[float, float], side_px: int) -> tuple[Picture, tuple[float, float]]:
     """A square of the picture and the (column, row) of its corner [px].
 
-    The square is moved inside the picture where it fits; where the picture is smaller, its last pixels are repeated.
+    The square is moved inside the picture where it fits; where the picture is smaller, it is continued mirrored.
     """
     height, width = picture.shape[:2]
     left = round(min(max(centre_px[0] - 0.5 * side_px, 0.0), max(width - side_px, 0)))
@@ -185,5 +194,5 @@ def cut_tile(picture: Picture, centre_px: tuple[float, float], side_px: int) -> 
     tile = picture[top : top + side_px, left : left + side_px]
     down, right = side_px - tile.shape[0], side_px - tile.shape[1]
     if down or right:
-        tile = np.asarray(cv2.copyMakeBorder(tile, 0, down, 0, right, cv2.BORDER_REPLICATE), np.uint8)
+        tile = np.asarray(cv2.copyMakeBorder(tile, 0, down, 0, right, cv2.BORDER_REFLECT_101), np.uint8)
     return np.ascontiguousarray(tile), (float(left), float(top))

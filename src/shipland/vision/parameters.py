@@ -27,6 +27,8 @@ class VisionParameters:
             its least (erratum 4).
         edge_reach_px: how far across a side pixels are taken; more where the picture is blurred.
         edge_floor_px: standard deviation of what a single column of pixels across a side errs by without any noise.
+        edge_bias_px: standard deviation of how far all sides together lie outward of where they should, as a lamp's
+            blooming and a camera's gamma have it.
         corner_noise_px: standard deviation of a Förstner corner, per axis.
         screening: how the ±10 % and ±5 % are read: against what the pose's perspective gives, or raw as printed.
         length_tolerance: largest relative difference of opposite sides' lengths.
@@ -59,6 +61,7 @@ class VisionParameters:
     forstner_min_px: float
     edge_reach_px: float
     edge_floor_px: float
+    edge_bias_px: float
     corner_noise_px: float
     screening: Literal["perspective", "printed"]
     length_tolerance: float
@@ -86,6 +89,7 @@ class VisionParameters:
         require(self.max_candidates >= 1, "max_candidates must be at least 1")
         for name in (
             "edge_floor_px",
+            "edge_bias_px",
             "screening_px",
             "reprojection_fraction",
             "track_s",

@@ -24,7 +24,8 @@ _DOUBTFUL_CHI2 = 2.5
 """Sum of squared standard deviations a coordinate, from which a prior is put to the test."""
 
 _CONTRADICTION_CHI2 = 20.0
-"""What leaving the prior out must gain: both of its angles off by more than four standard deviations."""
+"""What leaving the prior out must gain, and the corners must fit well without it: its angles are off by more than four
+standard deviations. Corners that fit badly either way prove nothing against it."""
 
 
 @dataclass(frozen=True)
@@ -36,11 +37,13 @@ class Corners:
         whiten: (n,8,8) what turns deviations of a quadrilateral's (column, row) × four corners into standard
             deviations [1/px]: the inverse of a square root of their covariance.
         plane_m: (n,4,2) the same corners in the cue's plane (right, down) [m].
+        common_px: (n,4,2) an error that all corners may have in common, at one standard deviation; None for none.
     """
 
     undistorted_px: Array
     whiten: Array
     plane_m: Array
+    common_px: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,9 @@ def solve(
     if prior is None or not solutions or solutions[0].chi2 < _DOUBTFUL_CHI2 * corners.plane_m.size:
         return solutions
     free = _solve(corners, camera, None)
-    return free if free and free[0].chi2 < solutions[0].chi2 - _CONTRADICTION_CHI2 else solutions
+    if free and free[0].excess == 1.0 and solutions[0].chi2 - free[0].chi2 > _CONTRADICTION_CHI2:
+        return free
+    return solutions
 
 
 def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: LevelPrior | None = None) -> Solution:
@@ -166,10 +171,20 @@ class _Refiner:
         self._whiten = np.zeros((size, size))
         for first, block in zip(range(0, size, 8), blocks, strict=True):
             self._whiten[first : first + 8, first : first + 8] = block
+        if corners.common_px is not None:
+            # W' of the covariance (WᵀW)⁻¹ + c cᵀ is (1 − k v vᵀ) W, with v = W c.
+            common = self._whiten @ (corners.common_px.reshape(-1, 2) @ self._rays_by_pixels()).ravel()
+            length2 = max(float(common @ common), 1e-12)
+            share = (1.0 - (1.0 + length2) ** -0.5) / length2
+            self._whiten -= np.outer(share * common, common @ self._whiten)
         self._prior = prior
         self._rows = rows
         if prior is not None:
             self._across = _perpendicular(prior.down_in_camera) / prior.noise_rad
+
+    def _rays_by_pixels(self) -> Array:
+        """(2,2) that turns small steps (…,2) in pixels into steps of rays."""
+        return np.linalg.inv(self._to_pixels).T
 
     def refine(self, starts: list[Pose]) -> list[Solution]:
         """The solutions from the starts; a start that diverges is left out."""

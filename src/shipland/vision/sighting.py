@@ -91,7 +91,9 @@ class Sighting:
 
 def ordered(solutions: list[Solution], last: Pose | None) -> list[Solution]:
     """The planar solutions, the one to take first: by fit where that is clear, else by continuity with `last`."""
-    if len(solutions) < 2 or last is None or solutions[1].chi2 - solutions[0].chi2 > _CLEAR_CHI2:
+    if len(solutions) < 2 or last is None:
+        return solutions
+    if solutions[1].chi2 - solutions[0].chi2 > _CLEAR_CHI2 * solutions[0].excess:
         return solutions
     return sorted(solutions, key=lambda s: -float(np.sum(s.camera_from_plane.rotation * last.rotation)))
 
@@ -134,7 +136,8 @@ class Judge:
         if measured is None:
             return Refusal.CORNERS_UNSURE
         corners_px = measured.corners_px
-        corners = Corners(corners_px, measured.whiten, self.plane_m[list(match.model)])
+        common_px = None if measured.growth is None else self._parameters.edge_bias_px * measured.growth
+        corners = Corners(corners_px, measured.whiten, self.plane_m[list(match.model)], common_px)
         solutions = ordered(solve(corners, self._camera, evidence.prior, evidence.last), evidence.last)
         if not solutions:
             return Refusal.NO_SOLUTION
