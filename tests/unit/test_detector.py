@@ -339,3 +339,38 @@ def test_detector_pads_and_maps_back(weights_file, rng):
     tile = detector.detect_in_tile(picture, (48.0, 48.0), 96, 1, 0.05)
     assert whole == tile
     assert len(whole) > 0
+
+
+@pytest.mark.parametrize(("kind", "range_m"), [("ship", 120.0), ("bar", 60.0)])
+def test_packaged_weights_see_their_target(kind, range_m, rig, camera):
+    """Clear day, dead astern, 15 m up: the surest box lies over the target."""
+    from dataclasses import replace
+
+    from shipland.config import build
+    from shipland.learning.shot import target_box
+    from shipland.learning.shots import draw_scene, draw_shot
+    from shipland.learning.synth import synth_parameters
+    from shipland.rig import packaged_table
+    from shipland.sim.scene import Scene, SceneParameters
+
+    parameters = replace(
+        synth_parameters(None),
+        ship_range_m=(range_m, range_m + 1.0),
+        bar_range_m=(range_m, range_m + 1.0),
+        height_m=(15.0, 15.1),
+        any_aspect=0.0,
+        aspect_sigma_deg=0.0,
+        empty_share=0.0,
+    )
+    light, _ = draw_scene(0, parameters, 1)
+    shot = draw_shot(0, kind, replace(light, visibility_m=40000.0), camera, rig, parameters, 1)
+    state = shot.at(0.0, rig)
+    scene = Scene(rig, build(SceneParameters, packaged_table("scene"), "scene"), 1)
+    picture = scene.render(state, camera)
+    scene.close()
+    settings = replace(detector_parameters(), threads=1)
+    found = Detector.load(kind, settings).detect(picture, settings.acquire_confidence)
+    box = target_box(kind, state, camera, rig, 0.9, 0.1)
+    assert found and box is not None
+    middle = np.array([0.5 * (box[0] + box[2]), 0.5 * (box[1] + box[3])]) - 0.5
+    np.testing.assert_allclose(found[0].centre_px, middle, atol=3.0)

@@ -19,7 +19,7 @@ TARGET = (100.0, 50.0, 10.0, 8.0)
 
 
 def scene(number, range_m, target, *boxes, told=(), visibility_m=20000.0):
-    return SceneRecord(number, range_m, visibility_m, target, tuple(boxes), tuple(told))
+    return SceneRecord(number, range_m, visibility_m, 0, target, tuple(boxes), tuple(told))
 
 
 def test_counts_by_hand():

@@ -95,7 +95,7 @@ class EvaluateArguments:
     data: Path | None = None
     scenes: int = 2000
     frames: int = 6
-    seed: int = 1_000_000
+    seed: int = 2_000_000
     out: Path = Path("out/evaluate")
     confidence: float | None = None
     runtime: Literal["auto", "openvino", "onnxruntime"] = "auto"

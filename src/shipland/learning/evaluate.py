@@ -52,6 +52,7 @@ class EvaluateParameters:
         edge_px: the target's centre stays so far from the picture's edges in the first frame.
         match_iou: overlap from which a box is a hit.
         hazy_below_m: visibility that parts haze from clear air.
+        pictures_per_scene: scenes that share light, air and sea.
     """
 
     ship_range_m: Span
@@ -62,6 +63,7 @@ class EvaluateParameters:
     edge_px: float
     match_iou: float
     hazy_below_m: float
+    pictures_per_scene: int
 
     def __post_init__(self) -> None:
         for name in ("ship_range_m", "bar_range_m"):
@@ -70,6 +72,7 @@ class EvaluateParameters:
         require(min(self.ship_bin_m, self.bar_bin_m) > 0.0, "widths of bins must be positive")
         require(0.0 <= self.empty_share < 1.0, "empty_share must lie in 0 … 1")
         require(0.0 < self.match_iou < 1.0, "match_iou must lie between 0 and 1")
+        require(self.pictures_per_scene >= 1, "pictures_per_scene must be positive")
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ class Evaluation:
         confidence: least confidence of a single frame's box.
         pictures: looked at.
         average_precision, recall, precision: over all single pictures, at `EvaluateParameters.match_iou`.
-        tables: over range, by name (all, clear, haze); empty where ranges are not known.
+        tables: over range, by name (all, clear, haze, no decoys); empty where ranges are not known.
         missed: pictures of a labelled set with a target that was not found.
     """
 
@@ -165,6 +168,7 @@ def _tables(
         "all": known,
         "clear": [record for record in known if record.visibility_m >= limit_m],
         "haze": [record for record in known if record.visibility_m < limit_m],
+        "no decoys": [record for record in known if record.decoys == 0],
     }
     return {name: range_table(part, edges, confidence, parameters.match_iou) for name, part in parts.items() if part}
 
@@ -194,7 +198,8 @@ def _labelled(
             target = tuple(targets[0, 1:5].tolist()) if len(targets) else None
             scene = sample.scene
             sure = tuple(tuple(row) for row in boxes.tolist())
-            records.append(SceneRecord(number, scene["range_m"], scene["visibility_m"], target, sure))
+            seen = (scene["range_m"], scene["visibility_m"], scene["decoys"])
+            records.append(SceneRecord(number, *seen, target, sure))
     return records, missed
 
 
@@ -213,6 +218,7 @@ def fresh_records(
         empty_share=parameters.empty_share,
         edge_px=parameters.edge_px,
         least_contrast=0.0,
+        pictures_per_scene=parameters.pictures_per_scene,
     )
     camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
     with (arguments.out / "scenes.jsonl").open("a", encoding="utf-8") as stream:
@@ -313,7 +319,7 @@ def _look(
             box = seen.ship_box if shot.kind == "ship" else seen.bar_box
             row = None if box is None else _rows([box])[0]
             told.append((target, None if row is None or _over(row, partly) else row))
-    return SceneRecord(shot.number, shot.range_m, shot.visibility_m, first, boxes, tuple(told))
+    return SceneRecord(shot.number, shot.range_m, shot.visibility_m, len(shot.decoys), first, boxes, tuple(told))
 
 
 def _compressed(picture: Picture, quality: int) -> Picture:
@@ -359,12 +365,12 @@ def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
         bins = [item for item in table.bins if item.scenes]
         middle = [0.5 * (item.low_m + item.high_m) for item in bins]
         colour = colours.get(name, "#444444")
-        if name != "all":
+        if name in ("clear", "haze"):
             low = [max(item.recall - item.recall_low, 0.0) for item in bins]
             high = [max(item.recall_high - item.recall, 0.0) for item in bins]
             recall = [item.recall for item in bins]
             left.errorbar(middle, recall, (low, high), color=colour, capsize=2, label=f"{name}, one frame")
-        elif any(np.isfinite(item.confirmed) for item in bins):
+        elif name == "all" and any(np.isfinite(item.confirmed) for item in bins):
             left.plot(middle, [item.confirmed for item in bins], ":", color=colour, label="all, believed track")
         if name == "all":
             right.plot(middle, [item.centre_px for item in bins], color="#1f77b4", label="centre, median [px]")

@@ -30,6 +30,7 @@ class SceneRecord:
         number: of the scene.
         range_m: distance from the camera to the target's centre; as drawn, for an empty scene.
         visibility_m: of the scene's air.
+        decoys: number of things in sight that are not the target.
         target: the target's box in the first frame; None where it is not to be seen.
         boxes: all boxes of the first frame, down to a low confidence.
         told: for each frame the target's box and the box that a believed track gave.
@@ -38,6 +39,7 @@ class SceneRecord:
     number: int
     range_m: float
     visibility_m: float
+    decoys: int
     target: BoxRow | None
     boxes: tuple[SureBox, ...]
     told: tuple[tuple[BoxRow | None, SureBox | None], ...] = ()

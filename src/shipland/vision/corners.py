@@ -26,6 +26,7 @@ class Measured:
         corners_px: (n,4,2) undistorted.
         whiten: (n,8,8) [1/px] what turns deviations of a quadrilateral's (column, row) × four corners into standard
             deviations.
+        noise_px: standard deviation of a corner on either axis, about.
         growth: (n,4,2) how the corners move when all sides move outward by one; None when the method has no sides.
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
         held: a side lies along the picture's edge.
@@ -33,6 +34,7 @@ class Measured:
 
     corners_px: Array
     whiten: Array
+    noise_px: float
     growth: Array | None = None
     blur_px: float | None = None
     held: bool = False
@@ -78,7 +80,8 @@ def forstner_corners(image: Image, quads_px: Array, camera: Camera, parameters: 
         if np.max(np.abs(refined - start_px)) > max(2.0 * half, 3.0):
             return None
         corners[index] = camera.undistort(refined)
-    return Measured(corners, np.broadcast_to(np.eye(8) / parameters.corner_noise_px, (len(quads_px), 8, 8)))
+    noise_px = parameters.corner_noise_px
+    return Measured(corners, np.broadcast_to(np.eye(8) / noise_px, (len(quads_px), 8, 8)), noise_px)
 
 
 def edge_corners(
@@ -94,7 +97,7 @@ def edge_corners(
     met = None if fit is None else intersect_sides(fit)
     if fit is None or met is None:
         return None
-    return Measured(met.corners_px, met.whiten, met.growth, fit.blur_px, held is not None)
+    return Measured(met.corners_px, met.whiten, met.noise_px, met.growth, fit.blur_px, held is not None)
 
 
 def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:

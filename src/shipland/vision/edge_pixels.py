@@ -14,16 +14,13 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.frames import Array
 from shipland.vision.bar import Image
-from shipland.vision.sides import Sides, distort
+from shipland.vision.sides import MOST_ACROSS, Sides, distort
 
 _AXES = np.array([[0, 1, 2, 3, 4, 5], [1, 0, 3, 2, 5, 4]])
 """Order of three (column, row) pairs as (main axis, other axis), for flat sides and for steep ones."""
 
 _STATIONS = np.arange(24.0)
 """Most columns (rows, for steep sides) of pixels that one side is fitted to."""
-
-_MOST_ACROSS = 12
-"""Most pixels of a column on either side of the edge."""
 
 _LUMA_BGR = np.array([0.114, 0.587, 0.299])
 """ITU-R BT.601, the luma of JPEG and of most video."""
@@ -74,7 +71,7 @@ def edge_pixels(image: Image, sides: Sides, camera: Camera, half_px: Array) -> E
     spacing = (last - first) / np.maximum(count - 1.0, 1.0)
     station = np.rint(first + np.minimum(_STATIONS, count - 1.0) * spacing)
     along_px = (station - middle_main) / along_main
-    across = np.arange(-(reach := min(math.ceil(float(sides.reach_px.max())), _MOST_ACROSS)), reach + 1.0)
+    across = np.arange(-(reach := min(math.ceil(float(sides.reach_px.max())), MOST_ACROSS)), reach + 1.0)
     across = np.where(out_other >= 0.0, 1.0, -1.0)[..., None] * across
     if camera.has_distortion:
         lens = _lens(sides, along_px, steep, camera)
@@ -91,7 +88,8 @@ def edge_pixels(image: Image, sides: Sides, camera: Camera, half_px: Array) -> E
         along_px = along_px[..., None] + along_other[..., None] * from_other
     use = ((np.abs(out_px) <= (sides.reach_px + 0.5)[:, None, None]) & (count > _STATIONS)[..., None]).astype(float)
     height, width = image.shape[:2]
-    size_main, size_other = np.where(steep, height, width)[:, None], np.where(steep, width, height)[:, None, None]
+    size_main: Array = np.where(steep, float(height), float(width))[:, None]
+    size_other: Array = np.where(steep, float(width), float(height))[:, None, None]
     if np.any(station < 0.0) or np.any(station >= size_main) or np.any(other < 0.0) or np.any(other >= size_other):
         use *= ((station >= 0.0) & (station < size_main))[..., None] & (other >= 0.0) & (other < size_other)
         station, other = np.clip(station, 0.0, size_main - 1.0), np.clip(other, 0.0, size_other - 1.0)

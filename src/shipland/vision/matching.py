@@ -146,7 +146,7 @@ def _affine(turned: Array, plane_m: Array) -> Array:
     model = plane_m - plane_m.mean(axis=1, keepdims=True)
     picture = turned - turned.mean(axis=2, keepdims=True)
     normal = np.linalg.inv(np.einsum("nsa,nsb->nab", model, model))
-    return np.einsum("mnsa,nsb,nbc->mnac", picture, model, normal)
+    return np.asarray(np.einsum("mnsa,nsb,nbc->mnac", picture, model, normal), dtype=float)
 
 
 def _area(quads: Array) -> Array:

@@ -27,6 +27,13 @@ _CONTRADICTION_CHI2 = 20.0
 """What leaving the prior out must gain, and the corners must fit well without it: its angles are off by more than four
 standard deviations. Corners that fit badly either way prove nothing against it."""
 
+_CONTRADICTION_PX = 0.2
+"""Reprojection error with the prior that small systematic errors of the corners, which look like a tilt from far away,
+do not reach."""
+
+_CONTRADICTION_COSINE = float(np.cos(np.radians(30.0)))
+"""By more than this a prior is not thought wrong; rather is it another cue, of other proportions."""
+
 
 @dataclass(frozen=True)
 class Corners:
@@ -114,7 +121,14 @@ def solve(
     if prior is None or not solutions or solutions[0].chi2 < _DOUBTFUL_CHI2 * corners.plane_m.size:
         return solutions
     free = _solve(corners, camera, None)
-    if free and free[0].excess == 1.0 and solutions[0].chi2 - free[0].chi2 > _CONTRADICTION_CHI2:
+    contradicted = (
+        free
+        and free[0].excess == 1.0
+        and solutions[0].chi2 - free[0].chi2 > _CONTRADICTION_CHI2
+        and solutions[0].reprojection_px > _CONTRADICTION_PX
+        and float(free[0].camera_from_plane.rotation[:, 1] @ prior.down_in_camera) > _CONTRADICTION_COSINE
+    )
+    if contradicted:
         return free
     return solutions
 
@@ -139,7 +153,7 @@ def _solve(corners: Corners, camera: Camera, prior: LevelPrior | None) -> list[S
         refiner.plane, refiner.rays.reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
     )
     starts = [
-        Pose(cv2.Rodrigues(rotation)[0], translation.ravel())
+        Pose(np.asarray(cv2.Rodrigues(rotation)[0], float), np.asarray(translation, float).ravel())
         for rotation, translation in zip(rotations, translations, strict=True)
         if np.isfinite(rotation).all() and np.isfinite(translation).all() and translation[2] > 0.0
     ]
@@ -184,7 +198,7 @@ class _Refiner:
 
     def _rays_by_pixels(self) -> Array:
         """(2,2) that turns small steps (…,2) in pixels into steps of rays."""
-        return np.linalg.inv(self._to_pixels).T
+        return np.asarray(np.linalg.inv(self._to_pixels).T, dtype=float)
 
     def refine(self, starts: list[Pose]) -> list[Solution]:
         """The solutions from the starts; a start that diverges is left out."""
@@ -230,7 +244,7 @@ class _Refiner:
             camera_from_plane=pose,
             chi2=float(residual @ residual),
             prior_chi2=float(residual[self._size :] @ residual[self._size :]),
-            covariance=np.linalg.inv(jacobian.T @ jacobian),
+            covariance=np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=float),
             residual_px=(raw @ self._to_pixels.T).reshape(-1, 4, 2),
             freedom=self._rows - 6,
         )

@@ -127,12 +127,12 @@ def _snapped(quad: Array, width_px: int, height_px: int) -> Array | None:
     return snapped
 
 
-def _four_corners(hull: npt.NDArray[np.int32]) -> Array | None:
+def _four_corners(hull: cv2.typing.MatLike) -> Array | None:
     """The hull with its least sides left out, their neighbours prolonged, until four are left; clockwise."""
     polygon = cv2.approxPolyN(hull * _SUBPIXEL, 4, ensure_convex=True).reshape(-1, 2)
     if len(polygon) != 4:
         return None
-    corners = polygon / float(_SUBPIXEL)
+    corners = np.asarray(polygon, dtype=float) / _SUBPIXEL
     return corners if cv2.contourArea(polygon, oriented=True) > 0.0 else corners[::-1]
 
 

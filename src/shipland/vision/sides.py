@@ -16,6 +16,9 @@ from shipland.frames import Array
 
 _NEXT, _BEFORE = [1, 2, 3, 0], [3, 0, 1, 2]
 
+MOST_ACROSS = 12
+"""Most pixels that are taken across a side, inward or outward."""
+
 _QUARTER_TURN = np.array([1.0, -1.0])
 """(column, row) swapped and multiplied by this is the outward normal of a clockwise side."""
 
@@ -59,7 +62,8 @@ class Sides:
     def wider(self) -> Sides:
         """The same with pixels taken twice as far out, as far as the quadrilaterals allow."""
         shorter_px = self.length_px.reshape(-1, 4).min(axis=1).repeat(4)
-        reach_px = np.maximum(np.minimum(2.0 * self.reach_px, 0.42 * shorter_px), self.reach_px)
+        farthest_px = np.minimum(0.42 * shorter_px, MOST_ACROSS)
+        reach_px = np.maximum(np.minimum(2.0 * self.reach_px, farthest_px), self.reach_px)
         return replace(self, reach_px=reach_px)
 
     def moved(self, offset_px: Array, slope: Array) -> Sides:
@@ -108,11 +112,13 @@ class Meeting:
         whiten: (n,8,8) [1/px] what turns a deviation of a quadrilateral's corners into standard deviations of its
             sides' ends.
         growth: (n,4,2) how the corners move when all sides move outward by one.
+        noise_px: standard deviation of a side's end, root mean square.
     """
 
     corners_px: Array
     whiten: Array
     growth: Array
+    noise_px: float
 
 
 def intersect_sides(fit: SideFit) -> Meeting | None:
@@ -145,4 +151,4 @@ def intersect_sides(fit: SideFit) -> Meeting | None:
         whiten[:, side, 1, following] = by_second[:, side]
     normal_before = normal[:, _BEFORE]
     growth = (normal + normal_before) / (1.0 + (normal * normal_before).sum(axis=-1, keepdims=True))
-    return Meeting(corners_px, whiten.reshape(-1, 8, 8), growth)
+    return Meeting(corners_px, whiten.reshape(-1, 8, 8), growth, float(np.sqrt(np.vdot(first, first) / first.size)))

@@ -29,6 +29,9 @@ _CLEAR_CHI2 = 9.0
 _LEAST_SHARE = 1e-4
 """Probability of the other planar solution that still counts in the covariance."""
 
+_REPROJECTION_NOISE = 4.0
+"""Standard deviations of a corner that the reprojection error may reach besides."""
+
 _EDGE_PX = 1.0
 """How far beyond the picture's edge a side that seems to lie on it may be."""
 
@@ -143,9 +146,8 @@ class Judge:
             return Refusal.NO_SOLUTION
         taken = solutions[0]
         diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
-        if not taken.reprojection_px <= (
-            self._parameters.reprojection_px + self._parameters.reprojection_fraction * diagonal_px
-        ):
+        most_px = self._parameters.reprojection_px + self._parameters.reprojection_fraction * diagonal_px
+        if not taken.reprojection_px <= most_px + _REPROJECTION_NOISE * measured.noise_px:
             return Refusal.REPROJECTION
         if measured.held and self._beyond_edge(corners_px, taken.residual_px, evidence.image):
             return Refusal.CUT_BY_FRAME
