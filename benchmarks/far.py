@@ -30,7 +30,7 @@ RUNTIMES: tuple[tuple[str, Runtime, Precision], ...] = (
     ("ONNX Runtime fp32", "onnxruntime", "fp32"),
 )
 CONFIDENCE = 0.4
-SHARE_S = 3.0
+SHARE_S = 2.0
 """What one figure may cost."""
 
 

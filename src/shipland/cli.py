@@ -11,7 +11,8 @@ from typing import Annotated, Literal
 import tyro
 
 from shipland import __version__
-from shipland.errors import ShiplandError
+from shipland.errors import DataError, ShiplandError
+from shipland.learning.arguments import EvaluateArguments, SynthArguments, TrainArguments
 
 
 @dataclass(frozen=True)
@@ -177,6 +178,87 @@ class See:
 
 
 @dataclass(frozen=True)
+class Detect:
+    """Look for the ship or the bar with a learned detector in pictures and videos.
+
+    One JSON line a picture: file, boxes: [{x, y, w, h, confidence}] in pixels, x and y the left and top edge.
+
+    Example: shipland detect harbour.jpg film.mp4 --kind ship --json --out out/drawn
+    """
+
+    paths: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Pictures, folders of pictures, videos."""
+    kind: Literal["ship", "bar"] = "ship"
+    """What to look for, with the packaged weights."""
+    weights: Path | None = None
+    """Another detector's ONNX file."""
+    confidence: float | None = None
+    """Least confidence of a box."""
+    json: bool = False
+    """JSON lines instead of lines for people."""
+    out: Path | None = None
+    """Folder for the pictures and videos with boxes drawn."""
+    config: Path | None = None
+    """TOML laid over the detector's settings."""
+
+    def run(self) -> int:
+        """Look at every picture and say what is in it."""
+        from shipland.vision.detect_files import DetectRequest, detect_paths
+
+        request = DetectRequest(self.paths, self.kind, self.weights, self.confidence, self.out, config=self.config)
+        for result in detect_paths(request):
+            print(json.dumps(result.to_json()) if self.json else result.to_line(), flush=True)
+        return 0
+
+
+@dataclass(frozen=True)
+class Synth(SynthArguments):
+    """Make labelled pictures from the simulator's scene, in YOLO's layout; goes on where it was cut off.
+
+    Example: shipland synth --out out/ship --kind ship --count 5000 --crop-px 352
+    """
+
+    def run(self) -> int:
+        """Make them."""
+        from shipland.learning.synth import synth
+
+        print(synth(self))
+        return 0
+
+
+@dataclass(frozen=True)
+class Train(TrainArguments):
+    """Train a detector on labelled pictures in YOLO's layout (needs the extra `train`).
+
+    Example: shipland train --data out/ship --out out/run
+    """
+
+    def run(self) -> int:
+        """Train, evaluate, export."""
+        try:
+            from shipland.learning.train import train
+        except ModuleNotFoundError as error:
+            raise DataError(f"training needs {error.name}; install it with: pip install 'shipland[train]'") from None
+        print(train(self))
+        return 0
+
+
+@dataclass(frozen=True)
+class Evaluate(EvaluateArguments):
+    """Measure a detector on a labelled set, or on fresh scenes of the simulator over range.
+
+    Example: shipland evaluate --weights ship --kind ship --scenes 2000 --out out/evaluate
+    """
+
+    def run(self) -> int:
+        """Measure and print the tables."""
+        from shipland.learning.evaluate import evaluate
+
+        print(evaluate(self).text())
+        return 0
+
+
+@dataclass(frozen=True)
 class Scenarios:
     """List the packaged scenarios."""
 
@@ -204,6 +286,10 @@ Command = (
     | Annotated[Campaign, tyro.conf.subcommand("campaign")]
     | Annotated[Motion, tyro.conf.subcommand("motion")]
     | Annotated[See, tyro.conf.subcommand("see")]
+    | Annotated[Detect, tyro.conf.subcommand("detect")]
+    | Annotated[Synth, tyro.conf.subcommand("synth")]
+    | Annotated[Train, tyro.conf.subcommand("train")]
+    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Scenarios, tyro.conf.subcommand("scenarios")]
     | Annotated[Version, tyro.conf.subcommand("version")]
 )
@@ -211,7 +297,7 @@ Command = (
 
 def main() -> None:
     """Entry point: one line for every error of ours, exit 2; Ctrl-C leaves what was done in order, exit 130."""
-    command: Fly | Campaign | Motion | See | Scenarios | Version = tyro.cli(
+    command: Fly | Campaign | Motion | See | Detect | Synth | Train | Evaluate | Scenarios | Version = tyro.cli(
         Command,
         prog="shipland",
         description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.",

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pictures import foliage
 
+from pictures import foliage
 from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.rig import packaged_table

@@ -25,7 +25,9 @@ def test_help_imports_nothing_heavy():
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("command", ["fly", "campaign", "motion", "see", "scenarios"])
+@pytest.mark.parametrize(
+    "command", ["fly", "campaign", "motion", "see", "detect", "synth", "train", "evaluate", "scenarios"]
+)
 def test_help_teaches(command):
     done = shipland(command, "--help")
     assert done.returncode == 0

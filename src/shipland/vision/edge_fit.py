@@ -145,12 +145,13 @@ def _blur_px(values: Array, pixels: EdgePixels, ends: Array) -> float:
 
 
 def _rounding(pixels: EdgePixels, sides: Sides, half_px: Array, blur_px: float) -> Array:
-    """(s,station,1) what the blur leaves of the inside near a side's ends, where the neighbouring sides cut it off."""
-    along_px = pixels.along[:, :, pixels.along.shape[2] // 2] * half_px[:, None]
-    end_px = 0.5 * sides.length_px[:, None]
+    """(s,station,across) what the blur leaves of the inside near a side's ends, where its neighbours cut it off."""
     spread_px = math.sqrt(blur_px * blur_px + 1.0 / 12.0)
-    left = ndtr((along_px + end_px) / spread_px) + ndtr((end_px - along_px) / spread_px) - 1.0
-    return np.asarray(left[:, :, None])
+    along = pixels.along * (half_px / spread_px)[:, None, None]
+    end = (0.5 / spread_px * sides.length_px)[:, None, None]
+    left = ndtr(along + end)
+    left -= ndtr(along - end)
+    return np.asarray(left)
 
 
 def _fit(image: Image, sides: Sides, camera: Camera, floor_px: float, blur_px: float | None) -> SideFit | None:
@@ -228,8 +229,10 @@ def _fit_to(
     misfit2 = np.einsum("spx,spx,spx->s", residual, residual, pixels.use) - (step[0] * p + step[1] * q)
     noise2 = np.maximum(misfit2, 0.0) / np.maximum(np.einsum("spx->s", pixels.use) - 2.0, 1.0)
     misfit = math.sqrt(float(noise2.mean()))
+    # The levels inside and outside come from two pixels a column each, and shift the edge as they err.
+    levels2 = noise2 * pixels.columns / np.maximum(4.0 * a * a, 1e-9)
     noise2 *= scale
-    floor2 = floor_px**2 / pixels.columns
+    floor2 = floor_px**2 / pixels.columns + levels2
     variance = np.array([noise2 * c + floor2, -noise2 * b / half_px, (noise2 * a + 3.0 * floor2) / half_px**2])
     if sides.held is not None:
         ends[:, sides.held] = 0.0

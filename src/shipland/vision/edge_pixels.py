@@ -128,7 +128,7 @@ def contrast_direction(inside: Array, outside: Array, *, by_light: bool = False)
     difference = np.asarray(inside - outside, dtype=float)
     weights = _LUMA_BGR if by_light else difference
     size = float(difference @ weights)
-    if abs(size) < _LEAST_CONTRAST * math.sqrt(float(weights @ weights)):
+    if not abs(size) > _LEAST_CONTRAST * math.sqrt(float(weights @ weights)):
         return None
     return weights / size
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from shipland.frames import Array
 from shipland.vision.bar import Image, Region, watershed_region
