@@ -20,6 +20,9 @@ _GAIN_DONE = 0.03
 """The step that would lower the sum of squared standard deviations by less is the last one."""
 
 
+_NUDGE = 1e-7
+"""OpenCV's IPPE divides zero by zero on exact pixels of some symmetrical views: it gets them a little off then."""
+
 _DOUBTFUL_CHI2 = 2.5
 """Sum of squared standard deviations a coordinate, from which a prior is put to the test."""
 
@@ -149,17 +152,19 @@ def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: Leve
 
 def _solve(corners: Corners, camera: Camera, prior: LevelPrior | None) -> list[Solution]:
     refiner = _Refiner(corners, camera, prior)
-    found, rotations, translations, _ = cv2.solvePnPGeneric(
-        refiner.plane, refiner.rays.reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
-    )
-    starts = [
-        Pose(np.asarray(cv2.Rodrigues(rotation)[0], float), np.asarray(translation, float).ravel())
-        for rotation, translation in zip(rotations, translations, strict=True)
-        if np.isfinite(rotation).all() and np.isfinite(translation).all() and translation[2] > 0.0
-    ]
-    if not found or not starts:
-        return []
-    return sorted(refiner.refine(starts), key=lambda solution: solution.chi2)
+    for nudge in (0.0, _NUDGE):
+        rays = refiner.rays + nudge * np.sin(np.arange(refiner.rays.size)).reshape(-1, 2)
+        _, rotations, translations, _ = cv2.solvePnPGeneric(
+            refiner.plane, rays.reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+        )
+        starts = [
+            Pose(np.asarray(cv2.Rodrigues(rotation)[0], float), np.asarray(translation, float).ravel())
+            for rotation, translation in zip(rotations, translations, strict=True)
+            if np.isfinite(rotation).all() and np.isfinite(translation).all() and translation[2] > 0.0
+        ]
+        if starts:
+            return sorted(refiner.refine(starts), key=lambda solution: solution.chi2)
+    return []
 
 
 class _Refiner:
