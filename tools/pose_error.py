@@ -181,7 +181,7 @@ def plot(rows: list[list[float]], path: Path) -> None:
     axes[2].plot(values[:, 0], values[:, 11], "o-", label="position")
     axes[2].plot(values[:, 0], values[:, 12], "o-", label="yaw")
     axes[2].axhline(1.3, color="grey", linestyle="--", label="goal")
-    axes[2].set(title="error against the Cramér–Rao bound", ylim=(0.0, 2.0))
+    axes[2].set(title="error / Cramér–Rao bound", ylim=(0.0, 2.0))
     axes[2].legend()
     for axis in axes:
         axis.set_xlabel("range [m]")
