@@ -1,0 +1,370 @@
+"""The near chain on pictures: what it finds, what it refuses and why, and that nothing makes it raise."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+from pictures import (
+    GREEN,
+    SKY,
+    Look,
+    add_target,
+    bar_picture,
+    camera_from_bar,
+    decoys,
+    finish,
+    foliage,
+    paint,
+    project_plane,
+    rectangles,
+)
+from shipland.camera import Camera
+from shipland.config import build
+from shipland.frames import Pose
+from shipland.messages import Frame, GimbalAttitude
+from shipland.rig import Quad, Target, default_rig, packaged_table
+from shipland.vision.bar import coloured_window
+from shipland.vision.pipeline import NearVision, Refusal, VisionParameters
+
+PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
+BAR = default_rig().target
+SMALL = Camera.from_fov(640, 360, 38.0)  # the packaged focal length over a quarter of the picture: quick to paint
+LEVEL = GimbalAttitude(0.0, 0.0)
+QUIET = Look(0.45, 0.0)
+REASONS = {refusal.value for refusal in Refusal}
+
+
+def vision(target=BAR, camera=SMALL, **changes):
+    return NearVision(target, camera, replace(PARAMETERS, **changes))
+
+
+def look_at(eyes, image, t_s=0.0, gimbal=LEVEL):
+    return eyes.see(Frame(t_s, image, gimbal))
+
+
+def place(range_m, azimuth_deg=0.0, down=0.0):
+    azimuth = np.radians(azimuth_deg)
+    return range_m * np.array([-np.cos(azimuth), -np.sin(azimuth), down])
+
+
+def assert_pose(observation, position_in_bar_m, yaw_rad, sigmas=5.0):
+    assert observation.reason == ""
+    pose = observation.bar_pose
+    spread = np.sqrt(np.diag(pose.covariance))
+    error = np.append(pose.position_in_bar_m - position_in_bar_m, pose.yaw_rad - yaw_rad)
+    assert np.all(np.abs(error) < sigmas * spread + [2e-3, 2e-3, 2e-3, 1e-3]), (error, spread)
+
+
+@pytest.mark.parametrize("range_m", [1.6, 2.0, 4.0, 8.0, 12.0, 15.0, 18.0])
+@pytest.mark.parametrize("azimuth_deg", [0.0, -18.0])
+def test_the_bar_from_touchdown_to_18_m(range_m, azimuth_deg, rng, camera):
+    camera = camera if range_m < 3.0 else SMALL
+    where, yaw = place(range_m, azimuth_deg, 0.04), np.radians(azimuth_deg) + 0.01
+    image = bar_picture(BAR, camera, camera_from_bar(where, yaw), rng, Look(0.45, 1.5))
+    assert_pose(look_at(vision(camera=camera), image), where, yaw)
+
+
+@pytest.mark.parametrize("range_m", [2.0, 6.0])
+@pytest.mark.parametrize("azimuth_deg", [-40.0, 40.0])
+def test_40_degrees_off_the_axis(range_m, azimuth_deg, rng, camera):
+    where, yaw = place(range_m, azimuth_deg), np.radians(azimuth_deg)
+    image = bar_picture(BAR, camera, camera_from_bar(where, yaw), rng, QUIET)
+    assert_pose(look_at(vision(camera=camera), image), where, yaw)
+    as_printed = look_at(vision(camera=camera, screening="printed"), image)
+    assert (as_printed.reason == Refusal.SIDES_UNEQUAL.value) is (range_m < 3.0)  # 15 % longer on one side
+
+
+def test_over_the_deck_looking_up(rng, camera):
+    where, pitch = np.array([-2.0, 0.05, 0.7]), np.radians(19.0)
+    image = bar_picture(BAR, camera, camera_from_bar(where, -0.02, pitch), rng, QUIET)
+    for gimbal in (GimbalAttitude(0.0, pitch), GimbalAttitude(np.nan, 0.0), LEVEL):  # right, unknown, wrong
+        assert_pose(look_at(vision(camera=camera), image, gimbal=gimbal), where, -0.02)
+
+
+def test_a_rolled_camera(rng):
+    where = place(5.0, 10.0)
+    for roll in (-0.3, 0.3):
+        image = bar_picture(BAR, SMALL, camera_from_bar(where, 0.17, 0.0, roll), rng, QUIET)
+        assert_pose(look_at(vision(), image, gimbal=GimbalAttitude(roll, 0.0)), where, 0.17)
+
+
+TARGETS = {
+    "one": (rectangles((0.1, 0.0, 0.5, 0.7)), 3.5),
+    "leaning": (
+        Target(
+            (
+                Quad(((-0.59, -0.05), (-0.40, 0.0), (-0.54, 0.53), (-0.73, 0.48))),
+                Quad(((0.40, 0.0), (0.59, -0.05), (0.73, 0.48), (0.54, 0.53))),
+            )
+        ),
+        5.0,
+    ),
+    "unequal": (rectangles((-0.6, 0.0, 0.3, 0.4), (0.0, -0.3, 0.5, 0.2), (0.5, 0.2, 0.25, 0.25)), 5.0),
+    "ten": (rectangles(*((0.35 * i - 0.7, 0.3 * j, 0.2 + 0.02 * i, 0.15) for i in range(5) for j in range(2))), 5.0),
+}
+
+
+@pytest.mark.parametrize("name", list(TARGETS))
+def test_any_known_coplanar_quadrilaterals(name, rng):
+    target, range_m = TARGETS[name]
+    where = place(range_m, 15.0, 0.05)
+    image = bar_picture(target, SMALL, camera_from_bar(where, 0.25), rng, QUIET)
+    observation = look_at(vision(target), image)
+    assert_pose(observation, where, 0.25)
+    truth = project_plane(target.points_in_bar_m[:, 1:], SMALL, camera_from_bar(where, 0.25))
+    assert np.abs(observation.bar_pose.corners_px - truth).max() < 0.1  # px, in the target's own order
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"watershed": "always"},
+        {"corners": "forstner"},
+        {"watershed": "always", "corners": "forstner", "screening": "printed"},
+    ],
+    ids=["watershed", "forstner", "as published"],
+)
+def test_the_published_parts_work(changes, rng):
+    where = place(5.0, 8.0)
+    image = bar_picture(BAR, SMALL, camera_from_bar(where, 0.14), rng, Look(0.6, 1.5))
+    assert_pose(look_at(vision(**changes), image), where, 0.14)
+
+
+@pytest.mark.parametrize("kind", ["rectangles", "shapes", "foliage"])
+@pytest.mark.parametrize("gimbal_noise_rad", [0.001, 0.0])
+def test_no_pose_without_the_cue(kind, gimbal_noise_rad, rng):
+    eyes = vision(gimbal_noise_rad=gimbal_noise_rad)
+    for _ in range(25):
+        canvas = foliage(SMALL, rng, rng.uniform(0.1, 0.8)) if kind == "foliage" else decoys(SMALL, kind, rng)
+        eyes.reset()
+        observation = look_at(eyes, finish(canvas, rng, Look(noise=1.0)))
+        assert observation.bar_pose is None
+        assert observation.reason in REASONS
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        rectangles((-0.3, 0.0, 0.45, 0.15), (0.3, 0.0, 0.45, 0.15)),
+        rectangles((-0.5, 0.0, 0.45, 0.15), (0.5, 0.0, 0.45, 0.15)),
+        rectangles((-0.375, 0.0, 0.3, 0.15), (0.375, 0.0, 0.3, 0.15)),
+        rectangles((-0.375, 0.0, 0.45, 0.25), (0.375, 0.0, 0.45, 0.25)),
+        rectangles((-0.375, -0.1, 0.45, 0.15), (0.375, 0.1, 0.45, 0.15)),
+        rectangles((0.0, 0.0, 0.45, 0.15)),
+    ],
+    ids=["narrower", "wider", "shorter", "higher", "askew", "half"],
+)
+def test_a_bar_of_other_dimensions_is_not_the_bar(other, rng):
+    for range_m, azimuth_deg in ((3.0, 0.0), (6.0, 20.0), (14.0, -10.0)):
+        pose = camera_from_bar(place(range_m, azimuth_deg), np.radians(azimuth_deg))
+        observation = look_at(vision(), bar_picture(other, SMALL, pose, rng, QUIET))
+        assert observation.bar_pose is None
+        assert observation.reason in REASONS
+
+
+def shifted(pose, right_m):
+    return pose @ Pose(np.eye(3), np.array([0.0, right_m, 0.0]))
+
+
+def two_bars(rng, pose, others):
+    canvas = np.empty((SMALL.height_px, SMALL.width_px, 3))
+    canvas[:] = SKY
+    for other in (pose, *others):
+        add_target(canvas, BAR, SMALL, other, QUIET)
+    return finish(canvas, rng, QUIET)
+
+
+def test_of_two_bars_the_nearest_or_the_one_followed(rng):
+    pose = camera_from_bar(place(9.0), 0.0)
+    # The second one stands 1.7 m to the right and 0.6 m farther off.
+    far = pose @ Pose(np.eye(3), np.array([0.6, 1.7, 0.0]))
+    image = two_bars(rng, pose, [far])
+    nearest = look_at(vision(), image)
+    assert_pose(nearest, place(9.0), 0.0)
+    assert look_at(vision(several_cues="refuse"), image).reason == Refusal.AMBIGUOUS.value
+    eyes = vision()
+    look_at(eyes, bar_picture(BAR, SMALL, far, rng, QUIET), 0.0)
+    followed = look_at(eyes, image, 0.03)
+    assert followed.bar_pose.position_in_bar_m[1] == pytest.approx(-1.7, abs=0.05)
+
+
+def test_tracking_gives_what_searching_gives(rng):
+    eyes = vision()
+    for step in range(12):
+        where, yaw = place(9.0 - 0.2 * step, 10.0 - step, 0.05), np.radians(10.0 - step) + 0.05
+        image = bar_picture(BAR, SMALL, camera_from_bar(where, yaw), rng, Look(0.45, 1.5))
+        followed, fresh = look_at(eyes, image, 0.1 * step), look_at(vision(), image)
+        assert_pose(followed, where, yaw)
+        spread = np.sqrt(np.diag(fresh.bar_pose.covariance))[:3]
+        apart = followed.bar_pose.position_in_bar_m - fresh.bar_pose.position_in_bar_m
+        assert np.all(np.abs(apart) < 0.3 * spread + 1e-4)
+
+
+def test_a_steady_pan_is_followed_without_searching(rng, monkeypatch):
+    searched = []
+    monkeypatch.setattr(
+        "shipland.vision.pipeline.coloured_window", lambda *given: searched.append(1) or coloured_window(*given)
+    )
+    eyes = vision()
+    for step in range(7):
+        yaw = 0.2 - 0.066 * step  # 61 px a frame, beyond the region's margin
+        image = bar_picture(BAR, SMALL, camera_from_bar(place(9.0), yaw), rng, QUIET)
+        assert_pose(look_at(eyes, image, 0.05 * step), place(9.0), yaw)
+    assert len(searched) == 2  # to find it, and to see how fast it moves
+
+
+def test_a_jump_out_of_the_tracked_region_is_found_in_the_whole_picture(rng):
+    eyes = vision()
+    for t_s, right_m in ((0.0, -1.0), (0.03, 1.0)):
+        where = np.array([-7.0, right_m, 0.0])
+        assert_pose(look_at(eyes, bar_picture(BAR, SMALL, camera_from_bar(where), rng, QUIET), t_s), where, 0.0)
+
+
+@pytest.mark.parametrize("t_s", [-1.0, 0.0, 0.5, 100.0, np.nan, np.inf])
+def test_odd_times_do_not_matter(t_s, rng):
+    eyes, where = vision(), place(6.0)
+    image = bar_picture(BAR, SMALL, camera_from_bar(where), rng, QUIET)
+    for time in (0.2, t_s, 0.3):
+        assert_pose(look_at(eyes, image, time), where, 0.0)
+
+
+def test_refusals_say_why(rng):
+    plain = np.full((360, 640, 3), 128, np.uint8)
+    assert look_at(vision(), None).reason == Refusal.NO_PICTURE.value
+    assert look_at(vision(), plain[:100]).reason == Refusal.WRONG_SIZE.value
+    assert look_at(vision(), plain).reason == Refusal.NOTHING_GREEN.value
+    far = bar_picture(BAR, SMALL, camera_from_bar(place(9.0)), rng, QUIET)
+    assert look_at(vision(max_distance_m=8.0), far).reason == Refusal.OUT_OF_REACH.value
+    wider = rectangles((-0.42, 0.0, 0.45, 0.15), (0.42, 0.0, 0.45, 0.15))  # a gap of 0.39 m, not 0.30 m
+    misfit = bar_picture(wider, SMALL, camera_from_bar(place(9.0)), rng, QUIET)
+    assert look_at(vision(), misfit).reason == Refusal.REPROJECTION.value
+    assert look_at(
+        vision(), bar_picture(BAR, SMALL, camera_from_bar(place(9.0), 0.0, 0.0, 0.8), rng, QUIET)
+    ).reason == (Refusal.NO_MATCH.value)
+    aslant = bar_picture(BAR, SMALL, camera_from_bar(place(5.0, 56.0), np.radians(56.0)), rng, QUIET)
+    assert look_at(vision(), aslant).reason == Refusal.OUT_OF_REACH.value
+    disc = np.zeros_like(plain)
+    cv2.circle(disc, (300, 200), 40, (60, 190, 70), cv2.FILLED)
+    assert look_at(vision(), disc).reason == Refusal.NO_QUADRILATERAL.value
+
+
+CUTS = {  # the bar 3 m away, turned to an edge until the edge cuts it
+    "left": (0.43, 0.0),
+    "right": (-0.43, 0.0),
+    "above": (0.0, -0.19),
+    "below": (0.0, 0.19),
+}
+
+
+@pytest.mark.parametrize("edge", list(CUTS))
+def test_a_bar_cut_by_the_edge_is_refused_by_name(edge, rng):
+    yaw, pitch = CUTS[edge]
+    image = bar_picture(BAR, SMALL, camera_from_bar(place(3.0), yaw, pitch), rng, QUIET)
+    observation = look_at(vision(), image, gimbal=GimbalAttitude(0.0, pitch))
+    assert observation.reason == Refusal.CUT_BY_FRAME.value
+
+
+def test_a_rectangle_and_the_rest_of_the_other_are_enough(rng):
+    # The left rectangle is whole; the edge cuts the right one where the left one's pose foresees it.
+    where, yaw = place(3.0), -0.16
+    image = bar_picture(BAR, SMALL, camera_from_bar(where, yaw), rng, QUIET)
+    observation = look_at(vision(), image)
+    assert observation.bar_pose.corners_px.shape == (4, 2)
+    assert_pose(observation, where, yaw)
+
+
+@pytest.mark.parametrize("right_px", [580.0, 640.0])
+def test_something_green_at_the_edge_is_not_the_rest_of_the_bar(right_px, rng):
+    # The left rectangle is whole, the right one outside; what the edge cuts is another thing, elsewhere or too small.
+    where, yaw = place(3.0), -0.3
+    canvas = bar_picture(BAR, SMALL, camera_from_bar(where, yaw), rng, QUIET).astype(float)
+    paint(canvas, [(right_px - 40, 300), (right_px, 300), (right_px, 400), (right_px - 40, 400)], GREEN, 2)
+    paint(canvas, [(620, 100), (700, 100), (700, 140), (620, 140)], GREEN, 2)
+    observation = look_at(vision(), finish(canvas, rng, QUIET))
+    assert observation.bar_pose is None
+
+
+def test_a_lone_rectangle_is_used_only_when_it_was_followed(rng):
+    # The left rectangle alone is in the picture.
+    where, whole, part = place(3.0), -0.02, -0.3
+    lone = bar_picture(BAR, SMALL, camera_from_bar(where, part), rng, QUIET)
+    assert look_at(vision(), lone).bar_pose is None
+    eyes = vision()
+    for step, yaw in enumerate(np.linspace(whole, part, 12)):
+        observation = look_at(eyes, bar_picture(BAR, SMALL, camera_from_bar(where, yaw), rng, QUIET), 0.05 * step)
+    assert_pose(observation, where, part)
+
+
+def test_a_bar_that_just_touches_the_edge_is_whole(rng):
+    target = rectangles((0.0, 0.0, 0.5, 0.7))
+    pose = camera_from_bar(place(3.0), 0.0)
+    low = project_plane([(0.0, 0.35)], SMALL, pose)[0, 1]
+    for beyond_px, found in ((0.0, True), (25.0, False)):
+        pitch = np.arctan2(SMALL.height_px - 0.5 + beyond_px - SMALL.matrix[1, 2], SMALL.focal_px) - np.arctan2(
+            low - SMALL.matrix[1, 2], SMALL.focal_px
+        )
+        image = bar_picture(target, SMALL, camera_from_bar(place(3.0), 0.0, pitch), rng, QUIET)
+        observation = look_at(vision(target), image, gimbal=GimbalAttitude(0.0, pitch))
+        assert (observation.bar_pose is not None) is found
+        assert found or observation.reason == Refusal.CUT_BY_FRAME.value
+
+
+ODD = {
+    "one pixel": np.zeros((1, 1, 3), np.uint8),
+    "one row": np.full((1, 640, 3), (60, 190, 70), np.uint8),
+    "empty": np.zeros((0, 0, 3), np.uint8),
+    "all green": np.full((360, 640, 3), (60, 190, 70), np.uint8),
+    "20 megapixels": np.full((3648, 5472, 3), (60, 190, 70), np.uint8),
+    "noise": np.random.default_rng(0).integers(0, 255, (360, 640, 3), dtype=np.uint8),
+    "stripes": np.tile(np.array([[60, 190, 70]] * 8 + [[0, 0, 0]] * 8, np.uint8), (360, 40, 1)),
+    "not contiguous": np.zeros((720, 1280, 3), np.uint8)[::2, ::2],
+    # A frame checks what it carries; what gets past it is refused all the same.
+    "one channel": np.zeros((360, 640), np.uint8),
+    "four channels": np.zeros((360, 640, 4), np.uint8),
+    "16 bits": np.zeros((360, 640, 3), np.uint16),
+    "not a number": np.full((360, 640, 3), np.nan),
+}
+
+
+@pytest.mark.parametrize("name", list(ODD))
+def test_odd_pictures_are_refused_in_words(name):
+    image = ODD[name]
+    cameras = [SMALL]
+    if image.ndim == 3 and image.size:
+        cameras.append(Camera.from_fov(image.shape[1], image.shape[0], 60.0))
+    for camera in cameras:
+        eyes = vision(camera=camera)
+        for t_s in (0.0, 0.1):
+            observation = eyes.see(SimpleNamespace(t_s=t_s, image=image, gimbal=LEVEL))
+            assert observation.bar_pose is None
+            assert observation.reason in REASONS
+
+
+@pytest.mark.parametrize(
+    "gimbal", [GimbalAttitude(np.nan, np.nan), GimbalAttitude(np.inf, 0.0), GimbalAttitude(9.0, -7.0)]
+)
+def test_odd_gimbals_do_not_matter(gimbal, rng):
+    where = place(4.0, 10.0)
+    image = bar_picture(BAR, SMALL, camera_from_bar(where, 0.17), rng, QUIET)
+    observation = look_at(vision(), image, gimbal=gimbal)
+    assert_pose(observation, where, 0.17)
+
+
+def test_any_bytes_at_all(rng):
+    eyes = vision(camera=Camera.from_fov(64, 48, 60.0))
+    for index in range(150):
+        blocks = rng.integers(0, 255, (12, 16, 3), dtype=np.uint8)
+        blocks[rng.random((12, 16)) < 0.4] = (60, 190, 70)
+        image = cv2.resize(blocks, (64, 48), interpolation=int(rng.choice([cv2.INTER_NEAREST, cv2.INTER_LINEAR])))
+        observation = look_at(eyes, image, 0.03 * index, GimbalAttitude(0.0, 0.0))
+        assert (observation.bar_pose is None) == (observation.reason in REASONS)
+
+
+def test_the_same_picture_gives_the_same_bits(rng):
+    image = bar_picture(BAR, SMALL, camera_from_bar(place(5.0)), rng, Look(0.45, 2.0))
+    first, second = (look_at(vision(), image).bar_pose for _ in range(2))
+    assert np.array_equal(first.corners_px, second.corners_px)
+    assert np.array_equal(first.covariance, second.covariance)
