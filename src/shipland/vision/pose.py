@@ -117,9 +117,9 @@ def solve(
             refinement starts from.
     """
     if prior is not None and near is not None:
-        solutions = _Refiner(corners, camera, prior).refine([near])
-        if solutions and solutions[0].chi2 < _DOUBTFUL_CHI2 * corners.plane_m.size:
-            return solutions
+        followed = _Refiner(corners, camera, prior).follow(near)
+        if followed is not None and followed.chi2 < _DOUBTFUL_CHI2 * corners.plane_m.size:
+            return [followed]
     solutions = _solve(corners, camera, prior)
     if prior is None or not solutions or solutions[0].chi2 < _DOUBTFUL_CHI2 * corners.plane_m.size:
         return solutions
@@ -192,7 +192,7 @@ class _Refiner:
             self._whiten[first : first + 8, first : first + 8] = block
         if corners.common_px is not None:
             # W' of the covariance (WᵀW)⁻¹ + c cᵀ is (1 − k v vᵀ) W, with v = W c.
-            common = self._whiten @ (corners.common_px.reshape(-1, 2) @ self._rays_by_pixels()).ravel()
+            common = (corners.whiten @ corners.common_px.reshape(-1, 8, 1)).ravel()
             length2 = max(float(common @ common), 1e-12)
             share = (1.0 - (1.0 + length2) ** -0.5) / length2
             self._whiten -= np.outer(share * common, common @ self._whiten)
@@ -201,9 +201,39 @@ class _Refiner:
         if prior is not None:
             self._across = _perpendicular(prior.down_in_camera) / prior.noise_rad
 
-    def _rays_by_pixels(self) -> Array:
-        """(2,2) that turns small steps (…,2) in pixels into steps of rays."""
-        return np.asarray(np.linalg.inv(self._to_pixels).T, dtype=float)
+    def follow(self, near: Pose) -> Solution | None:
+        """The solution from a pose not far off; None when that does not lead straight to one.
+
+        The rotation is kept for a start, with the translation that suits it best: for a known rotation it is linear.
+        """
+        rotation, translation = near.rotation, self._translation(near.rotation)
+        if translation is None:
+            return None
+        (residual,), (jacobian,), (raw,) = self.linearise(rotation[None], translation[None])
+        for _ in range(_STEPS):
+            gradient = residual @ jacobian
+            step = -np.linalg.solve(jacobian.T @ jacobian, gradient)
+            gain = -float(step @ gradient)
+            rotation, translation = cv2.Rodrigues(step[:3])[0] @ rotation, translation + step[3:]
+            if gain < _GAIN_DONE:
+                return self.solution(Pose(rotation, translation), residual, jacobian, raw)
+            before = float(residual @ residual)
+            (residual,), (jacobian,), (raw,) = self.linearise(rotation[None], translation[None])
+            if not residual @ residual <= before:
+                return None
+        return None
+
+    def _translation(self, rotation: Array) -> Array | None:
+        """The translation (3,) with which rays meet the plane best, unweighted; None when it is behind the camera."""
+        arms = self.plane @ rotation.T
+        depth = arms[:, 2]
+        u, v = self.rays.T
+        aim_u, aim_v = u * depth - arms[:, 0], v * depth - arms[:, 1]
+        sum_u, sum_v = float(u.sum()), float(v.sum())
+        square = float(u @ u + v @ v)
+        normal = np.array([[len(u), 0.0, -sum_u], [0.0, len(u), -sum_v], [-sum_u, -sum_v, square]])
+        translation = np.linalg.solve(normal, [aim_u.sum(), aim_v.sum(), -(u @ aim_u) - v @ aim_v])
+        return translation if translation[2] > 0.0 else None
 
     def refine(self, starts: list[Pose]) -> list[Solution]:
         """The solutions from the starts; a start that diverges is left out."""

@@ -8,8 +8,11 @@ import numpy.typing as npt
 from shipland.frames import Array
 from shipland.vision.parameters import VisionParameters
 
+_NOISE = 4.0
+"""Standard deviations of a corner that a side's end may be off besides."""
 
-def sides_agree(measured_px: Array, foreseen_px: Array, parameters: VisionParameters) -> bool:
+
+def sides_agree(measured_px: Array, foreseen_px: Array, noise_px: float, parameters: VisionParameters) -> bool:
     """Whether opposite sides agree within ±10 % in length and ±5 % in slope.
 
     As printed, the lengths of opposite sides are compared with each other, and so are their slopes, here each against
@@ -21,13 +24,14 @@ def sides_agree(measured_px: Array, foreseen_px: Array, parameters: VisionParame
     Args:
         measured_px: (k,4,2) corners, clockwise from the first.
         foreseen_px: (k,4,2) the same corners projected with the pose.
+        noise_px: standard deviation of a measured corner; four of them are allowed besides.
         parameters: reading and tolerances.
     """
     ratio, shorter_px = _opposites(measured_px)
     if parameters.screening == "perspective":
         ratio = ratio / _opposites(foreseen_px)[0]
     # Corners of a small rectangle are not known finely enough for the fractions to mean anything.
-    unsure = parameters.screening_px / np.minimum(shorter_px, 1e6)
+    unsure = (parameters.screening_px + _NOISE * noise_px) / np.minimum(shorter_px, 1e6)
     length = np.abs(ratio)
     slope = np.abs(ratio.imag) / np.maximum(ratio.real, 1e-9)
     tolerance = 1.0 + np.maximum(parameters.length_tolerance, unsure)

@@ -151,7 +151,7 @@ class Judge:
             return Refusal.REPROJECTION
         if measured.held and self._beyond_edge(corners_px, taken.residual_px, evidence.image):
             return Refusal.CUT_BY_FRAME
-        if not sides_agree(corners_px, corners_px + taken.residual_px, self._parameters):
+        if not sides_agree(corners_px, corners_px + taken.residual_px, measured.noise_px, self._parameters):
             return Refusal.SIDES_UNEQUAL
         if not self._within_reach(taken.camera_from_plane):
             return Refusal.OUT_OF_REACH
