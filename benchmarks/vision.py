@@ -1,7 +1,7 @@
 """Time of the near vision on rendered pictures: `python benchmarks/vision.py [--rounds 60]`.
 
 One core. Searching the whole picture, and following in a region around the last pose, at several ranges; and with parts
-of the published chain. Each figure is the median over rounds of one picture after the other, in milliseconds; wall time,
+of the published chain. Each figure is the median over rounds of one picture after the other, in ms; wall time,
 and the process's own CPU time, which other work on the machine disturbs less.
 """
 

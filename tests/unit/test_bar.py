@@ -77,8 +77,7 @@ def test_every_second_pixel_shows_where_the_regions_are(seed):
     for _ in range(rng.integers(0, 5)):
         left, top = rng.integers(0, [150, 110])
         image[top : top + rng.integers(1, 30), left : left + rng.integers(1, 60)] = GREEN
-    monkeypatch.setattr("shipland.vision.bar._SMALL_PX", 0)
-    window = coloured_window(image, Window.whole(image), PARAMETERS)
+    window = coloured_window(image, PARAMETERS)
     found = [] if window.empty else find_regions(image, window, PARAMETERS)
     every = regions_of(image)
     assert [region.contour_px.tolist() for region in found] == [region.contour_px.tolist() for region in every]
