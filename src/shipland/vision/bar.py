@@ -13,9 +13,6 @@ from shipland.vision.parameters import VisionParameters
 
 Image = npt.NDArray[np.uint8]
 
-_SMALL_PX = 50_000
-"""Pixels of a window that are gated at once rather than looked over first."""
-
 
 @dataclass(frozen=True)
 class Window:
@@ -68,30 +65,30 @@ class Region:
 def gate(image: Image, parameters: VisionParameters) -> Image:
     """The colour gate [Lee2022, §Image Filtering]: (H,W) 0 or 255."""
     hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
-    (hue, hues), (saturation, saturations), (value, values) = parameters.hue, parameters.saturation, parameters.value
-    return np.asarray(cv2.inRange(hsv, (hue, saturation, value), (hues, saturations, values)), np.uint8)
+    bands = (parameters.hue, parameters.saturation, parameters.value)
+    low, high = np.array([band[0] for band in bands]), np.array([band[1] for band in bands])
+    return np.asarray(cv2.inRange(hsv, low, high), np.uint8)
 
 
-def coloured_window(image: Image, window: Window, parameters: VisionParameters) -> Window:
-    """The part of a window that holds all its coloured regions; empty when there are none.
+def coloured_window(image: Image, parameters: VisionParameters) -> Window:
+    """The part of a picture that holds all its coloured regions; empty when there are none.
 
     Every second pixel of every second row is looked at: opening leaves nothing that has none of them. When they are all
-    over the window, all of it is the answer; so it is where a smaller one would not pay.
+    over the picture, so is the window.
     """
-    width, height = window.right - window.left, window.bottom - window.top
-    if width * height < _SMALL_PX:
-        return window
-    part = window.of(image)[: height & ~1, : width & ~1]
-    few = cv2.resize(part, (width // 2, height // 2), interpolation=cv2.INTER_NEAREST)
+    height, width = image.shape[:2]
+    if width < 64 or height < 64:
+        return Window.whole(image)
+    few = cv2.resize(image[: height & ~1, : width & ~1], (width // 2, height // 2), interpolation=cv2.INTER_NEAREST)
     left, top, across, down = cv2.boundingRect(gate(np.asarray(few, np.uint8), parameters))
     if across == 0 or down == 0:
         return Window(0, 0, 0, 0)
     margin = parameters.kernel_px + 2
     return Window(
-        max(window.left + 2 * left - margin, window.left),
-        max(window.top + 2 * top - margin, window.top),
-        min(window.left + 2 * (left + across) + margin, window.right),
-        min(window.top + 2 * (top + down) + margin, window.bottom),
+        max(2 * left - margin, 0),
+        max(2 * top - margin, 0),
+        min(2 * (left + across) + margin, width),
+        min(2 * (top + down) + margin, height),
     )
 
 

@@ -77,7 +77,7 @@ class NearVision:
         if predicted_px is not None:
             found = self._look(self._around(predicted_px), predicted_px, evidence, parts=False)
         if isinstance(found, Refusal):
-            found = self._look(Window.whole(image), predicted_px, evidence, parts=True)
+            found = self._look(coloured_window(image, self._parameters), predicted_px, evidence, parts=True)
         if isinstance(found, Sighting):
             self._remember(frame.t_s, found)
         return found
@@ -86,9 +86,6 @@ class NearVision:
         self, window: Window, predicted_px: Array | None, evidence: Evidence, *, parts: bool
     ) -> Sighting | Refusal:
         """The cue in a part of the picture; `parts` says whether a cue that is not whole will do."""
-        if window.empty:
-            return Refusal.NOTHING_GREEN
-        window = coloured_window(evidence.image, window, self._parameters)
         if window.empty:
             return Refusal.NOTHING_GREEN
         regions = find_regions(evidence.image, window, self._parameters)
