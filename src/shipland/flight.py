@@ -87,6 +87,7 @@ def fly(
             observation = crew.vision.see(frame)
             seen_s = clock()
             ready_s = telemetry.t_s + crew.delays.processing_s(observation, seen_s - read_s)
+            telemetry = vehicle.telemetry_at(ready_s)
             decision = crew.pilot.decide(observation, telemetry, ready_s)
             decision = crew.safety.check(decision, observation, telemetry)
             vehicle.send(decision.command)

@@ -126,6 +126,7 @@ class Observation:
         bar_box: from the bar detector (mode 3).
         ship_box: from the ship detector (mode 4).
         reason: why there is no pose, in words; empty when there is one.
+        learned: a learned detector ran on the frame, whatever it found; cycles are timed by it.
     """
 
     t_s: float
@@ -134,6 +135,7 @@ class Observation:
     bar_box: Box | None = None
     ship_box: Box | None = None
     reason: str = ""
+    learned: bool = False
 
 
 class Intent(enum.Enum):

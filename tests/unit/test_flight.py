@@ -35,6 +35,9 @@ class Recorded:
         t_s = index / 30.0
         return Frame(t_s, None, LEVEL), Telemetry(t_s + 0.1, 0.0, 0.0, 0.0, 1.0, np.zeros(3), 90.0, 90.0, True)
 
+    def telemetry_at(self, t_s):
+        return Telemetry(t_s, 0.0, 0.0, 0.0, 1.0, np.zeros(3), 90.0, 90.0, True)
+
     def send(self, command):
         self.commands.append(command)
 

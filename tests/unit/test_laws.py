@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipland.config import build
+from shipland.guidance.far import FarParameters
 from shipland.guidance.laws import FarGains, NearGains, NearMemory, derivative_gain, exponential_law, near_law
 from shipland.guidance.near import NearParameters
-from shipland.guidance.pilot import FarParameters
 from shipland.rig import packaged_table
 
 TABLE_1 = {  # [Lee2022, Table 1]: m, a, c, d

@@ -58,7 +58,7 @@ def test_a_glimpse_is_not_enough():
 
 def test_loss_leads_to_mode_5_then_search_far_away():
     memory, now_s = run(ModeMemory(), 0.0, 2.0, ship=True)
-    memory, now_s = run(memory, now_s, 1.5)
+    memory, now_s = run(memory, now_s, PARAMETERS.lost_box_s + 1.0)
     assert memory.mode is Mode.NO_VISION
     assert memory.reason == "no green in the picture"
     memory, now_s = run(memory, now_s, PARAMETERS.memory_s + 1.0)

@@ -1,12 +1,15 @@
 """The published pilot: every stick moves the right way, and a simple aircraft under it comes to its place."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from shipland.camera import Camera
 from shipland.config import build
 from shipland.frames import rotation_from_euler
+from shipland.guidance.far import far_control
 from shipland.guidance.near import PublishedNear
 from shipland.guidance.pilot import GuidanceParameters, ModePilot
 from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Mode, Observation, Telemetry
@@ -14,6 +17,7 @@ from shipland.rig import default_rig, packaged_table
 
 PARAMETERS = build(GuidanceParameters, packaged_table("guidance"))
 RIG = default_rig()
+CAMERA = Camera.from_fov(1280, 720, 69.0)
 CAMERA_IN_BODY_M = np.array([0.09, 0.0, 0.0])
 HOVER_IN_BAR_M = RIG.deck_in_bar_m - np.array([0.0, 0.0, PARAMETERS.approach.hover_height_m])
 LEVEL = GimbalAttitude(0.0, 0.0)
@@ -21,7 +25,8 @@ STEP_S = 1.0 / 30.0
 
 
 def paper_pilot():
-    return ModePilot(PARAMETERS, RIG, CAMERA_IN_BODY_M, PublishedNear(PARAMETERS.near))
+    far = far_control("exponential", "growing", PARAMETERS.far_baselines, PARAMETERS.near, CAMERA.focal_px)
+    return ModePilot(PARAMETERS, RIG, CAMERA, CAMERA_IN_BODY_M, far, PublishedNear(PARAMETERS.near))
 
 
 def pose_of(aircraft_in_bar_m, yaw_rad=0.0):
@@ -48,8 +53,8 @@ def settled(aircraft_in_bar_m, yaw_rad=0.0, cycles=30, pilot=None, start_s=0.0):
     [
         ((-2.0, 0.0, 0.0), "pitch_percent", 1),
         ((2.0, 0.0, 0.0), "pitch_percent", -1),
-        ((0.0, -1.0, 0.0), "roll_percent", 1),
-        ((0.0, 1.0, 0.0), "roll_percent", -1),
+        ((0.0, -0.7, 0.0), "roll_percent", 1),
+        ((0.0, 0.7, 0.0), "roll_percent", -1),
         ((0.0, 0.0, 1.0), "heave_percent", 1),
         ((0.0, 0.0, -1.0), "heave_percent", -1),
     ],
@@ -64,6 +69,16 @@ def test_stick_leads_back_to_the_place_wanted(offset_m, stick, sign):
 def test_nose_right_of_the_bar_turns_left():
     command = settled(HOVER_IN_BAR_M, yaw_rad=math.radians(10.0)).command
     assert command.yaw_percent == pytest.approx(-55.0, abs=3.0)  # K_P 5.5 %/° and a little integral
+
+
+def test_nose_turns_to_the_axis_only_as_far_as_the_bar_stays_in_the_picture():
+    # 10 m astern and 10 m right: the bar lies 45° left of its axis, 20° are allowed off the picture's middle
+    place_m = np.array([-10.0, 10.0, 0.0])
+    widest_rad = math.radians(PARAMETERS.approach.max_bearing_deg)
+    towards = settled(place_m, yaw_rad=-math.pi / 4).command.yaw_percent
+    resting = settled(place_m, yaw_rad=-math.pi / 4 + widest_rad).command.yaw_percent
+    assert towards > 50.0
+    assert resting == pytest.approx(0.0, abs=5.0)
 
 
 def test_error_is_flown_in_the_aircrafts_own_axes():
@@ -116,7 +131,42 @@ def test_boxes_fly_the_far_laws():
     assert decision.mode is Mode.TRACK_SHIP
     assert decision.command.pitch_percent == pytest.approx(0.008 * (5000.0 - 400.0))
     assert decision.command.roll_percent == 100.0  # 1.2 · (exp(1.58) − 1) · 100, clamped
-    assert decision.command.heave_percent == 0.0
+    assert decision.command.heave_percent == pytest.approx(0.0, abs=0.1)  # the setpoint is the row 360 of the paper
+    assert abs(decision.command.yaw_percent) > 10.0  # the nose turns to where the ship was first seen
+
+
+def test_far_heading_is_held_from_the_first_box_on():
+    pilot = paper_pilot()
+    ahead = Box((639.5, 360.0), (20.0, 20.0), 0.9)
+    for index in range(60):
+        t_s = index * STEP_S
+        pilot.decide(Observation(t_s, LEVEL, ship_box=ahead), telemetry(t_s), t_s)
+    turned = replace(telemetry(60 * STEP_S), heading_rad=math.radians(5.0))
+    decision = pilot.decide(Observation(60 * STEP_S, LEVEL, ship_box=ahead), turned, 60 * STEP_S)
+    assert decision.command.yaw_percent < -20.0  # K_P 5.5 %/° and its derivative, back to the left
+
+
+def test_far_sticks_are_kept_while_a_box_is_missing():
+    pilot = paper_pilot()
+    for index in range(60):
+        t_s = index * STEP_S
+        box = Box((640.0, 360.0), (20.0, 20.0), 0.9) if index < 45 else None
+        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s), t_s)
+    assert decision.mode is Mode.TRACK_SHIP
+    assert decision.command.pitch_percent == pytest.approx(0.008 * (5000.0 - 400.0))
+
+
+def test_search_holds_turns_and_climbs():
+    pilot, commands = paper_pilot(), []
+    search = PARAMETERS.search
+    for t_s in np.arange(0.0, search.look_s + search.turn_s + search.climb_s, 0.5):
+        decision = pilot.decide(Observation(t_s, LEVEL, reason="nothing"), telemetry(t_s), t_s)
+        assert decision.mode is Mode.SEARCH
+        commands.append(decision.command)
+    assert commands[2].yaw_percent == 0.0
+    turned_deg = sum(0.5 * 0.4 * command.yaw_percent for command in commands)  # 40°/s at full stick
+    assert turned_deg == pytest.approx(360.0, abs=4.0)
+    assert commands[-2].heave_percent == search.climb_percent
 
 
 @pytest.mark.parametrize("start_m", [(-10.0, 2.0, -1.0), (-6.0, -3.0, 1.0)])

@@ -186,7 +186,7 @@ def test_closed_vehicle_gives_nothing_and_a_flown_one_does_not_open_again(camera
 def test_processing_time_is_the_papers_the_clocks_or_none() -> None:
     gimbal = GimbalAttitude(0.0, 0.0)
     blind = Observation(0.0, gimbal)
-    boxed = Observation(0.0, gimbal, ship_box=Box((640.0, 360.0), (10.0, 10.0), 0.9))
+    boxed = Observation(0.0, gimbal, learned=True)
     assert delays(processing="paper").processing_s(blind, 7.0) == 0.03
     assert delays(processing="paper").processing_s(boxed, 7.0) == 0.5
     assert delays(processing="measured").processing_s(boxed, 0.012) == 0.012

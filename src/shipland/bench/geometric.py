@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shipland.bench.geometric_far import BoxErrors, BoxParameters
 from shipland.camera import Camera, level_from_camera
 from shipland.config import require
 from shipland.frames import Array, Pose
@@ -23,7 +24,7 @@ from shipland.vision.sighting import bar_pose_of, ordered
 
 @dataclass(frozen=True)
 class GeometricParameters:
-    """`[geometric]`: the error model of near vision, fitted to rendered pictures.
+    """`[geometric]`: the error model of the vision, fitted to rendered pictures.
 
     Attributes:
         corner_noise_px, corner_noise_px_per_m: standard deviation of a corner's column and row, each, at range zero,
@@ -31,6 +32,7 @@ class GeometricParameters:
         max_range_m: beyond it nothing is found.
         miss_rate: share of frames without a pose within that range.
         border_px: a corner nearer than this to the picture's edge is cut off.
+        ship, bar, boxes: of the far vision.
     """
 
     corner_noise_px: float
@@ -38,6 +40,9 @@ class GeometricParameters:
     max_range_m: float
     miss_rate: float
     border_px: float
+    ship: BoxErrors
+    bar: BoxErrors
+    boxes: BoxParameters
 
     def __post_init__(self) -> None:
         require(self.corner_noise_px > 0.0, "corner_noise_px must be positive")

@@ -11,12 +11,15 @@ import numpy as np
 
 from shipland.bench.follower import DeckFollower, FollowParameters
 from shipland.bench.geometric import GeometricParameters, GeometricVision
+from shipland.bench.geometric_far import GeometricFar
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge, packaged_names, packaged_toml, read_toml, require
 from shipland.errors import ConfigError
-from shipland.flight import Crew, Vision
+from shipland.flight import Crew
+from shipland.guidance.far import FarControl, far_control
 from shipland.guidance.near import NearControl, PublishedNear
 from shipland.guidance.offset_free import OffsetFreeNear, Response
+from shipland.guidance.offset_free_far import OffsetFreeFar
 from shipland.guidance.pilot import GuidanceParameters, ModePilot, Pilot
 from shipland.guidance.safety import Safety, SafetyParameters
 from shipland.rig import Rig
@@ -28,6 +31,9 @@ from shipland.sim.wind import WindParameters, build_wind
 from shipland.sim.world import StartParameters, World
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.simulated import SimulatedVehicle
+from shipland.vision.detector import DetectorParameters
+from shipland.vision.eyes import Eyes, EyesParameters, Sees
+from shipland.vision.far import FarVision
 from shipland.vision.pipeline import NearVision, VisionParameters
 
 CameraKind = Literal["rendered", "geometric"]
@@ -50,6 +56,8 @@ class Scenario:
     scene: SceneParameters
     verdict: VerdictParameters
     vision: VisionParameters
+    detector: DetectorParameters
+    eyes: EyesParameters
     guidance: GuidanceParameters
     safety: SafetyParameters
     geometric: GeometricParameters
@@ -72,7 +80,9 @@ def scenario_table(name: str, config: Path | None = None) -> dict[str, Any]:
     else:
         known = ", ".join(packaged_names("scenarios"))
         raise ConfigError(f"no scenario {name!r}; there are: {known}, or give a path that ends in .toml")
-    table = merge(packaged_toml("default"), overlay)
+    # One thread: a flight is repeated bit by bit, and campaigns fly one flight a core.
+    detector = packaged_toml("learning")["detector"] | {"threads": 1}
+    table = merge(merge(packaged_toml("default"), {"detector": detector}), overlay)
     return merge(table, read_toml(config)) if config is not None else table
 
 
@@ -83,7 +93,7 @@ def load_scenario(table: dict[str, Any]) -> Scenario:
 
 def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> SimulatedVehicle:
     """The simulated vehicle of one flight, its camera rendered or (`scene` None) geometric; seeds repeat flights."""
-    ship_rng, wind_rng, world_rng, picture_rng, _ = _generators(seed)
+    ship_rng, wind_rng, world_rng, picture_rng, *_ = _generators(seed)
     world = World(
         scenario.rig,
         scenario.camera,
@@ -99,21 +109,40 @@ def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> Simulat
 
 def build_crew(scenario: Scenario, vehicle: SimulatedVehicle, pilot: PilotKind, camera: CameraKind, seed: int) -> Crew:
     """Eyes, pilot and safety for one flight."""
+    guidance, rig = scenario.guidance, scenario.rig
+    focal_px, middle_px = vehicle.camera.focal_px, vehicle.camera.matrix[:2, 2]
     near: NearControl
+    far: FarControl
     if pilot == "paper":
-        near = PublishedNear(scenario.guidance.near)
+        near = PublishedNear(guidance.near)
+        far = far_control(guidance.far_control, guidance.far_variant, guidance.far_baselines, guidance.near, focal_px)
     else:
-        near = OffsetFreeNear(scenario.guidance.offset_free, response_of(scenario))
-    flier: Pilot = ModePilot(scenario.guidance, scenario.rig, np.array(scenario.camera.position_in_body_m), near)
+        response = response_of(scenario)
+        near = OffsetFreeNear(guidance.offset_free, response)
+        areas_m2 = [
+            (guidance.ship, rig.platform_width_m * rig.superstructure_height_m),
+            (guidance.bar, rig.board_width_m * rig.board_height_m),
+        ]
+        middle = (float(middle_px[0]), float(middle_px[1]))
+        far = OffsetFreeFar(guidance.offset_free_far, response, focal_px, middle, areas_m2)
+    camera_in_body_m = np.array(scenario.camera.position_in_body_m)
+    flier: Pilot = ModePilot(guidance, rig, vehicle.camera, camera_in_body_m, far, near)
     if scenario.follow.enabled:
         flier = DeckFollower(flier, vehicle, math.radians(scenario.aircraft.settings.max_tilt_deg), scenario.follow)
-    eyes: Vision
+    near_eyes: Sees
+    far_eyes: Sees
     if camera == "rendered":
-        eyes = NearVision(scenario.rig.target, vehicle.camera, scenario.vision)
+        near_eyes = NearVision(scenario.rig.target, vehicle.camera, scenario.vision)
+        far_eyes = FarVision.load(vehicle.camera, scenario.detector)
     else:
-        gimbal_noise_rad = scenario.vision.gimbal_noise_rad
-        target, rng = scenario.rig.target, _generators(seed)[4]
-        eyes = GeometricVision(vehicle, target, vehicle.camera, scenario.geometric, gimbal_noise_rad, rng)
+        generators, model = _generators(seed), scenario.geometric
+        near_eyes = GeometricVision(
+            vehicle, scenario.rig.target, vehicle.camera, model, scenario.vision.gimbal_noise_rad, generators[4]
+        )
+        far_eyes = GeometricFar(
+            vehicle, vehicle.camera, scenario.rig, model.ship, model.bar, model.boxes, generators[5]
+        )
+    eyes = Eyes(near_eyes, far_eyes, scenario.eyes)
     return Crew(eyes, flier, Safety(scenario.safety, scenario.rig), scenario.delays)
 
 
@@ -136,5 +165,5 @@ def response_of(scenario: Scenario) -> Response:
 
 
 def _generators(seed: int) -> list[np.random.Generator]:
-    """Independent generators of ship, wind, aircraft, picture and geometric camera."""
-    return [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(5)]
+    """Independent generators of ship, wind, aircraft, picture, geometric corners and boxes."""
+    return [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(6)]

@@ -153,3 +153,52 @@ def near_law(
             integral += error * dt_s
     proportional = gains.k_p * clamp(error, gains.error_limit)
     return NearTerms(proportional, gains.k_i * integral, derivative), NearMemory(error, t_s, integral)
+
+
+@dataclass(frozen=True)
+class PidGains:
+    """A linear PID in its standard form: `k_p·(e + ∫e dt / t_i_s + t_d_s·de/dt)`; k_p in percent per unit."""
+
+    k_p: float
+    t_i_s: float
+    t_d_s: float
+
+    def __post_init__(self) -> None:
+        require(self.k_p >= 0.0, "k_p must not be negative")
+        require(self.t_i_s > 0.0, "t_i_s must be positive")
+        require(self.t_d_s >= 0.0, "t_d_s must not be negative")
+
+
+@dataclass(frozen=True)
+class PidMemory:
+    """What the linear PID keeps of one axis: the last error, when it was, and the integral term [percent]."""
+
+    error: float | None = None
+    t_s: float = 0.0
+    integral_percent: float = 0.0
+
+
+def pid_law(error: float, t_s: float, memory: PidMemory, gains: PidGains) -> tuple[float, PidMemory]:
+    """A linear PID for one axis, clamped to ±100 percent.
+
+    Anti-windup: the integral does not grow while the stick is at its stop on the error's side, and never exceeds it.
+
+    Args:
+        error: of the axis.
+        t_s: its time [s]; the first error, or one no newer than the last, gives no derivative and adds no integral.
+        memory: of the last call.
+        gains: of the axis.
+
+    Returns:
+        The stick [percent] and the memory for the next call.
+    """
+    derivative, integral = 0.0, memory.integral_percent
+    dt_s = t_s - memory.t_s
+    if memory.error is not None and dt_s > 0.0:
+        derivative = gains.k_p * gains.t_d_s * (error - memory.error) / dt_s
+        grown = clamp(integral + gains.k_p * error * dt_s / gains.t_i_s, 100.0)
+        stick = gains.k_p * error + grown + derivative
+        if abs(stick) <= 100.0 or stick * error <= 0.0:
+            integral = grown
+    stick = clamp(gains.k_p * error + integral + derivative, 100.0)
+    return stick, PidMemory(error, t_s, integral)

@@ -19,7 +19,8 @@ class ModeParameters:
     Attributes:
         dwell_s: shortest stay in a mode.
         confirm_s: evidence must have lasted this long to lead to a better mode.
-        lost_s: evidence not renewed for this long is gone.
+        lost_s: corners not renewed for this long are gone.
+        lost_box_s: likewise a detector's box; longer than the detectors' cycle.
         memory_s: mode 5 flies on the data fed before for this long.
         settle_s: the landing condition must have held this long.
         blind_landing_s: a landing below commit height goes on without data this long.
@@ -29,6 +30,7 @@ class ModeParameters:
     dwell_s: float
     confirm_s: float
     lost_s: float
+    lost_box_s: float
     memory_s: float
     settle_s: float
     blind_landing_s: float
@@ -37,6 +39,10 @@ class ModeParameters:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             require(value >= 0, f"{name} must not be negative, got {value}")
+
+    def lost_after_s(self, source: str) -> float:
+        """How long evidence of `corners`, `bar` or `ship` lasts [s]."""
+        return self.lost_s if source == "corners" else self.lost_box_s
 
 
 @dataclass(frozen=True)
@@ -105,8 +111,8 @@ def next_mode(situation: Situation, memory: ModeMemory, parameters: ModeParamete
     memory = replace(
         memory,
         corners=memory.corners.update(seen.bar_pose is not None, now_s, parameters.lost_s),
-        bar=memory.bar.update(seen.bar_box is not None, now_s, parameters.lost_s),
-        ship=memory.ship.update(seen.ship_box is not None, now_s, parameters.lost_s),
+        bar=memory.bar.update(seen.bar_box is not None, now_s, parameters.lost_box_s),
+        ship=memory.ship.update(seen.ship_box is not None, now_s, parameters.lost_box_s),
         condition_since_s=since_s if held else None,
     )
     wanted, reason = _wanted(situation, memory, parameters)
@@ -149,7 +155,7 @@ def _wanted_source(situation: Situation, memory: ModeMemory, parameters: ModePar
     now_s = situation.now_s
     for mode, source in _SOURCES:
         evidence: Evidence = getattr(memory, source)
-        if now_s - evidence.last_s > parameters.lost_s:
+        if now_s - evidence.last_s > parameters.lost_after_s(source):
             continue
         confirmed = now_s - evidence.since_s >= parameters.confirm_s
         if mode is memory.mode:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -99,14 +99,17 @@ class NearControl(Protocol):
     def observe(self, measured: Measured, now_s: float) -> NearEstimate:
         """Take one picture's errors; `now_s` is when the command of this cycle will be ready."""
 
-    def sticks(self) -> Sticks:
-        """The sticks for the newest estimate."""
+    def sticks(self, wanted_yaw_rad: float = 0.0) -> Sticks:
+        """The sticks for the newest estimate; the heading wanted is against the bar."""
 
     def sent(self, ready_s: float, sticks: Sticks) -> None:
         """What the pilot gave at last, in any mode."""
 
     def reset(self) -> None:
         """The pictures have a gap: forget what does not outlast it."""
+
+
+FilterKind = Literal["kalman", "none"]
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,7 @@ class NearParameters:
     Attributes:
         pitch, roll, heave, yaw: gains; errors in m and degrees.
         derivative: variant of K_D.
+        filter: the one-state Kalman filters, or none (a baseline of the paper's).
         process_noise, measurement_noise: of the one-state Kalman filters, per 0.03 s (erratum 1).
     """
 
@@ -124,6 +128,7 @@ class NearParameters:
     heave: NearGains
     yaw: NearGains
     derivative: DerivativeVariant
+    filter: FilterKind
     process_noise: float
     measurement_noise: float
 
@@ -142,8 +147,10 @@ class PublishedNear:
         before = self._estimate
         gap_s = 0.0 if before is None else measured.t_s - before.t_s
         steps = 1.0 if before is None else gap_s / PUBLISHED_STEP_S
-        error = np.array([self._filters[i].update(float(measured.error_in_level_m[i]), steps) for i in range(3)])
-        yaw_rad = math.radians(self._filters[3].update(math.degrees(measured.yaw_rad), steps))
+        error, yaw_rad = measured.error_in_level_m, measured.yaw_rad
+        if self._parameters.filter == "kalman":
+            error = np.array([self._filters[i].update(float(error[i]), steps) for i in range(3)])
+            yaw_rad = math.radians(self._filters[3].update(math.degrees(yaw_rad), steps))
         rate = np.zeros(3)
         if before is not None and gap_s > 0.0:
             rate = before.rate_in_level_mps
@@ -151,13 +158,13 @@ class PublishedNear:
         self._estimate = NearEstimate(measured.t_s, error, rate, yaw_rad, measured.bar_elevation_rad)
         return self._estimate
 
-    def sticks(self) -> Sticks:
+    def sticks(self, wanted_yaw_rad: float = 0.0) -> Sticks:
         """The near law on each axis; zero before the first picture."""
         estimate, near = self._estimate, self._parameters
         if estimate is None:
             return Sticks(0.0, 0.0, 0.0, 0.0)
         forward_m, right_m, up_m = (float(value) for value in estimate.error_in_level_m)
-        errors = (forward_m, right_m, up_m, -math.degrees(wrap_angle(estimate.yaw_rad)))
+        errors = (forward_m, right_m, up_m, math.degrees(wrap_angle(wanted_yaw_rad - estimate.yaw_rad)))
         sticks = []
         for index, (error, gains) in enumerate(zip(errors, (near.pitch, near.roll, near.heave, near.yaw), strict=True)):
             terms, self._laws[index] = near_law(error, estimate.t_s, self._laws[index], gains, near.derivative)

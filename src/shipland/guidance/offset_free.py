@@ -163,12 +163,12 @@ class OffsetFreeNear:
         error = np.array([forward[0], right[0], up[0]])
         return NearEstimate(measured.t_s, error, rate, -float(turn[0]), measured.bar_elevation_rad)
 
-    def sticks(self) -> Sticks:
-        """Sticks for the state predicted."""
+    def sticks(self, wanted_yaw_rad: float = 0.0) -> Sticks:
+        """Sticks for the state predicted; the heading wanted is against the bar."""
         response, limits = self._response, self._parameters
         forward, right, up, turn = self._ahead
         climb_mps = clamp(limits.climb_per_s * float(up[0]), limits.max_climb_mps) - float(up[1])
-        turn_rad_s = limits.turn_per_s * float(turn[0]) - float(turn[1])
+        turn_rad_s = limits.turn_per_s * (float(turn[0]) + wanted_yaw_rad) - float(turn[1])
         return Sticks(
             self._tilt_percent(forward),
             self._tilt_percent(right),

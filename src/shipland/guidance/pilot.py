@@ -12,23 +12,18 @@ from typing import Protocol
 
 import numpy as np
 
+from shipland.camera import Camera
 from shipland.config import require
-from shipland.frames import Array
-from shipland.guidance.laws import FarGains, FarVariant, exponential_law
+from shipland.frames import Array, wrap_angle
+from shipland.guidance.far import FarBaselines, FarControl, FarKind, FarParameters, FarSight
+from shipland.guidance.laws import FarVariant, clamp
 from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
 from shipland.guidance.near import Measured, NearControl, NearEstimate, NearParameters, Sticks, measure
 from shipland.guidance.offset_free import OffsetFreeParameters
+from shipland.guidance.offset_free_far import OffsetFreeFarParameters
+from shipland.guidance.search import SearchParameters, search_sticks
 from shipland.messages import Box, Decision, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
-
-
-@dataclass(frozen=True)
-class FarParameters:
-    """`[guidance.far]`: Table 1 for one target, and the form of the law."""
-
-    pitch: FarGains
-    roll: FarGains
-    heave: FarGains
 
 
 @dataclass(frozen=True)
@@ -39,6 +34,7 @@ class ApproachParameters:
         hover_height_m: over the deck's neutral surface, before landing.
         square_m: side of the square in which landing is commanded.
         square_margin: share of the half side that the horizontal error must stay within.
+        max_bearing_deg: the nose turns to the bar's axis only as far as the bar stays this near the picture's middle.
         max_height_error_m, max_speed_mps, max_yaw_error_deg, max_data_age_s: of the landing condition.
         descent_percent: heave stick while landing.
         gate_m, gate_s: above commit height the descent waits while the horizontal error, foreseen `gate_s` ahead at
@@ -49,14 +45,14 @@ class ApproachParameters:
         climb_out_height_m: height over the deck at which a climb-out ends.
         climb_out_percent, back_off_percent: sticks of a climb-out.
         climb_out_s: shortest climb-out.
-        search_yaw_percent: yaw stick while searching.
-        gimbal_search_rad: camera pitch while searching.
+        gimbal_search_rad: camera pitch while searching and in the far modes.
         gimbal_time_constant_s: smoothing of the camera pitch that keeps the target in the picture.
     """
 
     hover_height_m: float
     square_m: float
     square_margin: float
+    max_bearing_deg: float
     max_height_error_m: float
     max_speed_mps: float
     max_yaw_error_deg: float
@@ -71,7 +67,6 @@ class ApproachParameters:
     climb_out_percent: float
     back_off_percent: float
     climb_out_s: float
-    search_yaw_percent: float
     gimbal_search_rad: float
     gimbal_time_constant_s: float
 
@@ -88,11 +83,15 @@ class GuidanceParameters:
 
     near: NearParameters
     offset_free: OffsetFreeParameters
+    offset_free_far: OffsetFreeFarParameters
     ship: FarParameters
     bar: FarParameters
+    far_control: FarKind
     far_variant: FarVariant
+    far_baselines: FarBaselines
     modes: ModeParameters
     approach: ApproachParameters
+    search: SearchParameters
 
 
 class Pilot(Protocol):
@@ -103,14 +102,30 @@ class Pilot(Protocol):
 
 
 class ModePilot:
-    """Modes around a far law and a near control. Time comes with the data."""
+    """Modes around a far control and a near control. Time comes with the data.
 
-    def __init__(self, parameters: GuidanceParameters, rig: Rig, camera_in_body_m: Array, near: NearControl) -> None:
+    In the far modes the heading is held at which the ship was first seen ahead: without a link to it nobody knows its
+    course.
+    """
+
+    def __init__(
+        self,
+        parameters: GuidanceParameters,
+        rig: Rig,
+        camera: Camera,
+        camera_in_body_m: Array,
+        far: FarControl,
+        near: NearControl,
+    ) -> None:
         self._parameters = parameters
+        self._focal_px = camera.focal_px
+        self._middle_px = float(camera.matrix[0, 2])
         self._camera_in_body_m = np.asarray(camera_in_body_m, dtype=float)
         self._deck_down_m = float(rig.deck_in_bar_m[2])
         self._wanted_in_bar_m = rig.deck_in_bar_m - np.array([0.0, 0.0, parameters.approach.hover_height_m])
-        self._near = near
+        self._far, self._near = far, near
+        self._far_heading_rad: float | None = None
+        self._far_mode: Mode | None = None
         self._modes = ModeMemory()
         self._estimate: NearEstimate | None = None
         self._aircraft_in_bar_m: Array | None = None
@@ -129,7 +144,8 @@ class ModePilot:
             self._take(measured, ready_s)
         self._modes = next_mode(self._situation(observation, telemetry), self._modes, self._parameters.modes)
         mode = self._modes.mode
-        self._sticks = self._fly(mode, observation, fresh, step_s)
+        self._sticks = self._fly(mode, observation, telemetry, fresh, step_s)
+        self._far.sent(ready_s, self._sticks)
         self._near.sent(ready_s, self._sticks)
         self._point_camera(mode, step_s)
         command = PilotCommand(ready_s, *self._sticks, self._gimbal_pitch_rad, _INTENTS[mode])
@@ -189,32 +205,45 @@ class ModePilot:
         off_m = float(np.max(np.abs(self._estimate.error_in_level_m[:2])))
         return f"{off_m:.2f} m off the place wanted while landing" if off_m > self._parameters.approach.astray_m else ""
 
-    def _fly(self, mode: Mode, observation: Observation, fresh: bool, step_s: float) -> Sticks:
-        approach = self._parameters.approach
+    def _fly(self, mode: Mode, observation: Observation, telemetry: Telemetry, fresh: bool, step_s: float) -> Sticks:
         if mode in (Mode.APPROACH, Mode.LAND):
             return self._fly_near(mode, fresh)
-        if mode is Mode.TRACK_BAR and observation.bar_box is not None:
-            return self._fly_far(observation.bar_box, self._parameters.bar)
-        if mode is Mode.TRACK_SHIP and observation.ship_box is not None:
-            return self._fly_far(observation.ship_box, self._parameters.ship)
+        if mode in (Mode.TRACK_BAR, Mode.TRACK_SHIP):
+            return self._fly_far(mode, observation, telemetry)
         if mode is Mode.CLIMB_OUT:
-            return Sticks(-approach.back_off_percent, 0.0, approach.climb_out_percent, 0.0)
+            return self._climb_out(telemetry)
         if mode is Mode.SEARCH:
-            return Sticks(0.0, 0.0, 0.0, approach.search_yaw_percent)
+            self._far_heading_rad = None
+            return search_sticks(telemetry.t_s - max(self._modes.since_s, 0.0), self._parameters.search)
         if mode is Mode.DONE:
             return Sticks(0.0, 0.0, 0.0, 0.0)
         keep = math.exp(-_DECAY * step_s / max(self._parameters.modes.memory_s, 1e-3))
         return Sticks(*(keep * stick for stick in self._sticks))
+
+    def _climb_out(self, telemetry: Telemetry) -> Sticks:
+        approach = self._parameters.approach
+        given_up = self._modes.tries > self._parameters.modes.max_tries
+        if given_up and telemetry.t_s - self._modes.since_s > 3.0 * approach.climb_out_s:
+            return Sticks(0.0, 0.0, 0.0, 0.0)
+        return Sticks(-approach.back_off_percent, 0.0, approach.climb_out_percent, 0.0)
 
     def _fly_near(self, mode: Mode, fresh: bool) -> Sticks:
         estimate = self._estimate
         if estimate is None or self._stale_s() > self._parameters.modes.lost_s:
             sticks = Sticks(0.0, 0.0, 0.0, 0.0)
         else:
-            sticks = self._near.sticks() if fresh else self._sticks
+            sticks = self._near.sticks(self._wanted_yaw_rad()) if fresh else self._sticks
         if mode is Mode.LAND:
             sticks = sticks._replace(heave=self._descent(estimate))
         return sticks
+
+    def _wanted_yaw_rad(self) -> float:
+        """Heading against the bar: along it, but never so that the bar leaves the picture sideways."""
+        if self._aircraft_in_bar_m is None:
+            return 0.0
+        to_bar_rad = math.atan2(-float(self._aircraft_in_bar_m[1]), -float(self._aircraft_in_bar_m[0]))
+        widest_rad = math.radians(self._parameters.approach.max_bearing_deg)
+        return to_bar_rad - clamp(to_bar_rad, widest_rad)
 
     def _descent(self, estimate: NearEstimate | None) -> float:
         approach = self._parameters.approach
@@ -230,12 +259,25 @@ class ModePilot:
             return math.inf
         return self._now_s - self._estimate.t_s
 
-    def _fly_far(self, box: Box, far: FarParameters) -> Sticks:
-        variant = self._parameters.far_variant
-        pitch = exponential_law(far.pitch.setpoint - box.area_px2, far.pitch, variant)
-        roll = exponential_law(box.centre_px[0] - far.roll.setpoint, far.roll, variant)
-        heave = -exponential_law(box.centre_px[1] - far.heave.setpoint, far.heave, variant)
-        return Sticks(pitch, roll, heave, 0.0)
+    def _fly_far(self, mode: Mode, observation: Observation, telemetry: Telemetry) -> Sticks:
+        box, gains = observation.ship_box, self._parameters.ship
+        if mode is Mode.TRACK_BAR:
+            box, gains = observation.bar_box, self._parameters.bar
+        if mode is not self._far_mode:
+            self._far.reset()
+            self._far_mode = mode
+        if box is None:
+            return self._sticks
+        error_deg = self._heading_error_deg(box, telemetry.heading_rad)
+        sight = FarSight(box, observation.t_s, telemetry.t_s, observation.gimbal.pitch_rad, error_deg)
+        return self._far.sticks(sight, gains)
+
+    def _heading_error_deg(self, box: Box, heading_rad: float | None) -> float | None:
+        if heading_rad is None:
+            return None
+        if self._far_heading_rad is None:
+            self._far_heading_rad = heading_rad + math.atan2(box.centre_px[0] - self._middle_px, self._focal_px)
+        return math.degrees(wrap_angle(self._far_heading_rad - heading_rad))
 
     def _point_camera(self, mode: Mode, step_s: float) -> None:
         approach = self._parameters.approach

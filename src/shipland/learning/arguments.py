@@ -21,6 +21,8 @@ class SynthArguments:
         count: number of pictures; default as in the paper, 2,000 of the ship and 1,000 of the bar.
         seed: the same seed gives the same pictures.
         crop_px: side of square windows around target or decoy at native size; 0 gives whole frames.
+        fooling: packaged weights (ship, bar) or an ONNX file; whole frames are drawn and looked at by this detector,
+            and windows of crop_px are kept where it errs, and over the target.
         config: TOML laid over the packaged settings.
         coco: write `coco.json` too.
     """
@@ -30,6 +32,7 @@ class SynthArguments:
     count: int | None = None
     seed: int = 0
     crop_px: int = 0
+    fooling: str | None = None
     config: Path | None = None
     coco: bool = False
 

@@ -1,14 +1,14 @@
 """`shipland synth`: labelled pictures from the simulator's scene, in YOLO's layout.
 
 Picture n of a seed is always the same, whatever was made before it, so a run that was cut off goes on where it stopped.
-The label is written after its picture: a picture without a label is made again.
+What is told of its scene is written last: a picture without that is made again.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -23,12 +23,14 @@ from shipland.learning.arguments import Kind, SynthArguments
 from shipland.learning.dataset import coco_table, read_dataset
 from shipland.learning.decoys import foot_box_px, paint
 from shipland.learning.files import write_atomically
+from shipland.learning.hard import LEAST_CONFIDENCE, compressed, hard_corners, window_box
 from shipland.learning.sensor import degrade
 from shipland.learning.settings import learning_table
 from shipland.learning.shot import NearestBox, Shot, target_box
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.rig import Rig, default_rig, packaged_table
 from shipland.sim.scene import Scene
+from shipland.vision.detector import Detector, detector_parameters
 
 Picture = npt.NDArray[np.uint8]
 DEFAULT_COUNTS = {"ship": 2000, "bar": 1000}  # [Lee2022, §Image Data Set]
@@ -61,9 +63,13 @@ def synth(arguments: SynthArguments) -> Path:
     out = arguments.out
     _claim(out, arguments)
     names = [f"{arguments.kind}-{arguments.seed}-{number:06d}" for number in range(count)]
-    done = {number for number, name in enumerate(names) if (out / "labels" / f"{name}.txt").is_file()}
-    missing = [number for number in range(count) if number not in done]
-    stills = make_stills(missing, arguments.kind, camera, rig, parameters, arguments.seed, arguments.crop_px)
+    missing = [number for number, name in enumerate(names) if not (out / "scenes" / f"{name}.json").is_file()]
+    detector = None
+    if arguments.fooling is not None:
+        detector = Detector.load(arguments.fooling, replace(detector_parameters(), threads=1))
+    stills = make_stills(
+        missing, arguments.kind, camera, rig, parameters, arguments.seed, 0 if detector else arguments.crop_px
+    )
     for still in track(stills, description=f"{arguments.kind} pictures", total=len(missing)):
         name = names[still.shot.number]
         quality = int(
@@ -71,15 +77,49 @@ def synth(arguments: SynthArguments) -> Path:
                 parameters.sensor.quality_min, parameters.sensor.quality_max + 1
             )
         )
-        data = cv2.imencode(".jpg", still.picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-        write_plainly(out / "images" / f"{name}.jpg", data)
-        write_plainly(out / "scenes" / f"{name}.json", json.dumps(still.shot.scene(f"{name}.jpg")).encode())
-        write_plainly(out / "labels" / f"{name}.txt", label_line(still.box, still.picture.shape).encode())
+        windows = [(name, still.picture, still.box)]
+        if detector is not None:
+            windows = _hard_windows(name, still, detector, camera, rig, parameters, arguments.crop_px, quality)
+        lines = []
+        for window_name, picture, box in windows:
+            data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+            write_plainly(out / "images" / f"{window_name}.jpg", data)
+            write_plainly(out / "labels" / f"{window_name}.txt", label_line(box, picture.shape).encode())
+            lines.append(json.dumps(still.shot.scene(f"{window_name}.jpg")))
+        write_plainly(out / "scenes" / f"{name}.json", "\n".join(lines).encode())
     lines = [(out / "scenes" / f"{name}.json").read_text(encoding="utf-8") for name in names]
-    write_atomically(out / "scenes.jsonl", ("\n".join(lines) + "\n").encode())
+    write_atomically(out / "scenes.jsonl", ("\n".join(line for line in lines if line) + "\n").encode())
     if arguments.coco:
         write_atomically(out / "coco.json", json.dumps(coco_table(read_dataset(out))).encode())
     return out
+
+
+def _hard_windows(
+    name: str,
+    still: Still,
+    detector: Detector,
+    camera: Camera,
+    rig: Rig,
+    parameters: SynthParameters,
+    crop_px: int,
+    quality: int,
+) -> list[tuple[str, Picture, NearestBox | None]]:
+    """Windows of a whole frame where the detector errs: name, picture, box."""
+    shot, partly = still.shot, None
+    if still.box is None and not shot.empty:
+        partly = target_box(shot.kind, shot.at(0.0, rig), camera, rig, 0.01, 0.0)
+    found = detector.detect(compressed(still.picture, quality), LEAST_CONFIDENCE)
+    rng = np.random.default_rng([shot.sensor_seed, 3])
+    size = (camera.width_px, camera.height_px)
+    corners = hard_corners(size, crop_px, still.box, partly, found, parameters.least_visible, rng)
+    return [
+        (
+            f"{name}-{index}",
+            still.picture[corner[1] : corner[1] + crop_px, corner[0] : corner[0] + crop_px],
+            None if still.box is None else window_box(still.box, corner, crop_px),
+        )
+        for index, corner in enumerate(corners)
+    ]
 
 
 def write_plainly(path: Path, data: bytes) -> None:
@@ -91,7 +131,11 @@ def write_plainly(path: Path, data: bytes) -> None:
 
 def _claim(out: Path, arguments: SynthArguments) -> None:
     """Make the folders, or check that what is there was begun with the same arguments."""
-    wanted = {"kind": arguments.kind, "seed": arguments.seed, "crop_px": arguments.crop_px}
+    wanted: dict[str, object] = {"kind": arguments.kind, "seed": arguments.seed, "crop_px": arguments.crop_px}
+    if arguments.fooling is not None:
+        if not arguments.crop_px:
+            raise DataError("--fooling cuts windows out of whole frames: give their side with --crop-px")
+        wanted["fooling"] = arguments.fooling
     note = out / "synth.json"
     if note.is_file():
         there = json.loads(note.read_text(encoding="utf-8"))

@@ -289,7 +289,7 @@ def autocast(device: torch.device, bf16: bool) -> contextlib.AbstractContextMana
 def _step(run: Run, parameters: TrainParameters, pictures: list[Picture], targets: Targets) -> Floats:
     for group in run.optimizer.param_groups:
         group["lr"] = learning_rate(run.progress.step, parameters)
-    run.network.train()
+    run.network.train(not parameters.freeze_norm)  # nothing but the normalisation tells the two apart
     with autocast(run.device, parameters.bf16):
         maps = run.network(to_batch(pictures, run.device))
     total, parts = detection_loss(maps, torch.from_numpy(targets).to(run.device), run.spec, parameters.loss)

@@ -35,12 +35,11 @@ class DelayParameters:
         """Time that a cycle's processing is taken to last [s].
 
         Args:
-            observation: what the cycle saw; a box without a pose comes from a learned detector.
+            observation: of the cycle; it tells whether a learned detector ran.
             measured_s: what it took by the clock.
         """
         if self.processing == "measured":
             return measured_s
         if self.processing == "zero":
             return 0.0
-        boxed = observation.bar_box is not None or observation.ship_box is not None
-        return self.learned_s if boxed and observation.bar_pose is None else self.near_s
+        return self.learned_s if observation.learned else self.near_s

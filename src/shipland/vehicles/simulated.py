@@ -91,6 +91,13 @@ class SimulatedVehicle:
         frame = Frame(snapshot.t_s, image, snapshot.reported_gimbal)
         return frame, dataclasses.replace(self.world.telemetry(), t_s=self._now_s)
 
+    def telemetry_at(self, t_s: float) -> Telemetry:
+        """Let time pass until `t_s` and tell the state then; a time gone by counts as now."""
+        if self._is_open and math.isfinite(t_s):
+            self._now_s = max(self._now_s, t_s)
+            self._pass_time(self._now_s)
+        return dataclasses.replace(self.world.telemetry(), t_s=self._now_s)
+
     def send(self, command: PilotCommand) -> None:
         """Give the sticks at the command's time; earlier than the last frame's receipt counts as then."""
         if not self._is_open:

@@ -24,6 +24,12 @@ class Vehicle(Protocol):
     def read(self) -> tuple[Frame, Telemetry] | None:
         """The newest frame that the loop has not had, and the telemetry at its receipt; None at the end."""
 
+    def telemetry_at(self, t_s: float) -> Telemetry:
+        """The newest telemetry at `t_s`, when this cycle's command is decided [s].
+
+        The compass does not wait for the vision. A simulator lets time pass until then; a link gives the newest that has come.
+        """
+
     def send(self, command: PilotCommand) -> None:
         """Give the sticks."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -12,6 +13,9 @@ from shipland.frames import Array
 from shipland.vision.parameters import VisionParameters
 
 Image = npt.NDArray[np.uint8]
+
+_BAND_ROWS = 128
+"""Rows that `coloured_window` looks at at once; even."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +30,16 @@ class Window:
     @staticmethod
     def around(points_px: Array, margin_px: float | Array, width_px: int, height_px: int) -> Window:
         """The box of points (n,2) grown by a margin, one or (2,), and cut to the picture; empty when outside of it."""
-        low = np.floor(points_px.min(axis=0) - margin_px)
-        high = np.ceil(points_px.max(axis=0) + margin_px) + 1.0
-        left, right = (int(v) for v in np.clip([low[0], high[0]], 0, width_px))
-        top, bottom = (int(v) for v in np.clip([low[1], high[1]], 0, height_px))
-        return Window(left, top, right, bottom)
+        (left, top), (right, bottom) = (
+            (points_px.min(axis=0) - margin_px).tolist(),
+            (points_px.max(axis=0) + margin_px).tolist(),
+        )
+        return Window(
+            min(max(math.floor(left), 0), width_px),
+            min(max(math.floor(top), 0), height_px),
+            min(max(math.ceil(right) + 1, 0), width_px),
+            min(max(math.ceil(bottom) + 1, 0), height_px),
+        )
 
     @staticmethod
     def whole(image: Image) -> Window:
@@ -74,21 +83,27 @@ def coloured_window(image: Image, parameters: VisionParameters) -> Window:
     """The part of a picture that holds all its coloured regions; empty when there are none.
 
     Every second pixel of every second row is looked at: opening leaves nothing that has none of them. When they are all
-    over the picture, so is the window.
+    over the picture, so is the window. It goes band by band: what a band needs stays in the processor's cache.
     """
     height, width = image.shape[:2]
     if width < 64 or height < 64:
         return Window.whole(image)
-    few = cv2.resize(image[: height & ~1, : width & ~1], (width // 2, height // 2), interpolation=cv2.INTER_NEAREST)
-    left, top, across, down = cv2.boundingRect(gate(np.asarray(few, np.uint8), parameters))
-    if across == 0 or down == 0:
+    boxes = []
+    for top in range(0, height & ~1, _BAND_ROWS):
+        band = image[top : min(top + _BAND_ROWS, height & ~1), : width & ~1]
+        few = cv2.resize(band, (width // 2, len(band) // 2), interpolation=cv2.INTER_NEAREST)
+        column, row, across, down = cv2.boundingRect(gate(np.asarray(few, np.uint8), parameters))
+        if across:
+            boxes.append((2 * column, top + 2 * row, 2 * (column + across), top + 2 * (row + down)))
+    if not boxes:
         return Window(0, 0, 0, 0)
+    lefts, tops, rights, bottoms = zip(*boxes, strict=True)
     margin = parameters.kernel_px + 2
     return Window(
-        max(2 * left - margin, 0),
-        max(2 * top - margin, 0),
-        min(2 * (left + across) + margin, width),
-        min(2 * (top + down) + margin, height),
+        max(min(lefts) - margin, 0),
+        max(min(tops) - margin, 0),
+        min(max(rights) + margin, width),
+        min(max(bottoms) + margin, height),
     )
 
 

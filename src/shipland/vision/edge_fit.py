@@ -100,33 +100,43 @@ def edge_response(inside_px: Array, blur_px: float) -> tuple[Array, Array, Array
     A step averaged over a pixel's width and blurred by a Gaussian: G(d + ½) − G(d − ½), G(x) = x Φ(x/σ) + σ φ(x/σ).
     The derivatives are by the distance and by σ.
     """
-    right = inside_px * (1.0 / blur_px)
-    left = right - 0.5 / blur_px
-    right += 0.5 / blur_px
-    right_share, left_share = ndtr(right), ndtr(left)
-    bells = np.exp(-0.5 * right * right) - np.exp(-0.5 * left * left)
+    ends = np.empty((2, *inside_px.shape))
+    np.multiply(inside_px, 1.0 / blur_px, out=ends[1])
+    np.add(ends[1], 0.5 / blur_px, out=ends[0])
+    ends[1] -= 0.5 / blur_px
+    share = ndtr(ends)
+    bell = ends * ends
+    bell *= -0.5
+    np.exp(bell, out=bell)
+    bells = bell[0]
+    bells -= bell[1]
     bells *= 1.0 / _ROOT_TWO_PI
-    right *= right_share
-    left *= left_share
-    right -= left
-    right += bells
-    right *= blur_px
-    right_share -= left_share
-    return right, right_share, bells
+    ends *= share
+    response = ends[0]
+    response -= ends[1]
+    response += bells
+    response *= blur_px
+    density = share[0]
+    density -= share[1]
+    return response, density, bells
 
 
 def _coarse(values: Array, pixels: EdgePixels) -> Array:
     """(2,s) offset and tilt over the half length [px] from the area under each column of pixels."""
-    count = values.shape[2]
-    spacing_px = (pixels.out_px[:, :, -1] - pixels.out_px[:, :, 0]) / (count - 1)
-    crossing_px = pixels.out_px[:, :, 0] + (values.sum(axis=2) - 0.5) * spacing_px
-    middle_px = np.sort(crossing_px, axis=1)[:, crossing_px.shape[1] // 2, None]
+    stations, count = values.shape[1:]
+    innermost_px = pixels.out_px[:, :, 0]
+    crossing_px = values @ np.full(count, 1.0 / (count - 1))
+    crossing_px -= 0.5 / (count - 1)
+    crossing_px *= pixels.out_px[:, :, -1] - innermost_px
+    crossing_px += innermost_px
+    middle_px = np.sort(crossing_px, axis=1)[:, stations // 2, None]
     crossing_px = np.minimum(np.maximum(crossing_px, middle_px - 1.0), middle_px + 1.0)
     along = pixels.along[:, :, count // 2]
-    mean = along.mean(axis=1)
-    centred = along - mean[:, None]
-    tilt_px = (centred * crossing_px).sum(axis=1) / np.maximum((centred * centred).sum(axis=1), 1e-6)
-    return np.array([crossing_px.mean(axis=1) - tilt_px * mean, tilt_px])
+    weights = np.full(stations, 1.0 / stations)
+    mean, offset_px = along @ weights, crossing_px @ weights
+    spread = (along * along) @ weights - mean * mean
+    tilt_px = ((along * crossing_px) @ weights - mean * offset_px) / np.maximum(spread, 1e-6)
+    return np.array([offset_px - tilt_px * mean, tilt_px])
 
 
 def _blur_px(values: Array, pixels: EdgePixels, ends: Array) -> float:
@@ -175,6 +185,8 @@ def _fit_to(
     ends = _coarse(values, pixels)
     if blur_px is None:
         blur_px = _blur_px(values, pixels, ends)
+    sides_count, stations, across = values.shape
+    columns = np.empty((4, sides_count, stations, across))
     for _ in range(_STEPS):
         inside_px = ends[1][:, None, None] * pixels.along
         inside_px += ends[0][:, None, None]
@@ -191,27 +203,19 @@ def _fit_to(
             residual = ground[:, None, None] + values * span[:, None, None] - residual
         else:
             np.subtract(values, residual, out=residual)
-        density *= pixels.use
-        by_blur *= pixels.use
-        tilted = density * pixels.along
-        a, b, c, p, q, blur_a, blur_b = (
-            np.einsum("spx,spx->s", *pair)
-            for pair in (
-                (density, density),
-                (density, tilted),
-                (tilted, tilted),
-                (density, residual),
-                (tilted, residual),
-                (density, by_blur),
-                (tilted, by_blur),
-            )
-        )
+        np.multiply(density, pixels.use, out=columns[0])
+        np.multiply(columns[0], pixels.along, out=columns[1])
+        np.multiply(residual, pixels.use, out=columns[2])
+        np.multiply(by_blur, pixels.use, out=columns[3])
+        by_side = columns.reshape(4, sides_count, -1).transpose(1, 0, 2)
+        gram = np.ascontiguousarray((by_side @ by_side.transpose(0, 2, 1)).transpose(1, 2, 0))
+        (a, b, p, blur_a), (_, c, q, blur_b), (_, _, residual2, blur_residual), (_, _, _, blur2) = gram
         scale = 1.0 / np.maximum(a * c - b * b, 1e-9)
         step = np.array([c * p - b * q, a * q - b * p]) * scale
         # The blur is one for all sides: what it gains once every side has moved along with it.
         with_blur = np.array([c * blur_a - b * blur_b, a * blur_b - b * blur_a]) * scale
-        gain = float(np.vdot(by_blur, residual) - (with_blur * (p, q)).sum())
-        curvature = float(np.vdot(by_blur, by_blur) - (with_blur * (blur_a, blur_b)).sum())
+        gain = float(blur_residual.sum() - with_blur[0] @ p - with_blur[1] @ q)
+        curvature = float(blur2.sum() - with_blur[0] @ blur_a - with_blur[1] @ blur_b)
         blurrier_px = gain / curvature if curvature > 1e-6 else 0.0
         blurrier_px = min(max(blurrier_px, -0.5 * blur_px, _BLUR_PX[0] - blur_px), blur_px)
         step -= with_blur * blurrier_px
@@ -226,8 +230,8 @@ def _fit_to(
         np.all(off_px <= sides.reach_px) if sides.held is None else np.all((off_px <= sides.reach_px) | sides.held)
     ):
         return None
-    misfit2 = np.einsum("spx,spx,spx->s", residual, residual, pixels.use) - (step[0] * p + step[1] * q)
-    noise2 = np.maximum(misfit2, 0.0) / np.maximum(np.einsum("spx->s", pixels.use) - 2.0, 1.0)
+    misfit2 = residual2 - (step[0] * p + step[1] * q)
+    noise2 = np.maximum(misfit2, 0.0) / np.maximum(pixels.use.reshape(sides_count, -1).sum(axis=1) - 2.0, 1.0)
     misfit = math.sqrt(float(noise2.mean()))
     # The levels inside and outside come from two pixels a column each, and shift the edge as they err.
     levels2 = noise2 * pixels.columns / np.maximum(4.0 * a * a, 1e-9)

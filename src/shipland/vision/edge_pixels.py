@@ -19,7 +19,7 @@ from shipland.vision.sides import MOST_ACROSS, Sides, distort
 _AXES = np.array([[0, 1, 2, 3, 4, 5], [1, 0, 3, 2, 5, 4]])
 """Order of three (column, row) pairs as (main axis, other axis), for flat sides and for steep ones."""
 
-_STATIONS = np.arange(24.0)
+_STATIONS = np.arange(20.0)
 """Most columns (rows, for steep sides) of pixels that one side is fitted to."""
 
 _LUMA_BGR = np.array([0.114, 0.587, 0.299])
@@ -60,9 +60,10 @@ def edge_pixels(image: Image, sides: Sides, camera: Camera, half_px: Array) -> E
         camera: its distortion is taken into account.
         half_px: (s,) half of each side's length that is looked at.
     """
-    steep = (np.abs(sides.along[:, 1]) > np.abs(sides.along[:, 0])).astype(np.intp)
+    size = np.abs(sides.along)
+    steep = (size[:, 1] > size[:, 0]).astype(np.intp)
     packed = np.concatenate([sides.middle_px, sides.along, sides.outward], axis=1)
-    packed = packed[np.arange(len(steep))[:, None], _AXES[steep]].T[:, :, None]
+    packed = np.take_along_axis(packed, _AXES[steep], axis=1).T[:, :, None]
     middle_main, middle_other, along_main, along_other, _, out_other = packed
     # Stations are whole columns (rows): as many as the side covers, spread evenly when there are too many.
     reach_main = np.abs(along_main) * half_px[:, None]
@@ -72,7 +73,7 @@ def edge_pixels(image: Image, sides: Sides, camera: Camera, half_px: Array) -> E
     station = np.rint(first + np.minimum(_STATIONS, count - 1.0) * spacing)
     along_px = (station - middle_main) / along_main
     across = np.arange(-(reach := min(math.ceil(float(sides.reach_px.max())), MOST_ACROSS)), reach + 1.0)
-    across = np.where(out_other >= 0.0, 1.0, -1.0)[..., None] * across
+    across = np.copysign(across, out_other[..., None] * across)
     if camera.has_distortion:
         lens = _lens(sides, along_px, steep, camera)
         station = np.rint(lens.foot_main_px)
@@ -82,22 +83,25 @@ def edge_pixels(image: Image, sides: Sides, camera: Camera, half_px: Array) -> E
         along_px = along_px[..., None] + lens.along_by_other * from_other + lens.along_by_main * from_main
     else:
         foot_other = middle_other + along_px * along_other
-        other = np.rint(foot_other)[..., None] + across
-        from_other = other - foot_other[..., None]
+        nearest = np.rint(foot_other)
+        other = nearest[..., None] + across
+        from_other = (nearest - foot_other)[..., None] + across
         out_px = out_other[..., None] * from_other
         along_px = along_px[..., None] + along_other[..., None] * from_other
-    use = ((np.abs(out_px) <= (sides.reach_px + 0.5)[:, None, None]) & (count > _STATIONS)[..., None]).astype(float)
+    within = np.abs(out_px) <= (sides.reach_px + 0.5)[:, None, None]
+    within &= (count > _STATIONS)[..., None]
     height, width = image.shape[:2]
-    size_main: Array = np.where(steep, float(height), float(width))[:, None]
-    size_other: Array = np.where(steep, float(width), float(height))[:, None, None]
-    if np.any(station < 0.0) or np.any(station >= size_main) or np.any(other < 0.0) or np.any(other >= size_other):
-        use *= ((station >= 0.0) & (station < size_main))[..., None] & (other >= 0.0) & (other < size_other)
+    per_side = np.array([[width, height], [height, width], [1, width], [width, 1]], float)[:, steep, None]
+    size_main, size_other, stride_main, stride_other = per_side
+    size_other = size_other[..., None]
+    if station.min() < 0.0 or other.min() < 0.0 or (station >= size_main).any() or (other >= size_other).any():
+        within &= ((station >= 0.0) & (station < size_main))[..., None] & (other >= 0.0) & (other < size_other)
         station, other = np.clip(station, 0.0, size_main - 1.0), np.clip(other, 0.0, size_other - 1.0)
-    index = other * np.where(steep, 1.0, width)[:, None, None]
-    index += (station * np.where(steep, width, 1.0)[:, None])[..., None]
+    index = other * stride_other[..., None]
+    index += (station * stride_main)[..., None]
     colours = image.reshape(-1, 3).take(index.astype(np.intp), axis=0).astype(np.float32)
     along_px *= (1.0 / half_px)[:, None, None]
-    return EdgePixels(colours, out_px, along_px, use, count[:, 0])
+    return EdgePixels(colours, out_px, along_px, within.astype(float), count[:, 0])
 
 
 @dataclass(frozen=True)
@@ -142,17 +146,24 @@ def contrasts(pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_ligh
         by_light: take the pixels' luma, which coded pictures keep at full resolution, instead of the colour that
             differs most.
     """
-    colours = pixels.colours if held is None else pixels.colours[~held]
-    mean = colours.sum(axis=(0, 1)) / max(colours.shape[0] * colours.shape[1], 1)
-    direction = contrast_direction(0.5 * (mean[0] + mean[1]), 0.5 * (mean[-1] + mean[-2]), by_light=by_light)
+    sides, stations, across, _ = pixels.colours.shape
+    sums = np.ones(stations, np.float32) @ pixels.colours.reshape(sides, stations, across * 3)
+    sums = sums.reshape(sides, across, 3)
+    ends = (sums if held is None else sums[~held])[:, [0, 1, -2, -1]].sum(axis=0)
+    ends *= 0.5 / max(stations * (sides if held is None else int(np.count_nonzero(~held))), 1)
+    direction = contrast_direction(ends[0] + ends[1], ends[2] + ends[3], by_light=by_light)
     if direction is None:
         return None
-    profile = pixels.colours @ direction.astype(np.float32)
-    means = profile.sum(axis=1) / profile.shape[1]
+    light = direction.astype(np.float32)
+    profile = (pixels.colours.reshape(-1, 3) @ light).reshape(sides, stations, across)
+    means = sums @ (light / np.float32(stations))
     ground = 0.5 * (means[:, -1] + means[:, -2])
     span = 0.5 * (means[:, 0] + means[:, 1]) - ground
     if held is not None:
         span[held] = 1.0
     if not span.min() >= _LEAST_SIDE_CONTRAST:
         return None
-    return np.asarray((profile - ground[:, None, None]) / span[:, None, None], float)
+    values = np.asarray(profile, float)
+    values -= ground[:, None, None]
+    values *= (1.0 / span)[:, None, None]
+    return values

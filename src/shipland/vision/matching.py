@@ -111,9 +111,10 @@ def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
     if not len(quads_px):
         return None
     # Mean square distance of corners from foreseen ones, for each of the four ways to count them.
-    off2 = ((quads_px[:, None, _TURNS] - predicted_px[None, :, None]) ** 2).sum(axis=(3, 4)) * 0.25
+    off = (quads_px[:, None, _TURNS] - predicted_px[None, :, None]).reshape(len(quads_px), len(predicted_px), 4, 8)
+    off2 = np.einsum("mnrs,mnrs->mnr", off, off)
     best = off2.argmin(axis=2)
-    score = off2.min(axis=2) / np.maximum(_area(predicted_px), 1.0)
+    score = 0.25 * off2.min(axis=2) / np.maximum(_area(predicted_px), 1.0)
     members: dict[int, int] = {}
     for _ in range(min(score.shape)):
         candidate, model = divmod(int(score.argmin()), score.shape[1])

@@ -179,7 +179,8 @@ class NearVision:
         track = self._track
         if track is None or not 0.0 <= t_s - track.t_s <= self._parameters.track_s:
             return None
-        return track.corners_px + track.drift_px_s * (t_s - track.t_s)
+        predicted_px = track.corners_px + track.drift_px_s * (t_s - track.t_s)
+        return predicted_px if np.isfinite(predicted_px).all() else None
 
     def _around(self, predicted_px: Array) -> Window:
         points_px = predicted_px.reshape(-1, 2)

@@ -5,10 +5,12 @@ Frame `plane`: the cue's, with OpenCV-like axes right, down, forward; `plane` = 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.linalg import lapack
 
 from shipland.camera import Camera
 from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose
@@ -19,6 +21,10 @@ _STEPS = 8
 _GAIN_DONE = 0.03
 """The step that would lower the sum of squared standard deviations by less is the last one."""
 
+_DAMPING = 1e-3
+"""Of the first Levenberg–Marquardt step from a closed-form start."""
+
+_IDENTITY = np.eye(6)
 
 _NUDGE = 1e-7
 """OpenCV's IPPE divides zero by zero on exact pixels of some symmetrical views: it gets them a little off then."""
@@ -98,7 +104,7 @@ class Solution:
     @property
     def reprojection_px(self) -> float:
         """Root-mean-square distance of observed and reprojected corners."""
-        return float(np.sqrt(np.mean(np.sum(self.residual_px**2, axis=-1))))
+        return math.sqrt(2.0 * float(np.vdot(self.residual_px, self.residual_px)) / self.residual_px.size)
 
 
 def solve(
@@ -146,16 +152,15 @@ def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: Leve
         prior: what is known besides.
     """
     refiner = _Refiner(corners, camera, prior)
-    residual, jacobian, raw = refiner.linearise(camera_from_plane.rotation[None], camera_from_plane.translation_m[None])
-    return refiner.solution(camera_from_plane, residual[0], jacobian[0], raw[0])
+    return refiner.solution(camera_from_plane, refiner.linearise(camera_from_plane))
 
 
 def _solve(corners: Corners, camera: Camera, prior: LevelPrior | None) -> list[Solution]:
     refiner = _Refiner(corners, camera, prior)
     for nudge in (0.0, _NUDGE):
-        rays = refiner.rays + nudge * np.sin(np.arange(refiner.rays.size)).reshape(-1, 2)
+        rays = refiner.rays + nudge * np.sin(np.arange(refiner.rays.size)).reshape(2, -1)
         _, rotations, translations, _ = cv2.solvePnPGeneric(
-            refiner.plane, rays.reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+            refiner.plane.T, rays.T.reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
         )
         starts = [
             Pose(np.asarray(cv2.Rodrigues(rotation)[0], float), np.asarray(translation, float).ravel())
@@ -163,153 +168,151 @@ def _solve(corners: Corners, camera: Camera, prior: LevelPrior | None) -> list[S
             if np.isfinite(rotation).all() and np.isfinite(translation).all() and translation[2] > 0.0
         ]
         if starts:
-            return sorted(refiner.refine(starts), key=lambda solution: solution.chi2)
+            refined = (refiner.refine(start, _DAMPING) for start in starts)
+            return sorted((found for found in refined if found is not None), key=lambda solution: solution.chi2)
     return []
 
 
-class _Refiner:
-    """Levenberg–Marquardt over several starts at once: one pass of NumPy serves both planar solutions.
+@dataclass(frozen=True)
+class _Linear:
+    """The residuals at a pose, and how they change.
 
-    Rays (x/z, y/z) stand for pixels; whitening by the corners' covariance makes every residual one standard
-    deviation. A step is a left rotation vector and a translation, both in `camera`.
+    Attributes:
+        gram: (7,7) products of the whitened Jacobian's six columns and the whitened residual.
+        prior_chi2: the prior's share of the residual's square.
+        residual: (n,2) of the rays.
+    """
+
+    gram: Array
+    prior_chi2: float
+    residual: Array
+
+
+class _Refiner:
+    """Levenberg–Marquardt on rays (x/z, y/z) instead of pixels.
+
+    Whitening by the corners' covariance makes every residual one standard deviation. A step is a left rotation vector
+    and a translation, both in `camera`.
     """
 
     def __init__(self, corners: Corners, camera: Camera, prior: LevelPrior | None) -> None:
         count = corners.plane_m.size // 2
-        self.plane = np.zeros((count, 3))
-        self.plane[:, :2] = corners.plane_m.reshape(-1, 2)
+        self.plane = np.zeros((3, count))
+        self.plane[:2] = corners.plane_m.reshape(-1, 2).T
         (fx, skew, cx), (_, fy, cy), _ = camera.matrix.tolist()
         self._to_pixels = camera.matrix[:2, :2]
-        self.rays = (corners.undistorted_px.reshape(-1, 2) - (cx, cy)) / (fx, fy)
-        if skew != 0.0:
-            self.rays[:, 0] -= skew / fx * self.rays[:, 1]
-        size = 2 * count
-        rows = size if prior is None else size + 2
-        self._size = size
-        blocks = (corners.whiten.reshape(-1, 8, 4, 2) @ self._to_pixels).reshape(-1, 8, 8)
-        self._whiten = np.zeros((size, size))
-        for first, block in zip(range(0, size, 8), blocks, strict=True):
-            self._whiten[first : first + 8, first : first + 8] = block
+        columns, rows = corners.undistorted_px.reshape(-1, 2).T
+        self.rays = np.empty((2, count))
+        self.rays[1] = (rows - cy) / fy
+        self.rays[0] = (columns - cx - skew * self.rays[1]) / fx if skew != 0.0 else (columns - cx) / fx
+        self._size = 2 * count
+        self._whiten = (corners.whiten.reshape(-1, 4, 2) @ self._to_pixels).reshape(-1, 8, 8)
+        self._common: Array | None = None
         if corners.common_px is not None:
             # W' of the covariance (WᵀW)⁻¹ + c cᵀ is (1 − k v vᵀ) W, with v = W c.
             common = (corners.whiten @ corners.common_px.reshape(-1, 8, 1)).ravel()
             length2 = max(float(common @ common), 1e-12)
-            share = (1.0 - (1.0 + length2) ** -0.5) / length2
-            self._whiten -= np.outer(share * common, common @ self._whiten)
-        self._prior = prior
-        self._rows = rows
+            self._common, self._share = common, (1.0 - (1.0 + length2) ** -0.5) / length2
+        self._across: Array | None = None
         if prior is not None:
             self._across = _perpendicular(prior.down_in_camera) / prior.noise_rad
+        self._freedom = self._size - 6 + (0 if prior is None else 2)
+        # Rows for the prior stay zero without one.
+        self._rows = np.zeros((self._size + 2, 7))
+        self._partial = np.zeros((count, 2, 7))
 
     def follow(self, near: Pose) -> Solution | None:
-        """The solution from a pose not far off; None when that does not lead straight to one.
+        """The solution from a pose not far off; None when there is none.
 
         The rotation is kept for a start, with the translation that suits it best: for a known rotation it is linear.
         """
-        rotation, translation = near.rotation, self._translation(near.rotation)
-        if translation is None:
-            return None
-        (residual,), (jacobian,), (raw,) = self.linearise(rotation[None], translation[None])
-        for _ in range(_STEPS):
-            gradient = residual @ jacobian
-            step = -np.linalg.solve(jacobian.T @ jacobian, gradient)
-            gain = -float(step @ gradient)
-            rotation, translation = cv2.Rodrigues(step[:3])[0] @ rotation, translation + step[3:]
-            if gain < _GAIN_DONE:
-                return self.solution(Pose(rotation, translation), residual, jacobian, raw)
-            before = float(residual @ residual)
-            (residual,), (jacobian,), (raw,) = self.linearise(rotation[None], translation[None])
-            if not residual @ residual <= before:
-                return None
-        return None
+        translation = self._translation(near.rotation)
+        return None if translation is None else self.refine(Pose(near.rotation, translation), 0.0)
 
     def _translation(self, rotation: Array) -> Array | None:
         """The translation (3,) with which rays meet the plane best, unweighted; None when it is behind the camera."""
-        arms = self.plane @ rotation.T
-        depth = arms[:, 2]
-        u, v = self.rays.T
-        aim_u, aim_v = u * depth - arms[:, 0], v * depth - arms[:, 1]
-        sum_u, sum_v = float(u.sum()), float(v.sum())
-        square = float(u @ u + v @ v)
-        normal = np.array([[len(u), 0.0, -sum_u], [0.0, len(u), -sum_v], [-sum_u, -sum_v, square]])
-        translation = np.linalg.solve(normal, [aim_u.sum(), aim_v.sum(), -(u @ aim_u) - v @ aim_v])
-        return translation if translation[2] > 0.0 else None
+        arms = rotation @ self.plane
+        aim = self.rays * arms[2] - arms[:2]
+        aim_u, aim_v = aim.sum(axis=1).tolist()
+        sum_u, sum_v = self.rays.sum(axis=1).tolist()
+        count = self._size // 2
+        spread = float(np.vdot(self.rays, self.rays)) - (sum_u * sum_u + sum_v * sum_v) / count
+        forward = (sum_u * aim_u + sum_v * aim_v) / count - float(np.vdot(self.rays, aim))
+        if not (spread > 0.0 and forward > 0.0):
+            return None
+        forward /= spread
+        return np.array([(aim_u + sum_u * forward) / count, (aim_v + sum_v * forward) / count, forward])
 
-    def refine(self, starts: list[Pose]) -> list[Solution]:
-        """The solutions from the starts; a start that diverges is left out."""
-        rotation = np.array([start.rotation for start in starts])
-        translation = np.array([start.translation_m for start in starts])
-        damping = np.full(len(starts), 1e-3)
-        residual, jacobian, raw = self.linearise(rotation, translation)
-        cost = (residual * residual).sum(axis=1)
-        diagonal = np.arange(6)
+    def refine(self, start: Pose, damping: float) -> Solution | None:
+        """The solution from a start; None when it diverges. Without damping it starts as Gauss–Newton."""
+        pose, now = start, self.linearise(start)
         for _ in range(_STEPS):
-            turned = jacobian.transpose(0, 2, 1)
-            normal = turned @ jacobian
-            gradient = (turned @ residual[:, :, None])[:, :, 0]
-            damped = normal.copy()
-            damped[:, diagonal, diagonal] *= 1.0 + damping[:, None]
-            step = -np.linalg.solve(damped, gradient[:, :, None])[:, :, 0]
-            new_rotation = np.array([cv2.Rodrigues(w)[0] for w in step[:, :3]]) @ rotation
-            new_translation = translation + step[:, 3:]
-            if not np.any(-(step * gradient).sum(axis=1) >= _GAIN_DONE):
-                rotation, translation = new_rotation, new_translation
+            normal, gradient = now.gram[:6, :6], now.gram[:6, 6]
+            if damping > 0.0:
+                normal = normal.copy()
+                normal.flat[::7] *= 1.0 + damping
+            _, step, failed = lapack.dposv(normal, -gradient)
+            if failed:
+                return None
+            stepped = Pose(cv2.Rodrigues(step[:3])[0] @ pose.rotation, pose.translation_m + step[3:])
+            promised = -float(step @ gradient)
+            if promised < _GAIN_DONE:
+                pose = stepped
                 break
-            new_residual, new_jacobian, new_raw = self.linearise(new_rotation, new_translation)
-            new_cost = (new_residual * new_residual).sum(axis=1)
-            better = new_cost <= cost
+            then = self.linearise(stepped)
+            gained = now.gram[6, 6] - then.gram[6, 6]
+            if gained >= 0.0:
+                pose, now = stepped, then
             # Near the view where both solutions merge the cost is of fourth order and Gauss–Newton oversteps.
-            gained = (cost - new_cost) / np.maximum(-(step * gradient).sum(axis=1), 1e-12)
-            damping = np.clip(np.where(gained > 0.75, 0.1, np.where(gained > 0.25, 1.0, 30.0)) * damping, 1e-4, 1e6)
-            if better.all():
-                rotation, translation, cost = new_rotation, new_translation, new_cost
-                residual, jacobian, raw = new_residual, new_jacobian, new_raw
-                continue
-            rotation[better], translation[better] = new_rotation[better], new_translation[better]
-            residual[better], jacobian[better] = new_residual[better], new_jacobian[better]
-            raw[better], cost[better] = new_raw[better], new_cost[better]
-        return [
-            self.solution(Pose(rotation[i], translation[i]), residual[i], jacobian[i], raw[i])
-            for i in range(len(starts))
-            if np.isfinite(cost[i]) and translation[i, 2] > 0.0
-        ]
+            if gained <= 0.25 * promised:
+                damping = min(max(30.0 * damping, _DAMPING), 1e6)
+            elif gained > 0.75 * promised:
+                damping *= 0.1
+        if not (np.isfinite(now.gram[6, 6]) and pose.translation_m[2] > 0.0):
+            return None
+        return self.solution(pose, now)
 
-    def solution(self, pose: Pose, residual: Array, jacobian: Array, raw: Array) -> Solution:
+    def solution(self, pose: Pose, at: _Linear) -> Solution:
+        _, covariance, failed = lapack.dposv(at.gram[:6, :6], _IDENTITY)
+        if failed:
+            raise np.linalg.LinAlgError("the corners do not settle the pose")
         return Solution(
             camera_from_plane=pose,
-            chi2=float(residual @ residual),
-            prior_chi2=float(residual[self._size :] @ residual[self._size :]),
-            covariance=np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=float),
-            residual_px=(raw @ self._to_pixels.T).reshape(-1, 4, 2),
-            freedom=self._rows - 6,
+            chi2=float(at.gram[6, 6]),
+            prior_chi2=at.prior_chi2,
+            covariance=np.asarray(covariance, dtype=float),
+            residual_px=(at.residual @ self._to_pixels.T).reshape(-1, 4, 2),
+            freedom=self._freedom,
         )
 
-    def linearise(self, rotation: Array, translation: Array) -> tuple[Array, Array, Array]:
-        """Whitened residuals (b,rows), their Jacobian (b,rows,6), and the rays' residuals (b,n,2)."""
-        arms = self.plane @ rotation.transpose(0, 2, 1)
-        points = arms + translation[:, None]
-        near = 1.0 / np.maximum(points[:, :, 2], 1e-6)
-        u, v = points[:, :, 0] * near, points[:, :, 1] * near
-        raw = np.stack([u, v], axis=-1) - self.rays
-        x, y, z = arms[:, :, 0] * near, arms[:, :, 1] * near, arms[:, :, 2] * near
-        partial = np.zeros((*u.shape, 2, 6))
-        partial[:, :, 0, 0], partial[:, :, 0, 1], partial[:, :, 0, 2] = -y * u, z + x * u, -y
-        partial[:, :, 1, 0], partial[:, :, 1, 1], partial[:, :, 1, 2] = -z - y * v, x * v, x
-        partial[:, :, 0, 3] = partial[:, :, 1, 4] = near
-        partial[:, :, 0, 5], partial[:, :, 1, 5] = -u * near, -v * near
-        residual = np.empty((len(rotation), self._rows))
-        jacobian = np.zeros((len(rotation), self._rows, 6))
-        residual[:, : self._size] = raw.reshape(len(rotation), -1) @ self._whiten.T
-        jacobian[:, : self._size] = self._whiten @ partial.reshape(len(rotation), -1, 6)
-        if self._prior is not None:
-            down = rotation[:, :, 1]
-            residual[:, self._size :] = down @ self._across.T
-            x, y, z = down.T[:, :, None]
-            across_x, across_y, across_z = self._across.T
-            tilt = jacobian[:, self._size :]
-            tilt[:, :, 0], tilt[:, :, 1] = y * across_z - z * across_y, z * across_x - x * across_z
-            tilt[:, :, 2] = x * across_y - y * across_x
-        return residual, jacobian, raw
+    def linearise(self, pose: Pose) -> _Linear:
+        rotation = pose.rotation
+        arms = rotation @ self.plane
+        near = 1.0 / np.maximum(arms[2] + pose.translation_m[2], 1e-6)
+        seen = (arms[:2] + pose.translation_m[:2, None]) * near
+        arms *= near
+        # Columns: three of rotation, three of translation, the residual.
+        partial = self._partial
+        partial[:, :, 0] = (-arms[1] * seen).T
+        partial[:, :, 1] = (arms[0] * seen).T
+        partial[:, 0, 1] += arms[2]
+        partial[:, 1, 0] -= arms[2]
+        partial[:, 0, 2], partial[:, 1, 2] = -arms[1], arms[0]
+        partial[:, 0, 3] = partial[:, 1, 4] = near
+        partial[:, :, 5] = (-near * seen).T
+        partial[:, :, 6] = (seen - self.rays).T
+        rows, size = self._rows, self._size
+        whitened = rows[:size]
+        np.matmul(self._whiten, partial.reshape(-1, 8, 7), out=whitened.reshape(-1, 8, 7))
+        if self._common is not None:
+            whitened -= (self._share * self._common)[:, None] * (self._common @ whitened)
+        prior_chi2 = 0.0
+        if self._across is not None:
+            x, y, z = rotation[:, 1].tolist()
+            tilt = self._across @ [[0.0, z, -y, x], [-z, 0.0, x, y], [y, -x, 0.0, z]]
+            rows[size:, :3], rows[size:, 6] = tilt[:, :3], tilt[:, 3]
+            prior_chi2 = float(np.vdot(tilt[:, 3], tilt[:, 3]))
+        return _Linear(rows.T @ rows, prior_chi2, partial[:, :, 6].copy())
 
 
 def position_and_yaw(camera_from_plane: Pose) -> tuple[Array, float]:

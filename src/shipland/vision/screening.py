@@ -8,6 +8,8 @@ import numpy.typing as npt
 from shipland.frames import Array
 from shipland.vision.parameters import VisionParameters
 
+_NEXT = np.array([1, 2, 3, 0])
+
 _NOISE = 4.0
 """Standard deviations of a corner that a side's end may be off besides."""
 
@@ -29,17 +31,15 @@ def sides_agree(measured_px: Array, foreseen_px: Array, noise_px: float, paramet
     """
     ratio, shorter_px = _opposites(measured_px)
     if parameters.screening == "perspective":
-        ratio = ratio / _opposites(foreseen_px)[0]
+        ratio /= _opposites(foreseen_px)[0]
     # Corners of a small rectangle are not known finely enough for the fractions to mean anything.
     unsure = (parameters.screening_px + _NOISE * noise_px) / np.minimum(shorter_px, 1e6)
     length = np.abs(ratio)
-    slope = np.abs(ratio.imag) / np.maximum(ratio.real, 1e-9)
     tolerance = 1.0 + np.maximum(parameters.length_tolerance, unsure)
-    return bool(
-        np.all(length <= tolerance)
-        and np.all(length * tolerance >= 1.0)
-        and np.all(slope <= np.maximum(parameters.slope_tolerance, unsure))
-    )
+    steepest = np.maximum(parameters.slope_tolerance, unsure)
+    agree = (length <= tolerance) & (length * tolerance >= 1.0)
+    agree &= np.abs(ratio.imag) <= steepest * np.maximum(ratio.real, 1e-9)
+    return bool(agree.all())
 
 
 def _opposites(quads_px: Array) -> tuple[npt.NDArray[np.complex128], Array]:
@@ -48,7 +48,7 @@ def _opposites(quads_px: Array) -> tuple[npt.NDArray[np.complex128], Array]:
     The magnitude is the ratio of the lengths, the angle's tangent the difference of the slopes.
     """
     corners = np.ascontiguousarray(quads_px).view(np.complex128)[..., 0]
-    sides = corners[:, [1, 2, 3, 0]] - corners
+    sides = corners[:, _NEXT] - corners
     lengths = np.abs(sides)
     with np.errstate(divide="ignore", invalid="ignore"):
         return sides[:, :2] / -sides[:, 2:], np.minimum(lengths[:, :2], lengths[:, 2:])

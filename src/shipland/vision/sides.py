@@ -6,6 +6,7 @@ undistorted pixels, where sides are straight.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.frames import Array
 
-_NEXT, _BEFORE = [1, 2, 3, 0], [3, 0, 1, 2]
+_SIDE, _NEXT, _BEFORE = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [3, 0, 1, 2]])
 
 MOST_ACROSS = 12
 """Most pixels that are taken across a side, inward or outward."""
@@ -139,16 +140,14 @@ def intersect_sides(fit: SideFit) -> Meeting | None:
     start_px = ((corners_px - middle_px) * along).sum(axis=-1)
     end_px = lever_px[:, _NEXT]
     both, cross, square = fit.variance.reshape(3, -1, 4)
-    first = np.sqrt(both + start_px * (2.0 * cross + start_px * square))
-    mixed = (both + (start_px + end_px) * cross + start_px * end_px * square) / first
+    at_start, at_end = both + start_px * cross, cross + start_px * square
+    first = np.sqrt(at_start + start_px * at_end)
+    mixed = (at_start + end_px * at_end) / first
     second = np.sqrt(np.maximum(both + end_px * (2.0 * cross + end_px * square) - mixed * mixed, 1e-12))
     whiten = np.zeros((len(corners_px), 4, 2, 4, 2))
-    by_first, by_second = normal / first[..., None], normal / second[..., None]
-    by_mixed = by_first * (-mixed / second)[..., None]
-    for side, following in enumerate(_NEXT):
-        whiten[:, side, 0, side] = by_first[:, side]
-        whiten[:, side, 1, side] = by_mixed[:, side]
-        whiten[:, side, 1, following] = by_second[:, side]
+    whiten[:, _SIDE, 0, _SIDE] = by_first = normal / first[..., None]
+    whiten[:, _SIDE, 1, _SIDE] = by_first * (-mixed / second)[..., None]
+    whiten[:, _SIDE, 1, _NEXT] = normal / second[..., None]
     normal_before = normal[:, _BEFORE]
     growth = (normal + normal_before) / (1.0 + (normal * normal_before).sum(axis=-1, keepdims=True))
-    return Meeting(corners_px, whiten.reshape(-1, 8, 8), growth, float(np.sqrt(np.vdot(first, first) / first.size)))
+    return Meeting(corners_px, whiten.reshape(-1, 8, 8), growth, math.sqrt(float(np.vdot(first, first)) / first.size))

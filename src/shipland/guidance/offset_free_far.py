@@ -1,0 +1,100 @@
+"""Far control without steady error: boxes become places, and the filter of near control flies on them.
+
+Ours, not the paper's. Range comes from the box's area, bearing and elevation from its centre; their errors grow with
+range, and the filter weighs them so. A ship under way shows in it as the disturbance that near control cancels too.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.config import require
+from shipland.guidance.far import FarParameters, FarSight
+from shipland.guidance.laws import clamp
+from shipland.guidance.near import Measured, Sticks
+from shipland.guidance.offset_free import OffsetFreeNear, OffsetFreeParameters, Response
+
+
+@dataclass(frozen=True)
+class OffsetFreeFarParameters:
+    """`[guidance.offset_free_far]`.
+
+    Attributes:
+        area_share: standard deviation that a box's area is given, as a share of it.
+        centre_px: likewise of its centre.
+        floor_m: least standard deviation of a place.
+        above_m: height to fly at over the target's centre.
+        motion: of the filters and the speed profile.
+    """
+
+    area_share: float
+    centre_px: float
+    floor_m: float
+    above_m: float
+    motion: OffsetFreeParameters
+
+    def __post_init__(self) -> None:
+        for name in ("area_share", "centre_px", "floor_m"):
+            require(getattr(self, name) > 0.0, f"{name} must be positive")
+
+
+class OffsetFreeFar:
+    """Flies to the range at which the target's box has Table 1's setpoint.
+
+    Args:
+        parameters: weights and limits.
+        response: what the vehicle makes of its sticks.
+        focal_px: of the camera.
+        middle_px: (2,) its principal point.
+        ship_area_m2, bar_area_m2: of platform and board, seen from astern.
+        ship, bar: Table 1; only the areas' setpoints are used, and which of the two is given tells the target.
+    """
+
+    def __init__(
+        self,
+        parameters: OffsetFreeFarParameters,
+        response: Response,
+        focal_px: float,
+        middle_px: tuple[float, float],
+        areas_m2: list[tuple[FarParameters, float]],
+    ) -> None:
+        self._parameters, self._response = parameters, response
+        self._focal_px, self._middle_px, self._areas_m2 = focal_px, middle_px, areas_m2
+        self._motion = OffsetFreeNear(parameters.motion, response)
+        self._t_s = -math.inf
+
+    def sticks(self, sight: FarSight, gains: FarParameters) -> Sticks:
+        """Sticks towards the place wanted."""
+        measured, bearing_rad = self._measured(sight, gains)
+        if sight.t_s > self._t_s:
+            self._motion.observe(measured, sight.ready_s)
+            self._t_s = sight.t_s
+        sticks = self._motion.sticks()
+        turn_rad = bearing_rad if sight.heading_error_deg is None else math.radians(sight.heading_error_deg)
+        turn_rad_s = self._parameters.motion.turn_per_s * turn_rad
+        return sticks._replace(yaw=clamp(100.0 * turn_rad_s / self._response.max_turn_rad_s, 100.0))
+
+    def sent(self, ready_s: float, sticks: Sticks) -> None:
+        """Remember what was given and when it acts."""
+        self._motion.sent(ready_s, sticks)
+
+    def reset(self) -> None:
+        """Place and speed start anew with the next box; the disturbance stays."""
+        self._motion.reset()
+
+    def _measured(self, sight: FarSight, gains: FarParameters) -> tuple[Measured, float]:
+        """The box as a place against the one wanted, and its bearing [rad]."""
+        parameters, box = self._parameters, sight.box
+        area_m2 = next(area for known, area in self._areas_m2 if known == gains)
+        range_m = self._focal_px * math.sqrt(area_m2 / max(box.area_px2, 1.0))
+        wanted_m = self._focal_px * math.sqrt(area_m2 / gains.pitch.setpoint)
+        right = (box.centre_px[0] - self._middle_px[0]) / self._focal_px
+        elevation_rad = sight.gimbal_pitch_rad - math.atan2(box.centre_px[1] - self._middle_px[1], self._focal_px)
+        error = np.array([range_m - wanted_m, range_m * right, range_m * math.tan(elevation_rad) + parameters.above_m])
+        across_m = range_m * parameters.centre_px / self._focal_px
+        deviation = np.array([0.5 * parameters.area_share * range_m, across_m, across_m])
+        variance = deviation**2 + parameters.floor_m**2
+        return Measured(sight.t_s, error, variance, 0.0, 1.0, elevation_rad), math.atan(right)

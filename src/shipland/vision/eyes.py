@@ -1,0 +1,80 @@
+"""Near and far vision as one: corners first, then the detectors, in one time budget a frame.
+
+What was seen last decides what is looked at: corners are not looked for while the boxes say that they are too small,
+and no detector runs while corners are being followed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from shipland.config import require
+from shipland.messages import Frame, Observation
+
+
+class Sees(Protocol):
+    """Frame in, observation out."""
+
+    def see(self, frame: Frame) -> Observation:
+        """The best that can be made of one frame; never raises."""
+
+
+@dataclass(frozen=True)
+class EyesParameters:
+    """`[eyes]`.
+
+    Attributes:
+        corners_bar_px: corners are not looked for while the bar's box is narrower than this.
+        corners_ship_px: nor, without a bar's box, while the ship's is narrower than this.
+        patience_s: after a pose no detector runs for this long: a few frames without corners are no reason to.
+        memory_s: boxes older than this decide nothing.
+    """
+
+    corners_bar_px: float
+    corners_ship_px: float
+    patience_s: float
+    memory_s: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require(value >= 0.0, f"{name} must not be negative, got {value}")
+
+
+class Eyes:
+    """The whole vision: a pose where there are corners, else boxes.
+
+    Args:
+        near: looks for the cue's corners.
+        far: looks for bar and ship.
+        parameters: when to look for what.
+    """
+
+    def __init__(self, near: Sees, far: Sees, parameters: EyesParameters) -> None:
+        self._near, self._far, self._parameters = near, far, parameters
+        self._pose_s = -math.inf
+        self._boxes: Observation | None = None
+
+    def see(self, frame: Frame) -> Observation:
+        """A pose, or boxes with the reason why there is no pose; never raises."""
+        reason = "too far for corners"
+        if self._near_enough(frame.t_s):
+            seen = self._near.see(frame)
+            if seen.bar_pose is not None:
+                self._pose_s = frame.t_s
+            if 0.0 <= frame.t_s - self._pose_s <= self._parameters.patience_s:
+                return seen
+            reason = seen.reason
+        boxes = self._far.see(frame)
+        if boxes.bar_box is not None or boxes.ship_box is not None:
+            self._boxes = boxes
+        return replace(boxes, learned=True, reason="; ".join(text for text in (reason, boxes.reason) if text))
+
+    def _near_enough(self, t_s: float) -> bool:
+        boxes, parameters = self._boxes, self._parameters
+        if boxes is None or not 0.0 <= t_s - boxes.t_s <= parameters.memory_s:
+            return True
+        if boxes.bar_box is not None:
+            return boxes.bar_box.size_px[0] >= parameters.corners_bar_px
+        return boxes.ship_box is None or boxes.ship_box.size_px[0] >= parameters.corners_ship_px

@@ -1,0 +1,145 @@
+"""Far controls: the published law on boxes, its yaw, and the linear laws it is compared with."""
+
+import dataclasses
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shipland.config import build
+from shipland.errors import ConfigError
+from shipland.guidance.far import FarSight, FarYaw, LinearFar, PidFar, PublishedFar, far_control
+from shipland.guidance.laws import PidGains, PidMemory, exponential_law, pid_law
+from shipland.guidance.pilot import GuidanceParameters
+from shipland.messages import Box
+from shipland.rig import packaged_table
+
+PARAMETERS = build(GuidanceParameters, packaged_table("guidance"))
+SHIP, BAR, BASELINES, NEAR = PARAMETERS.ship, PARAMETERS.bar, PARAMETERS.far_baselines, PARAMETERS.near
+FOCAL_PX = 931.0
+KINDS = {"exponential": PublishedFar, "p": LinearFar, "pid": PidFar}
+SLOW = PidGains(k_p=0.5, t_i_s=4.0, t_d_s=1.0)
+
+
+def sight(box: Box, t_s: float, heading_error_deg: float | None) -> FarSight:
+    return FarSight(box, t_s, t_s + 0.5, 0.0, heading_error_deg)
+
+
+def box(right_px=0.0, below_px=0.0, area_px2=400.0):
+    side = math.sqrt(area_px2)
+    return Box((640.0 + right_px, 360.0 + below_px), (side, side), 0.9)
+
+
+def control(kind="exponential", variant="growing"):
+    return far_control(kind, variant, BASELINES, NEAR, FOCAL_PX)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_factory_builds_what_the_key_says(kind):
+    assert isinstance(control(kind), KINDS[kind])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_centred_box_of_the_wanted_size_holds(kind):
+    at_setpoint = control(kind).sticks(sight(box(area_px2=SHIP.pitch.setpoint), 1.0, 0.0), SHIP)
+    assert at_setpoint == pytest.approx((0.0, 0.0, 0.0, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("variant", ["growing", "saturating"])
+def test_every_stick_leads_to_the_box(kind, variant):
+    far = control(kind, variant)
+    right = far.sticks(sight(box(right_px=80.0, below_px=-80.0, area_px2=400.0), 1.0, 0.0), BAR)
+    assert right.pitch == pytest.approx(0.004 * 3000.0)  # Table 1: m · (3400 − 400)
+    assert right.roll > 20.0
+    assert right.heave > 20.0
+    left = control(kind, variant).sticks(sight(box(right_px=-80.0, below_px=80.0, area_px2=9000.0), 1.0, 0.0), BAR)
+    assert left.pitch == pytest.approx(0.004 * (3400.0 - 9000.0))  # erratum 2: too large a box means back off
+    assert left.roll == pytest.approx(-right.roll)
+    assert left.heave == pytest.approx(-right.heave)
+
+
+def test_the_printed_law_stays_selectable():
+    sticks = control(variant="printed").sticks(sight(box(right_px=-100.0), 1.0, 0.0), SHIP)
+    # erratum 3: −m(e^{ae} − d)·e at −100 px is 1.2 · (0.206 − 1) · 100, and to the LEFT
+    assert sticks.roll == pytest.approx(1.2 * (math.exp(-1.58) - 1.0) * 100.0, abs=0.1)
+
+
+def test_p_gives_the_laws_stick_at_the_stated_error_and_half_of_it_at_half():
+    far = control("p", "saturating")
+    wanted = exponential_law(BASELINES.match_px, SHIP.roll, "saturating")
+    assert far.sticks(sight(box(right_px=BASELINES.match_px), 1.0, 0.0), SHIP).roll == pytest.approx(wanted)
+    assert far.sticks(sight(box(right_px=0.5 * BASELINES.match_px), 2.0, 0.0), SHIP).roll == pytest.approx(0.5 * wanted)
+
+
+def test_pid_by_hand():
+    stick, memory = pid_law(20.0, 1.0, PidMemory(), SLOW)
+    assert stick == pytest.approx(10.0)  # the first error: P alone
+    stick, memory = pid_law(18.0, 1.5, memory, SLOW)
+    # P 9; I 0.5 · 18 · 0.5 / 4 = 1.125; D 0.5 · 1 · (−2 / 0.5) = −2
+    assert stick == pytest.approx(9.0 + 1.125 - 2.0)
+    again, after = pid_law(18.0, 1.5, memory, SLOW)
+    assert again == pytest.approx(9.0 + 1.125)
+    assert after.integral_percent == memory.integral_percent
+
+
+@given(errors=st.lists(st.floats(-600.0, 600.0), min_size=2, max_size=60))
+def test_pid_stays_within_the_stick_and_its_integral_too(errors):
+    memory = PidMemory()
+    for index, error in enumerate(errors):
+        stick, memory = pid_law(error, 0.5 * index, memory, SLOW)
+        assert abs(stick) <= 100.0
+        assert abs(memory.integral_percent) <= 100.0
+
+
+def test_pid_does_not_wind_up_at_the_stop():
+    memory = PidMemory()
+    for index in range(40):  # 20 s at an error whose P alone is at the stop
+        _, memory = pid_law(400.0, 0.5 * index, memory, SLOW)
+    assert memory.integral_percent == 0.0
+    stick, _ = pid_law(-20.0, 20.0, memory, dataclasses.replace(SLOW, t_d_s=0.0))
+    assert stick < 0.0  # turns round with the error
+
+
+def test_yaw_follows_the_magnetometer_by_the_near_law():
+    far = control()
+    first = far.sticks(sight(box(right_px=100.0), 1.0, 4.0), SHIP)
+    assert first.yaw == pytest.approx(5.5 * 4.0)  # Table 2: K_P · 4°, whatever the box says
+    second = far.sticks(sight(box(right_px=100.0), 1.5, 3.0), SHIP)
+    # step −1° in 0.5 s is −0.06° in 0.03 s, far inside σ = 5°: K_D = b; K_I adds 0.05 · 3 · 0.5
+    assert second.yaw == pytest.approx(5.5 * 3.0 - 1.75 * 2.0 + 0.075, abs=0.01)
+
+
+def test_without_a_magnetometer_the_nose_turns_to_the_box():
+    sticks = control().sticks(sight(box(right_px=FOCAL_PX * math.tan(math.radians(5.0))), 1.0, None), SHIP)
+    assert sticks.yaw == pytest.approx(5.5 * 5.0)
+
+
+def test_heading_errors_wrap_and_a_change_of_source_gives_no_kick():
+    yaw = FarYaw(NEAR.yaw, NEAR.derivative, FOCAL_PX)
+    assert yaw.stick_percent(0.0, 1.0, 350.0) == pytest.approx(-55.0)
+    # 10° by magnetometer, then 0° by vision: without the derivative of that jump
+    assert yaw.stick_percent(0.0, 1.5, None) == pytest.approx(0.0)
+
+
+def test_reset_forgets_the_last_error():
+    far = control("pid")
+    far.sticks(sight(box(right_px=50.0), 1.0, 0.0), SHIP)
+    far.reset()
+    sticks = far.sticks(sight(box(right_px=-50.0), 1.5, 0.0), BAR)
+    assert sticks.roll == pytest.approx(-50.0 * BASELINES.roll.k_p)
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "value", "says"),
+    [
+        ("far_baselines", "match_px", 0.0, "match_px must be positive"),
+        ("far_baselines", "roll", {"k_p": 1.0, "t_i_s": 0.0, "t_d_s": 1.0}, "t_i_s must be positive"),
+    ],
+)
+def test_senseless_gains_are_refused(section, key, value, says):
+    table = packaged_table("guidance")
+    table[section][key] = value
+    with pytest.raises(ConfigError, match=says):
+        build(GuidanceParameters, table)
