@@ -1,16 +1,20 @@
 """Time of the near vision on rendered pictures: `python benchmarks/vision.py [--rounds 60]`.
 
-One core. Searching the whole picture, and following in a region around the last pose, at several ranges; and with parts
-of the published chain. Each figure is the median over rounds of one picture after the other, in ms; wall time,
-and the process's own CPU time, which other work on the machine disturbs less.
+One core. Searching the whole picture, and following in a region around the last pose, at several ranges; with parts
+of the published chain; and two peers on the same places, their tags in the bar's stead (tools/peers.py): in the whole
+picture, and in the region that the near vision follows in, cut out beforehand. A peer's time ends with its pose. Each
+figure is the median over rounds of one picture after the other, in ms: wall time, and the process's own CPU time, which
+other work on the machine disturbs less. A dash: not found.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -25,11 +29,16 @@ from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig, default_rig, packaged_table
 from shipland.sim.scene import Scene, SceneParameters
 from shipland.sim.state import SceneState
+from shipland.vision.bar import Window
 from shipland.vision.pipeline import NearVision, VisionParameters
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
+from peers import Peer, apriltag, aruco, grain, in_picture  # noqa: E402
 
 Picture = npt.NDArray[np.uint8]
 RANGES_M = (2.0, 4.0, 8.0, 15.0)
 PICTURES = 5
+NOISE = 1.5
 CHAINS: dict[str, dict[str, str]] = {
     "default": {},
     "watershed on every region": {"watershed": "always"},
@@ -38,28 +47,39 @@ CHAINS: dict[str, dict[str, str]] = {
 }
 
 
-def approach(rig: Rig, camera: Camera, range_m: float) -> list[Frame]:
+@dataclass(frozen=True)
+class Look:
+    """One picture: as the near vision gets it, and clean, with where it was taken, for the peers' boards."""
+
+    frame: Frame
+    clean: Picture
+    camera_from_bar: Pose
+
+
+def approach(rig: Rig, camera: Camera, range_m: float) -> list[Look]:
     """Pictures a thirtieth of a second apart on the way in at 1 m/s, seen from 5° off the axis."""
     scene = Scene(rig, build(SceneParameters, packaged_table("scene"), "scene"), seed=1)
     rng, gimbal, still = np.random.default_rng(1), GimbalAttitude(0.0, np.arctan2(0.3, 2.0)), np.zeros(3)
     ned_from_ship = Pose(np.eye(3), np.array([0.0, 0.0, -rig.deck_height_m]))
     ned_from_bar = ned_from_ship @ rig.ship_from_bar
-    frames = []
+    looks = []
     for index in range(PICTURES):
         t_s = index / 30.0
         away_m = range_m - t_s
         position_m = away_m * np.array([-np.cos(0.09), -np.sin(0.09), min(0.15, 0.3 / away_m)])
-        ned_from_camera = ned_from_bar @ Pose(level_from_camera(gimbal), position_m)
+        bar_from_camera = Pose(level_from_camera(gimbal), position_m)
+        ned_from_camera = ned_from_bar @ bar_from_camera
         state = SceneState(
             t_s, ned_from_camera, ned_from_ship, ned_from_ship, ned_from_bar, ned_from_camera, still, still
         )
-        frames.append(Frame(t_s, scene.render(state, camera, rng=rng), gimbal))
+        clean = scene.render(state, camera)
+        looks.append(Look(Frame(t_s, grain(clean, NOISE, rng), gimbal), clean, bar_from_camera.inverse()))
     scene.close()
-    return frames
+    return looks
 
 
-def median_ms(look: Callable[[Frame], bool], frames: list[Frame], rounds: int) -> tuple[float, float]:
-    """Median wall and CPU time of one look [ms]; every look must find the cue."""
+def median_ms(look: Callable[[Frame], bool], frames: list[Frame], rounds: int) -> str:
+    """Median wall and CPU time of one look [ms]; a dash where one does not find what it looks for."""
     wall, cpu = [], []
     for _ in range(rounds):
         for frame in frames:
@@ -68,8 +88,8 @@ def median_ms(look: Callable[[Frame], bool], frames: list[Frame], rounds: int) -
             cpu.append(time.process_time() - started_cpu)
             wall.append(time.perf_counter() - started)
             if not found:
-                raise SystemExit(f"the bar was not found at {frame.t_s} s: nothing to time")
-    return 1e3 * float(np.median(wall)), 1e3 * float(np.median(cpu))
+                return "–"
+    return f"{1e3 * float(np.median(wall)):.2f} / {1e3 * float(np.median(cpu)):.2f}"
 
 
 def searching(vision: NearVision) -> Callable[[Frame], bool]:
@@ -94,31 +114,57 @@ def following(vision: NearVision, frames: list[Frame]) -> Callable[[Frame], bool
     return look
 
 
+def asking(peer: Peer, camera: Camera) -> Callable[[Frame], bool]:
+    """Looks of a peer, to the pose; every tag must be found."""
+
+    def look(frame: Frame) -> bool:
+        assert frame.image is not None
+        found = peer.detect(frame.image)
+        return peer.pose(found, camera) is not None and len(found) == len(peer.board.tags_m)
+
+    return look
+
+
+def peer_frames(peer: Peer, looks: list[Look], camera: Camera, margins: VisionParameters | None) -> list[Frame]:
+    """Pictures with the peer's board; cut to the region that the near vision would follow in, given its margins."""
+    rng, frames = np.random.default_rng(2), []
+    for look in looks:
+        picture = grain(peer.board.hung(look.clean, camera, look.camera_from_bar), NOISE, rng)
+        if margins is not None:
+            tags_m = np.concatenate(list(peer.board.tags_m.values()))
+            corners_px = in_picture(tags_m, camera, look.camera_from_bar)
+            margin_px = np.maximum(margins.track_margin_px, margins.track_margin * np.ptp(corners_px, axis=0))
+            window = Window.around(corners_px, margin_px, camera.width_px, camera.height_px)
+            picture = np.ascontiguousarray(window.of(picture))
+        frames.append(Frame(look.frame.t_s, picture, look.frame.gimbal))
+    return frames
+
+
 def main() -> None:
     """Time and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=60)
-    rounds = parser.parse_args().rounds
+    rounds = max(1, parser.parse_args().rounds // 2)
     cv2.setNumThreads(1)
     rig = default_rig()
     camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
     parameters = build(VisionParameters, packaged_table("vision"), "vision")
-    frames = {range_m: approach(rig, camera, range_m) for range_m in RANGES_M}
+    looks = {range_m: approach(rig, camera, range_m) for range_m in RANGES_M}
+    there_and_back = [[look.frame for look in (*some, *some[::-1])] for some in looks.values()]
     table = Table(title=f"near vision, {camera.width_px} × {camera.height_px} px, one core: median ms, wall / CPU")
-    table.add_column("chain")
+    table.add_column("chain", no_wrap=True)
     table.add_column("picture")
     for range_m in RANGES_M:
-        table.add_column(f"{range_m:.0f} m", justify="right")
+        table.add_column(f"{range_m:.0f} m", justify="right", no_wrap=True)
     for name, changes in CHAINS.items():
         vision = NearVision(rig.target, camera, replace(parameters, **changes))  # type: ignore[arg-type]
-        there_and_back = {range_m: [*some, *some[::-1]] for range_m, some in frames.items()}
-        for kind in ("whole", "followed"):
-            cells = []
-            for some in there_and_back.values():
-                look = searching(vision) if kind == "whole" else following(vision, some)
-                cells.append("{:.2f} / {:.2f}".format(*median_ms(look, some, max(1, rounds // 2))))
-            table.add_row(name, kind, *cells)
-    Console().print(table)
+        table.add_row(name, "whole", *(median_ms(searching(vision), some, rounds) for some in there_and_back))
+        table.add_row(name, "followed", *(median_ms(following(vision, some), some, rounds) for some in there_and_back))
+    for peer in (aruco(rig), aruco(rig, refined=False), apriltag(rig), apriltag(rig, 1.0)):
+        for kind, margins in (("whole", None), ("region", parameters)):
+            frames = (peer_frames(peer, some, camera, margins) for some in looks.values())
+            table.add_row(peer.name, kind, *(median_ms(asking(peer, camera), some, rounds) for some in frames))
+    Console(width=120).print(table)
 
 
 if __name__ == "__main__":

@@ -73,6 +73,8 @@ class Campaign:
     """TOML file laid over the scenario."""
     workers: int = 2
     """Processes."""
+    logs: bool = False
+    """Keep each flight's log, without pictures, as flights/SEED.mcap: `shipland paper --flights` draws from them."""
 
     def run(self) -> int:
         """Fly; 0 when all landed in the square, 1 when not."""
@@ -88,6 +90,7 @@ class Campaign:
                 self.out,
                 self.config,
                 self.workers,
+                self.logs,
             )
         )
 

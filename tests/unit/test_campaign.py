@@ -7,11 +7,14 @@ import pytest
 
 from shipland.bench import campaign as campaigns
 from shipland.bench.campaign import CampaignRequest, run_campaign
-from shipland.bench.landing import Landing, failures_table, no_landing, summary_of, table_of
+from shipland.bench.landing import Landing, Way, failures_table, no_landing, summary_of, table_of
 from shipland.bench.rules import rules_table
 from shipland.errors import ConfigError, DataError
 
-GOOD = Landing(1, True, True, 0.03, -0.04, 0.45, 0.05, 6.0, 0.01, 17.0, 29.5, 29.5, 0.03, -0.04, 0.0, 0.0, "landed")
+WAY = (12.0, 1.0, 0.0, 0.0, 20.0, 8.0, 0.5, 0.0, 0)
+NO_WAY = Way(*WAY)
+TOUCH = (0.03, -0.04, 0.45, 0.05, 6.0, 0.01, 17.0, 29.5, 29.5, 0.03, -0.04, 0.0, 0.0)
+GOOD = Landing(1, True, True, *TOUCH, *WAY, "landed")
 
 
 @pytest.fixture
@@ -19,12 +22,12 @@ def request_(tmp_path, monkeypatch):
     """A campaign of three whose flights are made up; the seeds flown are counted."""
     flown = []
 
-    def land(table, pilot, camera, seed):
+    def land(table, pilot, camera, seed, *_):
         flown.append(seed)
         return replace(GOOD, seed=seed, sink_mps=0.1 * seed)
 
     monkeypatch.setattr(campaigns, "land_once", land)
-    request = CampaignRequest("near", "paper", "geometric", 1, 3, tmp_path / "out", None, 1)
+    request = CampaignRequest("near", "paper", "geometric", 1, 3, tmp_path / "out", None, 1, False)
     return request, flown
 
 
@@ -60,7 +63,7 @@ def test_bad_requests(request_, change, words):
 
 def test_flights_without_touchdown_survive_the_file_too(request_, monkeypatch):
     request, _ = request_
-    monkeypatch.setattr(campaigns, "land_once", lambda *_: no_landing(1, 120.0, 0.0, "no touchdown"))
+    monkeypatch.setattr(campaigns, "land_once", lambda *_: no_landing(1, 120.0, 0.0, NO_WAY, "no touchdown"))
     list(run_campaign(replace(request, count=1)))
     (landing,) = run_campaign(replace(request, count=1))
     assert math.isnan(landing.forward_m)
@@ -76,7 +79,7 @@ def test_causes_tell_the_deck_from_the_aircraft():
 
 def test_tables_count_right():
     missed = replace(GOOD, seed=2, in_square=False, forward_m=0.4, reason="landed outside the square")
-    landings = [GOOD, missed, no_landing(3, 120.0, 0.0, "no touchdown: time limit")]
+    landings = [GOOD, missed, no_landing(3, 120.0, 0.0, NO_WAY, "no touchdown: time limit")]
     assert "1 of 3 landed in the square" in summary_of(landings)
     assert table_of(landings).count("\n| ") == 3
     assert failures_table(landings).count("\n| ") == 2

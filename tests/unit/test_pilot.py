@@ -130,7 +130,8 @@ def test_boxes_fly_the_far_laws():
         decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s), t_s)
     assert decision.mode is Mode.TRACK_SHIP
     assert decision.command.pitch_percent == pytest.approx(0.008 * (5000.0 - 400.0))
-    assert decision.command.roll_percent == 100.0  # 1.2 · (exp(1.58) − 1) · 100, clamped
+    # Table 1, saturating: 1.2 · (1 − exp(−0.0158 · 100)) · 100
+    assert decision.command.roll_percent == pytest.approx(120.0 * (1.0 - math.exp(-1.58)))
     assert decision.command.heave_percent == pytest.approx(0.0, abs=0.1)  # the setpoint is the row 360 of the paper
     assert abs(decision.command.yaw_percent) > 10.0  # the nose turns to where the ship was first seen
 

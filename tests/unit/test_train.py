@@ -262,6 +262,31 @@ def test_a_failed_write_leaves_the_old_checkpoint(tmp_path, monkeypatch):
     assert [item.name for item in tmp_path.iterdir()] == ["last.safetensors"]
 
 
+def test_a_detectors_file_is_a_start(squares, tmp_path):
+    """Its network answers as the file does (16-bit weights: to 0.2 %), and its normalisation stays as it is."""
+    layers = yolov3_layers(1, 0.125)
+    weights = random_weights(layers, np.random.default_rng(3))
+    file = tmp_path / "detector.onnx"
+    write_onnx(file, layers, weights, replace(WIDE, width=0.125))
+    wanted = arguments(squares, tmp_path / "run", 5, weights=file)
+    parameters, dataset = training._parameters(wanted), read_dataset(squares)
+    assert parameters.freeze_norm
+    run = training._start(wanted, parameters, dataset)
+    picture = np.random.default_rng(4).integers(0, 256, (64, 64, 3), dtype=np.uint8)
+    ours = training.TorchEngine(run.average, run.spec, run.device, bf16=False).maps(picture)
+    for mine, theirs in zip(ours, load_engine(file, "onnxruntime", "fp32", 1).maps(picture), strict=True):
+        np.testing.assert_allclose(mine, theirs, atol=2e-3 * np.abs(theirs).max())
+    before = [norm.running_mean.clone() for norm in run.network.modules() if isinstance(norm, torch.nn.BatchNorm2d)]
+    training._step(run, parameters, *training.draw_batch(dataset, [], parameters, np.random.default_rng(1)))
+    after = [norm.running_mean for norm in run.network.modules() if isinstance(norm, torch.nn.BatchNorm2d)]
+    assert all(torch.equal(one, two) for one, two in zip(before, after, strict=True))
+    with pytest.raises(DataError, match="of another width"):
+        training._start(replace(wanted, width=0.25), parameters, dataset)
+    file.write_bytes(b"not a network")
+    with pytest.raises(DataError, match=r"detector\.onnx is no ONNX network"):
+        training._start(wanted, parameters, dataset)
+
+
 def test_start_from_weights_of_another_shape_is_refused(squares, tmp_path):
     other = tmp_path / "other.safetensors"
     save_checkpoint(other, {"average.a": torch.ones(1)}, replace(WIDE, width=0.5), Progress())

@@ -8,6 +8,7 @@ import multiprocessing
 import signal
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,14 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-from shipland.bench.fly import fly_quietly
-from shipland.bench.landing import Landing, failures_table, no_landing, table_of
+from shipland.bench.fly import flight_log, fly_quietly
+from shipland.bench.landing import Landing, failures_table, modes_table, no_landing, table_of, way_of
 from shipland.bench.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
 from shipland.bench.outputs import load_outputs
 from shipland.bench.rules import rules_table
 from shipland.bench.scenarios import CameraKind, PilotKind, Scenario, load_scenario, motion_start_s, scenario_table
 from shipland.errors import ConfigError, DataError
-from shipland.messages import FlightRecord, GroundTruth
+from shipland.messages import FlightRecord
 from shipland.record.info import config_digest
 from shipland.sim.ship import build_ship
 
@@ -40,6 +41,7 @@ class CampaignRequest:
     out: Path
     config: Path | None
     workers: int
+    logs: bool
 
     def __post_init__(self) -> None:
         if self.count < 1:
@@ -48,20 +50,33 @@ class CampaignRequest:
             raise ConfigError(f"--workers must be at least 1, got {self.workers}")
 
 
-def land_once(table: dict[str, Any], pilot: PilotKind, camera: CameraKind, seed: int) -> Landing:
-    """Fly one seed without leaving anything behind."""
-    truths: list[GroundTruth] = []
-
-    def remember(record: FlightRecord) -> None:
-        if record.truth is not None:
-            truths.append(record.truth)
-
+def land_once(
+    table: dict[str, Any], pilot: PilotKind, camera: CameraKind, seed: int, log: Path | None = None, name: str = ""
+) -> Landing:
+    """Fly one seed and leave nothing behind but, where asked for, its log."""
+    records: list[FlightRecord] = []
     scenario = load_scenario(table)
-    flown = fly_quietly(scenario, pilot, camera, seed, remember)
+    with ExitStack() as stack:
+        writer = None
+        if log is not None:
+            part = log.with_name(f".{log.name}.part")
+            writer = stack.enter_context(flight_log(part, scenario, table, name, pilot, seed))
+
+        def remember(record: FlightRecord) -> None:
+            records.append(replace(record, frame=replace(record.frame, image=None)))
+            if writer is not None:
+                writer.append(record)
+
+        flown = fly_quietly(scenario, pilot, camera, seed, remember)
+        if writer is not None and log is not None:
+            writer.finish(flown.verdict)
+            part.replace(log)
+    truths = [record.truth for record in records if record.truth is not None]
     start_s = motion_start_s(scenario, seed)
     verdict = flown.verdict
+    way = way_of(records, flown.result.t_s if verdict is None else verdict.t_s)
     if verdict is None:
-        return no_landing(seed, flown.result.t_s, start_s, flown.reason)
+        return no_landing(seed, flown.result.t_s, start_s, way, flown.reason)
     velocity = verdict.relative_velocity_in_deck_mps
     at_contact = max((truth for truth in truths if truth.t_s <= verdict.t_s), key=lambda truth: truth.t_s)
     ship_from_ned = at_contact.ned_from_ship.inverse()
@@ -84,6 +99,7 @@ def land_once(table: dict[str, Any], pilot: PilotKind, camera: CameraKind, seed:
         place_starboard_m=float(place_m[1]),
         deck_forward_m=float(deck_m[0]),
         deck_starboard_m=float(deck_m[1]),
+        **vars(way),
         reason=verdict.reason,
     )
 
@@ -109,7 +125,12 @@ def campaign(request: CampaignRequest) -> int:
 
 
 def _write_pictures(request: CampaignRequest, landings: list[Landing]) -> None:
-    text = "\n\n".join([table_of(landings), rules_table(landings), failures_table(landings)]).strip() + "\n"
+    text = (
+        "\n\n".join(
+            [table_of(landings), modes_table(landings), rules_table(landings), failures_table(landings)]
+        ).strip()
+        + "\n"
+    )
     (request.out / "table.md").write_text(text, encoding="utf-8")
     scenario = load_scenario(scenario_table(request.scenario, request.config))
     touchdowns = Touchdowns(
@@ -164,18 +185,25 @@ def run_campaign(request: CampaignRequest) -> Iterator[Landing]:
 def _fly_all(table: dict[str, Any], request: CampaignRequest, seeds: list[int]) -> Iterator[Landing]:
     if request.workers == 1 or len(seeds) < 2:
         for seed in seeds:
-            yield land_once(table, request.pilot, request.camera, seed)
+            yield land_once(*_arguments(table, request, seed))
         return
     # spawn: an OpenGL context does not survive a fork
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(request.workers, context, initializer=_ignore_interrupt) as pool:
-        futures = [pool.submit(land_once, table, request.pilot, request.camera, seed) for seed in seeds]
+        futures = [pool.submit(land_once, *_arguments(table, request, seed)) for seed in seeds]
         try:
             for future in as_completed(futures):
                 yield future.result()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
+
+
+def _arguments(
+    table: dict[str, Any], request: CampaignRequest, seed: int
+) -> tuple[dict[str, Any], PilotKind, CameraKind, int, Path | None, str]:
+    log = request.out / "flights" / f"{seed}.mcap" if request.logs else None
+    return table, request.pilot, request.camera, seed, log, request.scenario
 
 
 def _ignore_interrupt() -> None:
@@ -202,6 +230,6 @@ def _read_done(path: Path, key: str) -> dict[int, Landing]:
 def _parse(name: str, text: str) -> bool | int | float | str:
     if name in ("landed", "in_square"):
         return {"True": True, "False": False}[text]
-    if name == "seed":
+    if name in ("seed", "tries"):
         return int(text)
     return text if name == "reason" else float(text)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -23,9 +24,11 @@ from shipland.bench.scenarios import (
     load_scenario,
     scenario_table,
 )
+from shipland.camera import Camera
 from shipland.flight import FlightResult, fly
 from shipland.messages import FlightRecord, Mode, TouchdownVerdict
 from shipland.record.info import FlightInfo, config_digest
+from shipland.record.writer import LogWriter
 from shipland.sim.scene import Scene
 
 
@@ -79,6 +82,22 @@ def fly_quietly(
         return Flown(result, vehicle.verdict())
 
 
+def flight_info(scenario: Scenario, table: dict[str, Any], name: str, pilot: PilotKind, seed: int) -> FlightInfo:
+    """What the log says of a flight."""
+    airframe = scenario.aircraft.airframe
+    diagonal_m = 2.0 * float(np.hypot(airframe.motor_forward_m, airframe.motor_right_m))
+    return FlightInfo(name, seed, pilot, __version__, config_digest(table), diagonal_m)
+
+
+def flight_log(
+    path: Path, scenario: Scenario, table: dict[str, Any], name: str, pilot: PilotKind, seed: int
+) -> LogWriter:
+    """A log of one flight without pictures."""
+    info = flight_info(scenario, table, name, pilot, seed)
+    camera = Camera.from_parameters(scenario.camera)
+    return LogWriter(path, info, scenario.rig, camera, replace(load_outputs().log, image_rate_hz=0.0))
+
+
 def fly_one(request: FlyRequest) -> int:
     """Fly, record and report on the terminal; 0 when landed in the square, 1 when not.
 
@@ -87,9 +106,7 @@ def fly_one(request: FlyRequest) -> int:
     """
     table = scenario_table(request.scenario, request.config)
     scenario = load_scenario(table)
-    airframe = scenario.aircraft.airframe
-    diagonal_m = 2.0 * float(np.hypot(airframe.motor_forward_m, airframe.motor_right_m))
-    info = FlightInfo(request.scenario, request.seed, request.pilot, __version__, config_digest(table), diagonal_m)
+    info = flight_info(scenario, table, request.scenario, request.pilot, request.seed)
     console = Console(stderr=True, highlight=False)
     with ExitStack() as stack:
         scene = None

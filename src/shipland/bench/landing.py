@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+
+from shipland.messages import FlightRecord, Mode
 
 
 @dataclass(frozen=True)
@@ -24,6 +28,9 @@ class Landing:
         instant_s: the same on the time axis of the deck's motion.
         place_forward_m, place_starboard_m: the aircraft in `ship` at the last frame before contact.
         deck_forward_m, deck_starboard_m: the deck's centre in `ship` then.
+        start_m: distance over ground from the deck's centre at the first frame.
+        search_s, ship_s, bar_s, approach_s, land_s, blind_s, climb_out_s: time in each mode before contact.
+        tries: landings broken off.
         reason: the verdict in words.
     """
 
@@ -43,6 +50,15 @@ class Landing:
     place_starboard_m: float
     deck_forward_m: float
     deck_starboard_m: float
+    start_m: float
+    search_s: float
+    ship_s: float
+    bar_s: float
+    approach_s: float
+    land_s: float
+    blind_s: float
+    climb_out_s: float
+    tries: int
     reason: str
 
     @property
@@ -63,7 +79,46 @@ class Landing:
         return f"{self.reason}: {who} (aircraft {100 * aircraft_m:.0f} cm, deck {100 * deck_m:.0f} cm off neutral)"
 
 
-def no_landing(seed: int, end_s: float, start_s: float, reason: str) -> Landing:
+@dataclass(frozen=True)
+class Way:
+    """How a flight went before contact: fields of `Landing` of the same names."""
+
+    start_m: float
+    search_s: float
+    ship_s: float
+    bar_s: float
+    approach_s: float
+    land_s: float
+    blind_s: float
+    climb_out_s: float
+    tries: int
+
+
+def way_of(records: Sequence[FlightRecord], end_s: float) -> Way:
+    """From the flight's records (with truth) up to the time of contact or of the end [s]."""
+    spent_s, tries, start_m = dict.fromkeys(Mode, 0.0), 0, float("nan")
+    for record, following in pairwise(records):
+        if record.telemetry.t_s >= end_s:
+            break
+        mode, after = record.decision.mode, following.decision.mode
+        spent_s[mode] += min(following.telemetry.t_s, end_s) - record.telemetry.t_s
+        tries += after is Mode.CLIMB_OUT and mode is not Mode.CLIMB_OUT
+    if records and (truth := records[0].truth) is not None:
+        start_m = float(np.hypot(*truth.aircraft_in_deck_m[:2]))
+    return Way(
+        start_m=start_m,
+        search_s=spent_s[Mode.SEARCH],
+        ship_s=spent_s[Mode.TRACK_SHIP],
+        bar_s=spent_s[Mode.TRACK_BAR],
+        approach_s=spent_s[Mode.APPROACH],
+        land_s=spent_s[Mode.LAND],
+        blind_s=spent_s[Mode.NO_VISION],
+        climb_out_s=spent_s[Mode.CLIMB_OUT],
+        tries=tries,
+    )
+
+
+def no_landing(seed: int, end_s: float, start_s: float, way: Way, reason: str) -> Landing:
     """A flight that ended at `end_s` without touchdown; every figure of a touchdown is NaN."""
     nan = float("nan")
     return Landing(
@@ -83,6 +138,7 @@ def no_landing(seed: int, end_s: float, start_s: float, reason: str) -> Landing:
         place_starboard_m=nan,
         deck_forward_m=nan,
         deck_starboard_m=nan,
+        **vars(way),
         reason=reason,
     )
 
@@ -139,3 +195,30 @@ def summary_of(landings: list[Landing]) -> str:
         f"{line}; touchdown error median {np.median(errors):.3f} m, largest {max(errors):.3f} m; sink speed median "
         f"{np.median(sinks):.2f} m/s, largest {max(sinks):.2f} m/s; time to land median {np.median(times):.1f} s."
     )
+
+
+_WAY_NAMES = {
+    "search_s": "searching",
+    "ship_s": "4 track ship",
+    "bar_s": "3 track bar",
+    "approach_s": "2 approach",
+    "land_s": "1 land",
+    "blind_s": "5 no vision",
+    "climb_out_s": "climb-out",
+}
+
+
+def modes_table(landings: list[Landing]) -> str:
+    """Markdown: time in each mode, its share of all flight time, and how many flights were ever in it."""
+    total_s = sum(getattr(landing, name) for landing in landings for name in _WAY_NAMES)
+    lines = ["| mode | median [s] | longest [s] | share of all time | flights |", "|---|---:|---:|---:|---:|"]
+    for name, words in _WAY_NAMES.items():
+        times_s = np.array([getattr(landing, name) for landing in landings])
+        share = times_s.sum() / total_s if total_s > 0.0 else 0.0
+        lines.append(
+            f"| {words} | {np.median(times_s):.1f} | {times_s.max():.1f} | {100.0 * share:.0f} % | "
+            f"{int((times_s > 0.0).sum())} |"
+        )
+    broken_off = sum(landing.tries for landing in landings)
+    flights = sum(landing.tries > 0 for landing in landings)
+    return "\n".join([*lines, "", f"{broken_off} landings were broken off, in {flights} of {len(landings)} flights."])

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from shipland.bench.scenarios import Scenario, build_vehicle, load_scenario
-from shipland.camera import Camera
-from shipland.config import merge, packaged_toml
+from shipland.bench.scenarios import Scenario, build_vehicle, load_scenario, scenario_table
+from shipland.camera import Camera, CameraParameters
+from shipland.config import build, merge
 from shipland.flight import Crew, fly
 from shipland.frames import Array
 from shipland.guidance.far import FarKind, FarSight, far_control
@@ -50,7 +50,7 @@ class FarCase:
         noise_px: standard deviation of each edge of a box.
         approach: fly pitch and yaw too, and on the bar within its range; else their sticks stay zero: the vehicle holds.
         duration_s: of the flight.
-        magnetometer: hold the course by it; else turn the nose to the box.
+        below_deg: below the horizon the box is wanted (Table 1: on it): more lifts the place wanted off the sea.
         seed: of aircraft, sensors and noise.
     """
 
@@ -63,7 +63,7 @@ class FarCase:
     noise_px: float
     approach: bool
     duration_s: float
-    magnetometer: bool = True
+    below_deg: float = 0.0
     seed: int = 1
 
 
@@ -157,7 +157,7 @@ class FarPilot:
         self._guidance, self._case = guidance, case
         self._far = far_control(case.kind, case.variant, guidance.far_baselines, guidance.near, focal_px)
         self._mode = Mode.SEARCH
-        self._command = PilotCommand.hold(0.0, guidance.approach.gimbal_search_rad)
+        self._command = PilotCommand.hold(0.0, 0.0)
 
     def decide(self, observation: Observation, telemetry: Telemetry, ready_s: float) -> Decision:
         """The sticks for the best box; without one the last sticks go on."""
@@ -171,11 +171,11 @@ class FarPilot:
         sticks = self._command
         if box is not None:
             heading_rad = telemetry.heading_rad
-            error_deg = -math.degrees(heading_rad) if heading_rad is not None and case.magnetometer else None
+            error_deg = -math.degrees(heading_rad) if heading_rad is not None else None
             sight = FarSight(box, observation.t_s, ready_s, observation.gimbal.pitch_rad, error_deg)
             pitch, roll, heave, yaw = self._far.sticks(sight, gains)
             pitch, yaw = (pitch, yaw) if case.approach else (0.0, 0.0)
-            sticks = PilotCommand(ready_s, pitch, roll, heave, yaw, guidance.approach.gimbal_search_rad)
+            sticks = PilotCommand(ready_s, pitch, roll, heave, yaw, 0.0)
             self._command = sticks
         return Decision(sticks, mode, "far control alone")
 
@@ -184,6 +184,7 @@ def fly_far(case: FarCase, overlay: dict[str, Any] | None = None) -> FarTrace:
     """Fly one case; the same case gives the same trace."""
     table: dict[str, Any] = {
         "description": "far control alone",
+        "ship": {"motion": "still"},
         "time_limit_s": case.duration_s,
         "start": {
             "distance_m": case.distance_m,
@@ -197,12 +198,17 @@ def fly_far(case: FarCase, overlay: dict[str, Any] | None = None) -> FarTrace:
         },
         "wind": {
             "mean_mps": case.wind_mps,
+            "mean_spread_mps": 0.0,
             "from_deg": 270.0,
+            "from_spread_deg": 0.0,
             "turbulence": {"enabled": False},
             "airwake": {"enabled": False},
         },
     }
-    scenario = load_scenario(merge(merge(packaged_toml("default"), table), overlay or {}))
+    base = merge(merge(scenario_table("near"), table), overlay or {})
+    focal_px = Camera.from_parameters(build(CameraParameters, base["camera"])).focal_px
+    row_px = base["guidance"]["ship"]["heave"]["setpoint"] + focal_px * math.tan(math.radians(case.below_deg))
+    scenario = load_scenario(merge(base, {"guidance": {"ship": {"heave": {"setpoint": row_px}}}}))
     vehicle = build_vehicle(scenario, case.seed, None)
     eyes = TrueBoxes(vehicle, scenario.rig, case.noise_px, np.random.default_rng([case.seed, 1]))
     pilot = FarPilot(scenario, case, vehicle.camera.focal_px)

@@ -92,7 +92,7 @@ class FarYaw:
     """
 
     def __init__(self, gains: NearGains, derivative: DerivativeVariant, focal_px: float) -> None:
-        self._gains, self._derivative, self._focal_px = gains, derivative, focal_px
+        self._gains, self._derivative, self.focal_px = gains, derivative, focal_px
         self._memory = NearMemory()
         self._by_magnetometer: bool | None = None
 
@@ -103,7 +103,7 @@ class FarYaw:
             self.reset()
             self._by_magnetometer = by_magnetometer
         if heading_error_deg is None:
-            error_deg = math.degrees(math.atan2(off_middle_px, self._focal_px))
+            error_deg = math.degrees(math.atan2(off_middle_px, self.focal_px))
         else:
             error_deg = math.remainder(heading_error_deg, 360.0)
         terms, self._memory = near_law(error_deg, t_s, self._memory, self._gains, self._derivative)
@@ -122,7 +122,7 @@ class PublishedFar:
 
     def sticks(self, sight: FarSight, gains: FarParameters) -> Sticks:
         """Eq. 1 on the box's area, column and row; it remembers nothing."""
-        too_small_px2, right_px, below_px = _errors(sight.box, gains)
+        too_small_px2, right_px, below_px = _errors(sight, gains, self._yaw.focal_px)
         return Sticks(
             exponential_law(too_small_px2, gains.pitch, self._variant),
             exponential_law(right_px, gains.roll, self._variant),
@@ -146,7 +146,7 @@ class LinearFar:
 
     def sticks(self, sight: FarSight, gains: FarParameters) -> Sticks:
         """Each axis proportional to its error."""
-        too_small_px2, right_px, below_px = _errors(sight.box, gains)
+        too_small_px2, right_px, below_px = _errors(sight, gains, self._yaw.focal_px)
         return Sticks(
             exponential_law(too_small_px2, gains.pitch, self._variant),
             clamp(self._k_p(gains.roll) * right_px, 100.0),
@@ -174,7 +174,7 @@ class PidFar:
 
     def sticks(self, sight: FarSight, gains: FarParameters) -> Sticks:
         """PID on column and row."""
-        too_small_px2, right_px, below_px = _errors(sight.box, gains)
+        too_small_px2, right_px, below_px = _errors(sight, gains, self._yaw.focal_px)
         roll, self._roll = pid_law(right_px, sight.t_s, self._roll, self._baselines.roll)
         heave, self._heave = pid_law(-below_px, sight.t_s, self._heave, self._baselines.heave)
         return Sticks(
@@ -205,10 +205,18 @@ def far_control(
     return PublishedFar(variant, yaw)
 
 
-def _errors(box: Box, gains: FarParameters) -> tuple[float, float, float]:
-    """Area missing [px²], and how far the box is right of and below its setpoint [px]."""
+def _errors(sight: FarSight, gains: FarParameters, focal_px: float) -> tuple[float, float, float]:
+    """Area missing [px²], and how far the box is right of and below its setpoint [px].
+
+    The row is that in a level camera: the gimbal follows the target, so that a steep one stays in the picture.
+    """
+    box, setpoint_px = sight.box, gains.heave.setpoint
+    below_rad = math.atan2(box.centre_px[1] - setpoint_px, focal_px) - sight.gimbal_pitch_rad
     return (
         gains.pitch.setpoint - box.area_px2,
         box.centre_px[0] - gains.roll.setpoint,
-        box.centre_px[1] - gains.heave.setpoint,
+        focal_px * math.tan(clamp(below_rad, _STEEPEST_RAD)),
     )
+
+
+_STEEPEST_RAD = math.radians(80.0)

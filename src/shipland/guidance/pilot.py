@@ -21,7 +21,7 @@ from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_
 from shipland.guidance.near import Measured, NearControl, NearEstimate, NearParameters, Sticks, measure
 from shipland.guidance.offset_free import OffsetFreeParameters
 from shipland.guidance.offset_free_far import OffsetFreeFarParameters
-from shipland.guidance.search import SearchParameters, search_sticks
+from shipland.guidance.search import SearchParameters, search
 from shipland.messages import Box, Decision, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
 
@@ -42,10 +42,9 @@ class ApproachParameters:
         commit_height_m: below this height over the neutral deck the landing is no longer broken off.
         astray_m: horizontal error that breaks off a landing.
         climb_out_radius_m: nearer than this to the bar, loss of vision means climb-out.
-        climb_out_height_m: height over the deck at which a climb-out ends.
+        climb_out_back_m, climb_out_height_m: astern of and over the deck's centre, where a climb-out ends.
         climb_out_percent, back_off_percent: sticks of a climb-out.
         climb_out_s: shortest climb-out.
-        gimbal_search_rad: camera pitch while searching and in the far modes.
         gimbal_time_constant_s: smoothing of the camera pitch that keeps the target in the picture.
     """
 
@@ -63,11 +62,11 @@ class ApproachParameters:
     commit_height_m: float
     astray_m: float
     climb_out_radius_m: float
+    climb_out_back_m: float
     climb_out_height_m: float
     climb_out_percent: float
     back_off_percent: float
     climb_out_s: float
-    gimbal_search_rad: float
     gimbal_time_constant_s: float
 
     def __post_init__(self) -> None:
@@ -119,17 +118,22 @@ class ModePilot:
     ) -> None:
         self._parameters = parameters
         self._focal_px = camera.focal_px
-        self._middle_px = float(camera.matrix[0, 2])
+        self._middle_px = (float(camera.matrix[0, 2]), float(camera.matrix[1, 2]))
         self._camera_in_body_m = np.asarray(camera_in_body_m, dtype=float)
         self._deck_down_m = float(rig.deck_in_bar_m[2])
-        self._wanted_in_bar_m = rig.deck_in_bar_m - np.array([0.0, 0.0, parameters.approach.hover_height_m])
+        approach = parameters.approach
+        self._hover_in_bar_m = rig.deck_in_bar_m - np.array([0.0, 0.0, approach.hover_height_m])
+        self._retry_in_bar_m = rig.deck_in_bar_m - np.array(
+            [approach.climb_out_back_m, 0.0, approach.climb_out_height_m]
+        )
+        self._wanted_in_bar_m = self._hover_in_bar_m
         self._far, self._near = far, near
         self._far_heading_rad: float | None = None
         self._far_mode: Mode | None = None
         self._modes = ModeMemory()
         self._estimate: NearEstimate | None = None
         self._aircraft_in_bar_m: Array | None = None
-        self._gimbal_pitch_rad = parameters.approach.gimbal_search_rad
+        self._gimbal_pitch_rad = math.radians(parameters.search.camera_pitch_deg[0])
         self._sticks = Sticks(0.0, 0.0, 0.0, 0.0)
         self._now_s: float | None = None
 
@@ -144,10 +148,11 @@ class ModePilot:
             self._take(measured, ready_s)
         self._modes = next_mode(self._situation(observation, telemetry), self._modes, self._parameters.modes)
         mode = self._modes.mode
+        self._want(self._retry_in_bar_m if mode is Mode.CLIMB_OUT else self._hover_in_bar_m)
         self._sticks = self._fly(mode, observation, telemetry, fresh, step_s)
         self._far.sent(ready_s, self._sticks)
         self._near.sent(ready_s, self._sticks)
-        self._point_camera(mode, step_s)
+        self._point_camera(mode, observation, step_s)
         command = PilotCommand(ready_s, *self._sticks, self._gimbal_pitch_rad, _INTENTS[mode])
         estimate = self._estimate if mode in _NEAR_MODES else None
         return Decision(
@@ -157,6 +162,12 @@ class ModePilot:
             None if estimate is None else self._aircraft_in_bar_m,
             None if estimate is None else estimate.yaw_rad,
         )
+
+    def _want(self, place_in_bar_m: Array) -> None:
+        """Lead the near control to another place; its estimate starts anew with the next picture."""
+        if place_in_bar_m is not self._wanted_in_bar_m:
+            self._wanted_in_bar_m, self._estimate = place_in_bar_m, None
+            self._near.reset()
 
     def _take(self, measured: Measured, ready_s: float) -> None:
         before = self._estimate
@@ -170,7 +181,9 @@ class ModePilot:
         height_m = None if place_m is None else self._deck_down_m - float(place_m[2])
         distance_m = math.inf if place_m is None else float(np.linalg.norm(place_m))
         climbing_s = telemetry.t_s - self._modes.since_s
-        high = height_m is None or height_m >= approach.climb_out_height_m or climbing_s >= 3.0 * approach.climb_out_s
+        clear = place_m is not None and bool(
+            place_m[0] < self._retry_in_bar_m[0] + 1.0 and place_m[2] < self._retry_in_bar_m[2] + 0.5
+        )
         return Situation(
             now_s=telemetry.t_s,
             observation=observation,
@@ -178,7 +191,7 @@ class ModePilot:
             committed=height_m is not None and height_m < approach.commit_height_m,
             astray=self._astray(),
             near_ship=distance_m < approach.climb_out_radius_m,
-            clear=climbing_s >= approach.climb_out_s and high,
+            clear=climbing_s >= approach.climb_out_s and (clear or climbing_s >= 4.0 * approach.climb_out_s),
             flying=telemetry.flying,
         )
 
@@ -211,19 +224,26 @@ class ModePilot:
         if mode in (Mode.TRACK_BAR, Mode.TRACK_SHIP):
             return self._fly_far(mode, observation, telemetry)
         if mode is Mode.CLIMB_OUT:
-            return self._climb_out(telemetry)
+            return self._climb_out(telemetry, fresh)
         if mode is Mode.SEARCH:
             self._far_heading_rad = None
-            return search_sticks(telemetry.t_s - max(self._modes.since_s, 0.0), self._parameters.search)
+            return search(self._searching_s(telemetry.t_s), self._parameters.search)[0]
         if mode is Mode.DONE:
             return Sticks(0.0, 0.0, 0.0, 0.0)
         keep = math.exp(-_DECAY * step_s / max(self._parameters.modes.memory_s, 1e-3))
         return Sticks(*(keep * stick for stick in self._sticks))
 
-    def _climb_out(self, telemetry: Telemetry) -> Sticks:
-        approach = self._parameters.approach
-        given_up = self._modes.tries > self._parameters.modes.max_tries
-        if given_up and telemetry.t_s - self._modes.since_s > 3.0 * approach.climb_out_s:
+    def _searching_s(self, now_s: float) -> float:
+        return now_s - max(self._modes.since_s, 0.0)
+
+    def _climb_out(self, telemetry: Telemetry, fresh: bool) -> Sticks:
+        """Up and back: to the place of the next try while the corners are seen, else by sticks alone."""
+        approach, climbing_s = self._parameters.approach, telemetry.t_s - self._modes.since_s
+        if self._estimate is not None and self._stale_s() <= self._parameters.modes.lost_s:
+            sticks = self._near.sticks(self._wanted_yaw_rad()) if fresh else self._sticks
+            low = float(self._estimate.error_in_level_m[2]) > 0.5
+            return sticks._replace(heave=max(sticks.heave, approach.climb_out_percent)) if low else sticks
+        if climbing_s > 4.0 * approach.climb_out_s:
             return Sticks(0.0, 0.0, 0.0, 0.0)
         return Sticks(-approach.back_off_percent, 0.0, approach.climb_out_percent, 0.0)
 
@@ -276,18 +296,23 @@ class ModePilot:
         if heading_rad is None:
             return None
         if self._far_heading_rad is None:
-            self._far_heading_rad = heading_rad + math.atan2(box.centre_px[0] - self._middle_px, self._focal_px)
+            self._far_heading_rad = heading_rad + math.atan2(box.centre_px[0] - self._middle_px[0], self._focal_px)
         return math.degrees(wrap_angle(self._far_heading_rad - heading_rad))
 
-    def _point_camera(self, mode: Mode, step_s: float) -> None:
-        approach = self._parameters.approach
+    def _point_camera(self, mode: Mode, observation: Observation, step_s: float) -> None:
+        """Keep the target in the picture: the bar by its pose, a box by its row; look ahead and down in search."""
+        box = {Mode.TRACK_BAR: observation.bar_box, Mode.TRACK_SHIP: observation.ship_box}.get(mode)
         if mode in _NEAR_MODES and self._estimate is not None and self._stale_s() <= self._parameters.modes.memory_s:
             wanted_rad = self._estimate.bar_elevation_rad
-        elif mode in (Mode.SEARCH, Mode.TRACK_BAR, Mode.TRACK_SHIP):
-            wanted_rad = approach.gimbal_search_rad
+        elif box is not None:
+            below_rad = math.atan2(box.centre_px[1] - self._middle_px[1], self._focal_px)
+            wanted_rad = observation.gimbal.pitch_rad - below_rad
+        elif mode is Mode.SEARCH and self._now_s is not None:
+            wanted_rad = search(self._searching_s(self._now_s), self._parameters.search)[1]
         else:
             return
-        share = 1.0 - math.exp(-step_s / approach.gimbal_time_constant_s) if step_s > 0.0 else 1.0
+        time_constant_s = self._parameters.approach.gimbal_time_constant_s
+        share = 1.0 - math.exp(-step_s / time_constant_s) if step_s > 0.0 else 1.0
         self._gimbal_pitch_rad += share * (wanted_rad - self._gimbal_pitch_rad)
 
 

@@ -1,7 +1,8 @@
-"""Looking for the ship: hold and look, turn once around, climb, and again."""
+"""Looking for the ship: hold and look ahead and down, turn once around, climb, and again."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from shipland.config import require
@@ -13,13 +14,15 @@ class SearchParameters:
     """`[guidance.search]`.
 
     Attributes:
-        look_s: hold still first, so that a target already in view is found and believed.
+        look_s: hold still first, for this long at each camera pitch, so that a target already in view is believed.
+        camera_pitch_deg: camera pitches, up positive; each turn is flown with the next of them.
         turn_percent, turn_s: yaw stick, and how long a full turn takes with it.
         climb_percent, climb_s: heave stick and time of the climb after each turn.
         turns: after so many turns the vehicle holds.
     """
 
     look_s: float
+    camera_pitch_deg: tuple[float, ...]
     turn_percent: float
     turn_s: float
     climb_percent: float
@@ -27,20 +30,23 @@ class SearchParameters:
     turns: int
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value >= 0, f"{name} must not be negative, got {value}")
+        for name in ("look_s", "turn_percent", "turn_s", "climb_percent", "climb_s", "turns"):
+            require(getattr(self, name) >= 0, f"{name} must not be negative, got {getattr(self, name)}")
+        require(len(self.camera_pitch_deg) > 0, "camera_pitch_deg must hold at least one pitch")
         require(self.turn_s + self.climb_s > 0.0, "turn_s + climb_s must be positive")
 
 
-def search_sticks(searching_s: float, parameters: SearchParameters) -> Sticks:
-    """The sticks after `searching_s` of search."""
+def search(searching_s: float, parameters: SearchParameters) -> tuple[Sticks, float]:
+    """The sticks and the camera pitch [rad] after `searching_s` of search."""
     hold = Sticks(0.0, 0.0, 0.0, 0.0)
-    turning_s = searching_s - parameters.look_s
+    pitches_rad = [math.radians(pitch_deg) for pitch_deg in parameters.camera_pitch_deg]
+    turning_s = searching_s - parameters.look_s * len(pitches_rad)
     if turning_s < 0.0:
-        return hold
+        return hold, pitches_rad[min(int(searching_s / parameters.look_s), len(pitches_rad) - 1)]
     turn, into_s = divmod(turning_s, parameters.turn_s + parameters.climb_s)
+    pitch_rad = pitches_rad[int(turn) % len(pitches_rad)]
     if turn >= parameters.turns:
-        return hold
+        return hold, pitch_rad
     if into_s < parameters.turn_s:
-        return hold._replace(yaw=parameters.turn_percent)
-    return hold._replace(heave=parameters.climb_percent)
+        return hold._replace(yaw=parameters.turn_percent), pitch_rad
+    return hold._replace(heave=parameters.climb_percent), pitch_rad

@@ -50,7 +50,8 @@ class TrainArguments:
         batch: pictures a step; default from the profile.
         window_px: side of the training window, a multiple of 32; default from the profile.
         width: factor on the network's filters; 1.0 is the paper's network.
-        weights: start from this checkpoint (.safetensors) or from Darknet's (.weights of the same shape).
+        weights: start from packaged weights (ship, bar), a checkpoint (.safetensors), a detector (.onnx), or Darknet's
+            (.weights of the same shape).
         resume: go on from the last checkpoint in `out`.
         device: auto takes a GPU where there is one.
         threads: CPU threads; more than the free cores makes it much slower.

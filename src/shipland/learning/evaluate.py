@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from rich.progress import track
@@ -23,6 +22,7 @@ from shipland.errors import DataError
 from shipland.learning.arguments import EvaluateArguments
 from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.files import write_atomically
+from shipland.learning.hard import compressed
 from shipland.learning.metrics import Tally
 from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table
 from shipland.learning.settings import learning_table
@@ -282,6 +282,20 @@ def look_at_scenes(
             scene.close()
 
 
+class _FirstLook(Detector):
+    """A detector that keeps the boxes of the last whole picture: two who look at it cost one look."""
+
+    def __init__(self, detector: Detector) -> None:
+        super().__init__(detector.engine, detector.max_iou)
+        self._picture: Picture | None = None
+        self._found: list[Box] = []
+
+    def detect(self, picture: Picture, min_confidence: float, kind: int = 0) -> list[Box]:
+        if picture is not self._picture:
+            self._picture, self._found = picture, super().detect(picture, min(LEAST_CONFIDENCE, min_confidence), kind)
+        return [box for box in self._found if box.confidence >= min_confidence]
+
+
 def _look(
     shot: Shot,
     scene: Scene,
@@ -292,6 +306,7 @@ def _look(
     settings: DetectorParameters,
     frames: int,
 ) -> SceneRecord:
+    detector = _FirstLook(detector)
     far = FarVision(
         detector if shot.kind == "ship" else None, detector if shot.kind == "bar" else None, camera, settings
     )
@@ -304,7 +319,7 @@ def _look(
     for number in range(max(frames, 1)):
         t_s = FRAME_S * number
         drawn, edges = draw(shot, t_s, scene, camera, rig, synth)
-        picture = _compressed(drawn, quality)
+        picture = compressed(drawn, quality)
         target = None if edges is None else _row(edges)
         partly = None
         if target is None and not shot.empty:
@@ -320,11 +335,6 @@ def _look(
             row = None if box is None else _rows([box])[0]
             told.append((target, None if row is None or _over(row, partly) else row))
     return SceneRecord(shot.number, shot.range_m, shot.visibility_m, len(shot.decoys), first, boxes, tuple(told))
-
-
-def _compressed(picture: Picture, quality: int) -> Picture:
-    data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
-    return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
 
 
 def _row(edges: NearestBox) -> BoxRow:
@@ -353,32 +363,36 @@ def _over(box: SureBox, edges: NearestBox | None) -> bool:
 
 
 def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
-    """Recall over range with its intervals, and the boxes' errors, as a picture."""
+    """Recall with its intervals, precision, and the boxes' errors over range, as a picture."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.5, 3.8), layout="constrained")
+    figure = Figure(figsize=(13.0, 3.8), layout="constrained")
     FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2)
+    left, centre, right = figure.subplots(1, 3)
     colours = {"all": "#444444", "clear": "#1f77b4", "haze": "#d98a1f"}
     for name, table in tables.items():
         bins = [item for item in table.bins if item.scenes]
         middle = [0.5 * (item.low_m + item.high_m) for item in bins]
-        colour = colours.get(name, "#444444")
         if name in ("clear", "haze"):
+            colour, tracked = colours[name], any(np.isfinite(item.confirmed) for item in bins)
             low = [max(item.recall - item.recall_low, 0.0) for item in bins]
             high = [max(item.recall_high - item.recall, 0.0) for item in bins]
             recall = [item.recall for item in bins]
             left.errorbar(middle, recall, (low, high), color=colour, capsize=2, label=f"{name}, one frame")
-        elif name == "all" and any(np.isfinite(item.confirmed) for item in bins):
-            left.plot(middle, [item.confirmed for item in bins], ":", color=colour, label="all, believed track")
-        if name == "all":
+            centre.plot(middle, [item.precision for item in bins], color=colour, label=f"{name}, one frame")
+            if tracked:
+                left.plot(middle, [item.confirmed for item in bins], ":", color=colour, label=f"{name}, believed")
+                told = [item.told_precision for item in bins]
+                centre.plot(middle, told, ":", color=colour, label=f"{name}, believed")
+        elif name == "all":
             right.plot(middle, [item.centre_px for item in bins], color="#1f77b4", label="centre, median [px]")
             right.plot(middle, [item.centre_95_px for item in bins], "--", color="#1f77b4", label="centre, 95 % [px]")
             right.plot(middle, [10.0 * item.area_spread for item in bins], color="#b5446e", label="area, spread [10 %]")
     left.set(xlabel=f"range of the {kind} [m]", ylabel="recall", ylim=(0.0, 1.02))
+    centre.set(xlabel=f"range of the {kind} [m]", ylabel="precision", ylim=(0.0, 1.02))
     right.set(xlabel=f"range of the {kind} [m]", ylabel="error of the box", ylim=(0.0, None))
-    for axes in (left, right):
+    for axes in (left, centre, right):
         axes.grid(alpha=0.3)
         axes.legend(frameon=False, fontsize=8)
     beside = path.with_suffix(".part.png")

@@ -19,7 +19,18 @@ import numpy.typing as npt
 
 from shipland.errors import DataError, SystemLibraryError
 from shipland.learning.files import write_atomically
-from shipland.learning.yolov3 import LEAKY_SLOPE, Conv, ConvWeights, Head, Layer, Route, Shortcut, Upsample
+from shipland.learning.yolov3 import (
+    LEAKY_SLOPE,
+    NORM_EPSILON,
+    Conv,
+    ConvWeights,
+    Head,
+    Layer,
+    Route,
+    Shortcut,
+    Upsample,
+    input_channels,
+)
 from shipland.vision.decode import DetectorSpec
 from shipland.vision.runtime import INPUT_NAME, METADATA_KEY
 
@@ -134,6 +145,38 @@ def write_onnx(
 ) -> None:
     """Write the network as ONNX, whole or not at all."""
     write_atomically(path, onnx_bytes(layers, weights, spec, half=half, rgb=rgb))
+
+
+def read_onnx(path: Path, layers: Sequence[Layer]) -> tuple[list[ConvWeights], DetectorSpec]:
+    """The numbers of a file that `write_onnx` wrote, and its spec; normalisation stays folded into the kernels.
+
+    Raises:
+        DataError: no ONNX file of this project, or a network of another shape.
+    """
+    onnx = _onnx()
+    try:
+        model = onnx.load(str(path))
+    except Exception as error:  # its exceptions share no public base
+        raise DataError(f"{path} is no ONNX network: {str(error).strip().splitlines()[-1]}") from None
+    text = {item.key: item.value for item in model.metadata_props}.get(METADATA_KEY)
+    if text is None:
+        raise DataError(f"{path} is no shipland detector: it lacks the metadata {METADATA_KEY!r}")
+    numbers = {item.name.removesuffix("_half"): onnx.numpy_helper.to_array(item) for item in model.graph.initializer}
+    weights, entering = [], input_channels(layers)
+    for index, layer in enumerate(layers):
+        if not isinstance(layer, Conv):
+            continue
+        kernel, bias = (numbers.get(f"l{index}_{part}") for part in ("kernel", "bias"))
+        wanted = (layer.filters, entering[index], layer.size, layer.size)
+        if kernel is None or bias is None or kernel.shape != wanted:
+            raise DataError(f"{path}: layer {index} is no convolution of {wanted}; is it of another width, or 8-bit?")
+        kernel, bias = kernel.astype(np.float32), bias.astype(np.float32)
+        if not weights:
+            kernel = kernel * np.float32(255.0)
+        ones = np.ones(layer.filters, np.float32)
+        norm = (ones, 0.0 * ones, ones - np.float32(NORM_EPSILON)) if layer.normalised else (None, None, None)
+        weights.append(ConvWeights(kernel, bias, *norm))
+    return weights, DetectorSpec.from_json(text, str(path))
 
 
 def write_int8(

@@ -68,6 +68,7 @@ class RangeBin:
         precision: hits over boxes, single frames; NaN without boxes.
         confirmed: part of the scenes whose target a believed track gave in some frame; NaN when not measured.
         confirmed_low, confirmed_high: Wilson's 95 % interval.
+        told_precision: hits over boxes that a believed track gave, all frames; NaN without boxes.
         width_px: median width of the target.
         centre_px, centre_95_px: median and 95th percentile of the distance between box and target; NaN without hits.
         area_bias, area_spread: median of the boxes' area over the target's, less one, and half the width of its
@@ -84,6 +85,7 @@ class RangeBin:
     confirmed: float
     confirmed_low: float
     confirmed_high: float
+    told_precision: float
     width_px: float
     centre_px: float
     centre_95_px: float
@@ -101,6 +103,7 @@ class RangeTable:
         false_per_frame: boxes that hit nothing, a single frame, over all scenes.
         false_told_per_1000: believed boxes that hit nothing, in 1,000 frames; NaN when not measured.
         frames: frames that `false_told_per_1000` was counted on.
+        recall, confirmed: as in a bin, over all scenes with the target in sight.
         average_precision: over all single frames.
         range_99_m, range_50_m: upper edge of the last bin before recall first falls below 99 % and 50 %.
     """
@@ -111,6 +114,8 @@ class RangeTable:
     false_per_frame: float
     false_told_per_1000: float
     frames: int
+    recall: float
+    confirmed: float
     average_precision: float
     range_99_m: float
     range_50_m: float
@@ -141,6 +146,7 @@ def range_table(
         tally.add(boxes[:, :4], boxes[:, 4], targets)
     told = [(target, box) for record in records for target, box in record.told]
     false_told = sum(box is not None and not hits(box, target, min_iou) for target, box in told)
+    everything = _bin(edges_m[0], edges_m[-1], list(records), confidence, min_iou)
     bins = tuple(
         _bin(low_m, high_m, [item for item in records if low_m <= item.range_m < high_m], confidence, min_iou)
         for low_m, high_m in itertools.pairwise(edges_m)
@@ -152,6 +158,8 @@ def range_table(
         false_per_frame=tally.false_per_picture(confidence),
         false_told_per_1000=1000.0 * false_told / len(told) if told else float("nan"),
         frames=len(told),
+        recall=everything.recall,
+        confirmed=everything.confirmed,
         average_precision=tally.average_precision(),
         range_99_m=_reach(bins, 0.99),
         range_50_m=_reach(bins, 0.5),
@@ -172,6 +180,8 @@ def _bin(low_m: float, high_m: float, records: list[SceneRecord], confidence: fl
     confirmed = sum(
         any(box is not None and hits(box, target, min_iou) for target, box in record.told) for record in tracked
     )
+    told = [(target, box) for record in records for target, box in record.told if box is not None]
+    right = sum(hits(box, target, min_iou) for target, box in told)
     off = np.array([np.hypot(box[0] - target[0], box[1] - target[1]) for target, box in found])
     ratio = np.array([box[2] * box[3] / (target[2] * target[3]) - 1.0 for target, box in found])
     nan = float("nan")
@@ -185,6 +195,7 @@ def _bin(low_m: float, high_m: float, records: list[SceneRecord], confidence: fl
         confirmed=confirmed / len(tracked) if tracked else nan,
         confirmed_low=wilson_interval(confirmed, len(tracked))[0],
         confirmed_high=wilson_interval(confirmed, len(tracked))[1],
+        told_precision=right / len(told) if told else nan,
         width_px=float(np.median([record.target[2] for record in seen if record.target])) if seen else nan,
         centre_px=float(np.median(off)) if len(off) else nan,
         centre_95_px=float(np.percentile(off, 95)) if len(off) else nan,
@@ -207,9 +218,9 @@ def _reach(bins: Sequence[RangeBin], recall: float) -> float:
 def markdown(table: RangeTable) -> str:
     """The table for people, GitHub's Markdown."""
     lines = [
-        "| range [m] | scenes | width [px] | recall (95 %) | precision | confirmed | "
+        "| range [m] | scenes | width [px] | recall (95 %) | precision | confirmed (95 %) | its precision | "
         "centre, median / 95 % [px] | area |",
-        "|---|---:|---:|---:|---:|---:|---:|---:|",
+        "|---|---:|---:|---:|---:|---:|---:|---:|---:|",
     ]
     for item in table.bins:
         if not item.scenes:
@@ -217,7 +228,7 @@ def markdown(table: RangeTable) -> str:
         lines.append(
             f"| {item.low_m:g}–{item.high_m:g} | {item.scenes} | {item.width_px:.0f} | "
             f"{item.recall:.3f} ({item.recall_low:.2f}–{item.recall_high:.2f}) | {_number(item.precision, '.3f')} | "
-            f"{_number(item.confirmed, '.3f')} | "
+            f"{_confirmed(item)} | {_number(item.told_precision, '.3f')} | "
             f"{_number(item.centre_px, '.2f')} / {_number(item.centre_95_px, '.2f')} | "
             f"{_number(100.0 * item.area_bias, '+.0f')} ± {_number(100.0 * item.area_spread, '.0f')} % |"
         )
@@ -226,9 +237,16 @@ def markdown(table: RangeTable) -> str:
         f"{table.scenes} scenes, {table.empty} of them without the target in sight; average precision "
         f"{table.average_precision:.3f}; {1000.0 * table.false_per_frame:.1f} false boxes in 1,000 single frames; "
         f"{_number(table.false_told_per_1000, '.2f')} in 1,000 frames after confirmation ({table.frames} frames). "
+        f"Recall {_number(table.recall, '.3f')}, confirmed {_number(table.confirmed, '.3f')}. "
         f"99 % of single frames to {table.range_99_m:g} m, 50 % to {table.range_50_m:g} m.",
     ]
     return "\n".join(lines)
+
+
+def _confirmed(item: RangeBin) -> str:
+    if np.isnan(item.confirmed):
+        return "–"
+    return f"{item.confirmed:.3f} ({item.confirmed_low:.2f}–{item.confirmed_high:.2f})"
 
 
 def _number(value: float, form: str) -> str:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
@@ -82,14 +84,33 @@ def degrade(
     if veils or vignette > 0.02:
         rows, columns = np.mgrid[0:height:8, 0:width:8].astype(np.float32)
         far = ((columns - width / 2) ** 2 + (rows - height / 2) ** 2) / (0.25 * (width**2 + height**2))
-        light = cv2.resize(1.0 - vignette * far, (width, height))
-        values *= light[..., None]
+        kept, added = 1.0 - vignette * far, np.zeros_like(far)
         if veils:
-            spot = np.exp(-((columns - source[0]) ** 2 + (rows - source[1]) ** 2) / reach**2).astype(np.float32)
-            haze = veil * cv2.resize(spot, (width, height))[..., None]
-            values += haze * (255.0 - values)
-    values += noise * grain.standard_normal(values.shape, dtype=np.float32)
-    return np.asarray(np.clip(values + 0.5, 0.0, 255.0), np.uint8)
+            spot = veil * np.exp(-((columns - source[0]) ** 2 + (rows - source[1]) ** 2) / reach**2)
+            kept, added = kept * (1.0 - spot), 255.0 * spot
+        cv2.multiply(values, _spread(kept, width, height), values)
+        cv2.add(values, _spread(added, width, height), values)
+    return np.asarray(cv2.add(values, _grain(values.shape, float(noise), grain), dtype=cv2.CV_8U), np.uint8)
+
+
+def _spread(coarse: npt.NDArray[np.floating[Any]], width: int, height: int) -> npt.NDArray[np.float32]:
+    """A coarse field (h/8,w/8) over a picture's three channels (h,w,3)."""
+    three = np.repeat(coarse[..., None], 3, axis=2).astype(np.float32)
+    return np.asarray(cv2.resize(three, (width, height)), np.float32)
+
+
+@lru_cache(maxsize=1)
+def _normal_numbers() -> npt.NDArray[np.float32]:
+    return np.random.default_rng(0).standard_normal(1 << 21, dtype=np.float32)
+
+
+def _grain(shape: tuple[int, ...], sigma: float, rng: np.random.Generator) -> npt.NDArray[np.float32]:
+    """White noise (h,w,3): every row is a stretch of one long table, from a place of its own."""
+    height, width, channels = shape
+    table = _normal_numbers()
+    starts = rng.integers(0, len(table) - width * channels, height)
+    rows = np.lib.stride_tricks.sliding_window_view(table, width * channels)[starts]
+    return np.asarray(np.float32(sigma) * rows, np.float32).reshape(height, width, channels)
 
 
 def motion_kernel(length_px: float, angle_rad: float) -> npt.NDArray[np.float32]:

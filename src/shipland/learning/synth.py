@@ -63,7 +63,7 @@ def synth(arguments: SynthArguments) -> Path:
     out = arguments.out
     _claim(out, arguments)
     names = [f"{arguments.kind}-{arguments.seed}-{number:06d}" for number in range(count)]
-    missing = [number for number, name in enumerate(names) if not (out / "scenes" / f"{name}.json").is_file()]
+    missing = [number for number, name in enumerate(names) if not _whole(out, name)]
     detector = None
     if arguments.fooling is not None:
         detector = Detector.load(arguments.fooling, replace(detector_parameters(), threads=1))
@@ -127,6 +127,17 @@ def write_plainly(path: Path, data: bytes) -> None:
     beside = path.with_name(f".{path.name}.part")
     beside.write_bytes(data)
     beside.replace(path)
+
+
+def _whole(out: Path, name: str) -> bool:
+    """Whether a picture's scene and every window that it tells of are there."""
+    scene = out / "scenes" / f"{name}.json"
+    if not scene.is_file():
+        return False
+    files = [Path(json.loads(line)["file"]) for line in scene.read_text(encoding="utf-8").splitlines()]
+    return all(
+        (out / "images" / file).is_file() and (out / "labels" / file.with_suffix(".txt")).is_file() for file in files
+    )
 
 
 def _claim(out: Path, arguments: SynthArguments) -> None:

@@ -39,7 +39,7 @@ from shipland.learning.results import write_results
 from shipland.learning.settings import TrainParameters, train_parameters
 from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, yolov3_layers
 from shipland.vision.decode import Decoding, DetectorSpec, Float32, decode, suppress
-from shipland.vision.detector import padded
+from shipland.vision.detector import padded, weights_path
 
 Floats = npt.NDArray[np.float64]
 LAST, BEST = "last.safetensors", "best.safetensors"
@@ -93,6 +93,8 @@ def train(arguments: TrainArguments) -> Path:
         DataError: a data set, checkpoint or weights file is wrong.
         ConfigError: a setting is wrong.
     """
+    if arguments.weights is not None and not arguments.weights.is_file():
+        arguments = replace(arguments, weights=weights_path(str(arguments.weights), "fp32"))
     parameters = _parameters(arguments)
     torch.set_num_threads(max(1, arguments.threads))
     dataset = _datasets(arguments)
@@ -120,6 +122,9 @@ def _parameters(arguments: TrainArguments) -> TrainParameters:
             steps=parameters.steps if arguments.steps is None else arguments.steps,
             batch=parameters.batch if arguments.batch is None else arguments.batch,
             window_px=parameters.window_px if arguments.window_px is None else arguments.window_px,
+            # A detector's file holds its normalisation folded into the kernels; there are no statistics to go on with.
+            freeze_norm=parameters.freeze_norm
+            or (arguments.weights is not None and arguments.weights.suffix == ".onnx"),
         )
     except ValueError as error:
         raise DataError(str(error)) from None
@@ -195,7 +200,7 @@ def _spec(arguments: TrainArguments, parameters: TrainParameters, fitting: Datas
 
 
 def _initial(path: Path, spec: DetectorSpec) -> dict[str, Tensor]:
-    """Tensors to start from: another run's average, or Darknet's weights."""
+    """Tensors to start from: another run's average, a detector's ONNX file, or Darknet's weights."""
     if path.suffix == ".weights":
         from shipland.learning.darknet import read_weights
 
@@ -203,6 +208,12 @@ def _initial(path: Path, spec: DetectorSpec) -> dict[str, Tensor]:
             raise DataError(f"{path}: Darknet's weights need decoding = 'darknet' in [train]")
         network = _network(spec)
         load_weights(network, read_weights(path, network.layers))
+        state = dict(network.state_dict())
+    elif path.suffix == ".onnx":
+        from shipland.learning.export import read_onnx
+
+        network = _network(spec)
+        load_weights(network, read_onnx(path, network.layers)[0])
         state = dict(network.state_dict())
     else:
         tensors, other, _ = load_checkpoint(path)

@@ -32,18 +32,26 @@ class DetectorParameters:
         runtime: auto, openvino or onnxruntime.
         precision: auto, bf16 or fp32.
         threads: CPU threads; 0 leaves it to the runtime.
-        acquire_confidence: least confidence that starts a track, on the whole frame.
-        track_confidence: least confidence that continues one, in a tile.
+        acquire_confidence: least confidence that starts a candidate, on the whole frame.
+        track_confidence: least confidence that continues one, or the target.
         max_iou: overlap above which the less confident of two boxes goes.
         tile_min_px, tile_max_px: side of the square tile around a track, multiples of 32.
         tile_per_target: the tile's side over the target's longer side, at least.
         gate_px, gate_sizes: a track takes a box whose centre lies within gate_px + gate_sizes × its longer side.
         gate_growth: largest ratio of the sides of two boxes one frame apart that a track takes.
-        confirm_hits, confirm_frames: a track is believed after so many hits in so many frames.
+        confirm_hits, confirm_frames: a track is believed after so many hits in so many frames, and enough evidence.
+        neutral_confidence: a box of this confidence speaks neither for nor against.
+        believe_evidence: log-odds above neutral that a track must gather.
+        most_evidence: log-odds that it can gather at most.
+        miss_evidence: log-odds that a frame without a box takes away.
+        most_candidates: candidates at a time.
+        horizon_margin_deg: how far above the horizon the foot of a ship may seem to lie: the gimbal's error.
         lost_frames: a track ends after so many frames without a hit.
         stale_s: a track ends when no frame came for so long.
-        recheck_frames: a whole frame is searched again for a better ship every so many frames.
-        recheck_margin: by how much its confidence must be better to take over.
+        sure_confidence: a target of at least this mean confidence, without a rival, is sure.
+        recheck_frames: a whole frame is searched again every so many frames while the target is sure,
+        doubt_frames: or every so many while it is not.
+        recheck_margin: log-odds by which a rival's mean must be better to take over.
         bar_search_ship_px: width of the ship's box from which on the bar is looked for inside it.
         velocity_gain: weight of a new box's displacement in a track's velocity, 0 … 1.
     """
@@ -64,15 +72,24 @@ class DetectorParameters:
     gate_growth: float
     confirm_hits: int
     confirm_frames: int
+    neutral_confidence: float
+    believe_evidence: float
+    most_evidence: float
+    miss_evidence: float
+    most_candidates: int
+    horizon_margin_deg: float
     lost_frames: int
     stale_s: float
+    sure_confidence: float
     recheck_frames: int
+    doubt_frames: int
     recheck_margin: float
     bar_search_ship_px: float
     velocity_gain: float
 
     def __post_init__(self) -> None:
-        for name in ("acquire_confidence", "track_confidence", "max_iou", "velocity_gain"):
+        shares = "acquire_confidence track_confidence neutral_confidence sure_confidence max_iou velocity_gain"
+        for name in shares.split():
             require(0.0 < getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1, got {getattr(self, name)}")
         require(
             0 < self.tile_min_px <= self.tile_max_px and not (self.tile_min_px % 32 or self.tile_max_px % 32),
@@ -81,7 +98,10 @@ class DetectorParameters:
         require(self.tile_per_target > 1.0, "tile_per_target must exceed 1")
         require(self.gate_growth > 1.0, "gate_growth must exceed 1")
         require(1 <= self.confirm_hits <= self.confirm_frames, "confirm_hits must lie in 1 … confirm_frames")
-        require(self.lost_frames >= 1 and self.recheck_frames >= 1, "lost_frames and recheck_frames must be positive")
+        for name in ("lost_frames", "recheck_frames", "doubt_frames", "most_candidates"):
+            require(getattr(self, name) >= 1, f"{name} must be positive")
+        require(0.0 <= self.believe_evidence <= self.most_evidence, "believe_evidence must lie in 0 … most_evidence")
+        require(self.miss_evidence >= 0.0, "miss_evidence must not be negative")
         require(self.threads >= 0, "threads must not be negative")
 
 

@@ -115,18 +115,22 @@ def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
     off2 = np.einsum("mnrs,mnrs->mnr", off, off)
     best = off2.argmin(axis=2)
     score = 0.25 * off2.min(axis=2) / np.maximum(_area(predicted_px), 1.0)
+    near = sorted(
+        (value, model, candidate)
+        for candidate, row in enumerate(score.tolist())
+        for model, value in enumerate(row)
+        if value < _APART**2
+    )
     members: dict[int, int] = {}
-    for _ in range(min(score.shape)):
-        candidate, model = divmod(int(score.argmin()), score.shape[1])
-        if not score[candidate, model] < _APART**2:
-            break
-        members[model] = candidate
-        score[candidate], score[:, model] = np.inf, np.inf
+    for _, model, candidate in near:
+        if model not in members and candidate not in members.values():
+            members[model] = candidate
     if not members:
         return None
     order = tuple(sorted(members))
     chosen = tuple(members[i] for i in order)
-    return Match(order, np.array([quads_px[c][_TURNS[best[c, i]]] for i, c in zip(order, chosen, strict=True)]), chosen)
+    index = np.array(chosen)
+    return Match(order, quads_px[index[:, None], _TURNS[best[index, np.array(order)]]], chosen)
 
 
 def _turned(quads_px: Array, plane: Array) -> tuple[Array, Array]:

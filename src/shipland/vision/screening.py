@@ -29,9 +29,9 @@ def sides_agree(measured_px: Array, foreseen_px: Array, noise_px: float, paramet
         noise_px: standard deviation of a measured corner; four of them are allowed besides.
         parameters: reading and tolerances.
     """
-    ratio, shorter_px = _opposites(measured_px)
+    (ratio, foreseen), (shorter_px, _) = _opposites(np.array([measured_px, foreseen_px]))
     if parameters.screening == "perspective":
-        ratio /= _opposites(foreseen_px)[0]
+        ratio = ratio / foreseen
     # Corners of a small rectangle are not known finely enough for the fractions to mean anything.
     unsure = (parameters.screening_px + _NOISE * noise_px) / np.minimum(shorter_px, 1e6)
     length = np.abs(ratio)
@@ -43,12 +43,12 @@ def sides_agree(measured_px: Array, foreseen_px: Array, noise_px: float, paramet
 
 
 def _opposites(quads_px: Array) -> tuple[npt.NDArray[np.complex128], Array]:
-    """(k,2) ratio of opposite sides, top to bottom and right to left, as complex numbers; (k,2) the shorter's length.
+    """(…,2) ratio of opposite sides, top to bottom and right to left, as complex numbers; (…,2) the shorter's length.
 
     The magnitude is the ratio of the lengths, the angle's tangent the difference of the slopes.
     """
-    corners = np.ascontiguousarray(quads_px).view(np.complex128)[..., 0]
-    sides = corners[:, _NEXT] - corners
+    corners = quads_px.view(np.complex128)[..., 0]
+    sides = corners[..., _NEXT] - corners
     lengths = np.abs(sides)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return sides[:, :2] / -sides[:, 2:], np.minimum(lengths[:, :2], lengths[:, 2:])
+        return sides[..., :2] / -sides[..., 2:], np.minimum(lengths[..., :2], lengths[..., 2:])
