@@ -33,7 +33,7 @@ from shipland.vision.bar import Window
 from shipland.vision.pipeline import NearVision, VisionParameters
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
-from peers import Peer, apriltag, aruco, grain, in_picture  # noqa: E402
+from peers import Peer, apriltag, aruco, grain, in_picture
 
 Picture = npt.NDArray[np.uint8]
 RANGES_M = (2.0, 4.0, 8.0, 15.0)

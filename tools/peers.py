@@ -1,7 +1,8 @@
 """Two peers of the near vision on the same places: `cv2.aruco`'s board and `pupil-apriltags`, two tags each.
 
-The tags together have the area of the bar's two green rectangles and hang where these do, on a white board as wide as the
-bar's. They are put into the rendered picture by their homography, supersampled as the ship is, before the sensor's noise.
+The tags together have the area of the bar's two green rectangles and hang where these do, on a white board as wide as
+the bar's. They are put into the rendered picture by their homography, supersampled as the ship is, before the sensor's
+noise.
 """
 
 from __future__ import annotations

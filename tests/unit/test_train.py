@@ -15,9 +15,11 @@ from shipland.learning.anchors import fit_anchors  # noqa: E402
 from shipland.learning.arguments import TrainArguments  # noqa: E402
 from shipland.learning.checkpoint import Progress, load_checkpoint, save_checkpoint  # noqa: E402
 from shipland.learning.dataset import read_dataset  # noqa: E402
+from shipland.learning.export import write_onnx  # noqa: E402
 from shipland.learning.loss import assign, complete_iou, detection_loss  # noqa: E402
 from shipland.learning.metrics import Tally, match, wilson_interval  # noqa: E402
 from shipland.learning.settings import train_parameters  # noqa: E402
+from shipland.learning.yolov3 import random_weights, yolov3_layers  # noqa: E402
 from shipland.vision.decode import Decoding, DetectorSpec, decode  # noqa: E402
 from shipland.vision.runtime import load_engine  # noqa: E402
 

@@ -28,13 +28,13 @@ IN_ALL: dict[str, Any] = {"delays": {"video_s": 0.0, "uplink_s": 0.0}}
 """The paper's 0.5 s read as everything from exposure to stick."""
 
 CONTROLS: dict[str, tuple[FarKind, FarVariant]] = {
-    "P": ("p", "growing"),
-    "PID": ("pid", "growing"),
-    "exponential, growing": ("exponential", "growing"),
+    "P": ("p", "saturating"),
+    "PID": ("pid", "saturating"),
     "exponential, saturating": ("exponential", "saturating"),
+    "exponential, growing": ("exponential", "growing"),
     "exponential, printed": ("exponential", "printed"),
 }
-READINGS: tuple[FarVariant, ...] = ("growing", "saturating", "printed")
+READINGS: tuple[FarVariant, ...] = ("saturating", "growing", "printed")
 
 
 @dataclass(frozen=True)

@@ -139,7 +139,7 @@ class NearFigures:
         noise_percent: standard deviation of the law's stick from step to step before it, over √2.
         peak_percent: largest stick of the law within half a second of it.
         sent_percent: the same after the safety's slew bound.
-        excursion_m: farthest that the aircraft came away from where it would have been without.
+        excursion_m: farthest that the aircraft came away from where it would have been without, within 3 s.
     """
 
     noise_percent: float
@@ -152,7 +152,7 @@ def near_figures(spoiled: NearTrace, clean: NearTrace) -> NearFigures:
     """Figures from a flight with the false estimate and the same flight without."""
     before = (spoiled.t_s > FALSE_AT_S - SETTLED_S) & (spoiled.t_s < FALSE_AT_S)
     just_after = (spoiled.t_s >= FALSE_AT_S) & (spoiled.t_s < FALSE_AT_S + 0.5)
-    after = spoiled.t_s >= FALSE_AT_S
+    after = (spoiled.t_s >= FALSE_AT_S) & (spoiled.t_s < FALSE_AT_S + 3.0)
     clean_m = np.interp(spoiled.t_s, clean.t_s, clean.right_m)
     return NearFigures(
         noise_percent=float(np.std(np.diff(spoiled.law_percent[before])) / np.sqrt(2.0)),

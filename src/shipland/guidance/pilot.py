@@ -7,7 +7,7 @@ measured nor followed. With `near.PublishedNear` it is the published pilot; with
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -34,7 +34,9 @@ class ApproachParameters:
         hover_height_m: over the deck's neutral surface, before landing.
         square_m: side of the square in which landing is commanded.
         square_margin: share of the half side that the horizontal error must stay within.
-        max_bearing_deg: the nose turns to the bar's axis only as far as the bar stays this near the picture's middle.
+        largest_box: boxes of more than so many times the setpoint's area are not flown on.
+        max_bearing_deg: the nose turns to the bar's axis only as far as the bar stays this near the picture's middle,
+        bearing_margin_deg: and the cue this far from its sides.
         max_height_error_m, max_speed_mps, max_yaw_error_deg, max_data_age_s: of the landing condition.
         descent_percent: heave stick while landing.
         gate_m, gate_s: above commit height the descent waits while the horizontal error, foreseen `gate_s` ahead at
@@ -51,7 +53,9 @@ class ApproachParameters:
     hover_height_m: float
     square_m: float
     square_margin: float
+    largest_box: float
     max_bearing_deg: float
+    bearing_margin_deg: float
     max_height_error_m: float
     max_speed_mps: float
     max_yaw_error_deg: float
@@ -120,6 +124,8 @@ class ModePilot:
         self._focal_px = camera.focal_px
         self._middle_px = (float(camera.matrix[0, 2]), float(camera.matrix[1, 2]))
         self._camera_in_body_m = np.asarray(camera_in_body_m, dtype=float)
+        self._half_view_rad = math.atan2(0.5 * camera.width_px, camera.focal_px)
+        self._half_cue_m = float(np.max(np.abs(rig.target.points_in_bar_m[:, 1])))
         self._deck_down_m = float(rig.deck_in_bar_m[2])
         approach = parameters.approach
         self._hover_in_bar_m = rig.deck_in_bar_m - np.array([0.0, 0.0, approach.hover_height_m])
@@ -141,6 +147,7 @@ class ModePilot:
         """One cycle: estimate, choose the mode, fly its law."""
         step_s = 0.0 if self._now_s is None else telemetry.t_s - self._now_s
         self._now_s = telemetry.t_s
+        observation = self._usable(observation)
         fresh = observation.bar_pose is not None
         if observation.bar_pose is not None:
             pose = observation.bar_pose
@@ -162,6 +169,18 @@ class ModePilot:
             None if estimate is None else self._aircraft_in_bar_m,
             None if estimate is None else estimate.yaw_rad,
         )
+
+    def _usable(self, observation: Observation) -> Observation:
+        """The observation without boxes that are much larger than where the far laws lead: those are not for them."""
+        most, ship, bar = self._parameters.approach.largest_box, observation.ship_box, observation.bar_box
+        if ship is not None and ship.area_px2 > most * self._parameters.ship.pitch.setpoint:
+            ship = None
+        if bar is not None and bar.area_px2 > most * self._parameters.bar.pitch.setpoint:
+            bar = None
+        if ship is observation.ship_box and bar is observation.bar_box:
+            return observation
+        reason = "; ".join(text for text in (observation.reason, "too near for the far laws") if text)
+        return replace(observation, ship_box=ship, bar_box=bar, reason=reason)
 
     def _want(self, place_in_bar_m: Array) -> None:
         """Lead the near control to another place; its estimate starts anew with the next picture."""
@@ -261,9 +280,13 @@ class ModePilot:
         """Heading against the bar: along it, but never so that the bar leaves the picture sideways."""
         if self._aircraft_in_bar_m is None:
             return 0.0
-        to_bar_rad = math.atan2(-float(self._aircraft_in_bar_m[1]), -float(self._aircraft_in_bar_m[0]))
-        widest_rad = math.radians(self._parameters.approach.max_bearing_deg)
-        return to_bar_rad - clamp(to_bar_rad, widest_rad)
+        forward_m, right_m = -float(self._aircraft_in_bar_m[0]), -float(self._aircraft_in_bar_m[1])
+        to_bar_rad = math.atan2(right_m, forward_m)
+        cue_rad = math.atan2(self._half_cue_m, max(math.hypot(forward_m, right_m), 0.1))
+        approach = self._parameters.approach
+        room_rad = self._half_view_rad - cue_rad - math.radians(approach.bearing_margin_deg)
+        widest_rad = clamp(room_rad, math.radians(approach.max_bearing_deg))
+        return to_bar_rad - clamp(to_bar_rad, max(widest_rad, 0.0))
 
     def _descent(self, estimate: NearEstimate | None) -> float:
         approach = self._parameters.approach

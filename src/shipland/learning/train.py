@@ -45,6 +45,8 @@ Floats = npt.NDArray[np.float64]
 LAST, BEST = "last.safetensors", "best.safetensors"
 LEAST_CONFIDENCE = 0.05
 MAX_IOU = 0.45
+ANCHOR_PICTURES = 3000
+"""What anchors are fitted to, at most."""
 
 
 @dataclass
@@ -190,7 +192,8 @@ def _spec(arguments: TrainArguments, parameters: TrainParameters, fitting: Datas
     anchors: Anchors = PUBLISHED_ANCHORS_PX
     if parameters.anchors == "fit":
         sizes = []
-        for sample in fitting.samples:
+        order = np.random.default_rng(arguments.seed).permutation(len(fitting.samples))
+        for sample in (fitting.samples[index] for index in order[:ANCHOR_PICTURES]):
             if len(sample.boxes) and parameters.augment.fit:
                 sizes.append(sample.boxes[:, 3:5] * parameters.window_px)
             elif len(sample.boxes):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from shipland.frames import Array
 from shipland.rig import Target
@@ -64,20 +65,20 @@ def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> l
     if models == 1:
         return [Match((0,), turned[c, 0][None], (int(c),)) for c in np.flatnonzero(allowed[:, 0])]
     frame = _affine(turned, plane_m)
-    model_centre = plane_m.mean(axis=1)
+    model_centre = 0.25 * plane_m.sum(axis=1)
     way_m = model_centre[None] - model_centre[:, None]
-    centre = quads_px.mean(axis=1)
-    way_px = np.einsum("ckab,kjb->ckja", frame, way_m)
-    foreseen = centre[:, None, None] + way_px
-    reach = np.linalg.norm(way_px, axis=-1)
-    off = np.linalg.norm(foreseen[:, :, :, None] - centre[None, None, None], axis=-1)
-    area_m2 = np.abs(_area(plane_m))
-    area_px2 = np.abs(_area(quads_px))
-    expected = np.abs(np.linalg.det(frame))[:, :, None] * area_m2[None, None]
-    ratio = area_px2[None, None, None] / np.maximum(expected[..., None], 1e-9)
-    close = off <= _PLACE_TOLERANCE * np.maximum(reach[..., None], 1.0)
-    fitting = close & (ratio < _SIZE_RATIO) & (ratio > 1.0 / _SIZE_RATIO) & allowed.T[None, None]
-    score = np.where(fitting, off / np.maximum(reach[..., None], 1.0), np.inf)
+    centre = 0.25 * quads_px.sum(axis=1)
+    # Differences of points as complex numbers.
+    way_px = _complex(frame @ way_m.transpose(0, 2, 1)[None])
+    reach = np.maximum(np.abs(way_px), 1.0)[..., None]
+    column, row = centre.T
+    place = column + 1j * row
+    off = np.abs((place[:, None, None] + way_px)[..., None] - place) / reach
+    stretch = np.abs(frame[..., 0, 0] * frame[..., 1, 1] - frame[..., 0, 1] * frame[..., 1, 0])
+    expected = np.maximum(stretch[:, :, None] * np.abs(_area(plane_m)), 1e-9)
+    ratio = np.abs(_area(quads_px)) / expected[..., None]
+    fitting = (off <= _PLACE_TOLERANCE) & (ratio < _SIZE_RATIO) & (ratio > 1.0 / _SIZE_RATIO) & allowed.T
+    score = np.where(fitting, off, np.inf)
     matches: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[int, float, Match]] = {}
     for seed in range(count):
         for model in range(models):
@@ -136,22 +137,30 @@ def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
 def _turned(quads_px: Array, plane: Array) -> tuple[Array, Array]:
     """Each picture quadrilateral with its corners in each model's order (m,n,4,2), and the cosine of what is left."""
     starts = quads_px[:, _TURNS]
-    edges = starts[:, :, _TURNS[1]] - starts
-    edges = edges / np.maximum(np.linalg.norm(edges, axis=-1, keepdims=True), 1e-9)
-    model_edges = plane[:, [1, 2, 3, 0]] - plane
-    model_edges = model_edges / np.maximum(np.linalg.norm(model_edges, axis=-1, keepdims=True), 1e-9)
-    fit = np.einsum("mrsa,nsa->mnr", edges, model_edges) / 4.0
-    best = np.argmax(fit, axis=2)
-    turned = starts[np.arange(len(quads_px))[:, None], best]
-    return turned, np.take_along_axis(fit, best[..., None], axis=2)[..., 0]
+    edges, model_edges = _directions(starts), _directions(plane)
+    fit = np.einsum("mrsa,nsa->mnr", edges, model_edges) * 0.25
+    best = fit.argmax(axis=2)
+    return starts[np.arange(len(quads_px))[:, None], best], fit.max(axis=2)
+
+
+def _directions(quads: Array) -> Array:
+    """Unit vectors (…,4,2) along the sides of quadrilaterals (…,4,2)."""
+    sides = quads[..., _TURNS[1], :] - quads
+    lengths = np.sqrt(np.einsum("...a,...a->...", sides, sides))
+    return np.asarray(sides / np.maximum(lengths, 1e-9)[..., None])
+
+
+def _complex(ways: Array) -> npt.NDArray[np.complex128]:
+    """Vectors (…,2,n) as complex numbers (…,n)."""
+    return np.asarray(ways[..., 0, :] + 1j * ways[..., 1, :])
 
 
 def _affine(turned: Array, plane_m: Array) -> Array:
     """(m,n,2,2) px/m: the least-squares parallelogram of each quadrilateral over each model's."""
-    model = plane_m - plane_m.mean(axis=1, keepdims=True)
-    picture = turned - turned.mean(axis=2, keepdims=True)
-    normal = np.linalg.inv(np.einsum("nsa,nsb->nab", model, model))
-    return np.asarray(np.einsum("mnsa,nsb,nbc->mnac", picture, model, normal), dtype=float)
+    model = plane_m - 0.25 * plane_m.sum(axis=1, keepdims=True)
+    (xx, xy), (_, yy) = np.einsum("nsa,nsb->abn", model, model)
+    inverse = np.array([[yy, -xy], [-xy, xx]]).transpose(2, 0, 1) / (xx * yy - xy * xy)[:, None, None]
+    return np.asarray(turned.transpose(0, 1, 3, 2) @ (model @ inverse))
 
 
 def _area(quads: Array) -> Array:

@@ -1,0 +1,149 @@
+"""What the tools about near vision share: places of the camera, their pictures, and errors against the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shipland.camera import Camera, CameraParameters, level_from_camera
+from shipland.config import build
+from shipland.frames import Array, Pose, rotation_from_euler
+from shipland.messages import Frame, GimbalAttitude
+from shipland.rig import Rig, default_rig, packaged_table
+from shipland.sim.scene import Scene, SceneParameters
+from shipland.sim.state import SceneState
+from shipland.vision.matching import model_plane
+from shipland.vision.parameters import VisionParameters
+from shipland.vision.pipeline import NearVision
+from shipland.vision.pose import Corners, LevelPrior, bound, covariance_in_bar
+
+PLANE_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""`bar` from the cue's plane (right, down, forward)."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """The packaged rig, camera and near vision."""
+
+    rig: Rig
+    camera: Camera
+    vision: VisionParameters
+    gimbal_noise_rad: float
+
+    @staticmethod
+    def packaged() -> Setting:
+        """Of configs/default.toml."""
+        camera = build(CameraParameters, packaged_table("camera"), "camera")
+        vision = build(VisionParameters, packaged_table("vision"), "vision")
+        return Setting(default_rig(), Camera.from_parameters(camera), vision, camera.gimbal_noise_rad)
+
+    @property
+    def plane_m(self) -> Array:
+        """(n,4,2) the cue."""
+        return model_plane(self.rig.target)
+
+    def scene(self, seed: int, **changes: float) -> Scene:
+        """The packaged scene with some of its parameters changed."""
+        parameters = build(SceneParameters, packaged_table("scene"), "scene")
+        return Scene(self.rig, replace(parameters, **changes), seed)
+
+    def eyes(self, **changes: object) -> NearVision:
+        """The near vision with some of its parameters changed."""
+        return NearVision(self.rig.target, self.camera, replace(self.vision, **changes))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class View:
+    """One place of the camera: its pose in `bar`, and its gimbal as the frame states it."""
+
+    bar_from_camera: Pose
+    gimbal: GimbalAttitude
+
+    @property
+    def yaw_rad(self) -> float:
+        """Heading of the camera's vertical plane in `bar`."""
+        forward = self.bar_from_camera.rotation[:, 2]
+        return float(np.arctan2(forward[1], forward[0]))
+
+    def state(self, rig: Rig, t_s: float = 0.0) -> SceneState:
+        """The ship at rest with its neutral deck, seen from here."""
+        ned_from_ship = Pose(np.eye(3), np.array([0.0, 0.0, -rig.deck_height_m]))
+        ned_from_bar = ned_from_ship @ rig.ship_from_bar
+        ned_from_camera = ned_from_bar @ self.bar_from_camera
+        still = np.zeros(3)
+        return SceneState(
+            t_s, ned_from_camera, ned_from_ship, ned_from_ship, ned_from_bar, ned_from_camera, still, still
+        )
+
+
+def view_at(range_m: float, azimuth_deg: float, gimbal_noise_rad: float, rng: np.random.Generator) -> View:
+    """A camera at a range and an angle off the bar's axis, to within 2°, that looks at the bar, not quite."""
+    azimuth_rad = np.radians(azimuth_deg + rng.uniform(-2.0, 2.0))
+    # From 0.75 m below the bar, as over the deck, to 5° above it.
+    down_m = rng.uniform(-np.sin(np.radians(5.0)) * range_m, min(0.75, 0.3 * range_m))
+    level_m = np.sqrt(range_m**2 - down_m**2)
+    position_in_bar_m = np.array([-level_m * np.cos(azimuth_rad), -level_m * np.sin(azimuth_rad), down_m])
+    yaw_rad = azimuth_rad + np.radians(rng.uniform(-8.0, 8.0))
+    pitch_rad = np.arctan2(down_m, level_m) + np.radians(rng.uniform(-4.0, 4.0))
+    roll_rad = rng.normal(0.0, gimbal_noise_rad)
+    rotation = rotation_from_euler(0.0, 0.0, yaw_rad) @ level_from_camera(GimbalAttitude(roll_rad, pitch_rad))
+    stated = GimbalAttitude(0.0, pitch_rad + rng.normal(0.0, gimbal_noise_rad))
+    return View(Pose(rotation, position_in_bar_m), stated)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One picture: what was found, against the truth.
+
+    Attributes:
+        view: where it was taken.
+        reason: why nothing was found, else empty.
+        error: (4,) of position in `bar` [m] and yaw [rad].
+        covariance: (4,4) as stated; None from who states none.
+        corner_error_px: (n,2).
+    """
+
+    view: View
+    reason: str
+    error: Array | None = None
+    covariance: Array | None = None
+    corner_error_px: Array | None = None
+
+    @property
+    def nees(self) -> float:
+        """The error squared, in units of its stated covariance."""
+        assert self.error is not None
+        assert self.covariance is not None
+        return float(self.error @ np.linalg.solve(self.covariance, self.error))
+
+
+def look(view: View, image: Array, vision: NearVision, setting: Setting) -> Trial:
+    """One picture through the near vision, which knows of no other."""
+    vision.reset()
+    observation = vision.see(Frame(0.0, image, view.gimbal))
+    pose = observation.bar_pose
+    if pose is None:
+        return Trial(view, observation.reason)
+    true_px = setting.camera.project(view.bar_from_camera.inverse().apply(setting.rig.target.points_in_bar_m))
+    corner_error_px = pose.corners_px - true_px if len(pose.corners_px) == len(true_px) else None
+    error = np.append(pose.position_in_bar_m - view.bar_from_camera.translation_m, pose.yaw_rad - view.yaw_rad)
+    return Trial(view, "", error, pose.covariance, corner_error_px)
+
+
+def cramer_rao(view: View, setting: Setting, noise_px: float, gimbal_noise_rad: float) -> Array:
+    """(4,4) least covariance of (position in `bar`, yaw) for corners with equal noise on both axes."""
+    plane_m = setting.plane_m
+    corners = Corners(np.zeros_like(plane_m), np.broadcast_to(np.eye(8) / noise_px, (len(plane_m), 8, 8)), plane_m)
+    prior = None
+    if gimbal_noise_rad > 0.0:
+        prior = LevelPrior(level_from_camera(replace(view.gimbal, yaw_rad=0.0))[2], gimbal_noise_rad)
+    camera_from_plane = view.bar_from_camera.inverse() @ Pose(PLANE_AXES, np.zeros(3))
+    return covariance_in_bar(bound(camera_from_plane, corners, setting.camera, prior))
+
+
+def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table."""
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    return "\n".join([*lines, *("| " + " | ".join(cells) + " |" for cells in rows)]) + "\n"
