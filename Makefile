@@ -21,8 +21,8 @@ setup: ## make .venv with everything that developing needs
 setup-run:
 	@tools/setup.sh run
 
-demo: setup-run ## fly one landing in the simulator, camera in the loop: video, plots and log in out/demo/
-	$(BIN)/shipland fly --scenario near --out out/demo $(ARGS)
+demo: setup-run ## fly from 250 m to a ship in sea state 6, camera in the loop: video, plots and log in out/demo/
+	$(BIN)/shipland fly --scenario demo --pilot offset_free --out out/demo $(ARGS)
 
 test: setup ## run the tests; ARGS='-k frames' for some of them
 	$(BIN)/pytest -n 2 -p randomly $(ARGS)

@@ -96,6 +96,30 @@ class Campaign:
 
 
 @dataclass(frozen=True)
+class Paper:
+    """Make the figures of the paper's controllers, each with its table: "The paper, reproduced" in the documentation.
+
+    Leaves a picture a figure and table.md in the output folder. With --flights, draws recorded flights instead:
+    trajectories.png, commands.png (of the flight from farthest away) and landings.png.
+
+    Example: shipland paper --only far-steps --out out/paper
+    """
+
+    out: Path = Path("out/paper")
+    """Output folder; made when missing."""
+    only: Literal["roll-law", "far-steps", "far-readings", "derivative-gain", "near-false"] | None = None
+    """One figure instead of all."""
+    flights: Path | None = None
+    """Folder with logs of simulated flights, of `shipland fly` or `shipland campaign --logs`."""
+
+    def run(self) -> int:
+        """Make them."""
+        from shipland.bench.paper import PaperRequest, run_paper
+
+        return run_paper(PaperRequest(self.out, self.only, self.flights))
+
+
+@dataclass(frozen=True)
 class Motion:
     """Show a motion of the deck and the wind over it: figure, CSV and a table of amplitudes and periods.
 
@@ -287,6 +311,7 @@ class Version:
 Command = (
     Annotated[Fly, tyro.conf.subcommand("fly")]
     | Annotated[Campaign, tyro.conf.subcommand("campaign")]
+    | Annotated[Paper, tyro.conf.subcommand("paper")]
     | Annotated[Motion, tyro.conf.subcommand("motion")]
     | Annotated[See, tyro.conf.subcommand("see")]
     | Annotated[Detect, tyro.conf.subcommand("detect")]
@@ -300,7 +325,7 @@ Command = (
 
 def main() -> None:
     """Entry point: one line for every error of ours, exit 2; Ctrl-C leaves what was done in order, exit 130."""
-    command: Fly | Campaign | Motion | See | Detect | Synth | Train | Evaluate | Scenarios | Version = tyro.cli(
+    command: Fly | Campaign | Paper | Motion | See | Detect | Synth | Train | Evaluate | Scenarios | Version = tyro.cli(
         Command,
         prog="shipland",
         description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.",

@@ -49,7 +49,8 @@ def draw_sight(image: Image, observation: Observation, scale: float) -> None:
         _draw_corners(image, (observation.bar_pose.corners_px + 0.5) * scale - 0.5)
     for box, name, colour in ((observation.bar_box, "bar", ORANGE), (observation.ship_box, "ship", SKY)):
         if box is not None:
-            _draw_box(image, box, name, bgr(colour), scale)
+            both = observation.bar_box is not None and observation.ship_box is not None
+            _draw_box(image, box, name, bgr(colour), scale, below=both and name == "ship")
 
 
 def draw_zoom(image: Image, picture: Image, observation: Observation) -> None:
@@ -226,10 +227,12 @@ def _draw_corners(image: cv2.typing.MatLike, corners_px: npt.NDArray[np.float64]
             cv2.circle(image, centre, radius, (255, 255, 255), 1, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def _draw_box(image: Image, box: Box, name: str, colour: Bgr, scale: float) -> None:
+def _draw_box(image: Image, box: Box, name: str, colour: Bgr, scale: float, *, below: bool) -> None:
     half = 0.5 * np.array(box.size_px)
     first, last = ((np.array(box.centre_px) + side * half) * scale for side in (-1.0, 1.0))
     cv2.rectangle(image, np.round(first).astype(int).tolist(), np.round(last).astype(int).tolist(), colour, 2)
     label = f"{name} {box.size_px[0]:.0f} × {box.size_px[1]:.0f} px  {100.0 * box.confidence:.0f} %"
-    column, row = round(float(first[0])), round(float(first[1])) - 7
-    put_text(image, label, (max(2, column), row if row > 14 else round(float(last[1])) + 18), 14, colour, bold=True)
+    above_row, below_row = round(float(first[1])) - 7, round(float(last[1])) + 18
+    below = (below and below_row < image.shape[0] - 4) or above_row <= 14
+    place = (max(2, round(float(first[0]))), below_row if below else above_row)
+    put_text(image, label, place, 14, colour, bold=True)

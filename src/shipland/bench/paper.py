@@ -10,6 +10,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from shipland.bench.flight_figures import figures_of_flights
 from shipland.bench.paper_far import (
     APPROACHES,
     CONTROLS,
@@ -18,6 +19,7 @@ from shipland.bench.paper_far import (
     READINGS,
     SETTLED_SHARE,
     STEP_CASES,
+    STEP_S,
     ApproachCase,
     ApproachFigures,
     StepFigures,
@@ -36,26 +38,32 @@ from shipland.bench.paper_plots import (
     plot_readings,
     plot_roll_law,
 )
+from shipland.bench.paper_range import FarTrace
 from shipland.bench.scenarios import Scenario, load_scenario, scenario_table
-from shipland.guidance.laws import derivative_gain, exponential_law
+from shipland.guidance.laws import FarVariant, derivative_gain, exponential_law
 
 FigureName = Literal["roll-law", "far-steps", "far-readings", "derivative-gain", "near-false"]
 
 
 @dataclass(frozen=True)
 class PaperRequest:
-    """What `shipland paper` was asked for."""
+    """What `shipland paper` was asked for; `flights`: draw the logs of that folder instead."""
 
     out: Path
     only: FigureName | None
+    flights: Path | None
 
 
 def run_paper(request: PaperRequest) -> int:
     """Make the figures and `table.md`; 0.
 
     Raises:
-        DataError: the output folder cannot be written.
+        DataError: the output folder cannot be written, or the folder of flights holds none.
     """
+    if request.flights is not None:
+        for path in figures_of_flights(request.flights, request.out):
+            print(path)
+        return 0
     scenario = load_scenario(scenario_table("near"))
     names = (request.only,) if request.only else get_args(FigureName)
     texts = []
@@ -74,7 +82,7 @@ def _roll_law(path: Path, scenario: Scenario) -> str:
     head = ["error [px]", *(f"{error_px:+.0f}" for error_px in errors_px)]
     rows = [
         [f"{variant} [%]", *(f"{exponential_law(error_px, ship.roll, variant):+.0f}" for error_px in errors_px)]
-        for variant in ("printed", *(name for name in READINGS if name != "printed"))
+        for variant in READINGS
     ]
     return _table(head, rows)
 
@@ -94,8 +102,9 @@ def _derivative_gain(path: Path, scenario: Scenario) -> str:
 
 def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one signature for all
     roll, heave = ultimate(0, 0.8, 1.6), ultimate(1, 8.0, 16.0)
-    shown = {"100 m, still air": {}, "60 m, still air": {}}
-    sideways, vertical = [], []
+    shown: dict[str, dict[str, FarTrace]] = {"100 m, still air": {}, "60 m, still air": {}}
+    sideways: list[list[str]] = []
+    vertical: list[list[str]] = []
     for case in STEP_CASES:
         for name, (kind, variant) in CONTROLS.items():
             trace = fly_step(case, kind, variant)
@@ -107,8 +116,8 @@ def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one sig
     head = ["case", "control", "overshoot [px]", "overshoot [%]", "settled [s]", "steady error [px]", "swing [px]"]
     return "\n\n".join(
         [
-            f"Settled: within {100.0 * SETTLED_SHARE:.0f} % of the step from then on. Steady error and swing: mean, and highest "
-            f"minus lowest, over the last {LATE_S:.0f} of 90 s.",
+            f"Settled: within {100.0 * SETTLED_SHARE:.0f} % of the step from then on. Steady error and swing: mean, "
+            f"and highest minus lowest, over the last {LATE_S:.0f} of {STEP_S:.0f} s.",
             f"A proportional stick no longer settles at 100 m from {roll.gain:.2f} % per px in roll (period "
             f"{roll.period_s:.1f} s) and {heave.gain:.1f} % per px in heave ({heave.period_s:.1f} s).",
             "### Sideways",
@@ -132,8 +141,9 @@ _SHOWN = (ApproachCase(250.0, 15.0, 5.0), ApproachCase(120.0, 5.0, 0.0), Approac
 
 def _far_readings(path: Path, scenario: Scenario) -> str:
     bar_px2, bar_ahead_m = scenario.guidance.bar.pitch.setpoint, float(scenario.rig.bar_in_ship_m[0])
-    shown = {case: {} for case in _SHOWN}
-    rows, by_reading = [], {variant: [] for variant in READINGS}
+    shown: dict[ApproachCase, dict[FarVariant, FarTrace]] = {case: {} for case in _SHOWN}
+    by_reading: dict[FarVariant, list[ApproachFigures]] = {variant: [] for variant in READINGS}
+    rows = []
     for case in APPROACHES:
         for variant in READINGS:
             trace = fly_approach(case, variant)
@@ -147,21 +157,39 @@ def _far_readings(path: Path, scenario: Scenario) -> str:
     sums = [_reading_sum(variant, all_of) for variant, all_of in by_reading.items()]
     return "\n\n".join(
         [
-            f"Hand-over: {HAND_OVER_M:.0f} m from the bar, where corners take over. Settled: range at which the last excursion beyond "
-            "a tenth of the first offset ended, before the hand-over. Setpoint area: when the bar's box, flown on past "
-            "the hand-over, came within a fifth of 3400 px².",
-            _table(
-                ["reading", "flights", "settled before the hand-over", "overshoot, median [m]", "off the axis, median [m]",
-                 "across the axis, median [m/s]", "setpoint area, median [s]", "ship lost on the way there"],
-                sums,
-            ),
-            _table(
-                ["from [m]", "offset [°]", "wind [m/s]", "reading", "overshoot [m]", "settled at [m]", "hand-over [s]",
-                 "off the axis [m]", "across [m/s]", "bar off middle [px]", "setpoint area [s]", "lost on the way"],
-                rows,
-            ),
+            f"Hand-over: {HAND_OVER_M:.0f} m from the bar, where corners take over. Settled: range at which the last "
+            "excursion beyond a tenth of the first offset ended, before the hand-over. Setpoint area: when the bar's "
+            "box, flown on past the hand-over, came within a fifth of 3400 px².",
+            _table(_SUM_HEAD, sums),
+            _table(_APPROACH_HEAD, rows),
         ]
-    )  # fmt: skip
+    )
+
+
+_SUM_HEAD = [
+    "reading",
+    "flights",
+    "settled before the hand-over",
+    "overshoot, median [m]",
+    "off the axis, median [m]",
+    "across the axis, median [m/s]",
+    "setpoint area, median [s]",
+    "ship lost on the way there",
+]
+_APPROACH_HEAD = [
+    "from [m]",
+    "offset [°]",
+    "wind [m/s]",
+    "reading",
+    "overshoot [m]",
+    "settled at [m]",
+    "hand-over [s]",
+    "off the axis [m]",
+    "across [m/s]",
+    "bar off middle [px]",
+    "setpoint area [s]",
+    "lost on the way",
+]
 
 
 def _approach_cells(figures: ApproachFigures) -> list[str]:
@@ -213,13 +241,23 @@ def _near_false(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one si
                 ]
             )
     plot_near(path, shown)
-    head = ["noise added [mm]", "false by [m]", "slew bound", "derivative", "noise of the stick [%]", "peak of the law [%]",
-            "peak sent [%]", "excursion [cm]"]  # fmt: skip
     words = (
         f"One estimate is false, at {FALSE_AT_S:g} s, to the right. Noise of the stick: before it, from step to step. "
         "Excursion: from where the aircraft would have been without it, within 3 s."
     )
-    return f"{words}\n\n{_table(head, rows)}"
+    return f"{words}\n\n{_table(_NEAR_HEAD, rows)}"
+
+
+_NEAR_HEAD = [
+    "noise added [mm]",
+    "false by [m]",
+    "slew bound",
+    "derivative",
+    "noise of the stick [%]",
+    "peak of the law [%]",
+    "peak sent [%]",
+    "excursion [cm]",
+]
 
 
 def _number(value: float) -> str:

@@ -1,9 +1,9 @@
-"""Far controls side by side: a step at constant range, and whole approaches [Lee2022, §Long-range Tracking Controller]."""
+"""Far controls side by side [Lee2022, §Long-range Tracking Controller]: a step at one range, and whole approaches."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np

@@ -48,7 +48,9 @@ def plot_roll_law(path: Path, ship: FarParameters, match_px: float) -> None:
                 style = "-" if variant != "printed" else (0, (1, 1))
                 axes.plot(errors_px, sticks, color=unit(colour), linewidth=width, linestyle=style, label=variant)
             slope = exponential_law(match_px, ship.roll, "saturating") / match_px
-            axes.plot(errors_px, np.clip(slope * errors_px, -100.0, 100.0), color=unit(GREEN), linestyle="--", label="P")
+            axes.plot(
+                errors_px, np.clip(slope * errors_px, -100.0, 100.0), color=unit(GREEN), linestyle="--", label="P"
+            )
             axes.set_xlabel("ship right of the picture's middle [px]")
             axes.set_xlim(-reach_px, reach_px)
         panels[0].set_title("roll stick [%]")
@@ -67,6 +69,8 @@ def plot_derivative_gain(path: Path, near: NearParameters) -> None:
         for name, colour in (("pitch", BLUE), ("roll", VERMILION), ("heave", GREEN)):
             _draw_gain(metres, getattr(near, name), 0.16, name, colour)
         _draw_gain(degrees, near.yaw, 18.0, "yaw", PURPLE)
+        metres.set_ylim(0.0, 9.5)
+        degrees.set_ylim(0.0, 2.0)
         metres.set_title("K_D [% per m/s]; dashed: linear")
         metres.set_xlabel("step of the error in 0.03 s [m]")
         degrees.set_title("K_D [% per °/s]; dashed: linear")
@@ -81,7 +85,6 @@ def _draw_gain(axes: Axes, gains: NearGains, reach: float, name: str, colour: Rg
     axes.plot(steps, values, color=unit(colour), label=name)
     axes.axhline(gains.b, color=unit(colour), linestyle="--", linewidth=1.0)
     axes.set_xlim(-reach, reach)
-    axes.set_ylim(bottom=0.0)
 
 
 def plot_far_steps(path: Path, columns: Mapping[str, Mapping[str, FarTrace]]) -> None:
@@ -114,7 +117,9 @@ def plot_far_steps(path: Path, columns: Mapping[str, Mapping[str, FarTrace]]) ->
         save_figure(figure, path, _DPI)
 
 
-def plot_readings(path: Path, flights: Mapping[ApproachCase, Mapping[FarVariant, FarTrace]], bar_ahead_m: float) -> None:
+def plot_readings(
+    path: Path, flights: Mapping[ApproachCase, Mapping[FarVariant, FarTrace]], bar_ahead_m: float
+) -> None:
     """Approaches from above: distance from the ship's axis over range; one panel a case, one curve a reading."""
     import matplotlib as mpl
 

@@ -1,7 +1,7 @@
 """A range for far control: the simulated aircraft under one far control alone, with true boxes at the paper's delays.
 
-The pieces are those that fly: world, vehicle with its latencies, the loop, the safety. Only eyes and modes are replaced:
-the eyes give the true boxes of ship and bar, the pilot hands them to the far control.
+The pieces are those that fly: world, vehicle with its latencies, the loop, the safety. Only eyes and modes are
+replaced: the eyes give the true boxes of ship and bar, the pilot hands them to the far control.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from shipland.bench.scenarios import Scenario, build_vehicle, load_scenario, scenario_table
 from shipland.camera import Camera, CameraParameters
@@ -48,7 +49,7 @@ class FarCase:
         wind_mps: steady side wind, from port.
         kind, variant: of the far control.
         noise_px: standard deviation of each edge of a box.
-        approach: fly pitch and yaw too, and on the bar within its range; else their sticks stay zero: the vehicle holds.
+        approach: fly pitch and yaw too, and on the bar within its range; else these sticks stay zero, which holds.
         duration_s: of the flight.
         below_deg: below the horizon the box is wanted (Table 1: on it): more lifts the place wanted off the sea.
         seed: of aircraft, sensors and noise.
@@ -85,7 +86,7 @@ class FarTrace:
     t_s: Array
     off_px: Array
     area_px2: Array
-    on_bar: Array
+    on_bar: npt.NDArray[np.bool_]
     sticks_percent: Array
     place_in_ship_m: Array
     heading_deg: Array

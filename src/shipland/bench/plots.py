@@ -96,17 +96,17 @@ def plot_flight(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
         figure.suptitle(f"{info.scenario}{seed}, pilot {info.pilot}:  {end}", fontsize=13, fontweight="bold")
         grid = figure.add_gridspec(6, 2, height_ratios=[0.16, 1, 1, 1, 1, 1])
         band = figure.add_subplot(grid[0, :])
-        _draw_mode_key(band, columns)
+        draw_mode_key(band, columns)
         rows = [(figure.add_subplot(grid[row, 0]), row) for row in range(1, 6)]
         left = [axes for axes, _ in rows]
         right = [figure.add_subplot(grid[row, 1]) for row in range(3, 6)]
         pad = figure.add_subplot(grid[1:3, 1])
-        for draw, axes in zip((_draw_forward, _draw_right, _draw_up, _draw_heading, _draw_speed), left, strict=True):
+        for draw, axes in zip((draw_forward, draw_right, draw_up, draw_heading, _draw_speed), left, strict=True):
             draw(axes, columns)
-        for draw, axes in zip((_draw_sticks, _draw_deck_turn, _draw_deck_heave), right, strict=True):
+        for draw, axes in zip((draw_sticks, _draw_deck_turn, _draw_deck_heave), right, strict=True):
             draw(axes, columns)
         for axes in (*left, *right):
-            _finish_time_axes(axes, columns, verdict, last=axes in (left[-1], right[-1]))
+            finish_time_axes(axes, columns, verdict, last=axes in (left[-1], right[-1]))
         draw_pad(pad, log.header.rig)
         _draw_touchdown(pad, columns, log.header.rig, info.aircraft_diagonal_m, verdict)
         save_figure(figure, path, parameters.dpi)
@@ -138,7 +138,8 @@ def _show_at_least(axes: Axes, span: float) -> None:
         axes.set_ylim(0.5 * (low + high - span), 0.5 * (low + high + span))
 
 
-def _draw_mode_key(axes: Axes, columns: FlightColumns) -> None:
+def draw_mode_key(axes: Axes, columns: FlightColumns) -> None:
+    """The colours of the modes that occur."""
     from matplotlib.patches import Patch
 
     present = [mode for mode in MODE_COLOURS if (columns.mode_number == mode.value).any()]
@@ -147,7 +148,8 @@ def _draw_mode_key(axes: Axes, columns: FlightColumns) -> None:
     axes.axis("off")
 
 
-def _finish_time_axes(axes: Axes, columns: FlightColumns, verdict: TouchdownVerdict | None, last: bool) -> None:
+def finish_time_axes(axes: Axes, columns: FlightColumns, verdict: TouchdownVerdict | None, last: bool) -> None:
+    """Modes as background, touchdown as a line, legend; the time's name below the last panel only."""
     t_s = columns.t_s
     for from_s, to_s, mode in columns.mode_spans():
         axes.axvspan(from_s, to_s, facecolor=unit(MODE_COLOURS[mode]), alpha=0.2, linewidth=0, zorder=0)
@@ -162,7 +164,8 @@ def _finish_time_axes(axes: Axes, columns: FlightColumns, verdict: TouchdownVerd
         axes.legend(loc="best", ncols=4, markerscale=2.5, handlelength=1.2, columnspacing=0.9, borderpad=0.25)
 
 
-def _draw_forward(axes: Axes, columns: FlightColumns) -> None:
+def draw_forward(axes: Axes, columns: FlightColumns) -> None:
+    """Place ahead of the pad; logarithmic when it goes from far to near."""
     _draw_place(axes, columns, 0, "ahead of the pad's centre [m]")
     nearest = np.nanmin(np.abs(columns.place_in_pad_m[:, 0]), initial=np.inf)
     if np.nanmax(np.abs(columns.place_in_pad_m[:, 0]), initial=0.0) > 20.0 and nearest < 2.0:
@@ -174,11 +177,13 @@ def _draw_forward(axes: Axes, columns: FlightColumns) -> None:
         axes.set_ylim(1.3 * low, max(1.0, 1.2 * float(np.nanmax(columns.place_in_pad_m[:, 0]))))
 
 
-def _draw_right(axes: Axes, columns: FlightColumns) -> None:
+def draw_right(axes: Axes, columns: FlightColumns) -> None:
+    """Place right of the pad."""
     _draw_place(axes, columns, 1, "right of it [m]")
 
 
-def _draw_up(axes: Axes, columns: FlightColumns) -> None:
+def draw_up(axes: Axes, columns: FlightColumns) -> None:
+    """Height over the neutral deck, and the deck's own."""
     _draw_place(axes, columns, 2, "above it, were the deck still [m]")
     deck_m = columns.deck_shift_m[:, 2]
     axes.plot(columns.t_s, deck_m, color=unit(GREY), label="deck's centre")
@@ -198,7 +203,8 @@ def _draw_estimate(axes: Axes, t_s: Array, values: Array) -> None:
     )  # fmt: skip
 
 
-def _draw_heading(axes: Axes, columns: FlightColumns) -> None:
+def draw_heading(axes: Axes, columns: FlightColumns) -> None:
+    """Heading against the ship."""
     axes.set_title("heading against the ship's [°]")
     _draw_estimate(axes, columns.t_s, np.degrees(columns.estimate_yaw_rad))
     axes.plot(columns.t_s, np.degrees(columns.truth_yaw_rad), color=_TRUTH, label="truth")
@@ -213,10 +219,12 @@ def _draw_speed(axes: Axes, columns: FlightColumns) -> None:
     _show_at_least(axes, 0.4)
 
 
-def _draw_sticks(axes: Axes, columns: FlightColumns) -> None:
+def draw_sticks(axes: Axes, columns: FlightColumns, names: tuple[str, ...] = STICK_NAMES) -> None:
+    """The sticks of these names."""
     axes.set_title("sticks [%]")
     for index, (name, colour) in enumerate(zip(STICK_NAMES, STICK_COLOURS, strict=True)):
-        axes.step(columns.t_s, columns.sticks_percent[:, index], where="post", color=unit(colour), label=name)
+        if name in names:
+            axes.step(columns.t_s, columns.sticks_percent[:, index], where="post", color=unit(colour), label=name)
     axes.set_ylim(-105.0, 105.0)
     axes.set_yticks([-100, -50, 0, 50, 100])
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.frames import Array
 from shipland.vision.bar import Image, Window
-from shipland.vision.edge_fit import measure_sides
+from shipland.vision.edge_fit import EdgeFloor, measure_sides
 from shipland.vision.edge_pixels import contrast_direction
 from shipland.vision.parameters import VisionParameters
 from shipland.vision.quads import edge_distances, reaches_edge
@@ -27,7 +27,8 @@ class Measured:
         whiten: (n,8,8) [1/px] what turns deviations of a quadrilateral's (column, row) × four corners into standard
             deviations.
         noise_px: standard deviation of a corner on either axis, about.
-        growth: (n,4,2) how the corners move when all sides move outward by one; None when the method has no sides.
+        common_px: (n,4,2) how the corners move when all sides err outward together, by one standard deviation; None
+            when the method has no sides.
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
         held: a side lies along the picture's edge.
     """
@@ -35,7 +36,7 @@ class Measured:
     corners_px: Array
     whiten: Array
     noise_px: float
-    growth: Array | None = None
+    common_px: Array | None = None
     blur_px: float | None = None
     held: bool = False
 
@@ -93,11 +94,13 @@ def edge_corners(
     """
     held = _held(image, quads_px, camera)
     sides = Sides.of(quads_px, parameters.edge_reach_px, held)
-    fit = measure_sides(image, sides, camera, parameters.edge_floor_px, blur_px)
+    floor = EdgeFloor(parameters.edge_floor_px, parameters.edge_clipped_px)
+    fit = measure_sides(image, sides, camera, floor, blur_px)
     met = None if fit is None else intersect_sides(fit)
     if fit is None or met is None:
         return None
-    return Measured(met.corners_px, met.whiten, met.noise_px, met.growth, fit.blur_px, held is not None)
+    common_px = parameters.edge_bias_px * met.growth
+    return Measured(met.corners_px, met.whiten, met.noise_px, common_px, fit.blur_px, held is not None)
 
 
 def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:

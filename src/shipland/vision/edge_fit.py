@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr
@@ -55,8 +55,21 @@ _HELD_PX = 0.05
 """Standard deviation of a side that is taken to lie on the picture's edge."""
 
 
+@dataclass(frozen=True)
+class EdgeFloor:
+    """Error of a single column of pixels that is not noise, standard deviation [px].
+
+    Attributes:
+        plain_px: as a rule.
+        clipped_px: where the inside is brighter than the picture can tell.
+    """
+
+    plain_px: float
+    clipped_px: float
+
+
 def measure_sides(
-    image: Image, sides: Sides, camera: Camera, floor_px: float, blur_px: float | None = None
+    image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: float | None = None
 ) -> SideFit | None:
     """Where the sides lie, at sub-pixel.
 
@@ -68,14 +81,14 @@ def measure_sides(
         image: (H,W,3) BGR.
         sides: known to within two pixels.
         camera: its distortion is taken into account.
-        floor_px: error of a single column of pixels that is not noise, standard deviation.
+        floor: of the errors stated.
         blur_px: a guess of the picture's blur; None to take it from the picture.
 
     Returns:
         The fit and the sides as last centred; None when there is no contrast, or a side too far off.
     """
     for _ in range(_TRIES):
-        fit = _fit(image, sides, camera, floor_px, blur_px)
+        fit = _fit(image, sides, camera, floor, blur_px)
         if fit is None or fit.blur_px * _REACH_PER_BLUR > float(sides.reach_px.min()):
             wider = sides.wider()
             if np.any(wider.reach_px > sides.reach_px):
@@ -164,22 +177,22 @@ def _rounding(pixels: EdgePixels, sides: Sides, half_px: Array, blur_px: float) 
     return np.asarray(left)
 
 
-def _fit(image: Image, sides: Sides, camera: Camera, floor_px: float, blur_px: float | None) -> SideFit | None:
+def _fit(image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: float | None) -> SideFit | None:
     pixels = edge_pixels(image, sides, camera, sides.half_px())
-    fit = _fit_to(pixels, sides, floor_px, blur_px, by_light=False)
+    fit = _fit_to(pixels, sides, floor, blur_px, by_light=False)
     if fit is not None and fit.misfit <= _MISFIT:
         return fit
-    by_light = _fit_to(pixels, sides, floor_px, None, by_light=True)
+    by_light = _fit_to(pixels, sides, floor, None, by_light=True)
     if fit is None or (by_light is not None and by_light.variance[0].sum() < fit.variance[0].sum()):
         return by_light
     return fit
 
 
 def _fit_to(
-    pixels: EdgePixels, sides: Sides, floor_px: float, blur_px: float | None, *, by_light: bool
+    pixels: EdgePixels, sides: Sides, floor: EdgeFloor, blur_px: float | None, *, by_light: bool
 ) -> SideFit | None:
     half_px = sides.half_px()
-    values = contrasts(pixels, sides.held, by_light=by_light)
+    values, clipped = contrasts(pixels, sides.held, by_light=by_light)
     if values is None:
         return None
     ends = _coarse(values, pixels)
@@ -236,6 +249,7 @@ def _fit_to(
     # The levels inside and outside come from two pixels a column each, and shift the edge as they err.
     levels2 = noise2 * pixels.columns / np.maximum(4.0 * a * a, 1e-9)
     noise2 *= scale
+    floor_px = floor.clipped_px if clipped else floor.plain_px
     floor2 = floor_px**2 / pixels.columns + levels2
     variance = np.array([noise2 * c + floor2, -noise2 * b / half_px, (noise2 * a + 3.0 * floor2) / half_px**2])
     if sides.held is not None:

@@ -28,6 +28,9 @@ _LUMA_BGR = np.array([0.114, 0.587, 0.299])
 _LEAST_CONTRAST = 12.0
 """Smallest difference of colour between inside and outside, in grey levels, that is measured."""
 
+_CLIPPED = 254.0
+"""Mean grey level from which a colour is taken to be clipped at 255."""
+
 _LEAST_SIDE_CONTRAST = 0.15
 """The same for a single side, against the cue's."""
 
@@ -137,8 +140,12 @@ def contrast_direction(inside: Array, outside: Array, *, by_light: bool = False)
     return weights / size
 
 
-def contrasts(pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_light: bool) -> Array | None:
+def contrasts(
+    pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_light: bool
+) -> tuple[Array, bool] | tuple[None, bool]:
     """Pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
+
+    And whether the inside is brighter than the picture can tell, which moves the edge outward.
 
     Args:
         pixels: from inside to outside.
@@ -153,7 +160,7 @@ def contrasts(pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_ligh
     ends *= 0.5 / max(stations * (sides if held is None else int(np.count_nonzero(~held))), 1)
     direction = contrast_direction(ends[0] + ends[1], ends[2] + ends[3], by_light=by_light)
     if direction is None:
-        return None
+        return None, False
     light = direction.astype(np.float32)
     profile = (pixels.colours.reshape(-1, 3) @ light).reshape(sides, stations, across)
     means = sums @ (light / np.float32(stations))
@@ -162,8 +169,8 @@ def contrasts(pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_ligh
     if held is not None:
         span[held] = 1.0
     if not span.min() >= _LEAST_SIDE_CONTRAST:
-        return None
+        return None, False
     values = np.asarray(profile, float)
     values -= ground[:, None, None]
     values *= (1.0 / span)[:, None, None]
-    return values
+    return values, float((ends[0] + ends[1]).max()) >= _CLIPPED

@@ -27,6 +27,7 @@ class VisionParameters:
             its least (erratum 4).
         edge_reach_px: how far across a side pixels are taken; more where the picture is blurred.
         edge_floor_px: standard deviation of what a single column of pixels across a side errs by without any noise.
+        edge_clipped_px: the same where the cue is brighter than the picture can tell.
         edge_bias_px: standard deviation of how far all sides together lie outward of where they should, as a lamp's
             blooming and a camera's gamma have it.
         corner_noise_px: standard deviation of a Förstner corner, per axis.
@@ -61,6 +62,7 @@ class VisionParameters:
     forstner_min_px: float
     edge_reach_px: float
     edge_floor_px: float
+    edge_clipped_px: float
     edge_bias_px: float
     corner_noise_px: float
     screening: Literal["perspective", "printed"]
@@ -89,6 +91,7 @@ class VisionParameters:
         require(self.max_candidates >= 1, "max_candidates must be at least 1")
         for name in (
             "edge_floor_px",
+            "edge_clipped_px",
             "edge_bias_px",
             "screening_px",
             "reprojection_fraction",

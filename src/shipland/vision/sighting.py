@@ -139,8 +139,7 @@ class Judge:
         if measured is None:
             return Refusal.CORNERS_UNSURE
         corners_px = measured.corners_px
-        common_px = None if measured.growth is None else self._parameters.edge_bias_px * measured.growth
-        corners = Corners(corners_px, measured.whiten, self.plane_m[list(match.model)], common_px)
+        corners = Corners(corners_px, measured.whiten, self.plane_m[list(match.model)], measured.common_px)
         solutions = ordered(solve(corners, self._camera, evidence.prior, evidence.last), evidence.last)
         if not solutions:
             return Refusal.NO_SOLUTION
