@@ -2,13 +2,14 @@
 
     python tools/consistency.py                # 5,000 views, some seven minutes of one core
 
-Light, cloud, exposure and the lamp's brightness differ from scene to scene; ranges 2–15 m (log-uniform), up to 40° off the
-bar's axis, up to 8° off its middle, sensor noise 1.5, gimbal known to within its noise. Writes table.md and plot.png.
+Light, cloud, exposure and the lamp's brightness differ from scene to scene; ranges 2–15 m (log-uniform), up to 40° off
+the bar's axis, up to 8° off its middle, sensor noise 1.5, gimbal known to within its noise. Writes table.md, plot.png.
 """
 
 from __future__ import annotations
 
 import argparse
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -105,7 +106,7 @@ def main() -> None:
     found = trials(arguments.views, arguments.seed, Setting.packaged())
     seen = [(range_m, trial) for range_m, trial in found if not trial.reason]
     rows = []
-    for low, high in zip(RANGES_M, RANGES_M[1:], strict=False):
+    for low, high in pairwise(RANGES_M):
         some = [trial for range_m, trial in seen if low <= range_m < high]
         if some:
             rows.append(row(f"{low:.0f} … {high:.0f}", some))
