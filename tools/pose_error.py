@@ -1,26 +1,25 @@
-"""Pose error of the near vision against range and angle, on rendered pictures, beside the Cramér–Rao bound and two peers.
+"""Pose error of the near vision against range and angle on rendered pictures, beside the Cramér–Rao bound and peers.
 
     python tools/pose_error.py                      # out/pose_error/table.md, peers.md and plot.png
     python tools/pose_error.py --corners forstner   # the published corners
     python tools/pose_error.py --no-gimbal          # corners alone: what the gimbal knows is left out
     python tools/pose_error.py --no-peers
 
-The camera stands at each range, 0°, 20° and 40° off the bar's axis on either side, and looks at the bar to within 8°. The
-bound is that of the eight corners with the corner noise measured at that range and angle, equal on both axes. The peers
-see the same renderings, with their tags in the bar's stead (tools/peers.py), and know nothing of the gimbal.
+The camera stands at each range, 0°, 20° and 40° off the bar's axis on either side, and looks at the bar to within 8°.
+The bound is that of the eight corners with the corner noise measured at that range and angle, equal on both axes. The
+peers see the same renderings, with their tags in the bar's stead (tools/peers.py), and know nothing of the gimbal.
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from near_views import Setting, Trial, View, cramer_rao, look, markdown, view_at
 from peers import Peer, Picture, apriltag, aruco, grain, in_picture
 from rich.progress import track
-
 
 RANGES_M = (2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0, 18.0)
 ANGLES_DEG = (0.0, 20.0, 40.0)
@@ -42,7 +41,6 @@ HEADER = (
     "yaw / bound",
     "error² / 4",
 )
-PEER_HEADER = ("range [m]", "angle [°]", "who", "found [%]", "corner rms [px]", "position rms [cm]", "yaw rms [°]")
 
 
 def ask(peer: Peer, view: View, picture: Picture, setting: Setting) -> Trial:
@@ -90,18 +88,39 @@ def row(range_m: float, angle_deg: float, trials: list[Trial], setting: Setting)
     ]
 
 
-def peer_row(range_m: float, angle_deg: float, name: str, trials: list[Trial]) -> list[str]:
-    """Figures of one range, angle and method, in the order of PEER_HEADER."""
-    good = [trial for trial in trials if trial.error is not None and trial.corner_error_px is not None]
-    start = [f"{range_m:.0f}", f"{angle_deg:.0f}", name, f"{100.0 * len(good) / len(trials):.0f}"]
-    if not good:
-        return [*start, "–", "–", "–"]
-    rms = np.sqrt(np.mean(np.square([trial.error for trial in good]), axis=0))
-    position_cm = 100.0 * float(np.linalg.norm(rms[:3]))
-    return [*start, f"{corner_rms_px(good):.3f}", f"{position_cm:.2f}", f"{np.degrees(rms[3]):.3f}"]
+@dataclass(frozen=True)
+class Figures:
+    """Of one method at one range and angle; NaN where it found nothing."""
+
+    found_percent: float
+    corner_px: float
+    position_cm: float
+    yaw_deg: float
+
+    @staticmethod
+    def of(trials: list[Trial]) -> Figures:
+        """Root mean squares over the pictures in which it was found whole."""
+        good = [trial for trial in trials if trial.error is not None and trial.corner_error_px is not None]
+        found_percent = 100.0 * len(good) / len(trials)
+        if not good:
+            return Figures(found_percent, np.nan, np.nan, np.nan)
+        rms = np.sqrt(np.mean(np.square([trial.error for trial in good]), axis=0))
+        position_cm = 100.0 * float(np.linalg.norm(rms[:3]))
+        return Figures(found_percent, corner_rms_px(good), position_cm, float(np.degrees(rms[3])))
+
+    def cell(self) -> str:
+        """Corners, position, yaw; the share found where it is not all."""
+        if not self.found_percent:
+            return "not found"
+        text = f"{self.corner_px:.3f} / {self.position_cm:.3g} / {self.yaw_deg:.2g}"
+        return text if self.found_percent == 100.0 else f"{text} ({self.found_percent:.0f} %)"
 
 
-def plot(rows: list[list[str]], peer_rows: list[list[str]], path: Path) -> None:
+Cells = dict[tuple[float, float], dict[str, Figures]]
+"""Figures of each method, by range and angle."""
+
+
+def plot(rows: list[list[str]], cells: Cells, path: Path) -> None:
     """Position and yaw error against range, all angles, and their ratio to the bound."""
     import matplotlib as mpl
 
@@ -109,19 +128,19 @@ def plot(rows: list[list[str]], peer_rows: list[list[str]], path: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(1, 3, figsize=(10.5, 3.4), layout="constrained")
-    names = list(dict.fromkeys(cells[2] for cells in peer_rows))
+    names = list(next(iter(cells.values()), {}))
+    ranges = [range_m for range_m, angle_deg in cells if angle_deg == 20.0]
     for name in names:
-        some = [cells for cells in peer_rows if cells[2] == name and cells[1] == "20" and cells[5] != "–"]
-        ranges = [float(cells[0]) for cells in some]
-        axes[0].plot(ranges, [float(cells[5]) for cells in some], "o-", label=name)
-        axes[1].plot(ranges, [float(cells[6]) for cells in some], "o-", label=name)
+        some = [cells[range_m, 20.0][name] for range_m in ranges]
+        axes[0].plot(ranges, [figures.position_cm for figures in some], "o-", label=name)
+        axes[1].plot(ranges, [figures.yaw_deg for figures in some], "o-", label=name)
     axes[0].set(title="position error, rms, 20° off", ylabel="cm", yscale="log")
     axes[1].set(title="yaw error, rms, 20° off", ylabel="degrees", yscale="log")
     if names:
         axes[0].legend(fontsize="x-small")
     for angle_deg in ANGLES_DEG:
-        some = [cells for cells in rows if cells[1] == f"{angle_deg:.0f}" and cells[10] != "–"]
-        axes[2].plot([float(c[0]) for c in some], [float(c[10]) for c in some], "o-", label=f"{angle_deg:.0f}° off")
+        lines = [row for row in rows if row[1] == f"{angle_deg:.0f}" and row[10] != "–"]
+        axes[2].plot([float(c[0]) for c in lines], [float(c[10]) for c in lines], "o-", label=f"{angle_deg:.0f}° off")
     axes[2].axhline(1.3, color="grey", linestyle="--", label="goal")
     axes[2].set(title="position error / Cramér–Rao bound", ylim=(0.0, 2.0))
     axes[2].legend(fontsize="x-small")
@@ -150,9 +169,10 @@ def main() -> None:
         eyes, setting = alone, replace(setting, gimbal_noise_rad=0.0)
     peers = [] if arguments.no_peers else [aruco(setting.rig), apriltag(setting.rig, 1.0)]
     scene = setting.scene(arguments.seed)
-    rows, peer_rows = [], []
-    cells = [(range_m, angle_deg) for range_m in RANGES_M for angle_deg in ANGLES_DEG]
-    for range_m, angle_deg in track(cells, description="ranges and angles"):
+    rows: list[list[str]] = []
+    cells: Cells = {}
+    places = [(range_m, angle_deg) for range_m in RANGES_M for angle_deg in ANGLES_DEG]
+    for range_m, angle_deg in track(places, description="ranges and angles"):
         ours: list[Trial] = []
         others: dict[str, list[Trial]] = {"near vision": ours, "near vision, no gimbal": []}
         for index in range(arguments.trials):
@@ -167,15 +187,17 @@ def main() -> None:
                 others.setdefault(peer.name, []).append(ask(peer, view, picture, setting))
         rows.append(row(range_m, angle_deg, ours, setting))
         if peers:
-            peer_rows += [peer_row(range_m, angle_deg, name, trials) for name, trials in others.items()]
+            cells[range_m, angle_deg] = {name: Figures.of(trials) for name, trials in others.items()}
     scene.close()
     arguments.out.mkdir(parents=True, exist_ok=True)
     (arguments.out / "table.md").write_text(markdown(HEADER, rows), encoding="utf-8")
     print(markdown(HEADER, rows))
     if peers:
-        (arguments.out / "peers.md").write_text(markdown(PEER_HEADER, peer_rows), encoding="utf-8")
-        print(markdown(PEER_HEADER, peer_rows))
-    plot(rows, peer_rows, arguments.out / "plot.png")
+        header = ["range [m]", "angle [°]", *next(iter(cells.values()))]
+        lines = [[f"{r:.0f}", f"{a:.0f}", *(some.cell() for some in by.values())] for (r, a), by in cells.items()]
+        (arguments.out / "peers.md").write_text(markdown(header, lines), encoding="utf-8")
+        print(markdown(header, lines))
+    plot(rows, cells, arguments.out / "plot.png")
 
 
 if __name__ == "__main__":

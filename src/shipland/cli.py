@@ -286,6 +286,38 @@ class Evaluate(EvaluateArguments):
 
 
 @dataclass(frozen=True)
+class Calibrate:
+    """Calibrate a camera from pictures of a chessboard or ChArUco board.
+
+    Writes an OpenCV calibration file for `shipland see --camera`, and beside it a picture of where the corners lay.
+
+    Example: shipland calibrate board/ --board 9x6 --square-m 0.025 --out camera.yaml
+    """
+
+    paths: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Pictures, or folders of pictures; a dozen or more, the board tilted and in every part of the picture."""
+    board: str = "9x6"
+    """Inner corners across x down."""
+    square_m: float = 0.025
+    """Side of a square; only the board's distance depends on it."""
+    charuco: bool = False
+    """The board carries ArUco markers."""
+    marker_m: float | None = None
+    """Side of a marker; three quarters of a square when left out."""
+    dictionary: str = "DICT_4X4_50"
+    """OpenCV's name of the markers' dictionary."""
+    out: Path = Path("calibration.yaml")
+    """Calibration file."""
+
+    def run(self) -> int:
+        """Calibrate and print the table."""
+        from shipland.calibrate import CalibrateRequest, calibrate
+
+        print(calibrate(CalibrateRequest(**vars(self))).to_text())
+        return 0
+
+
+@dataclass(frozen=True)
 class Scenarios:
     """List the packaged scenarios."""
 
@@ -318,14 +350,22 @@ Command = (
     | Annotated[Synth, tyro.conf.subcommand("synth")]
     | Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Scenarios, tyro.conf.subcommand("scenarios")]
     | Annotated[Version, tyro.conf.subcommand("version")]
 )
 
 
+_AnyCommand = (
+    Fly | Campaign | Paper | Motion | See | Detect | Synth | Train | Evaluate | Calibrate | Scenarios | Version
+)
+
+
 def main() -> None:
     """Entry point: one line for every error of ours, exit 2; Ctrl-C leaves what was done in order, exit 130."""
-    command: Fly | Campaign | Paper | Motion | See | Detect | Synth | Train | Evaluate | Scenarios | Version = tyro.cli(
+    command: (
+        Fly | Campaign | Paper | Motion | See | Detect | Synth | Train | Evaluate | Calibrate | Scenarios | Version
+    ) = tyro.cli(
         Command,
         prog="shipland",
         description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.",

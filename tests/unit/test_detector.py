@@ -1,5 +1,7 @@
 """Raw maps to boxes, tiles, weights files, and the far vision's tracks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -312,6 +314,34 @@ def test_a_much_surer_ship_elsewhere_takes_over(camera):
     assert last.ship_box.centre_px == (900, 350)
 
 
+def test_middling_boxes_are_never_believed_and_faint_ones_in_time(camera):
+    """Evidence counts: at neutral confidence it never gathers, just above it does, and a sure box needs the least."""
+    stage = Stage(camera)
+    neutral = stage.parameters.neutral_confidence
+    assert all(stage.see([ship_at(600, 370, confidence=neutral)]).ship_box is None for _ in range(60))
+    first = []
+    for confidence in (neutral + 0.1, 0.97):
+        stage = Stage(camera)
+        seen = [stage.see([ship_at(600, 370, confidence=confidence)]).ship_box is not None for _ in range(60)]
+        first.append(seen.index(True))
+    assert first[1] == stage.parameters.confirm_hits - 1 < first[0]
+
+
+def test_what_stands_above_the_horizon_is_no_ship(camera):
+    """Looking level, the horizon runs through the picture's middle; looking 20° down, over its upper edge."""
+    stage = Stage(camera)
+    bird = ship_at(600, 250)
+    assert all(stage.see([bird]).ship_box is None for _ in range(10))
+    assert any(stage.see([bird], pitch_rad=-0.35).ship_box is not None for _ in range(10))
+
+
+def test_the_surest_of_several_candidates_is_taken(camera):
+    stage = Stage(camera)
+    boxes = [ship_at(200, 400, confidence=0.75), ship_at(900, 400, confidence=0.95), ship_at(500, 500, confidence=0.8)]
+    seen = [stage.see(boxes).ship_box for _ in range(stage.parameters.confirm_hits)]
+    assert seen[-1].centre_px == (900, 400)
+
+
 def test_bar_is_told_only_inside_the_ship(camera):
     stage = Stage(camera, bar=True)
     ship, bar, buoy = ship_at(600, 350, 60.0), ship_at(600, 340, 30.0), ship_at(800, 340, 30.0)
@@ -344,11 +374,22 @@ def test_detector_pads_and_maps_back(weights_file, rng):
     assert len(whole) > 0
 
 
+def test_weights_of_scaled_pictures_scale_what_they_see(weights_file, rng):
+    """Every pixel doubled, and halved again by the detector: the same boxes, twice as far and as large."""
+    detector = Detector(load_engine(weights_file, "onnxruntime", "fp32", 1), 0.45)
+    picture = rng.integers(0, 256, (96, 96, 3), dtype=np.uint8)
+    whole = detector.detect(picture, 0.05)
+    detector.engine.spec = replace(detector.engine.spec, fit_px=96)
+    twice = detector.detect(picture.repeat(2, axis=0).repeat(2, axis=1), 0.05)
+    assert len(whole) == len(twice) > 0
+    for one, two in zip(whole, twice, strict=True):
+        np.testing.assert_allclose(np.array(two.centre_px) + 0.5, 2.0 * (np.array(one.centre_px) + 0.5), atol=1e-3)
+        np.testing.assert_allclose(two.size_px, 2.0 * np.array(one.size_px), rtol=1e-5)
+
+
 @pytest.mark.parametrize(("kind", "range_m"), [("ship", 120.0), ("bar", 60.0)])
 def test_packaged_weights_see_their_target(kind, range_m, rig, camera):
     """Clear day, dead astern, 15 m up: the surest box lies over the target."""
-    from dataclasses import replace
-
     from shipland.config import build
     from shipland.learning.shot import target_box
     from shipland.learning.shots import draw_scene, draw_shot

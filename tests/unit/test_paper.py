@@ -76,7 +76,8 @@ def test_an_approach_s_figures_by_hand():
     right_m = np.interp(range_m, [10.0, 40.0, 60.0, 100.0], [0.2, 0.2, -3.0, 10.0])
     figures = approach_figures(trace_of(range_m, right_m), 3400.0, 0.0)
     assert figures.overshoot_m == pytest.approx(3.0)
-    assert figures.settled_m == pytest.approx(47.0, abs=1.0)  # −1 m, a tenth of the first, on the way back
+    assert figures.settled_s == pytest.approx(0.5 * (100.0 - 52.5), abs=0.5)  # 2 m off on the way back
+    assert figures.run_in_m == pytest.approx(0.2)  # from 42 m on
     assert figures.hand_over_s == pytest.approx((100.0 - HAND_OVER_M) / 2.0)
     assert (figures.off_m, figures.sideways_mps) == pytest.approx((0.2, 0.0), abs=1e-9)
     # the board of 0.42 m² fills 0.8 · 3400 px² at 931 · √(0.42 / 2720) = 11.6 m

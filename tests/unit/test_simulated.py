@@ -6,7 +6,7 @@ import pytest
 from shipland.camera import Camera
 from shipland.config import ConfigError, build, merge
 from shipland.errors import VehicleError
-from shipland.messages import Box, GimbalAttitude, Intent, Observation, PilotCommand
+from shipland.messages import GimbalAttitude, Intent, Observation, PilotCommand
 from shipland.rig import packaged_table
 from shipland.sim.state import SceneState
 from shipland.sim.world import World

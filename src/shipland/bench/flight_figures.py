@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shipland.bench.landing_plots import Touchdowns, plot_touchdowns
-from shipland.bench.outputs import load_outputs
 from shipland.bench.palette import GREY, MODE_COLOURS, MODE_NAMES, VERMILION, unit
 from shipland.bench.plots import (
     PLOT_STYLE,
@@ -33,6 +32,8 @@ if TYPE_CHECKING:
 
 _UP = np.array([1.0, 1.0, -1.0])
 _SHIP_EVERY_S = 5.0
+_DPI = 80
+"""Small enough for a page of documentation."""
 
 
 def read_flights(folder: Path) -> list[FlightLog]:
@@ -57,7 +58,7 @@ def figures_of_flights(folder: Path, out: Path) -> list[Path]:
     Raises:
         DataError: no logs, or a file cannot be written.
     """
-    logs, parameters = read_flights(folder), load_outputs().plots
+    logs, parameters = read_flights(folder), PlotParameters(_DPI)
     farthest = max(logs, key=lambda log: tracks_of(log).distance_m[0])
     info = logs[0].header.info
     title = f"{info.scenario}, pilot {info.pilot}, {len(logs)} flight{'s' if len(logs) > 1 else ''}"
@@ -125,7 +126,7 @@ def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str, paramet
         for log, track in zip(logs, tracks, strict=True):
             _draw_tracks(above, beside, log, track)
         above.set_aspect("equal", adjustable="datalim")
-        above.set_title("from above: starboard [m] over ahead [m] of the ship at the start")
+        above.set_title("from above: starboard (downward) over ahead of the ship at the start [m]")
         above.invert_yaxis()
         beside.set_title("from the side: height over the neutral deck [m] over distance from the ship [m]")
         beside.set_xlim(right=0.0)
@@ -172,7 +173,11 @@ def _draw_key(axes: Axes, logs: Sequence[FlightLog]) -> None:
         for mode in MODE_COLOURS
         if mode in seen
     ]
-    for marker, colour, label in ((".", (0, 0, 0), "start"), ("s", VERMILION, "ship"), ("x", VERMILION, "not landed")):
+    for marker, colour, label in (
+        (".", (0, 0, 0), "start"),
+        ("s", VERMILION, "ship"),
+        ("x", VERMILION, "not in the square"),
+    ):
         handles.append(Line2D([], [], color=unit(colour), marker=marker, linestyle="none", label=label))
     axes.legend(handles=handles, loc="best", ncols=2)
 
@@ -195,8 +200,9 @@ def plot_commands(path: Path, log: FlightLog, parameters: PlotParameters) -> Non
         figure.suptitle(f"{info.scenario}{seed}, pilot {info.pilot}:  {end}", fontsize=13, fontweight="bold")
         band, *panels = figure.subplots(7, 1, height_ratios=[0.16, 1, 1, 1, 1, 1, 1])
         draw_mode_key(band, columns)
-        draw_sticks(panels[0], columns, ("pitch", "roll"))
-        draw_sticks(panels[1], columns, ("heave", "yaw"))
+        for axes, names in zip(panels, (("pitch", "roll"), ("heave", "yaw")), strict=False):
+            draw_sticks(axes, columns, names)
+            axes.set_title(f"{names[0]} and {names[1]} stick [%]")
         for draw, axes in zip((draw_forward, draw_right, draw_up, draw_heading), panels[2:], strict=True):
             draw(axes, columns)
         for axes in panels:

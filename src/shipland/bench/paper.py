@@ -13,13 +13,16 @@ import numpy as np
 from shipland.bench.flight_figures import figures_of_flights
 from shipland.bench.paper_far import (
     APPROACHES,
+    AXIS_M,
     CONTROLS,
     HAND_OVER_M,
     LATE_S,
     READINGS,
+    RUN_IN_M,
     SETTLED_SHARE,
     STEP_CASES,
     STEP_S,
+    YAW_CASES,
     ApproachCase,
     ApproachFigures,
     StepFigures,
@@ -28,6 +31,7 @@ from shipland.bench.paper_far import (
     fly_step,
     step_figures,
     ultimate,
+    yaw_swing_deg,
 )
 from shipland.bench.paper_near import CONTROLS as DERIVATIVES
 from shipland.bench.paper_near import FALSE_AT_S, FALSE_M, NOISE_M, fly_hover, near_figures
@@ -82,7 +86,7 @@ def _roll_law(path: Path, scenario: Scenario) -> str:
     head = ["error [px]", *(f"{error_px:+.0f}" for error_px in errors_px)]
     rows = [
         [f"{variant} [%]", *(f"{exponential_law(error_px, ship.roll, variant):+.0f}" for error_px in errors_px)]
-        for variant in READINGS
+        for variant in get_args(FarVariant)
     ]
     return _table(head, rows)
 
@@ -124,6 +128,11 @@ def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one sig
             _table(head, sideways),
             "### Vertical",
             _table(head, vertical),
+            "### Heading",
+            _table(
+                ["yaw law, cycle", f"swing over {LATE_S:.0f} s [°]"],
+                [[name, f"{yaw_swing_deg(overlay):.1f}"] for name, overlay in YAW_CASES.items()],
+            ),
         ]
     )
 
@@ -136,7 +145,7 @@ def _step_cells(figures: StepFigures) -> list[str]:
     ]  # fmt: skip
 
 
-_SHOWN = (ApproachCase(250.0, 15.0, 5.0), ApproachCase(120.0, 5.0, 0.0), ApproachCase(60.0, 15.0, 0.0))
+_SHOWN = (ApproachCase(250.0, 15.0, 5.0), ApproachCase(120.0, 5.0, 0.0), ApproachCase(60.0, 2.0, 5.0))
 
 
 def _far_readings(path: Path, scenario: Scenario) -> str:
@@ -157,9 +166,9 @@ def _far_readings(path: Path, scenario: Scenario) -> str:
     sums = [_reading_sum(variant, all_of) for variant, all_of in by_reading.items()]
     return "\n\n".join(
         [
-            f"Hand-over: {HAND_OVER_M:.0f} m from the bar, where corners take over. Settled: range at which the last "
-            "excursion beyond a tenth of the first offset ended, before the hand-over. Setpoint area: when the bar's "
-            "box, flown on past the hand-over, came within a fifth of 3400 px².",
+            f"Hand-over: {HAND_OVER_M:.0f} m from the bar, where corners take over. Run-in: the {RUN_IN_M:.0f} m "
+            f"before it. Settled: from when on within {AXIS_M:.0f} m of the ship's axis, if before the run-in. "
+            "Setpoint area: when the bar's box, flown on past the hand-over, came within a fifth of 3400 px².",
             _table(_SUM_HEAD, sums),
             _table(_APPROACH_HEAD, rows),
         ]
@@ -169,10 +178,11 @@ def _far_readings(path: Path, scenario: Scenario) -> str:
 _SUM_HEAD = [
     "reading",
     "flights",
-    "settled before the hand-over",
+    "settled before the run-in",
     "overshoot, median [m]",
-    "off the axis, median [m]",
-    "across the axis, median [m/s]",
+    "off the axis in the run-in, median [m]",
+    "at the hand-over, median [m]",
+    "across the axis there, median [m/s]",
     "setpoint area, median [s]",
     "ship lost on the way there",
 ]
@@ -182,9 +192,10 @@ _APPROACH_HEAD = [
     "wind [m/s]",
     "reading",
     "overshoot [m]",
-    "settled at [m]",
+    "settled [s]",
+    "in the run-in [m]",
     "hand-over [s]",
-    "off the axis [m]",
+    "off the axis there [m]",
     "across [m/s]",
     "bar off middle [px]",
     "setpoint area [s]",
@@ -195,7 +206,8 @@ _APPROACH_HEAD = [
 def _approach_cells(figures: ApproachFigures) -> list[str]:
     return [
         f"{figures.overshoot_m:.1f}",
-        _number(figures.settled_m),
+        _number(figures.settled_s),
+        f"{figures.run_in_m:.1f}",
         _number(figures.hand_over_s),
         f"{figures.off_m:.1f}",
         f"{figures.sideways_mps:.1f}",
@@ -206,12 +218,13 @@ def _approach_cells(figures: ApproachFigures) -> list[str]:
 
 
 def _reading_sum(variant: str, flights: list[ApproachFigures]) -> list[str]:
-    settled = sum(not math.isnan(flight.settled_m) for flight in flights)
+    settled = sum(not math.isnan(flight.settled_s) for flight in flights)
     return [
         variant,
         str(len(flights)),
         str(settled),
         f"{np.median([flight.overshoot_m for flight in flights]):.1f}",
+        f"{np.median([flight.run_in_m for flight in flights]):.1f}",
         f"{np.median([flight.off_m for flight in flights]):.1f}",
         f"{np.median([flight.sideways_mps for flight in flights]):.1f}",
         _number(float(np.nanmedian([flight.setpoint_s for flight in flights]))),

@@ -24,6 +24,10 @@ NOISE_PX = 1.7
 """Of a box's edge: the shipped detector's 1.2 px of the centre at 100 m (docs/far-vision.md)."""
 HAND_OVER_M = 22.0
 """From the bar: here corners take over."""
+RUN_IN_M = 20.0
+"""Before the hand-over: where an approach should have settled."""
+AXIS_M = 2.0
+"""From the ship's axis: what counts as settled on an approach."""
 IN_ALL: dict[str, Any] = {"delays": {"video_s": 0.0, "uplink_s": 0.0}}
 """The paper's 0.5 s read as everything from exposure to stick."""
 
@@ -34,7 +38,8 @@ CONTROLS: dict[str, tuple[FarKind, FarVariant]] = {
     "exponential, growing": ("exponential", "growing"),
     "exponential, printed": ("exponential", "printed"),
 }
-READINGS: tuple[FarVariant, ...] = ("saturating", "growing", "printed")
+READINGS: tuple[FarVariant, ...] = ("saturating", "growing")
+"""The two symmetric ones of erratum 3."""
 
 
 @dataclass(frozen=True)
@@ -148,6 +153,20 @@ def _period_s(t_s: Array, values: Array) -> float:
     return float(np.mean(np.diff(at_s))) if len(at_s) > 1 else math.nan
 
 
+YAW_CASES: dict[str, dict[str, Any]] = {
+    "Table 2, 0.5 s": {},
+    "Table 2 without the derivative, 0.5 s": {"guidance": {"near": {"yaw": {"b": 0.0}}}},
+    "half of Table 2, 0.5 s": {"guidance": {"near": {"yaw": {"k_p": 2.75, "b": 0.875}}}},
+    "Table 2, 0.03 s": {"delays": {"learned_s": 0.03}},
+}
+
+
+def yaw_swing_deg(overlay: dict[str, Any]) -> float:
+    """Highest minus lowest heading over the last `LATE_S` of a minute's approach from 250 m."""
+    trace = fly_far(FarCase(250.0, 0.0, 10.0, 0.0, "exponential", "saturating", 0.0, True, 2.0 * LATE_S), overlay)
+    return float(np.ptp(trace.heading_deg[trace.t_s > LATE_S]))
+
+
 @dataclass(frozen=True)
 class ApproachCase:
     """Where an approach begins."""
@@ -160,7 +179,7 @@ class ApproachCase:
 APPROACHES = tuple(
     ApproachCase(distance_m, offset_deg, wind_mps)
     for distance_m in (60.0, 120.0, 250.0)
-    for offset_deg in (5.0, 15.0, 30.0)
+    for offset_deg in (2.0, 5.0, 15.0, 30.0)
     for wind_mps in (0.0, 5.0)
 )
 
@@ -171,8 +190,9 @@ class ApproachFigures:
 
     Attributes:
         overshoot_m: farthest sideways on the other side of the ship's axis before the hand-over.
-        settled_m: range at which the last excursion beyond a tenth of the first offset ended; NaN when none ended
-            before the hand-over.
+        settled_s: from when on the aircraft stayed within `AXIS_M` until the hand-over; NaN when that came later than
+            the begin of the run-in.
+        run_in_m: farthest from the axis in the run-in.
         hand_over_s: when `HAND_OVER_M` was reached; NaN when it was not.
         off_m, sideways_mps: distance from the ship's axis and speed across it then.
         off_px: the bar's distance from the picture's middle then.
@@ -181,7 +201,8 @@ class ApproachFigures:
     """
 
     overshoot_m: float
-    settled_m: float
+    settled_s: float
+    run_in_m: float
     hand_over_s: float
     off_m: float
     sideways_mps: float
@@ -208,12 +229,14 @@ def approach_figures(trace: FarTrace, bar_setpoint_px2: float, bar_ahead_m: floa
     end = int(near[0]) if len(near) else len(range_m) - 1
     reached = np.flatnonzero(trace.on_bar & (trace.area_px2 >= 0.8 * bar_setpoint_px2))
     last = int(reached[0]) if len(reached) else len(range_m) - 1
-    outside = np.flatnonzero(np.abs(right_m[: end + 1]) > 0.1 * abs(right_m[0]))
-    settled = int(outside[-1]) + 1
+    outside = np.flatnonzero(np.abs(right_m[: end + 1]) > AXIS_M)
+    settled = int(outside[-1]) + 1 if len(outside) else 0
+    run_in = int(np.argmax(range_m <= HAND_OVER_M + RUN_IN_M))
     speed = np.gradient(right_m, trace.t_s)
     return ApproachFigures(
         overshoot_m=max(0.0, float(np.max(-side * right_m[: end + 1]))),
-        settled_m=float(range_m[settled]) if settled <= end else math.nan,
+        settled_s=float(trace.t_s[settled]) if settled <= run_in else math.nan,
+        run_in_m=float(np.max(np.abs(right_m[run_in : end + 1]))),
         hand_over_s=float(trace.t_s[end]) if len(near) else math.nan,
         off_m=abs(float(right_m[end])),
         sideways_mps=abs(float(speed[end])),

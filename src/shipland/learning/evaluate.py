@@ -23,7 +23,7 @@ from shipland.learning.arguments import EvaluateArguments
 from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.files import write_atomically
 from shipland.learning.hard import compressed
-from shipland.learning.metrics import Tally
+from shipland.learning.metrics import COCO_IOUS, Tally
 from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table
 from shipland.learning.settings import learning_table
 from shipland.learning.shot import NearestBox, Shot, target_box
@@ -84,6 +84,7 @@ class Evaluation:
         confidence: least confidence of a single frame's box.
         pictures: looked at.
         average_precision, recall, precision: over all single pictures, at `EvaluateParameters.match_iou`.
+        average_precision_50, average_precision_50_95: at IoU 0.5, and the mean over IoU 0.5, 0.55 … 0.95.
         tables: over range, by name (all, clear, haze, no decoys); empty where ranges are not known.
         missed: pictures of a labelled set with a target that was not found.
     """
@@ -94,6 +95,8 @@ class Evaluation:
     average_precision: float
     recall: float
     precision: float
+    average_precision_50: float
+    average_precision_50_95: float
     tables: dict[str, RangeTable]
     missed: tuple[str, ...]
 
@@ -101,7 +104,8 @@ class Evaluation:
         """For people: Markdown."""
         parts = [
             f"{self.detector}: {self.pictures} pictures, average precision {self.average_precision:.3f}, recall "
-            f"{self.recall:.3f} and precision {self.precision:.3f} at confidence {self.confidence:g}"
+            f"{self.recall:.3f} and precision {self.precision:.3f} at confidence {self.confidence:g}; average "
+            f"precision at IoU 0.5 {self.average_precision_50:.3f}, at 0.5 to 0.95 {self.average_precision_50_95:.3f}"
         ]
         for name, table in self.tables.items():
             parts += [f"## {name}", markdown(table)]
@@ -120,15 +124,15 @@ def evaluate(arguments: EvaluateArguments) -> Evaluation:
     parameters = build(EvaluateParameters, learning_table("evaluate", arguments.config), "evaluate")
     detector = Detector.load(arguments.weights, settings)
     confidence = settings.acquire_confidence if arguments.confidence is None else arguments.confidence
-    tally = Tally(parameters.match_iou)
+    tally, strict = Tally(parameters.match_iou), [Tally(overlap) for overlap in COCO_IOUS]
     missed: list[str] = []
     if arguments.data is not None:
         dataset = read_dataset(arguments.data)
-        records, missed = _labelled(detector, dataset, confidence, tally)
+        records, missed = _labelled(detector, dataset, confidence, [tally, *strict])
     else:
         records = list(fresh_records(arguments, parameters, detector, settings))
         for record in records:
-            _add(tally, record)
+            _add([tally, *strict], record)
     tables = _tables(records, arguments, parameters, confidence)
     result = Evaluation(
         f"{detector.engine.description}, {detector.engine.spec.note or 'no note'}",
@@ -137,6 +141,8 @@ def evaluate(arguments: EvaluateArguments) -> Evaluation:
         tally.average_precision(),
         tally.recall(confidence),
         tally.precision(confidence),
+        strict[0].average_precision(),
+        float(np.mean([item.average_precision() for item in strict])),
         tables,
         tuple(missed),
     )
@@ -147,10 +153,11 @@ def evaluate(arguments: EvaluateArguments) -> Evaluation:
     return result
 
 
-def _add(tally: Tally, record: SceneRecord) -> None:
+def _add(tallies: Sequence[Tally], record: SceneRecord) -> None:
     boxes = np.array(record.boxes, np.float32).reshape(-1, 5)
     rows = [] if record.target is None else [(0.0, *record.target)]
-    tally.add(boxes[:, :4], boxes[:, 4], np.array(rows, np.float32).reshape(-1, 5))
+    for tally in tallies:
+        tally.add(boxes[:, :4], boxes[:, 4], np.array(rows, np.float32).reshape(-1, 5))
 
 
 def _tables(
@@ -174,7 +181,7 @@ def _tables(
 
 
 def _labelled(
-    detector: Detector, dataset: Dataset, confidence: float, tally: Tally
+    detector: Detector, dataset: Dataset, confidence: float, tallies: Sequence[Tally]
 ) -> tuple[list[SceneRecord], list[str]]:
     """Records of the pictures whose range is known, and the names of those with a missed target."""
     if len(dataset.classes) != len(detector.engine.spec.classes):
@@ -191,7 +198,7 @@ def _labelled(
                 for kind in range(len(dataset.classes))
             ]
         )
-        verdict = tally.add(boxes[:, :4], boxes[:, 4], targets)
+        verdict, *_ = [tally.add(boxes[:, :4], boxes[:, 4], targets) for tally in tallies]
         if len(np.unique(verdict[(verdict >= 0) & (boxes[:, 4] >= confidence)])) < len(targets):
             missed.append(sample.path.name)
         if "range_m" in sample.scene and len(targets) < 2:

@@ -162,7 +162,8 @@ def read_onnx(path: Path, layers: Sequence[Layer]) -> tuple[list[ConvWeights], D
     if text is None:
         raise DataError(f"{path} is no shipland detector: it lacks the metadata {METADATA_KEY!r}")
     numbers = {item.name.removesuffix("_half"): onnx.numpy_helper.to_array(item) for item in model.graph.initializer}
-    weights, entering = [], input_channels(layers)
+    weights: list[ConvWeights] = []
+    entering = input_channels(layers)
     for index, layer in enumerate(layers):
         if not isinstance(layer, Conv):
             continue

@@ -9,6 +9,8 @@ from shipland.learning.dataset import Targets
 from shipland.vision.decode import Float32, iou
 
 Floats = npt.NDArray[np.float64]
+COCO_IOUS = tuple(round(0.5 + 0.05 * step, 2) for step in range(10))
+"""Overlaps that COCO's mean average precision is taken over."""
 
 
 def match(boxes: Float32, scores: Float32, targets: Targets, min_iou: float) -> npt.NDArray[np.int64]:

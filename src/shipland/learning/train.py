@@ -199,7 +199,8 @@ def _spec(arguments: TrainArguments, parameters: TrainParameters, fitting: Datas
             elif len(sample.boxes):
                 sizes.append(sample.load()[1][:, 3:5])
         anchors = fit_anchors(np.concatenate(sizes) if sizes else np.zeros((0, 2)), arguments.seed)
-    return DetectorSpec(fitting.classes, anchors, parameters.decoding, arguments.width)
+    fit_px = parameters.window_px if parameters.augment.fit else 0
+    return DetectorSpec(fitting.classes, anchors, parameters.decoding, arguments.width, fit_px=fit_px)
 
 
 def _initial(path: Path, spec: DetectorSpec) -> dict[str, Tensor]:

@@ -27,7 +27,8 @@ class Vehicle(Protocol):
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest telemetry at `t_s`, when this cycle's command is decided [s].
 
-        The compass does not wait for the vision. A simulator lets time pass until then; a link gives the newest that has come.
+        The compass does not wait for the vision. A simulator lets time pass until then; a link gives the newest that
+        has come.
         """
 
     def send(self, command: PilotCommand) -> None:

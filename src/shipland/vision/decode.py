@@ -51,6 +51,7 @@ class DetectorSpec:
         decoding: how the maps are decoded.
         width: the network's width factor.
         note: where the weights come from.
+        fit_px: whole pictures are first scaled to this longer side, as in training; 0 keeps native pixels.
     """
 
     classes: tuple[str, ...]
@@ -58,8 +59,10 @@ class DetectorSpec:
     decoding: Decoding
     width: float
     note: str = ""
+    fit_px: int = 0
 
     def __post_init__(self) -> None:
+        require(self.fit_px >= 0, "fit_px must not be negative")
         require(len(self.classes) > 0, "a detector needs at least one class")
         require(
             len(self.anchors_px) == len(STRIDES) and all(len(scale) == 3 for scale in self.anchors_px),

@@ -149,9 +149,17 @@ class Detector:
         return Detector(engine, parameters.max_iou)
 
     def detect(self, picture: Picture, min_confidence: float, kind: int = 0) -> list[Box]:
-        """Boxes of class `kind` in a whole picture (h,w,3) BGR at its own size, most confident first."""
-        boxes, scores = self._boxes(padded(picture), min_confidence, kind)
-        return _inside(to_boxes(boxes, scores, (0.0, 0.0), 1.0), picture)
+        """Boxes of class `kind` in a whole picture (h,w,3) BGR, most confident first.
+
+        The picture keeps its own size, unless the weights were trained on pictures scaled to one (`fit_px`).
+        """
+        seen, scale = picture, 1.0
+        if fit_px := self.engine.spec.fit_px:
+            scale = max(picture.shape[:2]) / fit_px
+            size = [max(1, round(side / scale)) for side in picture.shape[1::-1]]
+            seen = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_LINEAR), np.uint8)
+        boxes, scores = self._boxes(padded(seen), min_confidence, kind)
+        return _inside(to_boxes(boxes, scores, (0.0, 0.0), scale), picture)
 
     def detect_in_tile(
         self,

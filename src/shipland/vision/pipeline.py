@@ -26,6 +26,10 @@ _MOST_JUDGED = 8
 """Hypotheses that are measured in one picture; each takes about a millisecond."""
 
 
+_LIKE_SIZE = 2.0
+"""Ratio of areas up to which two quadrilaterals are thought to belong together."""
+
+
 @dataclass(frozen=True)
 class _Track:
     """The last pose: when, where its corners were (n,4,2), how fast they moved (2,), how blurred the picture was."""
@@ -35,6 +39,14 @@ class _Track:
     corners_px: Array
     drift_px_s: Array
     blur_px: float | None
+
+
+def _in_company(match: Match, area_px2: Array) -> bool:
+    """Whether a quadrilateral that the hypothesis does not use is as large as one that it uses, within a factor."""
+    used = area_px2[list(match.candidates)]
+    others = np.delete(area_px2, match.candidates)
+    ratio = others[:, None] / np.maximum(used, 1e-9)
+    return bool(np.any((ratio > 1.0 / _LIKE_SIZE) & (ratio < _LIKE_SIZE)))
 
 
 class NearVision:
@@ -125,7 +137,7 @@ class NearVision:
             if isinstance(result, Sighting):
                 return result
         some = [match for match in hypotheses if len(match.model) < count and (evidence.cut or len(match.model) > 1)]
-        return self._part(some, evidence) or (Refusal.CUT_BY_FRAME if evidence.cut else why or refusal)
+        return self._part(some, quads_px, evidence) or (Refusal.CUT_BY_FRAME if evidence.cut else why or refusal)
 
     def _one_of(self, found: list[Sighting], predicted_px: Array | None) -> Sighting | Refusal:
         """Of several whole cues the one that the last pose foresees, else the nearest."""
@@ -138,8 +150,13 @@ class NearVision:
             return Refusal.AMBIGUOUS
         return min(found, key=lambda sighting: sighting.distance_m)
 
-    def _part(self, hypotheses: list[Match], evidence: Evidence) -> Sighting | Refusal | None:
-        """A cue that is not whole: the one hypothesis that explains what is missing; None when there is none."""
+    def _part(self, hypotheses: list[Match], quads_px: Array, evidence: Evidence) -> Sighting | Refusal | None:
+        """A cue that is not whole: the one hypothesis that explains what is missing; None when there is none.
+
+        Another whole quadrilateral of like size tells of a row of them, not of the cue.
+        """
+        area_px2 = np.array([cv2.contourArea(quad.astype(np.float32)) for quad in quads_px])
+        hypotheses = [match for match in hypotheses if not _in_company(match, area_px2)]
         sightings = [self._judge.judge(match, evidence) for match in hypotheses[:_MOST_JUDGED]]
         proven = [
             sighting

@@ -32,6 +32,9 @@ _LEAST_SHARE = 1e-4
 _REPROJECTION_NOISE = 4.0
 """Standard deviations of a corner that the reprojection error may reach besides."""
 
+_MOST_NOISE_PX = 0.7
+"""What these may amount to: sides that are smeared or frayed state a noise that would excuse any shape."""
+
 _EDGE_PX = 1.0
 """How far beyond the picture's edge a side that seems to lie on it may be."""
 
@@ -146,7 +149,7 @@ class Judge:
         taken = solutions[0]
         diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
         most_px = self._parameters.reprojection_px + self._parameters.reprojection_fraction * diagonal_px
-        if not taken.reprojection_px <= most_px + _REPROJECTION_NOISE * measured.noise_px:
+        if not taken.reprojection_px <= most_px + min(_REPROJECTION_NOISE * measured.noise_px, _MOST_NOISE_PX):
             return Refusal.REPROJECTION
         if measured.held and self._beyond_edge(corners_px, taken.residual_px, evidence.image):
             return Refusal.CUT_BY_FRAME

@@ -1,0 +1,165 @@
+"""How often the near vision takes something for the cue: pictures without it, and what became of each.
+
+    python tools/false_accepts.py                      # 10,000 pictures, some ten minutes of one core; goes on where it
+                                                       # was cut off
+    python tools/false_accepts.py --pictures 200 --out out/some
+
+Scenes are rendered with the bar's board painted over; each serves for 40 pictures: 32 are other cuts of it, in other
+light, hues and weather, 8 have a decoy painted in (tools/false_pictures.py) and are spoiled in one way or not at all
+(tools/spoiling.py). Every picture is searched afresh. Writes results.jsonl, table.md, and every picture with a pose.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from consistency import light
+from false_pictures import DECOYS, Canvas, Picture, decoy_view, hide_bar
+from near_views import Setting, View, markdown, view_at
+from rich.progress import track
+from spoiling import SPOILERS, noise, vary
+
+from shipland.messages import Frame
+from shipland.sim.scene import Scene
+
+PICTURES_A_SCENE = 40
+DECOYS_A_SCENE = 8
+PLAIN = "none"
+SCENES_A_LIGHT = 10
+
+
+@dataclass(frozen=True)
+class Result:
+    """What became of one picture.
+
+    Attributes:
+        number: of the picture.
+        decoy: what was painted in, or "none".
+        spoiler: what was done to it, or "none".
+        reason: the refusal in words; empty for a pose.
+    """
+
+    number: int
+    decoy: str
+    spoiler: str
+    reason: str
+
+
+class Backgrounds:
+    """Rendered scenes from somewhere astern of the bar, with the bar's board painted over."""
+
+    def __init__(self, setting: Setting, seed: int) -> None:
+        self._setting, self._seed = setting, seed
+        self._lit: tuple[int, Scene] | None = None
+
+    def get(self, number: int) -> tuple[View, Picture]:
+        """One of them; the same number gives the same."""
+        setting, rng = self._setting, np.random.default_rng([self._seed, number, 0])
+        range_m = float(np.exp(rng.uniform(np.log(1.8), np.log(40.0))))
+        view = view_at(range_m, float(rng.uniform(-60.0, 60.0)), setting.gimbal_noise_rad, rng)
+        picture = self._scene(number // SCENES_A_LIGHT).render(view.state(setting.rig), setting.camera)
+        hide_bar(Canvas(picture, setting, view, rng))
+        return view, picture
+
+    def _scene(self, number: int) -> Scene:
+        if self._lit is None or self._lit[0] != number:
+            if self._lit is not None:
+                self._lit[1].close()
+            rng = np.random.default_rng([self._seed, number, 1])
+            visibility_m = float(np.exp(rng.uniform(np.log(80.0), np.log(4e4))))
+            self._lit = number, self._setting.scene(number, **light(rng), visibility_m=visibility_m)
+        return self._lit[1]
+
+
+def make(number: int, seed: int, view: View, scene: Picture, setting: Setting) -> tuple[Result, Frame]:
+    """One picture, and its result with the reason still open."""
+    rng = np.random.default_rng([seed, number, 2])
+    place = number % PICTURES_A_SCENE
+    if place < DECOYS_A_SCENE:
+        # Each decoy comes once with each spoiler before one comes twice.
+        index = number // PICTURES_A_SCENE * DECOYS_A_SCENE + place
+        decoy = list(DECOYS)[index % len(DECOYS)]
+        spoilers = [PLAIN, *SPOILERS]
+        spoiler = spoilers[index // len(DECOYS) % len(spoilers)]
+        view = decoy_view(decoy, setting, rng)
+        picture = vary(scene, rng)
+        DECOYS[decoy](Canvas(picture, setting, view, rng))
+    else:
+        decoy = PLAIN
+        spoiler = str(rng.choice([PLAIN, *(name for name in SPOILERS if name != "H.264")]))
+        picture = vary(scene, rng)
+    if spoiler == "H.264":
+        picture = SPOILERS[spoiler](noise(picture, rng, 1.5), rng)
+    else:
+        if spoiler != PLAIN:
+            picture = SPOILERS[spoiler](picture, rng)
+        picture = noise(picture, rng, rng.uniform(0.5, 4.0))
+    return Result(number, decoy, spoiler, ""), Frame(0.0, picture, view.gimbal)
+
+
+def table(results: list[Result]) -> str:
+    """Poses and refusals by kind of picture."""
+    reasons = [reason for reason, _ in Counter(r.reason for r in results if r.reason).most_common()]
+    rows = []
+    kinds = [PLAIN, *DECOYS]
+    for title, attribute, names in (("decoy", "decoy", kinds), ("spoiled by", "spoiler", [PLAIN, *SPOILERS])):
+        for name in names:
+            some = [r for r in results if getattr(r, attribute) == name]
+            if attribute == "spoiler":
+                some = [r for r in some if r.decoy != PLAIN]
+            label = "no decoy" if (title, name) == ("decoy", PLAIN) else f"{title}: {name}"
+            rows.append([label, str(len(some)), f"**{sum(not r.reason for r in some)}**",
+                         *(str(sum(r.reason == reason for r in some)) for reason in reasons)])  # fmt: skip
+    rows.append(["all", str(len(results)), f"**{sum(not r.reason for r in results)}**",
+                 *(str(sum(r.reason == reason for r in results)) for reason in reasons)])  # fmt: skip
+    return markdown(["pictures", "number", "poses given", *reasons], rows)
+
+
+def main() -> None:
+    """Run and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--pictures", type=int, default=10_000)
+    parser.add_argument("--seed", type=int, default=6)
+    parser.add_argument("--out", type=Path, default=Path("out/false_accepts"))
+    arguments = parser.parse_args()
+    out: Path = arguments.out
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / "results.jsonl"
+    results = {}
+    if path.exists():
+        for line in path.read_text(encoding="utf-8").splitlines():
+            item = json.loads(line)
+            results[item["number"]] = Result(**item)
+    setting = Setting.packaged()
+    eyes, backgrounds = setting.eyes(), Backgrounds(setting, arguments.seed)
+    scenes = -(-arguments.pictures // PICTURES_A_SCENE)
+    with path.open("a", encoding="utf-8") as kept:
+        for number in track(range(scenes), description="scenes"):
+            first = number * PICTURES_A_SCENE
+            open_ones = [n for n in range(first, min(first + PICTURES_A_SCENE, arguments.pictures)) if n not in results]
+            if not open_ones:
+                continue
+            view, scene = backgrounds.get(number)
+            for index in open_ones:
+                result, frame = make(index, arguments.seed, view, scene, setting)
+                eyes.reset()
+                observation = eyes.see(frame)
+                result = Result(result.number, result.decoy, result.spoiler, observation.reason)
+                if observation.bar_pose is not None and frame.image is not None:
+                    cv2.imwrite(str(out / f"pose-{index:05d}.png"), frame.image)
+                results[index] = result
+                kept.write(json.dumps(vars(result)) + "\n")
+            kept.flush()
+    text = table([results[n] for n in sorted(results) if n < arguments.pictures])
+    (out / "table.md").write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
