@@ -303,12 +303,13 @@ def _charuco(request: CalibrateRequest, across: int, down: int) -> Finder:
         names = ", ".join(sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_")))
         raise DataError(f"--dictionary {request.dictionary} is not known; expected one of {names}")
     dictionary = cv2.aruco.getPredefinedDictionary(family)
-    try:
-        board = cv2.aruco.CharucoBoard((across + 1, down + 1), request.square_m, marker_m, dictionary)
-    except cv2.error:
+    markers = (across + 1) * (down + 1) // 2
+    if markers > len(dictionary.bytesList):
         raise DataError(
-            f"a ChArUco board of {request.board} inner corners needs more markers than {request.dictionary} has"
-        ) from None
+            f"a ChArUco board of {request.board} inner corners has {markers} markers, more than {request.dictionary}; "
+            "expected the dictionary that it was printed with"
+        )
+    board = cv2.aruco.CharucoBoard((across + 1, down + 1), request.square_m, marker_m, dictionary)
     detector = cv2.aruco.CharucoDetector(board)
     board_m = np.asarray(board.getChessboardCorners(), np.float32)
 

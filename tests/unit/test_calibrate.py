@@ -103,7 +103,7 @@ def test_a_bent_board_and_a_picture_without_one_are_left_out_with_the_reason(tmp
         ({"square_m": float("nan")}, "side of a square"),
         ({"charuco": True, "marker_m": 0.05}, "does not fit"),
         ({"charuco": True, "dictionary": "DICT_OF_MINE"}, "not known"),
-        ({"charuco": True, "board": "40x40"}, "more markers"),
+        ({"charuco": True, "board": "40x40"}, "more than DICT"),
         ({"out": Path("nowhere") / "at all" / "camera.yaml"}, "folder does not exist"),
         ({"paths": ()}, "nothing to calibrate"),
         ({"paths": (Path("missing.png"),)}, "does not exist"),
