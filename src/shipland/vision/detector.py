@@ -37,7 +37,8 @@ class DetectorParameters:
         max_iou: overlap above which the less confident of two boxes goes.
         tile_min_px, tile_max_px: side of the square tile around a track, multiples of 32.
         tile_per_target: the tile's side over the target's longer side, at least.
-        gate_px, gate_sizes: a track takes a box whose centre lies within gate_px + gate_sizes × its longer side.
+        gate_px, gate_px_s, gate_sizes: a track takes a box whose centre lies within gate_px + gate_px_s × the time since
+            its last box + gate_sizes × its longer side.
         gate_growth: largest ratio of the sides of two boxes one frame apart that a track takes.
         confirm_hits, confirm_frames: a track is believed after so many hits in so many frames, and enough evidence.
         neutral_confidence: a box of this confidence speaks neither for nor against.
@@ -68,6 +69,7 @@ class DetectorParameters:
     tile_max_px: int
     tile_per_target: float
     gate_px: float
+    gate_px_s: float
     gate_sizes: float
     gate_growth: float
     confirm_hits: int

@@ -103,7 +103,7 @@ class Hunt:
             reach = [
                 (float(np.hypot(*(np.array(box.centre_px) - predicted[index]))), index)
                 for index, track in enumerate(self.tracks)
-                if index not in given and track.takes(box, predicted[index], self.parameters)
+                if index not in given and track.takes(box, frame, predicted[index], self.parameters)
             ]
             if reach:
                 given[min(reach)[1]] = box
@@ -136,7 +136,7 @@ class Hunt:
         if target is None:
             return None
         predicted_px = target.predicted_px(frame, self.camera.focal_px)
-        box = next((item for item in boxes if target.takes(item, predicted_px, self.parameters)), None)
+        box = next((item for item in boxes if target.takes(item, frame, predicted_px, self.parameters)), None)
         if box is not None:
             target.hit(box, frame, self.camera.focal_px, self.parameters)
         else:

@@ -76,10 +76,11 @@ class Track:
         elapsed_s = max(frame.t_s - self.t_s, 0.0)
         return self.centre_px + self.velocity_px_s * elapsed_s + self.turned_px(frame.gimbal, focal_px)
 
-    def takes(self, box: Box, predicted_px: Array, parameters: DetectorParameters) -> bool:
-        """Whether a box can be this target: near the prediction, and of like size."""
+    def takes(self, box: Box, frame: Frame, predicted_px: Array, parameters: DetectorParameters) -> bool:
+        """Whether a box of `frame` can be this target: near the prediction, and of like size."""
         longer = float(self.size_px.max())
-        reach = parameters.gate_px + parameters.gate_sizes * longer
+        elapsed_s = max(frame.t_s - self.t_s, 0.0)
+        reach = parameters.gate_px + parameters.gate_px_s * elapsed_s + parameters.gate_sizes * longer
         growth = max(box.size_px) / longer
         return (
             float(np.hypot(*(np.array(box.centre_px) - predicted_px))) <= reach
