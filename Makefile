@@ -2,7 +2,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-run demo test check bench docs clean
+.PHONY: help setup setup-run demo test check bench docs train clean
 
 BIN := .venv/bin
 ARGS ?=
@@ -41,6 +41,9 @@ bench: setup ## run every benchmark, one after the other; tables on screen and i
 	    $(BIN)/python "$$file" | tee "out/bench/$$name.md" || failed+=("$$name"); \
 	done; \
 	[[ $${#failed[@]} == 0 ]] || { echo "shipland: failed: $${failed[*]}" >&2; exit 1; }
+
+train: setup ## make the far detectors' weights anew: pictures, training, rounds of what fooled them; four core-hours, resumes
+	tools/train_shipped.sh out/train $(ARGS)
 
 docs: setup ## build the documentation into site/; a warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

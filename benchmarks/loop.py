@@ -51,7 +51,8 @@ def measure(camera: CameraKind, pilot: str, seed: int) -> str:
         frame, telemetry = pair
         observation = eyes.see(frame)
         now_s = telemetry.t_s
-        decision = control.decide(observation, telemetry, now_s + crew.delays.near_s)
+        telemetry = vehicle.telemetry_at(now_s + crew.delays.near_s)
+        decision = control.decide(observation, telemetry)
         vehicle.send(crew.safety.check(decision, observation, telemetry).command)
     wall_s = time.perf_counter() - started_s
     vehicle.close()

@@ -60,16 +60,35 @@ def motion_blur(picture: Picture, rng: np.random.Generator) -> Picture:
     return np.asarray(cv2.filter2D(picture, -1, kernel / kernel.sum()), np.uint8)
 
 
-def rolling_shutter(picture: Picture, rng: np.random.Generator, shake_px: float | None = None) -> Picture:
-    """Rows exposed one after the other while the camera shakes and pans: each is shifted by its own time."""
+def rolling_shutter(
+    picture: Picture, rng: np.random.Generator, shake_px: float | None = None, still_row: float | None = None
+) -> Picture:
+    """Rows exposed one after the other while the camera shakes and pans: each is shifted by its own time.
+
+    Args:
+        picture: (H,W,3) of a camera at rest.
+        rng: of the motion.
+        shake_px: its size; None for 0.5–6 px.
+        still_row: the row that stays where it is, as when the time of the frame is that row's; None for the camera at
+            rest, from which all rows are shifted.
+    """
     height, width = picture.shape[:2]
     rows, columns = np.arange(height, dtype=np.float32)[:, None], np.arange(width, dtype=np.float32)
     shake = float(rng.uniform(0.5, 6.0)) if shake_px is None else shake_px
     pan, waves, phase = rng.uniform(-1.0, 1.0, 2), rng.uniform(0.5, 4.0, 2), rng.uniform(0.0, 2.0 * np.pi, 2)
-    when = rows / height
-    shift = [shake * (p * when + np.sin(2.0 * np.pi * w * when + a)) for p, w, a in zip(pan, waves, phase, strict=True)]
-    column_map = columns + shift[0].astype(np.float32)
-    row_map = np.broadcast_to(rows + shift[1].astype(np.float32), (height, width)).copy()
+
+    def shift(row: npt.NDArray[np.float32]) -> list[npt.NDArray[np.float32]]:
+        when = row / height
+        return [
+            (shake * (p * when + np.sin(2.0 * np.pi * w * when + a))).astype(np.float32)
+            for p, w, a in zip(pan, waves, phase, strict=True)
+        ]
+
+    moved_px = shift(rows)
+    if still_row is not None:
+        moved_px = [m - still for m, still in zip(moved_px, shift(np.float32([[still_row]])), strict=True)]
+    column_map = columns + moved_px[0]
+    row_map = np.broadcast_to(rows + moved_px[1], (height, width)).copy()
     moved = cv2.remap(picture, column_map, row_map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(moved, np.uint8)
 
@@ -81,10 +100,15 @@ def jpeg(picture: Picture, rng: np.random.Generator) -> Picture:
 
 
 def h264(picture: Picture, rng: np.random.Generator) -> Picture:
-    """The last of six frames of a film that pans over the picture, at 1–4 Mbit/s."""
-    across, down = (int(v) for v in rng.integers(-6, 7, 2))
-    film = [np.roll(picture, (step * down, step * across), (0, 1)) for step in range(-5, 1)]
+    """The last picture of `panned`, at 1–4 Mbit/s."""
+    film = panned(picture, rng)
     return through_h264(film, float(rng.uniform(1.0, 4.0)))[-1]
+
+
+def panned(picture: Picture, rng: np.random.Generator) -> list[Picture]:
+    """Six frames of a film that pans over the picture; the last is the picture."""
+    across, down = (int(v) for v in rng.integers(-6, 7, 2))
+    return [np.roll(picture, (step * down, step * across), (0, 1)) for step in range(-5, 1)]
 
 
 def through_h264(film: Sequence[Picture], megabit_s: float) -> list[Picture]:

@@ -88,7 +88,7 @@ def fly(
             seen_s = clock()
             ready_s = telemetry.t_s + crew.delays.processing_s(observation, seen_s - read_s)
             telemetry = vehicle.telemetry_at(ready_s)
-            decision = crew.pilot.decide(observation, telemetry, ready_s)
+            decision = crew.pilot.decide(observation, telemetry)
             decision = crew.safety.check(decision, observation, telemetry)
             vehicle.send(decision.command)
             decided_s = clock()

@@ -53,8 +53,8 @@ class Eyes:
 class Wild:
     """A pilot that asks for more than anyone may have."""
 
-    def decide(self, observation, telemetry, ready_s):
-        return Decision(PilotCommand(ready_s, 500.0, 0.0, 0.0, 0.0, 0.0), Mode.SEARCH, "wild")
+    def decide(self, observation, telemetry):
+        return Decision(PilotCommand(telemetry.t_s, 500.0, 0.0, 0.0, 0.0, 0.0), Mode.SEARCH, "wild")
 
 
 def crew(**changes):

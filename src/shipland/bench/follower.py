@@ -40,9 +40,9 @@ class DeckFollower:
         self._pilot, self._witness = pilot, witness
         self._max_tilt_rad, self._parameters = max_tilt_rad, parameters
 
-    def decide(self, observation: Observation, telemetry: Telemetry, ready_s: float) -> Decision:
+    def decide(self, observation: Observation, telemetry: Telemetry) -> Decision:
         """The other pilot's decision; while landing low, with the deck's roll and pitch added."""
-        decision = self._pilot.decide(observation, telemetry, ready_s)
+        decision = self._pilot.decide(observation, telemetry)
         truth = self._witness.truth_at(observation.t_s)
         if truth is None or decision.mode is not Mode.LAND or -truth.aircraft_in_deck_m[2] > self._parameters.below_m:
             return decision

@@ -77,9 +77,9 @@ class Tapped:
         self._pilot = pilot
         self.roll_percent: list[float] = []
 
-    def decide(self, observation: Observation, telemetry: Telemetry, ready_s: float) -> Decision:
+    def decide(self, observation: Observation, telemetry: Telemetry) -> Decision:
         """As the pilot."""
-        decision = self._pilot.decide(observation, telemetry, ready_s)
+        decision = self._pilot.decide(observation, telemetry)
         self.roll_percent.append(decision.command.roll_percent)
         return decision
 

@@ -160,7 +160,7 @@ class FarPilot:
         self._mode = Mode.SEARCH
         self._command = PilotCommand.hold(0.0, 0.0)
 
-    def decide(self, observation: Observation, telemetry: Telemetry, ready_s: float) -> Decision:
+    def decide(self, observation: Observation, telemetry: Telemetry) -> Decision:
         """The sticks for the best box; without one the last sticks go on."""
         case, guidance = self._case, self._guidance
         box, gains, mode = observation.ship_box, guidance.ship, Mode.TRACK_SHIP
@@ -173,10 +173,10 @@ class FarPilot:
         if box is not None:
             heading_rad = telemetry.heading_rad
             error_deg = -math.degrees(heading_rad) if heading_rad is not None else None
-            sight = FarSight(box, observation.t_s, ready_s, observation.gimbal.pitch_rad, error_deg)
+            sight = FarSight(box, observation.t_s, telemetry.t_s, observation.gimbal.pitch_rad, error_deg)
             pitch, roll, heave, yaw = self._far.sticks(sight, gains)
             pitch, yaw = (pitch, yaw) if case.approach else (0.0, 0.0)
-            sticks = PilotCommand(ready_s, pitch, roll, heave, yaw, 0.0)
+            sticks = PilotCommand(telemetry.t_s, pitch, roll, heave, yaw, 0.0)
             self._command = sticks
         return Decision(sticks, mode, "far control alone")
 

@@ -100,8 +100,8 @@ class GuidanceParameters:
 class Pilot(Protocol):
     """Observation and telemetry in, decision out."""
 
-    def decide(self, observation: Observation, telemetry: Telemetry, ready_s: float) -> Decision:
-        """One cycle, whose command is ready at `ready_s` [s]; never raises."""
+    def decide(self, observation: Observation, telemetry: Telemetry) -> Decision:
+        """One cycle, decided at the telemetry's time; never raises."""
 
 
 class ModePilot:
@@ -143,7 +143,7 @@ class ModePilot:
         self._sticks = Sticks(0.0, 0.0, 0.0, 0.0)
         self._now_s: float | None = None
 
-    def decide(self, observation: Observation, telemetry: Telemetry, ready_s: float) -> Decision:
+    def decide(self, observation: Observation, telemetry: Telemetry) -> Decision:
         """One cycle: estimate, choose the mode, fly its law."""
         step_s = 0.0 if self._now_s is None else telemetry.t_s - self._now_s
         self._now_s = telemetry.t_s
@@ -152,15 +152,15 @@ class ModePilot:
         if observation.bar_pose is not None:
             pose = observation.bar_pose
             measured = measure(observation.t_s, pose, self._wanted_in_bar_m, self._camera_in_body_m)
-            self._take(measured, ready_s)
+            self._take(measured, telemetry.t_s)
         self._modes = next_mode(self._situation(observation, telemetry), self._modes, self._parameters.modes)
         mode = self._modes.mode
         self._want(self._retry_in_bar_m if mode is Mode.CLIMB_OUT else self._hover_in_bar_m)
         self._sticks = self._fly(mode, observation, telemetry, fresh, step_s)
-        self._far.sent(ready_s, self._sticks)
-        self._near.sent(ready_s, self._sticks)
+        self._far.sent(telemetry.t_s, self._sticks)
+        self._near.sent(telemetry.t_s, self._sticks)
         self._point_camera(mode, observation, step_s)
-        command = PilotCommand(ready_s, *self._sticks, self._gimbal_pitch_rad, _INTENTS[mode])
+        command = PilotCommand(telemetry.t_s, *self._sticks, self._gimbal_pitch_rad, _INTENTS[mode])
         estimate = self._estimate if mode in _NEAR_MODES else None
         return Decision(
             command,

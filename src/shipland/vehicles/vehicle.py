@@ -28,7 +28,7 @@ class Vehicle(Protocol):
         """The newest telemetry at `t_s`, when this cycle's command is decided [s].
 
         The compass does not wait for the vision. A simulator lets time pass until then; a link gives the newest that
-        has come.
+        has come, stamped with `t_s`: the command's time, whatever the values' age.
         """
 
     def send(self, command: PilotCommand) -> None:

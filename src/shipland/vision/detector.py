@@ -37,8 +37,8 @@ class DetectorParameters:
         max_iou: overlap above which the less confident of two boxes goes.
         tile_min_px, tile_max_px: side of the square tile around a track, multiples of 32.
         tile_per_target: the tile's side over the target's longer side, at least.
-        gate_px, gate_px_s, gate_sizes: a track takes a box whose centre lies within gate_px + gate_px_s × the time since
-            its last box + gate_sizes × its longer side.
+        gate_px, gate_px_s, gate_sizes: a track takes a box whose centre lies within gate_px + gate_px_s × the time
+            since its last box + gate_sizes × its longer side.
         gate_growth: largest ratio of the sides of two boxes one frame apart that a track takes.
         confirm_hits, confirm_frames: a track is believed after so many hits in so many frames, and enough evidence.
         neutral_confidence: a box of this confidence speaks neither for nor against.
@@ -47,12 +47,15 @@ class DetectorParameters:
         miss_evidence: log-odds that a frame without a box takes away.
         most_candidates: candidates at a time.
         horizon_margin_deg: how far above the horizon the foot of a ship may seem to lie: the gimbal's error.
+        ship_rise, bar_rise: how far above the horizon the box's middle may lie besides, in its own longer sides;
+            negative for a box whose foot must lie below.
         lost_frames: a track ends after so many frames without a hit.
         stale_s: a track ends when no frame came for so long.
         sure_confidence: a target of at least this mean confidence, without a rival, is sure.
         recheck_frames: a whole frame is searched again every so many frames while the target is sure,
         doubt_frames: or every so many while it is not.
         recheck_margin: log-odds by which a rival's mean must be better to take over.
+        sureness_gain: weight of a new box in the running mean of a track's confidence, 0 … 1.
         bar_search_ship_px: width of the ship's box from which on the bar is looked for inside it.
         velocity_gain: weight of a new box's displacement in a track's velocity, 0 … 1.
     """
@@ -80,18 +83,21 @@ class DetectorParameters:
     miss_evidence: float
     most_candidates: int
     horizon_margin_deg: float
+    ship_rise: float
+    bar_rise: float
     lost_frames: int
     stale_s: float
     sure_confidence: float
     recheck_frames: int
     doubt_frames: int
     recheck_margin: float
+    sureness_gain: float
     bar_search_ship_px: float
     velocity_gain: float
 
     def __post_init__(self) -> None:
         shares = "acquire_confidence track_confidence neutral_confidence sure_confidence max_iou velocity_gain"
-        for name in shares.split():
+        for name in (*shares.split(), "sureness_gain"):
             require(0.0 < getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1, got {getattr(self, name)}")
         require(
             0 < self.tile_min_px <= self.tile_max_px and not (self.tile_min_px % 32 or self.tile_max_px % 32),

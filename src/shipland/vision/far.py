@@ -14,9 +14,6 @@ from shipland.messages import Box, Frame, Observation
 from shipland.vision.detector import Detector, DetectorParameters, Picture
 from shipland.vision.hunt import NETWORK_STEP_PX, Hunt, inside
 
-_BAR_RISE = 4.0
-"""The bar hangs 1.65 m over the sea and is 1.4 m long, down to a third of that as seen from the side."""
-
 
 @dataclass
 class FarVision:
@@ -39,9 +36,9 @@ class FarVision:
 
     def __post_init__(self) -> None:
         if self.ship is not None:
-            self._ship = Hunt("ship", self.ship, self.camera, self.parameters, rise=-1.0)
+            self._ship = Hunt("ship", self.ship, self.camera, self.parameters, rise=self.parameters.ship_rise)
         if self.bar is not None:
-            self._bar = Hunt("bar", self.bar, self.camera, self.parameters, rise=_BAR_RISE)
+            self._bar = Hunt("bar", self.bar, self.camera, self.parameters, rise=self.parameters.bar_rise)
 
     @staticmethod
     def load(camera: Camera, parameters: DetectorParameters) -> FarVision:

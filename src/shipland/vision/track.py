@@ -17,7 +17,6 @@ from shipland.frames import Array
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.vision.detector import DetectorParameters
 
-_SURENESS_GAIN = 0.3
 _MOST_LOG_ODDS = 3.0
 
 
@@ -101,7 +100,7 @@ class Track:
         self.misses = 0
         gathered = self.evidence + odds - log_odds(parameters.neutral_confidence)
         self.evidence = min(gathered, parameters.most_evidence)
-        self.sureness += _SURENESS_GAIN * (odds - self.sureness)
+        self.sureness += parameters.sureness_gain * (odds - self.sureness)
 
     def miss(self, parameters: DetectorParameters) -> None:
         """Note a frame without a box."""
