@@ -2,7 +2,8 @@
 
 Ours, not the paper's. Wind and a ship under way show in the filter as an acceleration that the sticks do not explain;
 the stick that cancels it is given at once, so neither leaves an error behind. What the sticks do is known from the
-vehicle's own settings.
+vehicle's own settings. The horizontal filters stand in the axes of `bar`, which do not turn with the nose: in `level` a
+turn would look like a speed, 14 m/s at 20 m and 40 °/s.
 """
 
 from __future__ import annotations
@@ -126,6 +127,25 @@ class _Axis:
         self.covariance = np.diag([1e4, 1.0, drift][: self._size] if self._size == 3 else [1e4, drift])
 
 
+class _Then(NamedTuple):
+    """The states predicted to a command's effect: of place along `bar`'s axes, of height, of heading."""
+
+    ahead: Array
+    aside: Array
+    up: Array
+    turn: Array
+
+
+_Given = tuple[float, Sticks]
+"""For how long [s], and what."""
+
+
+def _turned(forward: float, right: float, yaw_rad: float) -> tuple[float, float]:
+    """A vector (forward, right) of axes that are turned clockwise by `yaw_rad`, in those that are not."""
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    return cosine * forward - sine * right, sine * forward + cosine * right
+
+
 class OffsetFreeNear:
     """Four filters, predicted over the delay; a speed profile into the square, and the disturbance cancelled."""
 
@@ -133,45 +153,39 @@ class OffsetFreeNear:
         self._parameters, self._response = parameters, response
         horizontal = np.array([1e-6, parameters.acceleration_noise, parameters.disturbance_noise])
         decay_per_s = 1.0 / response.speed_time_s
-        self._axes = (
-            _Axis(decay_per_s, 3, horizontal),
-            _Axis(decay_per_s, 3, horizontal),
-            _Axis(0.0, 2, np.array([1e-6, parameters.climb_noise])),
-            _Axis(0.0, 2, np.array([1e-6, parameters.turn_noise])),
-        )
+        self._ahead_axis, self._aside_axis = _Axis(decay_per_s, 3, horizontal), _Axis(decay_per_s, 3, horizontal)
+        self._up_axis = _Axis(0.0, 2, np.array([1e-6, parameters.climb_noise]))
+        self._turn_axis = _Axis(0.0, 2, np.array([1e-6, parameters.turn_noise]))
         self._sent: deque[_Sent] = deque([_Sent(-math.inf, Sticks(0.0, 0.0, 0.0, 0.0))])
         self._t_s: float | None = None
-        self._ahead = [axis.state for axis in self._axes]
+        self._then = _Then(np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(2))
 
     def observe(self, measured: Measured, now_s: float) -> NearEstimate:
         """Filter at exposure, predict to the moment when this cycle's command takes effect."""
-        limits = self._parameters
-        floors = (limits.floor_m, limits.floor_m, limits.floor_m, limits.floor_rad)
-        values = (*measured.error_in_level_m, -wrap_angle(measured.yaw_rad))
-        variances = (*measured.variance_in_level_m2, measured.yaw_variance_rad2)
-        effect_s = now_s + self._response.uplink_s + limits.lag_s
+        effect_s = now_s + self._response.uplink_s + self._parameters.lag_s
         before_s = measured.t_s if self._t_s is None else self._t_s
         self._t_s = measured.t_s
-        for index, axis in enumerate(self._axes):
-            axis.advance(self._inputs(index, before_s, measured.t_s))
-            axis.correct(float(values[index]), max(float(variances[index]), floors[index] ** 2))
-            self._ahead[index] = axis.ahead(axis.state, self._inputs(index, measured.t_s, effect_s))
+        self._filter(measured, self._given(before_s, measured.t_s))
+        self._then = then = self._predict(self._given(measured.t_s, effect_s))
         while len(self._sent) > 1 and self._sent[1].from_s < measured.t_s:
             self._sent.popleft()
-        forward, right, up, turn = self._ahead
-        rate = -np.array([forward[1], right[1], self._climb_mps(effect_s) + up[1]])
-        error = np.array([forward[0], right[0], up[0]])
-        return NearEstimate(measured.t_s, error, rate, -float(turn[0]), measured.bar_elevation_rad)
+        yaw_rad = -float(then.turn[0])
+        error = np.array([*_turned(then.ahead[0], then.aside[0], -yaw_rad), then.up[0]])
+        climb_mps = self._climb_mps(self._at(effect_s)) + then.up[1]
+        rate = -np.array([*_turned(then.ahead[1], then.aside[1], -yaw_rad), climb_mps])
+        return NearEstimate(measured.t_s, error, rate, yaw_rad, measured.bar_elevation_rad)
 
     def sticks(self, wanted_yaw_rad: float = 0.0) -> Sticks:
         """Sticks for the state predicted; the heading wanted is against the bar."""
-        response, limits = self._response, self._parameters
-        forward, right, up, turn = self._ahead
-        climb_mps = clamp(limits.climb_per_s * float(up[0]), limits.max_climb_mps) - float(up[1])
-        turn_rad_s = limits.turn_per_s * (float(turn[0]) + wanted_yaw_rad) - float(turn[1])
+        response, limits, then = self._response, self._parameters, self._then
+        climb_mps = clamp(limits.climb_per_s * float(then.up[0]), limits.max_climb_mps) - float(then.up[1])
+        off_rad = wrap_angle(float(then.turn[0]) + wanted_yaw_rad)
+        turn_rad_s = limits.turn_per_s * off_rad - float(then.turn[1])
+        ahead_mps2, aside_mps2 = self._push_mps2(then.ahead), self._push_mps2(then.aside)
+        pitch_mps2, roll_mps2 = _turned(ahead_mps2, aside_mps2, float(then.turn[0]))
         return Sticks(
-            self._tilt_percent(forward),
-            self._tilt_percent(right),
+            self._tilt_percent(pitch_mps2),
+            self._tilt_percent(roll_mps2),
             clamp(100.0 * climb_mps / response.max_climb_mps, 100.0),
             clamp(100.0 * turn_rad_s / response.max_turn_rad_s, 100.0),
         )
@@ -182,10 +196,58 @@ class OffsetFreeNear:
 
     def reset(self) -> None:
         """Place and speed start anew with the next picture."""
-        for axis in self._axes:
+        for axis in (self._ahead_axis, self._aside_axis, self._up_axis, self._turn_axis):
             axis.widen()
 
-    def _tilt_percent(self, axis: Array) -> float:
+    def _filter(self, measured: Measured, given: list[_Given]) -> None:
+        limits, turn = self._parameters, self._turn_axis
+        ahead, aside = self._pushes(given, turn.state)
+        self._ahead_axis.advance(ahead)
+        self._aside_axis.advance(aside)
+        self._up_axis.advance([(step_s, self._climb_mps(sticks)) for step_s, sticks in given])
+        turn.advance([(step_s, self._turn_rad_s(sticks)) for step_s, sticks in given])
+        off_rad = wrap_angle(-measured.yaw_rad - float(turn.state[0]))
+        turn.correct(float(turn.state[0]) + off_rad, max(measured.yaw_variance_rad2, limits.floor_rad**2))
+        # The heading measured, not the one filtered: its error is that of the place, which it turns back.
+        yaw_rad, yaw_variance = measured.yaw_rad, measured.yaw_variance_rad2
+        forward_m, right_m, up_m = (float(value) for value in measured.error_in_level_m)
+        errors_m = _turned(forward_m, right_m, yaw_rad)
+        spread = np.abs(_turned(1.0, 0.0, yaw_rad)) ** 2
+        variances = (spread @ measured.variance_in_level_m2[:2], spread @ measured.variance_in_level_m2[1::-1])
+        # What the heading errs by swings the place wanted about the aircraft.
+        for axis, error_m, variance, lever_m in zip(
+            (self._ahead_axis, self._aside_axis), errors_m, variances, errors_m[::-1], strict=True
+        ):
+            axis.correct(error_m, max(float(variance), limits.floor_m**2) + yaw_variance * lever_m**2)
+        up_variance = max(float(measured.variance_in_level_m2[2]), limits.floor_m**2)
+        self._up_axis.correct(up_m, up_variance)
+
+    def _predict(self, given: list[_Given]) -> _Then:
+        ahead, aside = self._pushes(given, self._turn_axis.state)
+        climbs = [(step_s, self._climb_mps(sticks)) for step_s, sticks in given]
+        turns = [(step_s, self._turn_rad_s(sticks)) for step_s, sticks in given]
+        return _Then(
+            self._ahead_axis.ahead(self._ahead_axis.state, ahead),
+            self._aside_axis.ahead(self._aside_axis.state, aside),
+            self._up_axis.ahead(self._up_axis.state, climbs),
+            self._turn_axis.ahead(self._turn_axis.state, turns),
+        )
+
+    def _pushes(self, given: list[_Given], turn: Array) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
+        """(duration [s], acceleration [m/s²]) along `bar`'s axes, the nose turning meanwhile."""
+        tilt_rad, yaw_rad, drift_rad_s = self._response.max_tilt_rad, -float(turn[0]), float(turn[1])
+        ahead, aside = [], []
+        for step_s, sticks in given:
+            turned_rad = step_s * (self._turn_rad_s(sticks) + drift_rad_s)
+            pitch_mps2, roll_mps2 = (_GRAVITY_MPS2 * math.tan(0.01 * stick * tilt_rad) for stick in sticks[:2])
+            forward_mps2, right_mps2 = _turned(pitch_mps2, roll_mps2, yaw_rad + 0.5 * turned_rad)
+            ahead.append((step_s, forward_mps2))
+            aside.append((step_s, right_mps2))
+            yaw_rad += turned_rad
+        return ahead, aside
+
+    def _push_mps2(self, axis: Array) -> float:
+        """The acceleration wanted along an axis of `bar`."""
         limits, response = self._parameters, self._response
         error_m, speed_mps, disturbance_mps2 = (float(value) for value in axis)
         slope_per_s = limits.bandwidth_per_s / (2.0 * limits.damping)
@@ -194,11 +256,16 @@ class OffsetFreeNear:
         )
         wanted_mps = math.copysign(wanted_mps, error_m)
         push = 2.0 * limits.damping * limits.bandwidth_per_s * (wanted_mps - speed_mps)
-        push += speed_mps / response.speed_time_s - disturbance_mps2
-        return clamp(100.0 * math.atan(push / _GRAVITY_MPS2) / response.max_tilt_rad, 100.0)
+        return push + speed_mps / response.speed_time_s - disturbance_mps2
 
-    def _climb_mps(self, t_s: float) -> float:
-        return self._effect(2, self._at(t_s))
+    def _tilt_percent(self, push_mps2: float) -> float:
+        return clamp(100.0 * math.atan(push_mps2 / _GRAVITY_MPS2) / self._response.max_tilt_rad, 100.0)
+
+    def _climb_mps(self, sticks: Sticks) -> float:
+        return 0.01 * sticks.heave * self._response.max_climb_mps
+
+    def _turn_rad_s(self, sticks: Sticks) -> float:
+        return 0.01 * sticks.yaw * self._response.max_turn_rad_s
 
     def _at(self, t_s: float) -> Sticks:
         given = self._sent[0].sticks
@@ -208,19 +275,13 @@ class OffsetFreeNear:
             given = sent.sticks
         return given
 
-    def _inputs(self, index: int, from_s: float, to_s: float) -> list[tuple[float, float]]:
-        """What stick `index` did between two times, as (duration [s], acceleration or speed)."""
-        inputs, t_s, given = [], from_s, self._at(from_s)
+    def _given(self, from_s: float, to_s: float) -> list[_Given]:
+        """The sticks that acted between two times."""
+        found, t_s, sticks = [], from_s, self._at(from_s)
         for sent in self._sent:
             if from_s < sent.from_s < to_s:
-                inputs.append((sent.from_s - t_s, self._effect(index, given)))
-                t_s, given = sent.from_s, sent.sticks
+                found.append((sent.from_s - t_s, sticks))
+                t_s, sticks = sent.from_s, sent.sticks
         if to_s > t_s:
-            inputs.append((to_s - t_s, self._effect(index, given)))
-        return inputs
-
-    def _effect(self, index: int, sticks: Sticks) -> float:
-        share, response = 0.01 * sticks[index], self._response
-        if index < 2:
-            return _GRAVITY_MPS2 * math.tan(share * response.max_tilt_rad)
-        return share * (response.max_climb_mps if index == 2 else response.max_turn_rad_s)
+            found.append((to_s - t_s, sticks))
+        return found

@@ -7,6 +7,7 @@ range, and the filter weighs them so. A ship under way shows in it as the distur
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,9 @@ from shipland.guidance.laws import clamp
 from shipland.guidance.near import Measured, Sticks
 from shipland.guidance.offset_free import OffsetFreeNear, OffsetFreeParameters, Response
 
+_HEADINGS = 16
+"""Cycles that the compass is remembered for: more than lie between a picture and its command."""
+
 
 @dataclass(frozen=True)
 class OffsetFreeFarParameters:
@@ -25,6 +29,7 @@ class OffsetFreeFarParameters:
     Attributes:
         area_share: standard deviation that a box's area is given, as a share of it.
         centre_px: likewise of its centre.
+        heading_rad: likewise of the compass.
         floor_m: least standard deviation of a place.
         above_m: height to fly at over the target's centre.
         motion: of the filters and the speed profile.
@@ -32,12 +37,13 @@ class OffsetFreeFarParameters:
 
     area_share: float
     centre_px: float
+    heading_rad: float
     floor_m: float
     above_m: float
     motion: OffsetFreeParameters
 
     def __post_init__(self) -> None:
-        for name in ("area_share", "centre_px", "floor_m"):
+        for name in ("area_share", "centre_px", "heading_rad", "floor_m"):
             require(getattr(self, name) > 0.0, f"{name} must be positive")
 
 
@@ -65,9 +71,14 @@ class OffsetFreeFar:
         self._focal_px, self._middle_px, self._areas_m2 = focal_px, middle_px, areas_m2
         self._motion = OffsetFreeNear(parameters.motion, response)
         self._t_s = -math.inf
+        self._headings: deque[tuple[float, float]] = deque(maxlen=_HEADINGS)
 
     def sticks(self, sight: FarSight, gains: FarParameters) -> Sticks:
         """Sticks towards the place wanted."""
+        if sight.heading_error_deg is None:
+            self._headings.clear()
+        else:
+            self._headings.append((sight.ready_s, -math.radians(sight.heading_error_deg)))
         measured, bearing_rad = self._measured(sight, gains)
         if sight.t_s > self._t_s:
             self._motion.observe(measured, sight.ready_s)
@@ -97,4 +108,12 @@ class OffsetFreeFar:
         across_m = range_m * parameters.centre_px / self._focal_px
         deviation = np.array([0.5 * parameters.area_share * range_m, across_m, across_m])
         variance = deviation**2 + parameters.floor_m**2
-        return Measured(sight.t_s, error, variance, 0.0, 1.0, elevation_rad), math.atan(right)
+        heading_rad, heading_variance = self._heading_at(sight.t_s)
+        return Measured(sight.t_s, error, variance, heading_rad, heading_variance, elevation_rad), math.atan(right)
+
+    def _heading_at(self, t_s: float) -> tuple[float, float]:
+        """Against the heading wanted, by the compass, and its variance; without one the sticks tell more."""
+        if not self._headings:
+            return 0.0, 1.0
+        times_s, headings_rad = zip(*self._headings, strict=True)
+        return float(np.interp(t_s, times_s, np.unwrap(headings_rad))), self._parameters.heading_rad**2

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -13,6 +13,12 @@ from shipland.frames import Array
 from shipland.vision.parameters import VisionParameters
 
 Image = npt.NDArray[np.uint8]
+
+_ADAPT_STEP_PX = 8
+"""Every so many rows and columns tell how bright a picture is."""
+
+_BRIGHT_PERCENT = 99.0
+"""Percentile of saturation and of value that counts as the picture's most."""
 
 _BAND_ROWS = 128
 """Rows that `coloured_window` looks at at once; even."""
@@ -77,6 +83,23 @@ def gate(image: Image, parameters: VisionParameters) -> Image:
     bands = (parameters.hue, parameters.saturation, parameters.value)
     low, high = np.array([band[0] for band in bands]), np.array([band[1] for band in bands])
     return np.asarray(cv2.inRange(hsv, low, high), np.uint8)
+
+
+def adapted(image: Image, parameters: VisionParameters) -> VisionParameters:
+    """The parameters with a gate made from the picture: for other exposure and white balance than the gate's.
+
+    The floors of saturation and value are lowered as the picture's own 99th percentile of each lies below full scale,
+    at most to `adaptive_floor` of themselves; hue is widened by `adaptive_hue`. Nothing is narrowed.
+    """
+    few = np.ascontiguousarray(image[::_ADAPT_STEP_PX, ::_ADAPT_STEP_PX])
+    most = np.percentile(cv2.cvtColor(few, cv2.COLOR_BGR2HSV).reshape(-1, 3), _BRIGHT_PERCENT, axis=0)
+    saturation, value = (
+        (round(low * max(float(share), parameters.adaptive_floor)), high)
+        for (low, high), share in zip((parameters.saturation, parameters.value), most[1:] / 255.0, strict=True)
+    )
+    low, high = parameters.hue
+    hue = max(low - parameters.adaptive_hue, 0), min(high + parameters.adaptive_hue, 179)
+    return replace(parameters, hue=hue, saturation=saturation, value=value)
 
 
 def coloured_window(image: Image, parameters: VisionParameters) -> Window:

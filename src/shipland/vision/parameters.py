@@ -16,6 +16,10 @@ class VisionParameters:
 
     Attributes:
         hue, saturation, value: the colour gate in OpenCV's ranges (hue 0 … 179), both ends included.
+        adaptive: whether a picture in which this gate leads to no pose is looked at once more, through a gate made from
+            the picture itself: `bar.adapted`.
+        adaptive_hue: by how much hue is then widened on either side, OpenCV's units of 2°.
+        adaptive_floor: the least that the floors of saturation and value may then be lowered to, as a fraction.
         kernel_px: side of the square kernel of opening and closing.
         watershed: where the published watershed runs: on every region, on those that are no quadrilateral
             without it, or nowhere.
@@ -52,6 +56,9 @@ class VisionParameters:
     hue: Band
     saturation: Band
     value: Band
+    adaptive: bool
+    adaptive_hue: int
+    adaptive_floor: float
     kernel_px: int
     watershed: Literal["always", "where_needed", "never"]
     watershed_margin: float
@@ -87,6 +94,8 @@ class VisionParameters:
             ("value", self.value, 255),
         ):
             require(0 <= low <= high <= top, f"{name} must be two rising numbers in 0 … {top}, got {[low, high]}")
+        require(self.adaptive_hue >= 0, f"adaptive_hue must not be negative, got {self.adaptive_hue}")
+        require(0.0 < self.adaptive_floor <= 1.0, f"adaptive_floor must be in 0 … 1, got {self.adaptive_floor}")
         require(self.kernel_px >= 1 and self.kernel_px % 2 == 1, f"kernel_px must be odd, got {self.kernel_px}")
         require(self.max_candidates >= 1, "max_candidates must be at least 1")
         for name in (

@@ -12,7 +12,7 @@ from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array, Pose
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target
-from shipland.vision.bar import Window, coloured_window, find_regions
+from shipland.vision.bar import Window, adapted, coloured_window, find_regions
 from shipland.vision.matching import Match, match_by_geometry, match_by_prediction
 from shipland.vision.parameters import VisionParameters
 from shipland.vision.pose import LevelPrior
@@ -87,23 +87,39 @@ class NearVision:
         evidence = Evidence(image, (), self._prior(frame.gimbal), last, blur_px)
         found: Sighting | Refusal = Refusal.NO_MATCH
         if predicted_px is not None:
-            found = self._look(self._around(predicted_px), predicted_px, evidence, parts=False)
+            found = self._look(self._around(predicted_px), predicted_px, evidence, self._parameters, parts=False)
         if isinstance(found, Refusal):
-            found = self._look(coloured_window(image, self._parameters), predicted_px, evidence, parts=True)
+            found = self._search(predicted_px, evidence, self._parameters)
+        if isinstance(found, Refusal) and self._parameters.adaptive:
+            again = self._search(predicted_px, evidence, adapted(image, self._parameters))
+            found = again if isinstance(again, Sighting) else found
         if isinstance(found, Sighting):
             self._remember(frame.t_s, found)
         return found
 
+    def _search(
+        self, predicted_px: Array | None, evidence: Evidence, parameters: VisionParameters
+    ) -> Sighting | Refusal:
+        """The cue in the whole picture, through the gate of `parameters`."""
+        window = coloured_window(evidence.image, parameters)
+        return self._look(window, predicted_px, evidence, parameters, parts=True)
+
     def _look(
-        self, window: Window, predicted_px: Array | None, evidence: Evidence, *, parts: bool
+        self,
+        window: Window,
+        predicted_px: Array | None,
+        evidence: Evidence,
+        parameters: VisionParameters,
+        *,
+        parts: bool,
     ) -> Sighting | Refusal:
         """The cue in a part of the picture; `parts` says whether a cue that is not whole will do."""
         if window.empty:
             return Refusal.NOTHING_GREEN
-        regions = find_regions(evidence.image, window, self._parameters)
+        regions = find_regions(evidence.image, window, parameters)
         if not regions:
             return Refusal.NOTHING_GREEN
-        found = find_quads(evidence.image, regions, self._parameters)
+        found = find_quads(evidence.image, regions, parameters)
         evidence = replace(evidence, cut=found.cut)
         result = self._match(found.quads, predicted_px, evidence, parts)
         if isinstance(result, Refusal) and parts and found.flush:
