@@ -73,7 +73,8 @@ def test_other_processing_times_land_too(processing):
 
 
 def test_without_a_ship_it_searches_and_holds_and_says_so():
-    blind = {"ship": {"miss_rate": [1.0] * 6}, "bar": {"miss_rate": [1.0] * 5}}
+    none = {"range_m": [1.0, 400.0], "miss_rate": [1.0, 1.0], "centre_px": [1.0, 1.0], "area": [0.1, 0.1]}
+    blind = {"ship": none, "bar": none}
     flown, records = flight(geometric=blind | {"max_range_m": 1.0}, time_limit_s=60.0)
     assert flown.verdict is None
     assert "time limit" in flown.reason

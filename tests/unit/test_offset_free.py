@@ -127,3 +127,13 @@ def test_a_turning_nose_is_not_taken_for_a_speed():
     ahead_m = PARAMETERS.max_speed_mps * (PROCESSING_S + RESPONSE.uplink_s + PARAMETERS.lag_s) * math.sqrt(2.0)
     assert max(off_m[30:]) < ahead_m + 0.1  # m; the estimate is of the time when the sticks act
     assert np.count_nonzero(np.diff(np.sign(pushes))) < 6
+
+
+def test_a_heading_that_goes_round_is_told_within_half_a_turn():
+    control = OffsetFreeNear(PARAMETERS, RESPONSE)
+    for index in range(200):
+        yaw_rad = math.remainder(index * math.radians(3.0), 2.0 * math.pi)
+        measured = Measured(index * STEP_S, np.zeros(3), np.full(3, 1e-4), yaw_rad, 1e-4, 0.0)
+        estimate = control.observe(measured, index * STEP_S)
+        assert abs(estimate.yaw_rad) <= math.pi
+        assert abs(control.sticks().yaw) <= 100.0

@@ -187,3 +187,26 @@ def test_a_velocity_held_aircraft_comes_to_rest_in_the_square(start_m):
         place_m = place_m + velocity_mps * STEP_S
     assert decision.mode is Mode.LAND
     assert np.all(np.abs(place_m[:2] - RIG.deck_in_bar_m[:2]) < 0.5 * RIG.landing_square_m)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_target_lost_to_a_side_is_searched_for_on_that_side(side):
+    pilot, yaws = paper_pilot(), []
+    seen_s, search_s = 2.0, PARAMETERS.search.look_s * len(PARAMETERS.search.camera_pitch_deg)
+    for index in range(round(30 * (seen_s + PARAMETERS.modes.memory_s + search_s + 8.0))):
+        t_s = index * STEP_S
+        box = Box((639.5 + side * 300.0 * t_s, 360.0), (20.0, 20.0), 0.9) if t_s < seen_s else None
+        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s))
+        yaws.append(decision.command.yaw_percent)
+    assert decision.mode is Mode.SEARCH
+    assert yaws[-1] == pytest.approx(side * PARAMETERS.search.turn_percent)
+
+
+def test_the_nose_follows_a_target_that_would_leave_the_picture():
+    pilot = paper_pilot()
+    for index in range(90):
+        column_px = 639.5 if index < 45 else 639.5 + 600.0
+        t_s = index * STEP_S
+        seen = Observation(t_s, LEVEL, ship_box=Box((column_px, 360.0), (20.0, 20.0), 0.9))
+        decision = pilot.decide(seen, telemetry(t_s))
+    assert decision.command.yaw_percent > 20.0  # 33° off the nose, 20° are let stand

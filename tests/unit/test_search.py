@@ -42,3 +42,8 @@ def test_after_the_last_turn_it_holds():
 def test_a_search_without_a_camera_pitch_is_refused():
     with pytest.raises(ValueError, match="camera_pitch_deg"):
         replace(PARAMETERS, camera_pitch_deg=())
+
+
+def test_it_turns_to_the_side_asked_for():
+    left, _ = search(LOOKING_S + 1.0, PARAMETERS, side=-0.3)
+    assert left.yaw == -PARAMETERS.turn_percent

@@ -169,7 +169,7 @@ class OffsetFreeNear:
         self._then = then = self._predict(self._given(measured.t_s, effect_s))
         while len(self._sent) > 1 and self._sent[1].from_s < measured.t_s:
             self._sent.popleft()
-        yaw_rad = -float(then.turn[0])
+        yaw_rad = wrap_angle(-float(then.turn[0]))
         error = np.array([*_turned(then.ahead[0], then.aside[0], -yaw_rad), then.up[0]])
         climb_mps = self._climb_mps(self._at(effect_s)) + then.up[1]
         rate = -np.array([*_turned(then.ahead[1], then.aside[1], -yaw_rad), climb_mps])
@@ -208,6 +208,7 @@ class OffsetFreeNear:
         turn.advance([(step_s, self._turn_rad_s(sticks)) for step_s, sticks in given])
         off_rad = wrap_angle(-measured.yaw_rad - float(turn.state[0]))
         turn.correct(float(turn.state[0]) + off_rad, max(measured.yaw_variance_rad2, limits.floor_rad**2))
+        turn.state[0] = wrap_angle(float(turn.state[0]))
         # The heading measured, not the one filtered: its error is that of the place, which it turns back.
         yaw_rad, yaw_variance = measured.yaw_rad, measured.yaw_variance_rad2
         forward_m, right_m, up_m = (float(value) for value in measured.error_in_level_m)

@@ -46,6 +46,7 @@ class ApproachParameters:
         climb_out_radius_m: nearer than this to the bar, loss of vision means climb-out.
         climb_out_back_m, climb_out_height_m: astern of and over the deck's centre, where a climb-out ends.
         climb_out_percent, back_off_percent: sticks of a climb-out.
+        climb_out_turn: yaw stick for a degree between the nose and where the target was seen last [%/deg].
         climb_out_s: shortest climb-out.
         gimbal_time_constant_s: smoothing of the camera pitch that keeps the target in the picture.
     """
@@ -70,6 +71,7 @@ class ApproachParameters:
     climb_out_height_m: float
     climb_out_percent: float
     back_off_percent: float
+    climb_out_turn: float
     climb_out_s: float
     gimbal_time_constant_s: float
 
@@ -135,6 +137,8 @@ class ModePilot:
         self._wanted_in_bar_m = self._hover_in_bar_m
         self._far, self._near = far, near
         self._far_heading_rad: float | None = None
+        self._seen_rad = 0.0
+        self._search_side_rad = 0.0
         self._far_mode: Mode | None = None
         self._modes = ModeMemory()
         self._estimate: NearEstimate | None = None
@@ -147,6 +151,7 @@ class ModePilot:
         """One cycle: estimate, choose the mode, fly its law."""
         step_s = 0.0 if self._now_s is None else telemetry.t_s - self._now_s
         self._now_s = telemetry.t_s
+        self._remember_side(observation, telemetry.heading_rad)
         observation = self._usable(observation)
         fresh = observation.bar_pose is not None
         if observation.bar_pose is not None:
@@ -246,11 +251,30 @@ class ModePilot:
             return self._climb_out(telemetry, fresh)
         if mode is Mode.SEARCH:
             self._far_heading_rad = None
-            return search(self._searching_s(telemetry.t_s), self._parameters.search)[0]
+            searching_s = self._searching_s(telemetry.t_s)
+            if searching_s <= step_s:
+                self._search_side_rad = self._side_rad(telemetry.heading_rad)
+            return search(searching_s, self._parameters.search, self._search_side_rad)[0]
         if mode is Mode.DONE:
             return Sticks(0.0, 0.0, 0.0, 0.0)
         keep = math.exp(-_DECAY * step_s / max(self._parameters.modes.memory_s, 1e-3))
         return Sticks(*(keep * stick for stick in self._sticks))
+
+    def _remember_side(self, observation: Observation, heading_rad: float | None) -> None:
+        """Where the target was seen last: a compass heading; without a compass a bearing."""
+        box = observation.bar_box or observation.ship_box
+        if observation.bar_pose is not None:
+            column_px = float(np.mean(observation.bar_pose.corners_px[:, 0]))
+        elif box is not None:
+            column_px = box.centre_px[0]
+        else:
+            return
+        bearing_rad = math.atan2(column_px - self._middle_px[0], self._focal_px)
+        self._seen_rad = bearing_rad + (heading_rad or 0.0)
+
+    def _side_rad(self, heading_rad: float | None) -> float:
+        """The bearing at which the target was seen last."""
+        return wrap_angle(self._seen_rad - (heading_rad or 0.0))
 
     def _searching_s(self, now_s: float) -> float:
         return now_s - max(self._modes.since_s, 0.0)
@@ -264,7 +288,9 @@ class ModePilot:
             return sticks._replace(heave=max(sticks.heave, approach.climb_out_percent)) if low else sticks
         if climbing_s > 4.0 * approach.climb_out_s:
             return Sticks(0.0, 0.0, 0.0, 0.0)
-        return Sticks(-approach.back_off_percent, 0.0, approach.climb_out_percent, 0.0)
+        turn_percent = clamp(approach.climb_out_turn * math.degrees(self._side_rad(telemetry.heading_rad)), 100.0)
+        yaw = turn_percent if telemetry.heading_rad is not None else 0.0
+        return Sticks(-approach.back_off_percent, 0.0, approach.climb_out_percent, yaw)
 
     def _fly_near(self, mode: Mode, fresh: bool) -> Sticks:
         estimate = self._estimate
@@ -320,6 +346,9 @@ class ModePilot:
             return None
         if self._far_heading_rad is None:
             self._far_heading_rad = heading_rad + math.atan2(box.centre_px[0] - self._middle_px[0], self._focal_px)
+        # The target must not leave the picture sideways.
+        off_rad = wrap_angle(self._seen_rad - self._far_heading_rad)
+        self._far_heading_rad += off_rad - clamp(off_rad, math.radians(self._parameters.approach.max_bearing_deg))
         return math.degrees(wrap_angle(self._far_heading_rad - heading_rad))
 
     def _point_camera(self, mode: Mode, observation: Observation, step_s: float) -> None:

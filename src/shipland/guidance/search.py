@@ -36,8 +36,8 @@ class SearchParameters:
         require(self.turn_s + self.climb_s > 0.0, "turn_s + climb_s must be positive")
 
 
-def search(searching_s: float, parameters: SearchParameters) -> tuple[Sticks, float]:
-    """The sticks and the camera pitch [rad] after `searching_s` of search."""
+def search(searching_s: float, parameters: SearchParameters, side: float = 1.0) -> tuple[Sticks, float]:
+    """The sticks and the camera pitch [rad] after `searching_s` of search; a negative `side` turns to the left."""
     hold = Sticks(0.0, 0.0, 0.0, 0.0)
     pitches_rad = [math.radians(pitch_deg) for pitch_deg in parameters.camera_pitch_deg]
     turning_s = searching_s - parameters.look_s * len(pitches_rad)
@@ -48,5 +48,5 @@ def search(searching_s: float, parameters: SearchParameters) -> tuple[Sticks, fl
     if turn >= parameters.turns:
         return hold, pitch_rad
     if into_s < parameters.turn_s:
-        return hold._replace(yaw=parameters.turn_percent), pitch_rad
+        return hold._replace(yaw=math.copysign(parameters.turn_percent, side)), pitch_rad
     return hold._replace(heave=parameters.climb_percent), pitch_rad
