@@ -10,7 +10,7 @@ from shipland.errors import DataError
 from shipland.learning.arguments import EvaluateArguments, SynthArguments
 from shipland.learning.evaluate import evaluate
 from shipland.learning.export import write_onnx
-from shipland.learning.ranges import SceneRecord, markdown, range_table
+from shipland.learning.ranges import SceneRecord, markdown, range_table, summary
 from shipland.learning.synth import synth
 from shipland.learning.yolov3 import random_weights, yolov3_layers
 from shipland.vision.decode import Decoding, DetectorSpec
@@ -55,6 +55,16 @@ def test_reach_ends_where_recall_first_falls():
     table = range_table(records, np.arange(0.0, 80.0, 10.0).tolist(), 0.4, 0.3)
     assert table.range_99_m == 40.0
     assert table.range_50_m == 50.0
+    assert "| all | 180 (0) |" in summary({"all": table})
+
+
+def test_one_miss_in_a_bin_does_not_end_the_range():
+    hit = (*TARGET, 0.9)
+    records = [scene(n, 5.0 + 10.0 * (n % 3), TARGET, *([] if n == 1 else [hit])) for n in range(120)]
+    records += [scene(n, 35.0, TARGET, *([hit] if n % 10 else [])) for n in range(40)]
+    table = range_table(records, np.arange(0.0, 50.0, 10.0).tolist(), 0.4, 0.3)
+    assert [item.recall >= 0.99 for item in table.bins] == [True, False, True, False]
+    assert table.range_99_m == 30.0
 
 
 def test_record_survives_its_line():

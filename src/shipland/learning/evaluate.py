@@ -24,7 +24,7 @@ from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.files import write_atomically
 from shipland.learning.hard import compressed
 from shipland.learning.metrics import COCO_IOUS, Tally
-from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table
+from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
 from shipland.learning.settings import learning_table
 from shipland.learning.shot import NearestBox, Shot, target_box
 from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
@@ -107,6 +107,8 @@ class Evaluation:
             f"{self.recall:.3f} and precision {self.precision:.3f} at confidence {self.confidence:g}; average "
             f"precision at IoU 0.5 {self.average_precision_50:.3f}, at 0.5 to 0.95 {self.average_precision_50_95:.3f}"
         ]
+        if self.tables:
+            parts.append(summary(self.tables))
         for name, table in self.tables.items():
             parts += [f"## {name}", markdown(table)]
         return "\n\n".join(parts) + "\n"

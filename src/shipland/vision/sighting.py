@@ -29,6 +29,13 @@ _CLEAR_CHI2 = 9.0
 _LEAST_SHARE = 1e-4
 """Probability of the other planar solution that still counts in the covariance."""
 
+_DISPROVED = 4.0
+"""Excess of χ² from which what the corners were stated to be known to is given up: an error twice as large."""
+
+_BENT_RAD = 2e-3
+"""Standard deviation of the angle about the cue's vertical from which the covariance allows for the arc; below, it is
+micrometres."""
+
 _REPROJECTION_NOISE = 4.0
 """Standard deviations of a corner that the reprojection error may reach besides."""
 
@@ -114,7 +121,7 @@ def bar_pose_of(solutions: list[Solution], corners_px: Array) -> BarPose:
     taken = solutions[0]
     position_in_bar_m, yaw_rad = position_and_yaw(taken.camera_from_plane)
     excess = taken.excess
-    covariance = excess * covariance_in_bar(taken)
+    covariance = excess * (covariance_in_bar(taken) + excess * _bend(taken))
     for other in solutions[1:]:
         share = 1.0 / (1.0 + math.exp(min(max(0.5 * (other.chi2 - taken.chi2) / excess, -50.0), 50.0)))
         if share < _LEAST_SHARE:
@@ -125,6 +132,27 @@ def bar_pose_of(solutions: list[Solution], corners_px: Array) -> BarPose:
         other_covariance = excess * covariance_in_bar(other) + np.outer(apart, apart)
         covariance = (1.0 - share) * covariance + share * other_covariance
     return BarPose(position_in_bar_m, yaw_rad, covariance, taken.reprojection_px, corners_px.reshape(-1, 2))
+
+
+def _bend(solution: Solution) -> Array:
+    """(4,4) what the covariance of (position in `bar` [m], yaw [rad]) lacks since the camera errs along an arc.
+
+    From afar the angle about the cue's vertical is what is known least; along it position and yaw change together, and
+    bend away from the covariance's straight line by h per squared standard deviation, on average of the square √3 h.
+    """
+    pose, down = solution.camera_from_plane, solution.camera_from_plane.rotation[:, 1]
+    along = solution.covariance[:, :3] @ down
+    spread_rad = math.sqrt(max(float(along[:3] @ down), 0.0))
+    if not spread_rad > _BENT_RAD:
+        return np.zeros((4, 4))
+    step = along / spread_rad
+    here, ahead, behind = (
+        np.append(*position_and_yaw(Pose(cv2.Rodrigues(s[:3])[0] @ pose.rotation, pose.translation_m + s[3:])))
+        for s in (np.zeros(6), step, -step)
+    )
+    bend = 0.5 * (ahead + behind) - here
+    bend[3] = math.remainder(bend[3], math.pi)
+    return 3.0 * np.outer(bend, bend)
 
 
 class Judge:
@@ -143,7 +171,7 @@ class Judge:
             return Refusal.CORNERS_UNSURE
         corners_px = measured.corners_px
         corners = Corners(corners_px, measured.whiten, self.plane_m[list(match.model)], measured.common_px)
-        solutions = ordered(solve(corners, self._camera, evidence.prior, evidence.last), evidence.last)
+        solutions = self._solved(corners, evidence)
         if not solutions:
             return Refusal.NO_SOLUTION
         taken = solutions[0]
@@ -159,6 +187,21 @@ class Judge:
             return Refusal.OUT_OF_REACH
         raw_px = distort(corners_px.reshape(-1, 2), self._camera).reshape(-1, 4, 2)
         return Sighting(match, solutions, raw_px, measured.blur_px)
+
+    def _solved(self, corners: Corners, evidence: Evidence) -> list[Solution]:
+        """The planar solutions, the one taken first.
+
+        Corners that lie much farther from where any pose has them than they were stated to are not known to what was
+        stated, as when rows are exposed one after the other: they are solved anew, all known alike, to that distance.
+        """
+        solutions = ordered(solve(corners, self._camera, evidence.prior, evidence.last), evidence.last)
+        if not solutions or solutions[0].excess < _DISPROVED:
+            return solutions
+        taken = solutions[0]
+        noise_px = math.sqrt(float(np.vdot(taken.residual_px, taken.residual_px)) / taken.freedom)
+        corners_px = corners.undistorted_px
+        alike = Corners(corners_px, np.broadcast_to(np.eye(8) / noise_px, (len(corners_px), 8, 8)), corners.plane_m)
+        return ordered(solve(alike, self._camera, evidence.prior, evidence.last), evidence.last) or solutions
 
     def projected_px(self, camera_from_plane: Pose) -> Array:
         """(n,4,2) all corners of the cue in the picture; NaN where they are not in front of the camera."""
