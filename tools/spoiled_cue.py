@@ -1,12 +1,14 @@
 """What spoiled pictures do to the near vision: the cue in view, each picture spoiled in every way of tools/spoiling.py.
 
     python tools/spoiled_cue.py                # 40 views a range, some three minutes of one core
+    python tools/spoiled_cue.py --adaptive     # with the gate that is made from the picture
 
-Ranges are log-uniform in each bin, up to 30° off the bar's axis; light differs from scene to scene. Spray, glare, fog,
-motion blur and the rolling shutter come before the sensor's noise (1.5), codecs after. The rolling shutter leaves the
-row of the bar's middle where it is. Every picture is searched afresh. A pose is wrong when its error lies beyond five
-standard deviations by its own covariance. Writes table.md and, of each cell, the wrong pose with the largest error
-(picture, and the cue enlarged with the true corners white and the measured ones red).
+Ranges are log-uniform in each bin, up to 30° off the bar's axis; light differs from scene to scene. What the light, the
+lens and the shutter do comes before the sensor's noise (1.5), codecs after. The rolling shutter leaves the row of the
+bar's middle where it is. Another exposure is laid over a picture whose pixels are averages already, which shifts every
+edge a little, as a camera's tone curve does. Every picture is searched afresh. A pose is wrong when its error lies
+beyond five standard deviations by its own covariance. Writes table.md and, of each cell, the wrong pose farthest beyond
+them (picture, and the cue enlarged with the true corners white and the measured ones red).
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ import numpy as np
 from consistency import light
 from near_views import Setting, Trial, View, look, markdown, view_at
 from rich.progress import track
-from spoiling import SPOILERS, Picture, noise, panned, rolling_shutter, through_h264
+from spoiling import SPOILERS, Picture, exposed, hue_turned, noise, panned, rolling_shutter, through_h264
 
 RANGES_M = (2.0, 4.0, 8.0, 12.0, 15.0)
 OFF_AXIS_DEG = 28.0
@@ -30,6 +32,8 @@ OFF_AXIS_DEG = 28.0
 
 NOISE = 1.5
 MEGABIT_S = (4.0, 2.0, 1.0)
+EXPOSURES_EV = (-2.0, 1.5)
+HUES = (-10, 10)
 WRONG_SIGMA = 5.0
 VIEWS_A_SCENE = 20
 MARGIN_PX = 12
@@ -57,6 +61,8 @@ def spoiled(clean: Picture, cue_row: float, rng: np.random.Generator) -> dict[st
         **{name: lambda picture, name=name: SPOILERS[name](picture, rng)
            for name in ("spray", "glare", "fog", "motion blur")},  # type: ignore[misc]
         "rolling shutter": lambda picture: rolling_shutter(picture, rng, still_row=cue_row),
+        **{f"{ev:+g} EV": lambda picture, ev=ev: exposed(picture, ev) for ev in EXPOSURES_EV},  # type: ignore[misc]
+        **{f"hue {turn:+d}": lambda picture, turn=turn: hue_turned(picture, turn) for turn in HUES},  # type: ignore[misc]
     }  # fmt: skip
     pictures = {name: noise(way(clean), rng, NOISE) for name, way in ways.items()}
     pictures["JPEG"] = SPOILERS["JPEG"](noise(clean, rng, NOISE), rng)
@@ -124,12 +130,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--views", type=int, default=40, help="a range")
     parser.add_argument("--seed", type=int, default=21)
+    parser.add_argument("--adaptive", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("out/spoiled_cue"))
     arguments = parser.parse_args()
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
     setting = Setting.packaged()
-    eyes = setting.eyes()
+    eyes = setting.eyes(adaptive=arguments.adaptive)
     cells: dict[tuple[str, float, float], list[Trial]] = {}
     worst: dict[tuple[str, float, float], tuple[Trial, Picture]] = {}
     for number in track(range(-(-arguments.views // VIEWS_A_SCENE)), description="scenes"):

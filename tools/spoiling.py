@@ -99,6 +99,20 @@ def jpeg(picture: Picture, rng: np.random.Generator) -> Picture:
     return np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)
 
 
+def exposed(picture: Picture, exposure_ev: float) -> Picture:
+    """As from another exposure, by the renderer's tone curve √(1 − exp(−light)); what it had clipped stays bright."""
+    light = -np.log(1.0 - (np.minimum(np.arange(256), 254.5) / 255.0) ** 2)
+    table = 255.0 * np.sqrt(1.0 - np.exp(-light * 2.0**exposure_ev))
+    return np.asarray(cv2.LUT(picture, np.round(table).astype(np.uint8)), np.uint8)
+
+
+def hue_turned(picture: Picture, turn: int) -> Picture:
+    """As from a wrong white balance: all hues turned, in OpenCV's units of 2°."""
+    hsv = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)
+    hsv[..., 0] = (hsv[..., 0].astype(np.int16) + turn) % 180
+    return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR), np.uint8)
+
+
 def h264(picture: Picture, rng: np.random.Generator) -> Picture:
     """The last picture of `panned`, at 1–4 Mbit/s."""
     film = panned(picture, rng)

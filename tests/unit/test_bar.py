@@ -12,7 +12,7 @@ from pictures import foliage
 from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.rig import packaged_table
-from shipland.vision.bar import Window, colour_mask, coloured_window, find_regions, gate, watershed_region
+from shipland.vision.bar import Window, adapted, colour_mask, coloured_window, find_regions, gate, watershed_region
 from shipland.vision.parameters import VisionParameters
 from shipland.vision.quads import find_quads, quad_from_region
 
@@ -53,6 +53,29 @@ def test_the_published_gate(hsv, passes, monkeypatch):
     # [Lee2022, §Image Filtering]: H 35–85, S 70–255, V 90–255, both ends included.
     monkeypatch.setattr("shipland.vision.bar.cv2.cvtColor", lambda image, code: image)
     assert bool(gate(np.array([[hsv]], np.uint8), PARAMETERS)[0, 0]) is passes
+
+
+def plain(hsv):
+    colour = cv2.cvtColor(np.array([[hsv]], np.uint8), cv2.COLOR_HSV2BGR)[0, 0]
+    return np.full((80, 80, 3), colour, np.uint8)
+
+
+def test_a_gate_made_from_the_picture_is_worked_out_by_hand():
+    # Floors 70 and 90; saturation 204 / 255 is 0.8 of full scale, value 153 / 255 is 0.6 of it; hue 7 either way.
+    made = adapted(plain((60, 204, 153)), PARAMETERS)
+    assert (made.hue, made.saturation, made.value) == ((28, 92), (56, 255), (54, 255))
+    # A grey, dark picture: 0.4 of the floors is the least.
+    made = adapted(plain((0, 0, 20)), PARAMETERS)
+    assert (made.saturation, made.value) == ((28, 255), (36, 255))
+    edge = adapted(plain((0, 0, 20)), replace(PARAMETERS, hue=(3, 178)))
+    assert edge.hue == (0, 179)
+    assert replace(made, hue=PARAMETERS.hue, saturation=PARAMETERS.saturation, value=PARAMETERS.value) == PARAMETERS
+
+
+@given(st.integers(0, 10_000))
+def test_a_gate_made_from_the_picture_passes_all_that_the_published_one_does(seed):
+    image = np.random.default_rng(seed).integers(0, 256, (40, 40, 3), dtype=np.uint8) // (seed % 4 + 1)
+    assert np.all(gate(image, adapted(image, PARAMETERS)) >= gate(image, PARAMETERS))
 
 
 def test_opening_removes_specks_and_closing_fills_voids():
@@ -147,6 +170,8 @@ def test_foliage_is_bounded_work(camera, rng, monkeypatch):
     [
         ("hue", [85, 35], "hue must be two rising numbers"),
         ("value", [90, 256], "value must be two rising numbers"),
+        ("adaptive_hue", -1, "adaptive_hue must not be negative"),
+        ("adaptive_floor", 0.0, "adaptive_floor must be in"),
         ("kernel_px", 4, "kernel_px must be odd"),
         ("max_obliquity_deg", 90.0, "max_obliquity_deg"),
         ("reprojection_px", 0.0, "reprojection_px must be positive"),

@@ -74,3 +74,10 @@ def test_it_catches_a_ship_under_way(ship_mps):
     # 3 m of 24: the range's own noise is 2.5 % of it and the law aims at it from twenty metres a second before
     assert ship_m - place_m[0] == pytest.approx(SETPOINT_M, abs=3.0)
     assert place_m[1] == pytest.approx(5.0, abs=1.0)
+
+
+def test_from_high_up_it_descends_before_it_comes_nearer():
+    near_and_high = control().sticks(sight(58.0, 0.0, 28.0, 0.0), GUIDANCE.ship)
+    assert near_and_high.pitch < 0.0
+    assert near_and_high.heave < -50.0
+    assert control().sticks(sight(150.0, 0.0, 28.0, 0.0), GUIDANCE.ship).pitch > 5.0

@@ -251,6 +251,37 @@ def test_refusals_say_why(rng):
     assert look_at(vision(), disc).reason == Refusal.NO_QUADRILATERAL.value
 
 
+def dim(image):
+    return cv2.convertScaleAbs(image, alpha=0.4)
+
+
+def bluer(image):
+    hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
+    hsv[..., 0] = (hsv[..., 0].astype(int) + 31) % 180  # the cue's hue of 58 to 89, above the gate's 85
+    return cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR)
+
+
+@pytest.mark.parametrize("change", [dim, bluer])
+def test_an_adaptive_gate_sees_what_the_published_one_does_not(change, rng):
+    where = place(6.0, 10.0)
+    image = change(bar_picture(BAR, SMALL, camera_from_bar(where, 0.17), rng, QUIET))
+    published, eyes = look_at(vision(), image), vision(adaptive=True)
+    assert published.bar_pose is None
+    for t_s in (0.0, 0.03):
+        assert_pose(look_at(eyes, image, t_s), where, 0.17)
+
+
+def test_an_adaptive_gate_changes_nothing_where_the_published_one_finds_the_bar(rng):
+    image = bar_picture(BAR, SMALL, camera_from_bar(place(6.0)), rng, QUIET)
+    published, adaptive = (look_at(vision(adaptive=adaptive), image).bar_pose for adaptive in (False, True))
+    assert np.array_equal(published.corners_px, adaptive.corners_px)
+
+
+def test_an_adaptive_gate_refuses_in_the_published_ones_words(rng):
+    image = dim(bar_picture(rectangles((0.0, 0.0, 0.45, 0.15)), SMALL, camera_from_bar(place(6.0)), rng, QUIET))
+    assert look_at(vision(adaptive=True), image).reason == Refusal.NOTHING_GREEN.value
+
+
 CUTS = {  # the bar 3 m away, turned to an edge until the edge cuts it
     "left": (0.43, 0.0),
     "right": (-0.43, 0.0),

@@ -32,6 +32,7 @@ class OffsetFreeFarParameters:
         heading_rad: likewise of the compass.
         floor_m: least standard deviation of a place.
         above_m: height to fly at over the target's centre.
+        glide_path_deg: steepest way down to that height.
         motion: of the filters and the speed profile.
     """
 
@@ -40,11 +41,13 @@ class OffsetFreeFarParameters:
     heading_rad: float
     floor_m: float
     above_m: float
+    glide_path_deg: float
     motion: OffsetFreeParameters
 
     def __post_init__(self) -> None:
         for name in ("area_share", "centre_px", "heading_rad", "floor_m"):
             require(getattr(self, name) > 0.0, f"{name} must be positive")
+        require(0.0 < self.glide_path_deg < 90.0, "glide_path_deg must be between 0 and 90")
 
 
 class OffsetFreeFar:
@@ -104,7 +107,10 @@ class OffsetFreeFar:
         wanted_m = self._focal_px * math.sqrt(area_m2 / gains.pitch.setpoint)
         right = (box.centre_px[0] - self._middle_px[0]) / self._focal_px
         elevation_rad = sight.gimbal_pitch_rad - math.atan2(box.centre_px[1] - self._middle_px[1], self._focal_px)
-        error = np.array([range_m - wanted_m, range_m * right, range_m * math.tan(elevation_rad) + parameters.above_m])
+        up_m = range_m * math.tan(elevation_rad) + parameters.above_m
+        # Too high for the glide path: no nearer until lower, else the ship is flown over.
+        wanted_m = max(wanted_m, -up_m / math.tan(math.radians(parameters.glide_path_deg)))
+        error = np.array([range_m - wanted_m, range_m * right, up_m])
         across_m = range_m * parameters.centre_px / self._focal_px
         deviation = np.array([0.5 * parameters.area_share * range_m, across_m, across_m])
         variance = deviation**2 + parameters.floor_m**2

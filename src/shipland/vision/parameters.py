@@ -34,6 +34,8 @@ class VisionParameters:
         edge_clipped_px: the same where the cue is brighter than the picture can tell.
         edge_bias_px: standard deviation of how far all sides together lie outward of where they should, as a lamp's
             blooming and a camera's gamma have it.
+        max_blur: largest standard deviation of the picture's blur, as a fraction of the cue's shortest side: beyond,
+            the smears of opposite sides meet, and corners are off by more than is stated.
         corner_noise_px: standard deviation of a Förstner corner, per axis.
         screening: how the ±10 % and ±5 % are read: against what the pose's perspective gives, or raw as printed.
         length_tolerance: largest relative difference of opposite sides' lengths.
@@ -71,6 +73,7 @@ class VisionParameters:
     edge_floor_px: float
     edge_clipped_px: float
     edge_bias_px: float
+    max_blur: float
     corner_noise_px: float
     screening: Literal["perspective", "printed"]
     length_tolerance: float
@@ -114,6 +117,7 @@ class VisionParameters:
             "min_side_px",
             "forstner_fraction",
             "forstner_min_px",
+            "max_blur",
             "corner_noise_px",
             "length_tolerance",
             "slope_tolerance",

@@ -170,6 +170,8 @@ class Judge:
         if measured is None:
             return Refusal.CORNERS_UNSURE
         corners_px = measured.corners_px
+        if measured.blur_px is not None and measured.blur_px > self._parameters.max_blur * _shortest_px(corners_px):
+            return Refusal.CORNERS_UNSURE
         corners = Corners(corners_px, measured.whiten, self.plane_m[list(match.model)], measured.common_px)
         solutions = self._solved(corners, evidence)
         if not solutions:
@@ -197,6 +199,9 @@ class Judge:
         solutions = ordered(solve(corners, self._camera, evidence.prior, evidence.last), evidence.last)
         if not solutions or solutions[0].excess < _DISPROVED:
             return solutions
+        free = solutions if evidence.prior is None else solve(corners, self._camera)
+        if not free or free[0].excess < _DISPROVED:
+            return solutions  # it is the gimbal's word that does not fit
         taken = solutions[0]
         noise_px = math.sqrt(float(np.vdot(taken.residual_px, taken.residual_px)) / taken.freedom)
         corners_px = corners.undistorted_px
@@ -243,6 +248,12 @@ class Judge:
         distance_m = float(np.linalg.norm(sight_m))
         facing = float(camera_from_plane.rotation[:, 2] @ sight_m)
         return distance_m <= self._parameters.max_distance_m and facing >= self._least_facing * distance_m
+
+
+def _shortest_px(quads_px: Array) -> float:
+    """The shortest side of quadrilaterals (n,4,2)."""
+    points = np.ascontiguousarray(quads_px).view(np.complex128)[..., 0]
+    return float(np.abs(points - points[:, [1, 2, 3, 0]]).min())
 
 
 def _picture_corners(size_px: tuple[int, int]) -> Array:
