@@ -3,6 +3,7 @@
     python tools/false_accepts.py                      # 10,000 pictures, some ten minutes of one core; goes on where it
                                                        # was cut off
     python tools/false_accepts.py --pictures 200 --out out/some
+    python tools/false_accepts.py --adaptive --pictures 2000 --out out/adaptive
 
 Scenes are rendered with the bar's board painted over; each serves for 40 pictures: 32 are other cuts of it, in other
 light, hues and weather, 8 have a decoy painted in (tools/false_pictures.py) and are spoiled in one way or not at all
@@ -126,6 +127,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pictures", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=6)
+    parser.add_argument("--adaptive", action="store_true", help="with the adaptive gate; give it a folder of its own")
     parser.add_argument("--out", type=Path, default=Path("out/false_accepts"))
     arguments = parser.parse_args()
     out: Path = arguments.out
@@ -137,7 +139,7 @@ def main() -> None:
             item = json.loads(line)
             results[item["number"]] = Result(**item)
     setting = Setting.packaged()
-    eyes, backgrounds = setting.eyes(), Backgrounds(setting, arguments.seed)
+    eyes, backgrounds = setting.eyes(adaptive=arguments.adaptive), Backgrounds(setting, arguments.seed)
     scenes = -(-arguments.pictures // PICTURES_A_SCENE)
     with path.open("a", encoding="utf-8") as kept:
         for number in track(range(scenes), description="scenes"):
