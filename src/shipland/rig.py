@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -48,13 +48,25 @@ class Quad:
         return Quad(((x - w, y - h), (x + w, y - h), (x + w, y + h), (x - w, y + h)))
 
 
+_HAND_CUT = 0.005
+"""`made_to` of green tape on robotics fields, as photographs of it show."""
+
+
 @dataclass(frozen=True)
 class Target:
-    """The visual cue: known coplanar quadrilaterals in the plane forward = 0 of `bar`."""
+    """The visual cue: known coplanar quadrilaterals in the plane forward = 0 of `bar`.
+
+    Attributes:
+        quad: the quadrilaterals.
+        made_to: what the corners may be off from the dimensions stated, root mean square, as a share of the cue's
+            diagonal. The default is that of the rig's bar; a file that does not say is taken for hand-cut tape.
+    """
 
     quad: tuple[Quad, ...]
+    made_to: float = field(default=0.003, compare=False)
 
     def __post_init__(self) -> None:
+        require(0.0 <= self.made_to < 0.1, f"made_to is a share of the cue's diagonal, below 0.1; got {self.made_to}")
         require(len(self.quad) > 0, "a target needs at least one [[quad]]")
 
     @property
@@ -71,7 +83,7 @@ class Target:
     @staticmethod
     def from_file(path: Path) -> Target:
         """Read a TOML file with one `[[quad]]` a quadrilateral; ConfigError when it is wrong."""
-        return build(Target, read_toml(path), str(path))
+        return build(Target, {"made_to": _HAND_CUT, **read_toml(path)}, str(path))
 
 
 @dataclass(frozen=True)

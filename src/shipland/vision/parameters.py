@@ -42,8 +42,8 @@ class VisionParameters:
         slope_tolerance: largest difference of opposite sides' slopes.
         screening_px: what both tolerances allow at least, on sides so short that they would ask for more than corners
             can be measured to.
-        reprojection_px, reprojection_fraction: largest root-mean-square reprojection error: the first, plus the
-            second times the cue's diagonal in the picture, plus four standard deviations of the corners.
+        reprojection_px: largest root-mean-square reprojection error, besides what the cue is made to (`Target.made_to`)
+            and four standard deviations of the corners.
         max_distance_m: farthest pose that is accepted.
         max_obliquity_deg: largest angle between the line of sight and the cue's normal.
         max_roll_deg: largest roll of the camera against the cue.
@@ -80,7 +80,6 @@ class VisionParameters:
     slope_tolerance: float
     screening_px: float
     reprojection_px: float
-    reprojection_fraction: float
     max_distance_m: float
     max_obliquity_deg: float
     max_roll_deg: float
@@ -106,7 +105,6 @@ class VisionParameters:
             "edge_clipped_px",
             "edge_bias_px",
             "screening_px",
-            "reprojection_fraction",
             "track_s",
             "track_margin",
             "gimbal_noise_rad",

@@ -39,7 +39,7 @@ micrometres."""
 _REPROJECTION_NOISE = 4.0
 """Standard deviations of a corner that the reprojection error may reach besides."""
 
-_MOST_NOISE_PX = 0.7
+_MOST_NOISE_PX = 0.1
 """What these may amount to: sides that are smeared or frayed state a noise that would excuse any shape."""
 
 _EDGE_PX = 1.0
@@ -160,6 +160,7 @@ class Judge:
 
     def __init__(self, target: Target, camera: Camera, parameters: VisionParameters) -> None:
         self.plane_m = model_plane(target)
+        self._made_to = target.made_to
         self._camera = camera
         self._parameters = parameters
         self._least_facing = math.cos(math.radians(parameters.max_obliquity_deg))
@@ -178,7 +179,7 @@ class Judge:
             return Refusal.NO_SOLUTION
         taken = solutions[0]
         diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
-        most_px = self._parameters.reprojection_px + self._parameters.reprojection_fraction * diagonal_px
+        most_px = self._parameters.reprojection_px + self._made_to * diagonal_px
         if not taken.reprojection_px <= most_px + min(_REPROJECTION_NOISE * measured.noise_px, _MOST_NOISE_PX):
             return Refusal.REPROJECTION
         if measured.held and self._beyond_edge(corners_px, taken.residual_px, evidence.image):
