@@ -37,6 +37,8 @@ FLIERS: dict[str, tuple[PilotKind, Path | None, dict[str, float]]] = {
     "paper as printed, from 10 m": ("paper", PRINTED, NEAR),
 }
 """Name: pilot, configuration laid over the scenario, start in place of the scenario's."""
+_LANDED_AT_M = 0.05
+"""Where a flight that landed is drawn."""
 TRAIL_S = 20.0
 """Trailing is the median over so long before contact or the end of the flight."""
 
@@ -123,7 +125,7 @@ def table_of(rows: list[Row], pilots: list[str], seeds: int) -> str:
 
 
 def plot(rows: list[Row], pilots: list[str], path: Path) -> None:
-    """Time to land over speed, and the distance trailed by those that did not."""
+    """Over speed: who landed, in a row at the bottom, and how far off the others stayed."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -134,13 +136,15 @@ def plot(rows: list[Row], pilots: list[str], path: Path) -> None:
         for index, course in enumerate(COURSES):
             some = [row for row in rows if (row.pilot, row.course) == (pilot, course)]
             x = np.array([row.speed_mps for row in some]) + 0.06 * (index - 1)
-            y = np.array([max(row.off_m, 0.02) for row in some])
+            y = np.array([_LANDED_AT_M * 1.3 ** (index - 1) if row.landed else row.off_m for row in some])
             landed = np.array([row.landed for row in some], dtype=bool)
             axis.plot(x[landed], y[landed], "o", color=f"C{index}", ms=5, label=f"{course}: landed")
             axis.plot(x[~landed], y[~landed], "x", color=f"C{index}", ms=5, label=f"{course}: did not")
         axis.set(title=pilot, xlabel="ship's speed [m/s]", yscale="log")
         axis.grid(alpha=0.3)
-    axes[0][0].set_ylabel("off the deck's centre at the end [m]")
+    for axis in axes[0]:
+        axis.set_ylim(0.6 * _LANDED_AT_M, 600.0)
+    axes[0][0].set_ylabel("off at the end [m]; landed: below")
     axes[0][-1].legend(fontsize=7)
     figure.tight_layout()
     figure.savefig(path, dpi=90)
