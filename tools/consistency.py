@@ -13,7 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from near_views import Setting, Trial, look, markdown, view_at
+from near_views import Setting, Trial, light, look, markdown, view_at
 from rich.progress import track
 from scipy.stats import chi2
 
@@ -32,17 +32,6 @@ HEADER = (
     "beyond its 99 % point [%]",
     *(f"{name}: rms error / stated" for name in COLUMNS),
 )
-
-
-def light(rng: np.random.Generator) -> dict[str, float]:
-    """Of one scene."""
-    return {
-        "sun_azimuth_deg": float(rng.uniform(0.0, 360.0)),
-        "sun_elevation_deg": float(rng.uniform(5.0, 70.0)),
-        "cloud_cover": float(rng.uniform(0.0, 1.0)),
-        "exposure_ev": float(rng.uniform(-0.7, 0.7)),
-        "lamp": float(rng.uniform(1.2, 3.0)),
-    }
 
 
 def trials(views: int, seed: int, setting: Setting) -> list[tuple[float, Trial]]:

@@ -20,9 +20,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from consistency import light
 from false_pictures import DECOYS, Canvas, Picture, decoy_view, hide_bar
-from near_views import Setting, View, markdown, view_at
+from near_views import Setting, View, light, markdown, view_at
 from rich.progress import track
 from spoiling import SPOILERS, noise, vary
 

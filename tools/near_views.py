@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +20,10 @@ from shipland.vision.matching import model_plane
 from shipland.vision.parameters import VisionParameters
 from shipland.vision.pipeline import NearVision
 from shipland.vision.pose import Corners, LevelPrior, bound, covariance_in_bar
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 PLANE_AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """`bar` from the cue's plane (right, down, forward)."""
@@ -76,6 +82,17 @@ class View:
         return SceneState(
             t_s, ned_from_camera, ned_from_ship, ned_from_ship, ned_from_bar, ned_from_camera, still, still
         )
+
+
+def light(rng: np.random.Generator) -> dict[str, float]:
+    """Of one scene."""
+    return {
+        "sun_azimuth_deg": float(rng.uniform(0.0, 360.0)),
+        "sun_elevation_deg": float(rng.uniform(5.0, 70.0)),
+        "cloud_cover": float(rng.uniform(0.0, 1.0)),
+        "exposure_ev": float(rng.uniform(-0.7, 0.7)),
+        "lamp": float(rng.uniform(1.2, 3.0)),
+    }
 
 
 def view_at(range_m: float, azimuth_deg: float, gimbal_noise_rad: float, rng: np.random.Generator) -> View:
@@ -147,3 +164,11 @@ def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table."""
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     return "\n".join([*lines, *("| " + " | ".join(cells) + " |" for cells in rows)]) + "\n"
+
+
+def finish_over_range(figure: Figure, axes: Sequence[Axes], path: Path) -> None:
+    """Label panels over range, and write the picture."""
+    for axis in axes:
+        axis.set_xlabel("range [m]")
+        axis.grid(alpha=0.3)
+    figure.savefig(path, dpi=90)

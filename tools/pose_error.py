@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from near_views import Setting, Trial, View, cramer_rao, look, markdown, view_at
+from near_views import Setting, Trial, View, cramer_rao, finish_over_range, look, markdown, view_at
 from peers import Peer, Picture, apriltag, aruco, grain, in_picture
 from rich.progress import track
 
@@ -144,10 +144,7 @@ def plot(rows: list[list[str]], cells: Cells, path: Path) -> None:
     axes[2].axhline(1.3, color="grey", linestyle="--", label="goal")
     axes[2].set(title="position error / Cramér–Rao bound", ylim=(0.0, 2.0))
     axes[2].legend(fontsize="x-small")
-    for axis in axes:
-        axis.set_xlabel("range [m]")
-        axis.grid(alpha=0.3)
-    figure.savefig(path, dpi=90)
+    finish_over_range(figure, axes, path)
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from near_views import Setting, Trial, look, markdown, view_at
+from near_views import Setting, Trial, finish_over_range, look, markdown, view_at
 from rich.progress import track
 from spoiling import noise
 
@@ -126,10 +126,7 @@ def plot(cases: dict[str, list[Distance]], limit_m: float, path: Path) -> None:
     axes[0].set(ylabel="pictures with a pose [%]", ylim=(0.0, 103.0))
     axes[1].set(ylabel="position error, rms [m]", ylim=(0.0, None))
     axes[0].legend(fontsize="x-small")
-    for axis in axes:
-        axis.set_xlabel("range [m]")
-        axis.grid(alpha=0.3)
-    figure.savefig(path, dpi=90)
+    finish_over_range(figure, axes, path)
 
 
 def main() -> None:

@@ -21,8 +21,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from consistency import light
-from near_views import Setting, Trial, View, look, markdown, view_at
+from near_views import Setting, Trial, View, light, look, markdown, view_at
 from rich.progress import track
 from spoiling import SPOILERS, Picture, exposed, hue_turned, noise, panned, rolling_shutter, through_h264
 

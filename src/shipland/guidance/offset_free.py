@@ -153,9 +153,12 @@ class OffsetFreeNear:
         self._parameters, self._response = parameters, response
         horizontal = np.array([1e-6, parameters.acceleration_noise, parameters.disturbance_noise])
         decay_per_s = 1.0 / response.speed_time_s
-        self._ahead_axis, self._aside_axis = _Axis(decay_per_s, 3, horizontal), _Axis(decay_per_s, 3, horizontal)
-        self._up_axis = _Axis(0.0, 2, np.array([1e-6, parameters.climb_noise]))
-        self._turn_axis = _Axis(0.0, 2, np.array([1e-6, parameters.turn_noise]))
+        self._axes = (
+            _Axis(decay_per_s, 3, horizontal),
+            _Axis(decay_per_s, 3, horizontal),
+            _Axis(0.0, 2, np.array([1e-6, parameters.climb_noise])),
+            _Axis(0.0, 2, np.array([1e-6, parameters.turn_noise])),
+        )
         self._sent: deque[_Sent] = deque([_Sent(-math.inf, Sticks(0.0, 0.0, 0.0, 0.0))])
         self._t_s: float | None = None
         self._then = _Then(np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(2))
@@ -196,16 +199,13 @@ class OffsetFreeNear:
 
     def reset(self) -> None:
         """Place and speed start anew with the next picture."""
-        for axis in (self._ahead_axis, self._aside_axis, self._up_axis, self._turn_axis):
+        for axis in self._axes:
             axis.widen()
 
     def _filter(self, measured: Measured, given: list[_Given]) -> None:
-        limits, turn = self._parameters, self._turn_axis
-        ahead, aside = self._pushes(given, turn.state)
-        self._ahead_axis.advance(ahead)
-        self._aside_axis.advance(aside)
-        self._up_axis.advance([(step_s, self._climb_mps(sticks)) for step_s, sticks in given])
-        turn.advance([(step_s, self._turn_rad_s(sticks)) for step_s, sticks in given])
+        limits, (ahead, aside, up, turn) = self._parameters, self._axes
+        for axis, inputs in zip(self._axes, self._inputs(given), strict=True):
+            axis.advance(inputs)
         off_rad = wrap_angle(-measured.yaw_rad - float(turn.state[0]))
         turn.correct(float(turn.state[0]) + off_rad, max(measured.yaw_variance_rad2, limits.floor_rad**2))
         turn.state[0] = wrap_angle(float(turn.state[0]))
@@ -216,36 +216,30 @@ class OffsetFreeNear:
         spread = np.abs(_turned(1.0, 0.0, yaw_rad)) ** 2
         variances = (spread @ measured.variance_in_level_m2[:2], spread @ measured.variance_in_level_m2[1::-1])
         # What the heading errs by swings the place wanted about the aircraft.
-        for axis, error_m, variance, lever_m in zip(
-            (self._ahead_axis, self._aside_axis), errors_m, variances, errors_m[::-1], strict=True
-        ):
+        for axis, error_m, variance, lever_m in zip((ahead, aside), errors_m, variances, errors_m[::-1], strict=True):
             axis.correct(error_m, max(float(variance), limits.floor_m**2) + yaw_variance * lever_m**2)
         up_variance = max(float(measured.variance_in_level_m2[2]), limits.floor_m**2)
-        self._up_axis.correct(up_m, up_variance)
+        up.correct(up_m, up_variance)
 
     def _predict(self, given: list[_Given]) -> _Then:
-        ahead, aside = self._pushes(given, self._turn_axis.state)
-        climbs = [(step_s, self._climb_mps(sticks)) for step_s, sticks in given]
-        turns = [(step_s, self._turn_rad_s(sticks)) for step_s, sticks in given]
         return _Then(
-            self._ahead_axis.ahead(self._ahead_axis.state, ahead),
-            self._aside_axis.ahead(self._aside_axis.state, aside),
-            self._up_axis.ahead(self._up_axis.state, climbs),
-            self._turn_axis.ahead(self._turn_axis.state, turns),
+            *(axis.ahead(axis.state, inputs) for axis, inputs in zip(self._axes, self._inputs(given), strict=True))
         )
 
-    def _pushes(self, given: list[_Given], turn: Array) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
-        """(duration [s], acceleration [m/s²]) along `bar`'s axes, the nose turning meanwhile."""
+    def _inputs(self, given: list[_Given]) -> list[list[tuple[float, float]]]:
+        """Of each axis (duration [s], input): accelerations along `bar`'s axes, the nose turning meanwhile; speeds."""
+        turn = self._axes[3].state
         tilt_rad, yaw_rad, drift_rad_s = self._response.max_tilt_rad, -float(turn[0]), float(turn[1])
-        ahead, aside = [], []
+        inputs: list[list[tuple[float, float]]] = [[], [], [], []]
         for step_s, sticks in given:
-            turned_rad = step_s * (self._turn_rad_s(sticks) + drift_rad_s)
+            turn_rad_s = self._turn_rad_s(sticks)
+            turned_rad = step_s * (turn_rad_s + drift_rad_s)
             pitch_mps2, roll_mps2 = (_GRAVITY_MPS2 * math.tan(0.01 * stick * tilt_rad) for stick in sticks[:2])
-            forward_mps2, right_mps2 = _turned(pitch_mps2, roll_mps2, yaw_rad + 0.5 * turned_rad)
-            ahead.append((step_s, forward_mps2))
-            aside.append((step_s, right_mps2))
+            pushes_mps2 = _turned(pitch_mps2, roll_mps2, yaw_rad + 0.5 * turned_rad)
+            for row, value in zip(inputs, (*pushes_mps2, self._climb_mps(sticks), turn_rad_s), strict=True):
+                row.append((step_s, value))
             yaw_rad += turned_rad
-        return ahead, aside
+        return inputs
 
     def _push_mps2(self, axis: Array) -> float:
         """The acceleration wanted along an axis of `bar`."""

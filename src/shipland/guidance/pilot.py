@@ -269,8 +269,11 @@ class ModePilot:
             column_px = box.centre_px[0]
         else:
             return
-        bearing_rad = math.atan2(column_px - self._middle_px[0], self._focal_px)
-        self._seen_rad = bearing_rad + (heading_rad or 0.0)
+        self._seen_rad = self._bearing_rad(column_px) + (heading_rad or 0.0)
+
+    def _bearing_rad(self, column_px: float) -> float:
+        """Of a column of the picture, right of its middle."""
+        return math.atan2(column_px - self._middle_px[0], self._focal_px)
 
     def _side_rad(self, heading_rad: float | None) -> float:
         """The bearing at which the target was seen last."""
@@ -345,7 +348,7 @@ class ModePilot:
         if heading_rad is None:
             return None
         if self._far_heading_rad is None:
-            self._far_heading_rad = heading_rad + math.atan2(box.centre_px[0] - self._middle_px[0], self._focal_px)
+            self._far_heading_rad = heading_rad + self._bearing_rad(box.centre_px[0])
         # The target must not leave the picture sideways.
         off_rad = wrap_angle(self._seen_rad - self._far_heading_rad)
         self._far_heading_rad += off_rad - clamp(off_rad, math.radians(self._parameters.approach.max_bearing_deg))
