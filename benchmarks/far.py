@@ -18,9 +18,9 @@ from shipland.errors import SystemLibraryError
 from shipland.learning.darknet import write_cfg, write_weights
 from shipland.learning.export import write_int8, write_onnx
 from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, random_weights, yolov3_layers
-from shipland.vision.decode import Decoding, DetectorSpec
-from shipland.vision.detector import Detector
-from shipland.vision.runtime import Precision, Runtime, load_engine
+from shipland.vision.far.decode import Decoding, DetectorSpec
+from shipland.vision.far.detector import Detector
+from shipland.vision.far.runtime import Precision, Runtime, load_engine
 
 SIZES = {"tile 224 × 224": (224, 224), "tile 416 × 416": (416, 416), "frame 1280 × 720": (720, 1280)}
 RUNTIMES: tuple[tuple[str, Runtime, Precision], ...] = (

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from shipland.bench.fly import fly_quietly
-from shipland.bench.scenarios import CameraKind, build_crew, build_vehicle, load_scenario, scenario_table
-from shipland.sim.scene import Scene
+from shipland.missions.fly import fly_quietly
+from shipland.missions.scenarios import CameraKind, build_crew, build_vehicle, load_scenario, scenario_table
+from shipland.sim.scene.scene import Scene
 
 SECONDS = 12.0
 

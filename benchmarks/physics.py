@@ -6,9 +6,9 @@ import time
 
 import numpy as np
 
-from shipland.bench.scenarios import Scenario, build_vehicle, load_scenario, scenario_table
 from shipland.config import merge
 from shipland.messages import Intent, PilotCommand
+from shipland.missions.scenarios import Scenario, build_vehicle, load_scenario, scenario_table
 from shipland.sim.world import STEP_S
 
 SECONDS = 10.0

@@ -10,10 +10,10 @@ import numpy as np
 from shipland.camera import CameraParameters
 from shipland.config import build, merge
 from shipland.rig import default_rig, packaged_table
-from shipland.sim.aircraft import AircraftParameters
-from shipland.sim.ship import CourseState, DeckMotion, Ship, Sinusoids, Still, StillCourse
-from shipland.sim.touchdown import VerdictParameters
-from shipland.sim.wind import SteadyWind, Wind
+from shipland.sim.air.wind import SteadyWind, Wind
+from shipland.sim.aircraft.parameters import AircraftParameters
+from shipland.sim.contact.touchdown import VerdictParameters
+from shipland.sim.ship.ship import CourseState, DeckMotion, Ship, Sinusoids, Still, StillCourse
 from shipland.sim.world import StartParameters, World
 
 QUIET = {

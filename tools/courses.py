@@ -20,11 +20,11 @@ import numpy as np
 import tyro
 from rich.progress import track
 
-from shipland.bench.fly import fly_quietly
-from shipland.bench.scenarios import PilotKind, load_scenario, scenario_table
 from shipland.config import merge
 from shipland.errors import DataError
 from shipland.messages import GroundTruth
+from shipland.missions.fly import fly_quietly
+from shipland.missions.scenarios import PilotKind, load_scenario, scenario_table
 
 COURSES = ("straight", "s", "turn90")
 SPEEDS_MPS = tuple(0.5 * step for step in range(10))

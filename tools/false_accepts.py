@@ -26,7 +26,7 @@ from rich.progress import track
 from spoiling import SPOILERS, noise, vary
 
 from shipland.messages import Frame
-from shipland.sim.scene import Scene
+from shipland.sim.scene.scene import Scene
 
 PICTURES_A_SCENE = 40
 DECOYS_A_SCENE = 8

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from shipland.bench.scenarios import build_vehicle, load_scenario, scenario_table
 from shipland.config import merge
 from shipland.messages import PilotCommand
-from shipland.sim.scene import Scene
-from shipland.vision.pipeline import NearVision
+from shipland.missions.scenarios import build_vehicle, load_scenario, scenario_table
+from shipland.sim.scene.scene import Scene
+from shipland.vision.near.pipeline import NearVision
 
 RANGES_M = (2.5, 4.0, 6.0, 9.0, 12.0, 15.0, 18.0, 20.0, 22.0)
 SEEDS = range(1, 7)

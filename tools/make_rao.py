@@ -37,8 +37,8 @@ from scipy.optimize import brentq
 
 from shipland.config import build
 from shipland.rig import packaged_table
-from shipland.sim.rao import ResponseTable
-from shipland.sim.sea import SeaParameters, significant_amplitude
+from shipland.sim.ship.rao import ResponseTable
+from shipland.sim.ship.sea import SeaParameters, significant_amplitude
 
 RHO, G = 1025.0, 9.81
 KNOT_MPS = 0.514444

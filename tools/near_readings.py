@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from shipland.bench.fly import fly_quietly
-from shipland.bench.scenarios import load_scenario, scenario_table
 from shipland.config import merge
 from shipland.messages import FlightRecord
+from shipland.missions.fly import fly_quietly
+from shipland.missions.scenarios import load_scenario, scenario_table
 
 SEEDS = range(1, 11)
 AXES = ("pitch", "roll", "heave", "yaw")

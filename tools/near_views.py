@@ -14,12 +14,12 @@ from shipland.config import build
 from shipland.frames import Array, Pose, rotation_from_euler
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig, default_rig, packaged_table
-from shipland.sim.scene import Scene, SceneParameters
+from shipland.sim.scene.scene import Scene, SceneParameters
 from shipland.sim.state import SceneState
-from shipland.vision.matching import model_plane
-from shipland.vision.parameters import VisionParameters
-from shipland.vision.pipeline import NearVision
-from shipland.vision.pose import Corners, LevelPrior, bound, covariance_in_bar
+from shipland.vision.near.matching import model_plane
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.pipeline import NearVision
+from shipland.vision.near.pose import Corners, LevelPrior, bound, covariance_in_bar
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

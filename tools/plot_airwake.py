@@ -1,4 +1,4 @@
-"""Draw the parametric airwake of `shipland.sim.airwake` for the documentation.
+"""Draw the parametric airwake of `shipland.sim.air.airwake` for the documentation.
 
 python tools/plot_airwake.py [--out docs/pictures/airwake.png]
 """
@@ -13,11 +13,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from shipland.bench.plots import PLOT_STYLE, new_figure, save_figure
 from shipland.config import build
+from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
 from shipland.rig import Rig, default_rig, packaged_table
-from shipland.sim.airwake import Airwake
-from shipland.sim.wind import WindParameters
+from shipland.sim.air.airwake import Airwake
+from shipland.sim.air.wind import WindParameters
 
 
 def draw_ship(axes: Axes, rig: Rig, side: bool) -> None:

@@ -18,10 +18,10 @@ from shipland.config import build, merge
 from shipland.frames import Array, euler_from_rotation
 from shipland.messages import PilotCommand
 from shipland.rig import default_rig, packaged_table
-from shipland.sim.aircraft import AircraftParameters
-from shipland.sim.ship import Ship, Still, StillCourse
-from shipland.sim.touchdown import VerdictParameters
-from shipland.sim.wind import SteadyWind
+from shipland.sim.air.wind import SteadyWind
+from shipland.sim.aircraft.parameters import AircraftParameters
+from shipland.sim.contact.touchdown import VerdictParameters
+from shipland.sim.ship.ship import Ship, Still, StillCourse
 from shipland.sim.world import StartParameters, World
 
 SAMPLE_S = 0.02

@@ -43,7 +43,7 @@ class Fly:
 
     def run(self) -> int:
         """Fly; the exit code."""
-        from shipland.bench.fly import FlyRequest, fly_one
+        from shipland.commands.fly import FlyRequest, fly_one
 
         return fly_one(FlyRequest(self.scenario, self.pilot, self.camera, self.seed, self.out, self.config, self.video))
 
@@ -78,7 +78,8 @@ class Campaign:
 
     def run(self) -> int:
         """Fly; 0 when all landed in the square, 1 when not."""
-        from shipland.bench.campaign import CampaignRequest, campaign
+        from shipland.commands.campaign import campaign
+        from shipland.missions.campaign import CampaignRequest
 
         return campaign(
             CampaignRequest(
@@ -114,7 +115,7 @@ class Paper:
 
     def run(self) -> int:
         """Make them."""
-        from shipland.bench.paper import PaperRequest, run_paper
+        from shipland.reproduce.paper import PaperRequest, run_paper
 
         return run_paper(PaperRequest(self.out, self.only, self.flights))
 
@@ -171,7 +172,7 @@ class Motion:
 
     def run(self) -> int:
         """Make them."""
-        from shipland.bench.motion import MotionRequest, run_motion
+        from shipland.commands.motion_figure import MotionRequest, run_motion
 
         return run_motion(MotionRequest(**vars(self)))
 
@@ -197,7 +198,7 @@ class See:
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""
-        from shipland.see import SeeRequest, see_paths
+        from shipland.commands.see_files import SeeRequest, see_paths
 
         for result in see_paths(SeeRequest(self.paths, self.target, self.camera)):
             print(json.dumps(result.to_json()) if self.json else result.to_line(), flush=True)
@@ -230,7 +231,7 @@ class Detect:
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""
-        from shipland.vision.detect_files import DetectRequest, detect_paths
+        from shipland.commands.detect_files import DetectRequest, detect_paths
 
         request = DetectRequest(self.paths, self.kind, self.weights, self.confidence, self.out, config=self.config)
         for result in detect_paths(request):
@@ -311,7 +312,7 @@ class Calibrate:
 
     def run(self) -> int:
         """Calibrate and print the table."""
-        from shipland.calibrate import CalibrateRequest, calibrate
+        from shipland.commands.calibrate_camera import CalibrateRequest, calibrate
 
         print(calibrate(CalibrateRequest(**vars(self))).to_text())
         return 0

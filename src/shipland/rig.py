@@ -164,6 +164,55 @@ class Rig:
         return -self.bar_in_ship_m
 
 
+@dataclass(frozen=True)
+class Solid:
+    """An upright box in its own frame: what is collided with, casts a shadow and bounds the screen box."""
+
+    low_m: tuple[float, float, float]
+    high_m: tuple[float, float, float]
+
+    @property
+    def corners_m(self) -> Array:
+        """(8,3)."""
+        low, high = self.low_m, self.high_m
+        return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Boxes that everything is built from: hull and superstructure in `ship`, deck in `deck`, board in `bar`."""
+
+    hull: Solid
+    house: Solid
+    deck: Solid
+    board: Solid
+
+
+def layout(rig: Rig, target: Target) -> Layout:
+    """The rig's boxes.
+
+    The motion base stands on a low hull, so that the deck has room below; the superstructure stands ahead of
+    the bar's plane; the board is as large as the rig says, or as the cue needs.
+    """
+    stern, half = -rig.deck_ahead_of_stern_m, 0.5 * rig.platform_width_m
+    bow, ground = stern + rig.platform_length_m, rig.deck_height_m
+    tilt = float(np.sin(np.radians(rig.roll_limit_deg + rig.pitch_limit_deg)))
+    room = rig.deck_height_m - rig.heave_limit_m - 0.5 * rig.deck_size_m * tilt - 0.05
+    freeboard = float(np.clip(room, 0.10, 0.25))
+    face = float(rig.bar_in_ship_m[0]) + 0.05
+    bow = max(bow, face + 0.10)
+    points = target.points_in_bar_m
+    wide = max(0.5 * rig.board_width_m, float(np.abs(points[:, 1]).max()) + 0.02)
+    tall = max(0.5 * rig.board_height_m, float(np.abs(points[:, 2]).max()) + 0.02)
+    size = 0.5 * rig.deck_size_m
+    return Layout(
+        hull=Solid((stern, -half, ground - freeboard), (bow, half, ground)),
+        house=Solid((face, -half, ground - rig.superstructure_height_m), (bow, half, ground - freeboard)),
+        deck=Solid((-size, -size, 0.0), (size, size, 0.05)),
+        board=Solid((0.0, -wide, -tall), (0.02, wide, tall)),
+    )
+
+
 def packaged_table(section: str) -> dict[str, Any]:
     """Section of the packaged defaults."""
     table = packaged_toml("default").get(section)

@@ -9,8 +9,8 @@ from shipland.camera import Camera, CameraParameters
 from shipland.config import build
 from shipland.messages import Frame, Intent, PilotCommand, Telemetry
 from shipland.rig import default_rig, packaged_table
-from shipland.sim.ship import Ship, StraightCourse
-from shipland.sim.wind import SteadyWind
+from shipland.sim.air.wind import SteadyWind
+from shipland.sim.ship.ship import Ship, StraightCourse
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import Vehicle

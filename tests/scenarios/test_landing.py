@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from shipland.bench.fly import FlyRequest, fly_one, fly_quietly
-from shipland.bench.geometric import GeometricVision
-from shipland.bench.scenarios import build_vehicle, load_scenario, scenario_table
+from shipland.commands.fly import FlyRequest, fly_one
 from shipland.config import merge
 from shipland.messages import Mode, PilotCommand
+from shipland.missions.fly import fly_quietly
+from shipland.missions.geometric import GeometricVision
+from shipland.missions.scenarios import build_vehicle, load_scenario, scenario_table
 from shipland.record.reader import read_log
-from shipland.sim.scene import Scene
-from shipland.vision.pipeline import NearVision
+from shipland.sim.scene.scene import Scene
+from shipland.vision.near.pipeline import NearVision
 
 
 def near(**overlay):
@@ -51,7 +52,7 @@ def test_another_seed_gives_another_flight():
 
 
 def test_an_interrupted_flight_leaves_a_readable_log(tmp_path, monkeypatch):
-    monkeypatch.setattr("shipland.bench.fly.ProgressLine.show", _interrupt_at_one_second)
+    monkeypatch.setattr("shipland.commands.fly.ProgressLine.show", _interrupt_at_one_second)
     with pytest.raises(KeyboardInterrupt):
         fly_one(FlyRequest("near", "paper", "geometric", 1, tmp_path, None, video=False))
     assert 20 < len(read_log(tmp_path / "flight.mcap").records) < 60

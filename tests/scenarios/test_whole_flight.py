@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from shipland.bench.fly import fly_quietly
-from shipland.bench.scenarios import load_scenario, scenario_table
 from shipland.config import merge
 from shipland.messages import Mode
+from shipland.missions.fly import fly_quietly
+from shipland.missions.scenarios import load_scenario, scenario_table
 
 START = {"distance_m": 110.0, "distance_spread_m": 5.0, "bearing_spread_deg": 30.0, "height_m": 15.0}
 CALM = {"mean_mps": 2.0, "mean_spread_mps": 0.0, "turbulence": {"enabled": False}, "airwake": {"enabled": False}}

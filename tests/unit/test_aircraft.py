@@ -13,7 +13,7 @@ from shipland.config import ConfigError, merge
 from shipland.frames import euler_from_rotation, rotation_from_euler, rotation_from_quaternion
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
-from shipland.sim.aerodynamics import (
+from shipland.sim.aircraft.aerodynamics import (
     air_force_in_ned_n,
     euler_from_quaternion,
     ground_effect_gain,
@@ -21,11 +21,11 @@ from shipland.sim.aerodynamics import (
     rows_from_quaternion,
     trim_hover,
 )
-from shipland.sim.aircraft import GRAVITY_MPS2
-from shipland.sim.body import Body
-from shipland.sim.deck_drive import deck_state, mujoco_quaternion
-from shipland.sim.model import build_model
-from shipland.sim.ship import Ship, Still, StillCourse
+from shipland.sim.aircraft.parameters import GRAVITY_MPS2
+from shipland.sim.contact.body import Body
+from shipland.sim.contact.deck_drive import deck_state, mujoco_quaternion
+from shipland.sim.contact.model import build_model
+from shipland.sim.ship.ship import Ship, Still, StillCourse
 from shipland.sim.world import STEP_S, World
 from worlds import QUIET, aircraft_parameters, world
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from shipland.calibrate import CalibrateRequest, calibrate
 from shipland.camera import Camera
+from shipland.commands.calibrate_camera import CalibrateRequest, calibrate
 from shipland.errors import DataError
 
 PHOTOGRAPHS = Path(__file__).resolve().parents[3] / "shared" / "data" / "chessboard"

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from shipland.bench import campaign as campaigns
-from shipland.bench.campaign import CampaignRequest, run_campaign
-from shipland.bench.landing import Landing, Way, failures_table, no_landing, summary_of, table_of
-from shipland.bench.rules import rules_table
 from shipland.errors import ConfigError, DataError
+from shipland.missions import campaign as campaigns
+from shipland.missions.campaign import CampaignRequest, run_campaign
+from shipland.missions.landing import Landing, Way, failures_table, no_landing, summary_of, table_of
+from shipland.missions.rules import rules_table
 
 WAY = (12.0, 1.0, 0.0, 0.0, 20.0, 8.0, 0.5, 0.0, 0)
 NO_WAY = Way(*WAY)

@@ -4,7 +4,14 @@ import pytest
 from shipland.config import build, merge
 from shipland.errors import ConfigError
 from shipland.rig import packaged_table
-from shipland.sim.course import Course, CourseParameters, Manoeuvre, ManoeuvringCourse, StraightCourse, build_course
+from shipland.sim.ship.course import (
+    Course,
+    CourseParameters,
+    Manoeuvre,
+    ManoeuvringCourse,
+    StraightCourse,
+    build_course,
+)
 
 STEP_S = 1e-4
 

@@ -5,7 +5,7 @@ import pytest
 from shipland.errors import DataError
 from shipland.learning import darknet
 from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, ConvWeights, random_weights, yolov3_layers
-from shipland.vision.decode import Decoding, DetectorSpec, decode
+from shipland.vision.far.decode import Decoding, DetectorSpec, decode
 
 SPEC = DetectorSpec(("ship", "buoy"), PUBLISHED_ANCHORS_PX, Decoding.DARKNET, 0.125)
 LAYERS = yolov3_layers(classes=2, width=0.125)

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from shipland.config import build, merge
 from shipland.errors import ConfigError, DataError
 from shipland.rig import default_rig, packaged_table
-from shipland.sim.deck_motion import DeckMotion, Harmonics, SinusoidParameters, Sinusoids, SixDof, Still
-from shipland.sim.motion_base import LimitedMotion, rig_limits
-from shipland.sim.recorded import HEADER, RecordedMotion, read_motion
+from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, SinusoidParameters, Sinusoids, SixDof, Still
+from shipland.sim.ship.motion_base import LimitedMotion, rig_limits
+from shipland.sim.ship.recorded import HEADER, RecordedMotion, read_motion
 
 STEP_S = 1e-4
 LINE = ",".join(HEADER)

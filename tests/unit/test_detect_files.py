@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
+from shipland.commands.detect_files import DetectRequest, DetectResult, detect_paths, draw_boxes
 from shipland.errors import DataError
 from shipland.learning.export import write_onnx
 from shipland.learning.yolov3 import ConvWeights, random_weights, yolov3_layers
 from shipland.messages import Box
-from shipland.vision.decode import Decoding, DetectorSpec
-from shipland.vision.detect_files import DetectRequest, DetectResult, detect_paths, draw_boxes
+from shipland.vision.far.decode import Decoding, DetectorSpec
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ from shipland.errors import DataError
 from shipland.learning.export import onnx_bytes, write_int8, write_onnx
 from shipland.learning.yolov3 import random_weights, yolov3_layers
 from shipland.messages import Box, Frame, GimbalAttitude
-from shipland.vision.decode import Decoding, DetectorSpec, decode, iou, suppress, to_boxes
-from shipland.vision.detector import Detector, cut_tile, detector_parameters, padded, weights_path
-from shipland.vision.far import FarVision
-from shipland.vision.runtime import load_engine
+from shipland.vision.far.decode import Decoding, DetectorSpec, decode, iou, suppress, to_boxes
+from shipland.vision.far.detector import Detector, cut_tile, detector_parameters, padded, weights_path
+from shipland.vision.far.far import FarVision
+from shipland.vision.far.runtime import load_engine
 
 ANCHORS = (((6.0, 5.0), (9.0, 7.0), (12.0, 12.0)), ((20.0, 14.0), (30.0, 20.0), (40.0, 36.0)), ((60.0, 50.0),) * 3)
 SPEC = DetectorSpec(("ship",), ANCHORS, Decoding.WIDE, 0.125)
@@ -395,7 +395,7 @@ def test_packaged_weights_see_their_target(kind, range_m, rig, camera):
     from shipland.learning.shots import draw_scene, draw_shot
     from shipland.learning.synth import synth_parameters
     from shipland.rig import packaged_table
-    from shipland.sim.scene import Scene, SceneParameters
+    from shipland.sim.scene.scene import Scene, SceneParameters
 
     parameters = replace(
         synth_parameters(None),

@@ -13,7 +13,7 @@ from shipland.learning.export import write_onnx
 from shipland.learning.ranges import SceneRecord, markdown, range_table, summary
 from shipland.learning.synth import synth
 from shipland.learning.yolov3 import random_weights, yolov3_layers
-from shipland.vision.decode import Decoding, DetectorSpec
+from shipland.vision.far.decode import Decoding, DetectorSpec
 
 TARGET = (100.0, 50.0, 10.0, 8.0)
 

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight
 
-from shipland.bench.flight_figures import (
+from shipland.camera import Camera
+from shipland.errors import DataError
+from shipland.record.info import FORMAT_VERSION, LogHeader
+from shipland.record.reader import FlightLog
+from shipland.record.writer import LogWriter
+from shipland.report.outputs import load_outputs
+from shipland.report.plots import PlotParameters
+from shipland.reproduce.flight_figures import (
     figures_of_flights,
     plot_commands,
     plot_trajectories,
@@ -14,13 +21,6 @@ from shipland.bench.flight_figures import (
     touchdowns_of,
     tracks_of,
 )
-from shipland.bench.outputs import load_outputs
-from shipland.bench.plots import PlotParameters
-from shipland.camera import Camera
-from shipland.errors import DataError
-from shipland.record.info import FORMAT_VERSION, LogHeader
-from shipland.record.reader import FlightLog
-from shipland.record.writer import LogWriter
 
 PARAMETERS = PlotParameters(dpi=50)
 HEADER = LogHeader(FORMAT_VERSION, INFO, RIG, Camera.from_fov(1280, 720, 69.0))

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from shipland.bench.follower import DeckFollower, FollowParameters
 from shipland.frames import Pose
 from shipland.messages import Decision, GimbalAttitude, GroundTruth, Mode, Observation, PilotCommand, Telemetry
+from shipland.missions.follower import DeckFollower, FollowParameters
 
 MAX_TILT_RAD = math.radians(15.0)
 STILL = Pose.identity()

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipland.bench.geometric_far import BoxErrors, GeometricFar
-from shipland.bench.scenarios import build_vehicle, load_scenario, scenario_table
 from shipland.config import merge
 from shipland.learning.shot import target_box
 from shipland.messages import PilotCommand
+from shipland.missions.geometric_far import BoxErrors, GeometricFar
+from shipland.missions.scenarios import build_vehicle, load_scenario, scenario_table
 
 EXACT = BoxErrors((1.0, 400.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from shipland.bench.motion import MotionRequest, load_case, run_motion, sample, statistics
+from shipland.commands.motion_figure import MotionRequest, load_case, run_motion, sample, statistics
 from shipland.errors import ConfigError, DataError
-from shipland.sim.deck_motion import DOF_NAMES
-from shipland.sim.recorded import HEADER
+from shipland.sim.ship.deck_motion import DOF_NAMES
+from shipland.sim.ship.recorded import HEADER
 
 
 def run(request: MotionRequest) -> str:

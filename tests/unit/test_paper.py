@@ -6,8 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from shipland.bench.paper import PaperRequest, run_paper
-from shipland.bench.paper_far import (
+from shipland.camera import Camera
+from shipland.frames import CAMERA_FROM_MOUNT
+from shipland.messages import BarPose, Frame, GimbalAttitude, Observation
+from shipland.reproduce.far import (
     HAND_OVER_M,
     STEP_DEG,
     ApproachCase,
@@ -16,9 +18,10 @@ from shipland.bench.paper_far import (
     fly_approach,
     step_figures,
 )
-from shipland.bench.paper_near import FALSE_AT_S, FALSE_M, NearTrace, Spoiled, fly_hover, near_figures
-from shipland.bench.paper_plots import plot_far_steps, plot_near, plot_readings
-from shipland.bench.paper_range import (
+from shipland.reproduce.near import FALSE_AT_S, FALSE_M, NearTrace, Spoiled, fly_hover, near_figures
+from shipland.reproduce.paper import PaperRequest, run_paper
+from shipland.reproduce.plots import plot_far_steps, plot_near, plot_readings
+from shipland.reproduce.ranges import (
     FarCase,
     FarTrace,
     bar_points_in_bar_m,
@@ -26,9 +29,6 @@ from shipland.bench.paper_range import (
     fly_far,
     ship_points_in_ship_m,
 )
-from shipland.camera import Camera
-from shipland.frames import CAMERA_FROM_MOUNT
-from shipland.messages import BarPose, Frame, GimbalAttitude, Observation
 from shipland.rig import default_rig
 
 RIG = default_rig()
@@ -188,7 +188,7 @@ def test_the_closed_loop_pictures_can_be_drawn(tmp_path):
 
 @pytest.mark.parametrize("variant", ["saturating", "growing"])
 def test_an_approach_ends_over_the_ship(variant, monkeypatch):
-    monkeypatch.setattr("shipland.bench.paper_far.fly_far", lambda case: case)
+    monkeypatch.setattr("shipland.reproduce.far.fly_far", lambda case: case)
     case = fly_approach(ApproachCase(250.0, 15.0, 5.0), variant)
     assert (case.distance_m, case.offset_deg, case.wind_mps, case.variant) == (250.0, 15.0, 5.0, variant)
     assert case.approach

@@ -26,8 +26,8 @@ from shipland.config import build
 from shipland.frames import Pose
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Quad, Target, default_rig, packaged_table
-from shipland.vision.bar import coloured_window
-from shipland.vision.pipeline import NearVision, Refusal, VisionParameters
+from shipland.vision.near.bar import coloured_window
+from shipland.vision.near.pipeline import NearVision, Refusal, VisionParameters
 
 PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
 BAR = default_rig().target
@@ -206,7 +206,7 @@ def test_tracking_gives_what_searching_gives(rng):
 def test_a_steady_pan_is_followed_without_searching(rng, monkeypatch):
     searched = []
     monkeypatch.setattr(
-        "shipland.vision.pipeline.coloured_window", lambda *given: searched.append(1) or coloured_window(*given)
+        "shipland.vision.near.pipeline.coloured_window", lambda *given: searched.append(1) or coloured_window(*given)
     )
     eyes = vision()
     for step in range(7):

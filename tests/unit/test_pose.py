@@ -10,9 +10,9 @@ from shipland.camera import Camera, level_from_camera
 from shipland.frames import CAMERA_FROM_MOUNT, Pose, rotation_from_euler
 from shipland.messages import GimbalAttitude
 from shipland.rig import default_rig
-from shipland.vision.matching import model_plane
-from shipland.vision.pose import Corners, LevelPrior, bound, covariance_in_bar, position_and_yaw, solve
-from shipland.vision.sighting import bar_pose_of, ordered
+from shipland.vision.near.matching import model_plane
+from shipland.vision.near.pose import Corners, LevelPrior, bound, covariance_in_bar, position_and_yaw, solve
+from shipland.vision.near.sighting import bar_pose_of, ordered
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 BAR = default_rig().target

@@ -3,8 +3,8 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from shipland.sim.rao import MIRRORED, at_point, frigate
-from shipland.sim.sea import BAND_RAD_S, GRAVITY_MPS2, SPEED_KN
+from shipland.sim.ship.rao import MIRRORED, at_point, frigate
+from shipland.sim.ship.sea import BAND_RAD_S, GRAVITY_MPS2, SPEED_KN
 
 TABLE = frigate()
 LONGEST = float(TABLE.omega_rad_s[0])
@@ -98,7 +98,7 @@ def test_the_table_covers_what_the_sea_asks_for() -> None:
 
 
 def test_the_table_stays_small() -> None:
-    assert len((resources.files("shipland.sim") / "data" / "frigate_rao.npz").read_bytes()) < 2_000_000
+    assert len((resources.files("shipland.sim.ship") / "data" / "frigate_rao.npz").read_bytes()) < 2_000_000
 
 
 def test_motion_at_a_point_adds_the_lever_arms() -> None:

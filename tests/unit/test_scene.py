@@ -15,11 +15,11 @@ from shipland.config import build
 from shipland.errors import ConfigError, SystemLibraryError
 from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
 from shipland.rig import Quad, Target, default_rig, packaged_table
-from shipland.sim import scene_gl
-from shipland.sim.scene import Scene, SceneParameters
-from shipland.sim.scene_light import display, light
-from shipland.sim.scene_motion import homographies
-from shipland.sim.scene_sea import WaveTiles, cox_munk_variance
+from shipland.sim.scene import gl as scene_gl
+from shipland.sim.scene.light import display, light
+from shipland.sim.scene.motion import homographies
+from shipland.sim.scene.scene import Scene, SceneParameters
+from shipland.sim.scene.sea import WaveTiles, cox_munk_variance
 from shipland.sim.state import SceneState
 
 RIG = default_rig()

@@ -8,7 +8,7 @@ from scipy.integrate import trapezoid
 from shipland.config import build, merge
 from shipland.errors import ConfigError
 from shipland.rig import packaged_table
-from shipland.sim.sea import (
+from shipland.sim.ship.sea import (
     BAND_RAD_S,
     SEA_STATES,
     SeaParameters,

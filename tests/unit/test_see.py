@@ -9,8 +9,8 @@ import pytest
 
 from pictures import Look, bar_picture, camera_from_bar
 from shipland.camera import Camera
+from shipland.commands.see_files import SeeRequest, read_picture, see_paths
 from shipland.errors import ConfigError, DataError
-from shipland.see import SeeRequest, read_picture, see_paths
 
 KEYS = ["file", "found", "reason", "distance_m", "position_in_bar_m", "yaw_deg", "reprojection_px", "corners_px"]
 

@@ -5,9 +5,9 @@ from shipland.config import build, merge
 from shipland.errors import ConfigError, DataError
 from shipland.frames import euler_from_rotation
 from shipland.rig import default_rig, packaged_table
-from shipland.sim.course import StillCourse, StraightCourse
-from shipland.sim.deck_motion import SixDof, Still
-from shipland.sim.ship import Ship, ShipParameters, build_ship
+from shipland.sim.ship.course import StillCourse, StraightCourse
+from shipland.sim.ship.deck_motion import SixDof, Still
+from shipland.sim.ship.ship import Ship, ShipParameters, build_ship
 
 RIG = default_rig()
 

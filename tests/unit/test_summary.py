@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from made_up_flight import CAMERA, INFO, RIG, TOUCHDOWN_S, VERDICT, flight
 
-from shipland.bench.outputs import OutputParameters, Recorder, load_outputs
-from shipland.bench.summary import kind_of, summarise, write_json
 from shipland.errors import ConfigError, DataError
 from shipland.messages import Observation
 from shipland.record.info import FORMAT_VERSION, LogHeader
 from shipland.record.reader import FlightLog, read_log
+from shipland.report.outputs import OutputParameters, Recorder, load_outputs
+from shipland.report.summary import kind_of, summarise, write_json
 
 PACKAGED = load_outputs()
 QUICK = OutputParameters(

@@ -13,7 +13,7 @@ from shipland.learning.sensor import degrade, motion_kernel
 from shipland.learning.shot import target_box
 from shipland.learning.shots import draw_scene, draw_shot
 from shipland.learning.synth import crop_camera, synth, synth_parameters
-from shipland.sim.scene import Scene
+from shipland.sim.scene.scene import Scene
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ import pytest
 from shipland.config import build, merge
 from shipland.messages import Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig, packaged_table
-from shipland.sim.ship import Ship, ShipParameters, StillCourse, StraightCourse, build_ship
-from shipland.sim.touchdown import NO_TOUCH, Judge, OnDeck, Touch, VerdictParameters
+from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, Touch, VerdictParameters
+from shipland.sim.ship.ship import Ship, ShipParameters, StillCourse, StraightCourse, build_ship
 from shipland.sim.world import World
 from worlds import QUIET, CircleCourse, natops, six_sinusoids, world
 

@@ -20,8 +20,8 @@ from shipland.learning.loss import assign, complete_iou, detection_loss  # noqa:
 from shipland.learning.metrics import Tally, match, wilson_interval  # noqa: E402
 from shipland.learning.settings import train_parameters  # noqa: E402
 from shipland.learning.yolov3 import random_weights, yolov3_layers  # noqa: E402
-from shipland.vision.decode import Decoding, DetectorSpec, decode  # noqa: E402
-from shipland.vision.runtime import load_engine  # noqa: E402
+from shipland.vision.far.decode import Decoding, DetectorSpec, decode  # noqa: E402
+from shipland.vision.far.runtime import load_engine  # noqa: E402
 
 ANCHORS = (((8.0, 8.0), (12.0, 8.0), (8.0, 12.0)), ((24.0, 24.0), (36.0, 24.0), (24.0, 36.0)), ((80.0, 80.0),) * 3)
 WIDE = DetectorSpec(("ship",), ANCHORS, Decoding.WIDE, 0.125)

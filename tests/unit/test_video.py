@@ -11,15 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up_flight import CAMERA, RIG, VERDICT, cycles, flight, record_at, truth_at
 
-from shipland.bench.chase import chase_camera, chase_state, look_at
-from shipland.bench.lettering import put_text, text_width, wrap_text
-from shipland.bench.outputs import load_outputs
-from shipland.bench.overlay import STRIP_HEIGHT_PX, draw_sight, draw_zoom
-from shipland.bench.video import FlightVideo, VideoWriter, between
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.frames import euler_from_rotation
 from shipland.messages import Box, GimbalAttitude, Observation
+from shipland.report.chase import chase_camera, chase_state, look_at
+from shipland.report.lettering import put_text, text_width, wrap_text
+from shipland.report.outputs import load_outputs
+from shipland.report.overlay import STRIP_HEIGHT_PX, draw_sight, draw_zoom
+from shipland.report.video import FlightVideo, VideoWriter, between
 
 PARAMETERS = dataclasses.replace(load_outputs().video, verdict_hold_s=0.5)
 SMALL = Camera.from_fov(320, 180, 69.0)

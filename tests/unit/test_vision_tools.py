@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shipland.messages import Frame
-from shipland.vision.refusal import Refusal
+from shipland.vision.near.refusal import Refusal
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 

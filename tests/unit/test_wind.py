@@ -8,9 +8,9 @@ from shipland.config import build, merge
 from shipland.errors import ConfigError
 from shipland.frames import Pose
 from shipland.rig import default_rig, packaged_table
-from shipland.sim.airwake import Airwake
-from shipland.sim.dryden import Dryden, scales_at, step_covariance
-from shipland.sim.wind import SteadyWind, Wind, WindParameters, build_wind
+from shipland.sim.air.airwake import Airwake
+from shipland.sim.air.dryden import Dryden, scales_at, step_covariance
+from shipland.sim.air.wind import SteadyWind, Wind, WindParameters, build_wind
 
 RIG = default_rig()
 CALM = {"turbulence": {"enabled": False}, "airwake": {"enabled": False}}

@@ -10,10 +10,10 @@ from shipland.config import ConfigError, build, merge
 from shipland.frames import MUJOCO_FROM_NED, Array, euler_from_rotation, rotation_from_euler
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig, packaged_table
-from shipland.sim.deck_drive import Stage, against_deck, deck_state
-from shipland.sim.model import build_model
-from shipland.sim.ship import Ship, ShipState
-from shipland.sim.touchdown import VerdictParameters
+from shipland.sim.contact.deck_drive import Stage, against_deck, deck_state
+from shipland.sim.contact.model import build_model
+from shipland.sim.contact.touchdown import VerdictParameters
+from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.world import STEP_S, StartParameters
 from worlds import QUIET, CircleCourse, WanderingCourse, aircraft_parameters, natops, six_sinusoids, world
 

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from shipland.errors import DataError
 from shipland.learning.files import write_atomically
-from shipland.vision.decode import DetectorSpec
+from shipland.vision.far.decode import DetectorSpec
 
 FORMAT = "shipland-checkpoint-1"
 

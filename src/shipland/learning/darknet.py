@@ -25,7 +25,7 @@ from shipland.learning.yolov3 import (
     Upsample,
     input_channels,
 )
-from shipland.vision.decode import Decoding, DetectorSpec
+from shipland.vision.far.decode import Decoding, DetectorSpec
 
 Section = dict[str, str]
 

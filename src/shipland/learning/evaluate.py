@@ -31,10 +31,10 @@ from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import FRAME_S, draw, synth_parameters
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.rig import Rig, default_rig, packaged_table
-from shipland.sim.scene import Scene
-from shipland.vision.decode import PIXEL_CENTRE, iou
-from shipland.vision.detector import Detector, DetectorParameters, detector_parameters
-from shipland.vision.far import FarVision
+from shipland.sim.scene.scene import Scene
+from shipland.vision.far.decode import PIXEL_CENTRE, iou
+from shipland.vision.far.detector import Detector, DetectorParameters, detector_parameters
+from shipland.vision.far.far import FarVision
 
 Picture = npt.NDArray[np.uint8]
 LEAST_CONFIDENCE = 0.05

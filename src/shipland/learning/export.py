@@ -31,8 +31,8 @@ from shipland.learning.yolov3 import (
     Upsample,
     input_channels,
 )
-from shipland.vision.decode import DetectorSpec
-from shipland.vision.runtime import INPUT_NAME, METADATA_KEY
+from shipland.vision.far.decode import DetectorSpec
+from shipland.vision.far.runtime import INPUT_NAME, METADATA_KEY
 
 OPSET = 17
 IR_VERSION = 9

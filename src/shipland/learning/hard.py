@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from shipland.learning.shot import NearestBox
 from shipland.messages import Box
-from shipland.vision.decode import PIXEL_CENTRE
+from shipland.vision.far.decode import PIXEL_CENTRE
 
 Picture = npt.NDArray[np.uint8]
 Corner = tuple[int, int]

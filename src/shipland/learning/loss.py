@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from shipland.learning.settings import LossParameters
-from shipland.vision.decode import STRIDES, Decoding, DetectorSpec
+from shipland.vision.far.decode import STRIDES, Decoding, DetectorSpec
 
 
 @dataclass(frozen=True)

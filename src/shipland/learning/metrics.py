@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.learning.dataset import Targets
-from shipland.vision.decode import Float32, iou
+from shipland.vision.far.decode import Float32, iou
 
 Floats = npt.NDArray[np.float64]
 COCO_IOUS = tuple(round(0.5 + 0.05 * step, 2) for step in range(10))

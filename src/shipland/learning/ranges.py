@@ -13,7 +13,7 @@ import numpy.typing as npt
 from shipland.config import build
 from shipland.errors import ConfigError, DataError
 from shipland.learning.metrics import Tally, wilson_interval
-from shipland.vision.decode import iou
+from shipland.vision.far.decode import iou
 
 BoxRow = tuple[float, float, float, float]
 """Centre column, centre row, width, height [px, edges at whole numbers]."""

@@ -17,7 +17,7 @@ from shipland.learning.files import write_atomically
 from shipland.learning.network import Network, weights_of
 from shipland.learning.settings import TrainParameters
 from shipland.learning.yolov3 import flop_count, parameter_count
-from shipland.vision.decode import DetectorSpec
+from shipland.vision.far.decode import DetectorSpec
 
 
 def write_results(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from shipland.config import build, merge, packaged_toml, read_toml, require
 from shipland.learning.augment import AugmentParameters
-from shipland.vision.decode import Decoding
+from shipland.vision.far.decode import Decoding
 
 
 @dataclass(frozen=True)

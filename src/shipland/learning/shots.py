@@ -14,7 +14,7 @@ from shipland.learning.decoys import Decoy, DecoyKind, foot_box_px
 from shipland.learning.sensor import SensorParameters
 from shipland.learning.shot import Shot, target_box
 from shipland.rig import Rig
-from shipland.sim.scene import SceneParameters
+from shipland.sim.scene.scene import SceneParameters
 
 Span = tuple[float, float]
 _CONTRAST_LEFT = 3.0

@@ -29,8 +29,8 @@ from shipland.learning.settings import learning_table
 from shipland.learning.shot import NearestBox, Shot, target_box
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.rig import Rig, default_rig, packaged_table
-from shipland.sim.scene import Scene
-from shipland.vision.detector import Detector, detector_parameters
+from shipland.sim.scene.scene import Scene
+from shipland.vision.far.detector import Detector, detector_parameters
 
 Picture = npt.NDArray[np.uint8]
 DEFAULT_COUNTS = {"ship": 2000, "bar": 1000}  # [Lee2022, §Image Data Set]

@@ -38,8 +38,8 @@ from shipland.learning.network import Network, load_weights
 from shipland.learning.results import write_results
 from shipland.learning.settings import TrainParameters, train_parameters
 from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, yolov3_layers
-from shipland.vision.decode import Decoding, DetectorSpec, Float32, decode, suppress
-from shipland.vision.detector import padded, weights_path
+from shipland.vision.far.decode import Decoding, DetectorSpec, Float32, decode, suppress
+from shipland.vision.far.detector import padded, weights_path
 
 Floats = npt.NDArray[np.float64]
 LAST, BEST = "last.safetensors", "best.safetensors"

@@ -12,18 +12,18 @@ from shipland.camera import CameraParameters
 from shipland.config import require
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, Telemetry, TouchdownVerdict
 from shipland.rig import Rig
-from shipland.sim.aerodynamics import euler_from_quaternion, rows_from_quaternion, trim_hover
-from shipland.sim.aircraft import GRAVITY_MPS2, AircraftParameters, Vector
-from shipland.sim.body import Body, Motion
-from shipland.sim.deck_drive import Stage, against_deck, deck_state
-from shipland.sim.inner_loop import CENTRED, InnerLoop, Sensed, Sticks
-from shipland.sim.model import build_model
-from shipland.sim.sensors import Coloured, Gimbal, Instruments, Normals
-from shipland.sim.ship import Ship, ShipState
+from shipland.sim.air.wind import Wind
+from shipland.sim.aircraft.aerodynamics import euler_from_quaternion, rows_from_quaternion, trim_hover
+from shipland.sim.aircraft.inner_loop import CENTRED, InnerLoop, Sensed, Sticks
+from shipland.sim.aircraft.parameters import GRAVITY_MPS2, AircraftParameters, Vector
+from shipland.sim.aircraft.sensors import Coloured, Gimbal, Instruments, Normals
+from shipland.sim.contact.body import Body, Motion
+from shipland.sim.contact.deck_drive import Stage, against_deck, deck_state
+from shipland.sim.contact.model import build_model
+from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
+from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.snapshot import Snapshot, scene_of, truth_of
 from shipland.sim.state import SceneState
-from shipland.sim.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
-from shipland.sim.wind import Wind
 
 STEP_S = 0.002
 """Physics step: what MuJoCo's contacts want."""

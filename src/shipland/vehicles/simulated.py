@@ -18,7 +18,7 @@ from shipland.sim.world import World
 from shipland.vehicles.delays import DelayParameters
 
 if TYPE_CHECKING:
-    from shipland.sim.scene import Scene
+    from shipland.sim.scene.scene import Scene
 
 _REMEMBERED = 64
 """Given frames whose truth and scene are kept."""

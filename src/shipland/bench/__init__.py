@@ -1,1 +1,0 @@
-"""Scenarios, campaigns, metrics and reports."""

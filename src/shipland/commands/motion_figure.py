@@ -1,0 +1,310 @@
+"""`shipland motion`: the ship's motion and the wind of a case, as a table, CSV files and a figure; no flight."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from shipland.config import build, merge, packaged_toml, read_toml
+from shipland.errors import ConfigError, DataError
+from shipland.frames import Array
+from shipland.report.motion_plots import plot_case, plot_headings
+from shipland.rig import Rig
+from shipland.sim.air.wind import Wind, WindParameters, build_wind
+from shipland.sim.ship.deck_motion import DOF_NAMES
+from shipland.sim.ship.motion_base import rig_limits
+from shipland.sim.ship.recorded import HEADER
+from shipland.sim.ship.sea import significant_amplitude
+from shipland.sim.ship.ship import Ship, ShipParameters, build_ship
+
+DEGREES = np.array([1.0, 1.0, 1.0, *[180.0 / np.pi] * 3])
+"""From metres and radians to metres and degrees."""
+UNITS = ("m", "m", "m", "°", "°", "°")
+WIND_HEADER = ("t_s", "north_m", "east_m", "course_deg", "wind_north_mps", "wind_east_mps", "wind_down_mps")
+STATISTICS_STEP_S = 0.1
+OVER_DECK_M = 1.0
+"""The wind is taken this high over the deck's centre."""
+
+HEADINGS = {120.0: "60° off the stern", 60.0: "60° off the bow"}
+"""Bearings that the waves come from [deg], in words."""
+TIME_RULES: tuple[Literal["froude", "length_only"], ...] = ("froude", "length_only")
+
+MotionKind = Literal["still", "natops", "sinusoids", "sea", "recorded"]
+CourseKind = Literal["still", "straight", "s", "turn", "turn90", "random"]
+
+
+@dataclass(frozen=True)
+class MotionRequest:
+    """What `shipland motion` was asked for; None leaves what the configuration says.
+
+    Attributes:
+        out: output folder.
+        config: TOML file laid over the defaults; sections `[rig]`, `[ship]`, `[wind]` are used.
+        scenario: packaged scenario laid over the defaults, before `config`.
+        motion, sea_state, significant_height_m, modal_period_s, waves_from_deg, speed_kn: `[ship]`, `[ship.sea]`.
+        time_rule: `time` of `[ship.scale]`.
+        recorded: `path` of `[ship.recorded]`; with it alone, motion is `recorded`.
+        course, course_speed_mps: `[ship.course]`.
+        wind_mps, wind_from_deg: `[wind]`.
+        duration_s: length of the CSV files and of the figure.
+        statistics_s: length of the record behind the table.
+        step_s: time step of the files and the figure.
+        seed: of everything random.
+        headings: instead of one case, waves from 60° off the bow and off the stern, at both time rules.
+    """
+
+    out: Path = Path("out/motion")
+    config: Path | None = None
+    scenario: str | None = None
+    motion: MotionKind | None = None
+    sea_state: int | None = None
+    significant_height_m: float | None = None
+    modal_period_s: float | None = None
+    waves_from_deg: float | None = None
+    speed_kn: float | None = None
+    time_rule: Literal["froude", "length_only"] | None = None
+    recorded: Path | None = None
+    course: CourseKind | None = None
+    course_speed_mps: float | None = None
+    wind_mps: float | None = None
+    wind_from_deg: float | None = None
+    duration_s: float = 120.0
+    statistics_s: float = 1800.0
+    step_s: float = 0.05
+    seed: int = 1
+    headings: bool = False
+
+    def overlay(self) -> dict[str, Any]:
+        """The options as a configuration table."""
+        motion = self.motion if self.motion is not None or self.recorded is None else "recorded"
+        table = {
+            "ship": {
+                "motion": "sea" if self.headings else motion,
+                "sea": {
+                    "sea_state": self.sea_state,
+                    "significant_height_m": self.significant_height_m,
+                    "modal_period_s": self.modal_period_s,
+                    "waves_from_deg": self.waves_from_deg,
+                    "speed_kn": self.speed_kn,
+                },
+                "scale": {"time": self.time_rule},
+                "recorded": {"path": str(self.recorded) if self.recorded is not None else None},
+                "course": {"kind": self.course, "speed_mps": self.course_speed_mps},
+            },
+            "wind": {"mean_mps": self.wind_mps, "from_deg": self.wind_from_deg},
+        }
+        return _without_none(table)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case, ready to be sampled.
+
+    Attributes:
+        rig: dimensions.
+        ship: parameters of the ship.
+        wind: parameters of the wind.
+    """
+
+    rig: Rig
+    ship: ShipParameters
+    wind: WindParameters
+
+    def make(self, seed: int) -> tuple[Ship, Wind]:
+        """Ship and wind of a seed: the same as those of a flight with this seed."""
+        ship_rng, wind_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)[:2])
+        return build_ship(self.ship, self.rig, ship_rng), build_wind(self.wind, self.rig, wind_rng)
+
+
+@dataclass(frozen=True)
+class Traces:
+    """A sampled case.
+
+    Attributes:
+        t_s: (N,).
+        deck: (N, 6) surge, sway, heave [m], roll, pitch, yaw [deg] of the deck in `ship`.
+        course: (N, 3) north, east [m], course [deg] of the ship.
+        wind_in_ned_mps: (N, 3) air velocity over the deck.
+        limit_bites: what the motion base has held back, a line each.
+    """
+
+    t_s: Array
+    deck: Array
+    course: Array
+    wind_in_ned_mps: Array
+    limit_bites: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """One degree of freedom over a long record, in m or deg.
+
+    Attributes:
+        significant: significant single amplitude, twice the standard deviation.
+        period_s: mean period between upward zero crossings; NaN where there are fewer than two.
+        largest: largest excursion.
+    """
+
+    significant: float
+    period_s: float
+    largest: float
+
+
+def load_case(request: MotionRequest) -> Case:
+    """The case of a request; ConfigError names what is wrong and the valid range."""
+    if not 0.001 <= request.step_s <= 1.0:
+        raise ConfigError(f"step_s must be in 0.001…1 s, got {request.step_s}")
+    for name, value in (("duration_s", request.duration_s), ("statistics_s", request.statistics_s)):
+        if not 10.0 <= value <= 36000.0:
+            raise ConfigError(f"{name} must be in 10…36000 s, got {value}")
+    table = packaged_toml("default")
+    if request.scenario is not None:
+        table = merge(table, packaged_toml(f"scenarios/{request.scenario}"))
+    if request.config is not None:
+        table = merge(table, read_toml(request.config))
+    table = merge(table, request.overlay())
+    return Case(
+        build(Rig, table["rig"], "rig"),
+        build(ShipParameters, table["ship"], "ship"),
+        build(WindParameters, table["wind"], "wind"),
+    )
+
+
+def sample(case: Case, seed: int, duration_s: float, step_s: float) -> Traces:
+    """Ship and wind at every step from 0 to `duration_s`."""
+    ship, wind = case.make(seed)
+    t_s = np.arange(0.0, duration_s + 0.5 * step_s, step_s)
+    deck, course, air = np.empty((t_s.size, 6)), np.empty((t_s.size, 3)), np.empty((t_s.size, 3))
+    over_deck_m = np.array([0.0, 0.0, -OVER_DECK_M])
+    for i, t in enumerate(t_s.tolist()):
+        state = ship.at(t)
+        deck[i] = state.deck.displacement * DEGREES
+        course[i] = (*state.course.position_in_ned_m, np.degrees(state.course.course_rad))
+        air[i] = wind.velocity_at(t, state.ned_from_ship.apply(over_deck_m), state.ned_from_ship)
+    return Traces(t_s, deck, course, air, tuple(map(str, ship.limit_bites)))
+
+
+def statistics(case: Case, seed: int, duration_s: float) -> tuple[Statistics, ...]:
+    """Statistics of the six degrees of freedom of the deck."""
+    ship, _ = case.make(seed)
+    t_s = np.arange(0.0, duration_s, STATISTICS_STEP_S)
+    deck = np.array([ship.deck_motion.at(t).displacement for t in t_s.tolist()]) * DEGREES
+    found = []
+    for series in deck.T:
+        centred = series - series.mean()
+        rising = np.flatnonzero((centred[:-1] < 0.0) & (centred[1:] >= 0.0))
+        period_s = float(np.diff(t_s[rising]).mean()) if rising.size > 1 else float("nan")
+        found.append(Statistics(2.0 * float(series.std()), period_s, float(np.abs(series).max())))
+    return tuple(found)
+
+
+def run_motion(request: MotionRequest, console: Console | None = None) -> int:
+    """Write tables, CSV files and the figure; 0.
+
+    Raises:
+        ConfigError, DataError: bad input, in one line.
+    """
+    console = console if console is not None else Console()
+    case = load_case(request)
+    if request.headings:
+        _run_headings(request, case, console)
+    else:
+        _run_case(request, case, console)
+    return 0
+
+
+def _run_case(request: MotionRequest, case: Case, console: Console) -> None:
+    traces = sample(case, request.seed, request.duration_s, request.step_s)
+    stats = statistics(case, request.seed, request.statistics_s)
+    air = np.column_stack([traces.t_s, traces.course, traces.wind_in_ned_mps])
+    _write_series(request.out / "motion.csv", HEADER, np.column_stack([traces.t_s, traces.deck]))
+    _write_series(request.out / "wind.csv", WIND_HEADER, air)
+    plot_case(request.out / "motion.png", traces.t_s, traces.deck, traces.wind_in_ned_mps)
+    columns: dict[str, tuple[Statistics, ...]] = {case.ship.motion: stats}
+    _write_table(request.out / "motion_table.csv", columns)
+    console.print(_table(f"deck motion over {request.statistics_s:g} s", columns))
+    for line in traces.limit_bites:
+        console.print(line)
+    console.print(f"written: motion.csv, wind.csv, motion_table.csv, motion.png in {request.out}", soft_wrap=True)
+
+
+def _run_headings(request: MotionRequest, case: Case, console: Console) -> None:
+    panels: dict[str, dict[str, Traces]] = {}
+    columns: dict[str, tuple[Statistics, ...]] = {}
+    full_scale: dict[str, Array] = {}
+    sea, scale = case.ship.sea, case.ship.scale
+    for waves_from_deg, name in HEADINGS.items():
+        turned = replace(sea, waves_from_deg=waves_from_deg)
+        full_scale[name] = significant_amplitude(turned) * DEGREES
+        panels[name] = {}
+        for rule in TIME_RULES:
+            ship = replace(case.ship, sea=turned, scale=replace(scale, time=rule))
+            one = replace(case, ship=ship)
+            panels[name][rule] = sample(one, request.seed, request.duration_s, request.step_s)
+            columns[f"{name}\n{rule}"] = statistics(one, request.seed, request.statistics_s)
+    traces = {name: {rule: (t.t_s, t.deck) for rule, t in of.items()} for name, of in panels.items()}
+    plot_headings(request.out / "motion_headings.png", traces, rig_limits(case.rig) * DEGREES)
+    _write_table(request.out / "motion_headings.csv", columns)
+    title = f"Hs {sea.height_m:g} m, Tp {sea.period_s:g} s, {sea.speed_kn:g} kn, length scale {scale.length:g}"
+    console.print(_amplitudes(f"significant single amplitudes at full scale: {title}", full_scale))
+    console.print(_table(f"on the rig: {title}, {request.statistics_s:g} s", columns))
+    console.print(f"written: motion_headings.csv, motion_headings.png in {request.out}", soft_wrap=True)
+
+
+def _amplitudes(title: str, values: dict[str, Array]) -> Table:
+    table = Table("", *values, title=title, title_justify="left")
+    for index, name in enumerate(DOF_NAMES):
+        table.add_row(f"{name}, {UNITS[index]}", *(f"{value[index]:.2f}" for value in values.values()))
+    return table
+
+
+def _table(title: str, columns: dict[str, tuple[Statistics, ...]]) -> Table:
+    table = Table("", *columns, title=f"{title}: significant amplitude / mean period", title_justify="left")
+    for index, name in enumerate(DOF_NAMES):
+        cells = (f"{s[index].significant:.3g} / {s[index].period_s:.1f} s" for s in columns.values())
+        table.add_row(f"{name}, {UNITS[index]}", *cells)
+    return table
+
+
+def _write_table(path: Path, columns: dict[str, tuple[Statistics, ...]]) -> None:
+    header = ("case", "motion", "unit", "significant_amplitude", "mean_period_s", "largest")
+    rows = (
+        (
+            case.replace("\n", ", "),
+            name,
+            unit.replace("°", "deg"),
+            f"{s.significant:.4f}",
+            f"{s.period_s:.3f}",
+            f"{s.largest:.4f}",
+        )
+        for case, of_case in columns.items()
+        for name, unit, s in zip(DOF_NAMES, UNITS, of_case, strict=True)
+    )
+    _write_rows(path, header, rows)
+
+
+def _write_series(path: Path, header: tuple[str, ...], values: Array) -> None:
+    _write_rows(path, header, ([f"{value:.6g}" for value in row] for row in values.tolist()))
+
+
+def _write_rows(path: Path, header: tuple[str, ...], rows: Iterable[Iterable[str]]) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(header)
+            writer.writerows(rows)
+    except OSError as error:
+        raise DataError(f"{path} cannot be written: {error.strerror}") from None
+
+
+def _without_none(table: dict[str, Any]) -> dict[str, Any]:
+    kept = {key: _without_none(value) if isinstance(value, dict) else value for key, value in table.items()}
+    return {key: value for key, value in kept.items() if value is not None}

@@ -1,0 +1,1 @@
+"""Pictures of flights and campaigns: video, overlay, plots, summaries."""

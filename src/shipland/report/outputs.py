@@ -1,0 +1,181 @@
+"""Everything that a flight leaves in its folder: log, video, plots, figures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+
+from shipland.camera import Camera
+from shipland.config import build, merge, packaged_toml, read_toml
+from shipland.errors import DataError
+from shipland.messages import FlightRecord, GroundTruth, TouchdownVerdict
+from shipland.record.info import FlightInfo
+from shipland.record.reader import FlightLog, read_log
+from shipland.record.writer import LogParameters, LogWriter
+from shipland.report.lettering import Image
+from shipland.report.plots import PlotParameters, plot_flight
+from shipland.report.summary import FlightSummary, summarise, write_json
+from shipland.report.video import Chase, FlightVideo, VideoParameters
+from shipland.rig import Rig
+
+LOG_NAME, VIDEO_NAME, PLOTS_NAME = "flight.mcap", "flight.mp4", "plots.png"
+SUMMARY_NAME, TIMING_NAME = "summary.json", "timing.json"
+
+
+@dataclass(frozen=True)
+class OutputParameters:
+    """`configs/outputs.toml`."""
+
+    log: LogParameters
+    video: VideoParameters
+    plots: PlotParameters
+
+
+def load_outputs(path: Path | None = None) -> OutputParameters:
+    """The packaged output parameters, with a user's file laid over them; ConfigError when that is wrong."""
+    table = packaged_toml("outputs")
+    return build(OutputParameters, table if path is None else merge(table, read_toml(path)), "outputs")
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a stage of the flight cost by the wall clock."""
+
+    total_s: float
+    per_cycle_ms: float
+
+
+class Recorder:
+    """Takes a flight cycle by cycle and leaves it in a folder.
+
+    In flight nothing raises: an output that fails is given up, the others go on, and `problems` says what happened.
+    A context manager: a flight that is broken off leaves a closed log and video, plots and figures too.
+    """
+
+    folder: Path
+    problems: list[str]
+    summary: FlightSummary | None
+
+    def __init__(
+        self,
+        folder: Path,
+        info: FlightInfo,
+        rig: Rig,
+        camera: Camera,
+        parameters: OutputParameters,
+        chase: Chase | None = None,
+        video: bool = True,
+    ) -> None:
+        """Open the files in `folder`, writing over those of an earlier flight.
+
+        Args:
+            folder: made when it does not exist.
+            info: which flight.
+            rig: dimensions.
+            camera: of the onboard pictures.
+            parameters: rates and qualities.
+            chase: renders the outside view of a moment (`chase.chase_view`); None for the onboard view alone.
+            video: whether to write the video.
+
+        Raises:
+            DataError: the folder or the log cannot be written.
+        """
+        self.folder, self.problems, self.summary = folder, [], None
+        self._finished = False
+        self._flown: FlightLog | None = None
+        self._parameters = parameters
+        self._cost_s = {"log": 0.0, "video": 0.0, "chase": 0.0}
+        self._cycles = 0
+        self._log = LogWriter(folder / LOG_NAME, info, rig, camera, parameters.log)
+        try:
+            for name in (VIDEO_NAME, PLOTS_NAME, SUMMARY_NAME, TIMING_NAME):
+                (folder / name).unlink(missing_ok=True)
+        except OSError as error:
+            raise DataError(f"output folder {folder} cannot be written: {error.strerror}") from None
+        timed_chase = None if chase is None else self._timed_chase(chase)
+        self._outputs: dict[str, LogWriter | FlightVideo] = {"log": self._log}
+        if video:
+            self._outputs["video"] = FlightVideo(folder / VIDEO_NAME, rig, camera, parameters.video, timed_chase)
+
+    def append(self, record: FlightRecord) -> None:
+        """Take one cycle; never raises."""
+        self._cycles += 1
+        for name, output in list(self._outputs.items()):
+            self._attempt(name, partial(output.append, record))
+
+    def finish(
+        self, verdict: TouchdownVerdict | None, end: str = "", cost_s: Mapping[str, float] | None = None
+    ) -> FlightSummary | None:
+        """Close log and video and write plots, summary and timing.
+
+        Args:
+            verdict: the touchdown, or None.
+            end: why the loop ended, in words.
+            cost_s: wall-clock time of each stage of the loop [s].
+
+        Returns:
+            The figures; None when the log failed.
+        """
+        self._finished = True
+        for name, output in list(self._outputs.items()):
+            self._attempt(name, partial(output.finish, verdict))
+        self._close()
+        self._attempt("summary", partial(self._write_summary, end))
+        self._attempt("plots", self._write_plots)
+        self._attempt("timing", partial(self._write_timing, cost_s or {}))
+        return self.summary
+
+    def _close(self) -> None:
+        for name, output in list(self._outputs.items()):
+            self._attempt(name, output.close)
+        self._outputs.clear()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if not self._finished:
+            self.finish(None, "broken off" if error is None else f"broken off: {str(error) or type(error).__name__}")
+        self._close()
+
+    def _attempt(self, name: str, act: Callable[[], None]) -> None:
+        started_s = time.perf_counter()
+        try:
+            act()
+        except Exception as error:
+            self.problems.append(f"{name} given up: {str(error) or type(error).__name__}")
+            output = self._outputs.pop(name, None)
+            if output is not None:
+                self._attempt(f"closing {name}", output.close)
+        self._cost_s[name] = self._cost_s.get(name, 0.0) + time.perf_counter() - started_s
+
+    def _timed_chase(self, chase: Chase) -> Chase:
+        def timed(truth: GroundTruth) -> Image:
+            started_s = time.perf_counter()
+            image = chase(truth)
+            self._cost_s["chase"] += time.perf_counter() - started_s
+            return image
+
+        return timed
+
+    def _write_summary(self, end: str) -> None:
+        self._flown = read_log(self.folder / LOG_NAME)
+        self.summary = summarise(self._flown, end)
+        write_json(self.folder / SUMMARY_NAME, self.summary)
+
+    def _write_plots(self) -> None:
+        if self._flown is not None and self._flown.records:
+            plot_flight(self.folder / PLOTS_NAME, self._flown, self._parameters.plots)
+
+    def _write_timing(self, cost_s: Mapping[str, float]) -> None:
+        own_s = dict(self._cost_s)
+        own_s["video"] -= own_s["chase"]
+        cycles = max(1, self._cycles)
+        stages = {name: Cost(value, 1e3 * value / cycles) for name, value in (*cost_s.items(), *own_s.items())}
+        write_json(self.folder / TIMING_NAME, {"cycles": self._cycles, "stages": stages})

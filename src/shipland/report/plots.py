@@ -1,0 +1,297 @@
+"""A flight as one picture: places, speeds, sticks, deck motion over time, and the touchdown on the pad."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from shipland.config import require
+from shipland.errors import DataError
+from shipland.frames import Array
+from shipland.messages import Mode, TouchdownVerdict
+from shipland.record.columns import FlightColumns
+from shipland.record.reader import FlightLog
+from shipland.report.palette import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    MODE_COLOURS,
+    MODE_NAMES,
+    ORANGE,
+    STICK_COLOURS,
+    STICK_NAMES,
+    VERMILION,
+    unit,
+)
+from shipland.rig import Rig
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_TRUTH, _SEEN = unit(BLACK), unit(ORANGE)
+PLOT_STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 10.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#d8d8d8",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.4,
+    "legend.fontsize": 9.0,
+    "legend.frameon": True,
+    "legend.framealpha": 0.85,
+    "legend.edgecolor": "none",
+    "xtick.labelsize": 9.0,
+    "ytick.labelsize": 9.0,
+}
+
+
+@dataclass(frozen=True)
+class PlotParameters:
+    """`[plots]` of the outputs: resolution."""
+
+    dpi: int
+
+    def __post_init__(self) -> None:
+        require(40 <= self.dpi <= 600, "dpi must be in 40 … 600")
+
+
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """A figure without a display and without pyplot's registry."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def save_figure(figure: Figure, path: Path, dpi: int) -> None:
+    """Write a PNG whose bytes depend on the picture only; DataError when it cannot be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=dpi, metadata={"Software": None})
+    except OSError as error:
+        raise DataError(f"plot {path} cannot be written: {error.strerror}") from None
+
+
+def plot_flight(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
+    """Write the picture of one flight; DataError when the log has no rows or the file cannot be written."""
+    import matplotlib as mpl
+
+    if not log.records:
+        raise DataError("the flight log has no rows: nothing to plot")
+    columns, info, verdict = log.columns(), log.header.info, log.verdict
+    with mpl.rc_context(PLOT_STYLE):
+        figure = new_figure(10.4, 11.6)
+        seed = "" if info.seed is None else f", seed {info.seed}"
+        end = "no touchdown" if verdict is None else verdict.reason
+        figure.suptitle(f"{info.scenario}{seed}, pilot {info.pilot}:  {end}", fontsize=13, fontweight="bold")
+        grid = figure.add_gridspec(6, 2, height_ratios=[0.16, 1, 1, 1, 1, 1])
+        band = figure.add_subplot(grid[0, :])
+        draw_mode_key(band, columns)
+        rows = [(figure.add_subplot(grid[row, 0]), row) for row in range(1, 6)]
+        left = [axes for axes, _ in rows]
+        right = [figure.add_subplot(grid[row, 1]) for row in range(3, 6)]
+        pad = figure.add_subplot(grid[1:3, 1])
+        for draw, axes in zip((draw_forward, draw_right, draw_up, draw_heading, _draw_speed), left, strict=True):
+            draw(axes, columns)
+        for draw, axes in zip((draw_sticks, _draw_deck_turn, _draw_deck_heave), right, strict=True):
+            draw(axes, columns)
+        for axes in (*left, *right):
+            finish_time_axes(axes, columns, verdict, last=axes in (left[-1], right[-1]))
+        draw_pad(pad, log.header.rig)
+        _draw_touchdown(pad, columns, log.header.rig, info.aircraft_diagonal_m, verdict)
+        save_figure(figure, path, parameters.dpi)
+
+
+def draw_pad(axes: Axes, rig: Rig) -> None:
+    """Deck and landing square from above, forward up, starboard right [m]."""
+    from matplotlib.patches import Rectangle
+
+    for side_m, face, edge in (
+        (rig.deck_size_m, "#e9ecef", "#555555"),
+        (rig.landing_square_m, "#ffffff", unit(GREEN)),
+    ):
+        corner = (-0.5 * side_m, -0.5 * side_m)
+        axes.add_patch(Rectangle(corner, side_m, side_m, zorder=0.5, facecolor=face, edgecolor=edge, linewidth=1.8))
+    reach_m = 0.5 * rig.deck_size_m + 0.12
+    axes.set_xlim(-reach_m, reach_m)
+    axes.set_ylim(-reach_m, reach_m)
+    axes.set_aspect("equal")
+    axes.set_xlabel("starboard of the deck's centre [m]")
+    axes.set_ylabel("ahead of it [m]")
+    axes.grid(visible=False)
+
+
+def _show_at_least(axes: Axes, span: float) -> None:
+    """Widen the ordinate to `span`, so that noise about a steady value does not fill the picture."""
+    low, high = axes.get_ylim()
+    if high - low < span:
+        axes.set_ylim(0.5 * (low + high - span), 0.5 * (low + high + span))
+
+
+def draw_mode_key(axes: Axes, columns: FlightColumns) -> None:
+    """The colours of the modes that occur."""
+    from matplotlib.patches import Patch
+
+    present = [mode for mode in MODE_COLOURS if (columns.mode_number == mode.value).any()]
+    patches = [Patch(facecolor=unit(MODE_COLOURS[mode]), alpha=0.45, label=MODE_NAMES[mode]) for mode in present]
+    axes.legend(handles=patches, loc="center", ncols=len(patches), frameon=False, fontsize=10, title="flight mode")
+    axes.axis("off")
+
+
+def finish_time_axes(axes: Axes, columns: FlightColumns, verdict: TouchdownVerdict | None, last: bool) -> None:
+    """Modes as background, touchdown as a line, legend; the time's name below the last panel only."""
+    t_s = columns.t_s
+    for from_s, to_s, mode in columns.mode_spans():
+        axes.axvspan(from_s, to_s, facecolor=unit(MODE_COLOURS[mode]), alpha=0.2, linewidth=0, zorder=0)
+    if verdict is not None:
+        axes.axvline(verdict.t_s, color=unit(BLACK), linewidth=1.0, linestyle=(0, (4, 2)))
+    axes.set_xlim(float(t_s[0]), float(t_s[-1]) if t_s[-1] > t_s[0] else float(t_s[0]) + 1.0)
+    if last:
+        axes.set_xlabel("time [s]")
+    else:
+        axes.tick_params(labelbottom=False)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="best", ncols=4, markerscale=2.5, handlelength=1.2, columnspacing=0.9, borderpad=0.25)
+
+
+def draw_forward(axes: Axes, columns: FlightColumns) -> None:
+    """Place ahead of the pad; logarithmic when it goes from far to near."""
+    _draw_place(axes, columns, 0, "ahead of the pad's centre [m]")
+    nearest = np.nanmin(np.abs(columns.place_in_pad_m[:, 0]), initial=np.inf)
+    if np.nanmax(np.abs(columns.place_in_pad_m[:, 0]), initial=0.0) > 20.0 and nearest < 2.0:
+        axes.set_yscale("symlog", linthresh=1.0, linscale=0.4)
+        axes.set_yticks([-200, -100, -50, -20, -10, -5, -2, -1, 0, 1])
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.minorticks_off()
+        low = float(np.nanmin(columns.place_in_pad_m[:, 0]))
+        axes.set_ylim(1.3 * low, max(1.0, 1.2 * float(np.nanmax(columns.place_in_pad_m[:, 0]))))
+
+
+def draw_right(axes: Axes, columns: FlightColumns) -> None:
+    """Place right of the pad."""
+    _draw_place(axes, columns, 1, "right of it [m]")
+
+
+def draw_up(axes: Axes, columns: FlightColumns) -> None:
+    """Height over the neutral deck, and the deck's own."""
+    _draw_place(axes, columns, 2, "above it, were the deck still [m]")
+    deck_m = columns.deck_shift_m[:, 2]
+    axes.plot(columns.t_s, deck_m, color=unit(GREY), label="deck's centre")
+
+
+def _draw_place(axes: Axes, columns: FlightColumns, axis: int, title: str) -> None:
+    axes.set_title(title)
+    _draw_estimate(axes, columns.t_s, columns.estimate_in_pad_m[:, axis])
+    axes.plot(columns.t_s, columns.truth_in_pad_m[:, axis], color=_TRUTH, label="truth")
+    _show_at_least(axes, 0.4)
+
+
+def _draw_estimate(axes: Axes, t_s: Array, values: Array) -> None:
+    axes.plot(
+        t_s, values, color=_SEEN, label="pilot's estimate", linestyle="none", marker=".", markersize=4.0,
+        markeredgewidth=0.0,
+    )  # fmt: skip
+
+
+def draw_heading(axes: Axes, columns: FlightColumns) -> None:
+    """Heading against the ship."""
+    axes.set_title("heading against the ship's [°]")
+    _draw_estimate(axes, columns.t_s, np.degrees(columns.estimate_yaw_rad))
+    axes.plot(columns.t_s, np.degrees(columns.truth_yaw_rad), color=_TRUTH, label="truth")
+    _show_at_least(axes, 10.0)
+
+
+def _draw_speed(axes: Axes, columns: FlightColumns) -> None:
+    axes.set_title("speed against the ship [m/s]")
+    speed_mps = columns.speed_in_pad_mps
+    for axis, (name, colour) in enumerate((("forward", BLUE), ("right", VERMILION), ("up", GREEN))):
+        axes.plot(columns.t_s, speed_mps[:, axis], color=unit(colour), label=name)
+    _show_at_least(axes, 0.4)
+
+
+def draw_sticks(axes: Axes, columns: FlightColumns, names: tuple[str, ...] = STICK_NAMES) -> None:
+    """The sticks of these names."""
+    axes.set_title("sticks [%]")
+    for index, (name, colour) in enumerate(zip(STICK_NAMES, STICK_COLOURS, strict=True)):
+        if name in names:
+            axes.step(columns.t_s, columns.sticks_percent[:, index], where="post", color=unit(colour), label=name)
+    axes.set_ylim(-105.0, 105.0)
+    axes.set_yticks([-100, -50, 0, 50, 100])
+
+
+def _draw_deck_turn(axes: Axes, columns: FlightColumns) -> None:
+    axes.set_title("deck's roll and pitch [°]")
+    for index, (name, colour) in enumerate((("roll", BLUE), ("pitch", VERMILION))):
+        axes.plot(columns.t_s, np.degrees(columns.deck_turn_rad[:, index]), color=unit(colour), label=name)
+    _show_at_least(axes, 4.0)
+
+
+def _draw_deck_heave(axes: Axes, columns: FlightColumns) -> None:
+    axes.set_title("deck's heave, up [m]")
+    axes.plot(columns.t_s, columns.deck_shift_m[:, 2], color=unit(GREEN))
+    _show_at_least(axes, 0.2)
+
+
+def _draw_touchdown(
+    axes: Axes, columns: FlightColumns, rig: Rig, diagonal_m: float, verdict: TouchdownVerdict | None
+) -> None:
+    axes.set_title("touchdown on the deck, from above")
+    place_m = columns.truth_in_deck_m
+    landing = np.isin(columns.mode_number, [Mode.LAND.value, Mode.DONE.value])
+    reach_m = 0.5 * rig.deck_size_m + 0.12
+    seen = np.abs(place_m[:, :2]).max(axis=1) < reach_m
+    for chosen, colour, name in ((seen & ~landing, BLUE, "before landing"), (seen & landing, GREEN, "while landing")):
+        track_m = np.where(chosen[:, None], place_m[:, :2], np.nan)
+        if chosen.any():
+            axes.plot(track_m[:, 1], track_m[:, 0], color=unit(colour), linewidth=1.1, alpha=0.8, label=name)
+    if verdict is not None:
+        forward_m, right_m = verdict.touchdown_in_deck_m
+        after = np.flatnonzero(columns.t_s >= verdict.t_s)
+        index = int(after[0]) if len(after) else len(columns.t_s) - 1
+        yaw_rad = columns.truth_yaw_in_deck_rad[index]
+        draw_footprint(axes, verdict.touchdown_in_deck_m, float(np.nan_to_num(yaw_rad)), diagonal_m)
+        axes.plot(right_m, forward_m, marker="o", color=unit(BLACK), markersize=6, linestyle="none", label="touchdown")
+        rest_m = verdict.rest_in_deck_m
+        axes.plot(
+            rest_m[1], rest_m[0], marker="x", color=unit(VERMILION), markersize=7, markeredgewidth=2,
+            linestyle="none", label="at rest",
+        )  # fmt: skip
+        velocity = verdict.relative_velocity_in_deck_mps
+        text = (
+            f"{100.0 * np.hypot(forward_m, right_m):.1f} cm from the centre, {velocity[2]:.2f} m/s down, "
+            f"tilt {np.degrees(verdict.tilt_rad):.1f}°, slip {100.0 * verdict.slip_m:.1f} cm"
+        )
+        axes.set_title("touchdown on the deck, from above", pad=20.0)
+        axes.text(0.0, 1.02, text, transform=axes.transAxes, fontsize=9)
+    if axes.get_legend_handles_labels()[0]:
+        half = 0.5 - 0.5 * 0.96 * rig.deck_size_m / (2.0 * max(axes.get_xlim()))
+        axes.legend(loc="lower left", bbox_to_anchor=(half, half), fontsize=8.5)
+
+
+def draw_footprint(axes: Axes, place_in_deck_m: Array, yaw_rad: float, diagonal_m: float) -> None:
+    """The aircraft from above: arms and rotor discs at (forward, starboard) `place_in_deck_m`, nose marked."""
+    from matplotlib.patches import Circle
+
+    forward_m, right_m = place_in_deck_m
+    arm_m = 0.5 * diagonal_m
+    for angle_rad in np.radians([45.0, 135.0, 225.0, 315.0]) + yaw_rad:
+        tip = (right_m + arm_m * np.sin(angle_rad), forward_m + arm_m * np.cos(angle_rad))
+        axes.plot([right_m, tip[0]], [forward_m, tip[1]], color="#444444", linewidth=2.0, zorder=1.5)
+        axes.add_patch(Circle(tip, 0.55 * arm_m, facecolor="#44444433", edgecolor="#444444", zorder=1.5))
+    nose_m = 0.8 * arm_m
+    axes.annotate(
+        "",
+        (right_m + nose_m * np.sin(yaw_rad), forward_m + nose_m * np.cos(yaw_rad)),
+        (right_m, forward_m),
+        arrowprops={"arrowstyle": "-|>", "color": "#444444", "linewidth": 1.5},
+    )

@@ -1,0 +1,253 @@
+"""The flight's video, written frame by frame while flying: onboard picture, chase view, instruments."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from shipland.camera import Camera
+from shipland.config import require
+from shipland.errors import DataError
+from shipland.frames import Pose
+from shipland.messages import FlightRecord, GroundTruth, TouchdownVerdict
+from shipland.record.columns import derive
+from shipland.report.lettering import Image
+from shipland.report.overlay import (
+    STRIP_HEIGHT_PX,
+    STRIP_WIDTH_PX,
+    TRACES_WIDTH_PX,
+    Instruments,
+    draw_sight,
+    draw_verdict,
+    draw_zoom,
+)
+from shipland.rig import Rig
+
+if TYPE_CHECKING:
+    import av.container
+    import av.video
+
+CHASE_WIDTH_PX = TRACES_WIDTH_PX
+Chase = Callable[[GroundTruth], Image]
+"""Renders the outside view, (h, CHASE_WIDTH_PX, 3) BGR for choice, of a moment."""
+
+_BLANK: tuple[int, int, int] = (60, 56, 52)
+
+
+@dataclass(frozen=True)
+class VideoParameters:
+    """`[outputs.video]`.
+
+    Attributes:
+        rate_hz: frames a second of flight.
+        chase_rate_hz: renderings of the chase view a second of flight, moved between cycles by interpolation.
+        crf: constant rate factor of H.264; lower is better and larger.
+        preset: of x264; faster is larger.
+        verdict_hold_s: the last picture, with the verdict, is shown for so long.
+        trace_s: span of the traces of the deck's motion.
+    """
+
+    rate_hz: float
+    chase_rate_hz: float
+    crf: int
+    preset: str
+    verdict_hold_s: float
+    trace_s: float
+
+    def __post_init__(self) -> None:
+        require(1.0 <= self.rate_hz <= 120.0, "rate_hz must be in 1 … 120")
+        require(0.0 < self.chase_rate_hz <= self.rate_hz, "chase_rate_hz must be in 0 … rate_hz")
+        require(0 <= self.crf <= 51, "crf must be in 0 … 51")
+        require(self.verdict_hold_s >= 0.0 and self.trace_s > 0.0, "verdict_hold_s ≥ 0 and trace_s > 0 must hold")
+
+
+class VideoWriter:
+    """An MP4 of BGR pictures: H.264 where PyAV has libx264, else MPEG-4; one encoder thread, so reproducible."""
+
+    def __init__(self, path: Path, width_px: int, height_px: int, parameters: VideoParameters) -> None:
+        """Open `path`, writing over what was there; width and height must be even.
+
+        Raises:
+            DataError: the file cannot be written.
+        """
+        import av
+
+        rate = round(parameters.rate_hz * 1000)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            options = {"movflags": "+faststart", "fflags": "+bitexact"}
+            self._container: av.container.OutputContainer = av.open(str(path), "w", format="mp4", options=options)
+            self._stream = _add_stream(self._container, parameters, rate)
+        except (OSError, av.FFmpegError) as error:
+            raise DataError(f"video {path} cannot be written: {error}") from None
+        self._stream.width, self._stream.height, self._stream.pix_fmt = width_px, height_px, "yuv420p"
+        self._stream.codec_context.thread_count = 1
+        # OpenCV's YUV is BT.601, studio range; unsaid, players take wide pictures for BT.709.
+        self._stream.codec_context.colorspace, self._stream.codec_context.color_range = 6, 1
+        self._shape = (height_px, width_px, 3)
+        self._count = 0
+
+    def write(self, image: Image) -> None:
+        """Append one picture (height, width, 3)."""
+        import av
+
+        if image.shape != self._shape:
+            raise ValueError(f"VideoWriter wants pictures of shape {self._shape}, got {image.shape}")
+        yuv = cv2.cvtColor(image, cv2.COLOR_BGR2YUV_I420)
+        frame = av.VideoFrame.from_ndarray(yuv, format="yuv420p")  # type: ignore[arg-type]
+        frame.pts = self._count
+        self._count += 1
+        self._container.mux(self._stream.encode(frame))
+
+    def close(self) -> None:
+        """Finish the file."""
+        try:
+            if self._count:
+                self._container.mux(self._stream.encode())
+        finally:
+            self._container.close()
+
+
+def _add_stream(container: Any, parameters: VideoParameters, rate_millihertz: int) -> av.video.VideoStream:  # noqa: ANN401
+    from fractions import Fraction
+
+    import av
+
+    rate = Fraction(rate_millihertz, 1000)
+    if "libx264" in av.codec.codecs_available:
+        options = {"preset": parameters.preset, "crf": str(parameters.crf), "threads": "1"}
+        return container.add_stream("libx264", rate=rate, options=options)  # type: ignore[no-any-return]
+    stream = container.add_stream("mpeg4", rate=rate)
+    stream.bit_rate = 6_000_000
+    return stream  # type: ignore[no-any-return]
+
+
+class FlightVideo:
+    """Draws and writes a flight's video in the pace of its exposure times; pictures are held until the next cycle.
+
+    Nothing of the flight is kept but the newest cycle and the deck's motion over `trace_s`.
+    """
+
+    def __init__(
+        self, path: Path, rig: Rig, camera: Camera, parameters: VideoParameters, chase: Chase | None = None
+    ) -> None:
+        """Write to `path` from the first frame on; `chase` is called with true and interpolated moments."""
+        path.unlink(missing_ok=True)
+        self._path, self._rig, self._camera, self._parameters, self._chase = path, rig, camera, parameters, chase
+        self._scale = STRIP_WIDTH_PX / camera.width_px
+        self._picture_height_px = 2 * round(0.5 * self._scale * camera.height_px)
+        width_px = STRIP_WIDTH_PX + (CHASE_WIDTH_PX if chase else 0)
+        self._canvas = np.full((self._picture_height_px + STRIP_HEIGHT_PX, width_px, 3), _BLANK, np.uint8)
+        self._instruments = Instruments(with_traces=chase is not None, trace_s=parameters.trace_s)
+        self._writer: VideoWriter | None = None
+        self._newest: FlightRecord | None = None
+        self._start_s = 0.0
+        self._ticks = 0
+        self._chase_due_s = -np.inf
+        self._stale = False
+
+    def append(self, record: FlightRecord) -> None:
+        """Take a cycle; writes the frames up to it."""
+        if self._newest is None:
+            self._start_s = record.frame.t_s
+        else:
+            self._write_until(record.frame.t_s, record.truth)
+        self._newest = record
+        self._stale = True
+
+    def finish(self, verdict: TouchdownVerdict | None) -> None:
+        """Write the last cycle, hold it with the verdict, and close."""
+        if self._newest is not None:
+            self._write_until(self._newest.frame.t_s + 1.0 / self._parameters.rate_hz, None)
+            if verdict is not None:
+                draw_verdict(self._picture, verdict)
+            for _ in range(round(self._parameters.verdict_hold_s * self._parameters.rate_hz)):
+                self._write_canvas()
+        self.close()
+
+    def close(self) -> None:
+        """Finish the file as it is; more than once does no harm."""
+        self._newest = None
+        if self._writer is not None:
+            writer, self._writer = self._writer, None
+            writer.close()
+
+    @property
+    def _picture(self) -> Image:
+        return self._canvas[: self._picture_height_px, :STRIP_WIDTH_PX]
+
+    def _write_until(self, end_s: float, next_truth: GroundTruth | None) -> None:
+        """Write the frames due before `end_s`, moving the chase view towards the next truth."""
+        newest = self._newest
+        while newest is not None and (t_s := self._start_s + self._ticks / self._parameters.rate_hz) < end_s - 1e-6:
+            due = t_s >= self._chase_due_s - 1e-6
+            moment = newest.truth
+            if due and moment is not None and next_truth is not None:
+                moment = between(moment, next_truth, t_s)
+            if self._stale:
+                self._draw_picture(newest)
+            if self._stale or due:
+                self._draw_instruments(replace(newest, truth=moment), t_s)
+            if due and moment is not None:
+                self._draw_chase(moment)
+                self._chase_due_s = t_s + 1.0 / self._parameters.chase_rate_hz
+            self._stale = False
+            self._write_canvas()
+
+    def _write_canvas(self) -> None:
+        if self._writer is None:
+            height_px, width_px = self._canvas.shape[:2]
+            self._writer = VideoWriter(self._path, width_px, height_px, self._parameters)
+        self._writer.write(self._canvas)
+        self._ticks += 1
+
+    def _draw_picture(self, record: FlightRecord) -> None:
+        picture, image = self._picture, record.frame.image
+        if image is None:
+            picture[:] = _BLANK
+        else:
+            cv2.resize(image, (picture.shape[1], picture.shape[0]), dst=picture, interpolation=cv2.INTER_LINEAR)
+        draw_sight(picture, record.observation, self._scale)
+        if image is not None:
+            draw_zoom(picture, image, record.observation)
+
+    def _draw_chase(self, truth: GroundTruth) -> None:
+        if self._chase is None:
+            return
+        view, image = self._canvas[: self._picture_height_px, STRIP_WIDTH_PX:], self._chase(truth)
+        view[:] = image if image.shape == view.shape else cv2.resize(image, (view.shape[1], view.shape[0]))
+        view[:, 0] = 0
+
+    def _draw_instruments(self, record: FlightRecord, t_s: float) -> None:
+        derived = derive(record, self._rig)
+        self._instruments.note(t_s, derived)
+        self._canvas[self._picture_height_px :] = self._instruments.draw(record, derived, t_s)
+
+
+def between(before: GroundTruth, after: GroundTruth, t_s: float) -> GroundTruth:
+    """The truth at a time between two, or nearest to it: places by line, turns by the shortest arc."""
+    span_s = after.t_s - before.t_s
+    share = 0.0 if span_s <= 0.0 else min(1.0, max(0.0, (t_s - before.t_s) / span_s))
+
+    def pose(first: Pose, last: Pose) -> Pose:
+        turn = Rotation.from_matrix(first.rotation.T @ last.rotation).as_rotvec()
+        rotation = first.rotation @ Rotation.from_rotvec(share * turn).as_matrix()
+        return Pose(rotation, first.translation_m + share * (last.translation_m - first.translation_m))
+
+    return GroundTruth(
+        t_s=before.t_s + share * span_s,
+        ned_from_body=pose(before.ned_from_body, after.ned_from_body),
+        velocity_in_ned_mps=before.velocity_in_ned_mps
+        + share * (after.velocity_in_ned_mps - before.velocity_in_ned_mps),
+        ned_from_ship=pose(before.ned_from_ship, after.ned_from_ship),
+        ned_from_deck=pose(before.ned_from_deck, after.ned_from_deck),
+        ned_from_bar=pose(before.ned_from_bar, after.ned_from_bar),
+        ned_from_camera=pose(before.ned_from_camera, after.ned_from_camera),
+        wind_in_ned_mps=before.wind_in_ned_mps + share * (after.wind_in_ned_mps - before.wind_in_ned_mps),
+    )

@@ -1,0 +1,210 @@
+"""Pictures of recorded flights as the paper shows them: trajectories, commands over time, landing points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shipland.errors import DataError
+from shipland.frames import Array, Pose
+from shipland.record.reader import FlightLog, read_log
+from shipland.report.landing_plots import Touchdowns, plot_touchdowns
+from shipland.report.palette import GREY, MODE_COLOURS, MODE_NAMES, VERMILION, unit
+from shipland.report.plots import (
+    PLOT_STYLE,
+    PlotParameters,
+    draw_forward,
+    draw_heading,
+    draw_mode_key,
+    draw_right,
+    draw_sticks,
+    draw_up,
+    finish_time_axes,
+    new_figure,
+    save_figure,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_UP = np.array([1.0, 1.0, -1.0])
+_SHIP_EVERY_S = 5.0
+_DPI = 80
+"""Small enough for a page of documentation."""
+
+
+def read_flights(folder: Path) -> list[FlightLog]:
+    """The logs with rows in a folder and the folders below it, in the order of their names.
+
+    Raises:
+        DataError: there are none, or one cannot be read.
+    """
+    paths = sorted(folder.rglob("*.mcap"), key=lambda path: (path.parent, len(path.stem), path.stem))
+    logs = [log for log in map(read_log, paths) if any(record.truth for record in log.records)]
+    if not logs:
+        raise DataError(
+            f"{folder} holds no log of a simulated flight (*.mcap); "
+            "fly with `shipland fly` or `shipland campaign --logs`"
+        )
+    return logs
+
+
+def figures_of_flights(folder: Path, out: Path) -> list[Path]:
+    """Draw a folder's flights: all trajectories and landing points, and the commands of the one from farthest away.
+
+    Raises:
+        DataError: no logs, or a file cannot be written.
+    """
+    logs, parameters = read_flights(folder), PlotParameters(_DPI)
+    farthest = max(logs, key=lambda log: tracks_of(log).distance_m[0])
+    info = logs[0].header.info
+    title = f"{info.scenario}, pilot {info.pilot}, {len(logs)} flight{'s' if len(logs) > 1 else ''}"
+    paths = [out / name for name in ("trajectories.png", "commands.png", "landings.png")]
+    plot_trajectories(paths[0], logs, title, parameters)
+    plot_commands(paths[1], farthest, parameters)
+    plot_touchdowns(paths[2], touchdowns_of(logs), logs[0].header.rig, title, parameters)
+    return paths
+
+
+class Tracks:
+    """Where aircraft and ship went, in the axes of `ship` at the first frame: ahead, starboard, UP of the pad there.
+
+    Attributes:
+        t_s: (n,) exposure times.
+        aircraft_m, ship_m: (n, 3).
+        distance_m: (n,) between them over ground.
+    """
+
+    def __init__(self, t_s: Array, aircraft_m: Array, ship_m: Array) -> None:
+        self.t_s, self.aircraft_m, self.ship_m = t_s, aircraft_m, ship_m
+        self.distance_m: Array = np.linalg.norm((aircraft_m - ship_m)[:, :2], axis=1)
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the ship moved by more than a metre."""
+        return bool(np.linalg.norm(np.ptp(self.ship_m, axis=0)[:2]) > 1.0)
+
+
+def tracks_of(log: FlightLog) -> Tracks:
+    """The tracks in a log of a simulated flight."""
+    truths = [record.truth for record in log.records if record.truth is not None]
+    start: Pose = truths[0].ned_from_ship.inverse()
+    return Tracks(
+        np.array([truth.t_s for truth in truths]),
+        np.array([_UP * start.apply(truth.ned_from_body.translation_m) for truth in truths]),
+        np.array([_UP * start.apply(truth.ned_from_ship.translation_m) for truth in truths]),
+    )
+
+
+def touchdowns_of(logs: Sequence[FlightLog]) -> Touchdowns:
+    """First contacts of flights; NaN where there was none."""
+    nowhere = (np.nan, np.nan)
+    verdicts = [log.verdict for log in logs]
+    return Touchdowns(
+        t_s=np.array([np.nan if it is None else it.t_s for it in verdicts]),
+        place_in_deck_m=np.array([nowhere if it is None else it.touchdown_in_deck_m for it in verdicts], dtype=float),
+        landed=np.array([it is not None and it.landed and it.in_square for it in verdicts]),
+    )
+
+
+def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str, parameters: PlotParameters) -> None:
+    """Many flights from above and from the side, coloured by mode [Lee2022, §Tracking Capability].
+
+    Above: in the axes of the ship at the start; a ship under way is drawn every five seconds. Side: height over the
+    neutral deck against distance from the ship.
+    """
+    import matplotlib as mpl
+
+    with mpl.rc_context(PLOT_STYLE):
+        figure = new_figure(10.4, 9.0)
+        figure.suptitle(title, fontsize=13, fontweight="bold")
+        above, beside = figure.subplots(2, 1, height_ratios=[2.2, 1.0])
+        tracks = [tracks_of(log) for log in logs]
+        for log, track in zip(logs, tracks, strict=True):
+            _draw_tracks(above, beside, log, track)
+        above.set_aspect("equal", adjustable="datalim")
+        above.set_title("from above: starboard (downward) over ahead of the ship at the start [m]")
+        above.invert_yaxis()
+        beside.set_title("from the side: height over the neutral deck [m] over distance from the ship [m]")
+        beside.set_xlim(right=0.0)
+        beside.axhline(-logs[0].header.rig.deck_height_m, color="#7fa7c9", linewidth=1.0)
+        if max(float(track.distance_m.max()) for track in tracks) > 60.0:
+            beside.set_xscale("symlog", linthresh=5.0, linscale=0.5)
+            beside.set_xticks([-200, -100, -50, -20, -10, -5, 0])
+            beside.xaxis.set_major_formatter("{x:g}")
+            beside.minorticks_off()
+        _draw_key(above, logs)
+        save_figure(figure, path, parameters.dpi)
+
+
+def _draw_tracks(above: Axes, beside: Axes, log: FlightLog, track: Tracks) -> None:
+    modes = np.array([record.decision.mode.value for record in log.records if record.truth is not None])
+    for mode, colour in MODE_COLOURS.items():
+        chosen = modes == mode.value
+        if not chosen.any():
+            continue
+        chosen[1:] |= chosen[:-1]  # a stretch lasts until the next one's start
+        place_m = np.where(chosen[:, None], track.aircraft_m, np.nan)
+        distance_m = np.where(chosen, track.distance_m, np.nan)
+        above.plot(place_m[:, 0], place_m[:, 1], color=unit(colour), linewidth=1.0, alpha=0.85)
+        beside.plot(-distance_m, place_m[:, 2], color=unit(colour), linewidth=1.0, alpha=0.85)
+    if track.under_way:
+        above.plot(track.ship_m[:, 0], track.ship_m[:, 1], color=unit(GREY), linewidth=1.0)
+        at_s = np.arange(track.t_s[0], track.t_s[-1], _SHIP_EVERY_S)
+        squares = [np.interp(at_s, track.t_s, track.ship_m[:, axis]) for axis in (0, 1)]
+        above.plot(*squares, color=unit(VERMILION), marker="s", markersize=3.5, linestyle="none")
+    else:
+        above.plot(0.0, 0.0, color=unit(VERMILION), marker="s", markersize=6.0, linestyle="none")
+    above.plot(*track.aircraft_m[0, :2], color="#000000", marker=".", markersize=5.0, linestyle="none")
+    landed = log.verdict is not None and log.verdict.landed and log.verdict.in_square
+    if not landed:
+        above.plot(*track.aircraft_m[-1, :2], color=unit(VERMILION), marker="x", markersize=9.0, markeredgewidth=2.0)
+
+
+def _draw_key(axes: Axes, logs: Sequence[FlightLog]) -> None:
+    from matplotlib.lines import Line2D
+
+    seen = {record.decision.mode for log in logs for record in log.records}
+    handles = [
+        Line2D([], [], color=unit(MODE_COLOURS[mode]), linewidth=2.5, label=MODE_NAMES[mode])
+        for mode in MODE_COLOURS
+        if mode in seen
+    ]
+    for marker, colour, label in (
+        (".", (0, 0, 0), "start"),
+        ("s", VERMILION, "ship"),
+        ("x", VERMILION, "not in the square"),
+    ):
+        handles.append(Line2D([], [], color=unit(colour), marker=marker, linestyle="none", label=label))
+    axes.legend(handles=handles, loc="best", ncols=2)
+
+
+def plot_commands(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
+    """One flight's sticks, distances and heading over time, the mode behind them [Lee2022, §Tracking Capability].
+
+    Raises:
+        DataError: the log has no rows, or the file cannot be written.
+    """
+    import matplotlib as mpl
+
+    if not log.records:
+        raise DataError("the flight log has no rows: nothing to plot")
+    columns, info, verdict = log.columns(), log.header.info, log.verdict
+    with mpl.rc_context(PLOT_STYLE):
+        figure = new_figure(9.0, 11.0)
+        seed = "" if info.seed is None else f", seed {info.seed}"
+        end = "no touchdown" if verdict is None else verdict.reason
+        figure.suptitle(f"{info.scenario}{seed}, pilot {info.pilot}:  {end}", fontsize=13, fontweight="bold")
+        band, *panels = figure.subplots(7, 1, height_ratios=[0.16, 1, 1, 1, 1, 1, 1])
+        draw_mode_key(band, columns)
+        for axes, names in zip(panels, (("pitch", "roll"), ("heave", "yaw")), strict=False):
+            draw_sticks(axes, columns, names)
+            axes.set_title(f"{names[0]} and {names[1]} stick [%]")
+        for draw, axes in zip((draw_forward, draw_right, draw_up, draw_heading), panels[2:], strict=True):
+            draw(axes, columns)
+        for axes in panels:
+            finish_time_axes(axes, columns, verdict, last=axes is panels[-1])
+        save_figure(figure, path, parameters.dpi)

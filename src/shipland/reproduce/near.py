@@ -1,0 +1,162 @@
+"""Derivatives of the near law side by side: a hover with one false estimate at 6.5 s [Lee2022, §Close-range]."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from shipland.config import merge
+from shipland.flight import Vision, fly
+from shipland.frames import Array
+from shipland.guidance.pilot import Pilot
+from shipland.messages import Decision, FlightRecord, Frame, Observation, Telemetry
+from shipland.missions.scenarios import build_crew, build_vehicle, load_scenario, scenario_table
+
+FALSE_AT_S = 6.5
+"""[Lee2022] names the time, not the size."""
+FALSE_M = 0.5
+"""To the right, in one frame."""
+NOISE_M = 0.005
+"""The paper's accuracy, "sub-centimeter", as a standard deviation of each coordinate."""
+DURATION_S = 14.0
+SETTLED_S = 3.0
+"""Before the false estimate: the span in which the stick's noise is read."""
+
+CONTROLS: dict[str, dict[str, Any]] = {
+    "linear D": {"derivative": "linear", "filter": "none"},
+    "linear D, Kalman": {"derivative": "linear", "filter": "kalman"},
+    "probabilistic D, Kalman": {"derivative": "probabilistic", "filter": "kalman"},
+}
+
+
+@dataclass(frozen=True)
+class NearTrace:
+    """A hover.
+
+    Attributes:
+        t_s: (n,) exposure times.
+        right_m: (n,) true place right of the place wanted.
+        seen_right_m: (n,) the same as the vision has it, noise and false estimate included; NaN without a pose.
+        law_percent: (n,) roll stick of the law.
+        sent_percent: (n,) roll stick after the safety's slew bound.
+    """
+
+    t_s: Array
+    right_m: Array
+    seen_right_m: Array
+    law_percent: Array
+    sent_percent: Array
+
+
+class Spoiled:
+    """Eyes whose poses get noise, and once a false estimate."""
+
+    def __init__(self, eyes: Vision, noise_m: float, false_m: float, rng: np.random.Generator) -> None:
+        self._eyes, self._noise_m, self._false_m, self._rng = eyes, noise_m, false_m, rng
+        self._spoiled = False
+
+    def see(self, frame: Frame) -> Observation:
+        """What the eyes see, spoiled."""
+        noise_m = self._noise_m * self._rng.normal(size=3)
+        seen = self._eyes.see(frame)
+        if seen.bar_pose is None:
+            return seen
+        place_m = seen.bar_pose.position_in_bar_m + noise_m
+        if frame.t_s >= FALSE_AT_S and not self._spoiled:
+            self._spoiled = True
+            place_m = place_m + np.array([0.0, self._false_m, 0.0])
+        return replace(seen, bar_pose=replace(seen.bar_pose, position_in_bar_m=place_m))
+
+
+class Tapped:
+    """A pilot whose roll stick is noted before the safety sees it."""
+
+    def __init__(self, pilot: Pilot) -> None:
+        self._pilot = pilot
+        self.roll_percent: list[float] = []
+
+    def decide(self, observation: Observation, telemetry: Telemetry) -> Decision:
+        """As the pilot."""
+        decision = self._pilot.decide(observation, telemetry)
+        self.roll_percent.append(decision.command.roll_percent)
+        return decision
+
+
+def fly_hover(near: dict[str, Any], noise_m: float, false_m: float, slew: bool = True) -> NearTrace:
+    """From 1.5 m astern and 0.5 m to starboard to the place above the deck, and stay there: it never lands.
+
+    Args:
+        near: laid over `[guidance.near]`.
+        noise_m: added to the vision's own, each coordinate.
+        false_m: the false estimate.
+        slew: whether the safety's slew bound stands after the law.
+    """
+    overlay: dict[str, Any] = {
+        "ship": {"motion": "still"},
+        "wind": {"mean_mps": 0.0, "mean_spread_mps": 0.0},
+        "start": {
+            "distance_m": 1.58,
+            "distance_spread_m": 0.0,
+            "bearing_deg": 18.4,
+            "bearing_spread_deg": 0.0,
+            "height_m": 1.2,
+            "height_spread_m": 0.0,
+            "heading_error_deg": 18.4,
+            "heading_error_spread_deg": 0.0,
+        },
+        "guidance": {"near": near, "modes": {"settle_s": 1e9}},
+        "safety": {} if slew else {"slew_percent_per_s": 1e6},
+    }
+    scenario = load_scenario(merge(scenario_table("near"), overlay))
+    vehicle = build_vehicle(scenario, 1, None)
+    crew = build_crew(scenario, vehicle, "paper", "geometric", 1)
+    tapped = Tapped(crew.pilot)
+    crew = replace(crew, vision=Spoiled(crew.vision, noise_m, false_m, np.random.default_rng(1)), pilot=tapped)
+    records: list[FlightRecord] = []
+    fly(vehicle, crew, DURATION_S, lambda: 0.0, records.append)
+    middle_m = float(scenario.rig.deck_in_bar_m[1])
+    camera_m = np.array(scenario.camera.position_in_body_m)
+    rows = []
+    for record, law_percent in zip(records, tapped.roll_percent, strict=True):
+        if record.truth is None:
+            continue
+        pose = record.observation.bar_pose
+        seen_m = np.nan
+        if pose is not None:
+            seen_m = float(pose.position_in_bar_m[1]) - float(camera_m[0]) * np.sin(pose.yaw_rad) - middle_m
+        right_m = float(record.truth.aircraft_in_bar_m[1]) - middle_m
+        rows.append((record.frame.t_s, right_m, seen_m, law_percent, record.decision.command.roll_percent))
+    return NearTrace(*np.array(rows, dtype=float).T)
+
+
+@dataclass(frozen=True)
+class NearFigures:
+    """What a false estimate did.
+
+    Attributes:
+        noise_percent: standard deviation of the law's stick from step to step before it, over √2.
+        peak_percent: largest stick of the law within half a second of it.
+        sent_percent: the same after the safety's slew bound.
+        excursion_m: farthest that the aircraft came away from where it would have been without, within 3 s.
+    """
+
+    noise_percent: float
+    peak_percent: float
+    sent_percent: float
+    excursion_m: float
+
+
+def near_figures(spoiled: NearTrace, clean: NearTrace) -> NearFigures:
+    """Figures from a flight with the false estimate and the same flight without."""
+    before = (spoiled.t_s > FALSE_AT_S - SETTLED_S) & (spoiled.t_s < FALSE_AT_S)
+    just_after = (spoiled.t_s >= FALSE_AT_S) & (spoiled.t_s < FALSE_AT_S + 0.5)
+    after = (spoiled.t_s >= FALSE_AT_S) & (spoiled.t_s < FALSE_AT_S + 3.0)
+    clean_m = np.interp(spoiled.t_s, clean.t_s, clean.right_m)
+    return NearFigures(
+        noise_percent=float(np.std(np.diff(spoiled.law_percent[before])) / np.sqrt(2.0)),
+        peak_percent=float(np.max(np.abs(spoiled.law_percent[just_after]))),
+        sent_percent=float(np.max(np.abs(spoiled.sent_percent[just_after]))),
+        excursion_m=float(np.max(np.abs(spoiled.right_m - clean_m)[after])),
+    )

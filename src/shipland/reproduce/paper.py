@@ -1,0 +1,292 @@
+"""`shipland paper`: the controlled figures of the paper, each with its table [Lee2022]."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+
+from shipland.guidance.laws import FarVariant, derivative_gain, exponential_law
+from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
+from shipland.reproduce.far import (
+    APPROACHES,
+    AXIS_M,
+    CONTROLS,
+    HAND_OVER_M,
+    LATE_S,
+    READINGS,
+    RUN_IN_M,
+    SETTLED_SHARE,
+    STEP_CASES,
+    STEP_S,
+    YAW_CASES,
+    ApproachCase,
+    ApproachFigures,
+    StepFigures,
+    approach_figures,
+    fly_approach,
+    fly_step,
+    step_figures,
+    ultimate,
+    yaw_swing_deg,
+)
+from shipland.reproduce.flight_figures import figures_of_flights
+from shipland.reproduce.near import CONTROLS as DERIVATIVES
+from shipland.reproduce.near import FALSE_AT_S, FALSE_M, NOISE_M, fly_hover, near_figures
+from shipland.reproduce.plots import (
+    plot_derivative_gain,
+    plot_far_steps,
+    plot_near,
+    plot_readings,
+    plot_roll_law,
+)
+from shipland.reproduce.ranges import FarTrace
+
+FigureName = Literal["roll-law", "far-steps", "far-readings", "derivative-gain", "near-false"]
+
+
+@dataclass(frozen=True)
+class PaperRequest:
+    """What `shipland paper` was asked for; `flights`: draw the logs of that folder instead."""
+
+    out: Path
+    only: FigureName | None
+    flights: Path | None
+
+
+def run_paper(request: PaperRequest) -> int:
+    """Make the figures and `table.md`; 0.
+
+    Raises:
+        DataError: the output folder cannot be written, or the folder of flights holds none.
+    """
+    if request.flights is not None:
+        for path in figures_of_flights(request.flights, request.out):
+            print(path)
+        return 0
+    scenario = load_scenario(scenario_table("near"))
+    names = (request.only,) if request.only else get_args(FigureName)
+    texts = []
+    for name in names:
+        path = request.out / f"{name}.png"
+        texts.append(f"## {name}\n\n{_FIGURES[name](path, scenario)}\n")
+        print(texts[-1], flush=True)
+    (request.out / "table.md").write_text("\n".join(texts), encoding="utf-8")
+    return 0
+
+
+def _roll_law(path: Path, scenario: Scenario) -> str:
+    ship, match_px = scenario.guidance.ship, scenario.guidance.far_baselines.match_px
+    plot_roll_law(path, ship, match_px)
+    errors_px = (-100.0, -50.0, -20.0, -5.0, 5.0, 20.0, 50.0, 100.0)
+    head = ["error [px]", *(f"{error_px:+.0f}" for error_px in errors_px)]
+    rows = [
+        [f"{variant} [%]", *(f"{exponential_law(error_px, ship.roll, variant):+.0f}" for error_px in errors_px)]
+        for variant in get_args(FarVariant)
+    ]
+    return _table(head, rows)
+
+
+def _derivative_gain(path: Path, scenario: Scenario) -> str:
+    near = scenario.guidance.near
+    plot_derivative_gain(path, near)
+    steps = (-2.0, -1.0, 0.0, 1.0, 2.0, 4.0)
+    head = ["axis", *(f"step {step:+g} σ" for step in steps), "linear"]
+    rows = []
+    for name in ("pitch", "roll", "heave", "yaw"):
+        gains = getattr(near, name)
+        values = [derivative_gain(step * gains.sigma, 0.03, gains, "probabilistic") for step in steps]
+        rows.append([name, *(f"{value:.2f}" for value in values), f"{gains.b:g}"])
+    return _table(head, rows)
+
+
+def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one signature for all
+    roll, heave = ultimate(0, 0.8, 1.6), ultimate(1, 8.0, 16.0)
+    shown: dict[str, dict[str, FarTrace]] = {"100 m, still air": {}, "60 m, still air": {}}
+    sideways: list[list[str]] = []
+    vertical: list[list[str]] = []
+    for case in STEP_CASES:
+        for name, (kind, variant) in CONTROLS.items():
+            trace = fly_step(case, kind, variant)
+            if case.name in shown:
+                shown[case.name][name] = trace
+            for axis, rows in enumerate((sideways, vertical)):
+                rows.append([case.name, name, *_step_cells(step_figures(trace.t_s, trace.off_px[:, axis]))])
+    plot_far_steps(path, shown)
+    head = ["case", "control", "overshoot [px]", "overshoot [%]", "settled [s]", "steady error [px]", "swing [px]"]
+    return "\n\n".join(
+        [
+            f"Settled: within {100.0 * SETTLED_SHARE:.0f} % of the step from then on. Steady error and swing: mean, "
+            f"and highest minus lowest, over the last {LATE_S:.0f} of {STEP_S:.0f} s.",
+            f"A proportional stick no longer settles at 100 m from {roll.gain:.2f} % per px in roll (period "
+            f"{roll.period_s:.1f} s) and {heave.gain:.1f} % per px in heave ({heave.period_s:.1f} s).",
+            "### Sideways",
+            _table(head, sideways),
+            "### Vertical",
+            _table(head, vertical),
+            "### Heading",
+            _table(
+                ["yaw law, cycle", f"swing over {LATE_S:.0f} s [°]"],
+                [[name, f"{yaw_swing_deg(overlay):.1f}"] for name, overlay in YAW_CASES.items()],
+            ),
+        ]
+    )
+
+
+def _step_cells(figures: StepFigures) -> list[str]:
+    share = 100.0 * figures.overshoot_px / abs(figures.step_px)
+    settled = "–" if math.isnan(figures.settled_s) else f"{figures.settled_s:.0f}"
+    return [
+        f"{figures.overshoot_px:.0f}", f"{share:.0f}", settled, f"{figures.steady_px:+.1f}", f"{figures.swing_px:.0f}"
+    ]  # fmt: skip
+
+
+_SHOWN = (ApproachCase(250.0, 15.0, 5.0), ApproachCase(120.0, 5.0, 0.0), ApproachCase(60.0, 2.0, 5.0))
+
+
+def _far_readings(path: Path, scenario: Scenario) -> str:
+    bar_px2, bar_ahead_m = scenario.guidance.bar.pitch.setpoint, float(scenario.rig.bar_in_ship_m[0])
+    shown: dict[ApproachCase, dict[FarVariant, FarTrace]] = {case: {} for case in _SHOWN}
+    by_reading: dict[FarVariant, list[ApproachFigures]] = {variant: [] for variant in READINGS}
+    rows = []
+    for case in APPROACHES:
+        for variant in READINGS:
+            trace = fly_approach(case, variant)
+            if case in shown:
+                shown[case][variant] = trace
+            figures = approach_figures(trace, bar_px2, bar_ahead_m)
+            by_reading[variant].append(figures)
+            place = [f"{case.distance_m:.0f}", f"{case.offset_deg:.0f}", f"{case.wind_mps:.0f}", variant]
+            rows.append([*place, *_approach_cells(figures)])
+    plot_readings(path, shown, bar_ahead_m)
+    sums = [_reading_sum(variant, all_of) for variant, all_of in by_reading.items()]
+    return "\n\n".join(
+        [
+            f"Hand-over: {HAND_OVER_M:.0f} m from the bar, where corners take over. Run-in: the {RUN_IN_M:.0f} m "
+            f"before it. Settled: from when on within {AXIS_M:.0f} m of the ship's axis, if before the run-in. "
+            "Setpoint area: when the bar's box, flown on past the hand-over, came within a fifth of 3400 px².",
+            _table(_SUM_HEAD, sums),
+            _table(_APPROACH_HEAD, rows),
+        ]
+    )
+
+
+_SUM_HEAD = [
+    "reading",
+    "flights",
+    "settled before the run-in",
+    "overshoot, median [m]",
+    "off the axis in the run-in, median [m]",
+    "at the hand-over, median [m]",
+    "across the axis there, median [m/s]",
+    "setpoint area, median [s]",
+    "ship lost on the way there",
+]
+_APPROACH_HEAD = [
+    "from [m]",
+    "offset [°]",
+    "wind [m/s]",
+    "reading",
+    "overshoot [m]",
+    "settled [s]",
+    "in the run-in [m]",
+    "hand-over [s]",
+    "off the axis there [m]",
+    "across [m/s]",
+    "bar off middle [px]",
+    "setpoint area [s]",
+    "lost on the way",
+]
+
+
+def _approach_cells(figures: ApproachFigures) -> list[str]:
+    return [
+        f"{figures.overshoot_m:.1f}",
+        _number(figures.settled_s),
+        f"{figures.run_in_m:.1f}",
+        _number(figures.hand_over_s),
+        f"{figures.off_m:.1f}",
+        f"{figures.sideways_mps:.1f}",
+        f"{figures.off_px:.0f}",
+        _number(figures.setpoint_s),
+        "yes" if figures.lost else "no",
+    ]
+
+
+def _reading_sum(variant: str, flights: list[ApproachFigures]) -> list[str]:
+    settled = sum(not math.isnan(flight.settled_s) for flight in flights)
+    return [
+        variant,
+        str(len(flights)),
+        str(settled),
+        f"{np.median([flight.overshoot_m for flight in flights]):.1f}",
+        f"{np.median([flight.run_in_m for flight in flights]):.1f}",
+        f"{np.median([flight.off_m for flight in flights]):.1f}",
+        f"{np.median([flight.sideways_mps for flight in flights]):.1f}",
+        _number(float(np.nanmedian([flight.setpoint_s for flight in flights]))),
+        str(sum(flight.lost for flight in flights)),
+    ]
+
+
+def _near_false(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one signature for all
+    rows, shown = [], {}
+    cases = ((NOISE_M, FALSE_M, True), (0.0, FALSE_M, True), (0.0, FALSE_M, False), (0.0, 4.0 * FALSE_M, False))
+    for noise_m, false_m, slew in cases:
+        for name, near in DERIVATIVES.items():
+            spoiled = fly_hover(near, noise_m, false_m, slew)
+            figures = near_figures(spoiled, fly_hover(near, noise_m, 0.0, slew))
+            if noise_m > 0.0:
+                shown[name] = spoiled
+            rows.append(
+                [
+                    f"{1000.0 * noise_m:.0f}",
+                    f"{false_m:g}",
+                    "yes" if slew else "no",
+                    name,
+                    f"{figures.noise_percent:.2f}",
+                    f"{figures.peak_percent:.0f}",
+                    f"{figures.sent_percent:.0f}",
+                    f"{100.0 * figures.excursion_m:.1f}",
+                ]
+            )
+    plot_near(path, shown)
+    words = (
+        f"One estimate is false, at {FALSE_AT_S:g} s, to the right. Noise of the stick: before it, from step to step. "
+        "Excursion: from where the aircraft would have been without it, within 3 s."
+    )
+    return f"{words}\n\n{_table(_NEAR_HEAD, rows)}"
+
+
+_NEAR_HEAD = [
+    "noise added [mm]",
+    "false by [m]",
+    "slew bound",
+    "derivative",
+    "noise of the stick [%]",
+    "peak of the law [%]",
+    "peak sent [%]",
+    "excursion [cm]",
+]
+
+
+def _number(value: float) -> str:
+    return "–" if math.isnan(value) else f"{value:.0f}"
+
+
+def _table(head: list[str], rows: list[list[str]]) -> str:
+    """Markdown; the first column to the left, the others to the right."""
+    lines = [head, ["---", *("---:" for _ in head[1:])], *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
+
+
+_FIGURES: dict[str, Callable[[Path, Scenario], str]] = {
+    "roll-law": _roll_law,
+    "far-steps": _far_steps,
+    "far-readings": _far_readings,
+    "derivative-gain": _derivative_gain,
+    "near-false": _near_false,
+}

@@ -1,0 +1,1 @@
+"""The air: wind, turbulence, gusts, airwake."""

@@ -1,0 +1,216 @@
+"""Wind: the air's velocity in `ned` at a place and time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, Protocol
+
+import numpy as np
+
+from shipland.config import require
+from shipland.frames import Array, Pose
+from shipland.rig import Rig
+from shipland.sim.air.airwake import Airwake, AirwakeParameters
+from shipland.sim.air.dryden import Dryden, TurbulenceParameters
+
+MEAN_MPS = (0.0, 30.0)
+"""Range of mean wind speeds."""
+
+TWENTY_FEET_M = 6.096
+_SHIP_SPEED_LAG_S = 0.2
+"""Smoothing of the ship's velocity, which is taken from its successive poses."""
+
+
+class Wind(Protocol):
+    """Air in motion."""
+
+    def velocity_at(self, t_s: float, position_in_ned_m: Array, ned_from_ship: Pose) -> Array:
+        """Velocity (3,) of the air in `ned` [m/s] at a point (3,) of `ned`; `t_s` never decreases between calls."""
+
+
+class SteadyWind:
+    """The same wind everywhere and always.
+
+    Args:
+        velocity_in_ned_mps: (3,) of the air.
+    """
+
+    def __init__(self, velocity_in_ned_mps: Array) -> None:
+        self._velocity = np.array(velocity_in_ned_mps, dtype=float)
+        self._velocity.setflags(write=False)
+
+    def velocity_at(self, t_s: float, position_in_ned_m: Array, ned_from_ship: Pose) -> Array:  # noqa: ARG002
+        """See `Wind`."""
+        return self._velocity
+
+
+@dataclass(frozen=True)
+class GustParameters:
+    """One 1-cosine gust: velocity · ½ (1 − cos 2πs), s the share of its duration that has passed.
+
+    Attributes:
+        start_s: begin.
+        duration_s: from calm to calm.
+        velocity_mps: (3,) at its height, along the mean wind, to its right, downward.
+    """
+
+    start_s: float
+    duration_s: float
+    velocity_mps: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        require(self.start_s >= 0.0, f"start_s of a gust must not be negative, got {self.start_s}")
+        require(self.duration_s > 0.0, f"duration_s of a gust must be positive, got {self.duration_s}")
+
+    def strength(self, t_s: float) -> float:
+        """Share of its height at `t_s`, 0…1."""
+        share = (t_s - self.start_s) / self.duration_s
+        return 0.5 * (1.0 - math.cos(2.0 * math.pi * share)) if 0.0 < share < 1.0 else 0.0
+
+
+@dataclass(frozen=True)
+class WindParameters:
+    """What the configuration says of the wind in section `[wind]`.
+
+    Attributes:
+        mean_mps: mean wind speed, at `reference_height_m` where there is a profile.
+        from_deg: compass direction that the wind comes from.
+        mean_spread_mps, from_spread_deg: drawn evenly within this much either side, once a flight; never below 0 m/s.
+        profile: the same at every height, or logarithmic.
+        reference_height_m: height of `mean_mps` in a logarithmic profile.
+        roughness_m: roughness length of the surface in a logarithmic profile.
+        gust: 1-cosine gusts.
+        turbulence: Dryden turbulence.
+        airwake: the superstructure's wake.
+    """
+
+    mean_mps: float
+    from_deg: float
+    mean_spread_mps: float
+    from_spread_deg: float
+    profile: Literal["uniform", "log"]
+    reference_height_m: float
+    roughness_m: float
+    gust: tuple[GustParameters, ...]
+    turbulence: TurbulenceParameters
+    airwake: AirwakeParameters
+
+    def __post_init__(self) -> None:
+        low, high = MEAN_MPS
+        require(low <= self.mean_mps <= high, f"mean_mps must be in {low:g}…{high:g} m/s, got {self.mean_mps}")
+        require(self.mean_spread_mps >= 0.0, f"mean_spread_mps must not be negative, got {self.mean_spread_mps}")
+        require(0.0 <= self.from_spread_deg <= 180.0, f"from_spread_deg must be 0…180, got {self.from_spread_deg}")
+        require(0.0 < self.roughness_m < 0.1, f"roughness_m must be between 0 and 0.1 m, got {self.roughness_m}")
+        require(self.reference_height_m >= 1.0, f"reference_height_m must be at least 1, got {self.reference_height_m}")
+
+    def mean_at(self, height_m: float) -> float:
+        """Mean wind speed [m/s] at a height above the sea."""
+        if self.profile == "uniform":
+            return self.mean_mps
+        height_m = max(height_m, 10.0 * self.roughness_m)
+        return (
+            self.mean_mps * math.log(height_m / self.roughness_m) / math.log(self.reference_height_m / self.roughness_m)
+        )
+
+
+class NaturalWind:
+    """Mean wind, gusts, turbulence, and the ship's airwake in the relative wind.
+
+    Args:
+        parameters: the wind.
+        rig: the ship that makes the airwake.
+        rng: draws turbulence.
+    """
+
+    def __init__(self, parameters: WindParameters, rig: Rig, rng: np.random.Generator) -> None:
+        turbulence_rng, wake_rng = rng.spawn(2)
+        self._parameters = parameters
+        towards_rad = math.radians(parameters.from_deg) + math.pi
+        self._cos, self._sin = math.cos(towards_rad), math.sin(towards_rad)
+        self._wind_at_20_ft = parameters.mean_at(TWENTY_FEET_M)
+        self._dryden = Dryden(parameters.turbulence, turbulence_rng) if parameters.turbulence.enabled else None
+        self._airwake = Airwake(parameters.airwake, rig, wake_rng) if parameters.airwake.enabled else None
+        self._deck_height_m = rig.deck_height_m
+        self._last: tuple[float, tuple[float, float, float]] | None = None
+        self._ship_last: tuple[float, float] | None = None
+        self._ship_velocity: tuple[float, float] | None = None
+
+    def velocity_at(self, t_s: float, position_in_ned_m: Array, ned_from_ship: Pose) -> Array:
+        """See `Wind`."""
+        north, east, down = position_in_ned_m.tolist()
+        step_s = t_s - self._last[0] if self._last is not None else 0.0
+        along, right, sinking = self._free_stream(t_s, -down)
+        if self._dryden is not None and self._wind_at_20_ft > 0.0:
+            way_m = self._way((north, east, down), step_s, self._parameters.mean_at(-down))
+            gust = self._dryden.step(way_m, -down, self._wind_at_20_ft)
+            along, right, sinking = along + gust[0], right + gust[1], sinking + gust[2]
+        velocity = [along * self._cos - right * self._sin, along * self._sin + right * self._cos, sinking]
+        if self._airwake is not None:
+            wake = self._wake(t_s, step_s, (north, east, down), ned_from_ship)
+            velocity = [a + b for a, b in zip(velocity, wake, strict=True)]
+        self._last = (t_s, (north, east, down))
+        return np.array(velocity)
+
+    def _free_stream(self, t_s: float, height_m: float) -> tuple[float, float, float]:
+        """Mean wind and gusts, along the wind, to its right, downward."""
+        along, right, down = self._parameters.mean_at(height_m), 0.0, 0.0
+        for gust in self._parameters.gust:
+            strength = gust.strength(t_s)
+            if strength > 0.0:
+                a, r, d = gust.velocity_mps
+                along, right, down = along + strength * a, right + strength * r, down + strength * d
+        return along, right, down
+
+    def _way(self, position: tuple[float, float, float], step_s: float, mean_mps: float) -> float:
+        """Way through the air mass, which drifts with the mean wind, since the last call [m]."""
+        if self._last is None:
+            return 0.0
+        north, east, down = (a - b for a, b in zip(position, self._last[1], strict=True))
+        drift = mean_mps * step_s
+        return math.hypot(north - drift * self._cos, east - drift * self._sin, down)
+
+    def _wake(
+        self, t_s: float, step_s: float, position: tuple[float, float, float], ned_from_ship: Pose
+    ) -> tuple[float, float, float]:
+        """Velocity in `ned` that the superstructure's wake adds."""
+        assert self._airwake is not None
+        ship_north, ship_east, ship_down = ned_from_ship.translation_m.tolist()
+        c, s = ned_from_ship.rotation[:2, 0].tolist()
+        way_north, way_east = self._ship_speed((ship_north, ship_east), step_s)
+        along, right, _ = self._free_stream(t_s, self._deck_height_m)
+        blow_north = along * self._cos - right * self._sin - way_north
+        blow_east = along * self._sin + right * self._cos - way_east
+        speed_mps = math.hypot(blow_north, blow_east)
+        if speed_mps < 1e-6:
+            return 0.0, 0.0, 0.0
+        towards_rad = math.atan2(blow_east * c - blow_north * s, blow_north * c + blow_east * s)
+        north, east, down = position[0] - ship_north, position[1] - ship_east, position[2] - ship_down
+        place = self._airwake.place((north * c + east * s, east * c - north * s, down), towards_rad)
+        forward, starboard, sinking = self._airwake.disturbance(place, speed_mps, towards_rad, step_s)
+        return forward * c - starboard * s, forward * s + starboard * c, sinking
+
+    def _ship_speed(self, place: tuple[float, float], step_s: float) -> tuple[float, float]:
+        """The ship's velocity (north, east) from its successive places, smoothed."""
+        if self._ship_last is not None and step_s > 0.0:
+            raw = ((place[0] - self._ship_last[0]) / step_s, (place[1] - self._ship_last[1]) / step_s)
+            before = self._ship_velocity
+            share = 1.0 if before is None else -math.expm1(-step_s / _SHIP_SPEED_LAG_S)
+            old = before if before is not None else raw
+            self._ship_velocity = (old[0] + share * (raw[0] - old[0]), old[1] + share * (raw[1] - old[1]))
+        if self._ship_last is None or step_s > 0.0:
+            self._ship_last = place
+        return self._ship_velocity if self._ship_velocity is not None else (0.0, 0.0)
+
+
+def build_wind(parameters: WindParameters, rig: Rig, rng: np.random.Generator) -> Wind:
+    """The wind that `parameters` describe; `rng` draws its spread and its turbulence."""
+    spread_rng, air_rng = rng.spawn(2)
+    mean_mps = parameters.mean_mps + parameters.mean_spread_mps * spread_rng.uniform(-1.0, 1.0)
+    from_deg = parameters.from_deg + parameters.from_spread_deg * spread_rng.uniform(-1.0, 1.0)
+    p = replace(parameters, mean_mps=float(np.clip(mean_mps, *MEAN_MPS)), from_deg=from_deg)
+    turbulent = p.turbulence.enabled and p.mean_mps > 0.0 and p.turbulence.intensity > 0.0
+    if not turbulent and not p.airwake.enabled and not p.gust and (p.profile == "uniform" or p.mean_mps == 0.0):
+        towards_rad = math.radians(p.from_deg) + math.pi
+        return SteadyWind(p.mean_mps * np.array([math.cos(towards_rad), math.sin(towards_rad), 0.0]))
+    return NaturalWind(p, rig, air_rng)

@@ -1,0 +1,1 @@
+"""The aircraft: airframe, inner loop, sensors."""

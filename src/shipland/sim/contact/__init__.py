@@ -1,0 +1,1 @@
+"""MuJoCo's side: bodies, the driven deck, contacts, the touchdown's verdict."""

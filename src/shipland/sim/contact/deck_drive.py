@@ -1,0 +1,158 @@
+"""Moves the ship's bodies in MuJoCo: joint positions, velocities and forces of the deck, poses of hull and board."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import mujoco
+
+from shipland.sim.aircraft.aerodynamics import Rows, rows_from_euler
+from shipland.sim.aircraft.parameters import Vector
+from shipland.sim.contact.model import DECK_ARMATURE, Model
+from shipland.sim.contact.touchdown import OnDeck
+from shipland.sim.ship.ship import ShipState
+
+
+class DeckState(NamedTuple):
+    """The deck in `ned`.
+
+    Attributes:
+        origin_m, velocity_mps, acceleration_mps2: of the deck's centre.
+        angles_rad, rates_rad_s, accelerations_rad_s2: roll, pitch, yaw (course and the deck's own) and derivatives.
+        ned_from_deck: rotation, row by row.
+        turn_rad_s: angular velocity vector.
+    """
+
+    origin_m: Vector
+    velocity_mps: Vector
+    acceleration_mps2: Vector
+    angles_rad: Vector
+    rates_rad_s: Vector
+    accelerations_rad_s2: Vector
+    ned_from_deck: Rows
+    turn_rad_s: Vector
+
+    def point_in_deck(self, position_m: Vector, ned_from_body: Rows, place_in_body_m: Vector) -> Vector:
+        """A point of a body at `position_m` in `ned`, in `deck`."""
+        a, b, c = place_in_body_m
+        r, m, origin = ned_from_body, self.ned_from_deck, self.origin_m
+        x = position_m[0] + r[0] * a + r[1] * b + r[2] * c - origin[0]
+        y = position_m[1] + r[3] * a + r[4] * b + r[5] * c - origin[1]
+        z = position_m[2] + r[6] * a + r[7] * b + r[8] * c - origin[2]
+        return m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z, m[2] * x + m[5] * y + m[8] * z
+
+
+def deck_state(ship: ShipState) -> DeckState:
+    """The deck's motion in `ned`: course translation and turn combined with the deck's six coordinates.
+
+    With d the deck's centre in `ship`, R the turn by the course and ω, α the course's rates about down:
+    p = P + R d, v = P' + R (d' + ω×d), a = P'' + R (d'' + α×d + 2 ω×d' + ω×(ω×d)).
+    The course and the deck's yaw turn about the same axis, so their angles add.
+    """
+    course = ship.course
+    dx, dy, dz, roll, pitch, yaw = ship.deck.displacement.tolist()
+    vx, vy, vz, roll_rate, pitch_rate, yaw_rate = ship.deck.velocity.tolist()
+    ax, ay, az, roll_acc, pitch_acc, yaw_acc = ship.deck.acceleration.tolist()
+    w, e = course.course_rate_rad_s, course.course_acceleration_rad_s2
+    c, s = math.cos(course.course_rad), math.sin(course.course_rad)
+    north, east = course.position_in_ned_m.tolist()
+    v_north, v_east = course.velocity_in_ned_mps.tolist()
+    a_north, a_east = course.acceleration_in_ned_mps2.tolist()
+    ux, uy = vx - w * dy, vy + w * dx
+    bx = ax - e * dy - 2.0 * w * vy - w * w * dx
+    by = ay + e * dx + 2.0 * w * vx - w * w * dy
+    yaw, yaw_rate, yaw_acc = yaw + course.course_rad, yaw_rate + w, yaw_acc + e
+    cp, sp, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
+    return DeckState(
+        (north + c * dx - s * dy, east + s * dx + c * dy, dz - ship.rig.deck_height_m),
+        (v_north + c * ux - s * uy, v_east + s * ux + c * uy, vz),
+        (a_north + c * bx - s * by, a_east + s * bx + c * by, az),
+        (roll, pitch, yaw),
+        (roll_rate, pitch_rate, yaw_rate),
+        (roll_acc, pitch_acc, yaw_acc),
+        rows_from_euler(roll, pitch, yaw),
+        (
+            roll_rate * cy * cp - pitch_rate * sy,
+            roll_rate * sy * cp + pitch_rate * cy,
+            yaw_rate - roll_rate * sp,
+        ),
+    )
+
+
+def against_deck(deck: DeckState, position_m: Vector, velocity_mps: Vector, down_axis: Vector) -> OnDeck:
+    """A body at `position_m` with `velocity_mps` and body-down axis `down_axis`, all in `ned`, against the deck."""
+    x, y, z = (position_m[i] - deck.origin_m[i] for i in range(3))
+    p, q, r = deck.turn_rad_s
+    u = velocity_mps[0] - deck.velocity_mps[0] - (q * z - r * y)
+    v = velocity_mps[1] - deck.velocity_mps[1] - (r * x - p * z)
+    w = velocity_mps[2] - deck.velocity_mps[2] - (p * y - q * x)
+    m = deck.ned_from_deck
+    upright = m[2] * down_axis[0] + m[5] * down_axis[1] + m[8] * down_axis[2]
+    return OnDeck(
+        (m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z, m[2] * x + m[5] * y + m[8] * z),
+        (m[0] * u + m[3] * v + m[6] * w, m[1] * u + m[4] * v + m[7] * w, m[2] * u + m[5] * v + m[8] * w),
+        math.acos(min(max(upright, -1.0), 1.0)),
+    )
+
+
+class Stage:
+    """Writes the ship into MuJoCo's data.
+
+    MuJoCo's integrator is semi-implicit: its velocities belong half a step before its positions. The deck's velocity
+    is set that way too, or what stands on a deck with acceleration a creeps at ½ a step_s (1 mm/s in a turn).
+    """
+
+    def __init__(self, model: Model, data: mujoco.MjData) -> None:
+        self._half_step_s = 0.5 * model.mj.opt.timestep
+        self._position, self._velocity, self._force = data.qpos[7:13], data.qvel[6:12], data.qfrc_applied[6:12]
+        self._ship_place, self._ship_turn = data.mocap_pos[model.ship_mocap], data.mocap_quat[model.ship_mocap]
+        self._bar_place, self._bar_turn = data.mocap_pos[model.board_mocap], data.mocap_quat[model.board_mocap]
+
+    def set_deck(self, deck: DeckState) -> None:
+        """Joint coordinates x y z yaw pitch roll in `mujoco`: east, down, yaw and pitch change sign."""
+        back = -self._half_step_s
+        (x, y, z), (roll, pitch, yaw) = deck.origin_m, deck.angles_rad
+        (u, v, w), (p, q, r) = deck.velocity_mps, deck.rates_rad_s
+        (a, b, c), (d, e, f) = deck.acceleration_mps2, deck.accelerations_rad_s2
+        self._position[:] = (x, -y, -z, -yaw, -pitch, roll)
+        self._velocity[:] = (
+            u + back * a,
+            -(v + back * b),
+            -(w + back * c),
+            -(r + back * f),
+            -(q + back * e),
+            p + back * d,
+        )
+        m = DECK_ARMATURE
+        self._force[:] = (m * a, -m * b, -m * c, -m * f, -m * e, m * d)
+
+    def set_hull(self, ship: ShipState, deck: DeckState) -> None:
+        """Poses of the superstructure and of the board."""
+        course = ship.course
+        if ship.full_ship:
+            place, (roll, pitch, yaw) = deck.origin_m, deck.angles_rad
+            bar_place, bar_yaw = ship.ned_from_bar.translation_m.tolist(), yaw
+        else:
+            north, east = course.position_in_ned_m.tolist()
+            place, roll, pitch, yaw = (north, east, -ship.rig.deck_height_m), 0.0, 0.0, course.course_rad
+            x, y, z = ship.rig.bar_in_ship_m.tolist()
+            c, s = math.cos(yaw), math.sin(yaw)
+            bar_place, bar_yaw = (north + c * x - s * y, east + s * x + c * y, place[2] + z), yaw
+        self._ship_place[:] = (place[0], -place[1], -place[2])
+        self._ship_turn[:] = mujoco_quaternion(roll, pitch, yaw)
+        self._bar_place[:] = (bar_place[0], -bar_place[1], -bar_place[2])
+        self._bar_turn[:] = mujoco_quaternion(0.0, 0.0, bar_yaw)
+
+
+def mujoco_quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float, float, float]:
+    """(w, x, y, z) in MuJoCo's axes of a body with these Euler angles in `ned`."""
+    cr, sr = math.cos(0.5 * roll_rad), math.sin(0.5 * roll_rad)
+    cp, sp = math.cos(0.5 * pitch_rad), math.sin(0.5 * pitch_rad)
+    cy, sy = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        -(cr * sp * cy + sr * cp * sy),
+        -(cr * cp * sy - sr * sp * cy),
+    )

@@ -1,0 +1,183 @@
+"""The touchdown, judged from contacts: where, how fast, how far it slipped, and what went wrong, in words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from shipland.config import require
+from shipland.messages import TouchdownVerdict
+from shipland.sim.aircraft.parameters import Vector
+
+
+@dataclass(frozen=True)
+class VerdictParameters:
+    """What counts as a landing (`[verdict]`).
+
+    Attributes:
+        max_descent_mps: largest speed into the deck at first contact.
+        max_drift_mps: largest speed along the deck at first contact.
+        max_tilt_deg: largest tilt against the deck's normal after contact.
+        max_slip_m: farthest from the touchdown point before rest.
+        bounce_s: off the deck for longer with motors running, the contact was none.
+        rest_s: still on the deck for so long is rest.
+        rest_speed_mps: still means slower than this against the deck.
+        patience_s: without rest so long after the motors stopped, there is none.
+    """
+
+    max_descent_mps: float
+    max_drift_mps: float
+    max_tilt_deg: float
+    max_slip_m: float
+    bounce_s: float
+    rest_s: float
+    rest_speed_mps: float
+    patience_s: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require(value > 0.0, f"{name} must be positive, got {value}")
+        require(self.patience_s > self.rest_s, "patience_s must be longer than rest_s")
+
+
+class OnDeck(NamedTuple):
+    """The aircraft against the deck.
+
+    Attributes:
+        position_m: centre of mass in `deck`.
+        velocity_mps: against the deck's point under it, in `deck`; down positive.
+        tilt_rad: its vertical against the deck's normal.
+    """
+
+    position_m: Vector
+    velocity_mps: Vector
+    tilt_rad: float
+
+
+class Touch(NamedTuple):
+    """Contacts at one instant.
+
+    Attributes:
+        feet: how many feet are on the deck.
+        force_n: their summed normal force.
+        fault: a contact that ends the flight, in words, or empty.
+    """
+
+    feet: int
+    force_n: float
+    fault: str
+
+
+NO_TOUCH = Touch(0, 0.0, "")
+
+
+class _Contact:
+    """One touchdown from its first contact on."""
+
+    def __init__(self, t_s: float, before: OnDeck) -> None:
+        self.t_s = t_s
+        self.last_s = t_s
+        self.at = before
+        self.tilt_rad = before.tilt_rad
+        self.slip_m = 0.0
+        self.force_n = 0.0
+
+    def extend(self, t_s: float, now: OnDeck, touch: Touch) -> None:
+        if touch.feet:
+            self.last_s = t_s
+        self.tilt_rad = max(self.tilt_rad, now.tilt_rad)
+        x, y, _ = self.at.position_m
+        self.slip_m = max(self.slip_m, math.hypot(now.position_m[0] - x, now.position_m[1] - y))
+        self.force_n = max(self.force_n, touch.force_n)
+
+
+class Judge:
+    """Follows the aircraft against the deck and gives the verdict once it stands still or has crashed.
+
+    Args:
+        parameters: limits.
+        landing_square_m: side of the square.
+    """
+
+    def __init__(self, parameters: VerdictParameters, landing_square_m: float) -> None:
+        self._limits = parameters
+        self._half_m = 0.5 * landing_square_m
+        self._contact: _Contact | None = None
+        self._before: OnDeck | None = None
+        self._still_since_s: float | None = None
+        self._stopped_s: float | None = None
+        self.verdict: TouchdownVerdict | None = None
+        """The verdict, once there is one."""
+
+    def follow(self, t_s: float, now: OnDeck, touch: Touch, motors_run: bool) -> None:
+        """Take in one instant; instants must follow each other in time."""
+        if self.verdict is not None:
+            return
+        before, self._before = self._before or now, now
+        if touch.feet and self._contact is None:
+            self._contact = _Contact(t_s, before)
+        if self._contact is not None:
+            self._contact.extend(t_s, now, touch)
+            if motors_run and t_s - self._contact.last_s > self._limits.bounce_s:
+                self._contact = None
+        if touch.fault:
+            self.crash(t_s, now, touch.fault)
+        elif not motors_run:
+            self._settle(t_s, now, touch)
+
+    def crash(self, t_s: float, now: OnDeck, fault: str) -> None:
+        """End the flight with a fault in words."""
+        if self.verdict is None:
+            self.verdict = self._verdict(self._contact or _Contact(t_s, now), now, False, fault)
+
+    def _settle(self, t_s: float, now: OnDeck, touch: Touch) -> None:
+        if self._stopped_s is None:
+            self._stopped_s = t_s
+        speed = math.sqrt(sum(value * value for value in now.velocity_mps))
+        if touch.feet < 3 or speed > self._limits.rest_speed_mps or self._contact is None:
+            self._still_since_s = None
+            if t_s - self._stopped_s > self._limits.patience_s:
+                self.crash(t_s, now, "did not come to rest on the deck")
+            return
+        if self._still_since_s is None:
+            self._still_since_s = t_s
+        if t_s - self._still_since_s >= self._limits.rest_s:
+            broken = self._broken_limit(self._contact)
+            self.verdict = self._verdict(self._contact, now, not broken, broken)
+
+    def _broken_limit(self, contact: _Contact) -> str:
+        limits = self._limits
+        u, v, down = contact.at.velocity_mps
+        drift, tilt_deg = math.hypot(u, v), math.degrees(contact.tilt_rad)
+        if down > limits.max_descent_mps:
+            return f"touched down too hard: {down:.2f} m/s into the deck, the limit is {limits.max_descent_mps:g} m/s"
+        if drift > limits.max_drift_mps:
+            return f"touched down drifting {drift:.2f} m/s over the deck, the limit is {limits.max_drift_mps:g} m/s"
+        if tilt_deg > limits.max_tilt_deg:
+            return f"tilted {tilt_deg:.0f}° on the deck, the limit is {limits.max_tilt_deg:g}°"
+        if contact.slip_m > limits.max_slip_m:
+            return f"slipped {100 * contact.slip_m:.0f} cm, the limit is {100 * limits.max_slip_m:.0f} cm"
+        return ""
+
+    def _verdict(self, contact: _Contact, end: OnDeck, landed: bool, fault: str) -> TouchdownVerdict:
+        x, y, _ = contact.at.position_m
+        inside = max(abs(x), abs(y)) <= self._half_m
+        reason = fault
+        if landed:
+            where = "in the square" if inside else "outside the square"
+            reason = f"landed {where}, {100 * math.hypot(x, y):.0f} cm from its centre"
+        return TouchdownVerdict(
+            t_s=contact.t_s,
+            landed=landed,
+            in_square=inside and self._contact is not None,
+            touchdown_in_deck_m=np.array([x, y]),
+            rest_in_deck_m=np.array(end.position_m[:2]),
+            relative_velocity_in_deck_mps=np.array(contact.at.velocity_mps),
+            tilt_rad=contact.tilt_rad,
+            slip_m=contact.slip_m,
+            peak_contact_force_n=contact.force_n,
+            reason=reason,
+        )

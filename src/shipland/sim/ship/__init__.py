@@ -1,0 +1,1 @@
+"""The ship: sea, responses, motion, course, motion base."""

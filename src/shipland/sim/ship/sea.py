@@ -1,0 +1,226 @@
+"""Waves and the ship's answer: spectra, sea states, short-crested seas, deck motion as a sum of harmonics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import trapezoid
+
+from shipland.config import require
+from shipland.frames import Array
+from shipland.sim.ship.deck_motion import Harmonics
+from shipland.sim.ship.rao import ResponseTable, at_point, frigate
+
+GRAVITY_MPS2 = 9.81
+KNOT_MPS = 1852.0 / 3600.0
+SPEED_KN = (0.0, 15.0)
+"""Range of ship speeds that the responses are computed for."""
+BAND_RAD_S = (0.2, 2.0)
+"""Wave frequencies that are sampled, within the table of responses; a 124 m hull does not answer shorter waves."""
+
+
+@dataclass(frozen=True)
+class SeaState:
+    """A rung of the ladder.
+
+    Attributes:
+        height_range_m: significant wave heights that it covers (WMO code table 3700).
+        significant_height_m: the mean of the range, as NATO uses it.
+        modal_period_s: the most probable period of the spectrum's peak in the North Atlantic.
+    """
+
+    height_range_m: tuple[float, float]
+    significant_height_m: float
+    modal_period_s: float
+
+
+SEA_STATES = {
+    3: SeaState((0.5, 1.25), 0.88, 7.5),
+    4: SeaState((1.25, 2.5), 1.88, 8.8),
+    5: SeaState((2.5, 4.0), 3.25, 9.7),
+    6: SeaState((4.0, 6.0), 5.0, 12.4),
+}
+"""Open-ocean North Atlantic, annual: Bales (1983), as in NATO STANAG 4194."""
+
+
+@dataclass(frozen=True)
+class SeaParameters:
+    """Section `[ship.sea]`: the waves and how the ship meets them, at full scale.
+
+    Attributes:
+        sea_state: rung of `SEA_STATES`; gives height and period unless the next two do.
+        significant_height_m: significant wave height, or None.
+        modal_period_s: period of the spectrum's peak, or None.
+        spectrum: Bretschneider (ITTC two-parameter) or JONSWAP.
+        jonswap_gamma: JONSWAP's peak enhancement.
+        short_crested: energy spread over ±90° by cos² about the main direction; else all from one direction.
+        waves_from_deg: bearing that the waves come from, clockwise from the bow: 60 is off the starboard bow, 120 off
+            the starboard quarter (60° off the stern).
+        speed_kn: the ship's speed.
+        flight_deck_m: the point whose motion the deck has, forward, starboard, down of midships on the waterline.
+        frequencies: number of wave frequencies.
+        directions: number of directions of a short-crested sea.
+    """
+
+    sea_state: int
+    spectrum: Literal["bretschneider", "jonswap"]
+    jonswap_gamma: float
+    short_crested: bool
+    waves_from_deg: float
+    speed_kn: float
+    flight_deck_m: tuple[float, float, float]
+    frequencies: int
+    directions: int
+    significant_height_m: float | None = None
+    modal_period_s: float | None = None
+
+    def __post_init__(self) -> None:
+        known = ", ".join(map(str, SEA_STATES))
+        require(self.sea_state in SEA_STATES, f"sea_state must be one of {known}, got {self.sea_state}")
+        height, period = self.height_m, self.period_s
+        require(0.0 <= height <= 9.0, f"significant_height_m must be in 0…9 m (linear theory), got {height}")
+        require(4.0 <= period <= 25.0, f"modal_period_s must be in 4…25 s, got {period}")
+        require(1.0 <= self.jonswap_gamma <= 7.0, f"jonswap_gamma must be in 1…7, got {self.jonswap_gamma}")
+        require(
+            -180.0 <= self.waves_from_deg <= 360.0, f"waves_from_deg must be in -180…360, got {self.waves_from_deg}"
+        )
+        low, high = SPEED_KN
+        require(low <= self.speed_kn <= high, f"speed_kn must be in {low:g}…{high:g} kn, got {self.speed_kn}")
+        require(8 <= self.frequencies <= 400, f"frequencies must be in 8…400, got {self.frequencies}")
+        require(1 <= self.directions <= 60, f"directions must be in 1…60, got {self.directions}")
+
+    @property
+    def height_m(self) -> float:
+        """Significant wave height [m]."""
+        given = self.significant_height_m
+        return given if given is not None else SEA_STATES[self.sea_state].significant_height_m
+
+    @property
+    def period_s(self) -> float:
+        """Period of the spectrum's peak [s]."""
+        return self.modal_period_s if self.modal_period_s is not None else SEA_STATES[self.sea_state].modal_period_s
+
+    @property
+    def heading_rad(self) -> float:
+        """Direction that the waves run to, against the bow; 0 following, π head; in 0…π they come from starboard."""
+        return float(np.radians(180.0 - self.waves_from_deg))
+
+    def density(self, omega_rad_s: npt.ArrayLike) -> Array:
+        """The chosen spectrum [m² s] at wave frequencies [rad/s]."""
+        peak_rad_s = 2.0 * np.pi / self.period_s
+        if self.spectrum == "jonswap":
+            return jonswap(omega_rad_s, self.height_m, peak_rad_s, self.jonswap_gamma)
+        return bretschneider(omega_rad_s, self.height_m, peak_rad_s)
+
+
+def bretschneider(omega_rad_s: npt.ArrayLike, significant_height_m: float, peak_rad_s: float) -> Array:
+    """Bretschneider / ITTC two-parameter spectrum [m² s]; its integral is Hs²/16 (ITTC 1978)."""
+    omega = np.asarray(omega_rad_s, dtype=float)
+    ratio = (peak_rad_s / omega) ** 4
+    return np.asarray(0.3125 * significant_height_m**2 * ratio / omega * np.exp(-1.25 * ratio))
+
+
+def jonswap(omega_rad_s: npt.ArrayLike, significant_height_m: float, peak_rad_s: float, gamma: float) -> Array:
+    """JONSWAP spectrum [m² s] (Hasselmann et al. 1973), its integral normalised to Hs²/16."""
+
+    def shape(omega: Array) -> Array:
+        width = np.where(omega <= peak_rad_s, 0.07, 0.09)
+        power = np.exp(-0.5 * ((omega - peak_rad_s) / (width * peak_rad_s)) ** 2)
+        return bretschneider(omega, significant_height_m, peak_rad_s) * gamma**power
+
+    grid = peak_rad_s * np.linspace(0.3, 12.0, 6000)
+    integral = float(trapezoid(shape(grid), grid))
+    scale = significant_height_m**2 / 16.0 / integral if integral > 0.0 else 0.0
+    return scale * shape(np.asarray(omega_rad_s, dtype=float))
+
+
+def encounter_frequency(omega_rad_s: Array, heading_rad: Array, speed_mps: float) -> Array:
+    """ωe = ω − ω² U cos μ / g [rad/s]; negative where the ship overtakes the waves."""
+    return np.asarray(omega_rad_s - omega_rad_s**2 * speed_mps * np.cos(heading_rad) / GRAVITY_MPS2)
+
+
+@dataclass(frozen=True)
+class Waves:
+    """Regular waves whose sum is the sea.
+
+    Attributes:
+        omega_rad_s: (K,) frequencies in the still frame.
+        heading_rad: (K,) directions that they run to, against the bow.
+        amplitude_m: (K,) amplitudes.
+        phase_rad: (K,) phases at the ship's origin at t = 0.
+    """
+
+    omega_rad_s: Array
+    heading_rad: Array
+    amplitude_m: Array
+    phase_rad: Array
+
+
+def sample_waves(sea: SeaParameters, rng: np.random.Generator) -> Waves:
+    """Stratified samples of the directional spectrum.
+
+    Every cell of `frequencies` equal bands and `directions` equal shares of energy gives one wave at a random place
+    in its cell, so that no record repeats and the variance of any linear response is met without bias.
+    """
+    low, high = BAND_RAD_S
+    width = (high - low) / sea.frequencies
+    directions = sea.directions if sea.short_crested else 1
+    shape = (sea.frequencies, directions)
+    omega = low + width * (np.arange(sea.frequencies)[:, None] + rng.uniform(size=shape))
+    share = (np.arange(directions) + rng.uniform(size=shape)) / directions
+    spread = _spreading_quantile(share) if sea.short_crested else np.zeros(shape)
+    amplitude = np.sqrt(2.0 * sea.density(omega) * width / directions)
+    phase = rng.uniform(0.0, 2.0 * np.pi, shape)
+    return Waves(omega.ravel(), (sea.heading_rad + spread).ravel(), amplitude.ravel(), phase.ravel())
+
+
+def _spreading_quantile(share: Array) -> Array:
+    """Angle below which `share` of the energy of (2/π) cos²θ lies, θ in ±π/2."""
+    angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 2001)
+    cumulative = (angle + 0.5 * np.pi + 0.5 * np.sin(2.0 * angle)) / np.pi
+    return np.interp(share, cumulative, angle)
+
+
+def deck_motion(sea: SeaParameters, rng: np.random.Generator, length_scale: float, time_scale: float) -> Harmonics:
+    """Motion of the flight deck in these waves.
+
+    Args:
+        sea: waves and ship, at full scale.
+        rng: draws frequencies, directions and phases.
+        length_scale: full-scale lengths are divided by it.
+        time_scale: full-scale times are divided by it.
+
+    Returns:
+        Harmonics at the frequencies of encounter.
+    """
+    waves = sample_waves(sea, rng)
+    omega_e = encounter_frequency(waves.omega_rad_s, waves.heading_rad, sea.speed_kn * KNOT_MPS)
+    responses = frigate().responses(sea.speed_kn, waves.heading_rad, waves.omega_rad_s)
+    at_deck = at_point(responses, sea.flight_deck_m)
+    amplitude = at_deck.T * (waves.amplitude_m * np.exp(1j * waves.phase_rad))
+    amplitude[:3] /= length_scale
+    return Harmonics(omega_e * time_scale, amplitude)
+
+
+def significant_amplitude(sea: SeaParameters, table: ResponseTable | None = None) -> Array:
+    """(6,) significant single amplitudes 2√m₀ of the full-scale deck motion [m, rad], from the spectrum.
+
+    Args:
+        sea: waves and ship, at full scale.
+        table: responses; the packaged frigate's where None.
+    """
+    ship = table if table is not None else frigate()
+    omega = np.linspace(*BAND_RAD_S, 361)
+    if sea.short_crested:
+        angle = np.radians(np.arange(-87.5, 90.0, 5.0))
+        weight = np.cos(angle) ** 2 / np.sum(np.cos(angle) ** 2)
+    else:
+        angle, weight = np.zeros(1), np.ones(1)
+    grid_omega, grid_angle = (a.ravel() for a in np.meshgrid(omega, sea.heading_rad + angle, indexing="ij"))
+    at_deck = at_point(ship.responses(sea.speed_kn, grid_angle, grid_omega), sea.flight_deck_m)
+    squared = np.abs(at_deck.reshape(omega.size, angle.size, 6)) ** 2
+    density = np.einsum("fad,a->fd", squared, weight) * sea.density(omega)[:, None]
+    return np.asarray(2.0 * np.sqrt(trapezoid(density, omega, axis=0)))

@@ -1,0 +1,225 @@
+"""The ship: a course over the sea, the deck's motion on it, and the poses that follow."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from shipland.config import require
+from shipland.frames import Pose
+from shipland.rig import Rig
+from shipland.sim.ship.course import Course, CourseParameters, CourseState, StillCourse, StraightCourse, build_course
+from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, Later, SinusoidParameters, Sinusoids, SixDof, Still
+from shipland.sim.ship.motion_base import LimitBite, LimitedMotion, LimitParameters, rig_limits
+from shipland.sim.ship.recorded import read_motion
+from shipland.sim.ship.sea import SeaParameters, deck_motion
+
+__all__ = [
+    "Course",
+    "CourseParameters",
+    "CourseState",
+    "DeckMotion",
+    "Harmonics",
+    "LimitBite",
+    "Ship",
+    "ShipParameters",
+    "ShipState",
+    "Sinusoids",
+    "SixDof",
+    "Still",
+    "StillCourse",
+    "StraightCourse",
+    "build_ship",
+]
+
+
+@dataclass(frozen=True)
+class ShipState:
+    """The ship at one instant. The poses are computed when first asked for.
+
+    In rig mode the platform and the bar move with the course alone and only the deck has the six motions, as on the
+    motion base of [Lee2022]. In full-ship mode the deck is part of the hull: the superstructure has the deck's six
+    motions, and the bar's centre is a point of the hull while gyros keep it level, on the course plus the ship's yaw.
+
+    Attributes:
+        course: the `ship` origin.
+        deck: the deck in `ship`.
+        rig: dimensions.
+        full_ship: the superstructure and the bar have the ship's motions too.
+    """
+
+    course: CourseState
+    deck: SixDof
+    rig: Rig
+    full_ship: bool
+
+    @cached_property
+    def ned_from_ship(self) -> Pose:
+        """Course and position only; origin at the deck centre's neutral point, `deck_height_m` above the sea plane."""
+        north_m, east_m = self.course.position_in_ned_m
+        return Pose.from_euler((north_m, east_m, -self.rig.deck_height_m), 0.0, 0.0, self.course.course_rad)
+
+    @cached_property
+    def ned_from_deck(self) -> Pose:
+        """The deck with all its motions."""
+        x, y, z, roll, pitch, yaw = self.deck.displacement
+        return self.ned_from_ship @ Pose.from_euler((x, y, z), roll, pitch, yaw)
+
+    @cached_property
+    def ned_from_hull(self) -> Pose:
+        """Platform and superstructure: `ship` in rig mode, `deck` in full-ship mode."""
+        return self.ned_from_deck if self.full_ship else self.ned_from_ship
+
+    @cached_property
+    def ned_from_bar(self) -> Pose:
+        """The bar: level always."""
+        if not self.full_ship:
+            return self.ned_from_ship @ self.rig.ship_from_bar
+        centre_in_ned_m = self.ned_from_deck.apply(self.rig.bar_in_ship_m)
+        yaw_rad = self.course.course_rad + float(self.deck.displacement[5])
+        return Pose.from_euler(centre_in_ned_m, 0.0, 0.0, yaw_rad)
+
+
+class Ship:
+    """A ship: where it goes and how its deck moves.
+
+    Args:
+        rig: dimensions.
+        course: motion of the `ship` origin.
+        deck_motion: motion of `deck` in `ship`.
+        full_ship: see `ShipState`.
+        start_s: how far into its motion the deck is at time zero; for the record.
+    """
+
+    def __init__(
+        self, rig: Rig, course: Course, deck_motion: DeckMotion, full_ship: bool = False, start_s: float = 0.0
+    ) -> None:
+        self.rig = rig
+        self.course = course
+        self.deck_motion = deck_motion
+        self.full_ship = full_ship
+        self.start_s = start_s
+
+    @property
+    def limit_bites(self) -> tuple[LimitBite, ...]:
+        """Where the motion base's limits have held the deck back so far."""
+        return self.deck_motion.bites if isinstance(self.deck_motion, LimitedMotion) else ()
+
+    def at(self, t_s: float) -> ShipState:
+        """The ship at time `t_s` [s]."""
+        return ShipState(self.course.at(t_s), self.deck_motion.at(t_s), self.rig, self.full_ship)
+
+
+@dataclass(frozen=True)
+class ScaleParameters:
+    """Section `[ship.scale]`: from a full-scale ship to the rig.
+
+    Attributes:
+        length: full-scale lengths are divided by it; angles stay.
+        time: `froude` divides times by its square root, as gravity does; `length_only` leaves times as they are, so
+            that the small deck moves as slowly as the large one, as the rig of [Lee2022] implies.
+    """
+
+    length: float
+    time: Literal["froude", "length_only"]
+
+    def __post_init__(self) -> None:
+        require(1.0 <= self.length <= 1000.0, f"length must be in 1…1000, got {self.length}")
+
+    @property
+    def time_scale(self) -> float:
+        """Full-scale times are divided by it."""
+        return math.sqrt(self.length) if self.time == "froude" else 1.0
+
+
+@dataclass(frozen=True)
+class RecordedParameters:
+    """Section `[ship.recorded]`.
+
+    Attributes:
+        path: CSV file, columns as in `recorded.HEADER`; relative to the working directory.
+        full_scale: the record is a full-scale ship's and is scaled by `[ship.scale]`.
+    """
+
+    path: str
+    full_scale: bool
+
+
+@dataclass(frozen=True)
+class ShipParameters:
+    """What the configuration says of the ship in section `[ship]`.
+
+    Attributes:
+        motion: what moves the deck.
+        same_motion: every flight meets one and the same motion, at an instant of its own; else each draws its own.
+        instant_spread_s: the instants are drawn from this much of the motion.
+        full_ship: superstructure and bar have the ship's motions too (see `ShipState`); no motion base, no limits.
+        course: where the ship goes.
+        natops: the deck-motion limits of the US Navy's NATOPS manual, as [Lee2022] flies them.
+        sinusoids: any other sinusoids.
+        sea: the frigate in waves.
+        recorded: a recorded motion.
+        scale: from the frigate to the rig.
+        limits: the motion base's limits.
+    """
+
+    motion: Literal["still", "natops", "sinusoids", "sea", "recorded"]
+    same_motion: bool
+    instant_spread_s: float
+    full_ship: bool
+    course: CourseParameters
+    natops: SinusoidParameters
+    sinusoids: SinusoidParameters
+    sea: SeaParameters
+    recorded: RecordedParameters
+    scale: ScaleParameters
+    limits: LimitParameters
+
+    def __post_init__(self) -> None:
+        missing = self.motion == "recorded" and not self.recorded.path
+        require(self.instant_spread_s >= 0.0, f"instant_spread_s must not be negative, got {self.instant_spread_s}")
+        require(not missing, 'motion = "recorded" needs recorded.path, a CSV file')
+
+
+SAME_MOTION_SEED = 1
+"""Of the one motion that every flight meets where the parameters say so."""
+
+
+def build_ship(parameters: ShipParameters, rig: Rig, rng: np.random.Generator) -> Ship:
+    """The ship that `parameters` describe; `rng` draws its course, then the phases of its motion.
+
+    Raises:
+        DataError: the recorded motion cannot be used.
+    """
+    course = build_course(parameters.course, rng)
+    start_s = 0.0
+    if parameters.same_motion:
+        start_s = float(rng.uniform(0.0, parameters.instant_spread_s))
+        motion: DeckMotion = Later(build_deck_motion(parameters, np.random.default_rng(SAME_MOTION_SEED)), start_s)
+    else:
+        motion = build_deck_motion(parameters, rng)
+    if parameters.limits.enabled and not parameters.full_ship and parameters.motion != "still":
+        motion = LimitedMotion(motion, rig_limits(rig), parameters.limits.knee)
+    return Ship(rig, course, motion, parameters.full_ship, start_s)
+
+
+def build_deck_motion(parameters: ShipParameters, rng: np.random.Generator) -> DeckMotion:
+    """The deck's motion before the motion base's limits; DataError when a recorded motion cannot be used."""
+    scale = parameters.scale
+    match parameters.motion:
+        case "still":
+            return Still()
+        case "natops":
+            return parameters.natops.motion(rng)
+        case "sinusoids":
+            return parameters.sinusoids.motion(rng)
+        case "sea":
+            return deck_motion(parameters.sea, rng, scale.length, scale.time_scale)
+        case "recorded":
+            scales = (scale.length, scale.time_scale) if parameters.recorded.full_scale else (1.0, 1.0)
+            return read_motion(Path(parameters.recorded.path), *scales)

@@ -1,0 +1,1 @@
+"""Far vision: learned detectors of ship and bar."""

@@ -1,0 +1,110 @@
+"""Far vision: ship platform and bar. Acquire on the whole frame, track in a tile, believe after a while.
+
+A box is reported only when it was seen in this very frame by a track that is believed; predictions are never reported.
+While neither is known, ship and bar take turns at the whole frame; the bar is looked for inside the ship once there is
+one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from shipland.camera import Camera
+from shipland.messages import Box, Frame, Observation
+from shipland.vision.far.detector import Detector, DetectorParameters, Picture
+from shipland.vision.near.hunt import NETWORK_STEP_PX, Hunt, inside
+
+
+@dataclass
+class FarVision:
+    """Both detectors over a stream of frames; holds the tracks. Never raises on a picture.
+
+    Attributes:
+        ship, bar: the detectors; None where there is none.
+        camera: intrinsics.
+        parameters: thresholds and counts.
+    """
+
+    ship: Detector | None
+    bar: Detector | None
+    camera: Camera
+    parameters: DetectorParameters
+    _ship: Hunt | None = field(default=None, init=False)
+    _bar: Hunt | None = field(default=None, init=False)
+    _ships_turn: bool = field(default=True, init=False)
+    _last_s: float | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        if self.ship is not None:
+            self._ship = Hunt("ship", self.ship, self.camera, self.parameters, rise=self.parameters.ship_rise)
+        if self.bar is not None:
+            self._bar = Hunt("bar", self.bar, self.camera, self.parameters, rise=self.parameters.bar_rise)
+
+    @staticmethod
+    def load(camera: Camera, parameters: DetectorParameters) -> FarVision:
+        """Both detectors that the parameters name; DataError when one cannot be used."""
+        return FarVision(
+            Detector.load(parameters.ship_weights, parameters),
+            Detector.load(parameters.bar_weights, parameters),
+            camera,
+            parameters,
+        )
+
+    def reset(self) -> None:
+        """Forget the tracks."""
+        for hunt in (self._ship, self._bar):
+            if hunt is not None:
+                hunt.reset()
+
+    def see(self, frame: Frame) -> Observation:
+        """Ship box and bar box of one frame, each None unless a believed track was seen in it."""
+        if frame.image is None or min(frame.image.shape[:2]) < NETWORK_STEP_PX:
+            return Observation(frame.t_s, frame.gimbal, reason="far: no picture")
+        if self._last_s is not None and not 0.0 <= frame.t_s - self._last_s <= self.parameters.stale_s:
+            self.reset()
+        self._last_s = frame.t_s
+        ship_box, ship_reason, searched = self._see_ship(frame, frame.image)
+        bar_box, bar_reason = self._see_bar(frame, frame.image, searched)
+        reason = "; ".join(text for text in (ship_reason, bar_reason) if text)
+        return Observation(frame.t_s, frame.gimbal, None, bar_box, ship_box, reason)
+
+    def _see_ship(self, frame: Frame, picture: Picture) -> tuple[Box | None, str, bool]:
+        """The ship's box, why there is none, and whether the whole frame was searched."""
+        hunt = self._ship
+        if hunt is None:
+            return None, "ship: no detector", False
+        if hunt.target is None and self._bar is not None:
+            self._ships_turn = not self._ships_turn
+            if self._ships_turn:
+                return None, "ship: the bar's turn to search", False
+        if not hunt.search_due:
+            box = hunt.follow(frame, picture)
+            return box, "" if box else hunt.reason(), False
+        before = hunt.target
+        box = hunt.search(frame, picture)
+        if before is not None and hunt.target is not before and self._bar is not None:
+            self._bar.reset()
+        return box, "" if box else hunt.reason(), True
+
+    def _see_bar(self, frame: Frame, picture: Picture, searched: bool) -> tuple[Box | None, str]:
+        """The bar's box: its own track, else inside the ship's box, else over the whole frame where the turn allows."""
+        hunt = self._bar
+        if hunt is None:
+            return None, "bar: no detector"
+        ship = None if self._ship is None else self._ship.target
+        box = None
+        if ship is None:
+            if not searched and hunt.search_due:
+                box = hunt.search(frame, picture)
+            elif hunt.target is not None:
+                box = hunt.follow(frame, picture)
+        elif hunt.target is not None:
+            box = hunt.follow(frame, picture)
+        elif ship.size_px[0] < self.parameters.bar_search_ship_px:
+            return None, "bar: the ship is too small for it"
+        else:
+            box = hunt.search_tile(frame, picture, ship)
+        if ship is not None and box is not None and not inside(box, ship):
+            hunt.reset()
+            return None, "bar: outside the ship"
+        return box, "" if box else hunt.reason()

@@ -1,0 +1,121 @@
+"""One target followed over frames: where it should be next, and how much speaks for it.
+
+Evidence is a sum of log-odds, one term a frame in which the target was looked for: a box adds what its confidence says
+above `neutral_confidence` (the sequential test of [Wald, "Sequential tests of statistical hypotheses", 1945]), a frame
+without a box takes some away. A decoy of middling confidence never gathers enough; a faint ship may in time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.frames import Array
+from shipland.messages import Box, Frame, GimbalAttitude
+from shipland.vision.far.detector import DetectorParameters
+
+_MOST_LOG_ODDS = 3.0
+
+
+def log_odds(confidence: float) -> float:
+    """ln(p / (1 − p)), at most ±3 (0.95): single confidences beyond that are not to be trusted."""
+    bounded = min(max(confidence, 1e-6), 1.0 - 1e-6)
+    return min(max(math.log(bounded / (1.0 - bounded)), -_MOST_LOG_ODDS), _MOST_LOG_ODDS)
+
+
+@dataclass
+class Track:
+    """A candidate, or the target.
+
+    Attributes:
+        t_s: time of the last hit.
+        centre_px, size_px: (2,) last box.
+        velocity_px_s: (2,) of the centre, the gimbal's own turning taken out.
+        gimbal: the camera's attitude at the last hit.
+        hits: the last frames that it was looked for in, whether each was a hit.
+        evidence: log-odds gathered.
+        sureness: running mean of the boxes' log-odds; ranks rivals.
+        misses: frames since the last hit.
+    """
+
+    t_s: float
+    centre_px: Array
+    size_px: Array
+    velocity_px_s: Array
+    gimbal: GimbalAttitude
+    hits: deque[bool]
+    evidence: float
+    sureness: float
+    misses: int = 0
+
+    @staticmethod
+    def start(box: Box, frame: Frame, parameters: DetectorParameters) -> Track:
+        """A track from its first box."""
+        odds = log_odds(box.confidence)
+        return Track(
+            frame.t_s,
+            np.array(box.centre_px),
+            np.array(box.size_px),
+            np.zeros(2),
+            frame.gimbal,
+            deque([True], maxlen=parameters.confirm_frames),
+            evidence=odds - log_odds(parameters.neutral_confidence),
+            sureness=odds,
+        )
+
+    def turned_px(self, gimbal: GimbalAttitude, focal_px: float) -> Array:
+        """(2,) by how much the gimbal's turning since the last hit moves the picture's content [px]."""
+        return focal_px * np.array([-(gimbal.yaw_rad - self.gimbal.yaw_rad), gimbal.pitch_rad - self.gimbal.pitch_rad])
+
+    def predicted_px(self, frame: Frame, focal_px: float) -> Array:
+        """(2,) where the centre should be in `frame`."""
+        elapsed_s = max(frame.t_s - self.t_s, 0.0)
+        return self.centre_px + self.velocity_px_s * elapsed_s + self.turned_px(frame.gimbal, focal_px)
+
+    def takes(self, box: Box, frame: Frame, predicted_px: Array, parameters: DetectorParameters) -> bool:
+        """Whether a box of `frame` can be this target: near the prediction, and of like size."""
+        longer = float(self.size_px.max())
+        elapsed_s = max(frame.t_s - self.t_s, 0.0)
+        reach = parameters.gate_px + parameters.gate_px_s * elapsed_s + parameters.gate_sizes * longer
+        growth = max(box.size_px) / longer
+        return (
+            float(np.hypot(*(np.array(box.centre_px) - predicted_px))) <= reach
+            and 1.0 / parameters.gate_growth <= growth <= parameters.gate_growth
+        )
+
+    def hit(self, box: Box, frame: Frame, focal_px: float, parameters: DetectorParameters) -> None:
+        """Take a box of `frame`."""
+        centre = np.array(box.centre_px)
+        elapsed_s = frame.t_s - self.t_s
+        if elapsed_s > 0.0:
+            measured = (centre - self.centre_px - self.turned_px(frame.gimbal, focal_px)) / elapsed_s
+            self.velocity_px_s = self.velocity_px_s + parameters.velocity_gain * (measured - self.velocity_px_s)
+        odds = log_odds(box.confidence)
+        self.t_s, self.gimbal = frame.t_s, frame.gimbal
+        self.centre_px, self.size_px = centre, np.array(box.size_px)
+        self.hits.append(True)
+        self.misses = 0
+        gathered = self.evidence + odds - log_odds(parameters.neutral_confidence)
+        self.evidence = min(gathered, parameters.most_evidence)
+        self.sureness += parameters.sureness_gain * (odds - self.sureness)
+
+    def miss(self, parameters: DetectorParameters) -> None:
+        """Note a frame without a box."""
+        self.hits.append(False)
+        self.misses += 1
+        self.evidence -= parameters.miss_evidence
+
+    def convincing(self, parameters: DetectorParameters) -> bool:
+        """Whether to believe it."""
+        return sum(self.hits) >= parameters.confirm_hits and self.evidence >= parameters.believe_evidence
+
+    def hopeless(self, parameters: DetectorParameters) -> bool:
+        """Whether a candidate can no longer be confirmed in its time."""
+        return len(self.hits) - sum(self.hits) > parameters.confirm_frames - parameters.confirm_hits
+
+    def lost(self, parameters: DetectorParameters) -> bool:
+        """Whether to give up a target that was believed: unseen for too long, or more and more doubtful."""
+        return self.misses >= parameters.lost_frames or self.evidence < -parameters.believe_evidence

@@ -1,0 +1,1 @@
+"""Near vision: the cue's corners and the camera's pose."""

@@ -1,0 +1,191 @@
+"""Coloured regions of a picture: gate, opening, closing, watershed, contours."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from shipland.frames import Array
+from shipland.vision.near.parameters import VisionParameters
+
+Image = npt.NDArray[np.uint8]
+
+_ADAPT_STEP_PX = 8
+"""Every so many rows and columns tell how bright a picture is."""
+
+_BRIGHT_PERCENT = 99.0
+"""Percentile of saturation and of value that counts as the picture's most."""
+
+_BAND_ROWS = 128
+"""Rows that `coloured_window` looks at at once; even."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of the picture: columns left … right − 1, rows top … bottom − 1 [px]."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @staticmethod
+    def around(points_px: Array, margin_px: float | Array, width_px: int, height_px: int) -> Window:
+        """The box of points (n,2) grown by a margin, one or (2,), and cut to the picture; empty when outside of it."""
+        (left, top), (right, bottom) = (
+            (points_px.min(axis=0) - margin_px).tolist(),
+            (points_px.max(axis=0) + margin_px).tolist(),
+        )
+        return Window(
+            min(max(math.floor(left), 0), width_px),
+            min(max(math.floor(top), 0), height_px),
+            min(max(math.ceil(right) + 1, 0), width_px),
+            min(max(math.ceil(bottom) + 1, 0), height_px),
+        )
+
+    @staticmethod
+    def whole(image: Image) -> Window:
+        """All of a picture."""
+        return Window(0, 0, image.shape[1], image.shape[0])
+
+    @property
+    def empty(self) -> bool:
+        """Whether no pixel lies in it."""
+        return self.right <= self.left or self.bottom <= self.top
+
+    def of(self, image: Image) -> Image:
+        """The part of the picture, not copied."""
+        return image[self.top : self.bottom, self.left : self.right]
+
+
+@dataclass(frozen=True)
+class Region:
+    """One connected coloured region.
+
+    Attributes:
+        contour_px: (n,2) int32 outer boundary through pixel centres, in the whole picture.
+        area_px2: enclosed by it, holes included.
+        cut: reaches the picture's edge.
+    """
+
+    contour_px: npt.NDArray[np.int32]
+    area_px2: float
+    cut: bool
+
+
+def gate(image: Image, parameters: VisionParameters) -> Image:
+    """The colour gate [Lee2022, §Image Filtering]: (H,W) 0 or 255."""
+    hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
+    bands = (parameters.hue, parameters.saturation, parameters.value)
+    low, high = np.array([band[0] for band in bands]), np.array([band[1] for band in bands])
+    return np.asarray(cv2.inRange(hsv, low, high), np.uint8)
+
+
+def adapted(image: Image, parameters: VisionParameters) -> VisionParameters:
+    """The parameters with a gate made from the picture: for other exposure and white balance than the gate's.
+
+    The floors of saturation and value are lowered as the picture's own 99th percentile of each lies below full scale,
+    at most to `adaptive_floor` of themselves; hue is widened by `adaptive_hue`. Nothing is narrowed.
+    """
+    few = np.ascontiguousarray(image[::_ADAPT_STEP_PX, ::_ADAPT_STEP_PX])
+    most = np.percentile(cv2.cvtColor(few, cv2.COLOR_BGR2HSV).reshape(-1, 3), _BRIGHT_PERCENT, axis=0)
+    saturation, value = (
+        (round(low * max(float(share), parameters.adaptive_floor)), high)
+        for (low, high), share in zip((parameters.saturation, parameters.value), most[1:] / 255.0, strict=True)
+    )
+    low, high = parameters.hue
+    hue = max(low - parameters.adaptive_hue, 0), min(high + parameters.adaptive_hue, 179)
+    return replace(parameters, hue=hue, saturation=saturation, value=value)
+
+
+def coloured_window(image: Image, parameters: VisionParameters) -> Window:
+    """The part of a picture that holds all its coloured regions; empty when there are none.
+
+    Every second pixel of every second row is looked at: opening leaves nothing that has none of them. When they are all
+    over the picture, so is the window. It goes band by band: what a band needs stays in the processor's cache.
+    """
+    height, width = image.shape[:2]
+    if width < 64 or height < 64:
+        return Window.whole(image)
+    boxes = []
+    for top in range(0, height & ~1, _BAND_ROWS):
+        band = image[top : min(top + _BAND_ROWS, height & ~1), : width & ~1]
+        few = cv2.resize(band, (width // 2, len(band) // 2), interpolation=cv2.INTER_NEAREST)
+        column, row, across, down = cv2.boundingRect(gate(np.asarray(few, np.uint8), parameters))
+        if across:
+            boxes.append((2 * column, top + 2 * row, 2 * (column + across), top + 2 * (row + down)))
+    if not boxes:
+        return Window(0, 0, 0, 0)
+    lefts, tops, rights, bottoms = zip(*boxes, strict=True)
+    margin = parameters.kernel_px + 2
+    return Window(
+        max(min(lefts) - margin, 0),
+        max(min(tops) - margin, 0),
+        min(max(rights) + margin, width),
+        min(max(bottoms) + margin, height),
+    )
+
+
+def colour_mask(image: Image, parameters: VisionParameters) -> Image:
+    """The gate, then opening, then closing [Lee2022, §Image Filtering]: (H,W) 0 or 255."""
+    mask = gate(image, parameters)
+    kernel = np.ones((parameters.kernel_px, parameters.kernel_px), np.uint8)
+    opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
+    # Nothing lies outside: else closing would join a region to the picture's edge. What is at the edge stays there.
+    closed = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    return np.asarray(cv2.bitwise_or(closed, opened), np.uint8)
+
+
+def find_regions(image: Image, window: Window, parameters: VisionParameters) -> list[Region]:
+    """The largest coloured regions in a part of the picture, largest first; too small ones are left out.
+
+    Args:
+        image: (H,W,3) BGR.
+        window: where to look; not empty.
+        parameters: gate, kernel, least size and greatest number.
+    """
+    mask = colour_mask(window.of(image), parameters)
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=(window.left, window.top))
+    # A contour through the centres of the outermost pixels is one pixel short on each axis.
+    least_px2 = max(parameters.min_side_px - 1.0, 1.0) ** 2
+    sized = [(cv2.contourArea(contour), contour) for contour in contours if len(contour) >= 4]
+    sized = sorted((item for item in sized if item[0] >= least_px2), key=lambda item: -item[0])
+    height_px, width_px = image.shape[:2]
+    regions = []
+    for area_px2, contour in sized[: parameters.max_candidates]:
+        points = np.asarray(contour[:, 0], np.int32)
+        left, top, width, height = cv2.boundingRect(points)
+        if min(width, height) < parameters.min_side_px:
+            continue
+        cut = left <= 0 or top <= 0 or left + width >= width_px or top + height >= height_px
+        regions.append(Region(points, float(area_px2), cut))
+    return regions
+
+
+def watershed_region(image: Image, region: Region, margin: float) -> Region | None:
+    """The region with the boundary that the watershed finds [Lee2022, §Image Filtering].
+
+    The region eroded and the background outside of the region dilated, both by `margin` of the region's longer
+    side and at least one pixel, flood toward each other over the picture. None when nothing is left of it.
+    """
+    _, _, width, height = cv2.boundingRect(region.contour_px)
+    reach = max(1, round(margin * max(width, height)))
+    window = Window.around(region.contour_px.astype(float), reach + 2.0, image.shape[1], image.shape[0])
+    offset = (-window.left, -window.top)
+    filled = np.zeros((window.bottom - window.top, window.right - window.left), np.uint8)
+    cv2.drawContours(filled, [region.contour_px.reshape(-1, 1, 2)], -1, 255, cv2.FILLED, offset=offset)
+    kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    markers = np.zeros(filled.shape, np.int32)
+    markers[cv2.dilate(filled, kernel) == 0] = 1
+    markers[cv2.erode(filled, kernel) > 0] = 2
+    cv2.watershed(np.ascontiguousarray(window.of(image)), markers)
+    inside = np.asarray(markers == 2, np.uint8)
+    contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=(window.left, window.top))
+    if not contours:
+        return None
+    contour = max(contours, key=cv2.contourArea)
+    return Region(np.asarray(contour[:, 0], np.int32), float(cv2.contourArea(contour)), region.cut)

@@ -1,0 +1,175 @@
+"""The search for one kind of target: candidates over whole frames, then the one that is believed, in tiles.
+
+A whole frame is searched until a candidate convinces, and again from time to time: a target that was believed gives way
+to a surer rival. The horizon is known from the gimbal; what stands above it does not stand on the sea.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from shipland.camera import Camera, level_from_camera
+from shipland.messages import Box, Frame, GimbalAttitude
+from shipland.vision.far.detector import Detector, DetectorParameters, Picture
+from shipland.vision.far.track import Track, log_odds
+
+NETWORK_STEP_PX = 32
+
+
+@dataclass
+class Hunt:
+    """One detector over a stream of frames.
+
+    Attributes:
+        name: of the target, for reasons.
+        detector: whole frames and tiles to boxes.
+        camera: intrinsics.
+        parameters: thresholds and counts.
+        rise: how far above the horizon the box's middle may lie, in its own longer sides; negative for a box whose
+            foot must lie below.
+        tracks: candidates.
+        target: the one that is believed.
+    """
+
+    name: str
+    detector: Detector
+    camera: Camera
+    parameters: DetectorParameters
+    rise: float
+    tracks: list[Track] = field(default_factory=list)
+    target: Track | None = None
+    _since_search: int = 0
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.tracks, self.target, self._since_search = [], None, 0
+
+    @property
+    def search_due(self) -> bool:
+        """Whether the whole frame should be searched: always without a target, often while it is doubtful."""
+        if self.target is None:
+            return True
+        sure = self.target.sureness >= log_odds(self.parameters.sure_confidence) and len(self.tracks) == 0
+        return self._since_search >= (self.parameters.recheck_frames if sure else self.parameters.doubt_frames)
+
+    def search(self, frame: Frame, picture: Picture) -> Box | None:
+        """Search the whole frame; the target's box in it."""
+        self._since_search = 0
+        return self._take(self.detector.detect(picture, self.parameters.track_confidence), frame)
+
+    def search_tile(self, frame: Frame, picture: Picture, around: Track) -> Box | None:
+        """Search the tile around another target, for boxes inside it."""
+        tile_px, reduction = tile_for(float(around.size_px.max()), self.parameters)
+        centre = (float(around.centre_px[0]), float(around.centre_px[1]))
+        found = self.detector.detect_in_tile(picture, centre, tile_px, reduction, self.parameters.track_confidence)
+        return self._take([box for box in found if inside(box, around)], frame)
+
+    def follow(self, frame: Frame, picture: Picture) -> Box | None:
+        """The target's box, in a tile around where it should be."""
+        if self.target is None:
+            return None
+        self._since_search += 1
+        predicted_px = self.target.predicted_px(frame, self.camera.focal_px)
+        tile_px, reduction = tile_for(float(self.target.size_px.max()), self.parameters)
+        centre = (float(predicted_px[0]), float(predicted_px[1]))
+        found = self.detector.detect_in_tile(picture, centre, tile_px, reduction, self.parameters.track_confidence)
+        return self._update_target(self._standing(found, frame.gimbal), frame)
+
+    def reason(self) -> str:
+        """Why no box is told."""
+        if self.target is not None:
+            return f"{self.name}: missed for {self.target.misses} frames"
+        if not self.tracks:
+            return f"{self.name}: not found"
+        best = max(self.tracks, key=lambda track: track.evidence)
+        parameters = self.parameters
+        return (
+            f"{self.name}: {sum(best.hits)} of {parameters.confirm_hits} sightings, "
+            f"evidence {best.evidence:.1f} of {parameters.believe_evidence:g}"
+        )
+
+    def _take(self, found: list[Box], frame: Frame) -> Box | None:
+        """Give boxes to the target and the candidates, the surest first; the target's box."""
+        boxes = self._standing(found, frame.gimbal)
+        told = self._update_target(boxes, frame)
+        rest = [box for box in boxes if box is not told]
+        given: dict[int, Box] = {}
+        predicted = [track.predicted_px(frame, self.camera.focal_px) for track in self.tracks]
+        fresh = []
+        for box in rest:
+            reach = [
+                (float(np.hypot(*(np.array(box.centre_px) - predicted[index]))), index)
+                for index, track in enumerate(self.tracks)
+                if index not in given and track.takes(box, frame, predicted[index], self.parameters)
+            ]
+            if reach:
+                given[min(reach)[1]] = box
+            elif box.confidence >= self.parameters.acquire_confidence:
+                fresh.append(box)
+        for index, track in enumerate(self.tracks):
+            if index in given:
+                track.hit(given[index], frame, self.camera.focal_px, self.parameters)
+            else:
+                track.miss(self.parameters)
+        boxes_of = {id(self.tracks[index]): box for index, box in given.items()}
+        alive = [track for track in self.tracks if not track.hopeless(self.parameters)]
+        room = max(self.parameters.most_candidates - len(alive), 0)
+        started = [Track.start(box, frame, self.parameters) for box in fresh[:room]]
+        self.tracks = alive + started
+        best = max(
+            (track for track in self.tracks if track.convincing(self.parameters)),
+            key=lambda track: track.sureness,
+            default=None,
+        )
+        if best is not None and (
+            self.target is None or best.sureness > self.target.sureness + self.parameters.recheck_margin
+        ):
+            self.tracks = [track for track in self.tracks if track is not best]
+            self.target, told = best, boxes_of.get(id(best))
+        return told
+
+    def _update_target(self, boxes: list[Box], frame: Frame) -> Box | None:
+        target = self.target
+        if target is None:
+            return None
+        predicted_px = target.predicted_px(frame, self.camera.focal_px)
+        box = next((item for item in boxes if target.takes(item, frame, predicted_px, self.parameters)), None)
+        if box is not None:
+            target.hit(box, frame, self.camera.focal_px, self.parameters)
+        else:
+            target.miss(self.parameters)
+        if target.lost(self.parameters):
+            self.target, self._since_search = None, 0
+            return None
+        return box
+
+    def _standing(self, boxes: list[Box], gimbal: GimbalAttitude) -> list[Box]:
+        """Those boxes that can belong to something on the sea."""
+        if not boxes:
+            return boxes
+        turn = level_from_camera(gimbal)
+        places = np.array([box.centre_px for box in boxes])
+        sides = np.array([max(box.size_px) for box in boxes])
+        if self.rise < 0.0:
+            places = places + [0.0, 0.5] * np.array([box.size_px for box in boxes])
+        rays = self.camera.back_project(places) @ turn.T
+        up_rad = np.arcsin(np.clip(-rays[:, 2], -1.0, 1.0))
+        most_rad = math.radians(self.parameters.horizon_margin_deg) + max(self.rise, 0.0) * sides / self.camera.focal_px
+        return [box for box, keep in zip(boxes, up_rad <= most_rad, strict=True) if keep]
+
+
+def tile_for(longer_px: float, parameters: DetectorParameters) -> tuple[int, int]:
+    """Side of the tile that the network sees and the reduction, for a target of this longer side."""
+    wanted = parameters.tile_per_target * longer_px
+    reduction = max(1, int(np.ceil(wanted / parameters.tile_max_px)))
+    side = NETWORK_STEP_PX * int(np.ceil(wanted / reduction / NETWORK_STEP_PX))
+    return min(max(side, parameters.tile_min_px), parameters.tile_max_px), reduction
+
+
+def inside(box: Box, around: Track) -> bool:
+    """Whether a bar's centre lies in the ship's box, a quarter of it as margin."""
+    offset = np.abs(np.array(box.centre_px) - around.centre_px)
+    return bool(np.all(offset <= 0.75 * around.size_px + 2.0))

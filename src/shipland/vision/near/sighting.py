@@ -1,0 +1,277 @@
+"""From a hypothesis to a pose that has stood every test, or to the reason why it has not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.frames import Array, Pose
+from shipland.messages import BarPose
+from shipland.rig import Target
+from shipland.vision.near.bar import Image, Region
+from shipland.vision.near.corners import measure_corners
+from shipland.vision.near.matching import Match, model_plane
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.pose import Corners, LevelPrior, Solution, covariance_in_bar, position_and_yaw, solve
+from shipland.vision.near.quads import edge_distances
+from shipland.vision.near.refusal import Refusal
+from shipland.vision.near.screening import sides_agree
+from shipland.vision.near.sides import distort
+
+_CLEAR_CHI2 = 9.0
+"""By how much one planar solution must fit better to be taken against continuity."""
+
+_LEAST_SHARE = 1e-4
+"""Probability of the other planar solution that still counts in the covariance."""
+
+_DISPROVED = 4.0
+"""Excess of χ² from which what the corners were stated to be known to is given up: an error twice as large."""
+
+_BENT_RAD = 2e-3
+"""Standard deviation of the angle about the cue's vertical from which the covariance allows for the arc; below, it is
+micrometres."""
+
+_REPROJECTION_NOISE = 4.0
+"""Standard deviations of a corner that the reprojection error may reach besides."""
+
+_MOST_NOISE_PX = 0.1
+"""What these may amount to: sides that are smeared or frayed state a noise that would excuse any shape."""
+
+_EDGE_PX = 1.0
+"""How far beyond the picture's edge a side that seems to lie on it may be."""
+
+_WHOLE = 0.98
+"""Share of a foreseen quadrilateral in the picture from which it should have been found whole."""
+
+_COVERED = 0.6
+"""Least share of a foreseen quadrilateral's visible part, and of a cut region, that the two must have in common."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a frame brings to judge a hypothesis by.
+
+    Attributes:
+        image: (H,W,3) BGR.
+        cut: coloured regions that reach the picture's edge.
+        prior: what the gimbal knows, or None.
+        last: the last pose, camera_from_plane, or None.
+        blur_px: the last picture's blur, or None.
+    """
+
+    image: Image
+    cut: Sequence[Region]
+    prior: LevelPrior | None
+    last: Pose | None
+    blur_px: float | None
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """A pose and what it rests on.
+
+    Attributes:
+        match: which quadrilaterals of the picture.
+        solutions: the planar solutions, the one taken first.
+        corners_px: (k,4,2) measured corners in the picture.
+        blur_px: the picture's blur, where it was measured.
+    """
+
+    match: Match
+    solutions: list[Solution]
+    corners_px: Array
+    blur_px: float | None
+
+    @property
+    def camera_from_plane(self) -> Pose:
+        """The pose taken."""
+        return self.solutions[0].camera_from_plane
+
+    @property
+    def distance_m(self) -> float:
+        """From the camera to the cue's origin."""
+        return float(np.linalg.norm(self.camera_from_plane.translation_m))
+
+    def bar_pose(self) -> BarPose:
+        """What crosses to the pilot."""
+        return bar_pose_of(self.solutions, self.corners_px)
+
+
+def ordered(solutions: list[Solution], last: Pose | None) -> list[Solution]:
+    """The planar solutions, the one to take first: by fit where that is clear, else by continuity with `last`."""
+    if len(solutions) < 2 or last is None:
+        return solutions
+    if solutions[1].chi2 - solutions[0].chi2 > _CLEAR_CHI2 * solutions[0].excess:
+        return solutions
+    return sorted(solutions, key=lambda s: -float(np.sum(s.camera_from_plane.rotation * last.rotation)))
+
+
+def bar_pose_of(solutions: list[Solution], corners_px: Array) -> BarPose:
+    """The first solution as a message; its covariance weighs the others by their likelihood.
+
+    Args:
+        solutions: of one picture, the one taken first.
+        corners_px: (k,4,2) the corners they rest on.
+    """
+    taken = solutions[0]
+    position_in_bar_m, yaw_rad = position_and_yaw(taken.camera_from_plane)
+    excess = taken.excess
+    covariance = excess * (covariance_in_bar(taken) + excess * _bend(taken))
+    for other in solutions[1:]:
+        share = 1.0 / (1.0 + math.exp(min(max(0.5 * (other.chi2 - taken.chi2) / excess, -50.0), 50.0)))
+        if share < _LEAST_SHARE:
+            continue
+        other_position_in_bar_m, other_yaw_rad = position_and_yaw(other.camera_from_plane)
+        apart = np.append(other_position_in_bar_m - position_in_bar_m, other_yaw_rad - yaw_rad)
+        apart[3] = math.remainder(apart[3], math.tau)
+        other_covariance = excess * covariance_in_bar(other) + np.outer(apart, apart)
+        covariance = (1.0 - share) * covariance + share * other_covariance
+    return BarPose(position_in_bar_m, yaw_rad, covariance, taken.reprojection_px, corners_px.reshape(-1, 2))
+
+
+def _bend(solution: Solution) -> Array:
+    """(4,4) what the covariance of (position in `bar` [m], yaw [rad]) lacks since the camera errs along an arc.
+
+    From afar the angle about the cue's vertical is what is known least; along it position and yaw change together, and
+    bend away from the covariance's straight line by h per squared standard deviation, on average of the square √3 h.
+    """
+    pose, down = solution.camera_from_plane, solution.camera_from_plane.rotation[:, 1]
+    along = solution.covariance[:, :3] @ down
+    spread_rad = math.sqrt(max(float(along[:3] @ down), 0.0))
+    if not spread_rad > _BENT_RAD:
+        return np.zeros((4, 4))
+    step = along / spread_rad
+    here, ahead, behind = (
+        np.append(*position_and_yaw(Pose(cv2.Rodrigues(s[:3])[0] @ pose.rotation, pose.translation_m + s[3:])))
+        for s in (np.zeros(6), step, -step)
+    )
+    bend = 0.5 * (ahead + behind) - here
+    bend[3] = math.remainder(bend[3], math.pi)
+    return 3.0 * np.outer(bend, bend)
+
+
+class Judge:
+    """Measures and tests hypotheses about one cue, seen with one camera."""
+
+    def __init__(self, target: Target, camera: Camera, parameters: VisionParameters) -> None:
+        self.plane_m = model_plane(target)
+        self._made_to = target.made_to
+        self._camera = camera
+        self._parameters = parameters
+        self._least_facing = math.cos(math.radians(parameters.max_obliquity_deg))
+
+    def judge(self, match: Match, evidence: Evidence) -> Sighting | Refusal:
+        """Sub-pixel corners, pose, reprojection gate, screening, reach."""
+        measured = measure_corners(evidence.image, match.quads_px, self._camera, self._parameters, evidence.blur_px)
+        if measured is None:
+            return Refusal.CORNERS_UNSURE
+        corners_px = measured.corners_px
+        if measured.blur_px is not None and measured.blur_px > self._parameters.max_blur * _shortest_px(corners_px):
+            return Refusal.CORNERS_UNSURE
+        corners = Corners(corners_px, measured.whiten, self.plane_m[list(match.model)], measured.common_px)
+        solutions = self._solved(corners, evidence)
+        if not solutions:
+            return Refusal.NO_SOLUTION
+        taken = solutions[0]
+        diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
+        most_px = self._parameters.reprojection_px + self._made_to * diagonal_px
+        if not taken.reprojection_px <= most_px + min(_REPROJECTION_NOISE * measured.noise_px, _MOST_NOISE_PX):
+            return Refusal.REPROJECTION
+        if measured.held and self._beyond_edge(corners_px, taken.residual_px, evidence.image):
+            return Refusal.CUT_BY_FRAME
+        if not sides_agree(corners_px, corners_px + taken.residual_px, measured.noise_px, self._parameters):
+            return Refusal.SIDES_UNEQUAL
+        if not self._within_reach(taken.camera_from_plane):
+            return Refusal.OUT_OF_REACH
+        raw_px = distort(corners_px.reshape(-1, 2), self._camera).reshape(-1, 4, 2)
+        return Sighting(match, solutions, raw_px, measured.blur_px)
+
+    def _solved(self, corners: Corners, evidence: Evidence) -> list[Solution]:
+        """The planar solutions, the one taken first.
+
+        Corners that lie much farther from where any pose has them than they were stated to are not known to what was
+        stated, as when rows are exposed one after the other: they are solved anew, all known alike, to that distance.
+        """
+        solutions = ordered(solve(corners, self._camera, evidence.prior, evidence.last), evidence.last)
+        if not solutions or solutions[0].excess < _DISPROVED:
+            return solutions
+        free = solutions if evidence.prior is None else solve(corners, self._camera)
+        if not free or free[0].excess < _DISPROVED:
+            return solutions  # it is the gimbal's word that does not fit
+        taken = solutions[0]
+        noise_px = math.sqrt(float(np.vdot(taken.residual_px, taken.residual_px)) / taken.freedom)
+        corners_px = corners.undistorted_px
+        alike = Corners(corners_px, np.broadcast_to(np.eye(8) / noise_px, (len(corners_px), 8, 8)), corners.plane_m)
+        return ordered(solve(alike, self._camera, evidence.prior, evidence.last), evidence.last) or solutions
+
+    def projected_px(self, camera_from_plane: Pose) -> Array:
+        """(n,4,2) all corners of the cue in the picture; NaN where they are not in front of the camera."""
+        points = np.zeros((self.plane_m.size // 2, 3))
+        points[:, :2] = self.plane_m.reshape(-1, 2)
+        return self._camera.project(camera_from_plane.apply(points)).reshape(-1, 4, 2)
+
+    def explains_absence(self, sighting: Sighting, cut: Sequence[Region]) -> bool:
+        """Whether the picture's edge explains the quadrilaterals that the sighting lacks.
+
+        None of them may be one that should be there whole; and unless at least two quadrilaterals are whole, one that
+        the edge cuts must be found where the pose foresees it.
+        """
+        foreseen_px = self.projected_px(sighting.camera_from_plane)
+        if not np.isfinite(foreseen_px).all():
+            return False
+        size_px = (self._camera.width_px, self._camera.height_px)
+        proven = len(sighting.match.model) > 1
+        for model in range(len(self.plane_m)):
+            if model in sighting.match.model:
+                continue
+            quad_px = foreseen_px[model]
+            visible_px2 = _clipped_area(quad_px, size_px)
+            if visible_px2 >= _WHOLE * abs(cv2.contourArea(quad_px.astype(np.float32))):
+                return False
+            proven |= visible_px2 > 0.0 and any(_same_place(quad_px, region, size_px) for region in cut)
+        return proven
+
+    def _beyond_edge(self, corners_px: Array, residual_px: Array, image: Image) -> bool:
+        """Whether a corner that was set on the picture's edge lies more than a pixel off it by the pose."""
+        raw_px = distort(corners_px.reshape(-1, 2), self._camera).reshape(corners_px.shape)
+        distances_px = edge_distances(raw_px, image.shape[1], image.shape[0])
+        held = distances_px < 0.5
+        off_px = np.abs(residual_px[..., [0, 1, 0, 1]])
+        return bool(np.any(held & (off_px > _EDGE_PX)))
+
+    def _within_reach(self, camera_from_plane: Pose) -> bool:
+        sight_m = camera_from_plane.translation_m
+        distance_m = float(np.linalg.norm(sight_m))
+        facing = float(camera_from_plane.rotation[:, 2] @ sight_m)
+        return distance_m <= self._parameters.max_distance_m and facing >= self._least_facing * distance_m
+
+
+def _shortest_px(quads_px: Array) -> float:
+    """The shortest side of quadrilaterals (n,4,2)."""
+    points = np.ascontiguousarray(quads_px).view(np.complex128)[..., 0]
+    return float(np.abs(points - points[:, [1, 2, 3, 0]]).min())
+
+
+def _picture_corners(size_px: tuple[int, int]) -> Array:
+    width, height = size_px
+    return np.array([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
+
+
+def _clipped_area(quad_px: Array, size_px: tuple[int, int]) -> float:
+    """Area [px²] of the part of a convex quadrilateral that lies in the picture."""
+    area, _ = cv2.intersectConvexConvex(quad_px.astype(np.float32), _picture_corners(size_px).astype(np.float32))
+    return float(area)
+
+
+def _same_place(quad_px: Array, region: Region, size_px: tuple[int, int]) -> bool:
+    """Whether a cut region fills what the picture shows of a foreseen quadrilateral, and no more."""
+    hull = cv2.convexHull(region.contour_px).astype(np.float32)
+    hull_px2 = cv2.contourArea(hull)
+    visible_px2 = _clipped_area(quad_px, size_px)
+    common_px2, _ = cv2.intersectConvexConvex(quad_px.astype(np.float32), hull)
+    return common_px2 >= _COVERED * visible_px2 and common_px2 >= _COVERED * hull_px2 and hull_px2 > 0.0
