@@ -29,8 +29,8 @@ from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig, default_rig, packaged_table
 from shipland.sim.scene.scene import Scene, SceneParameters
 from shipland.sim.state import SceneState
-from shipland.vision.near.bar import Window
 from shipland.vision.near.pipeline import NearVision, VisionParameters
+from shipland.vision.near.regions import Window
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 from peers import Peer, apriltag, aruco, grain, in_picture

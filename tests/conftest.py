@@ -1,5 +1,6 @@
 """Shared by every test: one thread a process, hypothesis' profile, the packaged rig and camera, a seeded generator."""
 
+import logging
 import os
 
 for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "LP_NUM_THREADS"):
@@ -40,3 +41,13 @@ def camera() -> Camera:
 def rng() -> np.random.Generator:
     """A generator with a fixed seed."""
     return np.random.default_rng(1797)
+
+
+@pytest.fixture(autouse=True)
+def no_vision_fails_unnoticed(request, caplog):
+    """In flight a vision that raises only costs its frame; a test it fails, unless marked `vision_fails`."""
+    yield
+    if request.node.get_closest_marker("vision_fails") is None:
+        records = [r for when in ("setup", "call") for r in caplog.get_records(when)]
+        failed = [r for r in records if r.name == "shipland.vision.vision" and r.levelno >= logging.ERROR]
+        assert not failed, failed[0].getMessage() + "\n" + str(failed[0].exc_text or failed[0].exc_info)

@@ -5,20 +5,13 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from shipland.guidance.pilot import Pilot
 from shipland.guidance.safety import Safety
-from shipland.messages import FlightRecord, Frame, Observation
+from shipland.messages import FlightRecord
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.vehicle import Vehicle, Witness
-
-
-class Vision(Protocol):
-    """Frame in, observation out."""
-
-    def see(self, frame: Frame) -> Observation:
-        """The best that can be made of one frame; never raises."""
+from shipland.vision.vision import Vision, see_or_degrade
 
 
 class Stage(enum.Enum):
@@ -84,7 +77,7 @@ def fly(
         while (pair := vehicle.read()) is not None:
             frame, telemetry = pair
             read_s = clock()
-            observation = crew.vision.see(frame)
+            observation = see_or_degrade(crew.vision, frame)
             seen_s = clock()
             ready_s = telemetry.t_s + crew.delays.processing_s(observation, seen_s - read_s)
             telemetry = vehicle.telemetry_at(ready_s)

@@ -12,8 +12,7 @@ from pictures import Look, bar_picture, camera_from_bar, finish, paint, project_
 from shipland.camera import Camera
 from shipland.config import build
 from shipland.rig import packaged_table
-from shipland.vision.near.corners import measure_corners
-from shipland.vision.near.edge_fit import edge_response
+from shipland.vision.near.corners import edge_response, measure_corners
 from shipland.vision.near.parameters import VisionParameters
 
 PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")

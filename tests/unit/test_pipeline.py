@@ -26,8 +26,8 @@ from shipland.config import build
 from shipland.frames import Pose
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Quad, Target, default_rig, packaged_table
-from shipland.vision.near.bar import coloured_window
 from shipland.vision.near.pipeline import NearVision, Refusal, VisionParameters
+from shipland.vision.near.regions import coloured_window
 
 PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
 BAR = default_rig().target

@@ -31,10 +31,11 @@ from shipland.sim.ship.ship import ShipParameters, build_ship
 from shipland.sim.world import StartParameters, World
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.simulated import SimulatedVehicle
-from shipland.vision.eyes import Eyes, EyesParameters, Sees
+from shipland.vision.eyes import Eyes, EyesParameters
 from shipland.vision.far.detector import DetectorParameters
 from shipland.vision.far.far import FarVision
 from shipland.vision.near.pipeline import NearVision, VisionParameters
+from shipland.vision.vision import Vision
 
 CameraKind = Literal["rendered", "geometric"]
 PilotKind = Literal["paper", "offset_free"]
@@ -129,8 +130,8 @@ def build_crew(scenario: Scenario, vehicle: SimulatedVehicle, pilot: PilotKind, 
     flier: Pilot = ModePilot(guidance, rig, vehicle.camera, camera_in_body_m, far, near)
     if scenario.follow.enabled:
         flier = DeckFollower(flier, vehicle, math.radians(scenario.aircraft.settings.max_tilt_deg), scenario.follow)
-    near_eyes: Sees
-    far_eyes: Sees
+    near_eyes: Vision
+    far_eyes: Vision
     if camera == "rendered":
         near_eyes = NearVision(scenario.rig.target, vehicle.camera, scenario.vision)
         far_eyes = FarVision.load(vehicle.camera, scenario.detector)

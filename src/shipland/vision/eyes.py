@@ -8,17 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 from shipland.config import require
 from shipland.messages import Frame, Observation
-
-
-class Sees(Protocol):
-    """Frame in, observation out."""
-
-    def see(self, frame: Frame) -> Observation:
-        """The best that can be made of one frame; never raises."""
+from shipland.vision.vision import Vision
 
 
 @dataclass(frozen=True)
@@ -51,13 +44,13 @@ class Eyes:
         parameters: when to look for what.
     """
 
-    def __init__(self, near: Sees, far: Sees, parameters: EyesParameters) -> None:
+    def __init__(self, near: Vision, far: Vision, parameters: EyesParameters) -> None:
         self._near, self._far, self._parameters = near, far, parameters
         self._pose_s = -math.inf
         self._boxes: Observation | None = None
 
     def see(self, frame: Frame) -> Observation:
-        """A pose, or boxes with the reason why there is no pose; never raises."""
+        """A pose, or boxes with the reason why there is no pose."""
         reason = "too far for corners"
         if self._near_enough(frame.t_s):
             seen = self._near.see(frame)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from shipland.camera import Camera
 from shipland.messages import Box, Frame, Observation
 from shipland.vision.far.detector import Detector, DetectorParameters, Picture
-from shipland.vision.near.hunt import NETWORK_STEP_PX, Hunt, inside
+from shipland.vision.far.search import NETWORK_STEP_PX, TargetSearch, inside
 
 
 @dataclass
@@ -29,16 +29,16 @@ class FarVision:
     bar: Detector | None
     camera: Camera
     parameters: DetectorParameters
-    _ship: Hunt | None = field(default=None, init=False)
-    _bar: Hunt | None = field(default=None, init=False)
+    _ship: TargetSearch | None = field(default=None, init=False)
+    _bar: TargetSearch | None = field(default=None, init=False)
     _ships_turn: bool = field(default=True, init=False)
     _last_s: float | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         if self.ship is not None:
-            self._ship = Hunt("ship", self.ship, self.camera, self.parameters, rise=self.parameters.ship_rise)
+            self._ship = TargetSearch("ship", self.ship, self.camera, self.parameters, rise=self.parameters.ship_rise)
         if self.bar is not None:
-            self._bar = Hunt("bar", self.bar, self.camera, self.parameters, rise=self.parameters.bar_rise)
+            self._bar = TargetSearch("bar", self.bar, self.camera, self.parameters, rise=self.parameters.bar_rise)
 
     @staticmethod
     def load(camera: Camera, parameters: DetectorParameters) -> FarVision:
@@ -52,9 +52,9 @@ class FarVision:
 
     def reset(self) -> None:
         """Forget the tracks."""
-        for hunt in (self._ship, self._bar):
-            if hunt is not None:
-                hunt.reset()
+        for search in (self._ship, self._bar):
+            if search is not None:
+                search.reset()
 
     def see(self, frame: Frame) -> Observation:
         """Ship box and bar box of one frame, each None unless a believed track was seen in it."""
@@ -70,41 +70,41 @@ class FarVision:
 
     def _see_ship(self, frame: Frame, picture: Picture) -> tuple[Box | None, str, bool]:
         """The ship's box, why there is none, and whether the whole frame was searched."""
-        hunt = self._ship
-        if hunt is None:
+        search = self._ship
+        if search is None:
             return None, "ship: no detector", False
-        if hunt.target is None and self._bar is not None:
+        if search.target is None and self._bar is not None:
             self._ships_turn = not self._ships_turn
             if self._ships_turn:
                 return None, "ship: the bar's turn to search", False
-        if not hunt.search_due:
-            box = hunt.follow(frame, picture)
-            return box, "" if box else hunt.reason(), False
-        before = hunt.target
-        box = hunt.search(frame, picture)
-        if before is not None and hunt.target is not before and self._bar is not None:
+        if not search.search_due:
+            box = search.follow(frame, picture)
+            return box, "" if box else search.reason(), False
+        before = search.target
+        box = search.search(frame, picture)
+        if before is not None and search.target is not before and self._bar is not None:
             self._bar.reset()
-        return box, "" if box else hunt.reason(), True
+        return box, "" if box else search.reason(), True
 
     def _see_bar(self, frame: Frame, picture: Picture, searched: bool) -> tuple[Box | None, str]:
         """The bar's box: its own track, else inside the ship's box, else over the whole frame where the turn allows."""
-        hunt = self._bar
-        if hunt is None:
+        search = self._bar
+        if search is None:
             return None, "bar: no detector"
         ship = None if self._ship is None else self._ship.target
         box = None
         if ship is None:
-            if not searched and hunt.search_due:
-                box = hunt.search(frame, picture)
-            elif hunt.target is not None:
-                box = hunt.follow(frame, picture)
-        elif hunt.target is not None:
-            box = hunt.follow(frame, picture)
+            if not searched and search.search_due:
+                box = search.search(frame, picture)
+            elif search.target is not None:
+                box = search.follow(frame, picture)
+        elif search.target is not None:
+            box = search.follow(frame, picture)
         elif ship.size_px[0] < self.parameters.bar_search_ship_px:
             return None, "bar: the ship is too small for it"
         else:
-            box = hunt.search_tile(frame, picture, ship)
+            box = search.search_tile(frame, picture, ship)
         if ship is not None and box is not None and not inside(box, ship):
-            hunt.reset()
+            search.reset()
             return None, "bar: outside the ship"
-        return box, "" if box else hunt.reason()
+        return box, "" if box else search.reason()

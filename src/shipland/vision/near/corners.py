@@ -1,21 +1,29 @@
-"""Sub-pixel corners: lines fitted to the sides and intersected, or Förstner's operator."""
+"""Sub-pixel corners: straight edges fitted to the pixels around the sides and intersected, or Förstner's operator."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.special import ndtr
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.vision.near.bar import Image, Window
-from shipland.vision.near.edge_fit import EdgeFloor, measure_sides
-from shipland.vision.near.edge_pixels import contrast_direction
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.quads import edge_distances, reaches_edge
-from shipland.vision.near.sides import Sides, distort, intersect_sides
+from shipland.vision.near.regions import Image, Window, edge_distances, reaches_edge
+from shipland.vision.near.sides import (
+    EdgePixels,
+    SideFit,
+    Sides,
+    contrast_direction,
+    contrasts,
+    distort,
+    edge_pixels,
+    intersect_sides,
+)
 
 
 @dataclass(frozen=True)
@@ -125,3 +133,249 @@ def _held(image: Image, quads_px: Array, camera: Camera) -> npt.NDArray[np.bool_
     on = edge_distances(raw_px, image.shape[1], image.shape[0]) < 0.5
     held = (on & on[:, [1, 2, 3, 0]]).any(axis=-1).reshape(-1)
     return held if held.any() else None
+
+
+_ROOT_TWO_PI = math.sqrt(2.0 * math.pi)
+
+_RECENTRE = 0.4
+"""A side farther than this fraction of the reach from where its pixels were taken is measured once more."""
+
+_RECENTRE_BLURRED = 0.15
+"""The same for much blurred pictures, as a fraction of the blur: what it leaves of a side hangs on its ends."""
+
+_MUCH_BLURRED_PX = 0.75
+"""What much is; below, the error is 0.02 px at most."""
+
+_REFIT_PX = 0.08
+"""A Gauss–Newton step longer than this is followed by another; the error left is of its square."""
+
+_REBLUR = 0.15
+"""The same for the blur, as a fraction of it."""
+
+_STEPS = 6
+"""Most Gauss–Newton steps."""
+
+_TRIES = 8
+"""Times that sides are measured, each from where the last left them, before they are given up."""
+
+_REACH_PER_BLUR = 4.0
+"""Pixels must be taken so much farther out than the blur that the outermost show the plain colours."""
+
+_BLUR_PX = (0.12, 8.0)
+"""Range of the blur that is taken from the picture."""
+
+_ROUNDING_BLUR_PX = 0.5
+"""Blur from which the corners' rounding reaches the pixels that a side is fitted to, and the edge the outermost of
+them."""
+
+_MISFIT = 0.03
+"""Root-mean-square misfit, against the contrast, from which a side is measured by its light alone as well: above what
+sensors leave, below what coded colour does."""
+
+_HELD_PX = 0.05
+"""Standard deviation of a side that is taken to lie on the picture's edge."""
+
+
+@dataclass(frozen=True)
+class EdgeFloor:
+    """Error of a single column of pixels that is not noise, standard deviation [px].
+
+    Attributes:
+        plain_px: as a rule.
+        clipped_px: where the inside is brighter than the picture can tell.
+    """
+
+    plain_px: float
+    clipped_px: float
+
+
+def measure_sides(
+    image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: float | None = None
+) -> SideFit | None:
+    """Where the sides lie, at sub-pixel.
+
+    The area under each column of pixels across a side finds it coarsely; then Gauss–Newton fits one straight edge to
+    all of the side's pixels, each of which sees the edge through its own square and the picture's blur. What turns out
+    far from where the pixels were taken, or blurred more than they reach, is measured once more.
+
+    Args:
+        image: (H,W,3) BGR.
+        sides: known to within two pixels.
+        camera: its distortion is taken into account.
+        floor: of the errors stated.
+        blur_px: a guess of the picture's blur; None to take it from the picture.
+
+    Returns:
+        The fit and the sides as last centred; None when there is no contrast, or a side too far off.
+    """
+    for _ in range(_TRIES):
+        fit = _fit(image, sides, camera, floor, blur_px)
+        if fit is None or fit.blur_px * _REACH_PER_BLUR > float(sides.reach_px.min()):
+            wider = sides.wider()
+            if np.any(wider.reach_px > sides.reach_px):
+                sides, blur_px = wider, None
+                continue
+        if fit is None:
+            return None
+        ends_px = np.abs(fit.offset_px) + np.abs(fit.slope) * sides.half_px()
+        near = _RECENTRE * sides.reach_px if fit.blur_px <= _MUCH_BLURRED_PX else _RECENTRE_BLURRED * fit.blur_px
+        if np.all(ends_px <= near):
+            return fit
+        met = intersect_sides(fit)
+        if met is None:
+            return None
+        sides = replace(Sides.of(met.corners_px, 0.0, sides.held), reach_px=sides.reach_px)
+    return None
+
+
+def edge_response(inside_px: Array, blur_px: float) -> tuple[Array, Array, Array]:
+    """What a pixel sees of a straight edge whose bright side covers its centre by `inside_px`, and its derivatives.
+
+    A step averaged over a pixel's width and blurred by a Gaussian: G(d + ½) − G(d − ½), G(x) = x Φ(x/σ) + σ φ(x/σ).
+    The derivatives are by the distance and by σ.
+    """
+    ends = np.empty((2, *inside_px.shape))
+    np.multiply(inside_px, 1.0 / blur_px, out=ends[1])
+    np.add(ends[1], 0.5 / blur_px, out=ends[0])
+    ends[1] -= 0.5 / blur_px
+    share = ndtr(ends)
+    bell = ends * ends
+    bell *= -0.5
+    np.exp(bell, out=bell)
+    bells = bell[0]
+    bells -= bell[1]
+    bells *= 1.0 / _ROOT_TWO_PI
+    ends *= share
+    response = ends[0]
+    response -= ends[1]
+    response += bells
+    response *= blur_px
+    density = share[0]
+    density -= share[1]
+    return response, density, bells
+
+
+def _coarse(values: Array, pixels: EdgePixels) -> Array:
+    """(2,s) offset and tilt over the half length [px] from the area under each column of pixels."""
+    stations, count = values.shape[1:]
+    innermost_px = pixels.out_px[:, :, 0]
+    crossing_px = values @ np.full(count, 1.0 / (count - 1))
+    crossing_px -= 0.5 / (count - 1)
+    crossing_px *= pixels.out_px[:, :, -1] - innermost_px
+    crossing_px += innermost_px
+    middle_px = np.sort(crossing_px, axis=1)[:, stations // 2, None]
+    crossing_px = np.minimum(np.maximum(crossing_px, middle_px - 1.0), middle_px + 1.0)
+    along = pixels.along[:, :, count // 2]
+    weights = np.full(stations, 1.0 / stations)
+    mean, offset_px = along @ weights, crossing_px @ weights
+    spread = (along * along) @ weights - mean * mean
+    tilt_px = ((along * crossing_px) @ weights - mean * offset_px) / np.maximum(spread, 1e-6)
+    return np.array([offset_px - tilt_px * mean, tilt_px])
+
+
+def _blur_px(values: Array, pixels: EdgePixels, ends: Array) -> float:
+    """A first guess of the blur from the second moment of the edges.
+
+    The differences of neighbouring pixels spread about an edge by σ² + 1/12 px² for a pixel's own size and 1/12 more
+    for its sampling, on average over where the edge meets the pixels.
+    """
+    steps = values[:, :, :-1] - values[:, :, 1:]
+    between_px = 0.5 * (pixels.out_px[:, :, :-1] + pixels.out_px[:, :, 1:])
+    between_px -= ends[0][:, None, None] + ends[1][:, None, None] * pixels.along[:, :, :-1]
+    spread = np.einsum("spx,spx,spx->s", steps, between_px, between_px) / np.maximum(steps.sum(axis=(1, 2)), 1e-3)
+    spacing_px = pixels.out_px[:, 0, 1] - pixels.out_px[:, 0, 0]
+    variance = float(np.sort(spread - (1.0 + spacing_px**2) / 12.0)[len(spread) // 2])
+    return min(max(math.sqrt(max(variance, 0.0)), _BLUR_PX[0]), _BLUR_PX[1])
+
+
+def _rounding(pixels: EdgePixels, sides: Sides, half_px: Array, blur_px: float) -> Array:
+    """(s,station,across) what the blur leaves of the inside near a side's ends, where its neighbours cut it off."""
+    spread_px = math.sqrt(blur_px * blur_px + 1.0 / 12.0)
+    along = pixels.along * (half_px / spread_px)[:, None, None]
+    end = (0.5 / spread_px * sides.length_px)[:, None, None]
+    left = ndtr(along + end)
+    left -= ndtr(along - end)
+    return np.asarray(left)
+
+
+def _fit(image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: float | None) -> SideFit | None:
+    pixels = edge_pixels(image, sides, camera, sides.half_px())
+    fit = _fit_to(pixels, sides, floor, blur_px, by_light=False)
+    if fit is not None and fit.misfit <= _MISFIT:
+        return fit
+    by_light = _fit_to(pixels, sides, floor, None, by_light=True)
+    if fit is None or (by_light is not None and by_light.variance[0].sum() < fit.variance[0].sum()):
+        return by_light
+    return fit
+
+
+def _fit_to(
+    pixels: EdgePixels, sides: Sides, floor: EdgeFloor, blur_px: float | None, *, by_light: bool
+) -> SideFit | None:
+    half_px = sides.half_px()
+    values, clipped = contrasts(pixels, sides.held, by_light=by_light)
+    if values is None:
+        return None
+    ends = _coarse(values, pixels)
+    if blur_px is None:
+        blur_px = _blur_px(values, pixels, ends)
+    sides_count, stations, across = values.shape
+    columns = np.empty((4, sides_count, stations, across))
+    for _ in range(_STEPS):
+        inside_px = ends[1][:, None, None] * pixels.along
+        inside_px += ends[0][:, None, None]
+        inside_px -= pixels.out_px
+        residual, density, by_blur = edge_response(inside_px, blur_px)
+        if blur_px > _ROUNDING_BLUR_PX:
+            rounding = _rounding(pixels, sides, half_px, blur_px)
+            for part in (residual, density, by_blur):
+                part *= rounding
+            # The outermost pixels, which gave the levels 1 and 0, do not quite show them.
+            levels = residual.sum(axis=1) / residual.shape[1]
+            ground = 0.5 * (levels[:, -1] + levels[:, -2])
+            span = 0.5 * (levels[:, 0] + levels[:, 1]) - ground
+            residual = ground[:, None, None] + values * span[:, None, None] - residual
+        else:
+            np.subtract(values, residual, out=residual)
+        np.multiply(density, pixels.use, out=columns[0])
+        np.multiply(columns[0], pixels.along, out=columns[1])
+        np.multiply(residual, pixels.use, out=columns[2])
+        np.multiply(by_blur, pixels.use, out=columns[3])
+        by_side = columns.reshape(4, sides_count, -1).transpose(1, 0, 2)
+        gram = np.ascontiguousarray((by_side @ by_side.transpose(0, 2, 1)).transpose(1, 2, 0))
+        (a, b, p, blur_a), (_, c, q, blur_b), (_, _, residual2, blur_residual), (_, _, _, blur2) = gram
+        scale = 1.0 / np.maximum(a * c - b * b, 1e-9)
+        step = np.array([c * p - b * q, a * q - b * p]) * scale
+        # The blur is one for all sides: what it gains once every side has moved along with it.
+        with_blur = np.array([c * blur_a - b * blur_b, a * blur_b - b * blur_a]) * scale
+        gain = float(blur_residual.sum() - with_blur[0] @ p - with_blur[1] @ q)
+        curvature = float(blur2.sum() - with_blur[0] @ blur_a - with_blur[1] @ blur_b)
+        blurrier_px = gain / curvature if curvature > 1e-6 else 0.0
+        blurrier_px = min(max(blurrier_px, -0.5 * blur_px, _BLUR_PX[0] - blur_px), blur_px)
+        step -= with_blur * blurrier_px
+        if sides.held is not None:
+            step[:, sides.held] = 0.0
+        ends += np.minimum(np.maximum(step, -1.0), 1.0)
+        blur_px += blurrier_px
+        if not (np.abs(step).max() > _REFIT_PX or abs(blurrier_px) > _REBLUR * blur_px):
+            break
+    off_px = np.abs(ends).sum(axis=0)
+    if not (
+        np.all(off_px <= sides.reach_px) if sides.held is None else np.all((off_px <= sides.reach_px) | sides.held)
+    ):
+        return None
+    misfit2 = residual2 - (step[0] * p + step[1] * q)
+    noise2 = np.maximum(misfit2, 0.0) / np.maximum(pixels.use.reshape(sides_count, -1).sum(axis=1) - 2.0, 1.0)
+    misfit = math.sqrt(float(noise2.mean()))
+    # The levels inside and outside come from two pixels a column each, and shift the edge as they err.
+    levels2 = noise2 * pixels.columns / np.maximum(4.0 * a * a, 1e-9)
+    noise2 *= scale
+    floor_px = floor.clipped_px if clipped else floor.plain_px
+    floor2 = floor_px**2 / pixels.columns + levels2
+    variance = np.array([noise2 * c + floor2, -noise2 * b / half_px, (noise2 * a + 3.0 * floor2) / half_px**2])
+    if sides.held is not None:
+        ends[:, sides.held] = 0.0
+        variance[:, sides.held] = (
+            _HELD_PX**2 * np.array([np.ones_like(half_px), 0.0 * half_px, half_px**-2])[:, sides.held]
+        )
+    return SideFit(sides, ends[0], ends[1] / half_px, variance, blur_px, misfit)

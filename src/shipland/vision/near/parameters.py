@@ -17,7 +17,7 @@ class VisionParameters:
     Attributes:
         hue, saturation, value: the colour gate in OpenCV's ranges (hue 0 … 179), both ends included.
         adaptive: whether a picture in which this gate leads to no pose is looked at once more, through a gate made from
-            the picture itself: `bar.adapted`.
+            the picture itself: `regions.adapted`.
         adaptive_hue: by how much hue is then widened on either side, OpenCV's units of 2°.
         adaptive_floor: the least that the floors of saturation and value may then be lowered to, as a fraction.
         kernel_px: side of the square kernel of opening and closing.

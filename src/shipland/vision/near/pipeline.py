@@ -12,12 +12,11 @@ from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array, Pose
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target
-from shipland.vision.near.bar import Window, adapted, coloured_window, find_regions
 from shipland.vision.near.matching import Match, match_by_geometry, match_by_prediction
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pose import LevelPrior
-from shipland.vision.near.quads import find_quads
 from shipland.vision.near.refusal import Refusal
+from shipland.vision.near.regions import Window, adapted, coloured_window, find_quads, find_regions
 from shipland.vision.near.sighting import Evidence, Judge, Sighting
 
 __all__ = ["NearVision", "Refusal", "VisionParameters"]
@@ -64,11 +63,8 @@ class NearVision:
         self._track = None
 
     def see(self, frame: Frame) -> Observation:
-        """The cue's pose in one frame, or the reason why there is none (`Refusal`); never raises."""
-        try:
-            found = self._find(frame)
-        except (cv2.error, np.linalg.LinAlgError, ArithmeticError, ValueError, IndexError, MemoryError):
-            found = Refusal.NO_SOLUTION
+        """The cue's pose in one frame, or the reason why there is none (`Refusal`)."""
+        found = self._find(frame)
         if isinstance(found, Refusal):
             return Observation(frame.t_s, frame.gimbal, reason=found.value)
         return Observation(frame.t_s, frame.gimbal, bar_pose=found.bar_pose())

@@ -159,9 +159,12 @@ def _solve(corners: Corners, camera: Camera, prior: LevelPrior | None) -> list[S
     refiner = _Refiner(corners, camera, prior)
     for nudge in (0.0, _NUDGE):
         rays = refiner.rays + nudge * np.sin(np.arange(refiner.rays.size)).reshape(2, -1)
-        _, rotations, translations, _ = cv2.solvePnPGeneric(
-            refiner.plane.T, rays.T.reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
-        )
+        try:
+            _, rotations, translations, _ = cv2.solvePnPGeneric(
+                refiner.plane.T, rays.T.reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+            )
+        except cv2.error:  # a homography that does not exist
+            continue
         starts = [
             Pose(np.asarray(cv2.Rodrigues(rotation)[0], float), np.asarray(translation, float).ravel())
             for rotation, translation in zip(rotations, translations, strict=True)
@@ -270,9 +273,13 @@ class _Refiner:
                 damping *= 0.1
         if not (np.isfinite(now.gram[6, 6]) and pose.translation_m[2] > 0.0):
             return None
-        return self.solution(pose, now)
+        try:
+            return self.solution(pose, now)
+        except np.linalg.LinAlgError:
+            return None
 
     def solution(self, pose: Pose, at: _Linear) -> Solution:
+        """A pose with its covariance; LinAlgError when the corners do not settle it."""
         _, covariance, failed = lapack.dposv(at.gram[:6, :6], _IDENTITY)
         if failed:
             raise np.linalg.LinAlgError("the corners do not settle the pose")

@@ -20,7 +20,7 @@ NETWORK_STEP_PX = 32
 
 
 @dataclass
-class Hunt:
+class TargetSearch:
     """One detector over a stream of frames.
 
     Attributes:

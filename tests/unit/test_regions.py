@@ -12,9 +12,18 @@ from pictures import foliage
 from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.rig import packaged_table
-from shipland.vision.near.bar import Window, adapted, colour_mask, coloured_window, find_regions, gate, watershed_region
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.quads import find_quads, quad_from_region
+from shipland.vision.near.regions import (
+    Window,
+    adapted,
+    colour_mask,
+    coloured_window,
+    find_quads,
+    find_regions,
+    gate,
+    quad_from_region,
+    watershed_region,
+)
 
 PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
 GREEN = (60, 190, 70)
@@ -51,7 +60,7 @@ def regions_of(image, parameters=PARAMETERS):
 )
 def test_the_published_gate(hsv, passes, monkeypatch):
     # [Lee2022, §Image Filtering]: H 35–85, S 70–255, V 90–255, both ends included.
-    monkeypatch.setattr("shipland.vision.near.bar.cv2.cvtColor", lambda image, code: image)
+    monkeypatch.setattr("shipland.vision.near.regions.cv2.cvtColor", lambda image, code: image)
     assert bool(gate(np.array([[hsv]], np.uint8), PARAMETERS)[0, 0]) is passes
 
 
@@ -157,7 +166,7 @@ def test_the_published_chain_gives_the_same_quadrilateral():
 
 def test_foliage_is_bounded_work(camera, rng, monkeypatch):
     floods = []
-    monkeypatch.setattr("shipland.vision.near.quads.watershed_region", lambda *given: floods.append(given))
+    monkeypatch.setattr("shipland.vision.near.regions.watershed_region", lambda *given: floods.append(given))
     image = foliage(camera, rng).astype(np.uint8)
     regions = regions_of(image)
     assert 30 < len(regions) <= PARAMETERS.max_candidates

@@ -1,0 +1,30 @@
+"""What the loop asks of a vision, and the one place where a vision that fails becomes an observation."""
+
+from __future__ import annotations
+
+import logging
+from typing import Protocol
+
+from shipland.messages import Frame, Observation
+
+_log = logging.getLogger(__name__)
+
+
+class Vision(Protocol):
+    """Frame in, observation out."""
+
+    def see(self, frame: Frame) -> Observation:
+        """The best that can be made of one frame; what the picture cannot give is a reason, not an exception."""
+
+
+def see_or_degrade(vision: Vision, frame: Frame) -> Observation:
+    """What a vision makes of a frame; if it raises, an observation that says so, and the traceback in the log.
+
+    The flight loop looks through this and nothing else does: in flight a fault in a vision, ours or a user's, must not
+    stop the loop; anywhere else it must show.
+    """
+    try:
+        return vision.see(frame)
+    except Exception as error:  # whatever a foreign vision raises
+        _log.exception("vision failed on the frame of %.3f s", frame.t_s)
+        return Observation(frame.t_s, frame.gimbal, reason=f"vision failed: {type(error).__name__}: {error}")

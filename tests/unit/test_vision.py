@@ -1,0 +1,56 @@
+"""The one place where a vision that raises becomes an observation, and that nothing else hides a fault."""
+
+import logging
+
+import numpy as np
+import pytest
+
+from shipland.camera import Camera
+from shipland.config import build
+from shipland.messages import Frame, GimbalAttitude, Observation
+from shipland.rig import default_rig, packaged_table
+from shipland.vision.eyes import Eyes, EyesParameters
+from shipland.vision.near.pipeline import NearVision, VisionParameters
+from shipland.vision.vision import see_or_degrade
+
+FRAME = Frame(1.5, None, GimbalAttitude(0.0, -0.2))
+
+
+class Broken:
+    """A vision with a programming error."""
+
+    def see(self, frame):
+        return [][1]
+
+
+class Sound:
+    """A vision without one."""
+
+    def see(self, frame):
+        return Observation(frame.t_s, frame.gimbal, reason="nothing")
+
+
+@pytest.mark.vision_fails
+def test_in_flight_a_vision_that_raises_costs_its_frame_and_is_logged(caplog):
+    with caplog.at_level(logging.ERROR):
+        seen = see_or_degrade(Broken(), FRAME)
+    assert seen.bar_pose is None
+    assert seen.t_s == FRAME.t_s
+    assert seen.reason == "vision failed: IndexError: list index out of range"
+    assert "Traceback" in caplog.text
+    assert see_or_degrade(Sound(), FRAME).reason == "nothing"
+
+
+@pytest.mark.parametrize(("near", "far"), [(Broken(), Sound()), (Sound(), Broken())])
+def test_eyes_hide_no_fault(near, far):
+    with pytest.raises(IndexError):
+        Eyes(near, far, build(EyesParameters, packaged_table("eyes"))).see(FRAME)
+
+
+def test_near_vision_hides_no_fault(monkeypatch):
+    eyes = NearVision(
+        default_rig().target, Camera.from_fov(96, 64, 30.0), build(VisionParameters, packaged_table("vision"))
+    )
+    monkeypatch.setattr("shipland.vision.near.pipeline.coloured_window", lambda *_: [][1])
+    with pytest.raises(IndexError):
+        eyes.see(Frame(0.0, np.zeros((64, 96, 3), np.uint8), GimbalAttitude(0.0, 0.0)))
