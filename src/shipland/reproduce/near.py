@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from shipland.config import merge
-from shipland.flight import Vision, fly
+from shipland.flight import fly
 from shipland.frames import Array
 from shipland.guidance.pilot import Pilot
 from shipland.messages import Decision, FlightRecord, Frame, Observation, Telemetry
 from shipland.missions.scenarios import build_crew, build_vehicle, load_scenario, scenario_table
+from shipland.vision.vision import Vision
 
 FALSE_AT_S = 6.5
 """[Lee2022] names the time, not the size."""
