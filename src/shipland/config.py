@@ -65,6 +65,23 @@ def merge(base: Mapping[str, Any], overlay: Mapping[str, Any]) -> Table:
     return merged
 
 
+def layered(name: str, path: Path | None) -> Table:
+    """The packaged TOML `name` with the user's file laid over it.
+
+    Raises:
+        ConfigError: the file is missing or broken, or holds a section that the packaged one lacks; names the nearest.
+    """
+    base = packaged_toml(name)
+    if path is None:
+        return base
+    user = read_toml(path)
+    for section in user:
+        if section not in base:
+            near = difflib.get_close_matches(section, base, n=1, cutoff=0.0)[0]
+            raise ConfigError(f"{path}: unknown section [{section}]; did you mean [{near}]?")
+    return merge(base, user)
+
+
 def build(cls: type[T], table: Mapping[str, Any], where: str = "configuration") -> T:
     """An instance of the dataclass `cls` from a table, every value checked against its annotation.
 

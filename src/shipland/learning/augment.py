@@ -3,59 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from shipland.config import require
 from shipland.learning.dataset import IGNORED, Picture, Targets
+from shipland.learning.settings import AugmentParameters
 
 Loader = Callable[[np.random.Generator], tuple[Picture, Targets]]
 """Draws a labelled picture."""
-
-
-@dataclass(frozen=True)
-class AugmentParameters:
-    """How windows are drawn (`[train.augment]` in TOML).
-
-    Attributes:
-        scale_min, scale_max: log-uniform zoom; 1 keeps the picture's own pixels.
-        fit: first scale the picture so that it just fits the window (for targets that fill the picture).
-        on_target: chance that a window is laid over a target, where the picture has one.
-        mosaic: chance of a window made from four.
-        mirror: chance of a left-right mirror image.
-        contrast, brightness, gamma, saturation: half-widths of uniform changes; brightness in grey levels.
-        hue_deg: half-width of a uniform turn of the hue.
-        blur: chance of a Gaussian blur of up to `blur_max_px`.
-        noise: chance of Gaussian noise of up to `noise_max` grey levels.
-        min_side_px: a target with a shorter longer side is not asked for (nor punished).
-        min_visible: a target of which a smaller part lies in the window is not asked for.
-    """
-
-    scale_min: float
-    scale_max: float
-    fit: bool
-    on_target: float
-    mosaic: float
-    mirror: float
-    contrast: float
-    brightness: float
-    gamma: float
-    saturation: float
-    hue_deg: float
-    blur: float
-    blur_max_px: float
-    noise: float
-    noise_max: float
-    min_side_px: float
-    min_visible: float
-
-    def __post_init__(self) -> None:
-        require(0.0 < self.scale_min <= self.scale_max, "scale_min must be positive and at most scale_max")
-        for name in ("on_target", "mosaic", "mirror", "blur", "noise", "min_visible"):
-            require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1, got {getattr(self, name)}")
-        require(0.0 <= self.contrast < 1.0 and 0.0 <= self.gamma < 1.0, "contrast and gamma must lie in 0 … 1")
 
 
 def training_window(

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from shipland.errors import DataError
-from shipland.learning.files import write_atomically
+from shipland.learning.dataset import write_atomically
 from shipland.vision.far.decode import DetectorSpec
 
 FORMAT = "shipland-checkpoint-1"

@@ -7,6 +7,7 @@ that the picture shows no target; a missing one is an error. `classes.txt`, if t
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -203,3 +204,17 @@ def coco_table(dataset: Dataset) -> dict[str, Any]:
             )
     categories = [{"id": index, "name": name} for index, name in enumerate(dataset.classes, 1)]
     return {"images": images, "annotations": annotations, "categories": categories}
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write `data` beside `path`, then put it in its place: a reader sees the old file or the new one, whole."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with beside.open("wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.errors import DataError, SystemLibraryError
-from shipland.learning.files import write_atomically
+from shipland.learning.dataset import write_atomically
 from shipland.learning.yolov3 import (
     LEAKY_SLOPE,
     NORM_EPSILON,
@@ -154,9 +154,11 @@ def read_onnx(path: Path, layers: Sequence[Layer]) -> tuple[list[ConvWeights], D
         DataError: no ONNX file of this project, or a network of another shape.
     """
     onnx = _onnx()
+    from google.protobuf.message import DecodeError
+
     try:
         model = onnx.load(str(path))
-    except Exception as error:  # its exceptions share no public base
+    except DecodeError as error:
         raise DataError(f"{path} is no ONNX network: {str(error).strip().splitlines()[-1]}") from None
     text = {item.key: item.value for item in model.metadata_props}.get(METADATA_KEY)
     if text is None:

@@ -92,11 +92,11 @@ class Tally:
         return float(np.sum(falling * hit[order]) / self.targets)
 
 
-def wilson_interval(hits: int, trials: int, z: float = 1.96) -> tuple[float, float]:
-    """Wilson's interval of a proportion [E. B. Wilson, JASA 22, 1927]; (0, 1) without trials."""
+def wilson_interval(hits: int, trials: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a proportion; (0, 1) without trials."""
+    from scipy.stats import binomtest
+
     if trials == 0:
         return 0.0, 1.0
-    p, spread = hits / trials, z * z / trials
-    middle = (p + 0.5 * spread) / (1.0 + spread)
-    half = z / (1.0 + spread) * float(np.sqrt(p * (1.0 - p) / trials + 0.25 * spread / trials))
-    return max(middle - half, 0.0), min(middle + half, 1.0)
+    interval = binomtest(hits, trials).proportion_ci(0.95, method="wilson")
+    return float(interval.low), float(interval.high)

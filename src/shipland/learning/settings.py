@@ -1,13 +1,160 @@
-"""How a detector is trained: the `[train]` tables of configs/learning.toml."""
+"""What `shipland synth | train | evaluate` take, and how a detector is trained: `[train]` of configs/learning.toml.
+
+Light to import, so that the command line starts at once.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
-from shipland.config import build, merge, packaged_toml, read_toml, require
-from shipland.learning.augment import AugmentParameters
+from shipland.config import build, layered, merge, require
 from shipland.vision.far.decode import Decoding
+
+Kind = Literal["ship", "bar"]
+Profile = Literal["far", "photos"]
+Device = Literal["auto", "cpu", "cuda"]
+
+
+@dataclass(frozen=True)
+class SynthArguments:
+    """Make labelled pictures from the simulator's scene.
+
+    Attributes:
+        out: folder to fill; a run that was cut off goes on where it stopped.
+        kind: what the labels are of.
+        count: number of pictures; default as in the paper, 2,000 of the ship and 1,000 of the bar.
+        seed: the same seed gives the same pictures.
+        crop_px: side of square windows around target or decoy at native size; 0 gives whole frames.
+        fooling: packaged weights (ship, bar) or an ONNX file; whole frames are drawn and looked at by this detector,
+            and windows of crop_px are kept where it errs, and over the target.
+        config: TOML laid over the packaged settings.
+        coco: write `coco.json` too.
+    """
+
+    out: Path
+    kind: Kind = "ship"
+    count: int | None = None
+    seed: int = 0
+    crop_px: int = 0
+    fooling: str | None = None
+    config: Path | None = None
+    coco: bool = False
+
+
+@dataclass(frozen=True)
+class TrainArguments:
+    """Train a detector on labelled pictures in YOLO's layout.
+
+    Attributes:
+        data: folders with images/ and labels/; several are put together.
+        out: folder for checkpoints, curves, the detector (.onnx, -int8.onnx) and its model card.
+        classes: names of the classes; default from classes.txt.
+        profile: far for native windows and small targets, photos for targets that fill the picture.
+        steps: optimiser steps; default from the profile.
+        batch: pictures a step; default from the profile.
+        window_px: side of the training window, a multiple of 32; default from the profile.
+        width: factor on the network's filters; 1.0 is the paper's network.
+        weights: start from packaged weights (ship, bar), a checkpoint (.safetensors), a detector (.onnx), or Darknet's
+            (.weights of the same shape).
+        resume: go on from the last checkpoint in `out`.
+        device: auto takes a GPU where there is one.
+        threads: CPU threads; more than the free cores makes it much slower.
+        seed: of the split, the first weights and the windows.
+        config: TOML laid over the packaged settings.
+    """
+
+    data: tuple[Path, ...]
+    out: Path
+    classes: tuple[str, ...] = ()
+    profile: Profile = "far"
+    steps: int | None = None
+    batch: int | None = None
+    window_px: int | None = None
+    width: float = 0.25
+    weights: Path | None = None
+    resume: bool = False
+    device: Device = "auto"
+    threads: int = 1
+    seed: int = 0
+    config: Path | None = None
+
+
+@dataclass(frozen=True)
+class EvaluateArguments:
+    """Measure a detector: on a labelled set, or on fresh scenes of the simulator over range.
+
+    Attributes:
+        weights: packaged weights (ship, bar) or an ONNX file.
+        kind: what is looked for, on fresh scenes.
+        data: a labelled set; without one, fresh scenes are made.
+        scenes: number of fresh scenes.
+        frames: consecutive frames a scene, for temporal confirmation.
+        seed: of the scenes; keep it off those trained on.
+        out: folder for the table (JSON) and the plot.
+        confidence: least confidence of a box; default from [detector].
+        runtime: auto, openvino or onnxruntime.
+        precision: auto, bf16 or fp32.
+        threads: CPU threads.
+        config: TOML laid over the packaged settings.
+    """
+
+    weights: str = "ship"
+    kind: Kind = "ship"
+    data: Path | None = None
+    scenes: int = 2000
+    frames: int = 6
+    seed: int = 2_000_000
+    out: Path = Path("out/evaluate")
+    confidence: float | None = None
+    runtime: Literal["auto", "openvino", "onnxruntime"] = "auto"
+    precision: Literal["auto", "bf16", "fp32"] = "auto"
+    threads: int = 0
+    config: Path | None = None
+
+
+@dataclass(frozen=True)
+class AugmentParameters:
+    """How windows are drawn (`[train.augment]` in TOML).
+
+    Attributes:
+        scale_min, scale_max: log-uniform zoom; 1 keeps the picture's own pixels.
+        fit: first scale the picture so that it just fits the window (for targets that fill the picture).
+        on_target: chance that a window is laid over a target, where the picture has one.
+        mosaic: chance of a window made from four.
+        mirror: chance of a left-right mirror image.
+        contrast, brightness, gamma, saturation: half-widths of uniform changes; brightness in grey levels.
+        hue_deg: half-width of a uniform turn of the hue.
+        blur: chance of a Gaussian blur of up to `blur_max_px`.
+        noise: chance of Gaussian noise of up to `noise_max` grey levels.
+        min_side_px: a target with a shorter longer side is not asked for (nor punished).
+        min_visible: a target of which a smaller part lies in the window is not asked for.
+    """
+
+    scale_min: float
+    scale_max: float
+    fit: bool
+    on_target: float
+    mosaic: float
+    mirror: float
+    contrast: float
+    brightness: float
+    gamma: float
+    saturation: float
+    hue_deg: float
+    blur: float
+    blur_max_px: float
+    noise: float
+    noise_max: float
+    min_side_px: float
+    min_visible: float
+
+    def __post_init__(self) -> None:
+        require(0.0 < self.scale_min <= self.scale_max, "scale_min must be positive and at most scale_max")
+        for name in ("on_target", "mosaic", "mirror", "blur", "noise", "min_visible"):
+            require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1, got {getattr(self, name)}")
+        require(0.0 <= self.contrast < 1.0 and 0.0 <= self.gamma < 1.0, "contrast and gamma must lie in 0 … 1")
 
 
 @dataclass(frozen=True)
@@ -96,12 +243,8 @@ class TrainParameters:
 
 
 def learning_table(section: str, config: Path | None) -> dict[str, object]:
-    """A section of configs/learning.toml with the user's file laid over it."""
-    table = packaged_toml("learning")
-    if config is not None:
-        user = read_toml(config)
-        table = merge(table, {key: value for key, value in user.items() if key in table})
-    return dict(table[section])
+    """A section of configs/learning.toml with the user's file laid over it; ConfigError for an unknown section."""
+    return dict(layered("learning", config)[section])
 
 
 def train_parameters(profile: str, config: Path | None) -> TrainParameters:

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from shipland.config import build, merge, packaged_toml, read_toml, require
+from shipland.config import build, layered, require
 from shipland.errors import DataError
 from shipland.messages import Box
 from shipland.vision.far.decode import STRIDES, Float32, decode, suppress, to_boxes
@@ -115,10 +115,7 @@ class DetectorParameters:
 
 def detector_parameters(config: Path | None = None) -> DetectorParameters:
     """The packaged `[detector]` of configs/learning.toml, that of the file `config` laid over it."""
-    table = packaged_toml("learning")["detector"]
-    if config is not None:
-        table = merge(table, read_toml(config).get("detector", {}))
-    return build(DetectorParameters, table, "detector")
+    return build(DetectorParameters, layered("learning", config)["detector"], "detector")
 
 
 def weights_path(name: str, precision: Precision = "auto") -> Path:

@@ -124,6 +124,7 @@ class OnnxRuntimeEngine:
 
     def __init__(self, path: Path, threads: int) -> None:
         import onnxruntime
+        from onnxruntime.capi import onnxruntime_pybind11_state as state
 
         options = onnxruntime.SessionOptions()
         options.log_severity_level = 3
@@ -131,7 +132,7 @@ class OnnxRuntimeEngine:
             options.intra_op_num_threads = threads
         try:
             self._session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # its exceptions share no public base
+        except (state.Fail, state.InvalidGraph, state.InvalidProtobuf, state.NotImplemented) as error:
             raise DataError(f"{path} is no ONNX network: {str(error).strip().splitlines()[-1]}") from None
         text = self._session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
         if text is None:
