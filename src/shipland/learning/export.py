@@ -154,7 +154,7 @@ def read_onnx(path: Path, layers: Sequence[Layer]) -> tuple[list[ConvWeights], D
         DataError: no ONNX file of this project, or a network of another shape.
     """
     onnx = _onnx()
-    from google.protobuf.message import DecodeError
+    from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
 
     try:
         model = onnx.load(str(path))
