@@ -12,7 +12,7 @@ import tyro
 
 from shipland import __version__
 from shipland.errors import DataError, ShiplandError
-from shipland.learning.settings import EvaluateArguments, SynthArguments, TrainArguments
+from shipland.learning.arguments import EvaluateArguments, SynthArguments, TrainArguments
 
 
 @dataclass(frozen=True)

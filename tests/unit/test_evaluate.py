@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from shipland.errors import DataError
+from shipland.learning.arguments import EvaluateArguments, SynthArguments
 from shipland.learning.evaluate import evaluate
 from shipland.learning.export import write_onnx
 from shipland.learning.ranges import SceneRecord, markdown, range_table, summary
-from shipland.learning.settings import EvaluateArguments, SynthArguments
 from shipland.learning.synth import synth
 from shipland.learning.yolov3 import random_weights, yolov3_layers
 from shipland.vision.far.decode import Decoding, DetectorSpec

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from shipland.errors import DataError
+from shipland.learning.arguments import SynthArguments
 from shipland.learning.dataset import read_dataset
 from shipland.learning.sensor import degrade, motion_kernel
-from shipland.learning.settings import SynthArguments
 from shipland.learning.shot import target_box
 from shipland.learning.shots import draw_scene, draw_shot
 from shipland.learning.synth import crop_camera, synth, synth_parameters

@@ -11,6 +11,7 @@ torch = pytest.importorskip("torch")
 
 from shipland.errors import DataError  # noqa: E402 - after importorskip
 from shipland.learning import train as training  # noqa: E402
+from shipland.learning.arguments import TrainArguments  # noqa: E402
 from shipland.learning.checkpoint import Progress, load_checkpoint, save_checkpoint  # noqa: E402
 from shipland.learning.dataset import read_dataset  # noqa: E402
 from shipland.learning.export import write_onnx  # noqa: E402
@@ -21,7 +22,7 @@ from shipland.learning.loss import (  # noqa: E402
     fit_anchors,
 )
 from shipland.learning.metrics import Tally, match, wilson_interval  # noqa: E402
-from shipland.learning.settings import TrainArguments, train_parameters  # noqa: E402
+from shipland.learning.settings import train_parameters  # noqa: E402
 from shipland.learning.yolov3 import random_weights, yolov3_layers  # noqa: E402
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode  # noqa: E402
 from shipland.vision.far.runtime import load_engine  # noqa: E402

@@ -19,11 +19,12 @@ from rich.progress import track
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build, require
 from shipland.errors import DataError
+from shipland.learning.arguments import EvaluateArguments
 from shipland.learning.dataset import Dataset, read_dataset, write_atomically
 from shipland.learning.hard import compressed
 from shipland.learning.metrics import COCO_IOUS, Tally
 from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
-from shipland.learning.settings import EvaluateArguments, learning_table
+from shipland.learning.settings import learning_table
 from shipland.learning.shot import NearestBox, Shot, target_box
 from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import FRAME_S, draw, synth_parameters

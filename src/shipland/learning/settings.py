@@ -1,117 +1,12 @@
-"""What `shipland synth | train | evaluate` take, and how a detector is trained: `[train]` of configs/learning.toml.
-
-Light to import, so that the command line starts at once.
-"""
+"""How a detector is trained: the `[train]` tables of configs/learning.toml."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from shipland.config import build, layered, merge, require
 from shipland.vision.far.decode import Decoding
-
-Kind = Literal["ship", "bar"]
-Profile = Literal["far", "photos"]
-Device = Literal["auto", "cpu", "cuda"]
-
-
-@dataclass(frozen=True)
-class SynthArguments:
-    """Make labelled pictures from the simulator's scene.
-
-    Attributes:
-        out: folder to fill; a run that was cut off goes on where it stopped.
-        kind: what the labels are of.
-        count: number of pictures; default as in the paper, 2,000 of the ship and 1,000 of the bar.
-        seed: the same seed gives the same pictures.
-        crop_px: side of square windows around target or decoy at native size; 0 gives whole frames.
-        fooling: packaged weights (ship, bar) or an ONNX file; whole frames are drawn and looked at by this detector,
-            and windows of crop_px are kept where it errs, and over the target.
-        config: TOML laid over the packaged settings.
-        coco: write `coco.json` too.
-    """
-
-    out: Path
-    kind: Kind = "ship"
-    count: int | None = None
-    seed: int = 0
-    crop_px: int = 0
-    fooling: str | None = None
-    config: Path | None = None
-    coco: bool = False
-
-
-@dataclass(frozen=True)
-class TrainArguments:
-    """Train a detector on labelled pictures in YOLO's layout.
-
-    Attributes:
-        data: folders with images/ and labels/; several are put together.
-        out: folder for checkpoints, curves, the detector (.onnx, -int8.onnx) and its model card.
-        classes: names of the classes; default from classes.txt.
-        profile: far for native windows and small targets, photos for targets that fill the picture.
-        steps: optimiser steps; default from the profile.
-        batch: pictures a step; default from the profile.
-        window_px: side of the training window, a multiple of 32; default from the profile.
-        width: factor on the network's filters; 1.0 is the paper's network.
-        weights: start from packaged weights (ship, bar), a checkpoint (.safetensors), a detector (.onnx), or Darknet's
-            (.weights of the same shape).
-        resume: go on from the last checkpoint in `out`.
-        device: auto takes a GPU where there is one.
-        threads: CPU threads; more than the free cores makes it much slower.
-        seed: of the split, the first weights and the windows.
-        config: TOML laid over the packaged settings.
-    """
-
-    data: tuple[Path, ...]
-    out: Path
-    classes: tuple[str, ...] = ()
-    profile: Profile = "far"
-    steps: int | None = None
-    batch: int | None = None
-    window_px: int | None = None
-    width: float = 0.25
-    weights: Path | None = None
-    resume: bool = False
-    device: Device = "auto"
-    threads: int = 1
-    seed: int = 0
-    config: Path | None = None
-
-
-@dataclass(frozen=True)
-class EvaluateArguments:
-    """Measure a detector: on a labelled set, or on fresh scenes of the simulator over range.
-
-    Attributes:
-        weights: packaged weights (ship, bar) or an ONNX file.
-        kind: what is looked for, on fresh scenes.
-        data: a labelled set; without one, fresh scenes are made.
-        scenes: number of fresh scenes.
-        frames: consecutive frames a scene, for temporal confirmation.
-        seed: of the scenes; keep it off those trained on.
-        out: folder for the table (JSON) and the plot.
-        confidence: least confidence of a box; default from [detector].
-        runtime: auto, openvino or onnxruntime.
-        precision: auto, bf16 or fp32.
-        threads: CPU threads.
-        config: TOML laid over the packaged settings.
-    """
-
-    weights: str = "ship"
-    kind: Kind = "ship"
-    data: Path | None = None
-    scenes: int = 2000
-    frames: int = 6
-    seed: int = 2_000_000
-    out: Path = Path("out/evaluate")
-    confidence: float | None = None
-    runtime: Literal["auto", "openvino", "onnxruntime"] = "auto"
-    precision: Literal["auto", "bf16", "fp32"] = "auto"
-    threads: int = 0
-    config: Path | None = None
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,12 @@ from rich.progress import track
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build
 from shipland.errors import DataError
+from shipland.learning.arguments import Kind, SynthArguments
 from shipland.learning.dataset import coco_table, read_dataset, write_atomically
 from shipland.learning.decoys import foot_box_px, paint
 from shipland.learning.hard import LEAST_CONFIDENCE, compressed, hard_corners, window_box
 from shipland.learning.sensor import degrade
-from shipland.learning.settings import Kind, SynthArguments, learning_table
+from shipland.learning.settings import learning_table
 from shipland.learning.shot import NearestBox, Shot, target_box
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.rig import Rig, default_rig, packaged_table

@@ -19,6 +19,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from torch import Tensor
 
 from shipland.errors import DataError
+from shipland.learning.arguments import TrainArguments
 from shipland.learning.augment import Loader, training_window, window
 from shipland.learning.checkpoint import Progress as RunProgress
 from shipland.learning.checkpoint import (
@@ -34,7 +35,7 @@ from shipland.learning.loss import Anchors, detection_loss, fit_anchors
 from shipland.learning.metrics import Tally
 from shipland.learning.network import Network, load_weights
 from shipland.learning.results import write_results
-from shipland.learning.settings import TrainArguments, TrainParameters, train_parameters
+from shipland.learning.settings import TrainParameters, train_parameters
 from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, yolov3_layers
 from shipland.vision.far.decode import Decoding, DetectorSpec, Float32, decode, suppress
 from shipland.vision.far.detector import padded, weights_path
