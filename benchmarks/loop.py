@@ -46,14 +46,15 @@ def measure(camera: CameraKind, pilot: str, seed: int) -> str:
     reading, eyes, control = Timed(vehicle, "read"), Timed(crew.vision, "see"), Timed(crew.pilot, "decide")
     vehicle.open()
     started_s = time.perf_counter()
-    now_s = 0.0
+    now_s, sent = 0.0, None
     while now_s < SECONDS and (pair := reading.read()) is not None:
         frame, telemetry = pair
         observation = eyes.see(frame)
         now_s = telemetry.t_s
         telemetry = vehicle.telemetry_at(now_s + crew.delays.near_s)
-        decision = control.decide(observation, telemetry)
-        vehicle.send(crew.safety.check(decision, observation, telemetry).command)
+        decision = crew.safety.check(control.decide(observation, telemetry, sent), observation, telemetry)
+        sent = decision.command
+        vehicle.send(sent)
     wall_s = time.perf_counter() - started_s
     vehicle.close()
     if scene is not None:

@@ -1,14 +1,15 @@
-"""The one loop: read, see, decide, send, record. It flies the simulator and the real drone alike, and owns no clock."""
+"""The one loop: read, see, decide, send. It flies the simulator and the real drone alike, and owns no clock."""
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, field
 
 from shipland.guidance.pilot import Pilot
 from shipland.guidance.safety import Safety
-from shipland.messages import FlightRecord
+from shipland.messages import Decision, FlightRecord, Frame, GroundTruth, Observation, PilotCommand, Telemetry
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.vehicle import Vehicle, Witness
 from shipland.vision.vision import Vision, see_or_degrade
@@ -25,12 +26,38 @@ class Stage(enum.Enum):
 
 @dataclass(frozen=True)
 class Crew:
-    """Who flies: eyes, pilot, and the safety that stands after every pilot."""
+    """Who flies: vision, pilot, and the safety that stands after every pilot."""
 
     vision: Vision
     pilot: Pilot
     safety: Safety
     delays: DelayParameters
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One cycle of the loop, after its command was sent.
+
+    Attributes:
+        frame: the picture, and when it was exposed.
+        telemetry: when the command was decided.
+        observation: what the vision made of the frame.
+        decision: the pilot's, its command as it left the safety.
+        truth: at the exposure; None where nobody knows it.
+        cost_s: time spent reading, seeing and deciding, by the clock that was passed in [s].
+    """
+
+    frame: Frame
+    telemetry: Telemetry
+    observation: Observation
+    decision: Decision
+    truth: GroundTruth | None
+    cost_s: Mapping[Stage, float]
+
+    @property
+    def record(self) -> FlightRecord:
+        """The row of the flight log."""
+        return FlightRecord(self.frame, self.telemetry, self.observation, self.decision, self.truth)
 
 
 @dataclass
@@ -44,10 +71,48 @@ class FlightResult:
         cost_s: time spent in each stage, by the clock that was passed in [s].
     """
 
-    reason: str = "the vehicle gave no frame"
+    reason: str = "the flight is over"
     cycles: int = 0
     t_s: float = 0.0
     cost_s: dict[Stage, float] = field(default_factory=lambda: dict.fromkeys(Stage, 0.0))
+
+
+def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generator[Cycle]:
+    """Fly cycle by cycle until the vehicle gives no more frames.
+
+    The vehicle is opened at the first step and closed at the end, whether it is the vehicle's, an error's or the
+    caller's: closing the generator closes the vehicle.
+
+    Args:
+        vehicle: what is flown; its clock may start anywhere.
+        crew: vision, pilot, safety.
+        clock: for the cost of the stages and, where the delays say `measured`, for the processing time [s].
+
+    Yields:
+        Each cycle, its command on the way.
+    """
+    witness = vehicle if isinstance(vehicle, Witness) else None
+    sent: PilotCommand | None = None
+    vehicle.open()
+    try:
+        started_s = clock()
+        while (pair := vehicle.read()) is not None:
+            frame, telemetry = pair
+            read_s = clock()
+            observation = see_or_degrade(crew.vision, frame)
+            seen_s = clock()
+            telemetry = vehicle.telemetry_at(telemetry.t_s + crew.delays.processing_s(observation, seen_s - read_s))
+            decision = crew.pilot.decide(observation, telemetry, sent)
+            decision = crew.safety.check(decision, observation, telemetry)
+            sent = decision.command
+            vehicle.send(sent)
+            truth = witness.truth_at(frame.t_s) if witness is not None else None
+            decided_s = clock()
+            cost_s = {Stage.READ: read_s - started_s, Stage.SEE: seen_s - read_s, Stage.DECIDE: decided_s - seen_s}
+            yield Cycle(frame, telemetry, observation, decision, truth, cost_s)
+            started_s = clock()
+    finally:
+        vehicle.close()
 
 
 def fly(
@@ -61,44 +126,26 @@ def fly(
 
     Args:
         vehicle: opened and closed here, also when interrupted.
-        crew: eyes, pilot, safety.
-        time_limit_s: of vehicle time [s].
-        clock: for the cost of the stages and, where the delays say `measured`, for the processing time [s].
+        crew: vision, pilot, safety.
+        time_limit_s: of vehicle time, from the first exposure [s].
+        clock: see `cycles`.
         on_cycle: takes each row of the log.
 
     Returns:
         How it ended.
     """
-    result = FlightResult()
-    witness = vehicle if isinstance(vehicle, Witness) else None
-    vehicle.open()
-    try:
-        started_s = clock()
-        while (pair := vehicle.read()) is not None:
-            frame, telemetry = pair
-            read_s = clock()
-            observation = see_or_degrade(crew.vision, frame)
-            seen_s = clock()
-            ready_s = telemetry.t_s + crew.delays.processing_s(observation, seen_s - read_s)
-            telemetry = vehicle.telemetry_at(ready_s)
-            decision = crew.pilot.decide(observation, telemetry)
-            decision = crew.safety.check(decision, observation, telemetry)
-            vehicle.send(decision.command)
+    result, first_s = FlightResult(), None
+    with closing(cycles(vehicle, crew, clock)) as flight:
+        for cycle in flight:
             decided_s = clock()
-            truth = witness.truth_at(frame.t_s) if witness is not None else None
-            on_cycle(FlightRecord(frame, telemetry, observation, decision, truth))
+            on_cycle(cycle.record)
             result.cycles += 1
-            result.t_s = telemetry.t_s
-            ended_s = clock()
-            spent = (read_s - started_s, seen_s - read_s, decided_s - seen_s, ended_s - decided_s)
-            for stage, cost_s in zip(Stage, spent, strict=True):
+            result.t_s = cycle.telemetry.t_s
+            for stage, cost_s in cycle.cost_s.items():
                 result.cost_s[stage] += cost_s
-            started_s = ended_s
-            if telemetry.t_s >= time_limit_s:
+            result.cost_s[Stage.RECORD] += clock() - decided_s
+            first_s = cycle.frame.t_s if first_s is None else first_s
+            if cycle.telemetry.t_s - first_s >= time_limit_s:
                 result.reason = f"time limit of {time_limit_s:g} s"
                 break
-        else:
-            result.reason = "the flight is over"
-    finally:
-        vehicle.close()
     return result

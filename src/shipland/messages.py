@@ -189,26 +189,46 @@ class PilotCommand:
 
 
 @dataclass(frozen=True)
+class Estimate:
+    """Where the pilot believes the aircraft is, and when: compare it with the truth of `t_s`, of no other time.
+
+    Attributes:
+        t_s: the time that the values below are valid for [s]; an exposure, or later where the pilot predicts.
+        aircraft_in_bar_m: (3,) the aircraft's centre of mass in `bar`.
+        yaw_rad: heading of `level` against `bar`, clockwise from above.
+        velocity_in_bar_mps: (3,) rate of `aircraft_in_bar_m`, or None.
+        covariance: (4,4) of (aircraft_in_bar_m, yaw_rad), [m, m, m, rad], or None.
+    """
+
+    t_s: float
+    aircraft_in_bar_m: Array
+    yaw_rad: float
+    velocity_in_bar_mps: Array | None = None
+    covariance: Array | None = None
+
+    def __post_init__(self) -> None:
+        _check_shape("Estimate", "aircraft_in_bar_m", self.aircraft_in_bar_m, (3,))
+        if self.velocity_in_bar_mps is not None:
+            _check_shape("Estimate", "velocity_in_bar_mps", self.velocity_in_bar_mps, (3,))
+        if self.covariance is not None:
+            _check_shape("Estimate", "covariance", self.covariance, (4, 4))
+
+
+@dataclass(frozen=True)
 class Decision:
     """What the pilot decided in one cycle.
 
     Attributes:
-        command: the sticks, after the safety bounds.
-        mode: flight mode.
-        reason: why this mode, in words.
-        aircraft_in_bar_m: (3,) the pilot's estimate of the aircraft's position in `bar`, or None.
-        yaw_rad: its estimate of the heading against `bar`, or None.
+        command: the sticks; in the log, those that left the safety.
+        mode: flight mode; None from a pilot that has no modes.
+        reason: why, in words.
+        estimate: the pilot's estimate with its time, or None.
     """
 
     command: PilotCommand
-    mode: Mode
+    mode: Mode | None
     reason: str
-    aircraft_in_bar_m: Array | None = None
-    yaw_rad: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.aircraft_in_bar_m is not None:
-            _check_shape("Decision", "aircraft_in_bar_m", self.aircraft_in_bar_m, (3,))
+    estimate: Estimate | None = None
 
 
 @dataclass(frozen=True)

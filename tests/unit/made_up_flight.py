@@ -14,6 +14,7 @@ from shipland.messages import (
     BarPose,
     Box,
     Decision,
+    Estimate,
     FlightRecord,
     Frame,
     GimbalAttitude,
@@ -145,7 +146,9 @@ def record_at(t_s: float, rng: np.random.Generator, pictures: bool = True, witne
     command = PilotCommand(
         t_s + 0.31, *sticks, gimbal_at(t_s).pitch_rad, Intent.LAND if mode is Mode.LAND else Intent.FLY
     )
-    estimate = truth.aircraft_in_bar_m + rng.normal(0.0, 0.01, 3) if near else None
+    estimate = None
+    if pose is not None:
+        estimate = Estimate(t_s, truth.aircraft_in_bar_m + rng.normal(0.0, 0.01, 3), pose.yaw_rad)
     return FlightRecord(
         Frame(t_s, paint(truth, CAMERA) if pictures else None, gimbal_at(t_s)),
         telemetry,
@@ -153,7 +156,7 @@ def record_at(t_s: float, rng: np.random.Generator, pictures: bool = True, witne
             t_s, gimbal_at(t_s), pose, box if mode is Mode.TRACK_BAR else None,
             box if mode is Mode.TRACK_SHIP else None, refusal,
         ),
-        Decision(command, mode, reason, estimate, None if pose is None else pose.yaw_rad),
+        Decision(command, mode, reason, estimate),
         truth if witnessed else None,
     )  # fmt: skip
 

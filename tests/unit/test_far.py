@@ -11,7 +11,7 @@ from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.guidance.far import FarSight, FarYaw, LinearFar, PidFar, PublishedFar, far_control
 from shipland.guidance.laws import PidGains, PidMemory, exponential_law, pid_law
-from shipland.guidance.pilot import GuidanceParameters
+from shipland.guidance.parameters import GuidanceParameters
 from shipland.messages import Box
 from shipland.rig import packaged_table
 

@@ -8,7 +8,7 @@ import pytest
 
 from shipland.camera import Camera
 from shipland.config import build
-from shipland.flight import Crew, Stage, fly
+from shipland.flight import Crew, Stage, cycles, fly
 from shipland.guidance.safety import Safety, SafetyParameters
 from shipland.messages import Decision, Frame, GimbalAttitude, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import default_rig, packaged_table
@@ -22,8 +22,8 @@ class Recorded:
 
     camera = Camera.from_fov(64, 48, 69.0)
 
-    def __init__(self, frames):
-        self.frames, self.commands, self.closed = iter(range(frames)), [], False
+    def __init__(self, frames, start_s=0.0):
+        self.frames, self.commands, self.closed, self.start_s = iter(range(frames)), [], False, start_s
 
     def open(self):
         pass
@@ -32,7 +32,7 @@ class Recorded:
         index = next(self.frames, None)
         if index is None:
             return None
-        t_s = index / 30.0
+        t_s = self.start_s + index / 30.0
         return Frame(t_s, None, LEVEL), Telemetry(t_s + 0.1, 0.0, 0.0, 0.0, 1.0, np.zeros(3), 90.0, 90.0, True)
 
     def telemetry_at(self, t_s):
@@ -53,7 +53,11 @@ class Eyes:
 class Wild:
     """A pilot that asks for more than anyone may have."""
 
-    def decide(self, observation, telemetry):
+    def __init__(self):
+        self.sent = []
+
+    def decide(self, observation, telemetry, sent):
+        self.sent.append(sent)
         return Decision(PilotCommand(telemetry.t_s, 500.0, 0.0, 0.0, 0.0, 0.0), Mode.SEARCH, "wild")
 
 
@@ -73,14 +77,43 @@ def test_every_frame_is_seen_decided_bounded_sent_and_logged():
     assert vehicle.closed
 
 
+def test_the_pilot_is_told_what_left_the_safety():
+    vehicle, pilot = Recorded(4), Wild()
+    fly(vehicle, crew(pilot=pilot), 10.0, lambda: 0.0, lambda _: None)
+    assert pilot.sent == [None, *vehicle.commands[:-1]]
+    assert all(command.pitch_percent <= 100.0 for command in pilot.sent[1:])  # it asked for 500 %
+
+
+def test_cycles_can_be_stepped_and_closing_them_closes_the_vehicle():
+    vehicle = Recorded(9)
+    flight = cycles(vehicle, crew(), lambda: 0.0)
+    seen = [next(flight).frame.t_s for _ in range(3)]
+    assert seen == pytest.approx([0.0, 1 / 30, 2 / 30])
+    assert len(vehicle.commands) == 3
+    assert not vehicle.closed
+    flight.close()
+    assert vehicle.closed
+
+
+def test_a_pilot_without_modes_flies():
+    class Plain:
+        def decide(self, observation, telemetry, sent):
+            return Decision(PilotCommand(telemetry.t_s, 10.0, 0.0, 0.0, 0.0, 0.0), None, "steady on")
+
+    vehicle = Recorded(3)
+    fly(vehicle, crew(pilot=Plain()), 10.0, lambda: 0.0, lambda _: None)
+    assert vehicle.commands[-1].pitch_percent == 10.0
+
+
 def test_command_is_ready_a_processing_time_after_receipt():
     vehicle = Recorded(1)
     fly(vehicle, crew(), 10.0, lambda: 0.0, lambda _: None)
     assert vehicle.commands[0].t_s == pytest.approx(0.1 + 0.03)  # [delays] near_s
 
 
-def test_time_limit_ends_the_flight():
-    vehicle = Recorded(1000)
+@pytest.mark.parametrize("start_s", [0.0, 5000.0])
+def test_time_limit_counts_from_the_first_frame(start_s):
+    vehicle = Recorded(1000, start_s)
     result = fly(vehicle, crew(), 1.0, lambda: 0.0, lambda _: None)
     assert result.reason == "time limit of 1 s"
     assert result.cycles == 28

@@ -29,14 +29,14 @@ class Witness:
 class Lands:
     mode = Mode.LAND
 
-    def decide(self, observation, telemetry):
+    def decide(self, observation, telemetry, sent):
         return Decision(PilotCommand(telemetry.t_s, 0.0, 0.0, -50.0, 0.0, 0.0), self.mode, "")
 
 
 def sticks(witness, pilot=None):
     follower = DeckFollower(pilot or Lands(), witness, MAX_TILT_RAD, FollowParameters(True, 0.5))
     telemetry = Telemetry(0.0, 0.0, 0.0, None, None, None, None, None, True)
-    command = follower.decide(Observation(0.0, GimbalAttitude(0.0, 0.0)), telemetry).command
+    command = follower.decide(Observation(0.0, GimbalAttitude(0.0, 0.0)), telemetry, None).command
     return command.pitch_percent, command.roll_percent
 
 

@@ -12,12 +12,11 @@ from shipland.frames import Pose
 from shipland.messages import (
     BarPose,
     Box,
-    Decision,
+    Estimate,
     Frame,
     GimbalAttitude,
     GroundTruth,
     Intent,
-    Mode,
     PilotCommand,
     Telemetry,
     TouchdownVerdict,
@@ -68,8 +67,8 @@ def verdict(**changes):
     return TouchdownVerdict(**parts | changes)
 
 
-def decision(**changes):
-    return Decision(PilotCommand.hold(0.0, 0.0), Mode.SEARCH, "nothing seen", **changes)
+def estimate(**changes):
+    return Estimate(**{"t_s": 0.0, "aircraft_in_bar_m": np.zeros(3), "yaw_rad": 0.0} | changes)
 
 
 def truth(**changes):
@@ -103,7 +102,9 @@ def frame(image):
         (verdict, "touchdown_in_deck_m", np.zeros(3), "(2,)", "(3,)"),
         (verdict, "rest_in_deck_m", np.zeros(3), "(2,)", "(3,)"),
         (verdict, "relative_velocity_in_deck_mps", np.zeros(2), "(3,)", "(2,)"),
-        (decision, "aircraft_in_bar_m", np.zeros((1, 3)), "(3,)", "(1, 3)"),
+        (estimate, "aircraft_in_bar_m", np.zeros((1, 3)), "(3,)", "(1, 3)"),
+        (estimate, "velocity_in_bar_mps", np.zeros(2), "(3,)", "(2,)"),
+        (estimate, "covariance", np.eye(3), "(4, 4)", "(3, 3)"),
         (truth, "velocity_in_ned_mps", np.zeros(2), "(3,)", "(2,)"),
         (truth, "wind_in_ned_mps", np.zeros(2), "(3,)", "(2,)"),
     ],
@@ -132,8 +133,8 @@ def test_right_shapes_are_taken():
     telemetry(velocity_in_level_mps=np.zeros(3))
     telemetry()
     verdict()
-    decision()
-    decision(aircraft_in_bar_m=np.zeros(3))
+    estimate()
+    estimate(velocity_in_bar_mps=np.zeros(3), covariance=np.eye(4))
     frame(np.zeros((720, 1280, 3), np.uint8))
     frame(None)
 

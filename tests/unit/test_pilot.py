@@ -10,8 +10,11 @@ from shipland.camera import Camera
 from shipland.config import build
 from shipland.frames import rotation_from_euler
 from shipland.guidance.far import far_control
+from shipland.guidance.mode_pilot import ModePilot
 from shipland.guidance.near import PublishedNear
-from shipland.guidance.pilot import GuidanceParameters, ModePilot
+from shipland.guidance.offset_free import Response
+from shipland.guidance.parameters import GuidanceParameters
+from shipland.guidance.pilot import PilotSetup
 from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Mode, Observation, Telemetry
 from shipland.rig import default_rig, packaged_table
 
@@ -26,7 +29,9 @@ STEP_S = 1.0 / 30.0
 
 def paper_pilot():
     far = far_control("exponential", "growing", PARAMETERS.far_baselines, PARAMETERS.near, CAMERA.focal_px)
-    return ModePilot(PARAMETERS, RIG, CAMERA, CAMERA_IN_BODY_M, far, PublishedNear(PARAMETERS.near))
+    response = Response(math.radians(15.0), 2.9, 1.0, math.radians(40.0), 0.025)
+    setup = PilotSetup(PARAMETERS, RIG, CAMERA, CAMERA_IN_BODY_M, response, np.random.default_rng(0))
+    return ModePilot(setup, far, PublishedNear(PARAMETERS.near))
 
 
 def pose_of(aircraft_in_bar_m, yaw_rad=0.0):
@@ -44,7 +49,7 @@ def settled(aircraft_in_bar_m, yaw_rad=0.0, cycles=30, pilot=None, start_s=0.0):
     for index in range(cycles):
         t_s = start_s + index * STEP_S
         seen = Observation(t_s, LEVEL, pose_of(aircraft_in_bar_m, yaw_rad))
-        decision = pilot.decide(seen, telemetry(t_s))
+        decision = pilot.decide(seen, telemetry(t_s), None)
     return decision
 
 
@@ -100,7 +105,7 @@ def test_steady_in_the_square_lands_and_the_landed_vehicle_ends_it():
     assert landing.command.intent is Intent.LAND
     assert landing.command.heave_percent == -PARAMETERS.approach.descent_percent
     after_s = 91 * STEP_S
-    done = pilot.decide(Observation(after_s, LEVEL), telemetry(after_s, flying=False))
+    done = pilot.decide(Observation(after_s, LEVEL), telemetry(after_s, flying=False), None)
     assert done.mode is Mode.DONE
     assert done.command.heave_percent == 0.0
 
@@ -117,7 +122,7 @@ def test_without_data_the_sticks_decay_to_zero():
     assert before.command.pitch_percent == pytest.approx(11.25)
     for index in range(60, 60 + 90):
         t_s = index * STEP_S
-        decision = pilot.decide(Observation(t_s, LEVEL, reason="fog"), telemetry(t_s))
+        decision = pilot.decide(Observation(t_s, LEVEL, reason="fog"), telemetry(t_s), None)
     assert decision.mode is Mode.NO_VISION
     assert abs(decision.command.pitch_percent) < 1.0  # percent, of the 11 fed before
 
@@ -127,7 +132,7 @@ def test_boxes_fly_the_far_laws():
     for index in range(60):
         t_s = index * STEP_S
         box = Box((740.0, 360.0), (20.0, 20.0), 0.9)
-        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s))
+        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s), None)
     assert decision.mode is Mode.TRACK_SHIP
     assert decision.command.pitch_percent == pytest.approx(0.008 * (5000.0 - 400.0))
     assert decision.command.roll_percent == 100.0  # 1.2 · (exp(1.58) − 1) · 100, clamped
@@ -140,9 +145,9 @@ def test_far_heading_is_held_from_the_first_box_on():
     ahead = Box((639.5, 360.0), (20.0, 20.0), 0.9)
     for index in range(60):
         t_s = index * STEP_S
-        pilot.decide(Observation(t_s, LEVEL, ship_box=ahead), telemetry(t_s))
+        pilot.decide(Observation(t_s, LEVEL, ship_box=ahead), telemetry(t_s), None)
     turned = replace(telemetry(60 * STEP_S), heading_rad=math.radians(5.0))
-    decision = pilot.decide(Observation(60 * STEP_S, LEVEL, ship_box=ahead), turned)
+    decision = pilot.decide(Observation(60 * STEP_S, LEVEL, ship_box=ahead), turned, None)
     assert decision.command.yaw_percent < -20.0  # K_P 5.5 %/° and its derivative, back to the left
 
 
@@ -151,7 +156,7 @@ def test_far_sticks_are_kept_while_a_box_is_missing():
     for index in range(60):
         t_s = index * STEP_S
         box = Box((640.0, 360.0), (20.0, 20.0), 0.9) if index < 45 else None
-        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s))
+        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s), None)
     assert decision.mode is Mode.TRACK_SHIP
     assert decision.command.pitch_percent == pytest.approx(0.008 * (5000.0 - 400.0))
 
@@ -160,7 +165,7 @@ def test_search_holds_turns_and_climbs():
     pilot, commands = paper_pilot(), []
     search = PARAMETERS.search
     for t_s in np.arange(0.0, search.look_s + search.turn_s + search.climb_s, 0.5):
-        decision = pilot.decide(Observation(t_s, LEVEL, reason="nothing"), telemetry(t_s))
+        decision = pilot.decide(Observation(t_s, LEVEL, reason="nothing"), telemetry(t_s), None)
         assert decision.mode is Mode.SEARCH
         commands.append(decision.command)
     assert commands[2].yaw_percent == 0.0
@@ -176,7 +181,7 @@ def test_a_velocity_held_aircraft_comes_to_rest_in_the_square(start_m):
     place_m, velocity_mps = np.array(start_m), np.zeros(3)
     for index in range(30 * 60):
         t_s = index * STEP_S
-        decision = pilot.decide(Observation(t_s, LEVEL, pose_of(place_m)), telemetry(t_s))
+        decision = pilot.decide(Observation(t_s, LEVEL, pose_of(place_m)), telemetry(t_s), None)
         if decision.mode is Mode.LAND:
             break
         command = decision.command
@@ -196,7 +201,7 @@ def test_a_target_lost_to_a_side_is_searched_for_on_that_side(side):
     for index in range(round(30 * (seen_s + PARAMETERS.modes.memory_s + search_s + 8.0))):
         t_s = index * STEP_S
         box = Box((639.5 + side * 300.0 * t_s, 360.0), (20.0, 20.0), 0.9) if t_s < seen_s else None
-        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s))
+        decision = pilot.decide(Observation(t_s, LEVEL, ship_box=box), telemetry(t_s), None)
         yaws.append(decision.command.yaw_percent)
     assert decision.mode is Mode.SEARCH
     assert yaws[-1] == pytest.approx(side * PARAMETERS.search.turn_percent)
@@ -208,5 +213,5 @@ def test_the_nose_follows_a_target_that_would_leave_the_picture():
         column_px = 639.5 if index < 45 else 639.5 + 600.0
         t_s = index * STEP_S
         seen = Observation(t_s, LEVEL, ship_box=Box((column_px, 360.0), (20.0, 20.0), 0.9))
-        decision = pilot.decide(seen, telemetry(t_s))
+        decision = pilot.decide(seen, telemetry(t_s), None)
     assert decision.command.yaw_percent > 20.0  # 33° off the nose, 20° are let stand

@@ -35,6 +35,8 @@ from shipland.record.info import FlightInfo, LogHeader, config_digest
 from shipland.record.reader import read_log
 from shipland.record.rows import from_row, json_schema, to_row
 from shipland.record.writer import LogParameters, LogWriter
+from shipland.report.outputs import load_outputs
+from shipland.report.plots import plot_flight
 
 PARAMETERS = LogParameters(image_rate_hz=10.0, image_width_px=640, image_quality=85)
 
@@ -256,11 +258,13 @@ def test_without_truth_the_tree_shows_the_estimate_at_a_still_ship(tmp_path):
     records = list(flight(from_s=12.0, to_s=14.0, pictures=False, witnessed=False))
     for message, record in zip(messages(write(tmp_path / "f.mcap", records), "/tf"), records, strict=True):
         poses = world_poses(message)
-        estimate = record.decision.aircraft_in_bar_m
+        estimate = record.decision.estimate
         assert ("body" in poses) == (estimate is not None)
         assert poses["bar"].translation_m[2] == pytest.approx(RIG.bar_height_m)
         if estimate is not None:
-            assert (poses["bar"].inverse() @ poses["body"]).translation_m == pytest.approx(estimate, abs=1e-9)
+            assert (poses["bar"].inverse() @ poses["body"]).translation_m == pytest.approx(
+                estimate.aircraft_in_bar_m, abs=1e-9
+            )
             # the camera is stabilised: its optical axis keeps the horizon whatever the body does
             assert poses["camera"].rotation[2, 2] == pytest.approx(math.sin(record.frame.gimbal.pitch_rad), abs=1e-9)
 
@@ -410,3 +414,17 @@ def test_spans_of_modes_cover_the_flight_without_gap():
     assert spans[0][0] == columns.t_s[0]
     assert spans[-1][1] == columns.t_s[-1]
     assert FlightColumns.from_records([], RIG).mode_spans() == []
+
+
+def test_a_flight_without_modes_is_logged_and_read_back(tmp_path):
+    records = [
+        dataclasses.replace(record, decision=dataclasses.replace(record.decision, mode=None))
+        for record in flight(from_s=33.0, to_s=33.2, pictures=False)
+    ]
+    log = read_log(write(tmp_path / "f.mcap", records))
+    assert {record.decision.mode for record in log.records} == {None}
+    assert [mode for _, _, mode in log.columns().mode_spans()] == [None]
+    for record, back in zip(records, log.records, strict=True):
+        assert back.decision.estimate.t_s == record.decision.estimate.t_s
+    plot_flight(tmp_path / "plots.png", log, load_outputs().plots)
+    assert (tmp_path / "plots.png").stat().st_size > 10_000

@@ -10,7 +10,17 @@ from hypothesis import strategies as st
 
 from shipland.config import build
 from shipland.guidance.safety import Safety, SafetyParameters
-from shipland.messages import BarPose, Decision, GimbalAttitude, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.messages import (
+    BarPose,
+    Decision,
+    Estimate,
+    GimbalAttitude,
+    Intent,
+    Mode,
+    Observation,
+    PilotCommand,
+    Telemetry,
+)
 from shipland.rig import default_rig, packaged_table
 
 PARAMETERS = build(SafetyParameters, packaged_table("safety"))
@@ -27,7 +37,7 @@ def telemetry(t_s, **changes):
 
 def decision(t_s, pitch=0.0, heave=0.0, place=(-5.0, 0.0, -0.5), mode=Mode.APPROACH, intent=Intent.FLY, **changes):
     command = replace(PilotCommand(t_s, pitch, 0.0, heave, 0.0, 0.0, intent), **changes)
-    return Decision(command, mode, "reason", None if place is None else np.array(place), 0.0)
+    return Decision(command, mode, "reason", None if place is None else Estimate(t_s, np.array(place), 0.0))
 
 
 def check(told, t_s=0.0, pose=True, **changes):

@@ -14,12 +14,13 @@ from made_up_flight import CAMERA, RIG, VERDICT, cycles, flight, record_at, trut
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.frames import euler_from_rotation
-from shipland.messages import Box, GimbalAttitude, Observation
+from shipland.messages import Box, Estimate, GimbalAttitude, Observation
 from shipland.report.chase import chase_camera, chase_state, look_at
 from shipland.report.lettering import put_text, text_width, wrap_text
+from shipland.report.moments import Moments, between
 from shipland.report.outputs import load_outputs
 from shipland.report.overlay import STRIP_HEIGHT_PX, draw_sight, draw_zoom
-from shipland.report.video import FlightVideo, VideoWriter, between
+from shipland.report.video import FlightVideo, VideoWriter
 
 PARAMETERS = dataclasses.replace(load_outputs().video, verdict_hold_s=0.5)
 SMALL = Camera.from_fov(320, 180, 69.0)
@@ -275,3 +276,16 @@ def test_wrapped_text_fits(text, lines):
 def test_cycles_of_the_made_up_flight_are_what_the_tests_take_them_for():
     assert list(cycles(5.0, 7.0)) == [5.0, 5.5, 6.0, 6.5]
     assert cv2.getVersionMajor() == 4
+
+
+def test_the_estimate_shown_is_beside_the_truth_of_its_own_time():
+    moments, rng = Moments(), np.random.default_rng(3)
+    for t_s in np.arange(14.0, 15.0, 1.0 / 30.0):
+        ahead = truth_at(t_s + 0.3)
+        estimate = Estimate(ahead.t_s, ahead.aircraft_in_bar_m, 0.0)
+        record = record_at(t_s, rng, pictures=False)
+        moments.note(dataclasses.replace(record, decision=dataclasses.replace(record.decision, estimate=estimate)))
+    shown, truth = moments.at(14.95, None)
+    assert 14.9 < shown.t_s <= 14.95
+    assert truth.t_s == pytest.approx(shown.t_s)
+    assert truth.aircraft_in_bar_m == pytest.approx(shown.aircraft_in_bar_m, abs=0.002)

@@ -110,16 +110,17 @@ class ProgressLine:
     def show(self, record: FlightRecord) -> None:
         """Show one cycle."""
         decision, t_s = record.decision, record.telemetry.t_s
+        mode = "-" if decision.mode is None else decision.mode.name
         if decision.mode is not self._mode:
             self._mode = decision.mode
-            self._console.print(f"{t_s:6.1f} s  {decision.mode.name:<10} {decision.reason}")
+            self._console.print(f"{t_s:6.1f} s  {mode:<10} {decision.reason}")
         if self._status is None or t_s - self._shown_s < 0.1:
             return
         self._shown_s = t_s
-        place_m = decision.aircraft_in_bar_m
-        distance = "      – m" if place_m is None else f"{np.linalg.norm(place_m):7.2f} m"
+        estimate = decision.estimate
+        distance = "      – m" if estimate is None else f"{np.linalg.norm(estimate.aircraft_in_bar_m):7.2f} m"
         command = decision.command
         self._status.update(
-            f"{t_s:6.1f} s  {decision.mode.name:<10} {distance} to the bar  pitch {command.pitch_percent:+4.0f} "
+            f"{t_s:6.1f} s  {mode:<10} {distance} to the bar  pitch {command.pitch_percent:+4.0f} "
             f"roll {command.roll_percent:+4.0f} heave {command.heave_percent:+4.0f} yaw {command.yaw_percent:+4.0f} %"
         )

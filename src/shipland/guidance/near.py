@@ -78,6 +78,7 @@ class NearEstimate:
         rate_in_level_mps: (3,) its time derivative.
         yaw_rad: heading against the bar.
         bar_elevation_rad: the bar's centre above the horizon, from the camera.
+        valid_s: the time that error, rate and heading are valid for: later than `t_s` where they are predicted [s].
     """
 
     t_s: float
@@ -85,6 +86,7 @@ class NearEstimate:
     rate_in_level_mps: Array
     yaw_rad: float
     bar_elevation_rad: float
+    valid_s: float
 
     def aircraft_in_bar_m(self, wanted_in_bar_m: Array) -> Array:
         """(3,) the aircraft's centre of mass in `bar`."""
@@ -155,7 +157,7 @@ class PublishedNear:
         if before is not None and gap_s > 0.0:
             rate = before.rate_in_level_mps
             rate = rate + 0.2 * ((error - before.error_in_level_m) / gap_s - rate)
-        self._estimate = NearEstimate(measured.t_s, error, rate, yaw_rad, measured.bar_elevation_rad)
+        self._estimate = NearEstimate(measured.t_s, error, rate, yaw_rad, measured.bar_elevation_rad, measured.t_s)
         return self._estimate
 
     def sticks(self, wanted_yaw_rad: float = 0.0) -> Sticks:

@@ -176,7 +176,7 @@ class OffsetFreeNear:
         error = np.array([*_turned(then.ahead[0], then.aside[0], -yaw_rad), then.up[0]])
         climb_mps = self._climb_mps(self._at(effect_s)) + then.up[1]
         rate = -np.array([*_turned(then.ahead[1], then.aside[1], -yaw_rad), climb_mps])
-        return NearEstimate(measured.t_s, error, rate, yaw_rad, measured.bar_elevation_rad)
+        return NearEstimate(measured.t_s, error, rate, yaw_rad, measured.bar_elevation_rad, effect_s)
 
     def sticks(self, wanted_yaw_rad: float = 0.0) -> Sticks:
         """Sticks for the state predicted; the heading wanted is against the bar."""

@@ -70,7 +70,9 @@ class Safety:
         return replace(decision, command=command, reason=reason)
 
     def _fence(self, command: PilotCommand, decision: Decision, telemetry: Telemetry, notes: list[str]) -> PilotCommand:
-        limits, place_m = self._parameters, decision.aircraft_in_bar_m
+        limits, place_m = self._parameters, None
+        if decision.estimate is not None:
+            place_m = decision.estimate.aircraft_in_bar_m
         if (
             telemetry.height_m is not None
             and telemetry.height_m > limits.fence_height_m

@@ -13,7 +13,7 @@ from shipland.config import require
 from shipland.frames import euler_from_rotation
 from shipland.guidance.laws import clamp
 from shipland.guidance.pilot import Pilot
-from shipland.messages import Decision, Mode, Observation, Telemetry
+from shipland.messages import Decision, Mode, Observation, PilotCommand, Telemetry
 from shipland.vehicles.vehicle import Witness
 
 
@@ -40,9 +40,9 @@ class DeckFollower:
         self._pilot, self._witness = pilot, witness
         self._max_tilt_rad, self._parameters = max_tilt_rad, parameters
 
-    def decide(self, observation: Observation, telemetry: Telemetry) -> Decision:
+    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
         """The other pilot's decision; while landing low, with the deck's roll and pitch added."""
-        decision = self._pilot.decide(observation, telemetry)
+        decision = self._pilot.decide(observation, telemetry, sent)
         truth = self._witness.truth_at(observation.t_s)
         if truth is None or decision.mode is not Mode.LAND or -truth.aircraft_in_deck_m[2] > self._parameters.below_m:
             return decision

@@ -96,7 +96,8 @@ class Way:
 
 def way_of(records: Sequence[FlightRecord], end_s: float) -> Way:
     """From the flight's records (with truth) up to the time of contact or of the end [s]."""
-    spent_s, tries, start_m = dict.fromkeys(Mode, 0.0), 0, float("nan")
+    spent_s: dict[Mode | None, float] = dict.fromkeys((*Mode, None), 0.0)
+    tries, start_m = 0, float("nan")
     for record, following in pairwise(records):
         if record.telemetry.t_s >= end_s:
             break

@@ -13,11 +13,10 @@ from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge, packaged_names, packaged_toml, read_toml, require
 from shipland.errors import ConfigError
 from shipland.flight import Crew
-from shipland.guidance.far import FarControl, far_control
-from shipland.guidance.near import NearControl, PublishedNear
-from shipland.guidance.offset_free import OffsetFreeNear, Response
-from shipland.guidance.offset_free_far import OffsetFreeFar
-from shipland.guidance.pilot import GuidanceParameters, ModePilot, Pilot
+from shipland.guidance.offset_free import Response
+from shipland.guidance.parameters import GuidanceParameters
+from shipland.guidance.pilot import PilotSetup
+from shipland.guidance.pilots import offset_free, paper
 from shipland.guidance.safety import Safety, SafetyParameters
 from shipland.missions.follower import DeckFollower, FollowParameters
 from shipland.missions.geometric import GeometricParameters, GeometricVision
@@ -110,24 +109,15 @@ def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> Simulat
 
 def build_crew(scenario: Scenario, vehicle: SimulatedVehicle, pilot: PilotKind, camera: CameraKind, seed: int) -> Crew:
     """Eyes, pilot and safety for one flight."""
-    guidance, rig = scenario.guidance, scenario.rig
-    focal_px, middle_px = vehicle.camera.focal_px, vehicle.camera.matrix[:2, 2]
-    near: NearControl
-    far: FarControl
-    if pilot == "paper":
-        near = PublishedNear(guidance.near)
-        far = far_control(guidance.far_control, guidance.far_variant, guidance.far_baselines, guidance.near, focal_px)
-    else:
-        response = response_of(scenario)
-        near = OffsetFreeNear(guidance.offset_free, response)
-        areas_m2 = [
-            (guidance.ship, rig.platform_width_m * rig.superstructure_height_m),
-            (guidance.bar, rig.board_width_m * rig.board_height_m),
-        ]
-        middle = (float(middle_px[0]), float(middle_px[1]))
-        far = OffsetFreeFar(guidance.offset_free_far, response, focal_px, middle, areas_m2)
-    camera_in_body_m = np.array(scenario.camera.position_in_body_m)
-    flier: Pilot = ModePilot(guidance, rig, vehicle.camera, camera_in_body_m, far, near)
+    setup = PilotSetup(
+        guidance=scenario.guidance,
+        rig=scenario.rig,
+        camera=vehicle.camera,
+        camera_in_body_m=np.array(scenario.camera.position_in_body_m),
+        response=response_of(scenario),
+        rng=_generators(seed)[6],
+    )
+    flier = paper(setup) if pilot == "paper" else offset_free(setup)
     if scenario.follow.enabled:
         flier = DeckFollower(flier, vehicle, math.radians(scenario.aircraft.settings.max_tilt_deg), scenario.follow)
     near_eyes: Vision
@@ -166,5 +156,5 @@ def response_of(scenario: Scenario) -> Response:
 
 
 def _generators(seed: int) -> list[np.random.Generator]:
-    """Independent generators of ship, wind, aircraft, picture, geometric corners and boxes."""
-    return [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(6)]
+    """Independent generators of ship, wind, aircraft, picture, geometric corners and boxes, and of the pilot."""
+    return [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(7)]

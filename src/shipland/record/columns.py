@@ -25,7 +25,9 @@ class Derived:
     """Figures of one cycle that follow from its record; NaN where it lacks what they follow from.
 
     Attributes:
-        mode_number: the mode as a number, for plotting.
+        mode_number: the mode as a number, for plotting; 0 without a mode.
+        estimate_t_s: the time that the pilot's estimate is valid for; the truth below is of the exposure, so the two
+            are compared through `FlightColumns.estimate_error_in_pad_m`.
         estimate_in_pad_m: (3,) aircraft, as the pilot has it.
         estimate_yaw_rad: its heading against the ship, as the pilot has it.
         truth_in_pad_m: (3,) aircraft.
@@ -40,6 +42,7 @@ class Derived:
     """
 
     mode_number: int
+    estimate_t_s: float
     estimate_in_pad_m: Array
     estimate_yaw_rad: float
     truth_in_pad_m: Array
@@ -56,22 +59,24 @@ class Derived:
 def derive(record: FlightRecord, rig: Rig) -> Derived:
     """The derived figures of one cycle; truth and picture must be of the same instant, the exposure."""
     decision, truth, pose = record.decision, record.truth, record.observation.bar_pose
-    place_m = decision.aircraft_in_bar_m
-    estimate = np.full(3, np.nan) if place_m is None else _UP * (place_m - rig.deck_in_bar_m)
-    estimate_yaw_rad = math.nan if decision.yaw_rad is None else decision.yaw_rad
+    nothing, mode_number = np.full(3, np.nan), 0 if decision.mode is None else decision.mode.value
+    estimate_t_s, estimate_in_pad_m, estimate_yaw_rad = math.nan, nothing, math.nan
+    if decision.estimate is not None:
+        estimate_t_s, estimate_yaw_rad = decision.estimate.t_s, decision.estimate.yaw_rad
+        estimate_in_pad_m = _UP * (decision.estimate.aircraft_in_bar_m - rig.deck_in_bar_m)
     if truth is None:
-        nothing = np.full(3, np.nan)
         return Derived(
-            decision.mode.value, estimate, estimate_yaw_rad, nothing, math.nan, math.nan, nothing, math.nan,
-            nothing, nothing, nothing, math.nan,
+            mode_number, estimate_t_s, estimate_in_pad_m, estimate_yaw_rad, nothing, math.nan, math.nan, nothing,
+            math.nan, nothing, nothing, nothing, math.nan,
         )  # fmt: skip
     bar_from_ned = truth.ned_from_bar.inverse()
     ship_from_deck = truth.ned_from_ship.inverse() @ truth.ned_from_deck
     deck_from_body = truth.ned_from_deck.inverse() @ truth.ned_from_body
     error_m, error_yaw_rad = _vision_error(pose, truth)
     return Derived(
-        mode_number=decision.mode.value,
-        estimate_in_pad_m=estimate,
+        mode_number=mode_number,
+        estimate_t_s=estimate_t_s,
+        estimate_in_pad_m=estimate_in_pad_m,
         estimate_yaw_rad=estimate_yaw_rad,
         truth_in_pad_m=_UP * (truth.aircraft_in_bar_m - rig.deck_in_bar_m),
         truth_yaw_rad=euler_from_rotation(bar_from_ned.rotation @ truth.ned_from_body.rotation)[2],
@@ -111,6 +116,7 @@ class FlightColumns:
     reprojection_px: Array
     telemetry_tilt_rad: Array
     mode_number: npt.NDArray[np.int64]
+    estimate_t_s: Array
     estimate_in_pad_m: Array
     estimate_yaw_rad: Array
     truth_in_pad_m: Array
@@ -152,9 +158,25 @@ class FlightColumns:
         )
 
     @property
+    def estimate_error_in_pad_m(self) -> Array:
+        """(n, 3) the pilot's estimate minus the truth of the same time; NaN where either is missing."""
+        return self.estimate_in_pad_m - _resampled(self.estimate_t_s, self.t_s, self.truth_in_pad_m)
+
+    @property
+    def estimate_error_yaw_rad(self) -> Array:
+        """(n,) likewise of the heading, in -pi … pi."""
+        yaw_rad = np.full_like(self.truth_yaw_rad, np.nan)
+        known = np.isfinite(self.truth_yaw_rad)
+        yaw_rad[known] = np.unwrap(self.truth_yaw_rad[known])
+        error_rad = self.estimate_yaw_rad - _resampled(self.estimate_t_s, self.t_s, yaw_rad[:, None])[:, 0]
+        return np.asarray((error_rad + np.pi) % (2.0 * np.pi) - np.pi)
+
+    @property
     def place_in_pad_m(self) -> Array:
-        """(n, 3) the aircraft against the pad: truth where there is one, else the pilot's estimate."""
-        return np.where(np.isfinite(self.truth_in_pad_m), self.truth_in_pad_m, self.estimate_in_pad_m)
+        """(n, 3) the aircraft against the pad at `t_s`: truth where there is one, else the pilot's estimates."""
+        estimate_m = _resampled(self.t_s, self.estimate_t_s, self.estimate_in_pad_m)
+        estimate_m[~np.isfinite(self.estimate_t_s)] = np.nan  # no line over a stretch without estimates
+        return np.where(np.isfinite(self.truth_in_pad_m), self.truth_in_pad_m, estimate_m)
 
     @property
     def speed_in_pad_mps(self) -> Array:
@@ -167,13 +189,27 @@ class FlightColumns:
         rate[~np.isfinite(rate)] = np.nan
         return rate
 
-    def mode_spans(self) -> list[tuple[float, float, Mode]]:
+    def mode_spans(self) -> list[tuple[float, float, Mode | None]]:
         """(from_s, to_s, mode) of each unbroken stretch of one mode; a stretch lasts until the next one's start."""
-        spans: list[tuple[float, float, Mode]] = []
+        spans: list[tuple[float, float, Mode | None]] = []
         if not len(self.t_s):
             return spans
         starts = [0, *(np.flatnonzero(np.diff(self.mode_number)) + 1).tolist()]
         ends = [*starts[1:], len(self.t_s) - 1]
         for start, end in zip(starts, ends, strict=True):
-            spans.append((float(self.t_s[start]), float(self.t_s[end]), Mode(int(self.mode_number[start]))))
+            number = int(self.mode_number[start])
+            spans.append((float(self.t_s[start]), float(self.t_s[end]), Mode(number) if number else None))
         return spans
+
+
+def _resampled(at_s: Array, t_s: Array, values: Array) -> Array:
+    """Values (n, k) at times (n,), taken by line to the times (m,) `at_s`; NaN outside them and where `at_s` is."""
+    known = np.isfinite(t_s) & np.isfinite(values).all(axis=1)
+    found = np.full((len(at_s), values.shape[1]), np.nan)
+    if known.any():
+        order = np.argsort(t_s[known], kind="stable")
+        times_s, known_values = t_s[known][order], values[known][order]
+        for column in range(values.shape[1]):
+            found[:, column] = np.interp(at_s, times_s, known_values[:, column], left=np.nan, right=np.nan)
+    found[~np.isfinite(at_s)] = np.nan
+    return found

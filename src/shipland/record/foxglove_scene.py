@@ -37,6 +37,11 @@ _BLUE = Color(r=0.34, g=0.71, b=0.91, a=1.0)
 _THIN_M = 0.02
 
 
+def nanoseconds(t_s: float) -> int:
+    """A vehicle time as the log counts it: whole nanoseconds, never negative."""
+    return max(0, round(t_s * 1e9))
+
+
 def timestamp(time_ns: int) -> Timestamp:
     """A Foxglove time of whole nanoseconds."""
     return Timestamp(sec=time_ns // 1_000_000_000, nsec=time_ns % 1_000_000_000)
@@ -45,15 +50,16 @@ def timestamp(time_ns: int) -> Timestamp:
 def transforms(record: FlightRecord, rig: Rig) -> list[FrameTransform]:
     """Edges world → ned → {ship → {deck, bar}, body → camera} at the exposure.
 
-    Without truth the ship lies still at the origin, headed north, and the aircraft is where the pilot has it; when the
-    pilot has no place for it, `body` and `camera` are left as they were.
+    Without truth the ship lies still at the origin, headed north, and the aircraft is where the pilot has it, at the
+    estimate's own time; when the pilot has no place for it, `body` and `camera` are left as they were.
     """
-    time_ns, truth = max(0, round(record.frame.t_s * 1e9)), record.truth
+    truth, estimate = record.truth, record.decision.estimate
     edges = [("world", "ned", Pose(MUJOCO_FROM_NED, np.zeros(3)))]
     edges += _estimated(record, rig) if truth is None else _true(truth)
+    times_s = dict.fromkeys(("body", "camera"), estimate.t_s) if truth is None and estimate is not None else {}
     return [
         FrameTransform(
-            timestamp=timestamp(time_ns),
+            timestamp=timestamp(nanoseconds(times_s.get(child, record.frame.t_s))),
             parent_frame_id=parent,
             child_frame_id=child,
             translation=_vector(pose.translation_m),
@@ -81,11 +87,11 @@ def _estimated(record: FlightRecord, rig: Rig) -> list[tuple[str, str, Pose]]:
         ("ship", "deck", Pose.identity()),
         ("ship", "bar", rig.ship_from_bar),
     ]
-    place_m, yaw_rad = record.decision.aircraft_in_bar_m, record.decision.yaw_rad
-    if place_m is not None and yaw_rad is not None:
+    estimate = record.decision.estimate
+    if estimate is not None:
         telemetry = record.telemetry
         level_from_body = rotation_from_euler(telemetry.roll_rad, telemetry.pitch_rad, 0.0)
-        bar_from_level = Pose.from_euler(place_m, 0.0, 0.0, yaw_rad)
+        bar_from_level = Pose.from_euler(estimate.aircraft_in_bar_m, 0.0, 0.0, estimate.yaw_rad)
         ned_from_body = ned_from_ship @ rig.ship_from_bar @ bar_from_level @ Pose(level_from_body, np.zeros(3))
         body_from_camera = level_from_body.T @ level_from_camera(record.frame.gimbal)
         edges += [("ned", "body", ned_from_body), ("body", "camera", Pose(body_from_camera, np.zeros(3)))]

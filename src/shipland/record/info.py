@@ -12,7 +12,7 @@ from shipland.camera import Camera
 from shipland.config import require
 from shipland.rig import Rig
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 """Counts up when a column of the log changes its name or meaning."""
 
 

@@ -4,19 +4,19 @@ Log times are exposure times (vehicle time, from 0 for the simulator): no wall c
 bytes. Viewers want a z-up root: frame `world` is `mujoco` of `frames` (north, west, up); `ned` hangs below it by the
 one fixed turn of `frames.MUJOCO_FROM_NED`, everything else below `ned` with the axes of the frame table.
 
-| topic               | schema                     | when                                          |
-|---------------------|----------------------------|-----------------------------------------------|
-| /header             | JSON, `LogHeader`          | once                                          |
-| /flight             | JSON, `FlightRecord` row   | every cycle                                   |
-| /verdict            | JSON, `TouchdownVerdict`   | at the end, when there was a touchdown        |
-| /tf                 | foxglove.FrameTransforms   | every cycle                                   |
-| /pose/aircraft      | foxglove.PoseInFrame       | when the pilot has an estimate; in `bar`      |
-| /pose/camera        | foxglove.PoseInFrame       | when the vision has a pose; in `bar`          |
-| /camera/image       | foxglove.CompressedImage   | at the rate asked for, JPEG                   |
-| /camera/calibration | foxglove.CameraCalibration | with each picture                             |
-| /camera/annotations | foxglove.ImageAnnotations  | with each picture: corners and boxes          |
-| /scene              | foxglove.SceneUpdate       | once: platform, deck, bar, aircraft           |
-| /log                | foxglove.Log               | when the mode changes, with the reason        |
+| topic               | schema                     | when                                                      |
+|---------------------|----------------------------|-----------------------------------------------------------|
+| /header             | JSON, `LogHeader`          | once                                                      |
+| /flight             | JSON, `FlightRecord` row   | every cycle                                               |
+| /verdict            | JSON, `TouchdownVerdict`   | at the end, when there was a touchdown                    |
+| /tf                 | foxglove.FrameTransforms   | every cycle                                               |
+| /pose/aircraft      | foxglove.PoseInFrame       | the pilot's estimate, stamped with its own time; in `bar` |
+| /pose/camera        | foxglove.PoseInFrame       | when the vision has a pose; in `bar`                      |
+| /camera/image       | foxglove.CompressedImage   | at the rate asked for, JPEG                               |
+| /camera/calibration | foxglove.CameraCalibration | with each picture                                         |
+| /camera/annotations | foxglove.ImageAnnotations  | with each picture: corners and boxes                      |
+| /scene              | foxglove.SceneUpdate       | once: platform, deck, bar, aircraft                       |
+| /log                | foxglove.Log               | when the mode changes, with the reason                    |
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class LogWriter:
 
     def append(self, record: FlightRecord) -> None:
         """Write one cycle."""
-        self._time_ns = time_ns = max(0, round(record.frame.t_s * 1e9))
+        self._time_ns = time_ns = scene.nanoseconds(record.frame.t_s)
         if not self._started:
             self._start()
         derived = derive(record, self._rig)
@@ -110,16 +110,18 @@ class LogWriter:
         self._flight.log(row, log_time=time_ns)
         self._transforms.log(FrameTransforms(transforms=scene.transforms(record, self._rig)), log_time=time_ns)
         decision, pose = record.decision, record.observation.bar_pose
-        if decision.aircraft_in_bar_m is not None:
-            turn = scene.pose_message(decision.aircraft_in_bar_m, decision.yaw_rad or 0.0)
-            message = PoseInFrame(timestamp=scene.timestamp(time_ns), frame_id="bar", pose=turn)
+        estimate = decision.estimate
+        if estimate is not None:
+            turn = scene.pose_message(estimate.aircraft_in_bar_m, estimate.yaw_rad)
+            valid_at = scene.timestamp(scene.nanoseconds(estimate.t_s))
+            message = PoseInFrame(timestamp=valid_at, frame_id="bar", pose=turn)
             self._aircraft.log(message, log_time=time_ns)
         if pose is not None:
             turn = scene.pose_message(pose.position_in_bar_m, pose.yaw_rad)
             message = PoseInFrame(timestamp=scene.timestamp(time_ns), frame_id="bar", pose=turn)
             self._camera_pose.log(message, log_time=time_ns)
         self._append_picture(record)
-        if decision.mode is not self._mode:
+        if decision.mode is not None and decision.mode is not self._mode:
             self._mode = decision.mode
             self._say(f"{decision.mode.name}: {decision.reason}", "pilot", LogLevel.Info)
 

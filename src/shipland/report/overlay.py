@@ -15,14 +15,14 @@ from shipland.report.lettering import Bgr, Image, put_text, text_width, wrap_tex
 from shipland.report.palette import (
     BLUE,
     GREEN,
-    MODE_COLOURS,
-    MODE_NAMES,
     ORANGE,
     SKY,
     STICK_COLOURS,
     STICK_NAMES,
     VERMILION,
     bgr,
+    mode_colour,
+    mode_name,
 )
 
 STRIP_HEIGHT_PX = 100
@@ -119,11 +119,17 @@ class Instruments:
         while self._deck and self._deck[0][0] < t_s - self._trace_s:
             self._deck.popleft()
 
-    def draw(self, record: FlightRecord, derived: Derived, t_s: float) -> Image:
-        """The strip (STRIP_HEIGHT_PX, width, 3) at `t_s`, with the newest cycle then."""
+    def draw(self, record: FlightRecord, places: Derived, t_s: float) -> Image:
+        """The strip (STRIP_HEIGHT_PX, width, 3) at `t_s`.
+
+        Args:
+            record: the newest cycle then.
+            places: with the pilot's estimate and the truth of one and the same time.
+            t_s: time of the video's frame [s].
+        """
         strip = self._blank.copy()
         self._draw_mode(strip, record, t_s)
-        self._draw_place(strip, record, derived)
+        self._draw_place(strip, places)
         self._draw_sticks(strip, record)
         if self._with_traces:
             self._draw_traces(strip, t_s)
@@ -148,19 +154,19 @@ class Instruments:
     @staticmethod
     def _draw_mode(strip: Image, record: FlightRecord, t_s: float) -> None:
         decision = record.decision
-        colour = MODE_COLOURS[decision.mode]
+        colour = mode_colour(decision.mode)
         light = 0.299 * colour[0] + 0.587 * colour[1] + 0.114 * colour[2] > 140.0
         strip[12:42, 14:174] = bgr(colour)
-        name = MODE_NAMES[decision.mode].upper()
+        name = mode_name(decision.mode).upper()
         put_text(strip, name, (24, 33), 16, (20, 20, 20) if light else (255, 255, 255), bold=True)
         put_text(strip, f"{t_s:.1f} s", (190, 33), 16, _INK)
         for index, line in enumerate(wrap_text(decision.reason, 14, 330, lines=2)):
             put_text(strip, line, (14, 64 + 20 * index), 14, _INK)
 
-    def _draw_place(self, strip: Image, record: FlightRecord, derived: Derived) -> None:
-        self._draw_place_row(strip, 54, 16, _INK, derived.estimate_in_pad_m, derived.estimate_yaw_rad)
-        if record.truth is not None:
-            self._draw_place_row(strip, 82, 14, _FAINT, derived.truth_in_pad_m, derived.truth_yaw_rad)
+    def _draw_place(self, strip: Image, places: Derived) -> None:
+        self._draw_place_row(strip, 54, 16, _INK, places.estimate_in_pad_m, places.estimate_yaw_rad)
+        if np.isfinite(places.truth_in_pad_m).all():
+            self._draw_place_row(strip, 82, 14, _FAINT, places.truth_in_pad_m, places.truth_yaw_rad)
 
     @staticmethod
     def _draw_place_row(

@@ -40,6 +40,17 @@ MODE_NAMES: dict[Mode, str] = {
 }
 """With the numbers of [Lee2022] where it gives one."""
 
+
+def mode_colour(mode: Mode | None) -> Rgb:
+    """The colour of a mode; grey for a pilot without modes."""
+    return GREY if mode is None else MODE_COLOURS[mode]
+
+
+def mode_name(mode: Mode | None) -> str:
+    """The name of a mode, or that there is none."""
+    return "no mode" if mode is None else MODE_NAMES[mode]
+
+
 STICK_NAMES = ("pitch", "roll", "heave", "yaw")
 STICK_COLOURS: tuple[Rgb, ...] = (BLUE, VERMILION, GREEN, PURPLE)
 

@@ -25,6 +25,7 @@ from shipland.report.palette import (
     STICK_COLOURS,
     STICK_NAMES,
     VERMILION,
+    mode_colour,
     unit,
 )
 from shipland.rig import Rig
@@ -143,6 +144,9 @@ def draw_mode_key(axes: Axes, columns: FlightColumns) -> None:
     from matplotlib.patches import Patch
 
     present = [mode for mode in MODE_COLOURS if (columns.mode_number == mode.value).any()]
+    if not present:
+        axes.axis("off")
+        return
     patches = [Patch(facecolor=unit(MODE_COLOURS[mode]), alpha=0.45, label=MODE_NAMES[mode]) for mode in present]
     axes.legend(handles=patches, loc="center", ncols=len(patches), frameon=False, fontsize=10, title="flight mode")
     axes.axis("off")
@@ -152,7 +156,7 @@ def finish_time_axes(axes: Axes, columns: FlightColumns, verdict: TouchdownVerdi
     """Modes as background, touchdown as a line, legend; the time's name below the last panel only."""
     t_s = columns.t_s
     for from_s, to_s, mode in columns.mode_spans():
-        axes.axvspan(from_s, to_s, facecolor=unit(MODE_COLOURS[mode]), alpha=0.2, linewidth=0, zorder=0)
+        axes.axvspan(from_s, to_s, facecolor=unit(mode_colour(mode)), alpha=0.2, linewidth=0, zorder=0)
     if verdict is not None:
         axes.axvline(verdict.t_s, color=unit(BLACK), linewidth=1.0, linestyle=(0, (4, 2)))
     axes.set_xlim(float(t_s[0]), float(t_s[-1]) if t_s[-1] > t_s[0] else float(t_s[0]) + 1.0)
@@ -191,12 +195,13 @@ def draw_up(axes: Axes, columns: FlightColumns) -> None:
 
 def _draw_place(axes: Axes, columns: FlightColumns, axis: int, title: str) -> None:
     axes.set_title(title)
-    _draw_estimate(axes, columns.t_s, columns.estimate_in_pad_m[:, axis])
+    _draw_estimate(axes, columns.estimate_t_s, columns.estimate_in_pad_m[:, axis])
     axes.plot(columns.t_s, columns.truth_in_pad_m[:, axis], color=_TRUTH, label="truth")
     _show_at_least(axes, 0.4)
 
 
 def _draw_estimate(axes: Axes, t_s: Array, values: Array) -> None:
+    """The pilot's estimates at their own times, so that they lie on the truth where they are right."""
     axes.plot(
         t_s, values, color=_SEEN, label="pilot's estimate", linestyle="none", marker=".", markersize=4.0,
         markeredgewidth=0.0,
@@ -206,7 +211,7 @@ def _draw_estimate(axes: Axes, t_s: Array, values: Array) -> None:
 def draw_heading(axes: Axes, columns: FlightColumns) -> None:
     """Heading against the ship."""
     axes.set_title("heading against the ship's [°]")
-    _draw_estimate(axes, columns.t_s, np.degrees(columns.estimate_yaw_rad))
+    _draw_estimate(axes, columns.estimate_t_s, np.degrees(columns.estimate_yaw_rad))
     axes.plot(columns.t_s, np.degrees(columns.truth_yaw_rad), color=_TRUTH, label="truth")
     _show_at_least(axes, 10.0)
 

@@ -57,12 +57,12 @@ class FlightSummary:
         time_to_land_s: from the first exposure to the first contact; None without contact.
         touchdown_error_m: distance of the touchdown point from the deck's centre.
         touchdown: the verdict.
-        time_per_mode_s: by the mode's name.
+        time_per_mode_s: by the mode's name; NONE without a mode.
         mode_changes: how often the mode changed.
         cycles_with_pose, cycles_with_bar_box, cycles_with_ship_box: what the vision gave.
         refusals: cycles without a pose, by reason; figures in a reason are replaced by #.
         camera_error: the vision's pose against truth.
-        aircraft_error: the pilot's estimate against truth at exposure, in its modes on corners.
+        aircraft_error: the pilot's estimate against the truth of the estimate's own time, wherever it has one.
         max_right_m: largest sideways distance from the pad's middle line, on approach and landing.
         max_off_pad_m: largest horizontal distance from the pad's centre while landing.
         max_tilt_deg: of the aircraft.
@@ -106,7 +106,8 @@ def summarise(log: FlightLog, end: str = "") -> FlightSummary:
     spans = columns.mode_spans()
     time_per_mode_s: dict[str, float] = {}
     for from_s, to_s, mode in spans:
-        time_per_mode_s[mode.name] = time_per_mode_s.get(mode.name, 0.0) + to_s - from_s
+        name = "NONE" if mode is None else mode.name
+        time_per_mode_s[name] = time_per_mode_s.get(name, 0.0) + to_s - from_s
     observations = [record.observation for record in log.records]
     refused = Counter(kind_of(one.reason or "nothing seen") for one in observations if one.bar_pose is None)
     landing = columns.mode_number == Mode.LAND.value
@@ -133,7 +134,7 @@ def summarise(log: FlightLog, end: str = "") -> FlightSummary:
         cycles_with_ship_box=sum(one.ship_box is not None for one in observations),
         refusals=dict(sorted(refused.items(), key=lambda item: (-item[1], item[0]))),
         camera_error=_pose_error(columns.vision_error_m, columns.vision_error_yaw_rad),
-        aircraft_error=_aircraft_error(columns, near),
+        aircraft_error=_aircraft_error(columns),
         max_right_m=_largest(place_m[near, 1]),
         max_off_pad_m=_largest(np.linalg.norm(place_m[landing, :2], axis=1)),
         max_tilt_deg=_largest(np.degrees(tilt_rad)),
@@ -159,10 +160,10 @@ def write_json(path: Path, value: object) -> None:
         raise DataError(f"{path} cannot be written: {error.strerror}") from None
 
 
-def _aircraft_error(columns: FlightColumns, near: np.ndarray[Any, np.dtype[np.bool_]]) -> PoseError | None:
-    error_m = (columns.estimate_in_pad_m - columns.truth_in_pad_m) * [1.0, 1.0, -1.0]
-    error_yaw_rad = columns.estimate_yaw_rad - columns.truth_yaw_rad
-    return _pose_error(error_m[near], (error_yaw_rad[near] + np.pi) % (2.0 * np.pi) - np.pi)
+def _aircraft_error(columns: FlightColumns) -> PoseError | None:
+    new = np.diff(columns.estimate_t_s, prepend=np.nan) != 0.0  # an estimate kept for several cycles counts once
+    error_m = columns.estimate_error_in_pad_m * [1.0, 1.0, -1.0]
+    return _pose_error(error_m[new], columns.estimate_error_yaw_rad[new])
 
 
 def _pose_error(error_m: Array, error_yaw_rad: Array) -> PoseError | None:

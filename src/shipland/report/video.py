@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from shipland.camera import Camera
 from shipland.config import require
 from shipland.errors import DataError
-from shipland.frames import Pose
 from shipland.messages import FlightRecord, GroundTruth, TouchdownVerdict
 from shipland.record.columns import derive
 from shipland.report.lettering import Image
+from shipland.report.moments import Moments, between
 from shipland.report.overlay import (
     STRIP_HEIGHT_PX,
     STRIP_WIDTH_PX,
@@ -147,6 +146,7 @@ class FlightVideo:
         self._instruments = Instruments(with_traces=chase is not None, trace_s=parameters.trace_s)
         self._writer: VideoWriter | None = None
         self._newest: FlightRecord | None = None
+        self._moments = Moments()
         self._start_s = 0.0
         self._ticks = 0
         self._chase_due_s = -np.inf
@@ -159,6 +159,7 @@ class FlightVideo:
         else:
             self._write_until(record.frame.t_s, record.truth)
         self._newest = record
+        self._moments.note(record)
         self._stale = True
 
     def finish(self, verdict: TouchdownVerdict | None) -> None:
@@ -185,6 +186,8 @@ class FlightVideo:
     def _write_until(self, end_s: float, next_truth: GroundTruth | None) -> None:
         """Write the frames due before `end_s`, moving the chase view towards the next truth."""
         newest = self._newest
+        if next_truth is not None:
+            self._moments.note_truth(next_truth)
         while newest is not None and (t_s := self._start_s + self._ticks / self._parameters.rate_hz) < end_s - 1e-6:
             due = t_s >= self._chase_due_s - 1e-6
             moment = newest.truth
@@ -225,29 +228,7 @@ class FlightVideo:
         view[:, 0] = 0
 
     def _draw_instruments(self, record: FlightRecord, t_s: float) -> None:
-        derived = derive(record, self._rig)
-        self._instruments.note(t_s, derived)
-        self._canvas[self._picture_height_px :] = self._instruments.draw(record, derived, t_s)
-
-
-def between(before: GroundTruth, after: GroundTruth, t_s: float) -> GroundTruth:
-    """The truth at a time between two, or nearest to it: places by line, turns by the shortest arc."""
-    span_s = after.t_s - before.t_s
-    share = 0.0 if span_s <= 0.0 else min(1.0, max(0.0, (t_s - before.t_s) / span_s))
-
-    def pose(first: Pose, last: Pose) -> Pose:
-        turn = Rotation.from_matrix(first.rotation.T @ last.rotation).as_rotvec()
-        rotation = first.rotation @ Rotation.from_rotvec(share * turn).as_matrix()
-        return Pose(rotation, first.translation_m + share * (last.translation_m - first.translation_m))
-
-    return GroundTruth(
-        t_s=before.t_s + share * span_s,
-        ned_from_body=pose(before.ned_from_body, after.ned_from_body),
-        velocity_in_ned_mps=before.velocity_in_ned_mps
-        + share * (after.velocity_in_ned_mps - before.velocity_in_ned_mps),
-        ned_from_ship=pose(before.ned_from_ship, after.ned_from_ship),
-        ned_from_deck=pose(before.ned_from_deck, after.ned_from_deck),
-        ned_from_bar=pose(before.ned_from_bar, after.ned_from_bar),
-        ned_from_camera=pose(before.ned_from_camera, after.ned_from_camera),
-        wind_in_ned_mps=before.wind_in_ned_mps + share * (after.wind_in_ned_mps - before.wind_in_ned_mps),
-    )
+        self._instruments.note(t_s, derive(record, self._rig))
+        estimate, truth = self._moments.at(t_s, record.truth)
+        places = derive(replace(record, decision=replace(record.decision, estimate=estimate), truth=truth), self._rig)
+        self._canvas[self._picture_height_px :] = self._instruments.draw(record, places, t_s)

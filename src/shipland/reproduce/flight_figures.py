@@ -141,7 +141,7 @@ def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str, paramet
 
 
 def _draw_tracks(above: Axes, beside: Axes, log: FlightLog, track: Tracks) -> None:
-    modes = np.array([record.decision.mode.value for record in log.records if record.truth is not None])
+    modes = log.columns().mode_number[[record.truth is not None for record in log.records]]
     for mode, colour in MODE_COLOURS.items():
         chosen = modes == mode.value
         if not chosen.any():

@@ -11,7 +11,7 @@ from shipland.config import merge
 from shipland.flight import fly
 from shipland.frames import Array
 from shipland.guidance.pilot import Pilot
-from shipland.messages import Decision, FlightRecord, Frame, Observation, Telemetry
+from shipland.messages import Decision, FlightRecord, Frame, Observation, PilotCommand, Telemetry
 from shipland.missions.scenarios import build_crew, build_vehicle, load_scenario, scenario_table
 from shipland.vision.vision import Vision
 
@@ -78,9 +78,9 @@ class Tapped:
         self._pilot = pilot
         self.roll_percent: list[float] = []
 
-    def decide(self, observation: Observation, telemetry: Telemetry) -> Decision:
+    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
         """As the pilot."""
-        decision = self._pilot.decide(observation, telemetry)
+        decision = self._pilot.decide(observation, telemetry, sent)
         self.roll_percent.append(decision.command.roll_percent)
         return decision
 

@@ -160,7 +160,7 @@ class FarPilot:
         self._mode = Mode.SEARCH
         self._command = PilotCommand.hold(0.0, 0.0)
 
-    def decide(self, observation: Observation, telemetry: Telemetry) -> Decision:
+    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:  # noqa: ARG002
         """The sticks for the best box; without one the last sticks go on."""
         case, guidance = self._case, self._guidance
         box, gains, mode = observation.ship_box, guidance.ship, Mode.TRACK_SHIP

@@ -1,0 +1,87 @@
+"""The sections of `[guidance]`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from shipland.config import require
+from shipland.guidance.far import FarBaselines, FarKind, FarParameters
+from shipland.guidance.laws import FarVariant
+from shipland.guidance.modes import ModeParameters
+from shipland.guidance.near import NearParameters
+from shipland.guidance.offset_free import OffsetFreeParameters
+from shipland.guidance.offset_free_far import OffsetFreeFarParameters
+from shipland.guidance.search import SearchParameters
+
+
+@dataclass(frozen=True)
+class ApproachParameters:
+    """`[guidance.approach]`: where the aircraft is led, and when it may land.
+
+    Attributes:
+        hover_height_m: over the deck's neutral surface, before landing.
+        square_m: side of the square in which landing is commanded.
+        square_margin: share of the half side that the horizontal error must stay within.
+        largest_box: boxes of more than so many times the setpoint's area are not flown on.
+        max_bearing_deg: the nose turns to the bar's axis only as far as the bar stays this near the picture's middle,
+        bearing_margin_deg: and the cue this far from its sides.
+        max_height_error_m, max_speed_mps, max_yaw_error_deg, max_data_age_s: of the landing condition.
+        descent_percent: heave stick while landing.
+        gate_m, gate_s: above commit height the descent waits while the horizontal error, foreseen `gate_s` ahead at
+            its present rate, is larger than `gate_m`.
+        commit_height_m: below this height over the neutral deck the landing is no longer broken off.
+        astray_m: horizontal error that breaks off a landing.
+        climb_out_radius_m: nearer than this to the bar, loss of vision means climb-out.
+        climb_out_back_m, climb_out_height_m: astern of and over the deck's centre, where a climb-out ends.
+        climb_out_percent, back_off_percent: sticks of a climb-out.
+        climb_out_turn: yaw stick for a degree between the nose and where the target was seen last [%/deg].
+        climb_out_s: shortest climb-out.
+        gimbal_time_constant_s: smoothing of the camera pitch that keeps the target in the picture.
+    """
+
+    hover_height_m: float
+    square_m: float
+    square_margin: float
+    largest_box: float
+    max_bearing_deg: float
+    bearing_margin_deg: float
+    max_height_error_m: float
+    max_speed_mps: float
+    max_yaw_error_deg: float
+    max_data_age_s: float
+    descent_percent: float
+    gate_m: float
+    gate_s: float
+    commit_height_m: float
+    astray_m: float
+    climb_out_radius_m: float
+    climb_out_back_m: float
+    climb_out_height_m: float
+    climb_out_percent: float
+    back_off_percent: float
+    climb_out_turn: float
+    climb_out_s: float
+    gimbal_time_constant_s: float
+
+    def __post_init__(self) -> None:
+        require(self.hover_height_m > self.commit_height_m > 0.0, "hover_height_m > commit_height_m > 0 must hold")
+        require(0.0 < self.square_margin <= 1.0, "square_margin must be in (0, 1]")
+        require(self.square_m > 0.0, "square_m must be positive")
+        require(0.0 < self.descent_percent <= 100.0, "descent_percent must be in (0, 100]")
+
+
+@dataclass(frozen=True)
+class GuidanceParameters:
+    """`[guidance]`."""
+
+    near: NearParameters
+    offset_free: OffsetFreeParameters
+    offset_free_far: OffsetFreeFarParameters
+    ship: FarParameters
+    bar: FarParameters
+    far_control: FarKind
+    far_variant: FarVariant
+    far_baselines: FarBaselines
+    modes: ModeParameters
+    approach: ApproachParameters
+    search: SearchParameters
