@@ -24,13 +24,13 @@ from shipland.config import merge
 from shipland.errors import DataError
 from shipland.messages import GroundTruth
 from shipland.missions.fly import fly_quietly
-from shipland.missions.scenarios import PilotKind, load_scenario, scenario_table
+from shipland.missions.scenarios import load_scenario, scenario_table
 
 COURSES = ("straight", "s", "turn90")
 SPEEDS_MPS = tuple(0.5 * step for step in range(10))
 PRINTED = Path(__file__).parent.parent / "examples" / "near_printed.toml"
 NEAR = {"distance_m": 10.0, "distance_spread_m": 2.0, "height_m": 2.0, "height_spread_m": 0.5}
-FLIERS: dict[str, tuple[PilotKind, Path | None, dict[str, float]]] = {
+FLIERS: dict[str, tuple[str, Path | None, dict[str, float]]] = {
     "offset_free": ("offset_free", None, {}),
     "paper": ("paper", None, {}),
     "paper, from 10 m": ("paper", None, NEAR),

@@ -11,7 +11,8 @@ import numpy as np
 
 from shipland.config import merge
 from shipland.messages import PilotCommand
-from shipland.missions.scenarios import build_vehicle, load_scenario, scenario_table
+from shipland.missions.crew import build_vehicle
+from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.sim.scene.scene import Scene
 from shipland.vision.near.pipeline import NearVision
 

@@ -14,6 +14,8 @@ from shipland import __version__
 from shipland.errors import DataError, ShiplandError
 from shipland.learning.arguments import EvaluateArguments, SynthArguments, TrainArguments
 
+Changes = Annotated[tuple[str, ...], tyro.conf.arg(name="set", metavar="KEY=VALUE"), tyro.conf.UseAppendAction]
+
 
 @dataclass(frozen=True)
 class Fly:
@@ -27,17 +29,19 @@ class Fly:
 
     scenario: str = "near"
     """Packaged scenario, or the path of a TOML file laid over the defaults (see `shipland scenarios`)."""
-    pilot: Literal["paper", "offset_free"] = "paper"
-    """Who flies: `paper` is the published system; `offset_free` replaces its near law by ours."""
-    camera: Literal["rendered", "geometric"] = "rendered"
-    """`rendered`: vision sees drawn pictures; `geometric`: true corners with vision's errors, at a fraction of the
-    cost."""
+    pilot: str = "paper"
+    """Who flies: `paper` is the published system, `offset_free` ours; your own as `module:factory`."""
+    vision: str = "rendered"
+    """`rendered`: vision on drawn pictures; `geometric`: true corners with vision's errors, at a fraction of the
+    cost; your own as `module:factory`."""
     seed: int = 1
     """Seed of everything random; the same seed gives the same flight."""
     out: Path = Path("out/flight")
     """Output folder; made when missing."""
     config: Path | None = None
     """TOML file laid over the scenario, any section of the configuration."""
+    changes: Changes = ()
+    """One value laid over all, as `--set wind.mean_mps=5`; may be given again and again."""
     video: bool = True
     """Write flight.mp4 (costs a second picture a frame, for the chase view)."""
 
@@ -45,7 +49,7 @@ class Fly:
         """Fly; the exit code."""
         from shipland.commands.fly import FlyRequest, fly_one
 
-        return fly_one(FlyRequest(self.scenario, self.pilot, self.camera, self.seed, self.out, self.config, self.video))
+        return fly_one(FlyRequest(**vars(self)))
 
 
 @dataclass(frozen=True)
@@ -59,9 +63,9 @@ class Campaign:
 
     scenario: str = "near"
     """Packaged scenario, or the path of a TOML file laid over the defaults."""
-    pilot: Literal["paper", "offset_free"] = "paper"
-    """Who flies."""
-    camera: Literal["rendered", "geometric"] = "geometric"
+    pilot: str = "paper"
+    """Who flies, as in `shipland fly`."""
+    vision: str = "geometric"
     """As in `shipland fly`."""
     first_seed: int = 1
     """First seed."""
@@ -71,6 +75,8 @@ class Campaign:
     """Output folder; made when missing."""
     config: Path | None = None
     """TOML file laid over the scenario."""
+    changes: Changes = ()
+    """One value laid over all, as `--set wind.mean_mps=5`; may be given again and again."""
     workers: int = 2
     """Processes."""
     logs: bool = False
@@ -85,13 +91,14 @@ class Campaign:
             CampaignRequest(
                 self.scenario,
                 self.pilot,
-                self.camera,
+                self.vision,
                 self.first_seed,
                 self.count,
                 self.out,
                 self.config,
                 self.workers,
                 self.logs,
+                self.changes,
             )
         )
 

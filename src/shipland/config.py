@@ -10,10 +10,11 @@ import dataclasses
 import difflib
 import enum
 import math
+import re
 import tomllib
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
@@ -80,6 +81,69 @@ def layered(name: str, path: Path | None) -> Table:
             near = difflib.get_close_matches(section, base, n=1, cutoff=0.0)[0]
             raise ConfigError(f"{path}: unknown section [{section}]; did you mean [{near}]?")
     return merge(base, user)
+
+
+def setting(text: str) -> tuple[str, list[Any]]:
+    """Key and values of `section.key=value`, as `--set` takes it.
+
+    The value is TOML; what is not valid TOML is a string, so that `ship.motion=sea` needs no quotes. Values with
+    commas between them, outside brackets and quotes, are several: `wind.mean_mps=0,3,6`.
+
+    Raises:
+        ConfigError: there is no `=`, or the key is no TOML key.
+    """
+    key, equals, rest = text.partition("=")
+    key = key.strip()
+    if not equals or not re.fullmatch(r"[\w-]+(\.[\w-]+)*", key):
+        raise ConfigError(f"--set {text}: expected section.key=value, as wind.mean_mps=5")
+    values = _toml_value(f"[{rest}]")
+    if values is _INVALID:
+        several = [] if re.search(r"[\[\]{}\"']", rest) else rest.split(",")
+        values = [_toml_or_text(part) for part in several] or [_toml_or_text(rest)]
+    if not values:
+        raise ConfigError(f"--set {text}: a value is missing")
+    return key, values
+
+
+_INVALID = object()
+
+
+def _toml_value(text: str) -> Any:  # noqa: ANN401 - any TOML type
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return _INVALID
+
+
+def _toml_or_text(text: str) -> Any:  # noqa: ANN401 - any TOML type
+    value = _toml_value(text)
+    return text.strip() if value is _INVALID else value
+
+
+def settings(texts: Iterable[str]) -> Table:
+    """The table that several `section.key=value` make, later ones over earlier ones.
+
+    Raises:
+        ConfigError: as `setting`; or a key with several values.
+    """
+    table: Table = {}
+    for text in texts:
+        key, values = setting(text)
+        if len(values) > 1:
+            raise ConfigError(f"--set {text}: one value is wanted here; a list is written in brackets")
+        table = merge(table, nested({key: values[0]}))
+    return table
+
+
+def nested(table: Mapping[str, Any]) -> Table:
+    """A table with its dotted keys (`"wind.mean_mps"`) made into tables."""
+    result: Table = {}
+    for key, value in table.items():
+        inner = nested(value) if isinstance(value, Mapping) else value
+        for part in reversed(key.split(".")):
+            inner = {part: inner}
+        result = merge(result, inner)
+    return result
 
 
 def build(cls: type[T], table: Mapping[str, Any], where: str = "configuration") -> T:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,10 @@ class Quad:
 
 _HAND_CUT = 0.005
 """`made_to` of green tape on robotics fields, as photographs of it show."""
+_MADE_TO = 0.003
+"""`made_to` of the rig's bar."""
+_BOARD_MARGIN_M = 0.02
+"""Board that shows around the cue at least."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class Target:
     """
 
     quad: tuple[Quad, ...]
-    made_to: float = field(default=0.003, compare=False)
+    made_to: float = field(default=_MADE_TO, compare=False)
 
     def __post_init__(self) -> None:
         require(0.0 <= self.made_to < 0.1, f"made_to is a share of the cue's diagonal, below 0.1; got {self.made_to}")
@@ -102,6 +106,8 @@ class Rig:
         board_width_m, board_height_m: grey board behind the rectangles.
         rectangle_width_m, rectangle_height_m, rectangle_gap_m: the two green rectangles.
         surge_limit_m … yaw_limit_deg: motion base's limits, either side.
+        quad: another cue in place of the two rectangles, in `bar`; one `[[rig.quad]]` a quadrilateral.
+        made_to: how exactly the cue is made, as in `Target`.
     """
 
     platform_length_m: float
@@ -124,22 +130,36 @@ class Rig:
     roll_limit_deg: float
     pitch_limit_deg: float
     yaw_limit_deg: float
+    quad: tuple[Quad, ...] = ()
+    made_to: float = _MADE_TO
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value > 0.0, f"{name} must be positive, got {value}")
+        for each in fields(self):
+            if each.type == "float" and each.name != "made_to":
+                value = getattr(self, each.name)
+                require(value > 0.0, f"{each.name} must be positive, got {value}")
         require(self.landing_square_m <= self.deck_size_m, "landing_square_m must fit on the deck")
         require(self.bar_ahead_of_stern_m > self.deck_ahead_of_stern_m, "the bar must be ahead of the deck")
 
     @property
     def target(self) -> Target:
-        """The bar's two green rectangles."""
+        """The cue: the rig's own quadrilaterals where it has some, else the two green rectangles."""
+        if self.quad:
+            return Target(self.quad, self.made_to)
         offset = 0.5 * (self.rectangle_gap_m + self.rectangle_width_m)
-        return Target(
-            tuple(
-                Quad.rectangle((side * offset, 0.0), self.rectangle_width_m, self.rectangle_height_m)
-                for side in (-1.0, 1.0)
-            )
+        rectangles = tuple(
+            Quad.rectangle((side * offset, 0.0), self.rectangle_width_m, self.rectangle_height_m)
+            for side in (-1.0, 1.0)
+        )
+        return Target(rectangles, self.made_to)
+
+    @property
+    def board_size_m(self) -> tuple[float, float]:
+        """Width and height of the board around the bar's centre: as stated, or as the cue needs."""
+        right_m, down_m = np.abs(self.target.points_in_bar_m[:, 1:]).max(axis=0).tolist()
+        return (
+            max(self.board_width_m, 2.0 * (right_m + _BOARD_MARGIN_M)),
+            max(self.board_height_m, 2.0 * (down_m + _BOARD_MARGIN_M)),
         )
 
     @property
@@ -188,11 +208,11 @@ class Layout:
     board: Solid
 
 
-def layout(rig: Rig, target: Target) -> Layout:
+def layout(rig: Rig) -> Layout:
     """The rig's boxes.
 
     The motion base stands on a low hull, so that the deck has room below; the superstructure stands ahead of
-    the bar's plane; the board is as large as the rig says, or as the cue needs.
+    the bar's plane.
     """
     stern, half = -rig.deck_ahead_of_stern_m, 0.5 * rig.platform_width_m
     bow, ground = stern + rig.platform_length_m, rig.deck_height_m
@@ -201,9 +221,7 @@ def layout(rig: Rig, target: Target) -> Layout:
     freeboard = float(np.clip(room, 0.10, 0.25))
     face = float(rig.bar_in_ship_m[0]) + 0.05
     bow = max(bow, face + 0.10)
-    points = target.points_in_bar_m
-    wide = max(0.5 * rig.board_width_m, float(np.abs(points[:, 1]).max()) + 0.02)
-    tall = max(0.5 * rig.board_height_m, float(np.abs(points[:, 2]).max()) + 0.02)
+    wide, tall = (0.5 * side_m for side_m in rig.board_size_m)
     size = 0.5 * rig.deck_size_m
     return Layout(
         hull=Solid((stern, -half, ground - freeboard), (bow, half, ground)),

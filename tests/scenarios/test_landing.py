@@ -6,9 +6,10 @@ import pytest
 from shipland.commands.fly import FlyRequest, fly_one
 from shipland.config import merge
 from shipland.messages import Mode, PilotCommand
+from shipland.missions.crew import build_vehicle
 from shipland.missions.fly import fly_quietly
 from shipland.missions.geometric import GeometricVision
-from shipland.missions.scenarios import build_vehicle, load_scenario, scenario_table
+from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.record.reader import read_log
 from shipland.sim.scene.scene import Scene
 from shipland.vision.near.pipeline import NearVision

@@ -49,6 +49,12 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
     [
         (("fly", "--scenario", "nowhere"), "nowhere"),
         (("fly", "--config", "missing.toml"), "does not exist"),
+        (("fly", "--pilot", "papper"), "there are: offset_free, paper"),
+        (("fly", "--vision", "nowhere:eyes"), "no module 'nowhere'"),
+        (("fly", "--set", "wind.mean_mps=-1"), "mean_mps"),
+        (("fly", "--set", "wind.mean_mps=1,2"), "one value"),
+        (("fly", "--set", "wind.meen_mps=1"), "did you mean 'mean_mps'"),
+        (("campaign", "--set", "wind"), "section.key=value"),
         (("fly", "--config", "bad.toml"), "not valid TOML"),
         (("fly", "--config", "unknown.toml"), "did you mean 'deck_size_m'"),
         (("fly", "--config", "value.toml"), "mean_mps"),

@@ -10,7 +10,7 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import given
 
-from shipland.config import build, merge, packaged_names, packaged_toml, read_toml, require
+from shipland.config import build, merge, nested, packaged_names, packaged_toml, read_toml, require, setting, settings
 from shipland.errors import ConfigError, ShiplandError
 
 
@@ -243,3 +243,34 @@ def test_require():
     require(True, "never said")
     with pytest.raises(ValueError, match=r"^the reason$"):
         require(False, "the reason")
+
+
+class TestSettings:
+    @pytest.mark.parametrize(
+        ("text", "want"),
+        [
+            ("wind.mean_mps=5", ("wind.mean_mps", [5])),
+            ("ship.motion=sea", ("ship.motion", ["sea"])),
+            ("ship.motion = natops,sea", ("ship.motion", ["natops", "sea"])),
+            ("wind.mean_mps=0,3,6.5", ("wind.mean_mps", [0, 3, 6.5])),
+            ("vision.hue=[35, 85]", ("vision.hue", [[35, 85]])),
+            ("vision.hue=[35, 85],[30, 90]", ("vision.hue", [[35, 85], [30, 90]])),
+            ("scene.on=true", ("scene.on", [True])),
+            ('a.path="x,y"', ("a.path", ["x,y"])),
+            ("a.path=C[1", ("a.path", ["C[1"])),
+            ("a.path=runs/a=b.csv", ("a.path", ["runs/a=b.csv"])),
+        ],
+    )
+    def test_keys_and_values(self, text, want):
+        assert setting(text) == want
+
+    @pytest.mark.parametrize("text", ["wind", "=3", "wind..mean=3", "a b=3", "wind.mean_mps="])
+    def test_what_is_no_setting_is_refused(self, text):
+        with pytest.raises(ConfigError, match="--set"):
+            setting(text)
+
+    def test_several_make_one_table_and_the_last_counts(self):
+        assert settings(["a.b=1", "a.c=2", "a.b=3"]) == {"a": {"b": 3, "c": 2}}
+
+    def test_dotted_keys_nest(self):
+        assert nested({"a.b": 1, "a": {"c.d": 2}}) == {"a": {"b": 1, "c": {"d": 2}}}

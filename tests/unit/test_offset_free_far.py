@@ -8,7 +8,8 @@ import pytest
 from shipland.guidance.far import FarSight
 from shipland.guidance.offset_free_far import OffsetFreeFar
 from shipland.messages import Box
-from shipland.missions.scenarios import load_scenario, response_of, scenario_table
+from shipland.missions.crew import response_of
+from shipland.missions.scenarios import load_scenario, scenario_table
 
 SCENARIO = load_scenario(scenario_table("near"))
 GUIDANCE, RESPONSE = SCENARIO.guidance, response_of(SCENARIO)

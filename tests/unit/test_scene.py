@@ -132,7 +132,7 @@ def test_any_set_of_quadrilaterals_can_be_the_cue() -> None:
     target = Target(
         (Quad(((-0.5, -0.1), (-0.1, -0.2), (0.0, 0.15), (-0.45, 0.1))), Quad.rectangle((0.5, 0.0), 0.3, 0.2))
     )
-    scene = Scene(RIG, PARAMETERS, seed=1, target=target)
+    scene = Scene(dataclasses.replace(RIG, quad=target.quad), PARAMETERS, seed=1)
     state = look((-4.0, 0.4, -0.2))
     errors = edge_errors_px(scene.render(state, CAMERA), state, CAMERA, target.points_in_bar_m.reshape(-1, 4, 3))
     scene.close()

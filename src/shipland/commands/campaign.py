@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
+from shipland import factories
 from shipland.missions.campaign import CampaignRequest, run_campaign
 from shipland.missions.landing import Landing, failures_table, modes_table, table_of
 from shipland.missions.rules import rules_table
@@ -19,6 +20,9 @@ from shipland.sim.ship.ship import build_ship
 
 def campaign(request: CampaignRequest) -> int:
     """Fly, show progress, write `table.md` and `landings.png`; 0 when all landed in the square, 1 when not."""
+    load_scenario(scenario_table(request.scenario, request.config, request.changes))
+    factories.resolve("pilots", request.pilot)
+    factories.resolve("visions", request.vision)
     console = Console(stderr=True, highlight=False)
     landings: list[Landing] = []
     columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -45,13 +49,13 @@ def _write_pictures(request: CampaignRequest, landings: list[Landing]) -> None:
         + "\n"
     )
     (request.out / "table.md").write_text(text, encoding="utf-8")
-    scenario = load_scenario(scenario_table(request.scenario, request.config))
+    scenario = load_scenario(scenario_table(request.scenario, request.config, request.changes))
     touchdowns = Touchdowns(
         t_s=np.array([landing.time_s for landing in landings]),
         place_in_deck_m=np.array([[landing.forward_m, landing.starboard_m] for landing in landings]),
         landed=np.array([landing.landed and landing.in_square for landing in landings]),
     )
-    title = f"{request.scenario}, pilot {request.pilot}, {request.camera} camera"
+    title = f"{request.scenario}, pilot {request.pilot}, vision {request.vision}"
     parameters = load_outputs().plots
     plot_touchdowns(request.out / "landings.png", touchdowns, scenario.rig, title, parameters)
     if scenario.ship.same_motion:

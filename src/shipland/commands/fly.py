@@ -10,17 +10,13 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from shipland import factories
 from shipland.flight import fly
 from shipland.messages import FlightRecord, Mode
+from shipland.missions.crew import build_crew, build_vehicle
 from shipland.missions.fly import Flown, flight_info
-from shipland.missions.scenarios import (
-    CameraKind,
-    PilotKind,
-    build_crew,
-    build_vehicle,
-    load_scenario,
-    scenario_table,
-)
+from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.missions.visions import needs_pictures
 from shipland.report.chase import chase_view
 from shipland.report.outputs import Recorder, load_outputs
 from shipland.sim.scene.scene import Scene
@@ -31,12 +27,13 @@ class FlyRequest:
     """What `shipland fly` was asked for."""
 
     scenario: str
-    pilot: PilotKind
-    camera: CameraKind
+    pilot: str
+    vision: str
     seed: int
     out: Path
     config: Path | None
     video: bool
+    changes: tuple[str, ...]
 
 
 def fly_one(request: FlyRequest) -> int:
@@ -45,17 +42,17 @@ def fly_one(request: FlyRequest) -> int:
     Raises:
         ShiplandError: a wrong scenario, configuration, output folder or machine.
     """
-    table = scenario_table(request.scenario, request.config)
-    scenario = load_scenario(table)
-    info = flight_info(scenario, table, request.scenario, request.pilot, request.seed)
+    scenario = load_scenario(scenario_table(request.scenario, request.config, request.changes))
+    info = flight_info(scenario, request.pilot, request.seed)
+    pictures = needs_pictures(factories.resolve("visions", request.vision))
     console = Console(stderr=True, highlight=False)
     with ExitStack() as stack:
         scene = None
-        if request.camera == "rendered" or request.video:
+        if pictures or request.video:
             scene = Scene(scenario.rig, scenario.scene, request.seed)
             stack.callback(scene.close)
-        vehicle = build_vehicle(scenario, request.seed, scene if request.camera == "rendered" else None)
-        crew = build_crew(scenario, vehicle, request.pilot, request.camera, request.seed)
+        vehicle = build_vehicle(scenario, request.seed, scene if pictures else None)
+        crew = build_crew(scenario, vehicle, request.pilot, request.vision, request.seed)
         chase = chase_view(scene, vehicle.camera) if scene is not None and request.video else None
         recorder = stack.enter_context(
             Recorder(request.out, info, scenario.rig, vehicle.camera, load_outputs(), chase, request.video)

@@ -22,9 +22,10 @@ def paper(setup: PilotSetup) -> Pilot:
 def offset_free(setup: PilotSetup) -> Pilot:
     """The same modes with filters that know the disturbance: no steady error from wind or a ship under way."""
     guidance, rig, camera = setup.guidance, setup.rig, setup.camera
+    board_width_m, board_height_m = rig.board_size_m
     areas_m2 = [
         (guidance.ship, rig.platform_width_m * rig.superstructure_height_m),
-        (guidance.bar, rig.board_width_m * rig.board_height_m),
+        (guidance.bar, board_width_m * board_height_m),
     ]
     middle_px = (float(camera.matrix[0, 2]), float(camera.matrix[1, 2]))
     far = OffsetFreeFar(guidance.offset_free_far, setup.response, camera.focal_px, middle_px, areas_m2)

@@ -114,7 +114,7 @@ def platform_corners_in_ship_m(rig: Rig) -> Array:
 
 def board_corners_in_bar_m(rig: Rig) -> Array:
     """(4,3) corners of the bar's board."""
-    w, h = 0.5 * rig.board_width_m, 0.5 * rig.board_height_m
+    w, h = (0.5 * side_m for side_m in rig.board_size_m)
     return np.array([(0.0, -w, -h), (0.0, w, -h), (0.0, w, h), (0.0, -w, h)])
 
 

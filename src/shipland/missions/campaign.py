@@ -16,10 +16,12 @@ from typing import Any
 import numpy as np
 
 from shipland.errors import ConfigError, DataError
+from shipland.factories import Factory
 from shipland.messages import FlightRecord
+from shipland.missions.crew import motion_start_s
 from shipland.missions.fly import flight_log, fly_quietly
 from shipland.missions.landing import Landing, no_landing, way_of
-from shipland.missions.scenarios import CameraKind, PilotKind, load_scenario, motion_start_s, scenario_table
+from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.record.info import config_digest
 
 
@@ -28,14 +30,15 @@ class CampaignRequest:
     """What `shipland campaign` was asked for."""
 
     scenario: str
-    pilot: PilotKind
-    camera: CameraKind
+    pilot: str
+    vision: str
     first_seed: int
     count: int
     out: Path
     config: Path | None
     workers: int
     logs: bool
+    changes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.count < 1:
@@ -45,7 +48,7 @@ class CampaignRequest:
 
 
 def land_once(
-    table: dict[str, Any], pilot: PilotKind, camera: CameraKind, seed: int, log: Path | None = None, name: str = ""
+    table: dict[str, Any], pilot: str | Factory, vision: str | Factory, seed: int, log: Path | None = None
 ) -> Landing:
     """Fly one seed and leave nothing behind but, where asked for, its log."""
     records: list[FlightRecord] = []
@@ -54,14 +57,14 @@ def land_once(
         writer = None
         if log is not None:
             part = log.with_name(f".{log.name}.part")
-            writer = stack.enter_context(flight_log(part, scenario, table, name, pilot, seed))
+            writer = stack.enter_context(flight_log(part, scenario, pilot, seed))
 
         def remember(record: FlightRecord) -> None:
             records.append(replace(record, frame=replace(record.frame, image=None)))
             if writer is not None:
                 writer.append(record)
 
-        flown = fly_quietly(scenario, pilot, camera, seed, remember)
+        flown = fly_quietly(scenario, pilot, vision, seed, remember)
         if writer is not None and log is not None:
             writer.finish(flown.verdict)
             part.replace(log)
@@ -105,10 +108,10 @@ def run_campaign(request: CampaignRequest) -> Iterator[Landing]:
         ConfigError: the scenario or the configuration is wrong.
         DataError: the folder holds a campaign of another configuration, or a broken table.
     """
-    table = scenario_table(request.scenario, request.config)
+    table = scenario_table(request.scenario, request.config, request.changes)
     load_scenario(table)
     request.out.mkdir(parents=True, exist_ok=True)
-    key = f"{config_digest(table)} {request.pilot} {request.camera}"
+    key = f"{config_digest(table)} {request.pilot} {request.vision}"
     path = request.out / "landings.csv"
     done = _read_done(path, key) if path.exists() else {}
     seeds = range(request.first_seed, request.first_seed + request.count)
@@ -143,9 +146,9 @@ def _fly_all(table: dict[str, Any], request: CampaignRequest, seeds: list[int]) 
 
 def _arguments(
     table: dict[str, Any], request: CampaignRequest, seed: int
-) -> tuple[dict[str, Any], PilotKind, CameraKind, int, Path | None, str]:
+) -> tuple[dict[str, Any], str, str, int, Path | None]:
     log = request.out / "flights" / f"{seed}.mcap" if request.logs else None
-    return table, request.pilot, request.camera, seed, log, request.scenario
+    return table, request.pilot, request.vision, seed, log
 
 
 def _ignore_interrupt() -> None:

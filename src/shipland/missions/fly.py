@@ -7,22 +7,18 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from shipland import __version__
+from shipland import __version__, factories
 from shipland.camera import Camera
 from shipland.config import build, packaged_toml
+from shipland.factories import Factory
 from shipland.flight import FlightResult, fly
 from shipland.messages import FlightRecord, TouchdownVerdict
-from shipland.missions.scenarios import (
-    CameraKind,
-    PilotKind,
-    Scenario,
-    build_crew,
-    build_vehicle,
-)
+from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.scenarios import Scenario
+from shipland.missions.visions import needs_pictures
 from shipland.record.info import FlightInfo, config_digest
 from shipland.record.writer import LogParameters, LogWriter
 from shipland.sim.scene.scene import Scene
@@ -48,35 +44,34 @@ class Flown:
 
 def fly_quietly(
     scenario: Scenario,
-    pilot: PilotKind,
-    camera: CameraKind,
+    pilot: str | Factory,
+    vision: str | Factory,
     seed: int,
     on_cycle: Callable[[FlightRecord], None] = lambda _: None,
 ) -> Flown:
-    """Fly one seed and keep nothing but the verdict."""
+    """Fly one seed and keep nothing but the verdict; pilot and vision as `factories.resolve` takes them."""
     with ExitStack() as stack:
         scene = None
-        if camera == "rendered":
+        if needs_pictures(factories.resolve("visions", vision)):
             scene = Scene(scenario.rig, scenario.scene, seed)
             stack.callback(scene.close)
         vehicle = build_vehicle(scenario, seed, scene)
-        crew = build_crew(scenario, vehicle, pilot, camera, seed)
+        crew = build_crew(scenario, vehicle, pilot, vision, seed)
         result = fly(vehicle, crew, scenario.time_limit_s, time.perf_counter, on_cycle)
         return Flown(result, vehicle.verdict())
 
 
-def flight_info(scenario: Scenario, table: dict[str, Any], name: str, pilot: PilotKind, seed: int) -> FlightInfo:
+def flight_info(scenario: Scenario, pilot: str | Factory, seed: int) -> FlightInfo:
     """What the log says of a flight."""
     airframe = scenario.aircraft.airframe
     diagonal_m = 2.0 * float(np.hypot(airframe.motor_forward_m, airframe.motor_right_m))
-    return FlightInfo(name, seed, pilot, __version__, config_digest(table), diagonal_m)
+    digest = config_digest(scenario.table())
+    return FlightInfo(scenario.name, seed, factories.name_of(pilot), __version__, digest, diagonal_m)
 
 
-def flight_log(
-    path: Path, scenario: Scenario, table: dict[str, Any], name: str, pilot: PilotKind, seed: int
-) -> LogWriter:
+def flight_log(path: Path, scenario: Scenario, pilot: str | Factory, seed: int) -> LogWriter:
     """A log of one flight without pictures."""
-    info = flight_info(scenario, table, name, pilot, seed)
+    info = flight_info(scenario, pilot, seed)
     camera = Camera.from_parameters(scenario.camera)
     return LogWriter(
         path,

@@ -12,7 +12,8 @@ from shipland.flight import fly
 from shipland.frames import Array
 from shipland.guidance.pilot import Pilot
 from shipland.messages import Decision, FlightRecord, Frame, Observation, PilotCommand, Telemetry
-from shipland.missions.scenarios import build_crew, build_vehicle, load_scenario, scenario_table
+from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.vision.vision import Vision
 
 FALSE_AT_S = 6.5

@@ -30,7 +30,8 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
-from shipland.missions.scenarios import Scenario, build_vehicle, load_scenario, scenario_table
+from shipland.missions.crew import build_vehicle
+from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
 from shipland.rig import Rig
 from shipland.vehicles.simulated import SimulatedVehicle
 
@@ -143,7 +144,7 @@ def bar_points_in_bar_m(rig: Rig) -> Array:
     """(4, 3) corners of the board."""
     return np.array(
         [
-            (0.0, right * 0.5 * rig.board_width_m, down * 0.5 * rig.board_height_m)
+            (0.0, right * 0.5 * rig.board_size_m[0], down * 0.5 * rig.board_size_m[1])
             for right in (-1.0, 1.0)
             for down in (-1.0, 1.0)
         ]

@@ -61,7 +61,7 @@ def build_model(rig: Rig, airframe: AirframeParameters, step_s: float) -> Model:
 
 
 def _xml(rig: Rig, airframe: AirframeParameters, step_s: float) -> str:
-    shape = layout(rig, rig.target)
+    shape = layout(rig)
     return f"""
 <mujoco model="shipland">
   <option timestep="{step_s}" integrator="implicitfast" cone="elliptic" impratio="10" noslip_iterations="4"/>

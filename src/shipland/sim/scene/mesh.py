@@ -197,7 +197,7 @@ def house(rig: Rig, parts: Layout) -> Mesh:
         meshes.append(prism(knee, 0.03, GREY))
     x = 0.5 * (rig.bar_in_ship_m[0] + face) + 0.01
     for side in (-1.0, 1.0):
-        y = side * 0.40 * rig.board_width_m
+        y = side * 0.40 * rig.board_size_m[0]
         meshes.append(cylinder((x, y, floor), (x, y, rig.bar_in_ship_m[2]), 0.012, METAL))
     return np.concatenate(meshes)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.rig import Rig, Target, layout
+from shipland.rig import Rig, layout
 from shipland.sim.scene import gl as scene_gl
 from shipland.sim.scene import light as scene_light
 from shipland.sim.scene import motion as scene_motion
@@ -43,23 +43,21 @@ class Scene:
         rig: dimensions.
         parameters: light and weather.
         seed: of waves, clouds, stains and drops.
-        target: the cue; the rig's own when None.
 
     Raises:
         SystemLibraryError: EGL or OpenGL is missing.
     """
 
-    def __init__(self, rig: Rig, parameters: SceneParameters, seed: int, target: Target | None = None) -> None:
+    def __init__(self, rig: Rig, parameters: SceneParameters, seed: int) -> None:
         p = self._parameters = parameters
         rng = np.random.default_rng(seed)
-        cue = rig.target if target is None else target
         self._light = scene_light.light(p)
-        self._hull = layout(rig, cue).hull
+        self._hull = layout(rig).hull
         self._waves = WaveTiles(p.significant_wave_height_m, p.wind_speed_mps, np.radians(p.wave_direction_deg), rng)
         self._context = scene_gl.open_context()
         self._block = self._context.buffer(reserve=BLOCK_BYTES, dynamic=True)
         self._background = Background(self._context, self._waves, self._light, rng)
-        self._ship = ShipLayer(self._context, rig, cue, p.lamp * self._light.dimming, rng)
+        self._ship = ShipLayer(self._context, rig, p.lamp * self._light.dimming, rng)
         self._spray = Spray(self._context, self._hull, p.spray, seed) if p.spray > 0.0 else None
         self._rain = Rain(p.rain_mm_h, rng) if p.rain_mm_h > 0.0 else None
         self._drops = LensDrops(p.lens_drops, rng) if p.lens_drops > 0.0 else None

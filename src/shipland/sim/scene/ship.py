@@ -9,7 +9,7 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.frames import Array, Pose
-from shipland.rig import Rig, Solid, Target, layout
+from shipland.rig import Rig, Solid, layout
 from shipland.sim.scene import gl as scene_gl
 from shipland.sim.scene import mesh as scene_mesh
 from shipland.sim.scene import paint as scene_paint
@@ -55,16 +55,14 @@ class ShipLayer:
 
     Args:
         context: OpenGL.
-        rig, target: dimensions and cue.
+        rig: dimensions and cue.
         lamp: luminous green of the cue, in radiance of sunlit white.
         rng: stains.
     """
 
-    def __init__(
-        self, context: moderngl.Context, rig: Rig, target: Target, lamp: float, rng: np.random.Generator
-    ) -> None:
-        self._context, self._layout = context, layout(rig, target)
-        self._quads_m = target.points_in_bar_m[:, 1:].reshape(-1, 4, 2)
+    def __init__(self, context: moderngl.Context, rig: Rig, lamp: float, rng: np.random.Generator) -> None:
+        self._context, self._layout = context, layout(rig)
+        self._quads_m = rig.target.points_in_bar_m[:, 1:].reshape(-1, 4, 2)
         self._solids: dict[int, moderngl.Program] = {}
         self._paints = scene_gl.mipmapped(context, scene_paint.paints(rng, rig), layers=True)
         self._paints.use(_PAINT_UNIT)

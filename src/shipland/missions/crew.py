@@ -1,0 +1,94 @@
+"""Who flies a scenario, and in what: the simulated vehicle, and vision, pilot and safety."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from shipland import factories
+from shipland.camera import Camera
+from shipland.factories import Factory
+from shipland.flight import Crew
+from shipland.guidance.offset_free import Response
+from shipland.guidance.pilot import Pilot, PilotSetup
+from shipland.guidance.safety import Safety
+from shipland.missions.follower import DeckFollower
+from shipland.missions.scenarios import Scenario
+from shipland.missions.visions import VisionSetup
+from shipland.sim.air.wind import build_wind
+from shipland.sim.aircraft.parameters import GRAVITY_MPS2
+from shipland.sim.scene.scene import Scene
+from shipland.sim.ship.ship import build_ship
+from shipland.sim.world import World
+from shipland.vehicles.simulated import SimulatedVehicle
+
+
+def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> SimulatedVehicle:
+    """The simulated vehicle of one flight; without a `scene` it gives no pictures. The same seed, the same flight."""
+    ship_rng, wind_rng, world_rng, picture_rng, *_ = _generators(seed)
+    world = World(
+        scenario.rig,
+        scenario.camera,
+        scenario.aircraft,
+        scenario.verdict,
+        build_ship(scenario.ship, scenario.rig, ship_rng),
+        build_wind(scenario.wind, scenario.rig, wind_rng),
+        scenario.start,
+        world_rng,
+    )
+    return SimulatedVehicle(world, Camera.from_parameters(scenario.camera), scenario.delays, scene, picture_rng)
+
+
+def build_crew(
+    scenario: Scenario, vehicle: SimulatedVehicle, pilot: str | Factory, vision: str | Factory, seed: int
+) -> Crew:
+    """Vision, pilot and safety for one flight.
+
+    Args:
+        scenario: what is flown.
+        vehicle: what it is flown in.
+        pilot: name or factory, as `factories.resolve` takes it.
+        vision: likewise.
+        seed: of the flight.
+
+    Raises:
+        ConfigError: no such pilot or vision.
+    """
+    *_, near_rng, far_rng, pilot_rng = _generators(seed)
+    setup = PilotSetup(
+        guidance=scenario.guidance,
+        rig=scenario.rig,
+        camera=vehicle.camera,
+        camera_in_body_m=np.array(scenario.camera.position_in_body_m),
+        response=response_of(scenario),
+        rng=pilot_rng,
+    )
+    flier: Pilot = factories.resolve("pilots", pilot)(setup)
+    if scenario.follow.enabled:
+        flier = DeckFollower(flier, vehicle, math.radians(scenario.aircraft.settings.max_tilt_deg), scenario.follow)
+    sees = factories.resolve("visions", vision)(VisionSetup(scenario, vehicle.camera, vehicle, near_rng, far_rng))
+    return Crew(sees, flier, Safety(scenario.safety, scenario.rig), scenario.delays)
+
+
+def motion_start_s(scenario: Scenario, seed: int) -> float:
+    """How far into the one motion that every flight meets this flight starts [s]; 0 where each has its own."""
+    return build_ship(scenario.ship, scenario.rig, _generators(seed)[0]).start_s
+
+
+def response_of(scenario: Scenario) -> Response:
+    """What full sticks mean, from the settings of the simulated aircraft."""
+    settings, airframe = scenario.aircraft.settings, scenario.aircraft.airframe
+    max_tilt_rad = math.radians(settings.max_tilt_deg)
+    return Response(
+        max_tilt_rad=max_tilt_rad,
+        speed_time_s=airframe.level_speed_mps(max_tilt_rad) / (GRAVITY_MPS2 * math.tan(max_tilt_rad)),
+        max_climb_mps=settings.max_vertical_speed_mps,
+        max_turn_rad_s=math.radians(settings.max_yaw_rate_deg_s),
+        uplink_s=scenario.delays.uplink_s,
+    )
+
+
+def _generators(seed: int) -> list[np.random.Generator]:
+    """Independent generators of ship, wind, aircraft, picture, near vision, far vision and pilot."""
+    return [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(7)]

@@ -1,0 +1,65 @@
+"""Scenarios: by name, by file, with changes; what comes out is whole and reads back."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from shipland.config import packaged_names
+from shipland.errors import ConfigError
+from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.scenarios import load_scenario, scenario_table
+
+THREE_QUADS = {
+    "rig.quad": [
+        {"corners_m": [[x - 0.15, -0.12], [x + 0.15, -0.12], [x + 0.15, 0.12], [x - 0.15, 0.12]]}
+        for x in (-0.75, -0.1, 0.7)
+    ],
+    "rig.made_to": 0.001,
+}
+
+
+@pytest.mark.parametrize("name", packaged_names("scenarios"))
+def test_packaged_scenarios_load_pickle_and_read_back(name):
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert load_scenario(scenario.table()) == scenario
+    assert pickle.loads(pickle.dumps(scenario)) == scenario
+
+
+def test_an_own_scenario_needs_nothing_but_what_it_changes(tmp_path):
+    path = tmp_path / "harbour.toml"
+    path.write_text("[wind]\nmean_mps = 3.0\n")
+    scenario = load_scenario(path)
+    assert (scenario.name, scenario.wind.mean_mps) == ("harbour", 3.0)
+    assert scenario.time_limit_s > 0.0
+
+
+def test_overrides_nest_or_are_dotted():
+    dotted = load_scenario("near", **{"wind.mean_mps": 5.0, "ship.motion": "sea"})
+    assert dotted == load_scenario("near", wind={"mean_mps": 5.0}, ship={"motion": "sea"})
+    assert dotted == load_scenario(scenario_table("near", None, ["wind.mean_mps=5", "ship.motion=sea"]))
+
+
+def test_a_wrong_scenario_is_named():
+    with pytest.raises(ConfigError, match=r"no scenario 'nea'; there are: .*near"):
+        load_scenario("nea")
+
+
+def test_an_own_cue_is_what_the_rig_shows():
+    rig = load_scenario("near", **THREE_QUADS).rig
+    assert rig.target.count == 3
+    assert rig.target.made_to == 0.001
+    assert rig.board_size_m == pytest.approx((1.84, 0.30))  # the cue and 2 cm around it; as high as the board was
+
+
+def test_own_factories_are_given_the_setup():
+    scenario = load_scenario("near")
+    vehicle = build_vehicle(scenario, 1, None)
+    seen = []
+    crew = build_crew(scenario, vehicle, lambda setup: seen.append(setup), lambda setup: seen.append(setup), 1)
+    assert crew.pilot is None
+    pilot, vision = seen
+    assert pilot.rig is scenario.rig
+    assert pilot.rng.random() != vision.near_rng.random()
+    assert np.array_equal(pilot.camera.matrix, vision.camera.matrix)
