@@ -9,7 +9,8 @@ from shipland.errors import ConfigError
 from shipland.frames import Pose
 from shipland.rig import default_rig, packaged_table
 from shipland.sim.air.airwake import Airwake
-from shipland.sim.air.dryden import Dryden, scales_at, step_covariance
+from shipland.sim.air.dryden import Dryden, land_scales, step_covariance
+from shipland.sim.air.marine import sea_roughness_m
 from shipland.sim.air.wind import SteadyWind, Wind, WindParameters, build_wind
 
 RIG = default_rig()
@@ -39,7 +40,7 @@ def test_wind_comes_from_where_it_says() -> None:
 
 
 def test_a_log_profile_meets_the_mean_at_its_reference_height() -> None:
-    sheared = wind(mean_mps=6.0, profile="log", **CALM)
+    sheared = wind(mean_mps=6.0, profile="log", roughness_m=0.0002, **CALM)
     speeds = [
         np.linalg.norm(sheared.velocity_at(0.0, np.array([0.0, 0.0, -h]), ABOVE_SHIP)) for h in (1.0, 6.096, 20.0)
     ]
@@ -65,16 +66,16 @@ def test_a_gust_rises_and_falls_as_a_cosine() -> None:
 
 def test_turbulence_scales_are_those_of_the_specification() -> None:
     # MIL-F-8785C at h = 100 ft, 20 ft wind of 10 m/s: 0.177 + 0.0823 = 0.2593
-    scales = scales_at(parameters().turbulence, 30.48, 10.0)
+    scales = land_scales(parameters().turbulence, 30.48, 10.0)
     assert scales.length_vertical_m == pytest.approx(30.48)
     assert scales.length_horizontal_m == pytest.approx(30.48 / 0.2593**1.2)
-    assert scales.deviation_vertical_mps == pytest.approx(1.0)
-    assert scales.deviation_horizontal_mps == pytest.approx(1.0 / 0.2593**0.4)
+    assert scales.deviations_mps[2] == pytest.approx(1.0)
+    assert scales.deviations_mps[0] == pytest.approx(1.0 / 0.2593**0.4)
 
 
 def test_turbulence_below_ten_feet_is_that_of_ten_feet() -> None:
     model = parameters().turbulence
-    assert scales_at(model, 0.5, 8.0) == scales_at(model, 3.048, 8.0)
+    assert land_scales(model, 0.5, 8.0) == land_scales(model, 3.048, 8.0)
 
 
 @given(st.floats(1e-5, 3.0), st.floats(1e-5, 3.0))
@@ -93,31 +94,31 @@ def test_a_long_step_ends_in_the_stationary_state() -> None:
     np.testing.assert_allclose(step_covariance(40.0), [0.25, 0.25, 0.5], atol=1e-12)
 
 
-def turbulence(way_m: float, count: int, height_m: float = 30.48, seed: int = 1) -> np.ndarray:
-    dryden = Dryden(parameters().turbulence, np.random.default_rng(seed))
-    return np.array([dryden.step(way_m, height_m, 10.0) for _ in range(count)])
+def turbulence(way_m: float, count: int, seed: int = 1) -> np.ndarray:
+    dryden = Dryden(np.random.default_rng(seed))
+    scales = land_scales(parameters().turbulence, 30.48, 10.0)
+    return np.array([dryden.step(way_m, scales) for _ in range(count)])
 
 
 def test_turbulence_is_stationary_from_the_first_moment() -> None:
-    scales = scales_at(parameters().turbulence, 30.48, 10.0)
-    model = parameters().turbulence
-    first = np.array([Dryden(model, np.random.default_rng(seed)).step(0.0, 30.48, 10.0) for seed in range(1500)])
-    wanted = np.array([scales.deviation_horizontal_mps] * 2 + [scales.deviation_vertical_mps])
+    scales = land_scales(parameters().turbulence, 30.48, 10.0)
+    first = np.array([Dryden(np.random.default_rng(seed)).step(0.0, scales) for seed in range(1500)])
+    wanted = np.array(scales.deviations_mps)
     # 1500 independent draws: 1.8 % of standard error
     np.testing.assert_allclose(first.std(axis=0), wanted, rtol=0.07)
 
 
 @pytest.mark.parametrize("way_m", [0.5, 20.0, 400.0])
 def test_variance_does_not_depend_on_the_step(way_m: float) -> None:
-    scales = scales_at(parameters().turbulence, 30.48, 10.0)
+    scales = land_scales(parameters().turbulence, 30.48, 10.0)
     series = turbulence(way_m, 40000 if way_m < 1.0 else 8000)
-    wanted = np.array([scales.deviation_horizontal_mps] * 2 + [scales.deviation_vertical_mps])
+    wanted = np.array(scales.deviations_mps)
     # 0.5 m steps: 20 km over a 154 m scale are 65 independent pairs, 10 % of standard error
     np.testing.assert_allclose(series.std(axis=0), wanted, rtol=0.25 if way_m < 1.0 else 0.06)
 
 
 def test_the_spectrum_is_drydens() -> None:
-    scales = scales_at(parameters().turbulence, 30.48, 10.0)
+    scales = land_scales(parameters().turbulence, 30.48, 10.0)
     step_m = 4.0
     series = turbulence(step_m, 60000)
     frequency, power = welch(series, 1.0 / step_m, nperseg=2048, axis=0)
@@ -130,12 +131,67 @@ def test_the_spectrum_is_drydens() -> None:
         x2 = (length * wavenumber) ** 2
         return 2 * np.pi * sigma**2 * length / np.pi * (1 + 3 * x2) / (1 + x2) ** 2
 
-    horizontal = (scales.length_horizontal_m, scales.deviation_horizontal_mps)
-    vertical = (scales.length_vertical_m, scales.deviation_vertical_mps)
-    wanted = np.column_stack([longitudinal(*horizontal), lateral(*horizontal), lateral(*vertical)])
+    along, across, upright = scales.deviations_mps
+    wanted = np.column_stack(
+        [
+            longitudinal(scales.length_horizontal_m, along),
+            lateral(scales.length_horizontal_m, across),
+            lateral(scales.length_vertical_m, upright),
+        ]
+    )
     for low, high in ((0.004, 0.01), (0.01, 0.02), (0.02, 0.04), (0.04, 0.1)):  # rad/m; Nyquist is 0.79
         band = (wavenumber >= low) & (wavenumber < high)
         # some 58 averages a bin and several bins a band: 8 %; folding from beyond Nyquist adds up to 5 % at the top
+        np.testing.assert_allclose(power[band].mean(axis=0), wanted[band].mean(axis=0), rtol=0.2)
+
+
+# Land and sea
+
+
+def test_the_seas_roughness_is_charnocks() -> None:
+    # z0 = α u*²/g and U(z) = u*/κ ln(z/z0), both at once; 5 m/s at 6.096 m: u* 0.164 m/s, z0 0.030 mm
+    z0_m = sea_roughness_m(0.011, 5.0, 6.096)
+    friction_mps = 0.4 * 5.0 / np.log(6.096 / z0_m)
+    assert z0_m == pytest.approx(0.011 * friction_mps**2 / 9.81, rel=1e-9)
+    assert z0_m == pytest.approx(3.0e-5, rel=0.03)
+    assert sea_roughness_m(0.011, 10.0, 6.096) > z0_m
+    assert np.isfinite(sea_roughness_m(0.011, 0.0, 6.096))
+
+
+def test_air_over_the_sea_is_calmer_than_over_land() -> None:
+    land, sea = (parameters(mean_mps=5.0, surface=surface).turbulence_at(1.5) for surface in ("land", "sea"))
+    assert land.deviations_mps == pytest.approx((0.98, 0.98, 0.50), abs=0.01)
+    assert sea.deviations_mps == pytest.approx((0.44, 0.36, 0.23), abs=0.01)
+    assert sea.length_horizontal_m == land.length_horizontal_m
+    # the intensity is close to 1 / ln(z/z0)
+    z0_m = parameters(mean_mps=5.0, surface="sea").surface_roughness_m
+    assert sea.deviations_mps[0] / 5.0 == pytest.approx(1.0 / np.log(1.5 / z0_m), rel=0.06)
+
+
+def test_deviations_over_the_sea_do_not_change_with_height_in_a_log_profile() -> None:
+    sea = parameters(mean_mps=8.0, surface="sea", profile="log")
+    np.testing.assert_allclose(sea.turbulence_at(2.0).deviations_mps, sea.turbulence_at(40.0).deviations_mps)
+
+
+@pytest.mark.parametrize("surface", ["land", "sea"])
+def test_turbulence_met_at_a_point_has_the_surfaces_variance_and_spectrum(surface: str) -> None:
+    """The whole wind, 5.5 h at a point 1.5 m up in 5 m/s, against the formulas of the surface."""
+    step_s, mean_mps = 0.2, 5.0
+    keys = {"mean_mps": mean_mps, "surface": surface, "airwake": {"enabled": False}}
+    air, scales = wind(11, from_deg=180.0, **keys), parameters(**keys).turbulence_at(1.5)
+    place = np.array([500.0, 0.0, -1.5])
+    series = np.array([air.velocity_at(step_s * i, place, ABOVE_SHIP) for i in range(100000)])
+    series[:, 0] -= mean_mps
+    # 100 km over a scale of 61 m are some 800 independent pairs: 2.5 % of standard error
+    np.testing.assert_allclose(series.std(axis=0), scales.deviations_mps, rtol=0.08)
+    frequency_hz, power = welch(series, 1.0 / step_s, nperseg=1024, axis=0)
+    wavenumber = 2 * np.pi * frequency_hz / mean_mps
+    lengths_m = np.array([scales.length_horizontal_m, scales.length_horizontal_m, scales.length_vertical_m])
+    x2 = (lengths_m * wavenumber[:, None]) ** 2
+    shape = np.column_stack([2.0 / (1 + x2[:, 0]), (1 + 3 * x2[:, 1:]) / (1 + x2[:, 1:]) ** 2])
+    wanted = 2 * np.square(scales.deviations_mps) * lengths_m / mean_mps * shape  # one-sided, per Hz
+    for low_hz, high_hz in ((0.01, 0.03), (0.03, 0.1), (0.1, 0.3)):
+        band = (frequency_hz >= low_hz) & (frequency_hz < high_hz)
         np.testing.assert_allclose(power[band].mean(axis=0), wanted[band].mean(axis=0), rtol=0.2)
 
 
@@ -143,7 +199,7 @@ def test_a_hovering_aircraft_meets_turbulence_at_the_speed_of_the_wind() -> None
     # longitudinal correlation after 2 s in 8 m/s wind is exp(-16 m / Lu)
     air = wind(3, mean_mps=8.0, airwake={"enabled": False})
     series = np.array([air.velocity_at(0.5 * i, FAR, ABOVE_SHIP)[0] for i in range(40000)]) + 8.0
-    length = scales_at(parameters().turbulence, 10.0, 8.0).length_horizontal_m
+    length = land_scales(parameters().turbulence, 10.0, 8.0).length_horizontal_m
     found = np.mean(series[4:] * series[:-4]) / np.mean(series**2)
     assert found == pytest.approx(np.exp(-16.0 / length), abs=0.05)
 
@@ -241,6 +297,8 @@ def test_the_ships_way_makes_an_airwake_in_still_air() -> None:
         ({"mean_mps": -1.0}, "mean_mps must be in 0…30 m/s"),
         ({"mean_mps": 60.0}, "0…30 m/s"),
         ({"profile": "cubic"}, "'uniform', 'log'"),
+        ({"surface": "ice"}, "'land', 'sea'"),
+        ({"sea": {"charnock": 0.0}}, "charnock must be between 0 and 0.1"),
         ({"turbulence": {"intensity": 2.0}}, "intensity must be in 0…1"),
         ({"gust": [{"start_s": 1.0, "duration_s": 0.0, "velocity_mps": [1, 0, 0]}]}, "duration_s of a gust"),
         ({"airwake": {"reattachment_heights": 0.0}}, "reattachment_heights must be positive"),

@@ -1,4 +1,4 @@
-"""Dryden turbulence at low altitude, MIL-F-8785C §3.7.
+"""Dryden turbulence: the filters, and the scales of MIL-F-8785C §3.7 at low altitude.
 
 The turbulence is a frozen field that drifts with the mean wind, as the specification's spectra suppose: the filters
 are driven by the way flown through the air mass, so that a hovering aircraft meets it at the wind's speed and a flying
@@ -27,8 +27,8 @@ class TurbulenceParameters:
 
     Attributes:
         enabled: the wind is turbulent.
-        intensity: vertical standard deviation as a share of the wind at 20 ft.
-        height_min_m, height_max_m: the model's range of heights; outside, its nearest height is used.
+        intensity: over land, vertical standard deviation as a share of the wind at 20 ft.
+        height_min_m, height_max_m: the specification's range of heights; outside, its nearest height is used.
     """
 
     enabled: bool
@@ -48,22 +48,21 @@ class Scales:
     Attributes:
         length_horizontal_m: Lu = Lv.
         length_vertical_m: Lw.
-        deviation_horizontal_mps: σu = σv.
-        deviation_vertical_mps: σw.
+        deviations_mps: σu along the mean wind, σv across it, σw vertical.
     """
 
     length_horizontal_m: float
     length_vertical_m: float
-    deviation_horizontal_mps: float
-    deviation_vertical_mps: float
+    deviations_mps: tuple[float, float, float]
 
 
-def scales_at(parameters: TurbulenceParameters, height_m: float, wind_at_20_ft_mps: float) -> Scales:
-    """Scale lengths and deviations, MIL-F-8785C §3.7.3.4 (its formulas take feet)."""
+def land_scales(parameters: TurbulenceParameters, height_m: float, wind_at_20_ft_mps: float) -> Scales:
+    """Scale lengths and deviations over land, MIL-F-8785C §3.7.3.4 (its formulas take feet)."""
     height_ft = min(max(height_m, parameters.height_min_m), parameters.height_max_m) / FOOT_M
     shape = 0.177 + 0.000823 * height_ft
     vertical = parameters.intensity * wind_at_20_ft_mps
-    return Scales(height_ft / shape**1.2 * FOOT_M, height_ft * FOOT_M, vertical / shape**0.4, vertical)
+    horizontal = vertical / shape**0.4
+    return Scales(height_ft / shape**1.2 * FOOT_M, height_ft * FOOT_M, (horizontal, horizontal, vertical))
 
 
 def normal_numbers(rng: np.random.Generator) -> Iterator[float]:
@@ -76,36 +75,29 @@ class Dryden:
     """Turbulent velocities along the mean wind, across it, and vertical.
 
     Args:
-        parameters: the model.
         rng: draws the turbulence.
     """
 
-    def __init__(self, parameters: TurbulenceParameters, rng: np.random.Generator) -> None:
-        self._parameters = parameters
+    def __init__(self, rng: np.random.Generator) -> None:
         self._normal = normal_numbers(rng)
         self._u = next(self._normal)
         self._v = self._stationary()
         self._w = self._stationary()
 
-    def step(self, way_m: float, height_m: float, wind_at_20_ft_mps: float) -> tuple[float, float, float]:
+    def step(self, way_m: float, scales: Scales) -> tuple[float, float, float]:
         """Turbulence [m/s] along the wind, to its right, and downward.
 
         Args:
             way_m: way through the air mass since the last call.
-            height_m: above the ground.
-            wind_at_20_ft_mps: mean wind at 20 ft (6.1 m).
+            scales: of the place.
         """
-        scales = scales_at(self._parameters, height_m, wind_at_20_ft_mps)
         horizontal, vertical = way_m / scales.length_horizontal_m, way_m / scales.length_vertical_m
         keep = math.exp(-horizontal)
         self._u = keep * self._u + math.sqrt(-math.expm1(-2.0 * horizontal)) * next(self._normal)
         self._v = self._advance(self._v, horizontal)
         self._w = self._advance(self._w, vertical)
-        return (
-            scales.deviation_horizontal_mps * self._u,
-            scales.deviation_horizontal_mps * _output(self._v),
-            scales.deviation_vertical_mps * _output(self._w),
-        )
+        along, across, vertical = scales.deviations_mps
+        return along * self._u, across * _output(self._v), vertical * _output(self._w)
 
     def _stationary(self) -> Pair:
         """A draw from the filter's stationary state: variances ¼ and ½, covariance ¼."""

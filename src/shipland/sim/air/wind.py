@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
@@ -12,7 +13,8 @@ from shipland.config import require
 from shipland.frames import Array, Pose
 from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake, AirwakeParameters
-from shipland.sim.air.dryden import Dryden, TurbulenceParameters
+from shipland.sim.air.dryden import Dryden, Scales, TurbulenceParameters, land_scales
+from shipland.sim.air.marine import SeaSurfaceParameters, sea_roughness_m, sea_scales
 
 MEAN_MPS = (0.0, 30.0)
 """Range of mean wind speeds."""
@@ -79,9 +81,11 @@ class WindParameters:
         mean_spread_mps, from_spread_deg: drawn evenly within this much either side, once a flight; never below 0 m/s.
         profile: the same at every height, or logarithmic.
         reference_height_m: height of `mean_mps` in a logarithmic profile.
-        roughness_m: roughness length of the surface in a logarithmic profile.
+        surface: what the wind blows over; says how strong the turbulence is.
+        roughness_m: roughness length of the land in a logarithmic profile; over the sea it follows from the wind.
         gust: 1-cosine gusts.
-        turbulence: Dryden turbulence.
+        turbulence: Dryden turbulence, and its strength over land.
+        sea: its strength over the sea.
         airwake: the superstructure's wake.
     """
 
@@ -91,9 +95,11 @@ class WindParameters:
     from_spread_deg: float
     profile: Literal["uniform", "log"]
     reference_height_m: float
+    surface: Literal["land", "sea"]
     roughness_m: float
     gust: tuple[GustParameters, ...]
     turbulence: TurbulenceParameters
+    sea: SeaSurfaceParameters
     airwake: AirwakeParameters
 
     def __post_init__(self) -> None:
@@ -104,14 +110,32 @@ class WindParameters:
         require(0.0 < self.roughness_m < 0.1, f"roughness_m must be between 0 and 0.1 m, got {self.roughness_m}")
         require(self.reference_height_m >= 1.0, f"reference_height_m must be at least 1, got {self.reference_height_m}")
 
+    @cached_property
+    def surface_roughness_m(self) -> float:
+        """Roughness length [m] of the surface that the wind blows over."""
+        if self.surface == "land":
+            return self.roughness_m
+        return sea_roughness_m(self.sea.charnock, self.mean_mps, self.reference_height_m)
+
+    @cached_property
+    def wind_at_20_ft_mps(self) -> float:
+        """Mean wind speed [m/s] at 20 ft, of which MIL-F-8785C takes its shares."""
+        return self.mean_at(TWENTY_FEET_M)
+
     def mean_at(self, height_m: float) -> float:
-        """Mean wind speed [m/s] at a height above the sea."""
+        """Mean wind speed [m/s] at a height above the surface."""
         if self.profile == "uniform":
             return self.mean_mps
-        height_m = max(height_m, 10.0 * self.roughness_m)
-        return (
-            self.mean_mps * math.log(height_m / self.roughness_m) / math.log(self.reference_height_m / self.roughness_m)
-        )
+        rough_m = self.surface_roughness_m
+        height_m = max(height_m, 10.0 * rough_m)
+        return self.mean_mps * math.log(height_m / rough_m) / math.log(self.reference_height_m / rough_m)
+
+    def turbulence_at(self, height_m: float) -> Scales:
+        """Scale lengths and standard deviations of the turbulence at a height above the surface."""
+        scales = land_scales(self.turbulence, height_m, self.wind_at_20_ft_mps)
+        if self.surface == "land":
+            return scales
+        return sea_scales(self.sea, scales, self.surface_roughness_m, self.mean_at(height_m), height_m)
 
 
 class NaturalWind:
@@ -128,8 +152,7 @@ class NaturalWind:
         self._parameters = parameters
         towards_rad = math.radians(parameters.from_deg) + math.pi
         self._cos, self._sin = math.cos(towards_rad), math.sin(towards_rad)
-        self._wind_at_20_ft = parameters.mean_at(TWENTY_FEET_M)
-        self._dryden = Dryden(parameters.turbulence, turbulence_rng) if parameters.turbulence.enabled else None
+        self._dryden = Dryden(turbulence_rng) if parameters.turbulence.enabled and parameters.mean_mps > 0.0 else None
         self._airwake = Airwake(parameters.airwake, rig, wake_rng) if parameters.airwake.enabled else None
         self._deck_height_m = rig.deck_height_m
         self._last: tuple[float, tuple[float, float, float]] | None = None
@@ -141,9 +164,9 @@ class NaturalWind:
         north, east, down = position_in_ned_m.tolist()
         step_s = t_s - self._last[0] if self._last is not None else 0.0
         along, right, sinking = self._free_stream(t_s, -down)
-        if self._dryden is not None and self._wind_at_20_ft > 0.0:
+        if self._dryden is not None:
             way_m = self._way((north, east, down), step_s, self._parameters.mean_at(-down))
-            gust = self._dryden.step(way_m, -down, self._wind_at_20_ft)
+            gust = self._dryden.step(way_m, self._parameters.turbulence_at(-down))
             along, right, sinking = along + gust[0], right + gust[1], sinking + gust[2]
         velocity = [along * self._cos - right * self._sin, along * self._sin + right * self._cos, sinking]
         if self._airwake is not None:
@@ -203,13 +226,29 @@ class NaturalWind:
         return self._ship_velocity if self._ship_velocity is not None else (0.0, 0.0)
 
 
+def draw_mean(parameters: WindParameters, rng: np.random.Generator) -> WindParameters:
+    """`parameters` with the mean wind's speed and direction drawn within their spreads."""
+    mean_mps = parameters.mean_mps + parameters.mean_spread_mps * rng.uniform(-1.0, 1.0)
+    from_deg = parameters.from_deg + parameters.from_spread_deg * rng.uniform(-1.0, 1.0)
+    return replace(
+        parameters,
+        mean_mps=float(np.clip(mean_mps, *MEAN_MPS)),
+        from_deg=from_deg,
+        mean_spread_mps=0.0,
+        from_spread_deg=0.0,
+    )
+
+
+def drawn_wind(parameters: WindParameters, rng: np.random.Generator) -> WindParameters:
+    """The mean wind that `build_wind` flies with a generator in the same state."""
+    return draw_mean(parameters, rng.spawn(2)[0])
+
+
 def build_wind(parameters: WindParameters, rig: Rig, rng: np.random.Generator) -> Wind:
     """The wind that `parameters` describe; `rng` draws its spread and its turbulence."""
     spread_rng, air_rng = rng.spawn(2)
-    mean_mps = parameters.mean_mps + parameters.mean_spread_mps * spread_rng.uniform(-1.0, 1.0)
-    from_deg = parameters.from_deg + parameters.from_spread_deg * spread_rng.uniform(-1.0, 1.0)
-    p = replace(parameters, mean_mps=float(np.clip(mean_mps, *MEAN_MPS)), from_deg=from_deg)
-    turbulent = p.turbulence.enabled and p.mean_mps > 0.0 and p.turbulence.intensity > 0.0
+    p = draw_mean(parameters, spread_rng)
+    turbulent = p.turbulence.enabled and p.mean_mps > 0.0
     if not turbulent and not p.airwake.enabled and not p.gust and (p.profile == "uniform" or p.mean_mps == 0.0):
         towards_rad = math.radians(p.from_deg) + math.pi
         return SteadyWind(p.mean_mps * np.array([math.cos(towards_rad), math.sin(towards_rad), 0.0]))

@@ -1,0 +1,88 @@
+"""Intervals and paired comparisons of landings. Every interval is 95 %."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy import stats
+
+CONFIDENCE = 0.95
+_RESAMPLES = 2000
+"""Of the paired bootstrap."""
+
+
+class Interval(NamedTuple):
+    """A confidence interval."""
+
+    low: float
+    high: float
+
+
+class Pairing(NamedTuple):
+    """Two pilots on the same seeds.
+
+    Attributes:
+        flights: seeds that both flew.
+        only_first, only_second: seeds on which one succeeded and the other did not.
+        p_value: of McNemar's exact test: how likely so uneven a split is if both are equally good.
+        error_difference_m: median error of the first less that of the second, over seeds on which both touched down.
+        error_interval_m: of that difference, from a paired bootstrap; NaN with fewer than two such seeds.
+    """
+
+    flights: int
+    only_first: int
+    only_second: int
+    p_value: float
+    error_difference_m: float
+    error_interval_m: Interval
+
+
+def share_interval(count: int, of: int, method: Literal["exact", "wilson"] = "exact") -> Interval:
+    """Interval of a share, for independent flights: Clopper and Pearson's (`exact`) or Wilson's."""
+    if of == 0:
+        return Interval(0.0, 1.0)
+    found = stats.binomtest(count, of).proportion_ci(CONFIDENCE, method)
+    return Interval(float(found.low), float(found.high))
+
+
+def mean_interval(values: Sequence[float]) -> Interval:
+    """Student's interval of a mean of independent values within 0…1; no wider than 0…1."""
+    mean, error = float(np.mean(values)), float(stats.sem(values))
+    half = error * float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, len(values) - 1))
+    return Interval(max(mean - half, 0.0), min(mean + half, 1.0))
+
+
+def compare(
+    first_ok: npt.NDArray[np.bool_],
+    second_ok: npt.NDArray[np.bool_],
+    first_error_m: npt.NDArray[np.float64],
+    second_error_m: npt.NDArray[np.float64],
+    rng: np.random.Generator,
+) -> Pairing:
+    """Compare two pilots seed by seed.
+
+    Args:
+        first_ok: (n,) which seeds the first landed in the square.
+        second_ok: the same of the second.
+        first_error_m: (n,) the first's distances from the deck's centre; NaN without touchdown.
+        second_error_m: the same of the second.
+        rng: draws the bootstrap.
+    """
+    only_first = int(np.sum(first_ok & ~second_ok))
+    only_second = int(np.sum(second_ok & ~first_ok))
+    split = only_first + only_second
+    p_value = float(stats.binomtest(only_first, split).pvalue) if split else 1.0
+    both = np.isfinite(first_error_m) & np.isfinite(second_error_m)
+    one, two = first_error_m[both], second_error_m[both]
+    difference_m, interval_m = float("nan"), Interval(float("nan"), float("nan"))
+    if len(one) > 0:
+        difference_m = float(np.median(one) - np.median(two))
+    if len(one) > 1:
+        drawn = rng.integers(0, len(one), (_RESAMPLES, len(one)))
+        differences_m = np.median(one[drawn], axis=1) - np.median(two[drawn], axis=1)
+        low, high = np.quantile(differences_m, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
+        interval_m = Interval(float(low), float(high))
+    return Pairing(len(first_ok), only_first, only_second, p_value, difference_m, interval_m)
