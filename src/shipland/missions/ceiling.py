@@ -114,13 +114,7 @@ class Ceiling:
 
 
 def ceiling(
-    ship: ShipParameters,
-    rig: Rig,
-    airframe: AirframeParameters,
-    motions: int,
-    length_s: float,
-    step_s: float,
-    seed: int,
+    ship: ShipParameters, rig: Rig, airframe: AirframeParameters, motions: int, rng: np.random.Generator
 ) -> Ceiling:
     """Draw motions and count the instants at which a perfect aircraft lands in the square.
 
@@ -137,8 +131,8 @@ def ceiling(
     """
     require(motions >= 2, f"a ceiling needs at least 2 motions, got {motions}")
     shares, squared_m, sway_m2 = [], [], []
-    for rng in rng.spawn(motions):
-        drawn = build_ship(ship, rig, rng)
+    for motion_rng in rng.spawn(motions):
+        drawn = build_ship(ship, rig, motion_rng)
         states = [drawn.at(float(t_s)) for t_s in np.arange(0.0, LENGTH_S, STEP_S)]
         points_m = np.array([perfect_in_deck_m(state, airframe) for state in states])
         shares.append(float(np.mean(np.max(np.abs(points_m), axis=1) <= 0.5 * rig.landing_square_m)))
