@@ -19,6 +19,11 @@ from shipland.sim.world import StartParameters, World
 QUIET = {
     "sensors": {
         "velocity_noise_mps": 0.0,
+        "flow_bias_mps": 0.0,
+        "flow_wave_mps": 0.0,
+        "flow_lost_share": 0.0,
+        "attitude_bias_rad": 0.0,
+        "range_noise_m": 0.0,
         "attitude_noise_rad": 0.0,
         "heading_noise_rad": 0.0,
         "heading_bias_rad": 0.0,
@@ -45,6 +50,7 @@ def world(
     camera: dict[str, Any] | None = None,
     start: dict[str, Any] | None = None,
     seed: int = 5,
+    water: bool = False,
 ) -> World:
     """A world with an exact start: far astern of a ship that lies still heading north, unless told otherwise."""
     rig = default_rig()
@@ -66,6 +72,7 @@ def world(
         SteadyWind(np.array(wind_mps)) if isinstance(wind_mps, tuple) else wind_mps,
         build(StartParameters, merge(merge(packaged_table("start"), exact), start or {}), "start"),
         np.random.default_rng(seed),
+        water,
     )
 
 

@@ -26,6 +26,7 @@ class CameraParameters:
         gimbal_rate_rad_s: largest rate of the gimbal's pitch.
         gimbal_min_rad, gimbal_max_rad: range of the gimbal's pitch against the horizon.
         gimbal_noise_rad: standard deviation of what stabilisation leaves in roll and pitch.
+        gimbal_bias_rad: standard deviation of its error in roll and in pitch that stays for a flight.
     """
 
     width_px: int
@@ -37,6 +38,7 @@ class CameraParameters:
     gimbal_min_rad: float
     gimbal_max_rad: float
     gimbal_noise_rad: float
+    gimbal_bias_rad: float
 
     def __post_init__(self) -> None:
         require(self.width_px >= 16 and self.height_px >= 16, "the picture must be at least 16 × 16 px")
@@ -44,7 +46,7 @@ class CameraParameters:
         require(self.frame_rate_hz > 0.0, "frame_rate_hz must be positive")
         require(self.gimbal_rate_rad_s > 0.0, "gimbal_rate_rad_s must be positive")
         require(self.gimbal_min_rad < self.gimbal_max_rad, "gimbal_min_rad must be below gimbal_max_rad")
-        require(self.gimbal_noise_rad >= 0.0, "gimbal_noise_rad must not be negative")
+        require(min(self.gimbal_noise_rad, self.gimbal_bias_rad) >= 0.0, "errors of the gimbal must not be negative")
 
 
 _UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)

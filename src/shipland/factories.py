@@ -28,8 +28,11 @@ PACKAGED: dict[str, dict[str, str]] = {
         "rendered": "shipland.missions.visions:rendered",
     },
     "vehicles": {},
-    "aircraft": {},
-    "loops": {},
+    "aircraft": {"quadrotor": "shipland.sim.aircraft.aircraft:Quadrotor"},
+    "loops": {
+        "attitude": "shipland.sim.aircraft.attitude_loop:AttitudeLoop",
+        "velocity": "shipland.sim.aircraft.velocity_loop:VelocityLoop",
+    },
     "detectors": {},
 }
 """`module:factory` of everything that comes with the package, by group and name."""

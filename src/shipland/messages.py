@@ -57,20 +57,26 @@ class Telemetry:
         roll_rad, pitch_rad: attitude of `body` against `level`.
         heading_rad: magnetometer's heading, clockwise from north.
         height_m: height above the take-off point (barometer).
-        velocity_in_level_mps: (3,) over ground, forward-right-down.
+        velocity_in_level_mps: (3,) forward-right-down; over ground, or from optical flow over the surface in view.
         battery_percent, link_percent: 0 … 100.
         flying: motors run and the vehicle is not landed.
+        attitude_t_s, heading_t_s, height_t_s, velocity_t_s: when these values were true, on the vehicle's clock [s];
+            None means `t_s`.
     """
 
     t_s: float
-    roll_rad: float
-    pitch_rad: float
+    roll_rad: float | None
+    pitch_rad: float | None
     heading_rad: float | None
     height_m: float | None
     velocity_in_level_mps: Array | None
     battery_percent: float | None
     link_percent: float | None
     flying: bool
+    attitude_t_s: float | None = None
+    heading_t_s: float | None = None
+    height_t_s: float | None = None
+    velocity_t_s: float | None = None
 
     def __post_init__(self) -> None:
         if self.velocity_in_level_mps is not None:

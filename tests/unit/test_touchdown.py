@@ -52,14 +52,14 @@ def test_lands_on_a_still_deck() -> None:
     assert verdict.tilt_rad < math.radians(1.0)
     weight_n = 0.32 * 9.81
     assert verdict.peak_contact_force_n > 2.0 * weight_n
-    assert not flown.telemetry().flying
+    assert not flown.motors_run
     assert -flown.truth().aircraft_in_deck_m[2] == pytest.approx(0.045, abs=0.002)  # it stands on its feet
 
 
 def test_motors_stop_only_when_landing_is_meant() -> None:
     flown = world(distance_m=0.0, height_m=0.4, aircraft=QUIET)
     come_down(flown, intent=Intent.FLY, most_s=4.0)
-    assert flown.telemetry().flying
+    assert flown.motors_run
     assert not flown.over()
     assert -flown.truth().aircraft_in_deck_m[2] == pytest.approx(0.045, abs=0.01)
     come_down(flown, intent=Intent.CLIMB_OUT, percent=60.0, most_s=7.0)  # a touch-and-go leaves no verdict
@@ -75,7 +75,7 @@ def test_low_hover_is_not_a_landing() -> None:
     while flown.t_s < 5.0:
         flown.command(PilotCommand(flown.t_s, 0.0, 0.0, 0.0, 0.0, 0.0, Intent.LAND))
         flown.advance(flown.t_s + 0.1)
-    assert flown.telemetry().flying
+    assert flown.motors_run
 
 
 def packaged_ship(rig: Rig, **change: object) -> Ship:
@@ -106,7 +106,7 @@ def test_the_moving_deck_carries_what_stands_on_it(ship, seconds: float, rig: Ri
     flown = world(ship=ship(rig), distance_m=0.0, height_m=0.0451, aircraft=QUIET)
     _stand(flown)
     assert flown.over()
-    assert not flown.telemetry().flying
+    assert not flown.motors_run
     assert creep_m(flown, seconds) < 0.001  # [m]; a body carried half a step late creeps 1 mm each second in a turn
 
 
@@ -116,13 +116,13 @@ def _stand(flown: World) -> None:
     lift = 0.0452
     r = deck.ned_from_deck
     place = tuple(deck.origin_m[i] - lift * r[3 * i + 2] for i in range(3))
-    flown._body.put(place, *deck.angles_rad, 0.0)
+    flown._body.put(place, *deck.angles_rad)
     p, q, w = deck.turn_rad_s
     x, y, z = (place[i] - deck.origin_m[i] for i in range(3))
     v = deck.velocity_mps
     carried = (v[0] + q * z - w * y, v[1] + w * x - p * z, v[2] + p * y - q * x)
     flown._data.qvel[:3] = (carried[0], -carried[1], -carried[2])
-    flown._stop_motors()
+    flown._motors_run = False
     flown.advance(flown.t_s + 3.0)
 
 
@@ -152,7 +152,7 @@ def test_descending_beside_the_deck_is_the_sea() -> None:
     assert not verdict.landed
     assert not verdict.in_square
     assert verdict.reason == "fell into the sea"
-    assert not flown.telemetry().flying
+    assert not flown.motors_run
 
 
 def test_half_on_the_deck_tips_off() -> None:

@@ -49,7 +49,7 @@ def test_deck_velocity_and_acceleration_are_the_derivatives_of_its_pose(ship: Sh
 
 @pytest.mark.parametrize("t_s", TIMES)
 def test_mujoco_has_the_ship_where_it_is_and_accelerates_the_deck_as_told(ship: Ship, rig: Rig, t_s: float) -> None:
-    model = build_model(rig, aircraft_parameters().airframe, STEP_S)
+    model = build_model(rig, aircraft_parameters().airframe.shape, STEP_S)
     data = mujoco.MjData(model.mj)
     data.qpos[2] = 50.0  # the aircraft out of the way
     state = ship.at(t_s)
@@ -130,7 +130,7 @@ def _fly(cuts_s: list[float], chatty: bool) -> tuple[Array, Array]:
     for t_s in sorted({*cuts_s, *np.arange(0.0, 4.0, 0.5)}):
         flown.advance(t_s)
         if chatty:
-            flown.telemetry()
+            flown.readings()
             flown.truth()
             flown.scene_state()
         if t_s == 0.5 * commanded:
@@ -167,7 +167,7 @@ def test_time_runs_on_its_grid_and_never_back() -> None:
 
 
 def test_gimbal_slews_at_its_rate_within_its_range_and_holds_the_horizon() -> None:
-    flown = world(camera={"gimbal_noise_rad": 0.0}, wind_mps=(9.0, 0.0, 0.0))
+    flown = world(camera={"gimbal_noise_rad": 0.0, "gimbal_bias_rad": 0.0}, wind_mps=(9.0, 0.0, 0.0))
     flown.command(PilotCommand(0.0, 0.0, 0.0, 0.0, 0.0, -3.0))
     flown.advance(0.25)
     assert flown.gimbal().pitch_rad == pytest.approx(-3.14 * 0.25, abs=3.14 * 0.004 + 1e-9)
@@ -180,7 +180,7 @@ def test_gimbal_slews_at_its_rate_within_its_range_and_holds_the_horizon() -> No
 
 
 def test_gimbal_residual_has_its_size_and_is_not_reported() -> None:
-    flown = world(camera={"gimbal_noise_rad": 0.01})
+    flown = world(camera={"gimbal_noise_rad": 0.01, "gimbal_bias_rad": 0.0})
     rolls = []
     for t_s in np.arange(0.2, 60.0, 0.2):
         flown.advance(float(t_s))
@@ -190,7 +190,7 @@ def test_gimbal_residual_has_its_size_and_is_not_reported() -> None:
 
 
 def test_scene_state_moves_as_its_poses_say() -> None:
-    flown = world(aircraft=QUIET, camera={"gimbal_noise_rad": 0.0})
+    flown = world(aircraft=QUIET, camera={"gimbal_noise_rad": 0.0, "gimbal_bias_rad": 0.0})
     states = []
     for index in range(4):
         flown.command(PilotCommand(0.0, 60.0, -30.0, 20.0, 80.0, -1.5))
@@ -205,18 +205,18 @@ def test_scene_state_moves_as_its_poses_say() -> None:
     assert np.abs(now.camera_rate_in_camera_rad_s).max() > 1.0
 
 
-def test_telemetry_is_the_truth_plus_its_errors() -> None:
-    flown = world(height_m=20.0, bearing_deg=-60.0)
+def test_readings_are_the_truth_plus_their_errors() -> None:
+    still_water = {"sensors": {"flow_bias_mps": 0.0}}
+    flown = world(height_m=20.0, bearing_deg=-60.0, aircraft=still_water)
     sensors = aircraft_parameters().sensors
     rows = []
     for t_s in np.arange(0.1, 20.0, 0.1):
-        flown.command(PilotCommand(float(t_s), 20.0, 0.0, 0.0, 0.0, 0.0))
+        flown.command(PilotCommand(float(t_s), 0.0, 0.0, 0.0, 0.0, 0.0))
         flown.advance(float(t_s))
-        truth, said = flown.truth(), flown.telemetry()
+        truth, said = flown.truth(), flown.readings()
+        assert 0.0 < flown.t_s - said.t_s < 0.0041  # the last control tick
         roll, pitch, heading = euler_from_rotation(truth.ned_from_body.rotation)
         level = rotation_from_euler(0.0, 0.0, heading).T @ truth.velocity_in_ned_mps
-        assert said.heading_rad is not None
-        assert said.height_m is not None
         assert said.velocity_in_level_mps is not None
         rows.append(
             [
@@ -227,16 +227,51 @@ def test_telemetry_is_the_truth_plus_its_errors() -> None:
                 *(said.velocity_in_level_mps - level),
             ]
         )
-        assert said.flying
     spread, mean = np.std(rows, axis=0), np.mean(rows, axis=0)
     np.testing.assert_allclose(spread[:2], sensors.attitude_noise_rad, rtol=0.3)
     assert spread[2] == pytest.approx(sensors.heading_noise_rad, rel=0.3)
-    assert abs(mean[2]) > 1e-4  # this seed's bias
-    assert abs(mean[2]) < 4.0 * sensors.heading_bias_rad
+    for index, bias in ((0, sensors.attitude_bias_rad), (1, sensors.attitude_bias_rad), (2, sensors.heading_bias_rad)):
+        assert 1e-4 < abs(mean[index]) < 4.0 * bias  # this seed's
     np.testing.assert_allclose(spread[4:], sensors.velocity_noise_mps, rtol=0.5)  # 40 independent draws
     assert spread[3] < 0.25  # noise 0.05 m and a walk of 0.02 m/√s over 20 s
-    assert flown.telemetry().battery_percent == pytest.approx(100.0 * (1.0 - 20.0 / 1500.0), abs=0.1)
-    assert flown.telemetry().link_percent == pytest.approx(92.0, abs=2.0)  # some 300 m of 4 km
+    assert flown.battery_percent == pytest.approx(100.0 * (1.0 - 20.0 / 1500.0), abs=0.1)
+    assert flown.link_percent == pytest.approx(92.0, abs=2.0)  # some 300 m of 4 km
+
+
+def test_the_autopilot_flies_on_its_own_sensors() -> None:
+    """Its barometer drifts and it follows; its heading is off and forward goes off with it."""
+    drifting = merge(QUIET, {"sensors": {"height_drift_m_per_sqrt_s": 0.3}})
+    flown = world(height_m=40.0, aircraft=drifting)
+    start_m = flown.truth().ned_from_body.translation_m[2]
+    flown.advance(30.0)
+    truth_m = flown.truth().ned_from_body.translation_m[2]
+    assert abs(truth_m - start_m) > 0.2
+    assert -flown.readings().height_m == pytest.approx(start_m, abs=0.3)
+    turned = world(seed=6, aircraft=merge(QUIET, {"sensors": {"heading_bias_rad": 0.3}}))
+    heading = turned.readings().heading_rad
+    turned.advance(1.0)
+    assert abs(heading) > 0.03
+    assert euler_from_rotation(turned.truth().ned_from_body.rotation)[2] == pytest.approx(0.0, abs=0.01)
+
+
+def test_optical_flow_over_water_is_lost_for_its_share_of_the_time_and_over_land_never() -> None:
+    for water, share in ((True, 0.1), (False, 0.0)):
+        flown, lost = world(height_m=20.0, water=water), []
+        for t_s in np.arange(0.1, 120.0, 0.1):
+            flown.advance(float(t_s))
+            lost.append(flown.readings().velocity_in_level_mps is None)
+        assert np.mean(lost) == pytest.approx(share, abs=0.06)  # some 24 losses
+
+
+def test_optical_flow_over_the_deck_sees_the_decks_velocity(rig: Rig) -> None:
+    """Low over a deck that goes at 2 m/s the vehicle believes that it goes backwards; far from it, nothing of it."""
+    ship = Ship(rig, CircleCourse(2.0, 0.01), natops())
+    low = world(ship=ship, distance_m=0.0, height_m=0.4, aircraft=QUIET)
+    velocity = low.readings().velocity_in_level_mps
+    assert velocity is not None
+    assert velocity[0] == pytest.approx(-2.0, abs=0.1)
+    far = world(ship=ship, distance_m=20.0, height_m=3.0, aircraft=QUIET)
+    assert far.readings().velocity_in_level_mps == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
 
 def test_ship_state_is_the_ships_own(rig: Rig) -> None:

@@ -36,6 +36,7 @@ def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> Simulat
         build_wind(scenario.wind, scenario.rig, wind_rng),
         scenario.start,
         world_rng,
+        scenario.wind.surface == "sea",
     )
     return SimulatedVehicle(world, Camera.from_parameters(scenario.camera), scenario.delays, scene, picture_rng)
 

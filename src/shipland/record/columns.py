@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.frames import Array, euler_from_rotation, wrap_angle
-from shipland.messages import BarPose, FlightRecord, GroundTruth, Mode
+from shipland.messages import BarPose, FlightRecord, GroundTruth, Mode, Telemetry
 from shipland.rig import Rig
 
 _UP = np.array([1.0, 1.0, -1.0])
@@ -147,13 +147,7 @@ class FlightColumns:
                 [[c.pitch_percent, c.roll_percent, c.heave_percent, c.yaw_percent] for c in commands], dtype=float
             ).reshape(-1, 4),
             reprojection_px=np.array([math.nan if pose is None else pose.reprojection_px for pose in poses], float),
-            telemetry_tilt_rad=np.array(
-                [
-                    math.acos(math.cos(record.telemetry.roll_rad) * math.cos(record.telemetry.pitch_rad))
-                    for record in records
-                ],
-                dtype=float,
-            ),
+            telemetry_tilt_rad=np.array([_tilt_rad(record.telemetry) for record in records], dtype=float),
             **stacked,
         )
 
@@ -213,3 +207,9 @@ def _resampled(at_s: Array, t_s: Array, values: Array) -> Array:
             found[:, column] = np.interp(at_s, times_s, known_values[:, column], left=np.nan, right=np.nan)
     found[~np.isfinite(at_s)] = np.nan
     return found
+
+
+def _tilt_rad(telemetry: Telemetry) -> float:
+    if telemetry.roll_rad is None or telemetry.pitch_rad is None:
+        return math.nan
+    return math.acos(math.cos(telemetry.roll_rad) * math.cos(telemetry.pitch_rad))

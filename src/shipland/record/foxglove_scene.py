@@ -90,7 +90,7 @@ def _estimated(record: FlightRecord, rig: Rig) -> list[tuple[str, str, Pose]]:
     estimate = record.decision.estimate
     if estimate is not None:
         telemetry = record.telemetry
-        level_from_body = rotation_from_euler(telemetry.roll_rad, telemetry.pitch_rad, 0.0)
+        level_from_body = rotation_from_euler(telemetry.roll_rad or 0.0, telemetry.pitch_rad or 0.0, 0.0)
         bar_from_level = Pose.from_euler(estimate.aircraft_in_bar_m, 0.0, 0.0, estimate.yaw_rad)
         ned_from_body = ned_from_ship @ rig.ship_from_bar @ bar_from_level @ Pose(level_from_body, np.zeros(3))
         body_from_camera = level_from_body.T @ level_from_camera(record.frame.gimbal)

@@ -10,20 +10,23 @@ import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.config import require
-from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
-from shipland.sim.aircraft.aerodynamics import euler_from_quaternion, rows_from_quaternion, trim_hover
-from shipland.sim.aircraft.inner_loop import CENTRED, InnerLoop, Sensed, Sticks
+from shipland.sim.aircraft.aerodynamics import rows_from_quaternion
+from shipland.sim.aircraft.aircraft import Motion
+from shipland.sim.aircraft.autopilot import CENTRED, Sticks
+from shipland.sim.aircraft.kinds import build_aircraft
 from shipland.sim.aircraft.parameters import GRAVITY_MPS2, AircraftParameters, Vector
-from shipland.sim.aircraft.sensors import Coloured, Gimbal, Instruments, Normals
-from shipland.sim.contact.body import Body, Motion
+from shipland.sim.aircraft.sensors import Gimbal, Normals, Readings, Senses, Touchdown, read_instruments
+from shipland.sim.contact.body import Body
 from shipland.sim.contact.deck_drive import Stage, against_deck, deck_state
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
 from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.snapshot import Snapshot, scene_of, truth_of
 from shipland.sim.state import SceneState
+from shipland.sim.surface import Ground
 
 STEP_S = 0.002
 """Physics step: what MuJoCo's contacts want."""
@@ -39,8 +42,6 @@ CUT_OFF_RAD = math.radians(75.0)
 """Tilt at which the motors stop, as a crash detector does."""
 IMPACT_MPS2 = 0.3 * GRAVITY_MPS2
 """Upward jerk of the vertical speed that counts as a felt impact."""
-STILL_MPS = 0.05
-"""Closing slower than this, the downward range says that the descent has ended."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class World:
 
     Time runs on a grid of `STEP_S`; `advance` goes to the last grid instant not after the time asked for, and every
     instant of the result belongs to that grid time. The flight does not depend on how `advance` is cut up, nor on
-    how often truth, scene or telemetry are asked for.
+    how often truth, scene or readings are asked for.
 
     Args:
         rig: the ship platform's dimensions.
@@ -88,6 +89,7 @@ class World:
         wind: the air; asked at non-decreasing times only.
         start: where the flight begins.
         rng: seeds the start, the sensors and the gimbal.
+        water: the ship is at sea, not on land: what optical flow sees around it.
     """
 
     def __init__(
@@ -100,33 +102,39 @@ class World:
         wind: Wind,
         start: StartParameters,
         rng: np.random.Generator,
+        water: bool = False,
     ) -> None:
         self._camera, self._aircraft, self._ship, self._wind = camera_parameters, aircraft, ship, wind
-        start_rng, loop_rng, instrument_rng = rng.spawn(3)
-        model = build_model(rig, aircraft.airframe, STEP_S)
+        start_rng, sense_rng, gimbal_rng, range_rng, self._reading_rng = rng.spawn(5)
+        tick_s, sensors, loop = CONTROL_EVERY * STEP_S, aircraft.sensors, aircraft.loop
+        self._flier = build_aircraft(aircraft, tick_s)
+        shape = self._flier.shape
+        model = build_model(rig, shape, STEP_S)
         self._mj_model, self._data = model.mj, mujoco.MjData(model.mj)
-        self._body = Body(rig, aircraft.airframe, model, self._data)
+        self._body = Body(rig, shape, model, self._data)
+        self._foot_below_m = shape.foot_below_m
         self._stage = Stage(model, self._data)
         self._judge = Judge(verdict, rig.landing_square_m)
-        self._instruments = Instruments(aircraft.sensors, instrument_rng)
-        self._steps = 0
+        self._ground = Ground(rig, sensors, water)
+        self._steps, self._tick_s = 0, tick_s
         self._motors_run = True
-        self._reach_m = self._range_m = math.inf
-        self._landed_for_s, self._impact, self._down_mps = 0.0, False, 0.0
+        self._reach_m = math.inf
+        self._down_mps = 0.0
         self._sticks, self._land, self._command_s, self._gimbal_wanted_rad = CENTRED, False, -math.inf, 0.0
 
         position_m, heading_rad = self._draw_start(start, start_rng)
-        self._sample_air(self._set_ship(hull=True), position_m)
-        trim = trim_hover(aircraft.airframe, self._wind_mps, heading_rad)
-        self._body.put(position_m, trim.roll_rad, trim.pitch_rad, heading_rad, trim.thrust_n)
+        state = self._set_ship(hull=True)
+        self._sample_air(state, position_m)
+        roll_rad, pitch_rad = self._flier.trim(self._wind_mps, heading_rad)
+        self._body.put(position_m, roll_rad, pitch_rad, heading_rad)
 
-        sensors, normals = aircraft.sensors, Normals(loop_rng)
-        self._tick_s = CONTROL_EVERY * STEP_S
-        noise = (sensors.velocity_noise_mps, sensors.velocity_noise_time_s, self._tick_s, normals)
-        self._velocity_errors = [Coloured(*noise) for _ in range(3)]
-        self._place_error_m = [0.0, 0.0]
-        self._gimbal = Gimbal(camera_parameters, sensors, self._tick_s, normals)
-        self._loop = InnerLoop(aircraft, self._tick_s, self._sense(self._body.motion()), trim)
+        over_ground = loop.velocity_reference == "ground"
+        self._senses = Senses(sensors, over_ground, tick_s, AIR_EVERY * STEP_S, sense_rng)
+        self._senses.look(self._ground.below(position_m, state, self._deck, self._wind_mps))
+        self._gimbal = Gimbal(camera_parameters, sensors, tick_s, Normals(gimbal_rng))
+        self._touchdown = Touchdown(loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng)
+        self._sensed, self._sensed_s = self._senses.sense(self._body.motion()), 0.0
+        self._flier.begin(self._sensed)
 
     def _draw_start(self, start: StartParameters, rng: np.random.Generator) -> tuple[Vector, float]:
         """Position in `ned` and heading."""
@@ -186,18 +194,21 @@ class World:
         motion = self._body.motion()
         self._reach_m = math.dist(motion.position_m, self._deck.origin_m)
         if self._steps % AIR_EVERY == 0:
-            self._sample_air(self._set_ship(hull=self._reach_m < NEAR_SHIP_M), motion.position_m)
+            state = self._set_ship(hull=self._reach_m < NEAR_SHIP_M)
+            self._sample_air(state, motion.position_m)
+            self._senses.look(self._ground.below(motion.position_m, state, self._deck, self._wind_mps))
         elif self._reach_m < NEAR_SHIP_M:
             self._set_ship(hull=True)
         self._gimbal.step(self._gimbal_wanted_rad)
+        self._sensed, self._sensed_s = self._senses.sense(motion), self.t_s
+        fresh = self.t_s - self._command_s < self._aircraft.settings.command_timeout_s - 1e-9
+        sticks = (self._sticks if fresh else CENTRED) if self._motors_run else None
+        over_deck = self._body.over_deck(motion, self._deck) if self._reach_m < NEAR_DECK_M else None
+        self._body.apply(self._flier.step(motion, self._sensed, sticks, self._wind_mps, over_deck))
         if self._motors_run:
-            fresh = self.t_s - self._command_s < self._aircraft.settings.command_timeout_s - 1e-9
-            self._body.ask(self._loop.update(self._sense(motion), self._sticks if fresh else CENTRED))
             self._feel_deck(motion, self._land and fresh)
             if _upright(motion) < math.cos(CUT_OFF_RAD):
-                self._stop_motors()
-        over_deck = self._aircraft.airframe.ground_effect and self._reach_m < NEAR_DECK_M
-        self._body.apply_air(motion, self._wind_mps, self._deck if over_deck else None)
+                self._motors_run = False
 
     def _set_ship(self, hull: bool) -> ShipState:
         state = self._ship.at(self.t_s)
@@ -211,43 +222,14 @@ class World:
         wind = self._wind.velocity_at(self.t_s, np.array(position_m), state.ned_from_ship)
         self._wind_mps: Vector = (float(wind[0]), float(wind[1]), float(wind[2]))
 
-    def _sense(self, motion: Motion) -> Sensed:
-        """The motion as the aircraft believes it: its place strays by the integral of its velocity's error."""
-        u, v, w = (error.step() for error in self._velocity_errors)
-        stray_m = self._place_error_m
-        stray_m[0] += u * self._tick_s
-        stray_m[1] += v * self._tick_s
-        north, east, down = motion.position_m
-        v_north, v_east, v_down = motion.velocity_mps
-        return Sensed(
-            north + stray_m[0],
-            east + stray_m[1],
-            down,
-            v_north + u,
-            v_east + v,
-            v_down + w,
-            *euler_from_quaternion(motion.quaternion),
-            *motion.rates_rad_s,
-        )
-
     def _feel_deck(self, motion: Motion, landing: bool) -> None:
-        """Stop the motors once the downward range says landed and an impact was felt or the descent has ended."""
+        """Stop the motors once the aircraft takes itself for landed."""
         jolt_mps2 = (self._down_mps - motion.velocity_mps[2]) / self._tick_s
         self._down_mps = motion.velocity_mps[2]
         near = landing and self._reach_m < NEAR_DECK_M
-        before_m, self._range_m = self._range_m, self._body.range_m(motion, self._deck) if near else math.inf
-        if self._range_m > self._aircraft.loop.land_range_m:
-            self._landed_for_s, self._impact = 0.0, False
-            return
-        self._impact = self._impact or jolt_mps2 > IMPACT_MPS2
-        ended = (before_m - self._range_m) / self._tick_s < STILL_MPS
-        self._landed_for_s = self._landed_for_s + self._tick_s if self._impact or ended else 0.0
-        if self._landed_for_s >= self._aircraft.loop.land_confirm_s:
-            self._stop_motors()
-
-    def _stop_motors(self) -> None:
-        self._motors_run = False
-        self._body.ask((0.0, 0.0, 0.0, 0.0))
+        range_m = self._body.range_m(motion, self._deck) if near else math.inf
+        if self._touchdown.landed(range_m, jolt_mps2 > IMPACT_MPS2):
+            self._motors_run = False
 
     def _on_deck(self) -> OnDeck:
         motion = self._body.motion()
@@ -259,11 +241,11 @@ class World:
         touch = self._body.touch() if self._body.in_contact else NO_TOUCH
         self._judge.follow(self.t_s, self._on_deck(), touch, self._motors_run)
         if touch.fault:
-            self._stop_motors()
+            self._motors_run = False
 
     def _look_for_crash(self) -> None:
         """Faults away from the deck: the sea, and the ship's far end."""
-        if self._body.down_m > -self._aircraft.airframe.foot_below_m:
+        if self._body.down_m > -self._foot_below_m:
             self._crash("fell into the sea")
         elif self._body.in_contact and self._reach_m >= NEAR_DECK_M:
             self._crash(self._body.touch().fault)
@@ -271,7 +253,7 @@ class World:
     def _crash(self, fault: str) -> None:
         if fault:
             self._judge.crash(self.t_s, self._on_deck(), fault)
-            self._stop_motors()
+            self._motors_run = False
 
     def verdict(self) -> TouchdownVerdict | None:
         """The verdict once the aircraft rests on the deck or has crashed, None before."""
@@ -285,20 +267,26 @@ class World:
         """The camera's attitude in `level` as the vehicle reports it: without the residual motion."""
         return self.snapshot().reported_gimbal
 
-    def telemetry(self) -> Telemetry:
-        """What the vehicle says of itself now, with its errors."""
-        motion = self._body.motion()
-        attitude = euler_from_quaternion(motion.quaternion)
-        u, v, w = (motion.velocity_mps[i] + self._velocity_errors[i].value for i in range(3))
-        c, s = math.cos(attitude[2]), math.sin(attitude[2])
-        return self._instruments.telemetry(
-            self.t_s,
-            attitude,
-            -motion.position_m[2],
-            (c * u + s * v, c * v - s * u, w),
-            math.dist(motion.position_m, self._deck.origin_m),
-            self._motors_run,
-        )
+    @property
+    def motors_run(self) -> bool:
+        """Whether the motors run: the vehicle flies."""
+        return self._motors_run
+
+    @property
+    def battery_percent(self) -> float:
+        """Charge left, 100 … 0."""
+        return max(0.0, 100.0 * (1.0 - self.t_s / self._aircraft.sensors.endurance_s))
+
+    @property
+    def link_percent(self) -> float:
+        """Strength of the link to a base station at the deck, 100 … 0."""
+        distance_m = math.dist(self._body.motion().position_m, self._deck.origin_m)
+        return max(0.0, 100.0 * (1.0 - distance_m / self._aircraft.sensors.link_range_m))
+
+    def readings(self) -> Readings:
+        """A reading of every instrument at the last control tick; each call draws its own noise, no flight changes."""
+        lost = self._senses.flow_lost
+        return read_instruments(self._aircraft.sensors, self._sensed_s, self._sensed, lost, self._reading_rng)
 
     def snapshot(self) -> Snapshot:
         """The instant in a few floats; `truth` and `scene_state` make the rest of it, when it is wanted."""

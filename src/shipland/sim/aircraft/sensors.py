@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.frames import wrap_angle
-from shipland.messages import Telemetry
+from shipland.sim.aircraft.aerodynamics import euler_from_quaternion
+from shipland.sim.aircraft.aircraft import Motion
+from shipland.sim.aircraft.autopilot import Sensed
 from shipland.sim.aircraft.parameters import SensorParameters, Vector
 
 _BLOCK = 1024
@@ -44,10 +47,10 @@ class Coloured:
 
 
 class Gimbal:
-    """Holds the horizon in roll and pitch but for a residual motion; slews its pitch at a limited rate.
+    """Holds the horizon but for a bias and a residual motion; slews its pitch at a limited rate.
 
     Args:
-        camera: rate, range and residual.
+        camera: rate, range, bias and residual.
         sensors: the residual's time constant.
         step_s: time between steps [s].
         normals: noise.
@@ -56,12 +59,22 @@ class Gimbal:
     def __init__(self, camera: CameraParameters, sensors: SensorParameters, step_s: float, normals: Normals) -> None:
         self._camera = camera
         self._step_s = step_s
+        self._bias_rad = (camera.gimbal_bias_rad * normals.draw(), camera.gimbal_bias_rad * normals.draw())
         residual = (camera.gimbal_noise_rad, sensors.gimbal_noise_time_s, step_s, normals)
         self._roll, self._pitch = Coloured(*residual), Coloured(*residual)
         self.pitch_rad = 0.0
-        """What the gimbal itself believes: residual motion not included."""
+        """What the gimbal itself believes: neither bias nor residual motion."""
         self.pitch_rate_rad_s = 0.0
-        self.roll_error_rad, self.pitch_error_rad = self._roll.value, self._pitch.value
+
+    @property
+    def roll_error_rad(self) -> float:
+        """True roll of the camera; the gimbal believes it zero."""
+        return self._bias_rad[0] + self._roll.value
+
+    @property
+    def pitch_error_rad(self) -> float:
+        """True pitch of the camera minus `pitch_rad`."""
+        return self._bias_rad[1] + self._pitch.value
 
     def step(self, wanted_rad: float) -> None:
         """One step towards the pitch asked for."""
@@ -70,56 +83,188 @@ class Gimbal:
         change = min(max(wanted_rad - self.pitch_rad, -most), most)
         self.pitch_rad += change
         self.pitch_rate_rad_s = change / self._step_s
-        self.roll_error_rad, self.pitch_error_rad = self._roll.step(), self._pitch.step()
+        self._roll.step()
+        self._pitch.step()
 
 
-class Instruments:
-    """Telemetry's errors.
+class Surface(NamedTuple):
+    """What the downward camera sees.
 
-    Args:
-        parameters: their sizes.
-        rng: draws them; used by nothing else, so that asking for telemetry changes no flight.
+    Attributes:
+        north_mps, east_mps: its velocity over ground.
+        water_share: part of the view that is water.
     """
 
-    def __init__(self, parameters: SensorParameters, rng: np.random.Generator) -> None:
-        self._parameters = parameters
-        self._rng = rng
-        self._heading_bias_rad = parameters.heading_bias_rad * float(rng.standard_normal())
-        self._drift_m = 0.0
-        self._drift_s = 0.0
+    north_mps: float
+    east_mps: float
+    water_share: float
 
-    def telemetry(
-        self,
-        t_s: float,
-        attitude: Vector,
-        height_m: float,
-        velocity_in_level_mps: Vector,
-        distance_m: float,
-        flying: bool,
-    ) -> Telemetry:
-        """One report at `t_s` [s].
+
+class Senses:
+    """The aircraft's estimates of itself: what its autopilot flies on, and what telemetry reports.
+
+    Velocity is over ground, or over the surface in view: optical flow with its slow bias, the water's own motion, and
+    losses over water, during which the autopilot flies on by its accelerometers and nothing is reported. Place is the
+    integral of velocity.
+
+    Args:
+        sensors: sizes of the errors.
+        over_ground: velocity comes from GPS, not from optical flow.
+        step_s: time between `sense` calls [s].
+        slow_step_s: time between `look` calls [s].
+        rng: draws the errors.
+    """
+
+    def __init__(
+        self, sensors: SensorParameters, over_ground: bool, step_s: float, slow_step_s: float, rng: np.random.Generator
+    ) -> None:
+        self._sensors, self._over_ground, self._step_s = sensors, over_ground, step_s
+        self._normals, self._rng = Normals(rng), rng
+        draw = self._normals.draw
+        velocity = (sensors.velocity_noise_mps, sensors.velocity_noise_time_s, slow_step_s, self._normals)
+        bias = (sensors.flow_bias_mps, sensors.flow_bias_time_s, slow_step_s, self._normals)
+        waves = (sensors.flow_wave_mps, sensors.flow_wave_time_s, slow_step_s, self._normals)
+        self._noise = [Coloured(*velocity) for _ in range(3)]
+        self._bias = [Coloured(*bias) for _ in range(2)]
+        self._waves = [Coloured(*waves) for _ in range(2)]
+        self._roll_bias_rad, self._pitch_bias_rad = (sensors.attitude_bias_rad * draw() for _ in range(2))
+        self._heading_bias_rad = sensors.heading_bias_rad * draw()
+        self._drift_m, self._drift_step_m = 0.0, sensors.height_drift_m_per_sqrt_s * math.sqrt(slow_step_s)
+        self._settle = -math.expm1(-slow_step_s / sensors.flow_settle_s)
+        self._back_share = slow_step_s / sensors.flow_lost_s
+        self._lose_share = self._back_share * sensors.flow_lost_share / (1.0 - sensors.flow_lost_share)
+        self._seen: tuple[float, float] | None = None
+        self._error = (self._noise[0].value, self._noise[1].value, self._noise[2].value)
+        self._stray_m = [0.0, 0.0]
+        self.flow_lost = False
+        """Whether there is no velocity to report."""
+
+    def look(self, surface: Surface) -> None:
+        """Advance the slow errors, with the surface now in view."""
+        error_n, error_e, error_d = (noise.step() for noise in self._noise)
+        self._drift_m += self._drift_step_m * self._normals.draw()
+        chance = self._rng.random()
+        if not self._over_ground:
+            waves = [wave.step() * surface.water_share for wave in self._waves]
+            seen = (surface.north_mps + waves[0], surface.east_mps + waves[1])
+            old = self._seen or seen
+            self._seen = (
+                old[0] + self._settle * (seen[0] - old[0]),
+                old[1] + self._settle * (seen[1] - old[1]),
+            )
+            error_n += self._bias[0].step() - self._seen[0]
+            error_e += self._bias[1].step() - self._seen[1]
+            change = self._back_share if self.flow_lost else self._lose_share * surface.water_share
+            if chance < change or surface.water_share <= 0.0:
+                self.flow_lost = surface.water_share > 0.0 and not self.flow_lost
+        self._error = (error_n, error_e, error_d)
+
+    def sense(self, motion: Motion) -> Sensed:
+        """The motion as the aircraft believes it; one step."""
+        (u, v, w), stray_m = self._error, self._stray_m
+        stray_m[0] += u * self._step_s
+        stray_m[1] += v * self._step_s
+        north, east, down = motion.position_m
+        v_north, v_east, v_down = motion.velocity_mps
+        roll, pitch, heading = euler_from_quaternion(motion.quaternion)
+        return Sensed(
+            north + stray_m[0],
+            east + stray_m[1],
+            down - self._drift_m,
+            v_north + u,
+            v_east + v,
+            v_down + w,
+            roll + self._roll_bias_rad,
+            pitch + self._pitch_bias_rad,
+            heading + self._heading_bias_rad,
+            *motion.rates_rad_s,
+        )
+
+
+class Readings(NamedTuple):
+    """One reading of every instrument.
+
+    Attributes:
+        t_s: when the values were true.
+        roll_rad, pitch_rad, heading_rad: attitude; heading clockwise from north.
+        height_m: above the sea plane.
+        velocity_in_level_mps: over the velocity reference, forward-right-down; None while the flow is lost.
+    """
+
+    t_s: float
+    roll_rad: float
+    pitch_rad: float
+    heading_rad: float
+    height_m: float
+    velocity_in_level_mps: Vector | None
+
+
+def read_instruments(
+    sensors: SensorParameters, t_s: float, sensed: Sensed, flow_lost: bool, rng: np.random.Generator
+) -> Readings:
+    """What the instruments say at `t_s` [s]: the autopilot's estimates with a reading's noise."""
+    a, b, c, d = rng.standard_normal(4).tolist()
+    cos_heading, sin_heading = math.cos(sensed.heading_rad), math.sin(sensed.heading_rad)
+    north, east = sensed.north_mps, sensed.east_mps
+    level = (cos_heading * north + sin_heading * east, cos_heading * east - sin_heading * north, sensed.down_mps)
+    return Readings(
+        t_s,
+        sensed.roll_rad + sensors.attitude_noise_rad * a,
+        sensed.pitch_rad + sensors.attitude_noise_rad * b,
+        wrap_angle(sensed.heading_rad + sensors.heading_noise_rad * c),
+        -sensed.down_m + sensors.height_noise_m * d,
+        None if flow_lost else level,
+    )
+
+
+class Touchdown:
+    """Whether the aircraft takes itself for landed, from its downward rangefinder and a felt impact.
+
+    Two low-passes of the noisy range give it and its rate.
+
+    Args:
+        range_m: under which the aircraft may take itself for landed.
+        confirm_s: for how long, with an impact or no more descent.
+        noise_m: of one reading.
+        step_s: time between readings [s].
+        rng: draws the noise.
+    """
+
+    _FILTER_S = 0.03
+    _STILL_MPS = 0.05
+
+    def __init__(
+        self, range_m: float, confirm_s: float, noise_m: float, step_s: float, rng: np.random.Generator
+    ) -> None:
+        self._limit_m, self._confirm_s, self._noise_m, self._step_s = range_m, confirm_s, noise_m, step_s
+        self._normals = Normals(rng)
+        self._share = -math.expm1(-step_s / self._FILTER_S)
+        self.reset()
+
+    def reset(self) -> None:
+        """No surface in range, or no landing wanted."""
+        self._range_m = self._slow_m = math.inf
+        self._landed_for_s, self._impact = 0.0, False
+
+    def landed(self, range_m: float, impact: bool) -> bool:
+        """One reading.
 
         Args:
-            t_s: now; must not decrease between calls.
-            attitude: roll, pitch, heading [rad], true.
-            height_m: above the sea plane, true.
-            velocity_in_level_mps: the aircraft's own estimate.
-            distance_m: to the base station, for the link.
-            flying: whether the motors run.
+            range_m: true clearance of the lowest foot; infinite without a surface.
+            impact: whether the accelerometers feel one now.
         """
-        p = self._parameters
-        noise = self._rng.standard_normal(5).tolist()
-        passed_s, self._drift_s = max(t_s - self._drift_s, 0.0), max(t_s, self._drift_s)
-        self._drift_m += p.height_drift_m_per_sqrt_s * math.sqrt(passed_s) * noise[4]
-        roll, pitch, heading = attitude
-        return Telemetry(
-            t_s=t_s,
-            roll_rad=roll + p.attitude_noise_rad * noise[0],
-            pitch_rad=pitch + p.attitude_noise_rad * noise[1],
-            heading_rad=wrap_angle(heading + self._heading_bias_rad + p.heading_noise_rad * noise[2]),
-            height_m=height_m + self._drift_m + p.height_noise_m * noise[3],
-            velocity_in_level_mps=np.array(velocity_in_level_mps),
-            battery_percent=max(0.0, 100.0 * (1.0 - t_s / p.endurance_s)),
-            link_percent=max(0.0, 100.0 * (1.0 - distance_m / p.link_range_m)),
-            flying=flying,
-        )
+        if math.isinf(range_m):
+            self.reset()
+            return False
+        reading_m = range_m + self._noise_m * self._normals.draw()
+        if math.isinf(self._range_m):
+            self._range_m = self._slow_m = reading_m
+        self._range_m += self._share * (reading_m - self._range_m)
+        self._slow_m += self._share * (self._range_m - self._slow_m)
+        if self._range_m > self._limit_m:
+            self._landed_for_s, self._impact = 0.0, False
+            return False
+        self._impact = self._impact or impact
+        ended = (self._slow_m - self._range_m) / self._FILTER_S < self._STILL_MPS
+        self._landed_for_s = self._landed_for_s + self._step_s if self._impact or ended else 0.0
+        return self._landed_for_s >= self._confirm_s

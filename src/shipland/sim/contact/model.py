@@ -11,12 +11,12 @@ accelerations. Its inertia is joint armature: the mass matrix is then diagonal, 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 
 from shipland.rig import Rig, Solid, layout
-from shipland.sim.aircraft.inner_loop import SPINS
-from shipland.sim.aircraft.parameters import AirframeParameters
+from shipland.sim.aircraft.parameters import Shape
 
 DECK_ARMATURE = 1e4
 DECK_THICKNESS_M = 0.10
@@ -48,9 +48,10 @@ class Model:
     board_mocap: int
 
 
-def build_model(rig: Rig, airframe: AirframeParameters, step_s: float) -> Model:
-    """Compile the model for a rig and an airframe with a physics step [s]."""
-    mj = mujoco.MjModel.from_xml_string(_xml(rig, airframe, step_s))
+@lru_cache(maxsize=8)
+def build_model(rig: Rig, aircraft: Shape, step_s: float) -> Model:
+    """Compile the model for a rig and an aircraft with a physics step [s]; the model is shared, not to be changed."""
+    mj = mujoco.MjModel.from_xml_string(_xml(rig, aircraft, step_s))
     names = [mujoco.mj_id2name(mj, mujoco.mjtObj.mjOBJ_GEOM, index) for index in range(mj.ngeom)]
     return Model(
         mj,
@@ -60,7 +61,7 @@ def build_model(rig: Rig, airframe: AirframeParameters, step_s: float) -> Model:
     )
 
 
-def _xml(rig: Rig, airframe: AirframeParameters, step_s: float) -> str:
+def _xml(rig: Rig, aircraft: Shape, step_s: float) -> str:
     shape = layout(rig)
     return f"""
 <mujoco model="shipland">
@@ -68,12 +69,12 @@ def _xml(rig: Rig, airframe: AirframeParameters, step_s: float) -> str:
   <size memory="2M"/>
   <compiler angle="radian"/>
   <default>
-    <geom solref="{airframe.contact_time_s} 1" friction="{airframe.foot_friction} 0.005 0.0001"/>
+    <geom solref="{aircraft.contact_time_s} 1" friction="{aircraft.foot_friction} 0.005 0.0001"/>
     <default class="ship"><geom contype="2" conaffinity="1"/></default>
     <default class="aircraft"><geom contype="1" conaffinity="2" mass="0"/></default>
   </default>
   <worldbody>
-    <body name="aircraft">{_aircraft(airframe)}
+    <body name="aircraft">{_aircraft(aircraft)}
     </body>
     <body name="deck" gravcomp="1" childclass="ship">{_deck(rig)}
     </body>
@@ -82,54 +83,29 @@ def _xml(rig: Rig, airframe: AirframeParameters, step_s: float) -> str:
     <body name="bar" mocap="true" childclass="ship">{_box("board", shape.board)}
     </body>
   </worldbody>
-  <actuator>{_motors(airframe)}
-  </actuator>
 </mujoco>
 """
 
 
-def _corners(forward_m: float, right_m: float) -> list[tuple[str, float, float]]:
-    """Front right, front left, rear right, rear left as (name, forward, left)."""
-    return [
-        ("fr", forward_m, -right_m),
-        ("fl", forward_m, right_m),
-        ("rr", -forward_m, -right_m),
-        ("rl", -forward_m, right_m),
-    ]
-
-
-def _aircraft(airframe: AirframeParameters) -> str:
-    ixx, iyy, izz = airframe.inertia_kgm2
-    length, width, height = airframe.body_size_m
+def _aircraft(aircraft: Shape) -> str:
+    ixx, iyy, izz = aircraft.inertia_kgm2
+    length, width, height = aircraft.body_size_m
     lines = [
         "<freejoint/>",
-        f'<inertial pos="0 0 0" mass="{airframe.mass_kg}" diaginertia="{ixx} {iyy} {izz}"/>',
+        f'<inertial pos="0 0 0" mass="{aircraft.mass_kg}" diaginertia="{ixx} {iyy} {izz}"/>',
         f'<geom class="aircraft" name="body" type="box" size="{length / 2} {width / 2} {height / 2}"/>',
     ]
-    foot_up = -airframe.foot_below_m + airframe.foot_radius_m
-    for name, forward, left in _corners(airframe.foot_forward_m, airframe.foot_right_m):
+    for index, (forward, right, down) in enumerate(aircraft.feet_m):
         lines.append(
-            f'<geom class="aircraft" name="foot_{name}" type="sphere" size="{airframe.foot_radius_m}" '
-            f'pos="{forward} {left} {foot_up}"/>'
+            f'<geom class="aircraft" name="foot_{index}" type="sphere" size="{aircraft.foot_radius_m}" '
+            f'pos="{forward} {-right} {aircraft.foot_radius_m - down}"/>'
         )
-    for name, forward, left in _corners(airframe.motor_forward_m, airframe.motor_right_m):
-        place = f'pos="{forward} {left} {airframe.motor_above_m}"'
-        lines.append(f'<site name="motor_{name}" {place}/>')
+    for index, (forward, right, down) in enumerate(aircraft.rotors_m):
         lines.append(
-            f'<geom class="aircraft" name="rotor_{name}" type="cylinder" '
-            f'size="{airframe.rotor_radius_m} 0.003" {place}/>'
+            f'<geom class="aircraft" name="rotor_{index}" type="cylinder" '
+            f'size="{aircraft.rotor_radius_m} 0.003" pos="{forward} {-right} {-down}"/>'
         )
     return "\n      ".join(["", *lines])
-
-
-def _motors(airframe: AirframeParameters) -> str:
-    lines = []
-    for (name, _, _), spin in zip(_corners(0.0, 0.0), SPINS, strict=True):
-        lines.append(
-            f'<general site="motor_{name}" gear="0 0 1 0 0 {-spin * airframe.torque_per_thrust_m}" '
-            f'dyntype="filterexact" dynprm="{airframe.motor_time_s}" gainprm="1" biastype="none"/>'
-        )
-    return "\n    ".join(["", *lines])
 
 
 def _deck(rig: Rig) -> str:

@@ -1,0 +1,159 @@
+"""An airframe with its autopilot: what is sensed and the sticks in, forces out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from shipland.factories import resolve
+from shipland.sim.aircraft.aerodynamics import (
+    Quaternion,
+    air_force_in_ned_n,
+    ground_effect_gain,
+    rows_from_quaternion,
+    trim_hover,
+)
+from shipland.sim.aircraft.autopilot import Demand, InnerLoop, LoopSetup, Sensed, Sticks
+from shipland.sim.aircraft.parameters import AircraftParameters, Shape, Vector
+
+SPINS = (1.0, -1.0, -1.0, 1.0)
+"""Sign of the reaction torque about body down of the rotors front right, front left, rear right, rear left."""
+
+
+class Motion(NamedTuple):
+    """Position and velocity of the centre of mass in `ned`, attitude (w, x, y, z) of `body` in `ned`, body rates."""
+
+    position_m: Vector
+    quaternion: Quaternion
+    velocity_mps: Vector
+    rates_rad_s: Vector
+
+
+class Wrench(NamedTuple):
+    """Force [N] in `ned` and moment [Nm] in `body`, about the centre of mass; gravity is not in it."""
+
+    force_in_ned_n: Vector
+    moment_in_body_nm: Vector
+
+
+Clearance = Callable[[Vector], float]
+"""Height [m] of a point of `body` over the deck; infinite beside or below it."""
+
+
+class Aircraft(Protocol):
+    """What flies; a factory of the group `aircraft` makes it from `AircraftParameters` and the step [s]."""
+
+    @property
+    def shape(self) -> Shape:
+        """Mass and what can touch the deck."""
+
+    def trim(self, wind_in_ned_mps: Vector, heading_rad: float) -> tuple[float, float]:
+        """Roll and pitch [rad] in which it hovers in a wind; the flight begins so."""
+
+    def begin(self, sensed: Sensed) -> None:
+        """Start the autopilot in the last trim."""
+
+    def step(
+        self, motion: Motion, sensed: Sensed, sticks: Sticks | None, wind_in_ned_mps: Vector, deck: Clearance | None
+    ) -> Wrench:
+        """Advance by one step; the forces until the next.
+
+        Args:
+            motion: true, for the forces of the air.
+            sensed: what the autopilot believes.
+            sticks: as piloted; None once the motors are stopped.
+            wind_in_ned_mps: the air's velocity here.
+            deck: clearances over the deck when it is near.
+        """
+
+
+class Quadrotor:
+    """Four rotors with a lag, an inner loop, drag and ground effect.
+
+    Args:
+        parameters: the aircraft.
+        step_s: time between steps [s].
+
+    Raises:
+        ConfigError: there is no inner loop of the name `loop.kind`.
+    """
+
+    def __init__(self, parameters: AircraftParameters, step_s: float) -> None:
+        self._parameters, self._airframe, self._step_s = parameters, parameters.airframe, step_s
+        self._make_loop = resolve("loops", parameters.loop.kind)
+        airframe = self._airframe
+        self.shape = airframe.shape
+        """See `Aircraft`."""
+        share = -math.expm1(-step_s / airframe.motor_time_s)
+        self._settle = share
+        self._mean = airframe.motor_time_s / step_s * share
+        self._ground_effect = airframe.ground_effect
+        self.trim((0.0, 0.0, 0.0), 0.0)
+
+    def trim(self, wind_in_ned_mps: Vector, heading_rad: float) -> tuple[float, float]:
+        """See `Aircraft`."""
+        self._trim = trim_hover(self._airframe, wind_in_ned_mps, heading_rad)
+        self._thrusts_n = (0.25 * self._trim.thrust_n,) * 4
+        return self._trim.roll_rad, self._trim.pitch_rad
+
+    def begin(self, sensed: Sensed) -> None:
+        """See `Aircraft`."""
+        setup = LoopSetup(self._parameters, self._step_s, sensed, self._trim.push_in_ned_mps2)
+        self._loop: InnerLoop = self._make_loop(setup)
+
+    def step(
+        self, motion: Motion, sensed: Sensed, sticks: Sticks | None, wind_in_ned_mps: Vector, deck: Clearance | None
+    ) -> Wrench:
+        """See `Aircraft`."""
+        rows = rows_from_quaternion(*motion.quaternion)
+        asked = (0.0, 0.0, 0.0, 0.0) if sticks is None else self._mix(self._loop.update(sensed, sticks))
+        (u, v, w), (a, b, c) = motion.velocity_mps, wind_in_ned_mps
+        north, east, down = air_force_in_ned_n(self._airframe, rows, (u - a, v - b, w - c), sum(self._thrusts_n))
+        thrusts = self._turn_rotors(asked)
+        if deck is not None and self._ground_effect:
+            radius_m = self._airframe.rotor_radius_m
+            gains = (ground_effect_gain(deck(rotor), radius_m) for rotor in self.shape.rotors_m)
+            lifts = [thrust * gain for thrust, gain in zip(thrusts, gains, strict=True)]
+        else:
+            lifts = thrusts
+        fr, fl, rr, rl = lifts
+        lift = fr + fl + rr + rl
+        x, y = self._airframe.motor_forward_m, self._airframe.motor_right_m
+        spin = thrusts[0] - thrusts[1] - thrusts[2] + thrusts[3]
+        return Wrench(
+            (north - lift * rows[2], east - lift * rows[5], down - lift * rows[8]),
+            (y * (fl + rl - fr - rr), x * (fr + fl - rr - rl), self._airframe.torque_per_thrust_m * spin),
+        )
+
+    def _turn_rotors(self, asked_n: tuple[float, float, float, float]) -> list[float]:
+        """Let the thrusts follow for one step; their means over it [N]."""
+        settle, mean, top = self._settle, self._mean, self._airframe.top_thrust_n
+        means, ends = [], []
+        for thrust, wanted in zip(self._thrusts_n, asked_n, strict=True):
+            wanted = min(max(wanted, 0.0), top)
+            off = thrust - wanted
+            means.append(wanted + mean * off)
+            ends.append(thrust - settle * off)
+        self._thrusts_n = (ends[0], ends[1], ends[2], ends[3])
+        return means
+
+    def _mix(self, demand: Demand) -> tuple[float, float, float, float]:
+        """Thrusts of the rotors; what exceeds their range goes first from yaw, then from roll and pitch."""
+        airframe = self._airframe
+        low, top = airframe.idle_thrust * airframe.hover_thrust_n, airframe.top_thrust_n
+        share = min(max(0.25 * demand.thrust_n, 1.5 * low), 0.9 * top)
+        room = min(share - low, top - share)
+        roll = -0.25 * demand.roll_nm / airframe.motor_right_m
+        pitch = 0.25 * demand.pitch_nm / airframe.motor_forward_m
+        tilt = abs(roll) + abs(pitch)
+        if tilt > room:
+            roll, pitch, tilt = roll * room / tilt, pitch * room / tilt, room
+        yaw = 0.25 * demand.yaw_nm / airframe.torque_per_thrust_m
+        yaw = min(max(yaw, tilt - room), room - tilt)
+        return (
+            share + roll + pitch + yaw,
+            share - roll + pitch - yaw,
+            share + roll - pitch - yaw,
+            share - roll - pitch + yaw,
+        )
