@@ -284,7 +284,8 @@ class TouchdownVerdict:
         t_s: first contact [s].
         landed: came to rest on its feet on the deck.
         in_square: the touchdown point lies in the landing square.
-        touchdown_in_deck_m: (2,) forward, starboard of the aircraft's centre at first contact.
+        touchdown_in_deck_m: (2,) forward, starboard of the aircraft's centre at first contact; NaN where the flight
+            ended without contact with the deck, and then the next two as well.
         rest_in_deck_m: (2,) the same at rest (or at the end).
         relative_velocity_in_deck_mps: (3,) against the deck just before contact; down positive.
         tilt_rad: largest tilt of the aircraft's vertical against the deck's normal after contact.
@@ -308,6 +309,11 @@ class TouchdownVerdict:
         _check_shape("TouchdownVerdict", "touchdown_in_deck_m", self.touchdown_in_deck_m, (2,))
         _check_shape("TouchdownVerdict", "rest_in_deck_m", self.rest_in_deck_m, (2,))
         _check_shape("TouchdownVerdict", "relative_velocity_in_deck_mps", self.relative_velocity_in_deck_mps, (3,))
+
+    @property
+    def touched(self) -> bool:
+        """There was contact with the deck."""
+        return bool(np.isfinite(self.touchdown_in_deck_m).all())
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,42 @@
-"""Campaigns: rows survive the file, what is done is not flown again, wrong files are refused, causes are named."""
+"""Campaigns: rows survive the file, what is done is not flown again, rows of different flights never mix."""
 
+import json
 import math
+import multiprocessing
+import os
+from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from shipland.errors import ConfigError, DataError
 from shipland.missions import campaign as campaigns
+from shipland.missions import folder as folders
 from shipland.missions.campaign import CampaignRequest, run_campaign
-from shipland.missions.landing import Landing, Way, failures_table, no_landing, summary_of, table_of
+from shipland.missions.folder import open_folder
+from shipland.missions.landing import COLUMNS, Conditions, Landing, Way, landing_from, row_of
 from shipland.missions.rules import rules_table
+from shipland.missions.tables import causes_table, landings_table, modes_table, pair_up, summary_of
+from shipland.missions.workers import run_jobs
+from shipland.rig import default_rig
 
-WAY = (12.0, 1.0, 0.0, 0.0, 20.0, 8.0, 0.5, 0.0, 0)
-NO_WAY = Way(*WAY)
-TOUCH = (0.03, -0.04, 0.45, 0.05, 6.0, 0.01, 17.0, 29.5, 29.5, 0.03, -0.04, 0.0, 0.0)
-GOOD = Landing(1, True, True, *TOUCH, *WAY, "landed")
+WAY = Way(1.0, 0.0, 0.0, 20.0, 8.0, 0.5, 0.0, 0)
+CONDITIONS = Conditions(
+    5.0, 10.0, 10.0, "land", 12.0, 3.0, 1.5, -2.0, "still", 0.0, "natops", False, None, None, 1, 0.0, 0.28, 0.025,
+    "paper", 15.0,
+)  # fmt: skip
+GOOD = Landing(
+    1, True, True, "", 29.5, WAY, CONDITIONS, "landed", forward_m=0.03, starboard_m=-0.04, own_forward_m=0.03,
+    own_starboard_m=-0.04, deck_forward_m=0.0, deck_starboard_m=0.0, perfect_forward_m=0.0, perfect_starboard_m=0.0,
+    perfect_in_square=True, sink_mps=0.45, slide_mps=0.05, tilt_deg=6.0, slip_m=0.01, force_n=17.0,
+)  # fmt: skip
+NOWHERE = Landing(3, False, False, "never steady over the deck", 120.0, WAY, CONDITIONS, "no touchdown: time limit")
+
+
+def seeded(landing, seed):
+    return replace(landing, seed=seed, conditions=replace(landing.conditions, motion_seed=seed))
 
 
 @pytest.fixture
@@ -22,9 +44,9 @@ def request_(tmp_path, monkeypatch):
     """A campaign of three whose flights are made up; the seeds flown are counted."""
     flown = []
 
-    def land(table, pilot, camera, seed, *_):
-        flown.append(seed)
-        return replace(GOOD, seed=seed, sink_mps=0.1 * seed)
+    def land(flight):
+        flown.append(flight.seed)
+        return replace(seeded(GOOD, flight.seed), sink_mps=round(0.1 * flight.seed, 4))
 
     monkeypatch.setattr(campaigns, "land_once", land)
     request = CampaignRequest("near", "paper", "geometric", 1, 3, tmp_path / "out", None, 1, False)
@@ -39,11 +61,45 @@ def test_rows_survive_the_file_and_are_not_flown_again(request_):
     assert flown == [1, 2, 3, 4, 5]
 
 
-def test_other_configuration_is_refused(request_):
+def test_the_table_is_plain_csv_and_the_rest_stands_beside_it(request_):
     request, _ = request_
     list(run_campaign(request))
-    with pytest.raises(DataError, match="another configuration"):
-        list(run_campaign(replace(request, pilot="offset_free")))
+    assert (request.out / "landings.csv").read_text().splitlines()[0] == ",".join(COLUMNS)
+    beside = json.loads((request.out / "campaign.json").read_text())
+    assert beside["scenario"]["ship"]["motion"] == "natops"
+    assert {"version", "source", "configuration", "weights", "libraries", "command"} <= set(beside)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"pilot": "offset_free"}, "another pilot"),
+        ({"changes": ("wind.mean_mps=7",)}, "another configuration"),
+        ({"scenario": "rig-natops"}, "another configuration"),
+    ],
+)
+def test_other_flights_are_refused(request_, change, words):
+    request, _ = request_
+    list(run_campaign(request))
+    with pytest.raises(DataError, match=words):
+        list(run_campaign(replace(request, **change)))
+
+
+def test_other_code_is_refused(request_, monkeypatch):
+    request, _ = request_
+    list(run_campaign(request))
+    monkeypatch.setattr(folders, "source_digest", lambda: "0" * 16)
+    with pytest.raises(DataError, match="another code"):
+        list(run_campaign(request))
+
+
+def test_other_weights_are_refused(request_, monkeypatch):
+    request, _ = request_
+    request = replace(request, vision="rendered")
+    list(run_campaign(request))
+    monkeypatch.setattr(folders, "file_digest", lambda _: "0" * 16)
+    with pytest.raises(DataError, match="another weights"):
+        list(run_campaign(request))
 
 
 def test_broken_row_is_named(request_):
@@ -51,8 +107,45 @@ def test_broken_row_is_named(request_):
     list(run_campaign(request))
     path = request.out / "landings.csv"
     path.write_text(path.read_text().replace("\n2,True", "\n2,perhaps"))
-    with pytest.raises(DataError, match="line 4"):
+    with pytest.raises(DataError, match="line 3"):
         list(run_campaign(request))
+
+
+def test_a_row_cut_short_is_flown_again(request_):
+    request, flown = request_
+    first = list(run_campaign(request))
+    path = request.out / "landings.csv"
+    path.write_text(path.read_text()[:-20])
+    assert list(run_campaign(request)) == first
+    assert flown == [1, 2, 3, 3]
+
+
+def test_a_second_campaign_in_the_folder_is_refused(request_):
+    request, _ = request_
+    with closing(run_campaign(request)) as first:
+        next(first)
+        with pytest.raises(DataError, match="another campaign flies in this folder"):
+            list(run_campaign(request))
+    assert len(list(run_campaign(request))) == 3
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(request_, tmp_path):
+    request, _ = request_
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DataError, match="cannot be written: Not a directory"):
+        list(run_campaign(replace(request, out=tmp_path / "file" / "out")))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="wants a device that is always full")
+def test_a_full_disk_is_one_line(tmp_path):
+    (tmp_path / "landings.csv").write_text(",".join(COLUMNS) + "\n")
+    key = dict.fromkeys(("version", "source", "configuration", "pilot", "vision", "own_code", "weights"), "")
+    (tmp_path / "campaign.json").write_text(json.dumps(key))
+    with open_folder(tmp_path, key) as folder:
+        (tmp_path / "landings.csv").unlink()
+        (tmp_path / "landings.csv").symlink_to("/dev/full")
+        with pytest.raises(DataError, match="No space left on device"):
+            folder.append(GOOD)
 
 
 @pytest.mark.parametrize(("change", "words"), [({"count": 0}, "--count"), ({"workers": 0}, "--workers")])
@@ -61,30 +154,64 @@ def test_bad_requests(request_, change, words):
         replace(request_[0], **change)
 
 
-def test_flights_without_touchdown_survive_the_file_too(request_, monkeypatch):
-    request, _ = request_
-    monkeypatch.setattr(campaigns, "land_once", lambda *_: no_landing(1, 120.0, 0.0, NO_WAY, "no touchdown"))
-    list(run_campaign(replace(request, count=1)))
-    (landing,) = run_campaign(replace(request, count=1))
-    assert math.isnan(landing.forward_m)
-    assert not landing.landed
-
-
-def test_causes_tell_the_deck_from_the_aircraft():
-    outside = replace(GOOD, in_square=False, forward_m=0.3, reason="landed outside the square")
-    assert "deck had moved" in replace(outside, place_forward_m=0.02, deck_forward_m=-0.28).cause
-    assert "aircraft was off" in replace(outside, place_forward_m=0.3).cause
-    assert GOOD.cause == ""
+def test_a_row_holds_everything():
+    for landing in (GOOD, NOWHERE):
+        texts = {name: str(value) for name, value in row_of(landing).items()}
+        assert list(texts) == COLUMNS
+        assert str(landing_from(texts)) == str(landing)  # NaN is not equal to itself; its text is
+    assert math.isnan(NOWHERE.error_m)
 
 
 def test_tables_count_right():
-    missed = replace(GOOD, seed=2, in_square=False, forward_m=0.4, reason="landed outside the square")
-    landings = [GOOD, missed, no_landing(3, 120.0, 0.0, NO_WAY, "no touchdown: time limit")]
+    missed = replace(seeded(GOOD, 2), in_square=False, forward_m=0.4, reason="landed outside", cause="own error")
+    landings = [GOOD, missed, seeded(NOWHERE, 3)]
     assert "1 of 3 landed in the square" in summary_of(landings)
-    assert table_of(landings).count("\n| ") == 3
-    assert failures_table(landings).count("\n| ") == 2
-    rules = rules_table(landings)
+    assert "a perfect aircraft would have landed 2 of the 2" in summary_of(landings)
+    assert landings_table(landings).count("\n| ") == 3
+    assert "nan" not in landings_table(landings)
+    assert causes_table(landings).count("\n| ") == 2
+    assert "| 1 land | 8.0 | 8.0 |" in modes_table(landings)
+    rules = rules_table(landings, default_rig())
     assert "| ours: at rest on its feet in the 0.35 m square, within every limit | 1 of 3 |" in rules
     assert "| any first contact on the deck | 2 of 3 |" in rules
-    # Clopper–Pearson for 1 of 1: the lower end is 0.025
+    # Clopper-Pearson for 1 of 1: the lower end is 0.025
     assert "95 % interval 2.5–100.0 %" in summary_of([GOOD])
+
+
+def test_limits_come_from_the_rig():
+    wide = replace(default_rig(), landing_square_m=0.8, deck_size_m=1.0)
+    off = replace(GOOD, forward_m=0.39)
+    assert "| first contact in the 0.8 m square | 1 of 1 |" in rules_table([off], wide)
+    assert "| any first contact on the deck | 0 of 1 |" in rules_table([replace(GOOD, forward_m=0.55)], wide)
+
+
+def test_intervals_say_what_they_assume():
+    assert "independent" in summary_of([GOOD, seeded(GOOD, 2)])
+    assert "one record of motion" in summary_of([GOOD, replace(GOOD, seed=2)])
+
+
+def test_pilots_are_compared_on_the_seeds_that_both_flew():
+    first = [seeded(GOOD, seed) for seed in (1, 2, 3)]
+    second = [seeded(replace(GOOD, in_square=False), seed) for seed in (2, 3, 4)]
+    found = pair_up(first, second, np.random.default_rng(0))
+    assert (found.flights, found.only_first, found.only_second) == (2, 2, 0)
+
+
+def _square(number):
+    return number * number
+
+
+def _die(number):
+    os._exit(3)
+
+
+def test_workers_do_every_job_once():
+    kept = {}
+    done = dict(run_jobs(_square, range(7), 2, kept.__setitem__))
+    assert done == kept == {number: number * number for number in range(7)}
+
+
+def test_a_worker_that_dies_is_one_line():
+    with pytest.raises(DataError, match="a worker process died"):
+        list(run_jobs(_die, range(3), 2, lambda *_: None))
+    assert not multiprocessing.active_children()

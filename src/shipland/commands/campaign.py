@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +10,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
 from shipland import factories
+from shipland.errors import DataError
 from shipland.missions.campaign import CampaignRequest, run_campaign
-from shipland.missions.landing import Landing, failures_table, modes_table, table_of
+from shipland.missions.landing import Landing
 from shipland.missions.rules import rules_table
 from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
+from shipland.missions.tables import causes_table, landings_table, modes_table
 from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
 from shipland.report.outputs import load_outputs
 from shipland.sim.ship.ship import build_ship
@@ -20,7 +23,7 @@ from shipland.sim.ship.ship import build_ship
 
 def campaign(request: CampaignRequest) -> int:
     """Fly, show progress, write `table.md` and `landings.png`; 0 when all landed in the square, 1 when not."""
-    load_scenario(scenario_table(request.scenario, request.config, request.changes))
+    scenario = load_scenario(scenario_table(request.scenario, request.config, request.changes))
     factories.resolve("pilots", request.pilot)
     factories.resolve("visions", request.vision)
     console = Console(stderr=True, highlight=False)
@@ -28,39 +31,41 @@ def campaign(request: CampaignRequest) -> int:
     columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("landings", total=request.count)
-        try:
-            for landing in run_campaign(request):
+        with closing(run_campaign(request)) as flown:
+            for landing in flown:
                 landings.append(landing)
-                good = sum(each.landed and each.in_square for each in landings)
+                good = sum(each.good for each in landings)
                 progress.update(task, advance=1, description=f"{good} of {len(landings)} in the square")
-        finally:
-            if landings:
-                _write_pictures(request, landings)
-    print(f"{table_of(landings)}\n\n{rules_table(landings)}")
-    console.print(f"{request.out}: landings.csv, table.md, landings.png")
-    return 0 if all(landing.landed and landing.in_square for landing in landings) else 1
+    _write_pictures(request, scenario, landings)
+    print(f"{landings_table(landings)}\n\n{rules_table(landings, scenario.rig)}")
+    console.print(f"{request.out}: landings.csv, campaign.json, table.md, landings.png")
+    return 0 if all(landing.good for landing in landings) else 1
 
 
-def _write_pictures(request: CampaignRequest, landings: list[Landing]) -> None:
-    text = (
-        "\n\n".join(
-            [table_of(landings), modes_table(landings), rules_table(landings), failures_table(landings)]
-        ).strip()
-        + "\n"
-    )
-    (request.out / "table.md").write_text(text, encoding="utf-8")
-    scenario = load_scenario(scenario_table(request.scenario, request.config, request.changes))
+def _write_pictures(request: CampaignRequest, scenario: Scenario, landings: list[Landing]) -> None:
+    tables = [
+        landings_table(landings),
+        causes_table(landings),
+        modes_table(landings),
+        rules_table(landings, scenario.rig),
+    ]
+    try:
+        (request.out / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise DataError(f"{request.out / 'table.md'} cannot be written: {error.strerror}") from None
     touchdowns = Touchdowns(
-        t_s=np.array([landing.time_s for landing in landings]),
+        t_s=np.array([landing.time_s if landing.touched else np.nan for landing in landings]),
         place_in_deck_m=np.array([[landing.forward_m, landing.starboard_m] for landing in landings]),
-        landed=np.array([landing.landed and landing.in_square for landing in landings]),
+        landed=np.array([landing.good for landing in landings]),
     )
     title = f"{request.scenario}, pilot {request.pilot}, vision {request.vision}"
     parameters = load_outputs().plots
     plot_touchdowns(request.out / "landings.png", touchdowns, scenario.rig, title, parameters)
     if scenario.ship.same_motion:
-        instants = replace(touchdowns, t_s=np.array([landing.instant_s for landing in landings]))
-        trace = _trace(scenario, float(np.max(instants.t_s)) + 5.0)
+        instants = replace(
+            touchdowns, t_s=np.array([landing.instant_s if landing.touched else np.nan for landing in landings])
+        )
+        trace = _trace(scenario, max(landing.instant_s for landing in landings) + 5.0)
         plot_instants(request.out / "instants.png", trace, instants, title, parameters)
 
 

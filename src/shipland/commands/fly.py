@@ -75,7 +75,7 @@ def fly_one(request: FlyRequest) -> int:
 def _report(console: Console, request: FlyRequest, flown: Flown) -> None:
     console.print(f"{flown.reason} (seed {request.seed}, {flown.result.t_s:.1f} s of flight)")
     verdict = flown.verdict
-    if verdict is not None:
+    if verdict is not None and verdict.touched:
         forward_m, starboard_m = verdict.touchdown_in_deck_m
         sink_mps = verdict.relative_velocity_in_deck_mps[2]
         console.print(

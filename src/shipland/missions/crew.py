@@ -16,10 +16,10 @@ from shipland.guidance.safety import Safety
 from shipland.missions.follower import DeckFollower
 from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import VisionSetup
-from shipland.sim.air.wind import build_wind
+from shipland.sim.air.wind import WindParameters, build_wind, drawn_wind
 from shipland.sim.aircraft.parameters import GRAVITY_MPS2
 from shipland.sim.scene.scene import Scene
-from shipland.sim.ship.ship import build_ship
+from shipland.sim.ship.ship import Ship, build_ship
 from shipland.sim.world import World
 from shipland.vehicles.simulated import SimulatedVehicle
 
@@ -72,9 +72,14 @@ def build_crew(
     return Crew(sees, flier, Safety(scenario.safety, scenario.rig), scenario.delays)
 
 
-def motion_start_s(scenario: Scenario, seed: int) -> float:
-    """How far into the one motion that every flight meets this flight starts [s]; 0 where each has its own."""
-    return build_ship(scenario.ship, scenario.rig, _generators(seed)[0]).start_s
+def drawn_ship(scenario: Scenario, seed: int) -> Ship:
+    """The ship that the flight of `seed` meets."""
+    return build_ship(scenario.ship, scenario.rig, _generators(seed)[0])
+
+
+def drawn_wind_of(scenario: Scenario, seed: int) -> WindParameters:
+    """The mean wind that the flight of `seed` meets."""
+    return drawn_wind(scenario.wind, _generators(seed)[1])
 
 
 def response_of(scenario: Scenario) -> Response:

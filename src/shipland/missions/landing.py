@@ -1,113 +1,243 @@
-"""One landing of a campaign, and tables of many."""
+"""One landing of a campaign: what came of it, why, how the flight went, and the conditions that it met."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Any, TypeVar
 
 import numpy as np
 
-from shipland.messages import FlightRecord, Mode
+from shipland.frames import euler_from_rotation, wrap_angle
+from shipland.messages import FlightRecord, Mode, TouchdownVerdict
+from shipland.missions.ceiling import take_apart
+from shipland.missions.crew import drawn_ship, drawn_wind_of
+from shipland.missions.fly import Flown
+from shipland.missions.scenarios import Scenario
+from shipland.sim.contact.touchdown import broken_limit
+from shipland.sim.ship.ship import SAME_MOTION_SEED, Ship
+
+NAN = float("nan")
+_DIGITS = 4
+"""Decimals that a row keeps: a tenth of a millimetre or of a millisecond."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a flight went before contact.
+
+    Attributes:
+        search_s, ship_s, bar_s, approach_s, land_s, blind_s, climb_out_s: time in each mode.
+        tries: landings broken off.
+    """
+
+    search_s: float
+    ship_s: float
+    bar_s: float
+    approach_s: float
+    land_s: float
+    blind_s: float
+    climb_out_s: float
+    tries: int
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What a flight was dealt.
+
+    Attributes:
+        wind_mps: mean wind speed.
+        wind_from_deg: compass direction that it comes from.
+        wind_off_bow_deg: the same clockwise from the bow at the start, within ±180.
+        surface: land or sea.
+        start_distance_m: over ground from the deck's neutral centre, at the first frame.
+        start_bearing_deg: off the axis straight astern then, positive to starboard.
+        start_height_m: above the neutral deck then.
+        start_heading_error_deg: of the nose off the deck's neutral centre then, clockwise positive.
+        course: kind of the ship's course.
+        ship_mps: speed of a ship under way; 0 of one that lies still.
+        motion: what moves the deck.
+        full_ship: superstructure and bar move with it.
+        sea_state: of a ship in waves, else None.
+        waves_from_deg: clockwise from the bow, of a ship in waves, else None.
+        motion_seed: flights with the same number met the same record of motion.
+        motion_start_s: how far into that record the flight began.
+        video_s, uplink_s: latencies.
+        processing: which processing times were flown.
+        max_tilt_deg: at full stick.
+    """
+
+    wind_mps: float
+    wind_from_deg: float
+    wind_off_bow_deg: float
+    surface: str
+    start_distance_m: float
+    start_bearing_deg: float
+    start_height_m: float
+    start_heading_error_deg: float
+    course: str
+    ship_mps: float
+    motion: str
+    full_ship: bool
+    sea_state: int | None
+    waves_from_deg: float | None
+    motion_seed: int
+    motion_start_s: float
+    video_s: float
+    uplink_s: float
+    processing: str
+    max_tilt_deg: float
 
 
 @dataclass(frozen=True)
 class Landing:
-    """One landing of a campaign.
+    """One landing of a campaign. Without contact with the deck every figure of the touchdown is NaN or None.
 
     Attributes:
         seed: of the flight.
         landed, in_square: the verdict.
+        cause: why it is no landing in the square, in a few words that count together; empty where it is one.
+        time_s: first contact, from the start of the flight; the end of the flight where there was none.
         forward_m, starboard_m: touchdown point in `deck`.
+        own_forward_m, own_starboard_m: the aircraft at contact from the bar-defined point, in `bar`.
+        deck_forward_m, deck_starboard_m: the deck's centre at contact from the same point, in `bar`.
+        perfect_forward_m, perfect_starboard_m: where an aircraft without own error would have touched, in `deck`.
+        perfect_in_square: that lies in the landing square.
         sink_mps: vertical speed against the deck just before contact, down positive.
         slide_mps: horizontal speed against the deck just before contact.
         tilt_deg: largest tilt against the deck after contact.
         slip_m: way over the deck until rest.
         force_n: largest contact force.
-        time_s: first contact, from the start of the flight; the end of the flight where there was none.
-        instant_s: the same on the time axis of the deck's motion.
-        place_forward_m, place_starboard_m: the aircraft in `ship` at the last frame before contact.
-        deck_forward_m, deck_starboard_m: the deck's centre in `ship` then.
-        start_m: distance over ground from the deck's centre at the first frame.
-        search_s, ship_s, bar_s, approach_s, land_s, blind_s, climb_out_s: time in each mode before contact.
-        tries: landings broken off.
         reason: the verdict in words.
+        way: how the flight went before.
+        conditions: what it was dealt.
     """
 
     seed: int
     landed: bool
     in_square: bool
-    forward_m: float
-    starboard_m: float
-    sink_mps: float
-    slide_mps: float
-    tilt_deg: float
-    slip_m: float
-    force_n: float
+    cause: str
     time_s: float
-    instant_s: float
-    place_forward_m: float
-    place_starboard_m: float
-    deck_forward_m: float
-    deck_starboard_m: float
-    start_m: float
-    search_s: float
-    ship_s: float
-    bar_s: float
-    approach_s: float
-    land_s: float
-    blind_s: float
-    climb_out_s: float
-    tries: int
+    way: Way
+    conditions: Conditions
     reason: str
+    forward_m: float = NAN
+    starboard_m: float = NAN
+    own_forward_m: float = NAN
+    own_starboard_m: float = NAN
+    deck_forward_m: float = NAN
+    deck_starboard_m: float = NAN
+    perfect_forward_m: float = NAN
+    perfect_starboard_m: float = NAN
+    perfect_in_square: bool | None = None
+    sink_mps: float = NAN
+    slide_mps: float = NAN
+    tilt_deg: float = NAN
+    slip_m: float = NAN
+    force_n: float = NAN
+    error_m: float = field(init=False)
+    """Distance of the touchdown point from the deck's centre."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "error_m", round(math.hypot(self.forward_m, self.starboard_m), _DIGITS))
 
     @property
-    def error_m(self) -> float:
-        """Distance of the touchdown point from the deck's centre."""
-        return float(np.hypot(self.forward_m, self.starboard_m))
+    def good(self) -> bool:
+        """At rest on its feet, in the square, within every limit."""
+        return self.landed and self.in_square
 
     @property
-    def cause(self) -> str:
-        """Why it is no landing in the square, in words; empty where it is one."""
-        if self.landed and self.in_square:
-            return ""
-        if not np.isfinite(self.forward_m):
-            return self.reason
-        aircraft_m = max(abs(self.place_forward_m), abs(self.place_starboard_m))
-        deck_m = max(abs(self.deck_forward_m), abs(self.deck_starboard_m))
-        who = "the deck had moved from under it" if aircraft_m <= HALF_SQUARE_M else "the aircraft was off its place"
-        return f"{self.reason}: {who} (aircraft {100 * aircraft_m:.0f} cm, deck {100 * deck_m:.0f} cm off neutral)"
+    def touched(self) -> bool:
+        """There was contact with the deck."""
+        return math.isfinite(self.forward_m)
+
+    @property
+    def instant_s(self) -> float:
+        """Time of contact on the time axis of the deck's motion."""
+        return self.time_s + self.conditions.motion_start_s
 
 
-@dataclass(frozen=True)
-class Way:
-    """How a flight went before contact: fields of `Landing` of the same names."""
+def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[FlightRecord]) -> Landing:
+    """What came of a flight of `seed`, from its end and its records (with truth)."""
+    ship, verdict = drawn_ship(scenario, seed), flown.verdict
+    time_s = flown.result.t_s if verdict is None else verdict.t_s
+    way, conditions = way_of(records, time_s), conditions_of(scenario, seed, ship, records)
+    if verdict is None or not verdict.touched:
+        reason = flown.reason
+        cause = _never_down(way) if verdict is None else reason
+        return rounded(Landing(seed, False, False, cause, time_s, way, conditions, reason))
+    parts = take_apart(ship.at(verdict.t_s), scenario.aircraft.airframe, verdict.touchdown_in_deck_m)
+    cause = _cause(scenario, verdict, parts.perfect_in_square, parts.own_in_square)
+    u, v, w = verdict.relative_velocity_in_deck_mps.tolist()
+    return rounded(
+        Landing(
+            seed=seed,
+            landed=verdict.landed,
+            in_square=verdict.in_square,
+            cause=cause,
+            time_s=time_s,
+            way=way,
+            conditions=conditions,
+            reason=verdict.reason,
+            forward_m=float(verdict.touchdown_in_deck_m[0]),
+            starboard_m=float(verdict.touchdown_in_deck_m[1]),
+            own_forward_m=float(parts.own_in_bar_m[0]),
+            own_starboard_m=float(parts.own_in_bar_m[1]),
+            deck_forward_m=float(parts.deck_in_bar_m[0]),
+            deck_starboard_m=float(parts.deck_in_bar_m[1]),
+            perfect_forward_m=float(parts.perfect_in_deck_m[0]),
+            perfect_starboard_m=float(parts.perfect_in_deck_m[1]),
+            perfect_in_square=parts.perfect_in_square,
+            sink_mps=w,
+            slide_mps=math.hypot(u, v),
+            tilt_deg=math.degrees(verdict.tilt_rad),
+            slip_m=verdict.slip_m,
+            force_n=verdict.peak_contact_force_n,
+        )
+    )
 
-    start_m: float
-    search_s: float
-    ship_s: float
-    bar_s: float
-    approach_s: float
-    land_s: float
-    blind_s: float
-    climb_out_s: float
-    tries: int
+
+OWN, DECK = "own error", "deck displaced"
+EITHER, BOTH = "own error or deck, each alone", "own error and deck together"
+
+
+def _cause(scenario: Scenario, verdict: TouchdownVerdict, perfect_in_square: bool, own_in_square: bool) -> str:
+    """Of a flight with contact, by counterfactual: what if the aircraft had not erred; what if the deck had rested."""
+    if verdict.landed and verdict.in_square:
+        return ""
+    if not verdict.landed:
+        limit = broken_limit(scenario.verdict, verdict.relative_velocity_in_deck_mps, verdict.tilt_rad, verdict.slip_m)
+        return limit.kind if limit is not None and limit.words == verdict.reason else verdict.reason
+    if perfect_in_square:
+        return BOTH if own_in_square else OWN
+    return DECK if own_in_square else EITHER
+
+
+def _never_down(way: Way) -> str:
+    """Of a flight that ended in the air: how far it got."""
+    if way.tries:
+        return "landings broken off"
+    if way.land_s > 0.0:
+        return "not down in time"
+    if way.approach_s > 0.0:
+        return "never steady over the deck"
+    return "never near the bar" if way.bar_s > 0.0 or way.ship_s > 0.0 else "never found the ship"
 
 
 def way_of(records: Sequence[FlightRecord], end_s: float) -> Way:
-    """From the flight's records (with truth) up to the time of contact or of the end [s]."""
-    spent_s: dict[Mode | None, float] = dict.fromkeys((*Mode, None), 0.0)
-    tries, start_m = 0, float("nan")
+    """From the flight's records up to the time of contact or of the end [s]."""
+    spent_s: dict[Mode | None, float] = dict.fromkeys(Mode, 0.0) | {None: 0.0}
+    tries = 0
     for record, following in pairwise(records):
         if record.telemetry.t_s >= end_s:
             break
         mode, after = record.decision.mode, following.decision.mode
         spent_s[mode] += min(following.telemetry.t_s, end_s) - record.telemetry.t_s
         tries += after is Mode.CLIMB_OUT and mode is not Mode.CLIMB_OUT
-    if records and (truth := records[0].truth) is not None:
-        start_m = float(np.hypot(*truth.aircraft_in_deck_m[:2]))
     return Way(
-        start_m=start_m,
         search_s=spent_s[Mode.SEARCH],
         ship_s=spent_s[Mode.TRACK_SHIP],
         bar_s=spent_s[Mode.TRACK_BAR],
@@ -119,107 +249,97 @@ def way_of(records: Sequence[FlightRecord], end_s: float) -> Way:
     )
 
 
-def no_landing(seed: int, end_s: float, start_s: float, way: Way, reason: str) -> Landing:
-    """A flight that ended at `end_s` without touchdown; every figure of a touchdown is NaN."""
-    nan = float("nan")
-    return Landing(
-        seed=seed,
-        landed=False,
-        in_square=False,
-        forward_m=nan,
-        starboard_m=nan,
-        sink_mps=nan,
-        slide_mps=nan,
-        tilt_deg=nan,
-        slip_m=nan,
-        force_n=nan,
-        time_s=end_s,
-        instant_s=end_s + start_s,
-        place_forward_m=nan,
-        place_starboard_m=nan,
-        deck_forward_m=nan,
-        deck_starboard_m=nan,
-        **vars(way),
-        reason=reason,
+def conditions_of(scenario: Scenario, seed: int, ship: Ship, records: Sequence[FlightRecord]) -> Conditions:
+    """What the flight of `seed` was dealt; where it began is taken from its first record."""
+    wind, in_waves = drawn_wind_of(scenario, seed), scenario.ship.motion == "sea"
+    start = ship.at(0.0).course
+    distance_m = bearing_deg = height_m = error_deg = NAN
+    if records and (truth := records[0].truth) is not None:
+        ship_from_body = truth.ned_from_ship.inverse() @ truth.ned_from_body
+        x, y, z = ship_from_body.translation_m.tolist()
+        yaw_rad = euler_from_rotation(ship_from_body.rotation)[2]
+        distance_m, height_m = math.hypot(x, y), -z
+        bearing_deg = math.degrees(math.atan2(y, -x))
+        error_deg = math.degrees(wrap_angle(yaw_rad - math.atan2(-y, -x)))
+    return Conditions(
+        wind_mps=wind.mean_mps,
+        wind_from_deg=wind.from_deg % 360.0,
+        wind_off_bow_deg=math.degrees(wrap_angle(math.radians(wind.from_deg) - start.course_rad)),
+        surface=wind.surface,
+        start_distance_m=distance_m,
+        start_bearing_deg=bearing_deg,
+        start_height_m=height_m,
+        start_heading_error_deg=error_deg,
+        course=scenario.ship.course.kind,
+        ship_mps=float(np.hypot(*start.velocity_in_ned_mps)),
+        motion=scenario.ship.motion,
+        full_ship=scenario.ship.full_ship,
+        sea_state=scenario.ship.sea.sea_state if in_waves else None,
+        waves_from_deg=scenario.ship.sea.waves_from_deg if in_waves else None,
+        motion_seed=SAME_MOTION_SEED if scenario.ship.same_motion else seed,
+        motion_start_s=ship.start_s,
+        video_s=scenario.delays.video_s,
+        uplink_s=scenario.delays.uplink_s,
+        processing=scenario.delays.processing,
+        max_tilt_deg=scenario.aircraft.settings.max_tilt_deg,
     )
 
 
-HALF_SQUARE_M = 0.175
-"""Half the landing square's side [Lee2022, §Tracking Capability and Landing Accuracy]."""
+Part = TypeVar("Part", Landing, Way, Conditions)
 
 
-def table_of(landings: list[Landing]) -> str:
-    """Markdown table, a row a seed, with a last line that sums up."""
-    lines = [
-        "| seed | error [m] | forward [m] | starboard [m] | sink [m/s] | slide [m/s] | slip [m] | tilt [°] | time [s] "
-        "| verdict |",
-        "|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|",
-    ]
-    for landing in sorted(landings, key=lambda landing: landing.seed):
-        numbers = (
-            landing.error_m,
-            landing.forward_m,
-            landing.starboard_m,
-            landing.sink_mps,
-            landing.slide_mps,
-            landing.slip_m,
-        )
-        cells = " | ".join(f"{number:.3f}" for number in numbers)
-        words = landing.cause or landing.reason
-        lines.append(f"| {landing.seed} | {cells} | {landing.tilt_deg:.1f} | {landing.time_s:.1f} | {words} |")
-    return "\n".join([*lines, "", summary_of(landings)])
+def rounded(landing: Landing) -> Landing:
+    """With every float at the digits that a row keeps, so that a landing read back is the landing written."""
+    way, conditions = _rounded(landing.way), _rounded(landing.conditions)
+    return dataclasses.replace(_rounded(landing), way=way, conditions=conditions)
 
 
-def failures_table(landings: list[Landing]) -> str:
-    """Markdown: every landing that is none, with its cause; empty where all are."""
-    failed = [landing for landing in sorted(landings, key=lambda landing: landing.seed) if landing.cause]
-    if not failed:
-        return ""
-    return "\n".join(["| seed | cause |", "|---:|---|", *(f"| {it.seed} | {it.cause} |" for it in failed)])
+def _rounded(values: Part) -> Part:
+    names = [each.name for each in dataclasses.fields(values) if each.init]
+    floats = {name: value for name in names if isinstance(value := getattr(values, name), float)}
+    changes: dict[str, Any] = {name: round(value, _DIGITS) for name, value in floats.items()}
+    return dataclasses.replace(values, **changes)
 
 
-def summary_of(landings: list[Landing]) -> str:
-    """How many landed in the square, with the 95 % Clopper–Pearson interval, and the medians."""
-    from scipy.stats import beta
-
-    n, k = len(landings), sum(landing.in_square and landing.landed for landing in landings)
-    low = float(beta.ppf(0.025, k, n - k + 1)) if k else 0.0
-    high = float(beta.ppf(0.975, k + 1, n - k)) if k < n else 1.0
-    touched = [landing for landing in landings if np.isfinite(landing.forward_m)]
-    line = f"{k} of {n} landed in the square (95 % interval {100 * low:.1f}–{100 * high:.1f} %)"
-    if not touched:
-        return line + "."
-    errors = [landing.error_m for landing in touched]
-    sinks = [landing.sink_mps for landing in touched]
-    times = [landing.time_s for landing in touched]
-    return (
-        f"{line}; touchdown error median {np.median(errors):.3f} m, largest {max(errors):.3f} m; sink speed median "
-        f"{np.median(sinks):.2f} m/s, largest {max(sinks):.2f} m/s; time to land median {np.median(times):.1f} s."
-    )
-
-
-_WAY_NAMES = {
-    "search_s": "searching",
-    "ship_s": "4 track ship",
-    "bar_s": "3 track bar",
-    "approach_s": "2 approach",
-    "land_s": "1 land",
-    "blind_s": "5 no vision",
-    "climb_out_s": "climb-out",
+_PARSERS: dict[str, Callable[[str], Any]] = {
+    "bool": {"True": True, "False": False}.__getitem__,
+    "int": int,
+    "float": float,
+    "str": str,
 }
 
 
-def modes_table(landings: list[Landing]) -> str:
-    """Markdown: time in each mode, its share of all flight time, and how many flights were ever in it."""
-    total_s = sum(getattr(landing, name) for landing in landings for name in _WAY_NAMES)
-    lines = ["| mode | median [s] | longest [s] | share of all time | flights |", "|---|---:|---:|---:|---:|"]
-    for name, words in _WAY_NAMES.items():
-        times_s = np.array([getattr(landing, name) for landing in landings])
-        share = times_s.sum() / total_s if total_s > 0.0 else 0.0
-        lines.append(
-            f"| {words} | {np.median(times_s):.1f} | {times_s.max():.1f} | {100.0 * share:.0f} % | "
-            f"{int((times_s > 0.0).sum())} |"
-        )
-    broken_off = sum(landing.tries for landing in landings)
-    flights = sum(landing.tries > 0 for landing in landings)
-    return "\n".join([*lines, "", f"{broken_off} landings were broken off, in {flights} of {len(landings)} flights."])
+def row_of(landing: Landing) -> dict[str, Any]:
+    """One flat row: the landing, its way and its conditions; None is an empty text."""
+    row: dict[str, Any] = {}
+    for each in dataclasses.fields(landing):
+        value = getattr(landing, each.name)
+        row |= vars(value) if dataclasses.is_dataclass(value) else {each.name: value}
+    return {name: "" if value is None else value for name, value in row.items()}
+
+
+def landing_from(row: dict[str, str]) -> Landing:
+    """A landing from the texts of a row; KeyError, TypeError or ValueError when it is none."""
+    way, conditions = Way(**_parsed(Way, row)), Conditions(**_parsed(Conditions, row))
+    return Landing(**_parsed(Landing, row), way=way, conditions=conditions)
+
+
+def _parsed(cls: type, row: dict[str, str]) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for each in dataclasses.fields(cls):
+        kind, _, optional = str(each.type).partition(" | ")
+        if each.init and kind in _PARSERS:
+            text = row[each.name]
+            values[each.name] = None if optional and text == "" else _PARSERS[kind](text)
+    return values
+
+
+COLUMNS = [
+    name
+    for each in dataclasses.fields(Landing)
+    for name in {
+        "way": [one.name for one in dataclasses.fields(Way)],
+        "conditions": [one.name for one in dataclasses.fields(Conditions)],
+    }.get(each.name, [each.name])
+]
+"""Of a row, in order."""

@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from shipland.missions.landing import Landing
-
-HALF_DECK_M = 0.61
-"""Half the deck's side [Lee2022, §Experimental Setup]."""
-
-RULES: dict[str, Callable[[Landing], bool]] = {
-    "ours: at rest on its feet in the 0.35 m square, within every limit": lambda it: it.landed and it.in_square,
-    "first contact in the 0.35 m square": lambda it: max(abs(it.forward_m), abs(it.starboard_m)) <= 0.175,
-    "first contact within 0.2 m of the centre": lambda it: it.error_m <= 0.2,
-    "first contact within 0.5 m of the centre": lambda it: it.error_m <= 0.5,
-    "under 1 m horizontally, tilt under 10°, sink under 1.5 m/s": lambda it: (
-        it.error_m < 1.0 and it.tilt_deg < 10.0 and it.sink_mps < 1.5
-    ),
-    "any first contact on the deck": lambda it: max(abs(it.forward_m), abs(it.starboard_m)) <= HALF_DECK_M,
-}
-"""By name; a comparison with NaN (no touchdown) is false, so no contact is no landing by any rule."""
+from shipland.rig import Rig
 
 
-def rules_table(landings: list[Landing]) -> str:
+def rules(rig: Rig) -> dict[str, Callable[[Landing], bool]]:
+    """By name; a comparison with NaN is false, so a flight without contact is no landing by any rule."""
+    square_m, deck_m = rig.landing_square_m, rig.deck_size_m
+
+    def within(landing: Landing, side_m: float) -> bool:
+        return max(abs(landing.forward_m), abs(landing.starboard_m)) <= 0.5 * side_m
+
+    return {
+        f"ours: at rest on its feet in the {square_m:g} m square, within every limit": lambda it: it.good,
+        f"first contact in the {square_m:g} m square": lambda it: within(it, square_m),
+        "first contact within 0.2 m of the centre": lambda it: it.error_m <= 0.2,
+        "first contact within 0.5 m of the centre": lambda it: it.error_m <= 0.5,
+        "under 1 m horizontally, tilt under 10°, sink under 1.5 m/s": lambda it: (
+            it.error_m < 1.0 and it.tilt_deg < 10.0 and it.sink_mps < 1.5
+        ),
+        "any first contact on the deck": lambda it: within(it, deck_m),
+    }
+
+
+def rules_table(landings: Sequence[Landing], rig: Rig) -> str:
     """Markdown: how many of the landings each rule counts."""
     lines = ["| rule | landings |", "|---|---:|"]
-    lines += [f"| {name} | {sum(map(rule, landings))} of {len(landings)} |" for name, rule in RULES.items()]
+    lines += [f"| {name} | {sum(map(rule, landings))} of {len(landings)} |" for name, rule in rules(rig).items()]
     return "\n".join(lines)

@@ -83,9 +83,11 @@ def draw_verdict(image: Image, verdict: TouchdownVerdict) -> None:
     height, width = image.shape[:2]
     good = verdict.landed and verdict.in_square
     title = "LANDED IN THE SQUARE" if good else "LANDED OUTSIDE THE SQUARE" if verdict.landed else "NOT LANDED"
-    off_m = float(np.linalg.norm(verdict.touchdown_in_deck_m))
-    down_mps = float(verdict.relative_velocity_in_deck_mps[2])
-    figures = f"{100.0 * off_m:.0f} cm from the centre   ·   {down_mps:.2f} m/s down   ·   {verdict.t_s:.1f} s"
+    figures = f"{verdict.t_s:.1f} s"
+    if verdict.touched:
+        off_m = float(np.linalg.norm(verdict.touchdown_in_deck_m))
+        down_mps = float(verdict.relative_velocity_in_deck_mps[2])
+        figures = f"{100.0 * off_m:.0f} cm from the centre   ·   {down_mps:.2f} m/s down   ·   {figures}"
     middle = height - 50  # low in the picture, so that the bar stays in sight
     band = image[middle - 58 :]
     band[:] = band // 4

@@ -259,7 +259,7 @@ def _draw_touchdown(
         track_m = np.where(chosen[:, None], place_m[:, :2], np.nan)
         if chosen.any():
             axes.plot(track_m[:, 1], track_m[:, 0], color=unit(colour), linewidth=1.1, alpha=0.8, label=name)
-    if verdict is not None:
+    if verdict is not None and verdict.touched:
         forward_m, right_m = verdict.touchdown_in_deck_m
         after = np.flatnonzero(columns.t_s >= verdict.t_s)
         index = int(after[0]) if len(after) else len(columns.t_s) - 1

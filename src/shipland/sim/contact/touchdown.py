@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shipland.config import require
+from shipland.frames import Array
 from shipland.messages import TouchdownVerdict
 from shipland.sim.aircraft.parameters import Vector
 
@@ -72,6 +73,44 @@ class Touch(NamedTuple):
 
 
 NO_TOUCH = Touch(0, 0.0, "")
+
+
+class BrokenLimit(NamedTuple):
+    """A limit of a landing that was not kept.
+
+    Attributes:
+        kind: hard, drift, tilt or slip.
+        words: by how much, in words.
+    """
+
+    kind: str
+    words: str
+
+
+def broken_limit(
+    limits: VerdictParameters, velocity_in_deck_mps: Array, tilt_rad: float, slip_m: float
+) -> BrokenLimit | None:
+    """The first limit that a touchdown did not keep.
+
+    Args:
+        limits: what counts as a landing.
+        velocity_in_deck_mps: (3,) against the deck just before contact.
+        tilt_rad: largest tilt against the deck after contact.
+        slip_m: farthest from the touchdown point before rest.
+    """
+    u, v, down = velocity_in_deck_mps.tolist()
+    drift, tilt_deg = math.hypot(u, v), math.degrees(tilt_rad)
+    if down > limits.max_descent_mps:
+        words = f"touched down too hard: {down:.2f} m/s into the deck, the limit is {limits.max_descent_mps:g} m/s"
+        return BrokenLimit("hard", words)
+    if drift > limits.max_drift_mps:
+        words = f"touched down drifting {drift:.2f} m/s over the deck, the limit is {limits.max_drift_mps:g} m/s"
+        return BrokenLimit("drift", words)
+    if tilt_deg > limits.max_tilt_deg:
+        return BrokenLimit("tilt", f"tilted {tilt_deg:.0f}° on the deck, the limit is {limits.max_tilt_deg:g}°")
+    if slip_m > limits.max_slip_m:
+        return BrokenLimit("slip", f"slipped {100 * slip_m:.0f} cm, the limit is {100 * limits.max_slip_m:.0f} cm")
+    return None
 
 
 class _Contact:
@@ -145,37 +184,27 @@ class Judge:
         if self._still_since_s is None:
             self._still_since_s = t_s
         if t_s - self._still_since_s >= self._limits.rest_s:
-            broken = self._broken_limit(self._contact)
-            self.verdict = self._verdict(self._contact, now, not broken, broken)
-
-    def _broken_limit(self, contact: _Contact) -> str:
-        limits = self._limits
-        u, v, down = contact.at.velocity_mps
-        drift, tilt_deg = math.hypot(u, v), math.degrees(contact.tilt_rad)
-        if down > limits.max_descent_mps:
-            return f"touched down too hard: {down:.2f} m/s into the deck, the limit is {limits.max_descent_mps:g} m/s"
-        if drift > limits.max_drift_mps:
-            return f"touched down drifting {drift:.2f} m/s over the deck, the limit is {limits.max_drift_mps:g} m/s"
-        if tilt_deg > limits.max_tilt_deg:
-            return f"tilted {tilt_deg:.0f}° on the deck, the limit is {limits.max_tilt_deg:g}°"
-        if contact.slip_m > limits.max_slip_m:
-            return f"slipped {100 * contact.slip_m:.0f} cm, the limit is {100 * limits.max_slip_m:.0f} cm"
-        return ""
+            at = self._contact
+            broken = broken_limit(self._limits, np.array(at.at.velocity_mps), at.tilt_rad, at.slip_m)
+            self.verdict = self._verdict(at, now, broken is None, broken.words if broken is not None else "")
 
     def _verdict(self, contact: _Contact, end: OnDeck, landed: bool, fault: str) -> TouchdownVerdict:
-        x, y, _ = contact.at.position_m
-        inside = max(abs(x), abs(y)) <= self._half_m
+        touchdown_m, rest_m = np.array(contact.at.position_m[:2]), np.array(end.position_m[:2])
+        velocity_mps = np.array(contact.at.velocity_mps)
+        if self._contact is None:
+            touchdown_m, rest_m, velocity_mps = np.full(2, np.nan), np.full(2, np.nan), np.full(3, np.nan)
+        inside = bool(np.max(np.abs(touchdown_m)) <= self._half_m)
         reason = fault
         if landed:
             where = "in the square" if inside else "outside the square"
-            reason = f"landed {where}, {100 * math.hypot(x, y):.0f} cm from its centre"
+            reason = f"landed {where}, {100 * np.hypot(*touchdown_m):.0f} cm from its centre"
         return TouchdownVerdict(
             t_s=contact.t_s,
             landed=landed,
-            in_square=inside and self._contact is not None,
-            touchdown_in_deck_m=np.array([x, y]),
-            rest_in_deck_m=np.array(end.position_m[:2]),
-            relative_velocity_in_deck_mps=np.array(contact.at.velocity_mps),
+            in_square=inside,
+            touchdown_in_deck_m=touchdown_m,
+            rest_in_deck_m=rest_m,
+            relative_velocity_in_deck_mps=velocity_mps,
             tilt_rad=contact.tilt_rad,
             slip_m=contact.slip_m,
             peak_contact_force_n=contact.force_n,

@@ -1,0 +1,171 @@
+"""A campaign's folder: rows of one code version, configuration and set of weights, and of one process at a time."""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import hashlib
+import importlib.util
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import metadata, resources
+from pathlib import Path
+from typing import Any
+
+from shipland import __version__
+from shipland.errors import DataError
+from shipland.missions.landing import COLUMNS, Landing, landing_from, row_of
+from shipland.missions.scenarios import Scenario
+from shipland.record.info import config_digest
+from shipland.vision.far.detector import weights_path
+
+_SOURCES = {".py", ".toml", ".frag", ".vert", ".glsl", ".npz"}
+_LIBRARIES = ("numpy", "scipy", "mujoco", "opencv-python-headless", "openvino")
+_BOUND = {
+    "version": "code version",
+    "source": "code (its files differ)",
+    "configuration": "configuration",
+    "pilot": "pilot",
+    "vision": "vision",
+    "own_code": "own pilot or vision code",
+    "weights": "weights",
+}
+"""What a folder is bound to, and its name in words."""
+
+
+def source_digest() -> str:
+    """First 16 hex digits of the SHA-256 of the installed package's files, weights apart."""
+    root = Path(str(resources.files("shipland")))
+    digest = hashlib.sha256()
+    for path in sorted(path for path in root.rglob("*") if path.suffix in _SOURCES):
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def file_digest(path: Path) -> str:
+    """First 16 hex digits of a file's SHA-256."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()[:16]
+
+
+def campaign_key(scenario: Scenario, pilot: str, vision: str) -> dict[str, Any]:
+    """What landings must share to stand in one table, and what else is worth knowing of them.
+
+    Raises:
+        DataError: weights are missing.
+    """
+    table, detector, weights = scenario.table(), scenario.detector, {}
+    if vision != "geometric":
+        for kind, name in (("ship", detector.ship_weights), ("bar", detector.bar_weights)):
+            weights[kind] = file_digest(weights_path(name, detector.precision))
+    return {
+        "version": __version__,
+        "source": source_digest(),
+        "configuration": config_digest(table),
+        "pilot": pilot,
+        "vision": vision,
+        "own_code": {name: _own_code_digest(name) for name in (pilot, vision) if ":" in name},
+        "weights": weights,
+        "python": platform.python_version(),
+        "libraries": {name: _version_of(name) for name in _LIBRARIES},
+        "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "scenario": table,
+    }
+
+
+def _own_code_digest(name: str) -> str:
+    """Of the file that holds `module:factory`; empty where it has none."""
+    spec = importlib.util.find_spec(name.partition(":")[0])
+    return file_digest(Path(spec.origin)) if spec is not None and spec.origin is not None else ""
+
+
+def _version_of(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+class CampaignFolder:
+    """An open folder; made by `open_folder`.
+
+    Attributes:
+        done: landings found in it, by seed.
+    """
+
+    def __init__(self, out: Path, key: dict[str, Any]) -> None:
+        self._path, beside = out / "landings.csv", out / "campaign.json"
+        if self._path.exists() or beside.exists():
+            _check_key(beside, key)
+        else:
+            beside.write_text(json.dumps(key, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        self.done = _read_done(self._path) if self._path.exists() else {}
+        if not self._path.exists():
+            self._path.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
+
+    def append(self, landing: Landing) -> None:
+        """Write one more row; DataError when it cannot be written."""
+        try:
+            with self._path.open("a", newline="", encoding="utf-8") as file:
+                csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(row_of(landing))
+        except OSError as error:
+            raise DataError(f"{self._path} cannot be written: {error.strerror}") from None
+        self.done[landing.seed] = landing
+
+
+@contextmanager
+def open_folder(out: Path, key: dict[str, Any]) -> Iterator[CampaignFolder]:
+    """The folder of a campaign, made when missing, for this process alone.
+
+    Raises:
+        DataError: it holds landings of another key or a broken table, another process flies in it, or it cannot be
+            written.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        lock = os.open(out / ".lock", os.O_CREAT | os.O_RDWR, 0o644)
+    except OSError as error:
+        raise DataError(f"{out} cannot be written: {error.strerror}") from None
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise DataError(f"{out}: another campaign flies in this folder; wait for it, or give another") from None
+        try:
+            folder = CampaignFolder(out, key)
+        except OSError as error:
+            raise DataError(f"{out} cannot be used: {error.strerror}") from None
+        yield folder
+    finally:
+        os.close(lock)
+
+
+def _check_key(beside: Path, key: dict[str, Any]) -> None:
+    try:
+        found = json.loads(beside.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DataError(f"{beside.parent} holds landings without campaign.json; give another folder") from None
+    except ValueError:
+        raise DataError(f"{beside} is not readable; give another folder") from None
+    differ = [words for name, words in _BOUND.items() if not isinstance(found, dict) or found.get(name) != key[name]]
+    if differ:
+        raise DataError(f"{beside.parent} holds landings of another {', '.join(differ)}; give another folder")
+
+
+def _read_done(path: Path) -> dict[int, Landing]:
+    text = path.read_text(encoding="utf-8")
+    if not text.endswith("\n"):  # the last row was cut short, by a full disk for instance: it is flown again
+        text = text[: text.rfind("\n") + 1]
+        path.write_text(text, encoding="utf-8")
+    done = {}
+    for number, row in enumerate(csv.DictReader(text.splitlines()), start=2):
+        try:
+            done[int(row["seed"])] = landing_from(row)
+        except (KeyError, TypeError, ValueError):
+            raise DataError(f"{path}, line {number}: not a landing; remove the line to fly it again") from None
+    return done

@@ -1,0 +1,41 @@
+"""A campaign on two workers that is stopped from outside: it ends at once and every finished landing is kept."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from shipland.missions.campaign import CampaignRequest, run_campaign
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_a_stopped_campaign_keeps_what_was_flown(tmp_path, how):
+    request = CampaignRequest("near", "offset_free", "geometric", 1, 60, tmp_path / "out", None, 2, False)
+    words = ["campaign", "--scenario", "near", "--pilot", "offset_free", "--count", "60", "--workers", "2"]
+    command = [sys.executable, "-m", "shipland.cli", *words, "--out", str(request.out)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            while _rows(request) < 2:
+                assert process.poll() is None, process.stderr.read()
+                time.sleep(0.1)
+            process.send_signal(how)
+            asked_s = time.monotonic()
+            code = process.wait(30.0)
+            print(f"{how.name}: stopped {time.monotonic() - asked_s:.2f} s after the signal")
+        finally:
+            process.kill()
+        said = process.stderr.read()
+    assert code == 130
+    assert "interrupted" in said
+    assert "Traceback" not in said
+    rows = _rows(request)
+    flown = list(run_campaign(CampaignRequest("near", "offset_free", "geometric", 1, 2, request.out, None, 1, False)))
+    assert len(flown) == 2
+    assert rows >= 2
+
+
+def _rows(request):
+    path = request.out / "landings.csv"
+    return len(path.read_text().splitlines()) - 1 if path.exists() else 0
