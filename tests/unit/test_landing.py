@@ -1,0 +1,120 @@
+"""A landing's row: causes by counterfactual, conditions as drawn, and no touchdown where there was none."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shipland.flight import FlightResult
+from shipland.messages import TouchdownVerdict
+from shipland.missions.campaign import Flight, land_once
+from shipland.missions.crew import drawn_ship
+from shipland.missions.fly import Flown
+from shipland.missions.landing import BOTH, DECK, EITHER, OWN, conditions_of, landing_of
+from shipland.missions.scenarios import load_scenario
+from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck
+
+SCENARIO = load_scenario("rig-natops", ship={"motion": "still"})
+SWAYED = {"motion": "sinusoids", "sinusoids": {"amplitude_m_deg": [0, 0.3, 0, 0, 0, 0], "period_s": [10.0] * 6}}
+
+
+def verdict(forward_m, starboard_m, t_s=20.0, **keys):
+    place = np.array([forward_m, starboard_m])
+    inside = bool(np.abs(place).max() <= 0.175)
+    words = "landed" if keys.get("landed", True) else "fell over"
+    made = TouchdownVerdict(t_s, True, inside, place, place, np.array([0.0, 0.1, 0.5]), 0.1, 0.01, 20.0, words)
+    return replace(made, **keys)
+
+
+def landing(found, scenario=SCENARIO, seed=1):
+    result = FlightResult(100, 20.0, found.reason if found else "time limit", {})
+    return landing_of(scenario, seed, Flown(result, found), [])
+
+
+def sway_m(scenario, t_s):
+    return float(drawn_ship(scenario, 1).at(t_s).deck.displacement[1])
+
+
+def instant(scenario, wanted_m):
+    """When the deck is swayed by that much."""
+    times_s = np.linspace(0.0, 10.0, 2001)
+    return float(min(times_s, key=lambda t_s: abs(sway_m(scenario, float(t_s)) - wanted_m)))
+
+
+@pytest.mark.parametrize(
+    ("sway", "touchdown_m", "cause"),
+    [
+        (0.0, 0.1, ""),
+        (0.05, 0.30, OWN),  # own error 0.35: it would have missed a deck at rest; no error would have hit
+        (0.25, -0.25, DECK),  # no own error
+        (0.25, -0.45, EITHER),  # own error -0.2 to the other side
+        (0.10, -0.20, BOTH),  # own error -0.1, deck 0.1 off: either alone would have hit
+    ],
+)
+def test_causes_are_by_counterfactual(sway, touchdown_m, cause):
+    scenario = load_scenario("rig-natops", ship=SWAYED)
+    t_s = instant(scenario, sway)
+    found = landing(verdict(0.0, touchdown_m, t_s), scenario)
+    assert found.cause == cause
+    assert found.deck_starboard_m == pytest.approx(sway, abs=2e-3)
+    assert found.own_starboard_m == pytest.approx(sway + touchdown_m, abs=2e-3)
+    assert found.perfect_starboard_m == pytest.approx(-sway, abs=2e-3)
+    assert found.perfect_in_square == (abs(sway) < 0.175)
+
+
+def test_a_wider_square_forgives_more():
+    wide = load_scenario("rig-natops", ship=SWAYED, rig={"landing_square_m": 0.8})
+    found = landing(verdict(0.0, -0.25, instant(wide, 0.25)), wide)
+    assert found.perfect_in_square
+
+
+def test_a_broken_limit_is_the_cause():
+    tilted = verdict(
+        0.0, 0.0, landed=False, tilt_rad=math.radians(40.0), reason="tilted 40° on the deck, the limit is 25°"
+    )
+    assert landing(tilted).cause == "tilt"
+    assert landing(verdict(0.0, 0.0, landed=False, reason="a rotor hit the board")).cause == "a rotor hit the board"
+
+
+def test_a_fall_into_the_sea_is_no_touchdown():
+    judge = Judge(SCENARIO.verdict, 0.35)
+    far = OnDeck((-70.2, 3.0, 0.8), (0.0, 0.0, 2.0), 0.1)
+    judge.follow(1.0, far, NO_TOUCH, True)
+    judge.crash(1.1, far, "fell into the sea")
+    assert not judge.verdict.touched
+    assert not judge.verdict.in_square
+    found = landing(judge.verdict)
+    assert found.cause == "fell into the sea"
+    assert math.isnan(found.forward_m)
+    assert math.isnan(found.error_m)
+    assert found.perfect_in_square is None
+
+
+def test_never_down_says_how_far_it_got():
+    assert landing(None).cause == "never found the ship"
+
+
+def test_conditions_are_those_that_were_drawn():
+    wind = {"mean_mps": 4.0, "mean_spread_mps": 1.0, "from_deg": 90.0, "from_spread_deg": 0.0}
+    scenario = load_scenario("under-way", wind=wind, ship={"course": {"course_deg": 30.0}})
+    drawn = [conditions_of(scenario, seed, drawn_ship(scenario, seed), []) for seed in range(1, 30)]
+    speeds = {one.wind_mps for one in drawn}
+    assert len(speeds) == 29
+    assert all(3.0 <= speed <= 5.0 for speed in speeds)
+    assert {round(one.wind_off_bow_deg, 6) for one in drawn} == {60.0}  # from the east, heading 30°: 60° to starboard
+    assert {(one.course, one.ship_mps, one.surface, one.sea_state) for one in drawn} == {
+        ("straight", 2.0, "land", None)
+    }
+    assert len({one.motion_seed for one in drawn}) == 29
+
+
+def test_a_flight_starts_where_its_row_says():
+    """Flown for half a second: the start is taken from the truth at the first frame."""
+    scenario = load_scenario("near", time_limit_s=0.5, start={"bearing_deg": 25.0, "bearing_spread_deg": 0.0})
+    found = land_once(Flight(scenario, "paper", "geometric", 3))
+    assert found.conditions.start_bearing_deg == pytest.approx(25.0, abs=0.2)
+    assert 10.0 <= found.conditions.start_distance_m <= 14.0
+    assert 1.0 <= found.conditions.start_height_m <= 2.0
+    assert abs(found.conditions.start_heading_error_deg) <= 5.5
+    assert len(str(found.time_s)) < 8
