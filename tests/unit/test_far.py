@@ -3,13 +3,25 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shipland.camera import Camera
 from shipland.config import build
 from shipland.errors import ConfigError
-from shipland.guidance.far import FarSight, FarYaw, LinearFar, PidFar, PublishedFar, far_control
+from shipland.guidance.far import (
+    PUBLISHED_CAMERA,
+    FarSight,
+    FarTables,
+    FarTarget,
+    FarYaw,
+    LinearFar,
+    PidFar,
+    PublishedFar,
+    far_control,
+)
 from shipland.guidance.laws import PidGains, PidMemory, exponential_law, pid_law
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.messages import Box
@@ -17,13 +29,13 @@ from shipland.rig import packaged_table
 
 PARAMETERS = build(GuidanceParameters, packaged_table("guidance"))
 SHIP, BAR, BASELINES, NEAR = PARAMETERS.ship, PARAMETERS.bar, PARAMETERS.far_baselines, PARAMETERS.near
-FOCAL_PX = 931.0
+FOCAL_PX = PUBLISHED_CAMERA.focal_px
 KINDS = {"exponential": PublishedFar, "p": LinearFar, "pid": PidFar}
 SLOW = PidGains(k_p=0.5, t_i_s=4.0, t_d_s=1.0)
 
 
-def sight(box: Box, t_s: float, heading_error_deg: float | None) -> FarSight:
-    return FarSight(box, t_s, t_s + 0.5, 0.0, heading_error_deg)
+def sight(box: Box, t_s: float, heading_error_deg: float | None, target=FarTarget.SHIP) -> FarSight:
+    return FarSight(box, target, t_s, t_s + 0.5, 0.0, heading_error_deg)
 
 
 def box(right_px=0.0, below_px=0.0, area_px2=400.0):
@@ -31,8 +43,9 @@ def box(right_px=0.0, below_px=0.0, area_px2=400.0):
     return Box((640.0 + right_px, 360.0 + below_px), (side, side), 0.9)
 
 
-def control(kind="exponential", variant="growing"):
-    return far_control(kind, variant, BASELINES, NEAR, FOCAL_PX)
+def control(kind="exponential", variant="growing", camera=PUBLISHED_CAMERA):
+    tables = FarTables.for_camera(SHIP, BAR, camera)
+    return far_control(kind, variant, BASELINES, NEAR, tables, camera)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -42,7 +55,7 @@ def test_the_factory_builds_what_the_key_says(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_centred_box_of_the_wanted_size_holds(kind):
-    at_setpoint = control(kind).sticks(sight(box(area_px2=SHIP.pitch.setpoint), 1.0, 0.0), SHIP)
+    at_setpoint = control(kind).sticks(sight(box(area_px2=SHIP.pitch.setpoint), 1.0, 0.0))
     assert at_setpoint == pytest.approx((0.0, 0.0, 0.0, 0.0), abs=1e-9)
 
 
@@ -50,18 +63,20 @@ def test_a_centred_box_of_the_wanted_size_holds(kind):
 @pytest.mark.parametrize("variant", ["growing", "saturating"])
 def test_every_stick_leads_to_the_box(kind, variant):
     far = control(kind, variant)
-    right = far.sticks(sight(box(right_px=80.0, below_px=-80.0, area_px2=400.0), 1.0, 0.0), BAR)
+    right = far.sticks(sight(box(right_px=80.0, below_px=-80.0, area_px2=400.0), 1.0, 0.0, FarTarget.BAR))
     assert right.pitch == pytest.approx(0.004 * 3000.0)  # Table 1: m · (3400 − 400)
     assert right.roll > 20.0
     assert right.heave > 20.0
-    left = control(kind, variant).sticks(sight(box(right_px=-80.0, below_px=80.0, area_px2=9000.0), 1.0, 0.0), BAR)
+    left = control(kind, variant).sticks(
+        sight(box(right_px=-80.0, below_px=80.0, area_px2=9000.0), 1.0, 0.0, FarTarget.BAR)
+    )
     assert left.pitch == pytest.approx(0.004 * (3400.0 - 9000.0))  # erratum 2: too large a box means back off
     assert left.roll == pytest.approx(-right.roll)
     assert left.heave == pytest.approx(-right.heave)
 
 
 def test_the_printed_law_stays_selectable():
-    sticks = control(variant="printed").sticks(sight(box(right_px=-100.0), 1.0, 0.0), SHIP)
+    sticks = control(variant="printed").sticks(sight(box(right_px=-100.0), 1.0, 0.0))
     # erratum 3: −m(e^{ae} − d)·e at −100 px is 1.2 · (0.206 − 1) · 100, and to the LEFT
     assert sticks.roll == pytest.approx(1.2 * (math.exp(-1.58) - 1.0) * 100.0, abs=0.1)
 
@@ -69,8 +84,8 @@ def test_the_printed_law_stays_selectable():
 def test_p_gives_the_laws_stick_at_the_stated_error_and_half_of_it_at_half():
     far = control("p", "saturating")
     wanted = exponential_law(BASELINES.match_px, SHIP.roll, "saturating")
-    assert far.sticks(sight(box(right_px=BASELINES.match_px), 1.0, 0.0), SHIP).roll == pytest.approx(wanted)
-    assert far.sticks(sight(box(right_px=0.5 * BASELINES.match_px), 2.0, 0.0), SHIP).roll == pytest.approx(0.5 * wanted)
+    assert far.sticks(sight(box(right_px=BASELINES.match_px), 1.0, 0.0)).roll == pytest.approx(wanted)
+    assert far.sticks(sight(box(right_px=0.5 * BASELINES.match_px), 2.0, 0.0)).roll == pytest.approx(0.5 * wanted)
 
 
 def test_pid_by_hand():
@@ -104,15 +119,15 @@ def test_pid_does_not_wind_up_at_the_stop():
 
 def test_yaw_follows_the_magnetometer_by_the_near_law():
     far = control()
-    first = far.sticks(sight(box(right_px=100.0), 1.0, 4.0), SHIP)
+    first = far.sticks(sight(box(right_px=100.0), 1.0, 4.0))
     assert first.yaw == pytest.approx(5.5 * 4.0)  # Table 2: K_P · 4°, whatever the box says
-    second = far.sticks(sight(box(right_px=100.0), 1.5, 3.0), SHIP)
+    second = far.sticks(sight(box(right_px=100.0), 1.5, 3.0))
     # step −1° in 0.5 s is −0.06° in 0.03 s, far inside σ = 5°: K_D = b; K_I adds 0.05 · 3 · 0.5
     assert second.yaw == pytest.approx(5.5 * 3.0 - 1.75 * 2.0 + 0.075, abs=0.01)
 
 
 def test_without_a_magnetometer_the_nose_turns_to_the_box():
-    sticks = control().sticks(sight(box(right_px=FOCAL_PX * math.tan(math.radians(5.0))), 1.0, None), SHIP)
+    sticks = control().sticks(sight(box(right_px=FOCAL_PX * math.tan(math.radians(5.0))), 1.0, None))
     assert sticks.yaw == pytest.approx(5.5 * 5.0)
 
 
@@ -125,9 +140,9 @@ def test_heading_errors_wrap_and_a_change_of_source_gives_no_kick():
 
 def test_reset_forgets_the_last_error():
     far = control("pid")
-    far.sticks(sight(box(right_px=50.0), 1.0, 0.0), SHIP)
+    far.sticks(sight(box(right_px=50.0), 1.0, 0.0))
     far.reset()
-    sticks = far.sticks(sight(box(right_px=-50.0), 1.5, 0.0), BAR)
+    sticks = far.sticks(sight(box(right_px=-50.0), 1.5, 0.0, FarTarget.BAR))
     assert sticks.roll == pytest.approx(-50.0 * BASELINES.roll.k_p)
 
 
@@ -143,3 +158,33 @@ def test_senseless_gains_are_refused(section, key, value, says):
     table[section][key] = value
     with pytest.raises(ConfigError, match=says):
         build(GuidanceParameters, table)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("target", FarTarget)
+def test_the_law_in_angles_is_the_same_for_every_camera(kind, target):
+    """The same target, seen by a 1080p camera of 60° and by the published one, gives the same sticks."""
+    other = Camera.from_fov(1920, 1080, 60.0)
+    point = np.array([[3.0, 1.5, 60.0]])
+    sticks = []
+    for camera in (PUBLISHED_CAMERA, other):
+        centre = camera.project(point)[0]
+        side_px = camera.focal_px * 1.8 / 60.0
+        seen = Box((float(centre[0]), float(centre[1])), (side_px, side_px), 0.9)
+        sticks.append(control(kind, "saturating", camera).sticks(sight(seen, 1.0, None, target)))
+    assert sticks[1] == pytest.approx(sticks[0], abs=0.2)  # the paper's 640, 360 are half a pixel off the true middle
+
+
+def test_table_1_is_that_of_its_own_camera():
+    tables = FarTables.for_camera(SHIP, BAR, PUBLISHED_CAMERA)
+    assert (tables.ship, tables.bar) == (SHIP, BAR)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_box_that_is_no_number_moves_no_stick_and_leaves_no_trace(kind):
+    far, untouched = control(kind), control(kind)
+    for value in (math.nan, math.inf, -math.inf):
+        spoiled = Box((value, value), (value, value), 0.9)
+        assert all(math.isfinite(stick) for stick in far.sticks(sight(spoiled, 1.0, value)))
+    good = sight(box(right_px=30.0, below_px=10.0), 2.0, 5.0)
+    assert far.sticks(good) == untouched.sticks(good)

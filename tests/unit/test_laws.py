@@ -8,7 +8,18 @@ from hypothesis import strategies as st
 
 from shipland.config import build
 from shipland.guidance.far import FarParameters
-from shipland.guidance.laws import FarGains, NearGains, NearMemory, derivative_gain, exponential_law, near_law
+from shipland.guidance.laws import (
+    FarGains,
+    NearGains,
+    NearMemory,
+    PidGains,
+    PidMemory,
+    clamp,
+    derivative_gain,
+    exponential_law,
+    near_law,
+    pid_law,
+)
 from shipland.guidance.near import NearParameters
 from shipland.rig import packaged_table
 
@@ -125,3 +136,20 @@ def test_false_estimate_is_rejected():
     linear, _ = near_law(0.5, 0.03, memory, NEAR_ROLL, "linear")
     assert abs(jumped.derivative) < 1e-6
     assert linear.derivative > 100.0
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_an_error_that_is_not_finite_gives_no_stick_and_is_not_remembered(value):
+    for variant in ("printed", "growing", "saturating"):
+        assert exponential_law(value, ROLL, variant) == 0.0
+    memory = NearMemory(0.3, 1.0, 0.2)
+    for error, t_s in ((value, 1.1), (0.3, value)):
+        terms, after = near_law(error, t_s, memory, NEAR_ROLL, "probabilistic")
+        assert (terms.stick_percent, after) == (0.0, memory)
+        stick, kept = pid_law(error, t_s, PidMemory(1.0, 1.0, 3.0), PidGains(1.0, 4.0, 1.0))
+        assert (stick, kept) == (0.0, PidMemory(1.0, 1.0, 3.0))
+
+
+def test_clamp_asks_for_nothing_where_there_is_no_number():
+    assert clamp(math.nan, 100.0) == 0.0  # and not +100 %
+    assert (clamp(math.inf, 100.0), clamp(-math.inf, 100.0), clamp(7.0, 5.0)) == (100.0, -100.0, 5.0)

@@ -7,7 +7,7 @@ import pytest
 
 from shipland.config import build
 from shipland.frames import rotation_from_euler
-from shipland.guidance.near import Measured, measure
+from shipland.guidance.estimate import Measured, measure
 from shipland.guidance.offset_free import OffsetFreeNear, OffsetFreeParameters, Response
 from shipland.messages import BarPose
 from shipland.rig import packaged_table

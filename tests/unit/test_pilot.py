@@ -9,12 +9,11 @@ import pytest
 from shipland.camera import Camera
 from shipland.config import build
 from shipland.frames import rotation_from_euler
-from shipland.guidance.far import far_control
-from shipland.guidance.mode_pilot import ModePilot
-from shipland.guidance.near import PublishedNear
+from shipland.guidance.near import sticks_of
 from shipland.guidance.offset_free import Response
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.pilot import PilotSetup
+from shipland.guidance.pilots import paper
 from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Mode, Observation, Telemetry
 from shipland.rig import default_rig, packaged_table
 
@@ -28,10 +27,9 @@ STEP_S = 1.0 / 30.0
 
 
 def paper_pilot():
-    far = far_control("exponential", "growing", PARAMETERS.far_baselines, PARAMETERS.near, CAMERA.focal_px)
     response = Response(math.radians(15.0), 2.9, 1.0, math.radians(40.0), 0.025)
-    setup = PilotSetup(PARAMETERS, RIG, CAMERA, CAMERA_IN_BODY_M, response, np.random.default_rng(0))
-    return ModePilot(setup, far, PublishedNear(PARAMETERS.near))
+    guidance = replace(PARAMETERS, far_control="exponential", far_variant="growing")
+    return paper(PilotSetup(guidance, RIG, CAMERA, CAMERA_IN_BODY_M, response, np.random.default_rng(0)))
 
 
 def pose_of(aircraft_in_bar_m, yaw_rad=0.0):
@@ -215,3 +213,36 @@ def test_the_nose_follows_a_target_that_would_leave_the_picture():
         seen = Observation(t_s, LEVEL, ship_box=Box((column_px, 360.0), (20.0, 20.0), 0.9))
         decision = pilot.decide(seen, telemetry(t_s), None)
     assert decision.command.yaw_percent > 20.0  # 33° off the nose, 20° are let stand
+
+
+def test_a_bearing_is_added_to_the_heading_of_its_own_picture():
+    """The nose turns at 20 °/s; a ship ahead at exposure stays at the heading of the exposure, 0.6 s before."""
+    pilot, turn_rad_s, delay_s = paper_pilot(), math.radians(20.0), 0.6
+    for index in range(90):
+        now_s = index * STEP_S
+        exposure_s = now_s - delay_s
+        bearing_rad = -turn_rad_s * exposure_s  # of a ship due north
+        box = Box((CAMERA.matrix[0, 2] + CAMERA.focal_px * math.tan(bearing_rad), 360.0), (20.0, 20.0), 0.9)
+        seen = Observation(exposure_s, LEVEL, ship_box=box if index > 20 and exposure_s < 1.3 else None)
+        decision = pilot.decide(seen, replace(telemetry(now_s), heading_rad=turn_rad_s * now_s), None)
+    assert decision.mode is Mode.TRACK_SHIP
+    assert pilot._state.far_heading_rad == pytest.approx(0.0, abs=math.radians(0.5))  # 12° off with the newest heading
+
+
+@pytest.mark.parametrize("start_s", [5000.0, -20.0])
+def test_time_may_start_anywhere(start_s):
+    """Search, boxes, corners, landing: the same sticks whatever the vehicle's clock says at the start."""
+
+    def sticks(offset_s):
+        pilot, rows, sent = paper_pilot(), [], None
+        for index in range(300):
+            t_s = offset_s + index / 32.0  # a step that adds up without rounding: no change of mode comes a cycle later
+            box = Box((660.0, 370.0), (20.0, 20.0), 0.9) if 100 <= index < 160 else None
+            pose = pose_of(HOVER_IN_BAR_M + np.array([-0.05, 0.02, 0.0])) if index >= 160 else None
+            sent = pilot.decide(Observation(t_s - 0.25, LEVEL, pose, ship_box=box), telemetry(t_s), sent).command
+            rows.append((*sticks_of(sent), sent.gimbal_pitch_rad))
+        return np.array(rows)
+
+    at_zero = sticks(0.0)
+    assert np.ptp(at_zero, axis=0).min() > 0.0
+    np.testing.assert_allclose(sticks(start_s), at_zero, atol=1e-6)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import enum
 import math
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
+from shipland.camera import Camera
 from shipland.config import require
 from shipland.guidance.laws import (
     DerivativeVariant,
@@ -26,13 +28,62 @@ from shipland.messages import Box
 FarKind = Literal["exponential", "p", "pid"]
 
 
+PUBLISHED_CAMERA = Camera.from_fov(1280, 720, 69.0)
+"""The camera that Table 1's pixels belong to: 720p stream [Lee2022], 69° (Parrot ANAFI data sheet), f = 931 px."""
+
+
+class FarTarget(enum.Enum):
+    """What a box is of."""
+
+    SHIP = "ship"
+    BAR = "bar"
+
+
 @dataclass(frozen=True)
 class FarParameters:
-    """`[guidance.ship]`, `[guidance.bar]`: Table 1 for one target."""
+    """`[guidance.ship]`, `[guidance.bar]`: Table 1 for one target, in pixels of the published camera."""
 
     pitch: FarGains
     roll: FarGains
     heave: FarGains
+
+    def scaled(self, camera: Camera) -> FarParameters:
+        """The same law in angles with the pixels of another camera.
+
+        With k the ratio of focal lengths, lengths in the picture grow by k and areas by k²: setpoints grow with them,
+        gains and the exponent's rate shrink, columns and rows count from the principal point.
+        """
+        zoom = camera.focal_px / PUBLISHED_CAMERA.focal_px
+        column_px, row_px = (
+            tuple(float(view.matrix[axis, 2]) for view in (PUBLISHED_CAMERA, camera)) for axis in (0, 1)
+        )
+        return FarParameters(
+            pitch=FarGains(self.pitch.m / zoom**2, self.pitch.a / zoom**2, self.pitch.setpoint * zoom**2, self.pitch.d),
+            roll=_scaled_centre(self.roll, zoom, *column_px),
+            heave=_scaled_centre(self.heave, zoom, *row_px),
+        )
+
+
+def _scaled_centre(gains: FarGains, zoom: float, published_px: float, middle_px: float) -> FarGains:
+    setpoint_px = middle_px + zoom * (gains.setpoint - published_px)
+    return FarGains(gains.m / zoom, gains.a / zoom, setpoint_px, gains.d)
+
+
+@dataclass(frozen=True)
+class FarTables:
+    """Table 1 of both targets in the pixels of the camera in use."""
+
+    ship: FarParameters
+    bar: FarParameters
+
+    @staticmethod
+    def for_camera(ship: FarParameters, bar: FarParameters, camera: Camera) -> FarTables:
+        """From the figures of the published camera."""
+        return FarTables(ship.scaled(camera), bar.scaled(camera))
+
+    def of(self, target: FarTarget) -> FarParameters:
+        """The constants for a target."""
+        return self.ship if target is FarTarget.SHIP else self.bar
 
 
 @dataclass(frozen=True)
@@ -41,7 +92,7 @@ class FarBaselines:
 
     Attributes:
         match_px: the linear P gives as much stick as the exponential law at this error.
-        roll, heave: the linear PID.
+        roll, heave: the linear PID, in pixels of the published camera.
     """
 
     match_px: float
@@ -51,6 +102,12 @@ class FarBaselines:
     def __post_init__(self) -> None:
         require(self.match_px > 0.0, "match_px must be positive")
 
+    def scaled(self, camera: Camera) -> FarBaselines:
+        """The same laws in angles with the pixels of another camera."""
+        zoom = camera.focal_px / PUBLISHED_CAMERA.focal_px
+        roll, heave = (replace(gains, k_p=gains.k_p / zoom) for gains in (self.roll, self.heave))
+        return FarBaselines(self.match_px * zoom, roll, heave)
+
 
 @dataclass(frozen=True)
 class FarSight:
@@ -58,6 +115,7 @@ class FarSight:
 
     Attributes:
         box: of the target.
+        target: what the box is of.
         t_s: exposure time of the box's picture [s]; one no newer than the last adds nothing to sums.
         ready_s: when this cycle's command is ready [s].
         gimbal_pitch_rad: of the camera at exposure.
@@ -66,6 +124,7 @@ class FarSight:
     """
 
     box: Box
+    target: FarTarget
     t_s: float
     ready_s: float
     gimbal_pitch_rad: float
@@ -73,13 +132,13 @@ class FarSight:
 
 
 class FarControl(Protocol):
-    """Flies modes 3 and 4: one of them a pilot."""
+    """Flies modes 3 and 4; a pilot has one."""
 
-    def sticks(self, sight: FarSight, gains: FarParameters) -> Sticks:
-        """The sticks for one box, with the target's constants."""
+    def sticks(self, sight: FarSight) -> Sticks:
+        """The sticks for one box."""
 
     def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """What the pilot gave at last, in any mode."""
+        """What left the safety in the cycle before, in any mode, and when it was ready [s]."""
 
     def reset(self) -> None:
         """The target changed or was lost: forget what does not outlast it."""
@@ -105,7 +164,7 @@ class FarYaw:
         if heading_error_deg is None:
             error_deg = math.degrees(math.atan2(off_middle_px, self.focal_px))
         else:
-            error_deg = math.remainder(heading_error_deg, 360.0)
+            error_deg = math.remainder(heading_error_deg, 360.0) if math.isfinite(heading_error_deg) else math.nan
         terms, self._memory = near_law(error_deg, t_s, self._memory, self._gains, self._derivative)
         return terms.stick_percent
 
@@ -117,11 +176,12 @@ class FarYaw:
 class PublishedFar:
     """The exponential law [Lee2022, Eq. 1] in one of its readings (errata 2 and 3)."""
 
-    def __init__(self, variant: FarVariant, yaw: FarYaw) -> None:
-        self._variant, self._yaw = variant, yaw
+    def __init__(self, variant: FarVariant, tables: FarTables, yaw: FarYaw) -> None:
+        self._variant, self._tables, self._yaw = variant, tables, yaw
 
-    def sticks(self, sight: FarSight, gains: FarParameters) -> Sticks:
+    def sticks(self, sight: FarSight) -> Sticks:
         """Eq. 1 on the box's area, column and row; it remembers nothing."""
+        gains = self._tables.of(sight.target)
         too_small_px2, right_px, below_px = _errors(sight, gains, self._yaw.focal_px)
         return Sticks(
             exponential_law(too_small_px2, gains.pitch, self._variant),
@@ -131,7 +191,7 @@ class PublishedFar:
         )
 
     def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """The law remembers no sticks."""
+        """Not used: the law does not depend on earlier sticks."""
 
     def reset(self) -> None:
         """Forget the last heading error."""
@@ -141,11 +201,12 @@ class PublishedFar:
 class LinearFar:
     """The paper's linear P [Lee2022, §Long-range Tracking Controller]; pitch is linear in Table 1 already."""
 
-    def __init__(self, baselines: FarBaselines, variant: FarVariant, yaw: FarYaw) -> None:
-        self._match_px, self._variant, self._yaw = baselines.match_px, variant, yaw
+    def __init__(self, baselines: FarBaselines, variant: FarVariant, tables: FarTables, yaw: FarYaw) -> None:
+        self._match_px, self._variant, self._tables, self._yaw = baselines.match_px, variant, tables, yaw
 
-    def sticks(self, sight: FarSight, gains: FarParameters) -> Sticks:
+    def sticks(self, sight: FarSight) -> Sticks:
         """Each axis proportional to its error."""
+        gains = self._tables.of(sight.target)
         too_small_px2, right_px, below_px = _errors(sight, gains, self._yaw.focal_px)
         return Sticks(
             exponential_law(too_small_px2, gains.pitch, self._variant),
@@ -155,7 +216,7 @@ class LinearFar:
         )
 
     def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """The law remembers no sticks."""
+        """Not used: the law does not depend on earlier sticks."""
 
     def reset(self) -> None:
         """Forget the last heading error."""
@@ -168,12 +229,13 @@ class LinearFar:
 class PidFar:
     """The paper's linear PID [Lee2022, §Long-range Tracking Controller]; pitch is linear in Table 1 already."""
 
-    def __init__(self, baselines: FarBaselines, variant: FarVariant, yaw: FarYaw) -> None:
-        self._baselines, self._variant, self._yaw = baselines, variant, yaw
+    def __init__(self, baselines: FarBaselines, variant: FarVariant, tables: FarTables, yaw: FarYaw) -> None:
+        self._baselines, self._variant, self._tables, self._yaw = baselines, variant, tables, yaw
         self._roll = self._heave = PidMemory()
 
-    def sticks(self, sight: FarSight, gains: FarParameters) -> Sticks:
+    def sticks(self, sight: FarSight) -> Sticks:
         """PID on column and row."""
+        gains = self._tables.of(sight.target)
         too_small_px2, right_px, below_px = _errors(sight, gains, self._yaw.focal_px)
         roll, self._roll = pid_law(right_px, sight.t_s, self._roll, self._baselines.roll)
         heave, self._heave = pid_law(-below_px, sight.t_s, self._heave, self._baselines.heave)
@@ -185,7 +247,7 @@ class PidFar:
         )
 
     def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """The law remembers no sticks."""
+        """Not used: the law does not depend on earlier sticks."""
 
     def reset(self) -> None:
         """Forget the last errors; the integrals stay."""
@@ -194,23 +256,35 @@ class PidFar:
 
 
 def far_control(
-    kind: FarKind, variant: FarVariant, baselines: FarBaselines, near: NearParameters, focal_px: float
+    kind: FarKind, variant: FarVariant, baselines: FarBaselines, near: NearParameters, tables: FarTables, camera: Camera
 ) -> FarControl:
-    """The far control of `guidance.far_control`; `near` gives the yaw law, `focal_px` its bearing without a compass."""
-    yaw = FarYaw(near.yaw, near.derivative, focal_px)
+    """The far control of `guidance.far_control`.
+
+    Args:
+        kind: which law.
+        variant: how the exponential law is read.
+        baselines: constants of the linear laws, of the published camera.
+        near: gives the yaw law.
+        tables: Table 1 in the pixels of `camera`.
+        camera: in use.
+    """
+    yaw, baselines = FarYaw(near.yaw, near.derivative, camera.focal_px), baselines.scaled(camera)
     if kind == "p":
-        return LinearFar(baselines, variant, yaw)
+        return LinearFar(baselines, variant, tables, yaw)
     if kind == "pid":
-        return PidFar(baselines, variant, yaw)
-    return PublishedFar(variant, yaw)
+        return PidFar(baselines, variant, tables, yaw)
+    return PublishedFar(variant, tables, yaw)
 
 
 def _errors(sight: FarSight, gains: FarParameters, focal_px: float) -> tuple[float, float, float]:
     """Area missing [px²], and how far the box is right of and below its setpoint [px].
 
-    The row is that in a level camera: the gimbal follows the target, so that a steep one stays in the picture.
+    The row is that in a level camera: the gimbal follows the target, so that a steep one stays in the picture. Not a
+    number where box or gimbal are not finite: the laws then give no stick.
     """
     box, setpoint_px = sight.box, gains.heave.setpoint
+    if not all(map(math.isfinite, (*box.centre_px, *box.size_px, sight.gimbal_pitch_rad))):
+        return math.nan, math.nan, math.nan
     below_rad = math.atan2(box.centre_px[1] - setpoint_px, focal_px) - sight.gimbal_pitch_rad
     return (
         gains.pitch.setpoint - box.area_px2,

@@ -20,8 +20,8 @@ PUBLISHED_STEP_S = 0.03
 
 
 def clamp(value: float, limit: float) -> float:
-    """`value` within ±`limit`."""
-    return max(-limit, min(limit, value))
+    """`value` within ±`limit`; 0 for a value that is no number, which asks for nothing."""
+    return 0.0 if math.isnan(value) else max(-limit, min(limit, value))
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,10 @@ def exponential_law(error: float, gains: FarGains, variant: FarVariant) -> float
         growing: the printed positive side both ways, `m·(exp(a|e|) − d)·e`.
         saturating: the printed negative side both ways, `m·(d − exp(−a|e|))·e`.
     With a = d = 0 the law is linear; `printed` then gives a forward stick on both sides (erratum 2), the others
-    `m·e`.
+    `m·e`. An error that is not finite gives 0.
     """
+    if not math.isfinite(error):
+        return 0.0
     if variant == "printed":
         side = 1.0 if error >= 0.0 else -1.0
         gain = side * gains.m * (math.exp(min(gains.a * error, 50.0)) - gains.d)
@@ -142,8 +144,11 @@ def near_law(
         variant: of the derivative gain.
 
     Returns:
-        The three terms and the memory for the next call.
+        The three terms and the memory for the next call; for an error or a time that is not finite no stick and the
+        memory as it was.
     """
+    if not (math.isfinite(error) and math.isfinite(t_s)):
+        return NearTerms(0.0, 0.0, 0.0), memory
     derivative, integral = 0.0, memory.integral
     dt_s = t_s - memory.t_s
     if memory.error is not None and dt_s > 0.0:
@@ -190,8 +195,11 @@ def pid_law(error: float, t_s: float, memory: PidMemory, gains: PidGains) -> tup
         gains: of the axis.
 
     Returns:
-        The stick [percent] and the memory for the next call.
+        The stick [percent] and the memory for the next call; for an error or a time that is not finite no stick and
+        the memory as it was.
     """
+    if not (math.isfinite(error) and math.isfinite(t_s)):
+        return 0.0, memory
     derivative, integral = 0.0, memory.integral_percent
     dt_s = t_s - memory.t_s
     if memory.error is not None and dt_s > 0.0:

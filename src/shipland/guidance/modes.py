@@ -6,6 +6,7 @@ second; only the wave-off of a landing and the end of the flight need not wait f
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from shipland.config import require
@@ -47,14 +48,14 @@ class ModeParameters:
 
 @dataclass(frozen=True)
 class Situation:
-    """What the mode function is told.
+    """What the mode depends on, besides its memory.
 
     Attributes:
         now_s: time of decision [s].
         observation: of the newest frame.
         landing_condition: why landing must not begin yet; empty when it may.
         committed: the aircraft is below the height at which a wave-off is riskier than the deck.
-        astray: why the approach or landing must be broken off; empty when it need not.
+        astray: why the landing must be broken off; empty when it need not.
         near_ship: the last known distance to the bar is inside the climb-out radius.
         clear: after a climb-out, height and distance allow another try.
         flying: the vehicle's own word.
@@ -72,13 +73,13 @@ class Situation:
 
 @dataclass(frozen=True)
 class Evidence:
-    """One source's history: since when it has come without a gap, and when it came last [s]."""
+    """One source's history: since when it has been seen without a gap, and when it was seen last [s]."""
 
-    since_s: float = -1e9
-    last_s: float = -1e9
+    since_s: float = -math.inf
+    last_s: float = -math.inf
 
     def update(self, seen: bool, now_s: float, lost_s: float) -> Evidence:
-        """With this frame's news."""
+        """After a frame in which the source was `seen` or not."""
         if not seen:
             return self
         return Evidence(now_s if now_s - self.last_s > lost_s else self.since_s, now_s)
@@ -89,7 +90,7 @@ class ModeMemory:
     """What the mode function keeps."""
 
     mode: Mode = Mode.SEARCH
-    since_s: float = -1e9
+    since_s: float = -math.inf
     reason: str = "nothing seen yet"
     corners: Evidence = Evidence()
     bar: Evidence = Evidence()
@@ -129,7 +130,7 @@ def _wanted(situation: Situation, memory: ModeMemory, parameters: ModeParameters
         return Mode.DONE, "the vehicle reports landed"
     if mode is Mode.CLIMB_OUT and (not situation.clear or memory.tries > parameters.max_tries):
         return Mode.CLIMB_OUT, memory.reason
-    if mode in (Mode.APPROACH, Mode.LAND) and situation.astray and not situation.committed:
+    if mode is Mode.LAND and situation.astray and not situation.committed:
         return Mode.CLIMB_OUT, situation.astray
     if mode is Mode.LAND:
         return _wanted_landing(situation, memory, parameters)

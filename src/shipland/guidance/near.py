@@ -1,4 +1,4 @@
-"""What near control is: corners in, sticks out; the estimate that modes and safety judge by; and the published form."""
+"""What near control is: errors in, sticks out; and the published form."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from shipland.estimation.kalman import ScalarKalman
-from shipland.frames import Array, rotation_from_euler, wrap_angle
+from shipland.frames import wrap_angle
+from shipland.guidance.estimate import Measured, NearEstimate
 from shipland.guidance.laws import PUBLISHED_STEP_S, DerivativeVariant, NearGains, NearMemory, near_law
-from shipland.messages import BarPose
+from shipland.messages import PilotCommand
 
 
 class Sticks(NamedTuple):
@@ -23,80 +24,16 @@ class Sticks(NamedTuple):
     yaw: float
 
 
-@dataclass(frozen=True)
-class Measured:
-    """One picture's word on where the aircraft is, in the axes that the sticks move it in.
-
-    Attributes:
-        t_s: exposure time [s].
-        error_in_level_m: (3,) forward, right, up to the point wanted.
-        variance_in_level_m2: (3,) of it.
-        yaw_rad: heading against the bar.
-        yaw_variance_rad2: of it.
-        bar_elevation_rad: the bar's centre above the horizon, from the camera.
-    """
-
-    t_s: float
-    error_in_level_m: Array
-    variance_in_level_m2: Array
-    yaw_rad: float
-    yaw_variance_rad2: float
-    bar_elevation_rad: float
+HOLD = Sticks(0.0, 0.0, 0.0, 0.0)
 
 
-def measure(t_s: float, pose: BarPose, wanted_in_bar_m: Array, camera_in_body_m: Array) -> Measured:
-    """Turn a pose into errors.
-
-    The yaw of this very picture turns the error into `level`: its noise and the position's are one and the same and
-    cancel, since the camera knows the bar's direction far better than its own heading.
-    """
-    level_from_bar = rotation_from_euler(0.0, 0.0, pose.yaw_rad).T
-    bar_in_level_m = level_from_bar @ -pose.position_in_bar_m
-    wanted_in_level_m = camera_in_body_m + bar_in_level_m + level_from_bar @ wanted_in_bar_m
-    # Of the error in `level`, the derivative by yaw is that of the bar's direction and of the point wanted from it.
-    by_yaw = level_from_bar @ np.array(
-        [
-            wanted_in_bar_m[1] - pose.position_in_bar_m[1],
-            pose.position_in_bar_m[0] - wanted_in_bar_m[0],
-            0.0,
-        ]
-    )
-    jacobian = np.column_stack([-level_from_bar, by_yaw])
-    variance = np.diag(jacobian @ pose.covariance @ jacobian.T)
-    elevation_rad = math.atan2(-bar_in_level_m[2], float(np.hypot(bar_in_level_m[0], bar_in_level_m[1])))
-    error = wanted_in_level_m * np.array([1.0, 1.0, -1.0])
-    return Measured(t_s, error, variance, pose.yaw_rad, float(pose.covariance[3, 3]), elevation_rad)
-
-
-@dataclass(frozen=True)
-class NearEstimate:
-    """What near control believes.
-
-    Attributes:
-        t_s: exposure time of the newest picture in it [s].
-        error_in_level_m: (3,) forward, right, up to the point wanted.
-        rate_in_level_mps: (3,) its time derivative.
-        yaw_rad: heading against the bar.
-        bar_elevation_rad: the bar's centre above the horizon, from the camera.
-        valid_s: the time that error, rate and heading are valid for: later than `t_s` where they are predicted [s].
-    """
-
-    t_s: float
-    error_in_level_m: Array
-    rate_in_level_mps: Array
-    yaw_rad: float
-    bar_elevation_rad: float
-    valid_s: float
-
-    def aircraft_in_bar_m(self, wanted_in_bar_m: Array) -> Array:
-        """(3,) the aircraft's centre of mass in `bar`."""
-        error_in_level_m: Array = self.error_in_level_m * np.array([1.0, 1.0, -1.0])
-        bar_from_level: Array = rotation_from_euler(0.0, 0.0, self.yaw_rad)
-        return np.asarray(wanted_in_bar_m - bar_from_level @ error_in_level_m, dtype=float)
+def sticks_of(command: PilotCommand) -> Sticks:
+    """The sticks of a command."""
+    return Sticks(command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent)
 
 
 class NearControl(Protocol):
-    """Flies mode 2: one of them a pilot."""
+    """Flies modes 1 and 2; a pilot has one."""
 
     def observe(self, measured: Measured, now_s: float) -> NearEstimate:
         """Take one picture's errors; `now_s` is when the command of this cycle will be ready."""
@@ -105,10 +42,10 @@ class NearControl(Protocol):
         """The sticks for the newest estimate; the heading wanted is against the bar."""
 
     def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """What the pilot gave at last, in any mode."""
+        """What left the safety in the cycle before, in any mode, and when it was ready [s]."""
 
     def reset(self) -> None:
-        """The pictures have a gap: forget what does not outlast it."""
+        """After a gap in the pictures or a new reference: start place and speed anew."""
 
 
 FilterKind = Literal["kalman", "none"]
@@ -144,7 +81,7 @@ class PublishedNear:
         self._laws = [NearMemory() for _ in range(4)]
         self._estimate: NearEstimate | None = None
 
-    def observe(self, measured: Measured, now_s: float) -> NearEstimate:  # noqa: ARG002 - it knows of no delay
+    def observe(self, measured: Measured, now_s: float) -> NearEstimate:  # noqa: ARG002 - it models no delay
         """Filter the errors."""
         before = self._estimate
         gap_s = 0.0 if before is None else measured.t_s - before.t_s
@@ -164,7 +101,7 @@ class PublishedNear:
         """The near law on each axis; zero before the first picture."""
         estimate, near = self._estimate, self._parameters
         if estimate is None:
-            return Sticks(0.0, 0.0, 0.0, 0.0)
+            return HOLD
         forward_m, right_m, up_m = (float(value) for value in estimate.error_in_level_m)
         errors = (forward_m, right_m, up_m, math.degrees(wrap_angle(wanted_yaw_rad - estimate.yaw_rad)))
         sticks = []
@@ -174,7 +111,7 @@ class PublishedNear:
         return Sticks(*sticks)
 
     def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """The law remembers no sticks."""
+        """Not used: the law does not depend on earlier sticks."""
 
     def reset(self) -> None:
         """Forget filters and last errors; the integrals stay."""

@@ -17,8 +17,9 @@ import numpy as np
 
 from shipland.config import require
 from shipland.frames import Array, wrap_angle
+from shipland.guidance.estimate import Measured, NearEstimate
 from shipland.guidance.laws import clamp
-from shipland.guidance.near import Measured, NearEstimate, Sticks
+from shipland.guidance.near import Sticks
 
 _GRAVITY_MPS2 = 9.81
 

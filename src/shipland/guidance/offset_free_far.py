@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from shipland.config import require
-from shipland.guidance.far import FarParameters, FarSight
+from shipland.guidance.estimate import Measured
+from shipland.guidance.far import FarSight, FarTables, FarTarget
 from shipland.guidance.laws import clamp
-from shipland.guidance.near import Measured, Sticks
+from shipland.guidance.near import Sticks
 from shipland.guidance.offset_free import OffsetFreeNear, OffsetFreeParameters, Response
 
 _HEADINGS = 16
@@ -58,8 +60,8 @@ class OffsetFreeFar:
         response: what the vehicle makes of its sticks.
         focal_px: of the camera.
         middle_px: (2,) its principal point.
-        ship_area_m2, bar_area_m2: of platform and board, seen from astern.
-        ship, bar: Table 1; only the areas' setpoints are used, and which of the two is given tells the target.
+        tables: Table 1; only the areas' setpoints are used.
+        areas_m2: of platform and board, seen from astern.
     """
 
     def __init__(
@@ -68,21 +70,22 @@ class OffsetFreeFar:
         response: Response,
         focal_px: float,
         middle_px: tuple[float, float],
-        areas_m2: list[tuple[FarParameters, float]],
+        tables: FarTables,
+        areas_m2: Mapping[FarTarget, float],
     ) -> None:
         self._parameters, self._response = parameters, response
-        self._focal_px, self._middle_px, self._areas_m2 = focal_px, middle_px, areas_m2
+        self._focal_px, self._middle_px, self._tables, self._areas_m2 = focal_px, middle_px, tables, areas_m2
         self._motion = OffsetFreeNear(parameters.motion, response)
         self._t_s = -math.inf
         self._headings: deque[tuple[float, float]] = deque(maxlen=_HEADINGS)
 
-    def sticks(self, sight: FarSight, gains: FarParameters) -> Sticks:
+    def sticks(self, sight: FarSight) -> Sticks:
         """Sticks towards the place wanted."""
         if sight.heading_error_deg is None:
             self._headings.clear()
         else:
             self._headings.append((sight.ready_s, -math.radians(sight.heading_error_deg)))
-        measured, bearing_rad = self._measured(sight, gains)
+        measured, bearing_rad = self._measured(sight)
         if sight.t_s > self._t_s:
             self._motion.observe(measured, sight.ready_s)
             self._t_s = sight.t_s
@@ -99,10 +102,10 @@ class OffsetFreeFar:
         """Place and speed start anew with the next box; the disturbance stays."""
         self._motion.reset()
 
-    def _measured(self, sight: FarSight, gains: FarParameters) -> tuple[Measured, float]:
+    def _measured(self, sight: FarSight) -> tuple[Measured, float]:
         """The box as a place against the one wanted, and its bearing [rad]."""
         parameters, box = self._parameters, sight.box
-        area_m2 = next(area for known, area in self._areas_m2 if known == gains)
+        area_m2, gains = self._areas_m2[sight.target], self._tables.of(sight.target)
         range_m = self._focal_px * math.sqrt(area_m2 / max(box.area_px2, 1.0))
         wanted_m = self._focal_px * math.sqrt(area_m2 / gains.pitch.setpoint)
         right = (box.centre_px[0] - self._middle_px[0]) / self._focal_px

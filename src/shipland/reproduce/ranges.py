@@ -17,7 +17,7 @@ from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge
 from shipland.flight import Crew, fly
 from shipland.frames import Array
-from shipland.guidance.far import FarKind, FarSight, far_control
+from shipland.guidance.far import FarKind, FarSight, FarTables, FarTarget, far_control
 from shipland.guidance.laws import FarVariant
 from shipland.guidance.safety import Safety
 from shipland.messages import (
@@ -154,19 +154,18 @@ def bar_points_in_bar_m(rig: Rig) -> Array:
 class FarPilot:
     """Far control and nothing else."""
 
-    def __init__(self, scenario: Scenario, case: FarCase, focal_px: float) -> None:
-        guidance = scenario.guidance
-        self._guidance, self._case = guidance, case
-        self._far = far_control(case.kind, case.variant, guidance.far_baselines, guidance.near, focal_px)
+    def __init__(self, scenario: Scenario, case: FarCase, camera: Camera) -> None:
+        guidance, self._case = scenario.guidance, case
+        tables = FarTables.for_camera(guidance.ship, guidance.bar, camera)
+        self._far = far_control(case.kind, case.variant, guidance.far_baselines, guidance.near, tables, camera)
         self._mode = Mode.SEARCH
         self._command = PilotCommand.hold(0.0, 0.0)
 
     def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:  # noqa: ARG002
         """The sticks for the best box; without one the last sticks go on."""
-        case, guidance = self._case, self._guidance
-        box, gains, mode = observation.ship_box, guidance.ship, Mode.TRACK_SHIP
+        case, box, target, mode = self._case, observation.ship_box, FarTarget.SHIP, Mode.TRACK_SHIP
         if case.approach and observation.bar_box is not None:
-            box, gains, mode = observation.bar_box, guidance.bar, Mode.TRACK_BAR
+            box, target, mode = observation.bar_box, FarTarget.BAR, Mode.TRACK_BAR
         if mode is not self._mode:
             self._far.reset()
             self._mode = mode
@@ -174,8 +173,8 @@ class FarPilot:
         if box is not None:
             heading_rad = telemetry.heading_rad
             error_deg = -math.degrees(heading_rad) if heading_rad is not None else None
-            sight = FarSight(box, observation.t_s, telemetry.t_s, observation.gimbal.pitch_rad, error_deg)
-            pitch, roll, heave, yaw = self._far.sticks(sight, gains)
+            sight = FarSight(box, target, observation.t_s, telemetry.t_s, observation.gimbal.pitch_rad, error_deg)
+            pitch, roll, heave, yaw = self._far.sticks(sight)
             pitch, yaw = (pitch, yaw) if case.approach else (0.0, 0.0)
             sticks = PilotCommand(telemetry.t_s, pitch, roll, heave, yaw, 0.0)
             self._command = sticks
@@ -213,7 +212,7 @@ def fly_far(case: FarCase, overlay: dict[str, Any] | None = None) -> FarTrace:
     scenario = load_scenario(merge(base, {"guidance": {"ship": {"heave": {"setpoint": row_px}}}}))
     vehicle = build_vehicle(scenario, case.seed, None)
     eyes = TrueBoxes(vehicle, scenario.rig, case.noise_px, np.random.default_rng([case.seed, 1]))
-    pilot = FarPilot(scenario, case, vehicle.camera.focal_px)
+    pilot = FarPilot(scenario, case, vehicle.camera)
     records: list[FlightRecord] = []
     crew = Crew(eyes, pilot, Safety(scenario.safety, scenario.rig), scenario.delays)
     result = fly(vehicle, crew, case.duration_s, lambda: 0.0, records.append)

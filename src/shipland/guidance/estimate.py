@@ -1,0 +1,89 @@
+"""Corners to errors: what one picture says of the aircraft's place, and what near control believes after filtering."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.frames import Array, rotation_from_euler
+from shipland.messages import BarPose
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Where one picture puts the aircraft against the reference, in the axes that the sticks move it in.
+
+    Attributes:
+        t_s: exposure time [s].
+        error_in_level_m: (3,) forward, right, up to the reference point.
+        variance_in_level_m2: (3,) of it.
+        yaw_rad: heading against the bar.
+        yaw_variance_rad2: of it.
+        bar_elevation_rad: the bar's centre above the horizon, from the camera.
+    """
+
+    t_s: float
+    error_in_level_m: Array
+    variance_in_level_m2: Array
+    yaw_rad: float
+    yaw_variance_rad2: float
+    bar_elevation_rad: float
+
+
+def measure(t_s: float, pose: BarPose, wanted_in_bar_m: Array, camera_in_body_m: Array) -> Measured:
+    """Turn a pose into errors.
+
+    The error is turned into `level` by the yaw of the same picture. Errors of yaw and of position are correlated so
+    that they cancel there: the camera measures the bar's direction far better than its own heading.
+
+    Args:
+        t_s: exposure time [s].
+        pose: the camera's.
+        wanted_in_bar_m: (3,) the reference point.
+        camera_in_body_m: (3,) the camera's optical centre.
+    """
+    level_from_bar = rotation_from_euler(0.0, 0.0, pose.yaw_rad).T
+    bar_in_level_m = level_from_bar @ -pose.position_in_bar_m
+    wanted_in_level_m = camera_in_body_m + bar_in_level_m + level_from_bar @ wanted_in_bar_m
+    # Derivative by yaw of the error in `level`.
+    by_yaw = level_from_bar @ np.array(
+        [
+            wanted_in_bar_m[1] - pose.position_in_bar_m[1],
+            pose.position_in_bar_m[0] - wanted_in_bar_m[0],
+            0.0,
+        ]
+    )
+    jacobian = np.column_stack([-level_from_bar, by_yaw])
+    variance = np.diag(jacobian @ pose.covariance @ jacobian.T)
+    elevation_rad = math.atan2(-bar_in_level_m[2], float(np.hypot(bar_in_level_m[0], bar_in_level_m[1])))
+    error = wanted_in_level_m * np.array([1.0, 1.0, -1.0])
+    return Measured(t_s, error, variance, pose.yaw_rad, float(pose.covariance[3, 3]), elevation_rad)
+
+
+@dataclass(frozen=True)
+class NearEstimate:
+    """What near control believes: the errors to its reference point.
+
+    Attributes:
+        t_s: exposure time of the newest picture in it [s].
+        error_in_level_m: (3,) forward, right, up to the reference point.
+        rate_in_level_mps: (3,) its time derivative.
+        yaw_rad: heading against the bar.
+        bar_elevation_rad: the bar's centre above the horizon, from the camera.
+        valid_s: the time that error, rate and heading are valid for: later than `t_s` where they are predicted [s].
+    """
+
+    t_s: float
+    error_in_level_m: Array
+    rate_in_level_mps: Array
+    yaw_rad: float
+    bar_elevation_rad: float
+    valid_s: float
+
+    def aircraft_in_bar_m(self, wanted_in_bar_m: Array) -> Array:
+        """(3,) the aircraft's centre of mass in `bar`."""
+        error_in_level_m: Array = self.error_in_level_m * np.array([1.0, 1.0, -1.0])
+        bar_from_level: Array = rotation_from_euler(0.0, 0.0, self.yaw_rad)
+        return np.asarray(wanted_in_bar_m - bar_from_level @ error_in_level_m, dtype=float)

@@ -1,0 +1,95 @@
+"""What the modes are chosen by: the landing condition, the distance, whether a landing strays."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shipland.frames import Array
+from shipland.guidance.estimate import NearEstimate
+from shipland.guidance.far import FarTables
+from shipland.guidance.modes import ModeMemory, Situation
+from shipland.guidance.parameters import ApproachParameters
+from shipland.guidance.references import References
+from shipland.messages import Box, Mode, Observation, Telemetry
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What the pilot knows of its place.
+
+    Attributes:
+        estimate: errors to the present reference; None before the first picture and after a change of reference.
+        aircraft_in_bar_m: (3,) the newest place, whatever the reference; None before the first picture.
+    """
+
+    estimate: NearEstimate | None = None
+    aircraft_in_bar_m: Array | None = None
+
+    def age_s(self, now_s: float) -> float:
+        """Age of the newest picture in the estimate [s]."""
+        return math.inf if self.estimate is None else now_s - self.estimate.t_s
+
+
+def without_large_boxes(observation: Observation, tables: FarTables, largest: float) -> Observation:
+    """The observation without boxes of more than `largest` times the setpoint's area: too near for the far laws."""
+
+    def kept(box: Box | None, setpoint_px2: float) -> Box | None:
+        return None if box is not None and box.area_px2 > largest * setpoint_px2 else box
+
+    ship = kept(observation.ship_box, tables.ship.pitch.setpoint)
+    bar = kept(observation.bar_box, tables.bar.pitch.setpoint)
+    if ship is observation.ship_box and bar is observation.bar_box:
+        return observation
+    reason = "; ".join(text for text in (observation.reason, "too near for the far laws") if text)
+    return replace(observation, ship_box=ship, bar_box=bar, reason=reason)
+
+
+def situation_of(
+    observation: Observation,
+    telemetry: Telemetry,
+    belief: Belief,
+    memory: ModeMemory,
+    references: References,
+    approach: ApproachParameters,
+) -> Situation:
+    """The situation of one cycle."""
+    place_m, climbing_s = belief.aircraft_in_bar_m, telemetry.t_s - memory.since_s
+    clear = place_m is not None and references.is_clear(place_m)
+    return Situation(
+        now_s=telemetry.t_s,
+        observation=observation,
+        landing_condition=landing_condition(belief.estimate, telemetry.t_s, approach),
+        committed=place_m is not None and references.height_m(place_m) < approach.commit_height_m,
+        astray=_astray(belief.estimate, approach) if memory.mode is Mode.LAND else "",
+        near_ship=place_m is not None and float(np.linalg.norm(place_m)) < approach.climb_out_radius_m,
+        clear=climbing_s >= approach.climb_out_s and (clear or climbing_s >= 4.0 * approach.climb_out_s),
+        flying=telemetry.flying,
+    )
+
+
+def landing_condition(estimate: NearEstimate | None, now_s: float, approach: ApproachParameters) -> str:
+    """Why a landing must not begin; empty when it may."""
+    if estimate is None:
+        return "no pose yet"
+    if now_s - estimate.t_s > approach.max_data_age_s:
+        return f"data {now_s - estimate.t_s:.1f} s old"
+    forward_m, right_m, up_m = estimate.error_in_level_m
+    if max(abs(forward_m), abs(right_m)) > 0.5 * approach.square_m * approach.square_margin:
+        return f"{forward_m:+.2f} m forward, {right_m:+.2f} m right of the place wanted"
+    if abs(up_m) > approach.max_height_error_m:
+        return f"{up_m:+.2f} m to the hover height"
+    if float(np.linalg.norm(estimate.rate_in_level_mps)) > approach.max_speed_mps:
+        return "not steady"
+    if abs(math.degrees(estimate.yaw_rad)) > approach.max_yaw_error_deg:
+        return f"heading off by {math.degrees(estimate.yaw_rad):.0f}°"
+    return ""
+
+
+def _astray(estimate: NearEstimate | None, approach: ApproachParameters) -> str:
+    if estimate is None:
+        return ""
+    off_m = float(np.max(np.abs(estimate.error_in_level_m[:2])))
+    return f"{off_m:.2f} m off the place wanted while landing" if off_m > approach.astray_m else ""
