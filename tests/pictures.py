@@ -1,9 +1,14 @@
-"""Small antialiased pictures of coplanar quadrilaterals, for tests that need no renderer."""
+"""Small antialiased pictures of coplanar quadrilaterals, for tests that need no renderer.
+
+Colours are given as a picture shows them, 0 … 255; a canvas holds light, and a tone curve makes the picture of it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from scipy.special import ndtr
 
@@ -16,13 +21,55 @@ GREY = (128.0, 128.0, 128.0)
 SKY = (200.0, 170.0, 140.0)
 
 
+def srgb(light):
+    """The level, 0 … 1, that sRGB shows for light, 0 … 1."""
+    light = np.clip(light, 0.0, 1.0)
+    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1.0 / 2.4) - 0.055)
+
+
+def light_of(colour) -> Array:
+    """Light, 0 … 1, of a colour, 0 … 255, by sRGB."""
+    level = np.asarray(colour, float) / 255.0
+    return np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4)
+
+
+def sharpened(picture, amount, sigma_px=1.0):
+    """An unsharp mask over levels 0 … 1."""
+    return picture + amount * (picture - cv2.GaussianBlur(picture, (0, 0), sigma_px))
+
+
+def contrasty(light):
+    """sRGB with an S-curve on top, as cameras' own pictures have."""
+    level = srgb(light)
+    return level + 0.6 * level * (1.0 - level) * (2.0 * level - 1.0)
+
+
+def gamma(exponent):
+    """A power law."""
+    return lambda light: np.clip(light, 0.0, 1.0) ** (1.0 / exponent)
+
+
+TONES: dict[str, Callable] = {
+    "sRGB": srgb,
+    "gamma 1.8": gamma(1.8),
+    "gamma 2.6": gamma(2.6),
+    "S": contrasty,
+    "S, sharpened": lambda light: sharpened(contrasty(light), 0.5),
+    "sharpened": lambda light: sharpened(srgb(light), 0.8),
+    "clipped": lambda light: srgb(1.9 * light),
+    "dark": lambda light: srgb(0.3 * light),
+}
+"""From a canvas to levels 0 … 1."""
+
+
 @dataclass(frozen=True)
 class Look:
-    """How a picture is made: blur [px, standard deviation], noise [grey levels], supersampling a side."""
+    """How a picture is made: blur [px, standard deviation], noise [grey levels], supersampling a side, tone curve."""
 
     blur_px: float = 0.7
     noise: float = 2.0
     samples: int = 4
+    tone: Callable = srgb
 
 
 def camera_from_bar(position_in_bar_m, yaw_rad=0.0, pitch_rad=0.0, roll_rad=0.0) -> Pose:
@@ -39,7 +86,7 @@ def project_plane(plane_m, camera: Camera, pose: Pose) -> Array:
 
 
 def paint(canvas, polygon_px, colour, samples: int, blur_px: float = 0.0) -> None:
-    """Fill a convex clockwise polygon on a float canvas by coverage; pixel centres at whole numbers.
+    """Fill a convex clockwise polygon on a canvas of light by coverage; pixel centres at whole numbers.
 
     Coverage is that of each of `samples`² sub-pixels by each side's half-plane, multiplied: exact but at corners. A
     blur is a Gaussian's, before the pixels take their squares.
@@ -65,19 +112,23 @@ def paint(canvas, polygon_px, colour, samples: int, blur_px: float = 0.0) -> Non
             fine *= np.clip(0.5 + inward * samples / np.abs(along).sum(), 0.0, 1.0)
     coverage = fine.reshape(high[1] - low[1], samples, high[0] - low[0], samples).mean(axis=(1, 3))[..., None]
     part = canvas[low[1] : high[1], low[0] : high[0]]
-    part[:] = part * (1.0 - coverage) + coverage * np.asarray(colour)
+    part[:] = part * (1.0 - coverage) + coverage * light_of(colour)
 
 
 def bar_picture(target: Target, camera: Camera, pose: Pose, rng, look: Look = Look(), colour=GREEN, margin_m=0.075):
     """A picture (H,W,3) uint8 of a target on a grey board before a plain background."""
-    canvas = np.empty((camera.height_px, camera.width_px, 3))
-    canvas[:] = SKY
+    canvas = plain_canvas(camera)
     add_target(canvas, target, camera, pose, look, colour, margin_m)
     return finish(canvas, rng, look)
 
 
+def plain_canvas(camera: Camera, colour=SKY) -> Array:
+    """A canvas of one colour."""
+    return np.full((camera.height_px, camera.width_px, 3), light_of(colour))
+
+
 def add_target(canvas, target: Target, camera: Camera, pose: Pose, look: Look = Look(), colour=GREEN, margin_m=0.075):
-    """Paint board and quadrilaterals on a float canvas."""
+    """Paint board and quadrilaterals on a canvas."""
     plane = target.points_in_bar_m[:, 1:]
     low, high = plane.min(axis=0) - margin_m, plane.max(axis=0) + margin_m
     board = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
@@ -87,8 +138,10 @@ def add_target(canvas, target: Target, camera: Camera, pose: Pose, look: Look = 
 
 
 def finish(canvas, rng, look: Look = Look()):
-    """Noise, eight bits."""
-    image = canvas + rng.normal(0.0, look.noise, canvas.shape) if look.noise > 0 else canvas
+    """Tone curve, noise, eight bits."""
+    image = 255.0 * look.tone(canvas)
+    if look.noise > 0:
+        image = image + rng.normal(0.0, look.noise, canvas.shape)
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
@@ -98,9 +151,8 @@ def rectangles(*boxes) -> Target:
 
 
 def decoys(camera: Camera, kind: str, rng):
-    """A float canvas without the cue: green things of a kind on a plain background."""
-    canvas = np.empty((camera.height_px, camera.width_px, 3))
-    canvas[:] = SKY
+    """A canvas without the cue: green things of a kind on a plain background."""
+    canvas = plain_canvas(camera)
     size = np.array([camera.width_px, camera.height_px])
     for _ in range(int(rng.integers(1, 7))):
         centre = rng.uniform(0.1, 0.9, 2) * size
@@ -122,7 +174,7 @@ def decoys(camera: Camera, kind: str, rng):
 
 
 def foliage(camera: Camera, rng, cover: float = 0.4):
-    """A float canvas of mottled green on brown, blotches of many sizes."""
+    """A canvas of mottled green on brown, blotches of many sizes."""
     height, width = camera.height_px, camera.width_px
     texture = np.zeros((height, width))
     for step in (4, 8, 16, 48):
@@ -134,4 +186,4 @@ def foliage(camera: Camera, rng, cover: float = 0.4):
         lower = coarse[np.ix_(top + 1, left)] * (1 - right) + coarse[np.ix_(top + 1, left + 1)] * right
         texture += upper * (1 - down) + lower * down
     leaf = texture > np.quantile(texture, 1.0 - cover)
-    return np.where(leaf[..., None], np.array([50.0, 150.0, 60.0]), np.array([60.0, 80.0, 100.0]))
+    return np.where(leaf[..., None], light_of([50.0, 150.0, 60.0]), light_of([60.0, 80.0, 100.0]))

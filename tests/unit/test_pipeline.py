@@ -9,7 +9,6 @@ import pytest
 
 from pictures import (
     GREEN,
-    SKY,
     Look,
     add_target,
     bar_picture,
@@ -17,7 +16,9 @@ from pictures import (
     decoys,
     finish,
     foliage,
+    light_of,
     paint,
+    plain_canvas,
     project_plane,
     rectangles,
 )
@@ -170,8 +171,7 @@ def shifted(pose, right_m):
 
 
 def two_bars(rng, pose, others):
-    canvas = np.empty((SMALL.height_px, SMALL.width_px, 3))
-    canvas[:] = SKY
+    canvas = plain_canvas(SMALL)
     for other in (pose, *others):
         add_target(canvas, BAR, SMALL, other, QUIET)
     return finish(canvas, rng, QUIET)
@@ -311,7 +311,8 @@ def test_a_rectangle_and_the_rest_of_the_other_are_enough(rng):
 def test_something_green_at_the_edge_is_not_the_rest_of_the_bar(yaw, rng):
     # The left rectangle is whole; instead of the right one, cut or outside, there is another thing at the edge.
     pose = camera_from_bar(place(3.0), yaw)
-    canvas = bar_picture(rectangles((-0.375, 0.0, 0.45, 0.15)), SMALL, pose, rng, QUIET).astype(float)
+    canvas = bar_picture(rectangles((-0.375, 0.0, 0.45, 0.15)), SMALL, pose, rng, QUIET)
+    canvas = light_of(canvas)
     paint(canvas, [(560, 230), (700, 230), (700, 280), (560, 280)], GREEN, 2)
     assert look_at(vision(), finish(canvas, rng, QUIET)).reason == Refusal.CUT_BY_FRAME.value
 

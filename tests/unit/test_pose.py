@@ -122,7 +122,7 @@ def test_errors_reach_the_cramer_rao_bound_and_covariance_is_true(range_m, azimu
     # Four degrees of freedom, known to 0.23. From afar the tilt's sensitivity hangs on the tilt itself: the linear
     # covariance is half as good with the gimbal, and no Gaussian's without.
     if with_gimbal or range_m <= 5.0:
-        assert 3.2 < np.mean(nees) < (4.8 if range_m <= 10.0 else 8.0)
+        assert 2.9 < np.mean(nees) < (4.8 if range_m <= 10.0 else 8.0)
 
 
 def test_gimbal_makes_the_height_known():
@@ -166,7 +166,7 @@ def test_misfit_widens_the_covariance():
     error_px = np.random.default_rng(4).normal(0.0, 0.3, (2, 4, 2))
     solution = solve(corners_at(pose, noise_px=0.05, error_px=error_px), CAMERA)[0]
     assert 12.0 < solution.excess < 80.0  # (0.3 / 0.05)² = 36, of ten degrees of freedom
-    assert solve(corners_at(pose, noise_px=0.05, error_px=error_px / 6.0), CAMERA)[0].excess == 1.0
+    assert solve(corners_at(pose, noise_px=0.05, error_px=error_px / 6.0), CAMERA)[0].excess < 1.5
 
 
 def test_a_common_error_costs_only_where_it_cannot_be_seen():

@@ -107,7 +107,7 @@ def edge_corners(
     met = None if fit is None else intersect_sides(fit)
     if fit is None or met is None:
         return None
-    common_px = parameters.edge_bias_px * met.growth
+    common_px = parameters.edge_growth_px * met.growth
     return Measured(met.corners_px, met.whiten, met.noise_px, common_px, fit.blur_px, held is not None)
 
 
@@ -158,7 +158,7 @@ _STEPS = 6
 _TRIES = 8
 """Times that sides are measured, each from where the last left them, before they are given up."""
 
-_REACH_PER_BLUR = 4.0
+_REACH_PER_BLUR = 3.0
 """Pixels must be taken so much farther out than the blur that the outermost show the plain colours."""
 
 _BLUR_PX = (0.12, 8.0)
@@ -178,11 +178,12 @@ _HELD_PX = 0.05
 
 @dataclass(frozen=True)
 class EdgeFloor:
-    """Error of a single column of pixels that is not noise, standard deviation [px].
+    """Errors that are not noise, standard deviations [px].
 
     Attributes:
-        plain_px: as a rule.
-        clipped_px: where the inside is brighter than the picture can tell.
+        plain_px: of a single column of pixels.
+        clipped_px: of a whole side, besides, where the inside is brighter than the picture can tell: the edge then
+            seems to lie where its pixels meet it.
     """
 
     plain_px: float
@@ -300,20 +301,20 @@ def _rounding(pixels: EdgePixels, sides: Sides, half_px: Array, blur_px: float) 
 
 def _fit(image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: float | None) -> SideFit | None:
     pixels = edge_pixels(image, sides, camera, sides.half_px())
-    fit = _fit_to(pixels, sides, floor, blur_px, by_light=False)
+    fit = _fit_to(pixels, sides, floor, blur_px, by_luma=False)
     if fit is not None and fit.misfit <= _MISFIT:
         return fit
-    by_light = _fit_to(pixels, sides, floor, None, by_light=True)
-    if fit is None or (by_light is not None and by_light.variance[0].sum() < fit.variance[0].sum()):
-        return by_light
+    by_luma = _fit_to(pixels, sides, floor, None, by_luma=True)
+    if fit is None or (by_luma is not None and by_luma.variance[0].sum() < fit.variance[0].sum()):
+        return by_luma
     return fit
 
 
 def _fit_to(
-    pixels: EdgePixels, sides: Sides, floor: EdgeFloor, blur_px: float | None, *, by_light: bool
+    pixels: EdgePixels, sides: Sides, floor: EdgeFloor, blur_px: float | None, *, by_luma: bool
 ) -> SideFit | None:
     half_px = sides.half_px()
-    values, clipped = contrasts(pixels, sides.held, by_light=by_light)
+    values, clipped = contrasts(pixels, sides.held, by_luma=by_luma)
     if values is None:
         return None
     ends = _coarse(values, pixels)
@@ -370,9 +371,11 @@ def _fit_to(
     # The levels inside and outside come from two pixels a column each, and shift the edge as they err.
     levels2 = noise2 * pixels.columns / np.maximum(4.0 * a * a, 1e-9)
     noise2 *= scale
-    floor_px = floor.clipped_px if clipped else floor.plain_px
-    floor2 = floor_px**2 / pixels.columns + levels2
-    variance = np.array([noise2 * c + floor2, -noise2 * b / half_px, (noise2 * a + 3.0 * floor2) / half_px**2])
+    floor2 = floor.plain_px**2 / pixels.columns + levels2
+    clipped2 = floor.clipped_px**2 if clipped else 0.0
+    variance = np.array(
+        [noise2 * c + floor2 + clipped2, -noise2 * b / half_px, (noise2 * a + 3.0 * floor2 + clipped2) / half_px**2]
+    )
     if sides.held is not None:
         ends[:, sides.held] = 0.0
         variance[:, sides.held] = (

@@ -31,9 +31,11 @@ class VisionParameters:
             its least (erratum 4).
         edge_reach_px: how far across a side pixels are taken; more where the picture is blurred.
         edge_floor_px: standard deviation of what a single column of pixels across a side errs by without any noise.
-        edge_clipped_px: the same where the cue is brighter than the picture can tell.
-        edge_bias_px: standard deviation of how far all sides together lie outward of where they should, as a lamp's
-            blooming and a camera's gamma have it.
+        edge_clipped_px: standard deviation of what a whole side errs by besides where the cue is brighter than the
+            picture can tell.
+        edge_growth_px: standard deviation of how far all sides together lie outward of where they should, as a lamp's
+            blooming and a camera's tone curve have it. The pose solves for it: rectangles that grow and a gap between
+            them that shrinks tell it from distance.
         max_blur: largest standard deviation of the picture's blur, as a fraction of the cue's shortest side: beyond,
             the smears of opposite sides meet, and corners are off by more than is stated.
         corner_noise_px: standard deviation of a Förstner corner, per axis.
@@ -72,7 +74,7 @@ class VisionParameters:
     edge_reach_px: float
     edge_floor_px: float
     edge_clipped_px: float
-    edge_bias_px: float
+    edge_growth_px: float
     max_blur: float
     corner_noise_px: float
     screening: Literal["perspective", "printed"]
@@ -103,7 +105,7 @@ class VisionParameters:
         for name in (
             "edge_floor_px",
             "edge_clipped_px",
-            "edge_bias_px",
+            "edge_growth_px",
             "screening_px",
             "track_s",
             "track_margin",

@@ -26,6 +26,9 @@ _DAMPING = 1e-3
 
 _IDENTITY = np.eye(6)
 
+_TRUST = 2.0
+"""Degrees of freedom that the corners' stated covariance is worth against what their own misfit says of it."""
+
 _NUDGE = 1e-7
 """OpenCV's IPPE divides zero by zero on exact pixels of some symmetrical views: it gets them a little off then."""
 
@@ -84,7 +87,8 @@ class Solution:
         chi2: weighted sum of squared residuals; the prior's share is `prior_chi2`.
         prior_chi2: of the level prior, 0 without one.
         covariance: (6,6) of the left rotation vector [rad] and translation [m], both in `camera`.
-        residual_px: (n,4,2) reprojected minus measured.
+        growth: what all corners err by in common, in its standard deviations; 0 when they have nothing in common.
+        residual_px: (n,4,2) reprojected minus measured, once the measured are freed of that.
         freedom: residuals less unknowns.
     """
 
@@ -92,14 +96,19 @@ class Solution:
     chi2: float
     prior_chi2: float
     covariance: Array
+    growth: float
     residual_px: Array
     freedom: int
 
     @property
     def excess(self) -> float:
-        """By how much the corners' variance was taken too small: χ² a degree of freedom where that is beyond chance."""
-        chance = self.freedom + 2.0 * (2.0 * self.freedom) ** 0.5
-        return self.chi2 / self.freedom if self.chi2 > chance else 1.0
+        """By how much the corners' variance was taken too small: χ² a degree of freedom, held to 1 by a few more."""
+        return max((self.chi2 + _TRUST) / (self.freedom + _TRUST), 1.0)
+
+    @property
+    def fits(self) -> bool:
+        """Whether χ² is within chance."""
+        return self.chi2 <= self.freedom + 2.0 * math.sqrt(2.0 * self.freedom)
 
     @property
     def reprojection_px(self) -> float:
@@ -132,7 +141,7 @@ def solve(
     free = _solve(corners, camera, None)
     contradicted = (
         free
-        and free[0].excess == 1.0
+        and free[0].fits
         and solutions[0].chi2 - free[0].chi2 > _CONTRADICTION_CHI2
         and solutions[0].reprojection_px > _CONTRADICTION_PX
         and float(free[0].camera_from_plane.rotation[:, 1] @ prior.down_in_camera) > _CONTRADICTION_COSINE
@@ -211,6 +220,7 @@ class _Refiner:
         self._size = 2 * count
         self._whiten = (corners.whiten.reshape(-1, 4, 2) @ self._to_pixels).reshape(-1, 8, 8)
         self._common: Array | None = None
+        self._common_px = corners.common_px
         if corners.common_px is not None:
             # W' of the covariance (WᵀW)⁻¹ + c cᵀ is (1 − k v vᵀ) W, with v = W c.
             common = (corners.whiten @ corners.common_px.reshape(-1, 8, 1)).ravel()
@@ -219,7 +229,7 @@ class _Refiner:
         self._across: Array | None = None
         if prior is not None:
             self._across = _perpendicular(prior.down_in_camera) / prior.noise_rad
-        self._freedom = self._size - 6 + (0 if prior is None else 2)
+        self._freedom = self._size - 6 + (0 if prior is None else 2) - (0 if corners.common_px is None else 1)
         # Rows for the prior stay zero without one.
         self._rows = np.zeros((self._size + 2, 7))
         self._partial = np.zeros((count, 2, 7))
@@ -283,12 +293,18 @@ class _Refiner:
         _, covariance, failed = lapack.dposv(at.gram[:6, :6], _IDENTITY)
         if failed:
             raise np.linalg.LinAlgError("the corners do not settle the pose")
+        residual_px, growth = (at.residual @ self._to_pixels.T).reshape(-1, 4, 2), 0.0
+        if self._common is not None and self._common_px is not None:
+            whitened = self._whiten @ at.residual.reshape(-1, 8, 1)
+            growth = -float(self._common @ whitened.ravel()) / (1.0 + float(self._common @ self._common))
+            residual_px += growth * self._common_px
         return Solution(
             camera_from_plane=pose,
             chi2=float(at.gram[6, 6]),
             prior_chi2=at.prior_chi2,
             covariance=np.asarray(covariance, dtype=float),
-            residual_px=(at.residual @ self._to_pixels.T).reshape(-1, 4, 2),
+            growth=growth,
+            residual_px=residual_px,
             freedom=self._freedom,
         )
 

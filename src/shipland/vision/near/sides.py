@@ -114,7 +114,7 @@ class Meeting:
         corners_px: (n,4,2) between each side and the one before it.
         whiten: (n,8,8) [1/px] what turns a deviation of a quadrilateral's corners into standard deviations of its
             sides' ends.
-        growth: (n,4,2) how the corners move when all sides move outward by one.
+        growth: (n,4,2) how the corners move when all sides that were measured move outward by one.
         noise_px: standard deviation of a side's end, root mean square.
     """
 
@@ -151,7 +151,11 @@ def intersect_sides(fit: SideFit) -> Meeting | None:
     whiten[:, _SIDE, 1, _SIDE] = by_first * (-mixed / second)[..., None]
     whiten[:, _SIDE, 1, _NEXT] = normal / second[..., None]
     normal_before = normal[:, _BEFORE]
-    growth = (normal + normal_before) / (1.0 + (normal * normal_before).sum(axis=-1, keepdims=True))
+    moved_px = np.ones(along.shape[:2]) if fit.sides.held is None else (~fit.sides.held).astype(float).reshape(-1, 4)
+    moved_px, moved_before_px = moved_px[..., None], moved_px[:, _BEFORE, None]
+    cosine = (normal * normal_before).sum(axis=-1, keepdims=True)
+    growth = (moved_px - cosine * moved_before_px) * normal + (moved_before_px - cosine * moved_px) * normal_before
+    growth /= 1.0 - cosine * cosine
     return Meeting(corners_px, whiten.reshape(-1, 8, 8), growth, math.sqrt(float(np.vdot(first, first)) / first.size))
 
 
@@ -164,11 +168,30 @@ _STATIONS = np.arange(20.0)
 _LUMA_BGR = np.array([0.114, 0.587, 0.299])
 """ITU-R BT.601, the luma of JPEG and of most video."""
 
-_LEAST_CONTRAST = 12.0
-"""Smallest difference of colour between inside and outside, in grey levels, that is measured."""
+_LEVELS = np.arange(256.0)
 
-_CLIPPED = 254.0
-"""Mean grey level from which a colour is taken to be clipped at 255."""
+_SHARES = np.linspace(-0.1, 1.1, 25)
+"""Of the light inside, at which luma is looked up; a little beyond, so that noise is not cut off."""
+
+_LEAST_LUMA = 10.0
+"""Smallest difference of luma between inside and outside that is measured [grey levels]."""
+
+_LEAST_CONTRAST = 6.0
+"""Smallest difference of light between inside and outside that is measured, of 255."""
+
+
+def _light_of_levels() -> npt.NDArray[np.float32]:
+    levels = np.arange(256) / 255.0
+    light = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
+    return np.asarray(255.0 * light, np.float32)
+
+
+LIGHT = _light_of_levels()
+"""(256,) light, 0 … 255, of a grey level by sRGB's curve [IEC 61966-2-1]: an edge is symmetric about its place in light
+only. Cameras have curves of their own; what theirs differ by is left to the growth that the pose solves for."""
+
+_CLIPPED = float(LIGHT[254])
+"""Mean light from which a colour is taken to be clipped at 255."""
 
 _LEAST_SIDE_CONTRAST = 0.15
 """The same for a single side, against the cue's."""
@@ -179,14 +202,14 @@ class EdgePixels:
     """Pixels around the sides, from inside to outside: (s,station,across) each.
 
     Attributes:
-        colours: (…,3) float32.
+        levels: (…,3) uint8, the picture's.
         out_px: distance outward from the side.
         along: place along it, -1 to 1 between the ends of what is looked at.
         use: 1 where the pixel counts; 0 where it is another's double, too far out, or outside of the picture.
         columns: (s,) columns (rows) of pixels that differ.
     """
 
-    colours: npt.NDArray[np.float32]
+    levels: npt.NDArray[np.uint8]
     out_px: Array
     along: Array
     use: Array
@@ -241,9 +264,9 @@ def edge_pixels(image: Image, sides: Sides, camera: Camera, half_px: Array) -> E
         station, other = np.clip(station, 0.0, size_main - 1.0), np.clip(other, 0.0, size_other - 1.0)
     index = other * stride_other[..., None]
     index += (station * stride_main)[..., None]
-    colours = image.reshape(-1, 3).take(index.astype(np.intp), axis=0).astype(np.float32)
+    levels = image.reshape(-1, 3).take(index.astype(np.intp), axis=0)
     along_px *= (1.0 / half_px)[:, None, None]
-    return EdgePixels(colours, out_px, along_px, within.astype(float), count[:, 0])
+    return EdgePixels(levels, out_px, along_px, within.astype(float), count[:, 0])
 
 
 @dataclass(frozen=True)
@@ -269,40 +292,46 @@ def _lens(sides: Sides, along_px: Array, steep: npt.NDArray[np.intp], camera: Ca
     return _Lens(foot_px[..., 0], foot_px[..., 1], o_other * scale, -o_main * scale, -a_other * scale, a_main * scale)
 
 
-def contrast_direction(inside: Array, outside: Array, *, by_light: bool = False) -> Array | None:
-    """The colour direction (3,) along which two mean colours (3,) differ by 1; None without contrast."""
+def contrast_direction(inside: Array, outside: Array) -> Array | None:
+    """The direction (c,) of light along which two mean lights (c,) differ by 1; None without contrast."""
     difference = np.asarray(inside - outside, dtype=float)
-    weights = _LUMA_BGR if by_light else difference
-    size = float(difference @ weights)
-    if not abs(size) > _LEAST_CONTRAST * math.sqrt(float(weights @ weights)):
-        return None
-    return weights / size
+    size2 = float(difference @ difference)
+    return difference / size2 if size2 > _LEAST_CONTRAST**2 else None
 
 
 def contrasts(
-    pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_light: bool
+    pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_luma: bool
 ) -> tuple[Array, bool] | tuple[None, bool]:
-    """Pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
+    """Light of pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
 
     And whether the inside is brighter than the picture can tell, which moves the edge outward.
 
     Args:
         pixels: from inside to outside.
         held: (s,) sides that are not to be measured.
-        by_light: take the pixels' luma, which coded pictures keep at full resolution, instead of the colour that
-            differs most.
+        by_luma: take the light of the pixels' luma, which coded pictures keep at full resolution, instead of the colour
+            that differs most.
     """
-    sides, stations, across, _ = pixels.colours.shape
-    sums = np.ones(stations, np.float32) @ pixels.colours.reshape(sides, stations, across * 3)
-    sums = sums.reshape(sides, across, 3)
+    sides, stations, across, colours = pixels.levels.shape
+    light = LIGHT.take(pixels.levels)
+    sums = np.ones(stations, np.float32) @ light.reshape(sides, stations, across * colours)
+    sums = sums.reshape(sides, across, colours)
     ends = (sums if held is None else sums[~held])[:, [0, 1, -2, -1]].sum(axis=0)
     ends *= 0.5 / max(stations * (sides if held is None else int(np.count_nonzero(~held))), 1)
-    direction = contrast_direction(ends[0] + ends[1], ends[2] + ends[3], by_light=by_light)
+    direction = contrast_direction(ends[0] + ends[1], ends[2] + ends[3])
     if direction is None:
         return None, False
-    light = direction.astype(np.float32)
-    profile = (pixels.colours.reshape(-1, 3) @ light).reshape(sides, stations, across)
-    means = sums @ (light / np.float32(stations))
+    profile: npt.NDArray[np.floating]
+    means: npt.NDArray[np.floating]
+    if by_luma:
+        mixed = _mixed_by_luma(pixels.levels, ends[0] + ends[1], ends[2] + ends[3])
+        if mixed is None:
+            return None, False
+        profile, means = mixed, mixed.sum(axis=1) / stations
+    else:
+        weights = direction.astype(np.float32)
+        profile = (light.reshape(-1, colours) @ weights).reshape(sides, stations, across)
+        means = sums @ (weights / np.float32(stations))
     ground = 0.5 * (means[:, -1] + means[:, -2])
     span = 0.5 * (means[:, 0] + means[:, 1]) - ground
     if held is not None:
@@ -313,3 +342,19 @@ def contrasts(
     values -= ground[:, None, None]
     values *= (1.0 / span)[:, None, None]
     return values, float((ends[0] + ends[1]).max()) >= _CLIPPED
+
+
+def _mixed_by_luma(levels: npt.NDArray[np.uint8], inside: Array, outside: Array) -> Array | None:
+    """Share (…,) of the light inside in pixels (…,3), by their luma; None where luma does not tell the two apart.
+
+    The luma of a mixture of two lights (3,) rises with the share of the brighter, though not in proportion.
+    """
+    light = outside + _SHARES[:, None] * (inside - outside)
+    luma = np.interp(light, LIGHT, _LEVELS) @ _LUMA_BGR
+    if luma[-1] < luma[0]:
+        luma, shares = luma[::-1], _SHARES[::-1]
+    else:
+        shares = _SHARES
+    if not (np.diff(luma).min() > 0.0 and luma[-1] - luma[0] > _LEAST_LUMA):
+        return None
+    return np.asarray(np.interp(levels @ _LUMA_BGR, luma, shares), float)

@@ -177,6 +177,8 @@ class Judge:
         if not solutions:
             return Refusal.NO_SOLUTION
         taken = solutions[0]
+        if measured.common_px is not None:
+            corners_px = corners_px - taken.growth * measured.common_px
         diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
         most_px = self._parameters.reprojection_px + self._made_to * diagonal_px
         if not taken.reprojection_px <= most_px + min(_REPROJECTION_NOISE * measured.noise_px, _MOST_NOISE_PX):
@@ -205,7 +207,8 @@ class Judge:
         taken = solutions[0]
         noise_px = math.sqrt(float(np.vdot(taken.residual_px, taken.residual_px)) / taken.freedom)
         corners_px = corners.undistorted_px
-        alike = Corners(corners_px, np.broadcast_to(np.eye(8) / noise_px, (len(corners_px), 8, 8)), corners.plane_m)
+        whiten = np.broadcast_to(np.eye(8) / noise_px, (len(corners_px), 8, 8))
+        alike = Corners(corners_px, whiten, corners.plane_m, corners.common_px)
         return ordered(solve(alike, self._camera, evidence.prior, evidence.last), evidence.last) or solutions
 
     def projected_px(self, camera_from_plane: Pose) -> Array:
