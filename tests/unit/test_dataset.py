@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from shipland.errors import DataError
-from shipland.learning.augment import AugmentParameters, clip_targets, training_window, window
+from shipland.learning.augment import clip_targets, training_window, window
 from shipland.learning.dataset import IGNORED, coco_table, read_dataset
+from shipland.learning.settings import AugmentParameters
 
 PLAIN = AugmentParameters(
     scale_min=1.0,
@@ -22,6 +23,9 @@ PLAIN = AugmentParameters(
     hue_deg=0.0,
     blur=0.0,
     blur_max_px=0.0,
+    sharpen=0.0,
+    sharpen_max=0.0,
+    tone=0.0,
     noise=0.0,
     noise_max=0.0,
     min_side_px=4.0,

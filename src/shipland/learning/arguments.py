@@ -44,9 +44,10 @@ class TrainArguments:
     Attributes:
         data: folders with images/ and labels/; several are put together.
         out: folder for checkpoints, curves, the detector (.onnx, -int8.onnx) and its model card.
-        classes: names of the classes; default from classes.txt.
+        classes: names of the classes; default from classes.txt or data.yaml.
         profile: far for native windows and small targets, photos for targets that fill the picture.
         steps: optimiser steps; default from the profile.
+        minutes: stop in order after so long, however many steps that gives; the learning rate falls accordingly.
         batch: pictures a step; default from the profile.
         window_px: side of the training window, a multiple of 32; default from the profile.
         width: factor on the network's filters; 1.0 is the paper's network.
@@ -54,6 +55,7 @@ class TrainArguments:
             (.weights of the same shape).
         resume: go on from the last checkpoint in `out`.
         device: auto takes a GPU where there is one.
+        memory: where pictures wait: on disk, decoded in the device's memory, or auto: there on a GPU that has room.
         threads: CPU threads; more than the free cores makes it much slower.
         seed: of the split, the first weights and the windows.
         config: TOML laid over the packaged settings.
@@ -64,12 +66,14 @@ class TrainArguments:
     classes: tuple[str, ...] = ()
     profile: Profile = "far"
     steps: int | None = None
+    minutes: float | None = None
     batch: int | None = None
     window_px: int | None = None
     width: float = 0.25
     weights: Path | None = None
     resume: bool = False
     device: Device = "auto"
+    memory: Literal["auto", "disk", "device"] = "auto"
     threads: int = 1
     seed: int = 0
     config: Path | None = None

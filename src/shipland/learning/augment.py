@@ -12,13 +12,29 @@ from shipland.learning.settings import AugmentParameters
 
 Loader = Callable[[np.random.Generator], tuple[Picture, Targets]]
 """Draws a labelled picture."""
+HARD_JITTER = 0.35
+"""How far from a window's middle a hard place may lie, in sides."""
 
 
 def training_window(
-    draw: Loader, side_px: int, parameters: AugmentParameters, rng: np.random.Generator
+    draw: Loader,
+    side_px: int,
+    parameters: AugmentParameters,
+    rng: np.random.Generator,
+    hard: tuple[Picture, Targets, tuple[float, float]] | None = None,
 ) -> tuple[Picture, Targets]:
-    """One window (side_px, side_px, 3) and its targets [px]."""
-    if rng.random() < parameters.mosaic:
+    """One window (side_px, side_px, 3) and its targets [px].
+
+    Args:
+        draw: draws a labelled picture.
+        side_px: of the window.
+        parameters: how.
+        rng: of everything.
+        hard: a picture, its targets and a place (column, row) that the window is laid over, instead of a drawn one.
+    """
+    if hard is not None:
+        picture, targets = window(*hard[:2], (side_px, side_px), parameters, rng, hard[2])
+    elif rng.random() < parameters.mosaic:
         picture, targets = _mosaic(draw, side_px, parameters, rng)
     else:
         picture, targets = window(*draw(rng), (side_px, side_px), parameters, rng)
@@ -34,8 +50,12 @@ def window(
     size_px: tuple[int, int],
     parameters: AugmentParameters,
     rng: np.random.Generator,
+    over_px: tuple[float, float] | None = None,
 ) -> tuple[Picture, Targets]:
-    """A window of `size_px` (width, height) out of a picture, zoomed, and the targets in it."""
+    """A window of `size_px` (width, height) out of a picture, zoomed, and the targets in it.
+
+    It lies over the place `over_px` of the picture, over a target, or anywhere.
+    """
     height, width = picture.shape[:2]
     scale = float(np.exp(rng.uniform(np.log(parameters.scale_min), np.log(parameters.scale_max))))
     if parameters.fit:
@@ -43,7 +63,9 @@ def window(
     size = np.array(size_px, dtype=float)
     room = scale * np.array([width, height]) - size
     wanted = targets[targets[:, 0] >= 0.0]
-    if len(wanted) and rng.random() < parameters.on_target:
+    if over_px is not None:
+        corner = scale * np.array(over_px) - size * rng.uniform(0.5 - HARD_JITTER, 0.5 + HARD_JITTER, 2)
+    elif len(wanted) and rng.random() < parameters.on_target:
         _, x, y, w, h = wanted[rng.integers(len(wanted))]
         margin = 0.5 * scale * np.array([w, h])
         low, high = np.minimum(margin, 0.5 * size), np.maximum(size - margin, 0.5 * size)
@@ -101,7 +123,9 @@ def colour(picture: Picture, parameters: AugmentParameters, rng: np.random.Gener
     gamma = 1.0 + rng.uniform(-parameters.gamma, parameters.gamma)
     gain = 1.0 + rng.uniform(-parameters.contrast, parameters.contrast)
     offset = rng.uniform(-parameters.brightness, parameters.brightness)
-    curve = 255.0 * ((levels**gamma - 0.5) * gain + 0.5) + offset
+    curve = np.clip((levels**gamma - 0.5) * gain + 0.5 + offset / 255.0, 0.0, 1.0)
+    bend = rng.uniform(-parameters.tone, parameters.tone)
+    curve = 255.0 * (curve + 2.0 * bend * (2.0 * curve - 1.0) * curve * (1.0 - curve))
     picture = cv2.LUT(picture, np.clip(curve, 0, 255).astype(np.uint8)).astype(np.uint8)
     turn, stretch = rng.uniform(-1.0, 1.0, 2)
     hsv = cv2.cvtColor(picture, cv2.COLOR_BGR2HSV)
@@ -111,6 +135,10 @@ def colour(picture: Picture, parameters: AugmentParameters, rng: np.random.Gener
     picture = cv2.cvtColor(cv2.LUT(hsv, table), cv2.COLOR_HSV2BGR).astype(np.uint8)
     if rng.random() < parameters.blur:
         picture = cv2.GaussianBlur(picture, (0, 0), max(0.2, rng.uniform(0.0, parameters.blur_max_px))).astype(np.uint8)
+    elif rng.random() < parameters.sharpen:
+        near = cv2.GaussianBlur(picture, (0, 0), max(0.2, rng.uniform(0.0, parameters.blur_max_px)))
+        strength = rng.uniform(0.0, parameters.sharpen_max)
+        picture = np.asarray(cv2.addWeighted(picture, 1.0 + strength, near, -strength, 0.0), np.uint8)
     if rng.random() < parameters.noise:
         grain = rng.standard_normal(picture.shape, dtype=np.float32) * rng.uniform(0.0, parameters.noise_max)
         picture = np.clip(picture + grain, 0, 255).astype(np.uint8)

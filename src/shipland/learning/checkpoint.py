@@ -14,7 +14,7 @@ from shipland.errors import DataError
 from shipland.learning.dataset import write_atomically
 from shipland.vision.far.decode import DetectorSpec
 
-FORMAT = "shipland-checkpoint-1"
+FORMAT = "shipland-checkpoint-2"
 
 
 @dataclass
@@ -25,15 +25,19 @@ class Progress:
         step: optimiser steps done.
         best: best validation score so far.
         since_best: evaluations since then.
-        hard: indices of the training pictures that fooled the detector in the last round.
+        hard: places that fooled the detector in the last round: number of the picture, column and row [px].
         history: one row an evaluation.
+        seconds: time spent on training.
+        run: what must stay the same when it is resumed, by name.
     """
 
     step: int = 0
     best: float = -1.0
     since_best: int = 0
-    hard: list[int] = field(default_factory=list)
+    hard: list[tuple[int, float, float]] = field(default_factory=list)
     history: list[dict[str, float]] = field(default_factory=list)
+    seconds: float = 0.0
+    run: dict[str, str] = field(default_factory=dict)
 
 
 def save_checkpoint(path: Path, tensors: dict[str, Tensor], spec: DetectorSpec, progress: Progress) -> None:
@@ -59,6 +63,7 @@ def load_checkpoint(path: Path) -> tuple[dict[str, Tensor], DetectorSpec, Progre
         reason = "does not exist" if not path.exists() else f"is truncated or no checkpoint ({error})"
         raise DataError(f"checkpoint {path} {reason}") from None
     progress: dict[str, Any] = json.loads(metadata["progress"])
+    progress["hard"] = [tuple(point) for point in progress["hard"]]
     return tensors, DetectorSpec.from_json(metadata["spec"], str(path)), Progress(**progress)
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
+from PIL import Image
 
 from shipland.errors import DataError
 
@@ -42,6 +43,14 @@ class Sample:
     path: Path
     boxes: Targets
     scene: dict[str, Any]
+
+    def size_px(self) -> tuple[int, int]:
+        """Width and height, from the file's head; DataError when the picture is broken."""
+        try:
+            with Image.open(self.path) as picture:
+                return picture.size
+        except (OSError, ValueError) as error:
+            raise DataError(f"picture {self.path} is broken or no picture ({error})") from None
 
     def load(self) -> tuple[Picture, Targets]:
         """The picture (h,w,3) BGR and its targets in pixels; DataError when the picture is broken."""

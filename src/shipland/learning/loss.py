@@ -168,17 +168,32 @@ def _care(cells: Tensor, targets: Tensor, spec: DetectorSpec, scale: int, ignore
         -1,
     ).float()
     anchors = torch.tensor(spec.anchors_px[scale], dtype=torch.float32, device=cells.device)[:, None, None, :]
-    for index in range(batch):
-        mine = targets[targets[:, 0] == index, 1:]
-        if not len(mine):
-            continue
-        boxes = decoded_boxes(cells[index, ..., :4], grid, anchors, stride, spec.decoding)
-        # Unasked boxes are wiped out to a cell beyond their edge, whatever the cell answers.
-        offset = ((grid + 0.5) * stride)[..., None, :] - mine[:, 1:3]
-        near = (offset.abs() <= mine[:, 3:5] / 2 + stride).all(-1) & (mine[:, 0] < 0.0)
-        likely = box_iou(boxes[..., None, :], mine[:, 1:]) > ignore_iou
-        care[index][likely.any(-1) | near.any(-1)[None]] = 0.0
+    table = _by_picture(targets, batch)
+    if table is None:
+        return care
+    boxes = decoded_boxes(cells[..., :4], grid, anchors, stride, spec.decoding)
+    # Unasked boxes are wiped out to a cell beyond their edge, whatever the cell answers.
+    for mine in table.unbind(1):  # (n,5): one target of each picture, if it has so many
+        there = mine[:, None, None, None, :]
+        offset = ((grid + 0.5) * stride)[None, None] - there[..., 1:3]
+        near = (offset.abs() <= there[..., 3:5] / 2 + stride).all(-1) & (there[..., 0] < 0.0)
+        likely = box_iou(boxes, there[..., 1:]) > ignore_iou
+        care = torch.where((likely | near) & (there[..., 3] > 0.0), torch.zeros_like(care), care)
     return care
+
+
+def _by_picture(targets: Tensor, batch: int) -> Tensor | None:
+    """(batch,k,5) rows (class, centre, size) of each picture, filled up with zeros; None without targets."""
+    if not len(targets):
+        return None
+    picture = targets[:, 0].long()
+    order = picture.argsort(stable=True)
+    counts = torch.bincount(picture, minlength=batch)
+    first = counts.cumsum(0) - counts
+    place = torch.arange(len(targets), device=targets.device) - first[picture[order]]
+    table = targets.new_zeros(batch, int(counts.max()), 5)
+    table[picture[order], place] = targets[order, 1:]
+    return table
 
 
 def fit_anchors(sizes_px: npt.NDArray[np.floating], seed: int) -> Anchors:

@@ -107,7 +107,7 @@ def model_card(
     if best is not None:
         lines.append(
             f"- Held out: average precision {best['average_precision']:.3f} at IoU {parameters.match_iou:g}, "
-            f"recall {best['recall']:.3f} at confidence 0.5"
+            f"recall {best['recall']:.3f} at that IoU and confidence 0.5"
         )
     lines += [
         "- Files: `detector.onnx` (16-bit weights), `detector-int8.onnx` (8-bit, static, per channel)",

@@ -22,6 +22,8 @@ class AugmentParameters:
         contrast, brightness, gamma, saturation: half-widths of uniform changes; brightness in grey levels.
         hue_deg: half-width of a uniform turn of the hue.
         blur: chance of a Gaussian blur of up to `blur_max_px`.
+        sharpen: chance of sharpening, where it was not blurred, by up to `sharpen_max` of what a blur takes away.
+        tone: half-width of a bend of the tone curve, S-shaped or the inverse.
         noise: chance of Gaussian noise of up to `noise_max` grey levels.
         min_side_px: a target with a shorter longer side is not asked for (nor punished).
         min_visible: a target of which a smaller part lies in the window is not asked for.
@@ -40,6 +42,9 @@ class AugmentParameters:
     hue_deg: float
     blur: float
     blur_max_px: float
+    sharpen: float
+    sharpen_max: float
+    tone: float
     noise: float
     noise_max: float
     min_side_px: float
@@ -47,8 +52,9 @@ class AugmentParameters:
 
     def __post_init__(self) -> None:
         require(0.0 < self.scale_min <= self.scale_max, "scale_min must be positive and at most scale_max")
-        for name in ("on_target", "mosaic", "mirror", "blur", "noise", "min_visible"):
+        for name in ("on_target", "mosaic", "mirror", "blur", "sharpen", "noise", "min_visible"):
             require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1, got {getattr(self, name)}")
+        require(0.0 <= self.tone < 0.5, "tone must lie in 0 … 0.5, or grey levels change places")
         require(0.0 <= self.contrast < 1.0 and 0.0 <= self.gamma < 1.0, "contrast and gamma must lie in 0 … 1")
 
 
@@ -92,10 +98,10 @@ class TrainParameters:
         held_out: fraction of the pictures kept for validation.
         match_iou: overlap that counts as found.
         patience: evaluations without a better score before the run stops.
-        mine_every: steps between rounds of hard negatives; 0 for none.
+        hard_rounds: rounds of looking for what fools the detector, spread over the run; 0 for none.
         mine_pictures: training pictures looked at in a round.
-        mine_keep: worst of them kept.
-        hard_fraction: part of a batch drawn from those kept.
+        mine_keep: worst places kept: false boxes and missed targets.
+        hard_fraction: part of a batch laid over those places.
         freeze_norm: keep the batch normalisation's statistics as they are; for fine-tuning, a third faster.
         bf16: compute in bf16 where it helps.
         calibration_pictures: windows that 8-bit ranges are taken from.
@@ -118,7 +124,7 @@ class TrainParameters:
     held_out: float
     match_iou: float
     patience: int
-    mine_every: int
+    hard_rounds: int
     mine_pictures: int
     mine_keep: int
     hard_fraction: float

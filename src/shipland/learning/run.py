@@ -1,0 +1,258 @@
+"""A training run in progress: one step after the other, rounds of what fools the detector, validation, checkpoints."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from shipland.errors import DataError
+from shipland.learning.augment import window
+from shipland.learning.checkpoint import Progress, optimizer_tensors, prefixed, save_checkpoint
+from shipland.learning.dataset import Dataset, Picture, Targets
+from shipland.learning.loss import detection_loss
+from shipland.learning.metrics import Tally
+from shipland.learning.network import Network
+from shipland.learning.settings import TrainParameters
+from shipland.learning.windows import HardPoint, Windows, to_batch
+from shipland.vision.far.decode import DetectorSpec, Float32, decode, suppress
+from shipland.vision.far.detector import padded
+
+Floats = npt.NDArray[np.float64]
+LAST, BEST = "last.safetensors", "best.safetensors"
+LEAST_CONFIDENCE = 0.05
+MAX_IOU = 0.45
+LOOK_PIXELS = 8 * 1280 * 736
+"""How many pixels are looked at in one batch."""
+
+
+@dataclass
+class Run:
+    """What changes from step to step."""
+
+    network: Network
+    average: Network
+    optimizer: torch.optim.Optimizer
+    spec: DetectorSpec
+    progress: Progress
+    device: torch.device
+
+    def save(self, path: Path) -> None:
+        """Everything needed to go on."""
+        tensors = {
+            **prefixed("network", self.network.state_dict()),
+            **prefixed("average", self.average.state_dict()),
+            **prefixed("optimizer", optimizer_tensors(self.optimizer)),
+        }
+        save_checkpoint(path, tensors, self.spec, self.progress)
+
+
+class TorchEngine:
+    """A torch network behind the run-time interface, so that validation decodes as flight does."""
+
+    def __init__(self, network: Network, spec: DetectorSpec, device: torch.device, bf16: bool) -> None:
+        self.network, self.spec, self.device, self.bf16 = network, spec, device, bf16
+        self.description = f"torch {device}"
+
+    def maps(self, picture: Picture) -> list[Float32]:
+        """Raw maps of one picture, finest scale first."""
+        return self.maps_of([picture])[0]
+
+    def maps_of(self, pictures: list[Picture]) -> list[list[Float32]]:
+        """Raw maps of several pictures of one size."""
+        with torch.no_grad(), autocast(self.device, self.bf16):
+            maps = [item.float().cpu().numpy() for item in self.network(to_batch(pictures, self.device))]
+        return [[item[index] for item in maps] for index in range(len(pictures))]
+
+
+def autocast(device: torch.device, bf16: bool) -> contextlib.AbstractContextManager[object]:
+    """Arithmetic in bf16, or as it stands."""
+    return torch.autocast(device.type, dtype=torch.bfloat16) if bf16 else contextlib.nullcontext()
+
+
+def through(progress: Progress, parameters: TrainParameters, minutes: float | None) -> float:
+    """How much of the run is done, 0 … 1: by steps, or by time where that is scarcer."""
+    spent = progress.seconds / (60.0 * minutes) if minutes else 0.0
+    return min(max(progress.step / parameters.steps, spent), 1.0)
+
+
+def learning_rate(step: int, done: float, parameters: TrainParameters) -> float:
+    """Linear warm-up in steps, and a cosine down to 2 % of the peak over `done`, 0 … 1."""
+    warm = min((step + 1) / max(parameters.warmup_steps, 1), 1.0)
+    return parameters.learning_rate * warm * (0.02 + 0.49 * (1.0 + math.cos(math.pi * done)))
+
+
+def steps(
+    run: Run,
+    parameters: TrainParameters,
+    windows: Windows,
+    sets: tuple[Dataset, Dataset],
+    out: Path,
+    seed: int,
+    minutes: float | None = None,
+) -> Iterator[str]:
+    """Train to the end, until the time is up, or until patience runs out; yields a note after every step.
+
+    Args:
+        run: state.
+        parameters: settings.
+        windows: of the pictures to train on.
+        sets: the pictures to train on, and those held out.
+        out: folder of the checkpoints.
+        seed: of every draw, with the step's number.
+        minutes: time for all steps together; None for as long as it takes.
+    """
+    fitting, held_out = sets
+    recent: Floats | None = None
+    progress = run.progress
+    rounds = _round(run, parameters, minutes)
+    while (done := through(progress, parameters, minutes)) < 1.0:
+        began = time.monotonic()
+        rng = np.random.default_rng([seed, progress.step])
+        parts = step(run, parameters, *windows.draw(progress.hard, rng), done)
+        if not np.isfinite(parts).all():
+            raise DataError(f"training diverged at step {progress.step}: lower learning_rate; {out / LAST} is whole")
+        recent = parts if recent is None else 0.98 * recent + 0.02 * parts
+        progress.step += 1
+        progress.seconds += time.monotonic() - began
+        began = time.monotonic()
+        last = through(progress, parameters, minutes) >= 1.0
+        if _round(run, parameters, minutes) > rounds and not last:
+            rounds = _round(run, parameters, minutes)
+            number = np.random.default_rng([seed, progress.step, 1])
+            progress.hard = mine(run, parameters, windows, len(fitting.samples), number)
+        if progress.step % parameters.evaluate_every == 0 or last:
+            _evaluate(run, parameters, held_out, recent, done, out)
+            if progress.since_best >= parameters.patience:
+                yield "stopped early"
+                return
+        progress.seconds += time.monotonic() - began
+        yield f"loss {recent.sum():.3f}, best average precision at IoU {parameters.match_iou:g} " + (
+            f"{progress.best:.3f}" if progress.best >= 0.0 else "not yet known"
+        )
+
+
+def _round(run: Run, parameters: TrainParameters, minutes: float | None) -> int:
+    """How many hard rounds are due; they are spread evenly over the run."""
+    return int(through(run.progress, parameters, minutes) * (parameters.hard_rounds + 1))
+
+
+def step(run: Run, parameters: TrainParameters, pictures: Tensor, targets: Tensor, done: float) -> Floats:
+    """One step of the optimiser and of the average; the loss's parts."""
+    for group in run.optimizer.param_groups:
+        group["lr"] = learning_rate(run.progress.step, done, parameters)
+    run.network.train(not parameters.freeze_norm)  # nothing but the normalisation tells the two apart
+    with autocast(run.device, parameters.bf16):
+        maps = run.network(pictures)
+    total, parts = detection_loss(maps, targets, run.spec, parameters.loss)
+    run.optimizer.zero_grad(set_to_none=True)
+    total.backward()
+    torch.nn.utils.clip_grad_norm_(run.network.parameters(), parameters.clip_norm)
+    run.optimizer.step()
+    # Short memory at first, or the average would hold on to the random start.
+    decay = min(parameters.average_decay, (1.0 + run.progress.step) / (10.0 + run.progress.step))
+    with torch.no_grad():
+        pairs = list(zip(run.average.state_dict().values(), run.network.state_dict().values(), strict=True))
+        floating = [(mine, theirs) for mine, theirs in pairs if mine.dtype.is_floating_point]
+        torch._foreach_lerp_([mine for mine, _ in floating], [theirs for _, theirs in floating], 1.0 - decay)
+        for mine_, theirs in pairs:
+            if not mine_.dtype.is_floating_point:
+                mine_.copy_(theirs)
+    return np.asarray(parts.cpu().numpy(), np.float64)
+
+
+def look(
+    engine: TorchEngine, pictures: Iterable[tuple[Picture, Targets]], confidence: float
+) -> Iterator[tuple[Float32, Float32, Targets]]:
+    """Boxes (n,4), their confidences (n,) and the targets of pictures, in order; those of one size go in batches."""
+
+    def flush() -> Iterator[tuple[Float32, Float32, Targets]]:
+        for maps, targets in zip(
+            engine.maps_of([padded(item) for item, _ in waiting]), [t for _, t in waiting], strict=True
+        ):
+            boxes, scores, _ = suppress(*decode(maps, engine.spec, confidence), MAX_IOU, merge=True)
+            yield boxes, scores, targets
+
+    waiting: list[tuple[Picture, Targets]] = []
+    for picture, targets in pictures:
+        if waiting and (
+            waiting[0][0].shape != picture.shape or (len(waiting) + 1) * picture[..., 0].size > LOOK_PIXELS
+        ):
+            yield from flush()
+            waiting = []
+        waiting.append((picture, targets))
+    if waiting:
+        yield from flush()
+
+
+def mine(
+    run: Run, parameters: TrainParameters, windows: Windows, count: int, rng: np.random.Generator
+) -> list[HardPoint]:
+    """Places that fool the detector most: sure boxes where there is nothing, and targets that it misses."""
+    engine = TorchEngine(run.average, run.spec, run.device, parameters.bf16)
+    # In the order of the set: pictures of one size lie together.
+    chosen = np.sort(rng.choice(count, size=min(parameters.mine_pictures, count), replace=False)).tolist()
+    found: list[tuple[float, HardPoint]] = []
+    looked = look(engine, (_whole(windows.load(index), parameters) for index in chosen), LEAST_CONFIDENCE)
+    for index, (boxes, scores, targets) in zip(chosen, looked, strict=True):
+        tally = Tally(parameters.match_iou)
+        verdict = tally.add(boxes, scores, targets)
+        for box, score in zip(boxes[verdict == -1], scores[verdict == -1], strict=True):
+            found.append((float(score), (index, float(box[0]), float(box[1]))))
+        for number, target in enumerate(targets):
+            if target[0] >= 0.0 and target[3:5].max() >= parameters.augment.min_side_px:
+                sure = float(scores[verdict == number].max(initial=0.0))
+                found.append((1.0 - sure, (index, float(target[1]), float(target[2]))))
+    worst = sorted(found, key=lambda item: -item[0])[: parameters.mine_keep]
+    return [point for score, point in worst if score > 0.1]
+
+
+def _whole(loaded: tuple[Picture, Targets], parameters: TrainParameters) -> tuple[Picture, Targets]:
+    """A whole picture as it is; fitted to the window where training fits it."""
+    if not parameters.augment.fit:
+        return loaded
+    plain = replace(parameters.augment, scale_min=1.0, scale_max=1.0, on_target=0.0)
+    side = (parameters.window_px, parameters.window_px)
+    return window(*loaded, side, plain, np.random.default_rng(0))
+
+
+def validate(engine: TorchEngine, parameters: TrainParameters, held_out: Dataset) -> Tally:
+    """Tally over held-out pictures at their own size (or fitted to the window, as in training)."""
+    tally = Tally(parameters.match_iou)
+    samples = held_out.samples[: parameters.validation_pictures]
+    for boxes, scores, targets in look(
+        engine, (_whole(sample.load(), parameters) for sample in samples), LEAST_CONFIDENCE
+    ):
+        tally.add(boxes, scores, targets)
+    return tally
+
+
+def _evaluate(run: Run, parameters: TrainParameters, held_out: Dataset, recent: Floats, done: float, out: Path) -> None:
+    tally = validate(TorchEngine(run.average, run.spec, run.device, parameters.bf16), parameters, held_out)
+    score = tally.average_precision()
+    progress = run.progress
+    progress.history.append(
+        {
+            "step": float(progress.step),
+            "box_loss": float(recent[0]),
+            "objectness_loss": float(recent[1]),
+            "class_loss": float(recent[2]),
+            "average_precision": score,
+            "recall": tally.recall(0.5),
+            "learning_rate": learning_rate(progress.step - 1, done, parameters),
+            "hard_places": float(len(progress.hard)),
+        }
+    )
+    better = score > progress.best
+    progress.best, progress.since_best = (score, 0) if better else (progress.best, progress.since_best + 1)
+    run.save(out / LAST)
+    if better:
+        run.save(out / BEST)
