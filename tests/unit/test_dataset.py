@@ -1,12 +1,15 @@
 """Labelled pictures: what is read, what is refused by name, how sets are split and exported."""
 
+import itertools
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 from shipland.errors import DataError
 from shipland.learning.augment import clip_targets, training_window, window
-from shipland.learning.dataset import IGNORED, coco_table, read_dataset
+from shipland.learning.dataset import IGNORED, Dataset, coco_table, read_dataset, sequences
 from shipland.learning.settings import AugmentParameters
 
 PLAIN = AugmentParameters(
@@ -160,3 +163,45 @@ def test_targets_cut_off_or_tiny_are_not_asked_for():
     cut = clip_targets(targets, (40, 40), PLAIN)
     assert cut[:, 0].tolist() == [0.0, 0.0, IGNORED, IGNORED]
     np.testing.assert_allclose(cut[1, 1:], [3, 20, 6, 10])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "nc: 2\nnames: ['ship', \"fishing boat\"]\n",
+        "names:\n- ship\n- fishing boat # small\nnc: 2\n",
+        "train: images\nnames:\n  0: ship\n  1: 'fishing boat'\n",
+        "names: {0: ship, 1: fishing boat}\n",
+    ],
+)
+def test_classes_come_from_the_sets_own_file(folder, text):
+    (folder / "classes.txt").unlink(missing_ok=True)
+    (folder / "data.yaml").write_text(text)
+    assert read_dataset(folder).classes == ("ship", "fishing boat")
+    assert read_dataset(folder, ["a", "b"]).classes == ("a", "b")
+
+
+def test_a_set_that_does_not_name_its_classes_is_refused(folder):
+    (folder / "classes.txt").unlink(missing_ok=True)
+    with pytest.raises(DataError, match="--classes"):
+        read_dataset(folder)
+
+
+def test_polygons_become_their_upright_boxes(folder):
+    label = sorted((folder / "labels").iterdir())[0]
+    label.write_text("0 0.2 0.3 0.6 0.3 0.5 0.7 0.2 0.6\n")
+    boxes = read_dataset(folder, ["ship"]).samples[0].boxes
+    np.testing.assert_allclose(boxes, [[0.0, 0.4, 0.5, 0.4, 0.4]], atol=1e-6)
+
+
+def test_frames_of_one_burst_are_held_out_together(folder):
+    """Forty frames of four bursts, ten held out: at most two stretches, so at most four neighbours on both sides."""
+    sample = read_dataset(folder, ["ship"]).samples[0]
+    names = [f"{burst}_{number}.jpg" for burst in "abcd" for number in range(1, 11)]
+    assert len(sequences([folder / name for name in names])) == 4
+    dataset = Dataset(folder, ("ship",), tuple(replace(sample, path=folder / name) for name in names))
+    rest, held = dataset.split(0.25, 3)
+    assert (len(rest.samples), len(held.samples)) == (30, 10)
+    side = {item.path: False for item in rest.samples} | {item.path: True for item in held.samples}
+    order = [side[folder / name] for name in names]
+    assert sum(a != b for a, b in itertools.pairwise(order)) <= 4

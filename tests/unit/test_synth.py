@@ -139,3 +139,13 @@ def test_motion_kernel_keeps_brightness_and_place(angle_rad):
     rows, columns = np.mgrid[: kernel.shape[0], : kernel.shape[1]] - kernel.shape[0] // 2
     assert abs((kernel * rows).sum()) < 0.1
     assert abs((kernel * columns).sum()) < 0.1
+
+
+def test_two_processes_make_the_same_set_and_a_spent_time_makes_none(tmp_path):
+    one = SynthArguments(tmp_path / "one", "ship", count=3, seed=5, crop_px=96)
+    synth(one)
+    synth(replace(one, out=tmp_path / "two", workers=2))
+    for file in sorted((tmp_path / "one").rglob("*.*")):
+        assert file.read_bytes() == (tmp_path / "two" / file.relative_to(tmp_path / "one")).read_bytes()
+    synth(replace(one, out=tmp_path / "none", minutes=0.0))
+    assert not list((tmp_path / "none" / "images").iterdir())

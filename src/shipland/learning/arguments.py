@@ -21,10 +21,10 @@ class SynthArguments:
         count: number of pictures; default as in the paper, 2,000 of the ship and 1,000 of the bar.
         seed: the same seed gives the same pictures.
         crop_px: side of square windows around target or decoy at native size; 0 gives whole frames.
-        fooling: packaged weights (ship, bar) or an ONNX file; whole frames are drawn and looked at by this detector,
-            and windows of crop_px are kept where it errs, and over the target.
         config: TOML laid over the packaged settings.
         coco: write `coco.json` too.
+        workers: processes that draw.
+        minutes: begin nothing new after so long; the set then holds fewer pictures.
     """
 
     out: Path
@@ -32,9 +32,10 @@ class SynthArguments:
     count: int | None = None
     seed: int = 0
     crop_px: int = 0
-    fooling: str | None = None
     config: Path | None = None
     coco: bool = False
+    workers: int = 1
+    minutes: float | None = None
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,8 @@ class EvaluateArguments:
         confidence: least confidence of a box; default from [detector].
         runtime: auto, openvino or onnxruntime.
         precision: auto, bf16 or fp32.
-        threads: CPU threads.
+        threads: CPU threads of each process.
+        workers: processes that draw and look at fresh scenes.
         config: TOML laid over the packaged settings.
     """
 
@@ -109,4 +111,5 @@ class EvaluateArguments:
     runtime: Literal["auto", "openvino", "onnxruntime"] = "auto"
     precision: Literal["auto", "bf16", "fp32"] = "auto"
     threads: int = 0
+    workers: int = 1
     config: Path | None = None

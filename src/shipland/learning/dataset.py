@@ -1,15 +1,17 @@
 """Labelled pictures in YOLO's layout: `images/NAME.jpg` with `labels/NAME.txt`, one line a box.
 
-A line is `class centre_x centre_y width height`, the last four as fractions of the picture. An empty label file says
-that the picture shows no target; a missing one is an error. `classes.txt`, if there, names the classes.
+A line is `class centre_x centre_y width height`, the last four as fractions of the picture; or a polygon, `class x y x
+y x y …`, of which the upright box is taken. An empty label file says that the picture shows no target; a missing one is
+an error. `classes.txt` or `data.yaml` names the classes.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", 
 EDGE_TOLERANCE = 2e-3
 """Fraction of the picture by which a labelling tool's rounding may put a box outside."""
 IGNORED = -1.0
+_LONGEST_STRETCH = 100
 
 
 @dataclass(frozen=True)
@@ -69,22 +72,43 @@ class Dataset:
     samples: tuple[Sample, ...]
 
     def split(self, fraction: float, seed: int) -> tuple[Dataset, Dataset]:
-        """(rest, held out): `fraction` of the pictures, at least one, drawn by `seed`."""
+        """(rest, held out): about `fraction` of the pictures, at least one, drawn by `seed`; both in the set's order.
+
+        Stretches of consecutive pictures are held out, not single ones: frames of one burst look alike, and a
+        detector that has seen one knows the others.
+        """
         if len(self.samples) < 2:
             raise DataError(f"{self.folder} holds {len(self.samples)} picture; splitting off a part needs two")
-        order = np.random.default_rng(seed).permutation(len(self.samples))
-        held = min(max(1, round(fraction * len(order))), len(order) - 1)
-        pick = [self.samples[index] for index in order]
-        return (
-            Dataset(self.folder, self.classes, tuple(pick[held:])),
-            Dataset(self.folder, self.classes, tuple(pick[:held])),
-        )
+        wanted = min(max(1, round(fraction * len(self.samples))), len(self.samples) - 1)
+        longest = max(1, min(round(0.5 * wanted), _LONGEST_STRETCH))
+        stretches = [
+            sequence[start : start + longest]
+            for sequence in sequences([sample.path for sample in self.samples])
+            for start in range(0, len(sequence), longest)
+        ]
+        held: set[int] = set()
+        for number in np.random.default_rng(seed).permutation(len(stretches)):
+            if len(held) < wanted:
+                held.update(stretches[number][: wanted - len(held)])
+        rest = tuple(sample for index, sample in enumerate(self.samples) if index not in held)
+        return replace(self, samples=rest), replace(self, samples=tuple(self.samples[index] for index in sorted(held)))
 
     def check_pictures(self) -> Iterator[Path]:
         """Decode every picture, one a step; DataError names the first broken one."""
         for sample in self.samples:
             read_picture(sample.path)
             yield sample.path
+
+
+def sequences(paths: Sequence[Path]) -> list[list[int]]:
+    """Indices of the pictures that belong together, in their order: one folder, one name but for its last number."""
+    found: dict[tuple[str, str], list[tuple[int, int]]] = {}
+    for index, path in enumerate(paths):
+        stem = re.sub(r"[_.](jpe?g|png)\.rf\.\w+$", "", path.stem)  # what Roboflow's exports add
+        match = re.fullmatch(r"(.*?)(\d*)", stem)
+        assert match is not None
+        found.setdefault((str(path.parent), match[1]), []).append((int(match[2] or 0), index))
+    return [[index for _, index in sorted(rows)] for _, rows in sorted(found.items())]
 
 
 def read_picture(path: Path) -> Picture:
@@ -109,7 +133,7 @@ def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
 
     Args:
         folder: holds `images/` and `labels/`, or pictures and labels side by side.
-        classes: names of the classes; None takes `classes.txt`, or one class named after the folder.
+        classes: names of the classes; None takes those of `classes.txt` or `data.yaml`.
 
     Raises:
         DataError: names the file: no picture, missing label, broken line, unknown class, box outside the picture.
@@ -121,11 +145,11 @@ def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
         images = labels = folder
     elif not labels.is_dir():
         raise DataError(f"data set {folder} has images/ but no labels/")
-    names = _class_names(folder, classes)
     scenes = read_scenes(folder)
     paths = sorted(path for path in images.iterdir() if path.suffix.lower() in PICTURE_SUFFIXES)
     if not paths:
         raise DataError(f"data set {folder} holds no picture in {images}")
+    names = _class_names(folder, classes)
     samples = tuple(
         Sample(path, read_label(labels / f"{path.stem}.txt", path, len(names)), scenes.get(path.name, {}))
         for path in paths
@@ -134,14 +158,33 @@ def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
 
 
 def _class_names(folder: Path, classes: Sequence[str] | None) -> tuple[str, ...]:
+    """The names given, else those of classes.txt, else those of data.yaml beside the set or above it."""
     if classes:
         return tuple(classes)
     listed = folder / "classes.txt"
-    if not listed.is_file():
-        return (folder.name,)
-    names = tuple(line.strip() for line in listed.read_text(encoding="utf-8").splitlines() if line.strip())
+    if listed.is_file():
+        names = tuple(line.strip() for line in listed.read_text(encoding="utf-8").splitlines() if line.strip())
+        if not names:
+            raise DataError(f"{listed} names no class")
+        return names
+    for place in (folder, folder.resolve().parent):
+        for table in (place / "data.yaml", place / "data.yml"):
+            if table.is_file():
+                return yaml_names(table)
+    raise DataError(f"{folder} does not name its classes: write classes.txt, one name a line, or give --classes")
+
+
+def yaml_names(path: Path) -> tuple[str, ...]:
+    """The `names` of a data.yaml as labelling tools export it: a list in brackets, a list of lines, or `0: name`."""
+    text = path.read_text(encoding="utf-8")
+    match = re.search(r"^names:[ \t]*(\[[^\]]*\]|\{[^}]*\}|(?:\s*\n[ \t]*(?:- *|\d+ *:).*)+)", text, re.MULTILINE)
+    body = "" if match is None else match[1].strip()
+    items = body[1:-1].split(",") if body[:1] in ("[", "{") else body.splitlines()
+    plain = [re.sub(r"\s+#.*$", "", item).strip() for item in items]
+    bare = [re.sub(r"^(-\s*|\d+\s*:\s*)", "", item).strip().strip("'\"") for item in plain]
+    names = tuple(name for name in bare if name)
     if not names:
-        raise DataError(f"{listed} names no class")
+        raise DataError(f"{path} has no list 'names' of classes: write classes.txt, one name a line")
     return names
 
 
@@ -177,8 +220,12 @@ def read_label(path: Path, picture: Path, class_count: int) -> Targets:
             row = [float(item) for item in line.split()]
         except ValueError:
             row = []
+        if len(row) >= 7 and len(row) % 2 == 1 and np.isfinite(row).all():
+            row = [row[0], *_box_around(np.clip(np.array(row[1:]).reshape(-1, 2), 0.0, 1.0))]
         if len(row) != 5 or not np.isfinite(row).all():
-            raise DataError(f"{where}: expected 'class centre_x centre_y width height', got {line.strip()!r}")
+            raise DataError(
+                f"{where}: expected 'class centre_x centre_y width height' or a polygon, got {line.strip()[:80]!r}"
+            )
         kind, x, y, w, h = row
         if kind != int(kind) or not 0 <= kind < class_count:
             raise DataError(f"{where}: unknown class {kind:g}; this set has {class_count}, numbered from 0")
@@ -189,6 +236,12 @@ def read_label(path: Path, picture: Path, class_count: int) -> Targets:
             raise DataError(f"{where}: box reaches outside the picture ({low:.4f} … {high:.4f}, expected 0 … 1)")
         rows.append(row)
     return np.array(rows, dtype=np.float32).reshape(-1, 5)
+
+
+def _box_around(points: npt.NDArray[np.float64]) -> list[float]:
+    """Centre and size of the upright box of (n,2) points."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    return [*(0.5 * (low + high)).tolist(), *(high - low).tolist()]
 
 
 def coco_table(dataset: Dataset) -> dict[str, Any]:

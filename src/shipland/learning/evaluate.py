@@ -7,27 +7,28 @@ known, so a run that was cut off goes on where it stopped.
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from rich.progress import track
 
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build, require
 from shipland.errors import DataError
 from shipland.learning.arguments import EvaluateArguments
 from shipland.learning.dataset import Dataset, read_dataset, write_atomically
-from shipland.learning.hard import compressed
 from shipland.learning.metrics import COCO_IOUS, Tally
+from shipland.learning.progress import followed
 from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
 from shipland.learning.settings import learning_table
 from shipland.learning.shot import NearestBox, Shot, target_box
 from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
-from shipland.learning.synth import FRAME_S, draw, synth_parameters
+from shipland.learning.synth import FRAME_S, compressed, draw, in_workers, jpeg_quality, synth_parameters
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.rig import Rig, default_rig, packaged_table
 from shipland.sim.scene.scene import Scene
@@ -191,7 +192,7 @@ def _labelled(
             f"{', '.join(detector.engine.spec.classes)}"
         )
     records, missed = [], []
-    for number, sample in enumerate(track(dataset.samples, description="pictures")):
+    for number, sample in enumerate(followed(dataset.samples, "pictures", len(dataset.samples))):
         picture, targets = sample.load()
         boxes = np.concatenate(
             [
@@ -228,10 +229,13 @@ def fresh_records(
         least_contrast=0.0,
         pictures_per_scene=parameters.pictures_per_scene,
     )
-    camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+    blocks = [list(block) for _, block in itertools.groupby(missing, lambda n: n // synth.pictures_per_scene)]
+    work = partial(look_at_scenes, arguments=arguments, synth=synth, settings=settings, detector=detector)
+    if arguments.workers > 1:
+        work = partial(look_at_scenes, arguments=arguments, synth=synth, settings=settings, detector=None)
     with (arguments.out / "scenes.jsonl").open("a", encoding="utf-8") as stream:
-        looks = look_at_scenes(missing, arguments, synth, detector, settings, camera)
-        for record in track(looks, description=f"{arguments.kind} scenes", total=len(missing)):
+        looks = itertools.chain.from_iterable(in_workers(work, blocks, arguments.workers, None))
+        for record in followed(looks, f"{arguments.kind} scenes", arguments.scenes, len(made)):
             stream.write(record.to_json() + "\n")
             stream.flush()
             yield record
@@ -267,27 +271,32 @@ def look_at_scenes(
     numbers: Sequence[int],
     arguments: EvaluateArguments,
     synth: SynthParameters,
-    detector: Detector,
     settings: DetectorParameters,
-    camera: Camera,
-) -> Iterator[SceneRecord]:
-    """Draw and look at fresh scenes, one record each."""
+    detector: Detector | None,
+) -> list[SceneRecord]:
+    """Draw and look at fresh scenes of one block of light, air and sea; one record each.
+
+    Args:
+        numbers: of the scenes.
+        arguments: what is measured.
+        synth: how scenes are drawn.
+        settings: of the detector.
+        detector: the detector; None where this process has to load it.
+    """
     rig = default_rig()
-    block, scene, scene_parameters = -1, None, None
+    camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+    if detector is None:
+        detector = Detector.load(arguments.weights, settings)
+    scene_parameters, waves = draw_scene(numbers[0] // synth.pictures_per_scene, synth, arguments.seed)
+    scene = Scene(rig, scene_parameters, waves)
     try:
-        for number in numbers:
-            if scene is None or number // synth.pictures_per_scene != block:
-                block = number // synth.pictures_per_scene
-                if scene is not None:
-                    scene.close()
-                scene_parameters, waves = draw_scene(block, synth, arguments.seed)
-                scene = Scene(rig, scene_parameters, waves)
-            assert scene_parameters is not None
-            shot = draw_shot(number, arguments.kind, scene_parameters, camera, rig, synth, arguments.seed)
-            yield _look(shot, scene, camera, rig, synth, detector, settings, arguments.frames)
+        shots = [
+            draw_shot(number, arguments.kind, scene_parameters, camera, rig, synth, arguments.seed)
+            for number in numbers
+        ]
+        return [_look(shot, scene, camera, rig, synth, detector, settings, arguments.frames) for shot in shots]
     finally:
-        if scene is not None:
-            scene.close()
+        scene.close()
 
 
 class _FirstLook(Detector):
@@ -318,9 +327,7 @@ def _look(
     far = FarVision(
         detector if shot.kind == "ship" else None, detector if shot.kind == "bar" else None, camera, settings
     )
-    quality = int(
-        np.random.default_rng(shot.sensor_seed).integers(synth.sensor.quality_min, synth.sensor.quality_max + 1)
-    )
+    quality = jpeg_quality(shot, synth)
     first: BoxRow | None = None
     boxes: tuple[SureBox, ...] = ()
     told: list[tuple[BoxRow | None, SureBox | None]] = []

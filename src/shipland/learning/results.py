@@ -34,13 +34,14 @@ def write_results(
     noted = replace(spec, note=f"shipland train, step {progress.step}, {len(fitting.samples)} pictures")
     detector = out / "detector.onnx"
     write_onnx(detector, network.layers, weights, noted, half=True)
-    write_int8(
-        out / "detector-int8.onnx",
-        network.layers,
-        weights,
-        noted,
-        lambda: calibration_windows(fitting, parameters, arguments.seed),
-    )
+    if parameters.calibration_pictures:
+        write_int8(
+            out / "detector-int8.onnx",
+            network.layers,
+            weights,
+            noted,
+            lambda: calibration_windows(fitting, parameters, arguments.seed),
+        )
     plot_curves(out / "curves.png", progress)
     write_atomically(
         out / "model-card.md", model_card(arguments, parameters, network, spec, progress, fitting, held_out).encode()
@@ -110,7 +111,8 @@ def model_card(
             f"recall {best['recall']:.3f} at that IoU and confidence 0.5"
         )
     lines += [
-        "- Files: `detector.onnx` (16-bit weights), `detector-int8.onnx` (8-bit, static, per channel)",
+        "- Files: `detector.onnx` (16-bit weights)"
+        + (", `detector-int8.onnx` (8-bit, static, per channel)" if parameters.calibration_pictures else ""),
         "- Limits: it knows what its data show; measure it on yours with `shipland evaluate`.",
         "",
     ]

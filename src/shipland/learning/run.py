@@ -198,7 +198,7 @@ def mine(
 ) -> list[HardPoint]:
     """Places that fool the detector most: sure boxes where there is nothing, and targets that it misses."""
     engine = TorchEngine(run.average, run.spec, run.device, parameters.bf16)
-    # In the order of the set: pictures of one size lie together.
+    # In the set's order: pictures of one size lie together.
     chosen = np.sort(rng.choice(count, size=min(parameters.mine_pictures, count), replace=False)).tolist()
     found: list[tuple[float, HardPoint]] = []
     looked = look(engine, (_whole(windows.load(index), parameters) for index in chosen), LEAST_CONFIDENCE)
@@ -227,7 +227,7 @@ def _whole(loaded: tuple[Picture, Targets], parameters: TrainParameters) -> tupl
 def validate(engine: TorchEngine, parameters: TrainParameters, held_out: Dataset) -> Tally:
     """Tally over held-out pictures at their own size (or fitted to the window, as in training)."""
     tally = Tally(parameters.match_iou)
-    samples = held_out.samples[: parameters.validation_pictures]
+    samples = held_out.samples[:: -(-len(held_out.samples) // parameters.validation_pictures)]
     for boxes, scores, targets in look(
         engine, (_whole(sample.load(), parameters) for sample in samples), LEAST_CONFIDENCE
     ):

@@ -104,7 +104,7 @@ class TrainParameters:
         hard_fraction: part of a batch laid over those places.
         freeze_norm: keep the batch normalisation's statistics as they are; for fine-tuning, a third faster.
         bf16: compute in bf16 where it helps.
-        calibration_pictures: windows that 8-bit ranges are taken from.
+        calibration_pictures: windows that 8-bit ranges are taken from; 0 for no 8-bit file.
         augment: see `AugmentParameters`.
         loss: see `LossParameters`.
     """

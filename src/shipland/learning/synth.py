@@ -6,15 +6,21 @@ What is told of its scene is written last: a picture without that is made again.
 
 from __future__ import annotations
 
+import itertools
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+import math
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from rich.progress import track
 
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build
@@ -22,15 +28,15 @@ from shipland.errors import DataError
 from shipland.learning.arguments import Kind, SynthArguments
 from shipland.learning.dataset import coco_table, read_dataset, write_atomically
 from shipland.learning.decoys import foot_box_px, paint
-from shipland.learning.hard import LEAST_CONFIDENCE, compressed, hard_corners, window_box
+from shipland.learning.progress import followed
 from shipland.learning.sensor import degrade
 from shipland.learning.settings import learning_table
 from shipland.learning.shot import NearestBox, Shot, target_box
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.rig import Rig, default_rig, packaged_table
 from shipland.sim.scene.scene import Scene
-from shipland.vision.far.detector import Detector, detector_parameters
 
+T = TypeVar("T")
 Picture = npt.NDArray[np.uint8]
 DEFAULT_COUNTS = {"ship": 2000, "bar": 1000}  # [Lee2022, §Image Data Set]
 FRAME_S = 0.1
@@ -56,69 +62,80 @@ def synth(arguments: SynthArguments) -> Path:
     Raises:
         DataError: the folder holds another set.
     """
-    parameters, rig = synth_parameters(arguments.config), default_rig()
-    camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+    parameters = synth_parameters(arguments.config)
     count = DEFAULT_COUNTS[arguments.kind] if arguments.count is None else arguments.count
     out = arguments.out
     _claim(out, arguments)
-    names = [f"{arguments.kind}-{arguments.seed}-{number:06d}" for number in range(count)]
+    names = [_name(arguments, number) for number in range(count)]
     missing = [number for number, name in enumerate(names) if not _whole(out, name)]
-    detector = None
-    if arguments.fooling is not None:
-        detector = Detector.load(arguments.fooling, replace(detector_parameters(), threads=1))
-    stills = make_stills(
-        missing, arguments.kind, camera, rig, parameters, arguments.seed, 0 if detector else arguments.crop_px
-    )
-    for still in track(stills, description=f"{arguments.kind} pictures", total=len(missing)):
-        name = names[still.shot.number]
-        quality = int(
-            np.random.default_rng(still.shot.sensor_seed).integers(
-                parameters.sensor.quality_min, parameters.sensor.quality_max + 1
-            )
-        )
-        windows = [(name, still.picture, still.box)]
-        if detector is not None:
-            windows = _hard_windows(name, still, detector, camera, rig, parameters, arguments.crop_px, quality)
-        lines = []
-        for window_name, picture, box in windows:
-            data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-            write_plainly(out / "images" / f"{window_name}.jpg", data)
-            write_plainly(out / "labels" / f"{window_name}.txt", label_line(box, picture.shape).encode())
-            lines.append(json.dumps(still.shot.scene(f"{window_name}.jpg")))
-        write_plainly(out / "scenes" / f"{name}.json", "\n".join(lines).encode())
-    lines = [(out / "scenes" / f"{name}.json").read_text(encoding="utf-8") for name in names]
-    write_atomically(out / "scenes.jsonl", ("\n".join(line for line in lines if line) + "\n").encode())
+    blocks = [list(block) for _, block in itertools.groupby(missing, lambda n: n // parameters.pictures_per_scene)]
+    made = in_workers(partial(make_files, arguments, parameters), blocks, arguments.workers, arguments.minutes)
+    for _ in followed(itertools.chain.from_iterable(made), f"{arguments.kind} pictures", count, count - len(missing)):
+        pass
+    told = [out / "scenes" / f"{name}.json" for name in names]
+    lines = [path.read_text(encoding="utf-8") for path in told if path.is_file()]
+    write_atomically(out / "scenes.jsonl", ("\n".join(lines) + "\n").encode())
     if arguments.coco:
         write_atomically(out / "coco.json", json.dumps(coco_table(read_dataset(out))).encode())
     return out
 
 
-def _hard_windows(
-    name: str,
-    still: Still,
-    detector: Detector,
-    camera: Camera,
-    rig: Rig,
-    parameters: SynthParameters,
-    crop_px: int,
-    quality: int,
-) -> list[tuple[str, Picture, NearestBox | None]]:
-    """Windows of a whole frame where the detector errs: name, picture, box."""
-    shot, partly = still.shot, None
-    if still.box is None and not shot.empty:
-        partly = target_box(shot.kind, shot.at(0.0, rig), camera, rig, 0.01, 0.0)
-    found = detector.detect(compressed(still.picture, quality), LEAST_CONFIDENCE)
-    rng = np.random.default_rng([shot.sensor_seed, 3])
-    size = (camera.width_px, camera.height_px)
-    corners = hard_corners(size, crop_px, still.box, partly, found, parameters.least_visible, rng)
-    return [
-        (
-            f"{name}-{index}",
-            still.picture[corner[1] : corner[1] + crop_px, corner[0] : corner[0] + crop_px],
-            None if still.box is None else window_box(still.box, corner, crop_px),
-        )
-        for index, corner in enumerate(corners)
-    ]
+def in_workers(
+    make: Callable[[list[int]], T], blocks: Sequence[list[int]], workers: int, minutes: float | None
+) -> Iterator[T]:
+    """What `make` gives for each block, in any order, from so many processes; no new block once the time is up."""
+    end_s = math.inf if minutes is None else time.monotonic() + 60.0 * minutes
+    if workers <= 1:
+        for block in blocks:
+            if time.monotonic() < end_s:
+                yield make(block)
+        return
+    remaining = iter(blocks)
+    # Fresh interpreters: an OpenGL context does not survive a fork.
+    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
+        working = {pool.submit(make, block) for block in itertools.islice(remaining, 2 * workers)}
+        while working:
+            done, working = wait(working, return_when=FIRST_COMPLETED)
+            for future in done:
+                if time.monotonic() < end_s:
+                    working |= {pool.submit(make, block) for block in itertools.islice(remaining, 1)}
+                yield future.result()
+            if time.monotonic() >= end_s:
+                working = {future for future in working if not future.cancel()}
+
+
+def make_files(arguments: SynthArguments, parameters: SynthParameters, numbers: list[int]) -> list[str]:
+    """Draw these pictures of a set and write their files; their names."""
+    camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+    names = []
+    for still in make_stills(
+        numbers, arguments.kind, camera, default_rig(), parameters, arguments.seed, arguments.crop_px
+    ):
+        name = _name(arguments, still.shot.number)
+        quality = jpeg_quality(still.shot, parameters)
+        data = cv2.imencode(".jpg", still.picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+        write_plainly(arguments.out / "images" / f"{name}.jpg", data)
+        label = label_line(still.box, still.picture.shape)
+        write_plainly(arguments.out / "labels" / f"{name}.txt", label.encode())
+        write_plainly(arguments.out / "scenes" / f"{name}.json", json.dumps(still.shot.scene(f"{name}.jpg")).encode())
+        names.append(name)
+    return names
+
+
+def _name(arguments: SynthArguments, number: int) -> str:
+    return f"{arguments.kind}-{arguments.seed}-{number:06d}"
+
+
+def jpeg_quality(shot: Shot, parameters: SynthParameters) -> int:
+    """The compression of a situation's pictures."""
+    low, high = parameters.sensor.quality_min, parameters.sensor.quality_max
+    return int(np.random.default_rng(shot.sensor_seed).integers(low, high + 1))
+
+
+def compressed(picture: Picture, quality: int) -> Picture:
+    """The picture after JPEG's loss."""
+    data = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
 
 
 def write_plainly(path: Path, data: bytes) -> None:
@@ -129,23 +146,14 @@ def write_plainly(path: Path, data: bytes) -> None:
 
 
 def _whole(out: Path, name: str) -> bool:
-    """Whether a picture's scene and every window that it tells of are there."""
-    scene = out / "scenes" / f"{name}.json"
-    if not scene.is_file():
-        return False
-    files = [Path(json.loads(line)["file"]) for line in scene.read_text(encoding="utf-8").splitlines()]
-    return all(
-        (out / "images" / file).is_file() and (out / "labels" / file.with_suffix(".txt")).is_file() for file in files
-    )
+    """Whether a picture, its label and what is told of its scene are there."""
+    files = (out / "scenes" / f"{name}.json", out / "images" / f"{name}.jpg", out / "labels" / f"{name}.txt")
+    return all(file.is_file() for file in files)
 
 
 def _claim(out: Path, arguments: SynthArguments) -> None:
     """Make the folders, or check that what is there was begun with the same arguments."""
     wanted: dict[str, object] = {"kind": arguments.kind, "seed": arguments.seed, "crop_px": arguments.crop_px}
-    if arguments.fooling is not None:
-        if not arguments.crop_px:
-            raise DataError("--fooling cuts windows out of whole frames: give their side with --crop-px")
-        wanted["fooling"] = arguments.fooling
     note = out / "synth.json"
     if note.is_file():
         there = json.loads(note.read_text(encoding="utf-8"))

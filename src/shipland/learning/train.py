@@ -17,7 +17,14 @@ from torch import Tensor
 
 from shipland.errors import DataError
 from shipland.learning.arguments import TrainArguments
-from shipland.learning.checkpoint import Progress, load_checkpoint, prefixed, restore_optimizer, with_prefix
+from shipland.learning.checkpoint import (
+    Progress,
+    load_checkpoint,
+    prefixed,
+    restore_optimizer,
+    save_checkpoint,
+    with_prefix,
+)
 from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.loss import Anchors, fit_anchors
 from shipland.learning.network import Network, load_weights
@@ -30,6 +37,8 @@ from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, yolov3_layers
 from shipland.vision.far.decode import Decoding, DetectorSpec
 from shipland.vision.far.detector import weights_path
 
+AVERAGE = "average.safetensors"
+"""The weights alone, for `--weights`."""
 ANCHOR_PICTURES = 3000
 """What anchors are fitted to, at most."""
 MOST_OF_MEMORY = 0.6
@@ -45,6 +54,8 @@ def train(arguments: TrainArguments) -> Path:
     """
     if arguments.weights is not None and not arguments.weights.is_file():
         arguments = replace(arguments, weights=weights_path(str(arguments.weights), "fp32"))
+    if arguments.minutes is not None and arguments.minutes <= 0.0:
+        raise DataError(f"minutes must be positive, got {arguments.minutes:g}")
     parameters = _parameters(arguments)
     torch.set_num_threads(max(1, arguments.threads))
     dataset = _datasets(arguments)
@@ -63,7 +74,9 @@ def train(arguments: TrainArguments) -> Path:
         run.save(best)
     tensors, spec, progress = load_checkpoint(best)
     network = _network(spec)
-    network.load_state_dict(with_prefix("average", tensors))
+    average = with_prefix("average", tensors)
+    network.load_state_dict(average)
+    save_checkpoint(arguments.out / AVERAGE, prefixed("average", average), spec, Progress(run=progress.run))
     return write_results(arguments, parameters, network, spec, progress, fitting, held_out)
 
 
@@ -112,6 +125,7 @@ def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Data
     kind = arguments.device if arguments.device != "auto" else ("cuda" if torch.cuda.is_available() else "cpu")
     device = torch.device(kind)
     torch.manual_seed(arguments.seed)
+    torch.backends.cudnn.benchmark = device.type == "cuda"  # windows have one size
     last = arguments.out / LAST
     if last.exists() and not arguments.resume:
         raise DataError(f"{last} is there already: give --resume to go on with it, or another folder")
@@ -127,7 +141,7 @@ def _start(arguments: TrainArguments, parameters: TrainParameters, fitting: Data
         tensors, progress = {}, Progress(run=_identity(arguments))
         spec = _spec(arguments, parameters, fitting)
         if arguments.weights is not None:
-            tensors = _initial(arguments.weights, spec)
+            tensors, spec = _initial(arguments.weights, spec)
     network, average = _network(spec).to(device), _network(spec).to(device)
     if "network" in {name.split(".")[0] for name in tensors}:
         network.load_state_dict(with_prefix("network", tensors))
@@ -161,8 +175,11 @@ def _spec(arguments: TrainArguments, parameters: TrainParameters, fitting: Datas
     return DetectorSpec(fitting.classes, anchors, parameters.decoding, arguments.width, fit_px=fit_px)
 
 
-def _initial(path: Path, spec: DetectorSpec) -> dict[str, Tensor]:
-    """Tensors to start from: another run's average, a detector's ONNX file, or Darknet's weights."""
+def _initial(path: Path, spec: DetectorSpec) -> tuple[dict[str, Tensor], DetectorSpec]:
+    """Tensors to start from: another run's average, a detector's ONNX file, or Darknet's weights.
+
+    The heads of a detector of this project belong to its anchors and decoding: those are kept.
+    """
     if path.suffix == ".weights":
         from shipland.learning.darknet import read_weights
 
@@ -175,14 +192,17 @@ def _initial(path: Path, spec: DetectorSpec) -> dict[str, Tensor]:
         from shipland.learning.export import read_onnx
 
         network = _network(spec)
-        load_weights(network, read_onnx(path, network.layers)[0])
+        weights, other = read_onnx(path, network.layers)
+        load_weights(network, weights)
+        spec = replace(spec, anchors_px=other.anchors_px, decoding=other.decoding)
         state = dict(network.state_dict())
     else:
         tensors, other, _ = load_checkpoint(path)
         if (other.width, len(other.classes)) != (spec.width, len(spec.classes)):
             raise DataError(f"checkpoint {path} has width {other.width:g} and {len(other.classes)} classes")
         state = with_prefix("average", tensors)
-    return {**prefixed("network", state), **prefixed("average", state)}
+        spec = replace(spec, anchors_px=other.anchors_px, decoding=other.decoding)
+    return {**prefixed("network", state), **prefixed("average", state)}, spec
 
 
 def _groups(network: Network, decay: float) -> list[dict[str, object]]:
