@@ -12,6 +12,7 @@ import platform
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib import metadata, resources
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,7 @@ _BOUND = {
 """What a folder is bound to, and its name in words."""
 
 
+@cache
 def source_digest() -> str:
     """First 16 hex digits of the SHA-256 of the installed package's files, weights apart."""
     root = Path(str(resources.files("shipland")))
