@@ -15,11 +15,12 @@ from shipland.config import build
 from shipland.errors import ConfigError, SystemLibraryError
 from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
 from shipland.rig import Quad, Target, default_rig, packaged_table
-from shipland.sim.scene import gl as scene_gl
-from shipland.sim.scene.light import display, light
+from shipland.sim.scene import gl
+from shipland.sim.scene.light import light
 from shipland.sim.scene.motion import homographies
 from shipland.sim.scene.scene import Scene, SceneParameters
 from shipland.sim.scene.sea import WaveTiles, cox_munk_variance
+from shipland.sim.scene.tone import FULL_SCALE, Light16, Tone, develop
 from shipland.sim.state import SceneState
 
 RIG = default_rig()
@@ -76,8 +77,8 @@ def greenness(image: Array) -> Array:
     return values[..., 1] - 0.5 * (values[..., 0] + values[..., 2])
 
 
-def edge_errors_px(image: Array, state: SceneState, camera: Camera, quads_m: Array = QUADS) -> Array:
-    """Signed distance of the seen edge from the projected one, by the area under a profile across it."""
+def edge_errors_px(image: Light16, state: SceneState, camera: Camera, quads_m: Array = QUADS) -> Array:
+    """Signed distance of the light's edge from the projected one, by the area under a profile across it."""
     signal, reach, errors = greenness(image), 3.5, []
     steps = np.linspace(-reach, reach, 141)
     for quad in quads_m:
@@ -105,7 +106,7 @@ POSES = {
 @pytest.mark.parametrize("pose", POSES.values(), ids=POSES.keys())
 def test_edges_of_the_bar_stand_where_the_pinhole_puts_them(scene: Scene, pose: tuple) -> None:
     state = look(*pose)
-    errors = edge_errors_px(scene.render(state, CAMERA), state, CAMERA)
+    errors = edge_errors_px(scene.light(state, CAMERA), state, CAMERA)
     assert np.abs(errors).max() < 0.1  # px: a tenth of what corner detection gets to
     assert abs(errors.mean()) < 0.01  # no bias: the board neither grows nor shrinks
 
@@ -113,14 +114,14 @@ def test_edges_of_the_bar_stand_where_the_pinhole_puts_them(scene: Scene, pose: 
 def test_principal_point_and_unequal_focal_lengths(scene: Scene) -> None:
     matrix = np.array([[900.0, 0.0, 600.3], [0.0, 940.0, 390.8], [0.0, 0.0, 1.0]])
     camera, state = Camera(1280, 720, matrix), look((-6.0, 1.0, -0.4), 3.0)
-    assert np.abs(edge_errors_px(scene.render(state, camera), state, camera)).max() < 0.1
+    assert np.abs(edge_errors_px(scene.light(state, camera), state, camera)).max() < 0.1
 
 
 def test_distortion_is_opencvs(scene: Scene) -> None:
     distortion = np.array([-0.22, 0.08, 0.001, -0.0007, -0.01])
     camera = Camera(1280, 720, CAMERA.matrix, distortion)
     state = look((-5.0, 0.5, -0.3), 2.0, pitch_off_deg=-14.0, yaw_off_deg=18.0)  # far off the axis
-    image = scene.render(state, camera)
+    image = scene.light(state, camera)
     assert image.shape == (720, 1280, 3)
     undistorted = in_picture(state, CAMERA, QUADS.reshape(-1, 3))
     distorted = in_picture(state, camera, QUADS.reshape(-1, 3))
@@ -134,7 +135,7 @@ def test_any_set_of_quadrilaterals_can_be_the_cue() -> None:
     )
     scene = Scene(dataclasses.replace(RIG, quad=target.quad), PARAMETERS, seed=1)
     state = look((-4.0, 0.4, -0.2))
-    errors = edge_errors_px(scene.render(state, CAMERA), state, CAMERA, target.points_in_bar_m.reshape(-1, 4, 3))
+    errors = edge_errors_px(scene.light(state, CAMERA), state, CAMERA, target.points_in_bar_m.reshape(-1, 4, 3))
     scene.close()
     assert np.abs(errors).max() < 0.1
 
@@ -166,13 +167,14 @@ def test_same_inputs_same_bits(scene: Scene) -> None:
 
 
 def reference(scene: Scene, state: SceneState, box: tuple[int, int, int, int], factor: int = 8) -> Array:
-    """Left, top, width, height of the picture, area-averaged from a render at `factor` times its size."""
+    """Left, top, width, height of the picture, its light area-averaged from a render at `factor` times its size."""
     left, top, width, height = box
     big = CAMERA.scaled(CAMERA.width_px * factor, CAMERA.height_px * factor).matrix.copy()
     big[0, 2] -= left * factor
     big[1, 2] -= top * factor
-    fine = scene.render(state, Camera(width * factor, height * factor, big))
-    return fine.astype(float).reshape(height, factor, width, factor, 3).mean(axis=(1, 3))
+    fine = scene.light(state, Camera(width * factor, height * factor, big)).astype(float)
+    light = fine.reshape(height, factor, width, factor, 3).mean(axis=(1, 3))
+    return PARAMETERS.tone.display(light * FULL_SCALE / 65535.0)
 
 
 @pytest.mark.parametrize("range_m", [60.0, 100.0, 200.0, 300.0])
@@ -217,23 +219,17 @@ def test_horizon_stands_where_level_rays_go(scene: Scene, roll_deg: float) -> No
     assert np.isfinite(heading).all()
 
 
-def radiance(value: float, exposure: float) -> float:
-    """Inverse of `display` for a grey."""
-    grid = np.linspace(0.0, 6.0, 60001)
-    return float(np.interp(value, display(grid, exposure), grid))
-
-
 def test_contrast_in_haze_follows_koschmieder() -> None:
     tele = Camera(320, 240, np.array([[30000.0, 0, 159.5], [0, 30000.0, 119.5], [0, 0, 1]]))
     state = look((-1500.0, 0.0, 0.0))
     contrasts = {}
     for visibility_m in (1e7, 3500.0):
         scene = scene_with(visibility_m=visibility_m, glare=0.0)
-        image, exposure = scene.render(state, tele).astype(float), light(scene._parameters).exposure
-        sky = light(scene._parameters).horizon_rgb[1]
+        seen, exposure = scene.light(state, tele), light(scene._parameters).exposure
+        sky = light(scene._parameters).horizon_rgb[1] * exposure
         # The superstructure's wall, 0.5 m below the bar.
         row, column = in_picture(state, tele, np.array([[0.05, 0.75, 0.35]]))[0][::-1].round().astype(int)
-        wall = radiance(image[row - 3 : row + 4, column - 3 : column + 4, 1].mean(), exposure)
+        wall = seen[row - 3 : row + 4, column - 3 : column + 4, 1].mean() * FULL_SCALE / 65535.0
         contrasts[visibility_m] = (wall - sky) / sky
         scene.close()
     assert contrasts[3500.0] / contrasts[1e7] == pytest.approx(0.05 ** (1500.0 / 3500.0), rel=0.05)
@@ -263,7 +259,7 @@ def test_motion_blur_widens_edges_by_the_way_and_moves_them_not() -> None:
     scene = scene_with(shutter_s=0.02)
     rate = np.array([0.0, 0.4, 0.0])  # rad/s to the right: 0.02 s × 0.4 rad/s × 931 px = 7.4 px
     still, moving = look((-5.0, 0.0, 0.0)), look((-5.0, 0.0, 0.0), rate_rad_s=rate)
-    row = greenness(scene.render(still, CAMERA))[360], greenness(scene.render(moving, CAMERA))[360]
+    row = greenness(scene.light(still, CAMERA))[360], greenness(scene.light(moving, CAMERA))[360]
     scene.close()
     left = in_picture(still, CAMERA, QUADS[0])[0, 0]
     span = slice(int(left) - 15, int(left) + 16)
@@ -305,11 +301,11 @@ def test_each_weather_changes_the_picture_and_not_the_bars_place(
 ) -> None:
     state = look((-8.0, 0.0, -0.4), t_s=4.0)
     other = scene_with(**change)
-    plain, weather = scene.render(state, CAMERA), other.render(state, CAMERA)
+    plain, weather, light = scene.render(state, CAMERA), other.render(state, CAMERA), other.light(state, CAMERA)
     other.close()
     assert np.abs(plain.astype(float) - weather).mean() > least
     # Rain and drops may hide some of an edge; the median edge stays.
-    assert abs(np.median(edge_errors_px(weather, state, CAMERA))) < 0.1
+    assert abs(np.median(edge_errors_px(light, state, CAMERA))) < 0.1
 
 
 def test_bar_stays_in_the_gate_at_dusk() -> None:
@@ -386,7 +382,7 @@ def test_missing_libraries_are_named_in_one_line(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(moderngl, "create_context", fail)
     with pytest.raises(SystemLibraryError, match=r"libegl1 libgl1") as caught:
-        scene_gl.open_context()
+        gl.open_context()
     assert "\n" not in str(caught.value)
 
 

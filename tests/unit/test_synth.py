@@ -123,9 +123,9 @@ def test_empty_scene_has_no_ship_in_sight(rig, camera):
 
 def test_sensor_repeats_itself_but_for_the_grain():
     parameters = synth_parameters(None).sensor
-    picture = np.full((64, 96, 3), 120, np.uint8)
+    light = np.full((64, 96, 3), 2000, np.uint16)
     made = [
-        degrade(picture, parameters, np.random.default_rng(1), np.random.default_rng(grain)).astype(float)
+        degrade(light, parameters, np.random.default_rng(1), np.random.default_rng(grain)).astype(float)
         for grain in (2, 2, 3)
     ]
     np.testing.assert_array_equal(made[0], made[1])

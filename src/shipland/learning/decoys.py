@@ -1,7 +1,8 @@
-"""Things that are not the target, painted into a rendered picture: vessels, buoys, birds, green things.
+"""Things that are not the target, painted into a picture of light: vessels, buoys, birds, green things.
 
 They stand at a place in `ned`, are drawn in perspective as flat, many-times supersampled shapes, and fade into the
-horizon's colour as the scene's air says, so that no sharp edge gives a painted thing away.
+horizon's colour as the scene's air says, so that no sharp edge gives a painted thing away; what stands in the
+water has a faint mirror image there, as the ship has.
 """
 
 from __future__ import annotations
@@ -11,15 +12,14 @@ from typing import Literal
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from shipland.camera import Camera
 from shipland.frames import Array, Pose
+from shipland.sim.scene.tone import Light16, encoded
 
-Picture = npt.NDArray[np.uint8]
 DecoyKind = Literal["vessel", "buoy", "bird", "green"]
 Part = tuple[Array, tuple[float, float, float]]
-"""A polygon (n,2) (right, up) [m] from the foot's middle, and its colour BGR 0 … 255."""
+"""A polygon (n,2) (right, up) [m] from the foot's middle, and its colour BGR, display values 0 … 255."""
 
 SUPERSAMPLING = 6
 _CONTRAST_LEFT = 3.0
@@ -51,11 +51,11 @@ class Decoy:
 
 
 def paint(
-    picture: Picture, decoys: tuple[Decoy, ...], camera: Camera, ned_from_camera: Pose, visibility_m: float
+    light: Light16, decoys: tuple[Decoy, ...], camera: Camera, ned_from_camera: Pose, visibility_m: float
 ) -> None:
-    """Paint decoys into a picture (h,w,3) BGR, in place, the farthest first."""
+    """Paint decoys into a picture of light (h,w,3) BGR, in place, the farthest first."""
     camera_from_ned = ned_from_camera.inverse()
-    air = horizon_colour(picture, camera, ned_from_camera)
+    air = horizon_light(light, camera, ned_from_camera)
     placed = [(camera_from_ned.apply(decoy.position_in_ned_m[None])[0], decoy) for decoy in decoys]
     for foot, decoy in sorted(placed, key=lambda item: -item[0][2]):
         if foot[2] < 1.0:
@@ -65,11 +65,21 @@ def paint(
         left = float(np.exp(-_CONTRAST_LEFT * float(np.linalg.norm(foot)) / visibility_m))
         up = camera_from_ned.rotation @ np.array([0.0, 0.0, -1.0])
         tilt = float(np.arctan2(up[0], -up[1]))
-        _paint_one(picture, parts_of(decoy), (float(column), float(row)), scale, tilt, left, air)
+        place = _Place((float(column), float(row)), scale, tilt, left, air)
+        if decoy.kind != "bird":
+            rng = np.random.default_rng([decoy.seed, 1])
+            strength, stretch = rng.uniform(0.0, 0.6), rng.uniform(0.7, 1.4)
+            _paint_one(light, mirrored(parts_of(decoy), stretch), place, strength)
+        _paint_one(light, parts_of(decoy), place)
 
 
-def horizon_colour(picture: Picture, camera: Camera, ned_from_camera: Pose) -> Array:
-    """(3,) BGR of the air far away: the picture just above the horizon, or its mean where that is outside."""
+def mirrored(parts: list[Part], stretch: float) -> list[Part]:
+    """The polygons upside down below the foot, longer by `stretch`."""
+    return [(polygon * [1.0, -stretch], colour) for polygon, colour in parts]
+
+
+def horizon_light(picture: Light16, camera: Camera, ned_from_camera: Pose) -> Array:
+    """(3,) BGR light of the air far away: the picture just above the horizon, or its mean where that is outside."""
     forward = ned_from_camera.rotation[:, 2]
     level = np.array([forward[0], forward[1], 0.0])
     far = ned_from_camera.rotation.T @ (level / max(float(np.linalg.norm(level)), 1e-9) + np.array([0.0, 0.0, -0.02]))
@@ -209,19 +219,23 @@ def _green(width_m: float, rng: np.random.Generator) -> list[Part]:
     return parts
 
 
-def _paint_one(
-    picture: Picture,
-    parts: list[Part],
-    foot_px: tuple[float, float],
-    scale: float,
-    tilt_rad: float,
-    left: float,
-    air: Array,
-) -> None:
-    height, width = picture.shape[:2]
-    cos, sin = np.cos(tilt_rad), np.sin(tilt_rad)
+@dataclass(frozen=True)
+class _Place:
+    """Where and how a decoy is seen: its foot, px a metre, tilt of up, what the air leaves of its contrast, the air."""
+
+    foot_px: tuple[float, float]
+    scale: float
+    tilt_rad: float
+    left: float
+    air: Array
+
+
+def _paint_one(light: Light16, parts: list[Part], place: _Place, strength: float = 1.0) -> None:
+    """Paint polygons; `strength` below 1 makes them a mirror image: fainter, and blurred upright."""
+    height, width = light.shape[:2]
+    cos, sin = np.cos(place.tilt_rad), np.sin(place.tilt_rad)
     turn = np.array([[cos, sin], [sin, -cos]])
-    outlines = [polygon @ turn.T * scale + foot_px for polygon, _ in parts]
+    outlines = [polygon @ turn.T * place.scale + place.foot_px for polygon, _ in parts]
     everything = np.concatenate(outlines)
     low = np.floor(everything.min(axis=0)).astype(int) - 1
     high = np.ceil(everything.max(axis=0)).astype(int) + 2
@@ -230,13 +244,20 @@ def _paint_one(
     if columns <= 0 or rows <= 0:
         return
     fine = SUPERSAMPLING if max(columns, rows) < 200 else 2
-    layer = np.zeros((rows * fine, columns * fine, 4), np.uint8)
+    layer = np.zeros((rows * fine, columns * fine, 4), np.uint16)
     for outline, (_, colour) in zip(outlines, parts, strict=True):
         # Pixel centres at whole numbers; OpenCV's shift takes 1/16 px.
         points = np.round(16.0 * ((outline + 0.5 - low) * fine - 0.5)).astype(np.int32)
-        cv2.fillPoly(layer, [points], (*colour, 255.0), cv2.LINE_8, 4)
-    small = cv2.resize(layer.astype(np.float32), (int(columns), int(rows)), interpolation=cv2.INTER_AREA)
-    cover = small[..., 3:] / 255.0
-    paint_bgr = small[..., :3] * left + cover * air * (1.0 - left)
-    area = picture[low[1] : high[1], low[0] : high[0]]
-    area[:] = np.clip(area * (1.0 - cover) + paint_bgr + 0.5, 0, 255).astype(np.uint8)
+        cv2.fillPoly(layer, [points], (*_light_of(colour), 65535.0), cv2.LINE_8, 4)
+    small = cv2.resize(layer, (int(columns), int(rows)), interpolation=cv2.INTER_AREA).astype(np.float32)
+    if strength < 1.0:
+        small = strength * cv2.GaussianBlur(small, (0, 0), sigmaX=0.5, sigmaY=max(0.12 * rows, 0.5))
+    cover = small[..., 3:] / 65535.0
+    paint_bgr = small[..., :3] * place.left + cover * place.air * (1.0 - place.left)
+    area = light[low[1] : high[1], low[0] : high[0]]
+    area[:] = np.clip(area * (1.0 - cover) + paint_bgr + 0.5, 0, 65535).astype(np.uint16)
+
+
+def _light_of(colour: tuple[float, float, float]) -> list[float]:
+    """Values of a picture of light that are shown as about this display colour 0 … 255."""
+    return [float(value) for value in encoded((np.array(colour) / 255.0) ** 2.2)]

@@ -1,4 +1,4 @@
-"""What a camera adds to a rendered picture: blur, veiling glare, exposure, colour cast, noise, vignetting."""
+"""What a camera makes of rendered light: blur, glare, exposure, colour cast, vignetting, tone, noise, sharpening."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.config import require
+from shipland.sim.scene.tone import Light16, Tone, develop, encoded, sharpen
 
 Picture = npt.NDArray[np.uint8]
 
@@ -22,9 +23,11 @@ class SensorParameters:
     Attributes:
         defocus_max_px: standard deviation of a Gaussian blur.
         motion: chance of motion blur; motion_max_px its length.
-        glare: chance of veiling glare; glare_max its strength, 0 … 1 of white.
+        glare: chance of veiling glare; glare_max its most light, in units of the sensor's saturation.
         exposure_ev: half-width of a uniform change of exposure, in powers of two.
         cast: half-width of a uniform factor on each colour.
+        gamma, contrast, shoulder: ranges of the tone curve, see `Tone`.
+        sharpened: chance of sharpening; sharpening_max its strength.
         noise_max: grey levels, standard deviation.
         vignette_max: loss of light in the corners, 0 … 1.
         quality_min, quality_max: of JPEG compression.
@@ -37,6 +40,11 @@ class SensorParameters:
     glare_max: float
     exposure_ev: float
     cast: float
+    gamma: tuple[float, float]
+    contrast: tuple[float, float]
+    shoulder: tuple[float, float]
+    sharpened: float
+    sharpening_max: float
     noise_max: float
     vignette_max: float
     quality_min: int
@@ -48,18 +56,20 @@ class SensorParameters:
 
 
 def degrade(
-    picture: Picture, parameters: SensorParameters, rng: np.random.Generator, grain: np.random.Generator
+    light: Light16, parameters: SensorParameters, rng: np.random.Generator, grain: np.random.Generator
 ) -> Picture:
-    """The picture (h,w,3) BGR as a camera would deliver it, before compression.
+    """The picture (h,w,3) BGR that a camera makes of the light on it, before compression.
+
+    Defocus, motion, veiling glare and vignetting act on light; tone curve, grain and sharpening follow in this order.
 
     Args:
-        picture: rendered.
+        light: (h,w,3) as `Scene.light` gives it.
         parameters: ranges.
-        rng: of what stays over a scene's frames: blur, exposure, glare.
+        rng: of what stays over a scene's frames: blur, exposure, glare, tone.
         grain: of what does not: noise.
     """
-    height, width = picture.shape[:2]
-    sigma = rng.uniform(0.0, parameters.defocus_max_px) ** 1.0
+    height, width = light.shape[:2]
+    sigma = rng.uniform(0.0, parameters.defocus_max_px)
     moves, length, angle = (
         rng.random() < parameters.motion,
         rng.uniform(1.5, max(1.5, parameters.motion_max_px)),
@@ -71,26 +81,30 @@ def degrade(
     gain = 2.0 ** rng.uniform(-parameters.exposure_ev, parameters.exposure_ev)
     cast = 1.0 + rng.uniform(-parameters.cast, parameters.cast, 3)
     noise, vignette = rng.uniform(0.5, parameters.noise_max), rng.uniform(0.0, parameters.vignette_max)
+    sharpens, sharpening = rng.random() < parameters.sharpened, rng.uniform(0.0, parameters.sharpening_max)
+    tone = Tone(
+        gamma=float(rng.uniform(*parameters.gamma)),
+        contrast=float(rng.uniform(*parameters.contrast)),
+        shoulder=float(rng.uniform(*parameters.shoulder)),
+        sharpening=float(sharpening) if sharpens else 0.0,
+    )
 
     if sigma > 0.25:
-        picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), np.uint8)
+        light = np.asarray(cv2.GaussianBlur(light, (0, 0), sigma), np.uint16)
     if moves:
-        picture = np.asarray(cv2.filter2D(picture, -1, motion_kernel(float(length), float(angle))), np.uint8)
-    # Exposure acts on light, not on grey levels; a power of 2.2 stands for the camera's curve.
-    curves = [
-        255.0 * np.clip((np.arange(256) / 255.0) ** 2.2 * gain * factor, 0.0, 1.0) ** (1.0 / 2.2) for factor in cast
-    ]
-    values = np.asarray(cv2.LUT(picture, np.stack(curves, axis=1).astype(np.float32)[None]), np.float32)
+        light = np.asarray(cv2.filter2D(light, -1, motion_kernel(float(length), float(angle))), np.uint16)
+    values = light.astype(np.float32)
+    values *= (gain * cast).astype(np.float32)
     if veils or vignette > 0.02:
         rows, columns = np.mgrid[0:height:8, 0:width:8].astype(np.float32)
         far = ((columns - width / 2) ** 2 + (rows - height / 2) ** 2) / (0.25 * (width**2 + height**2))
-        kept, added = 1.0 - vignette * far, np.zeros_like(far)
+        cv2.multiply(values, _spread(1.0 - vignette * far, width, height), values)
         if veils:
             spot = veil * np.exp(-((columns - source[0]) ** 2 + (rows - source[1]) ** 2) / reach**2)
-            kept, added = kept * (1.0 - spot), 255.0 * spot
-        cv2.multiply(values, _spread(kept, width, height), values)
-        cv2.add(values, _spread(added, width, height), values)
-    return np.asarray(cv2.add(values, _grain(values.shape, float(noise), grain), dtype=cv2.CV_8U), np.uint8)
+            cv2.add(values, _spread(encoded(spot), width, height), values)
+    seen = develop(np.clip(values + np.float32(0.5), 0.0, 65535.0).astype(np.uint16), tone)
+    grained = cv2.add(seen, _grain(seen.shape, float(noise), grain), dtype=cv2.CV_8U)
+    return sharpen(np.asarray(grained, np.uint8), tone.sharpening)
 
 
 def _spread(coarse: npt.NDArray[np.floating[Any]], width: int, height: int) -> npt.NDArray[np.float32]:

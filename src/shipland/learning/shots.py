@@ -116,13 +116,17 @@ def draw_scene(block: int, parameters: SynthParameters, seed: int) -> tuple[Scen
         wind_speed_mps=float(rng.uniform(*parameters.wind_mps)),
         exposure_ev=float(rng.uniform(*parameters.exposure_ev)),
         auto_exposure=parameters.auto_exposure,
+        gamma=2.2,  # `sensor` draws the tone, as the noise
+        contrast=0.0,
+        shoulder=0.0,
+        sharpening=0.0,
         lamp=float(rng.uniform(*parameters.lamp)),
         glare=float(rng.uniform(*parameters.sun_glare)),
         shutter_s=_log_uniform(parameters.shutter_s, rng),
         rain_mm_h=_log_uniform(parameters.rain_mm_h, rng) if rainy else 0.0,
         lens_drops=float(rng.uniform(0.0, parameters.drops_max)) if rainy else 0.0,
         spray=float(rng.uniform(0.0, parameters.spray_max)),
-        sensor_noise=0.0,  # `sensor` adds it
+        sensor_noise=0.0,
     )
     return scene, int(rng.integers(2**31))
 

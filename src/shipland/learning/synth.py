@@ -204,11 +204,11 @@ def draw(
 ) -> tuple[Picture, NearestBox | None]:
     """One frame of a situation and the target's box in it."""
     state = shot.at(t_s, rig)
-    picture = scene.render(state, camera)
-    paint(picture, shot.decoys, camera, state.ned_from_camera, shot.visibility_m)
+    light = scene.light(state, camera)
+    paint(light, shot.decoys, camera, state.ned_from_camera, shot.visibility_m)
     steady = np.random.default_rng([shot.sensor_seed, 1])
     grain = np.random.default_rng([shot.sensor_seed, 2, round(t_s / FRAME_S)])
-    picture = degrade(picture, parameters.sensor, steady, grain)
+    picture = degrade(light, parameters.sensor, steady, grain)
     box = None
     if not shot.empty:
         box = target_box(shot.kind, state, camera, rig, parameters.least_visible, parameters.least_facing)

@@ -9,10 +9,10 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.frames import Array, Pose
 from shipland.rig import Solid
-from shipland.sim.scene import view as scene_view
 from shipland.sim.scene.light import Light
 from shipland.sim.scene.sea import WaveTiles, whitecap_cover
-from shipland.sim.scene.view import Crop
+from shipland.sim.scene.tone import FULL_SCALE
+from shipland.sim.scene.view import Crop, clip_from_rel, rays
 
 CASTERS = 5
 BLOCK_BYTES = 4 * (16 + 4 * 16 + 16 * CASTERS + 4 * CASTERS)
@@ -36,21 +36,23 @@ class View:
         samples_a_px: samples along a pixel's side.
         near_m, far_m: clip planes.
         t_s: time [s].
+        mirrored: what is drawn is mirrored in a flat sea.
     """
 
     camera: Camera
     ned_from_camera: Pose
     crop: Crop
-    samples_a_px: int
+    samples_a_px: float
     near_m: float
     far_m: float
     t_s: float
+    mirrored: bool = False
 
 
 def block(view: View, light: Light, waves: WaveTiles, casters: list[tuple[Solid, Pose]], foam: float) -> bytes:
     """The block's bytes for a view; `casters` are boxes with ned_from_box, `foam` scales the foam around the hull."""
     eye, camera, crop = view.ned_from_camera, view.camera, view.crop
-    ray = scene_view.rays(camera, eye)
+    ray = rays(camera, eye)
     ground = eye.translation_m[:2]
     whitecaps = whitecap_cover(waves.wind_speed_mps)
     scale = np.array([1.0, 1.0 / 0.618, 0.0, 0.0]) / waves.long_tile_m
@@ -66,17 +68,21 @@ def block(view: View, light: Light, waves: WaveTiles, casters: list[tuple[Solid,
         [*light.sun_rgb, light.glare],
         [*light.zenith_rgb, light.cloud_cover],
         [*light.horizon_rgb, _CLOUD_DRIFT_PER_S * view.t_s],
-        [*light.glow_rgb, light.exposure],
+        [*light.glow_rgb, light.exposure / FULL_SCALE],
         [*light.water_rgb, light.extinction_per_m],
         [max(-float(eye.translation_m[2]), 0.05), camera.focal_px, whitecaps, view.t_s],
         scale,
         offset_a,
-        [*offset_b, 0.0, foam],
+        [*offset_b, waves.height_of_unit_m, foam],
         [waves.long_gain, waves.short_gain, waves.residual_variance, waves.foam_threshold],
         [*ground, 0.0, 0.0],
     ]
     boxes, suns = _casters(casters, eye, light.sun_in_ned)
-    clip = scene_view.clip_from_rel(camera, eye, crop, view.near_m, view.far_m)
+    clip = clip_from_rel(camera, eye, crop, view.near_m, view.far_m)
+    if view.mirrored:  # up is down, about the sea's plane
+        mirror = np.diag([1.0, 1.0, -1.0, 1.0])
+        mirror[2, 3] = -2.0 * eye.translation_m[2]
+        clip = clip @ mirror
     parts = [clip.T.ravel(), np.array(rows, dtype=float).ravel(), boxes.ravel(), suns.ravel()]
     return np.concatenate(parts).astype(np.float32).tobytes()
 

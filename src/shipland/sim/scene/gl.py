@@ -13,6 +13,9 @@ from shipland.errors import SystemLibraryError
 
 _HINT = "the rendered camera needs EGL and OpenGL 3.3; on Debian or Ubuntu: apt-get install libegl1 libgl1"
 _LIBRARIES: dict[str, Any] = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+LONG_WAVES_UNIT, SHORT_WAVES_UNIT, CLOUDS_UNIT, PAINT_UNIT, MIRROR_UNIT = range(5)
+"""Texture units: each scene has a context of its own, so they stay bound."""
+_UNORM_16 = "nu2"  # moderngl's name of 16 bits that stand for 0 … 1
 
 
 def open_context() -> moderngl.Context:
@@ -61,7 +64,7 @@ def write_depth(context: moderngl.Context, on: bool) -> None:
 
 
 class Target:
-    """A picture to draw into; `samples` > 0 makes it multisampled."""
+    """A picture to draw into, 16 bits a channel; `samples` > 0 makes it multisampled."""
 
     def __init__(
         self, context: moderngl.Context, width_px: int, height_px: int, *, samples: int = 0, depth: bool = True
@@ -70,17 +73,18 @@ class Target:
         colour: Any = context.renderbuffer if samples else context.texture
         extra = {"samples": samples} if samples else {}
         attached = context.depth_renderbuffer(self.size, samples=samples) if depth else None
-        self.fbo = context.framebuffer([colour(self.size, 4, **extra)], attached)
+        self.colour = colour(self.size, 4, dtype=_UNORM_16, **extra)
+        self.fbo = context.framebuffer([self.colour], attached)
 
     def use(self, width: int, height: int) -> None:
         """Draw into its first columns and rows."""
         self.fbo.use()
         self.fbo.viewport = (0, 0, width, height)
 
-    def read(self, left: int, top: int, width: int, height: int) -> npt.NDArray[np.uint8]:
+    def read(self, left: int, top: int, width: int, height: int) -> npt.NDArray[np.uint16]:
         """(height,width,4) of it."""
-        pixels = np.empty((height, width, 4), np.uint8)
-        self.fbo.read_into(pixels, viewport=(left, top, width, height), components=4)
+        pixels = np.empty((height, width, 4), np.uint16)
+        self.fbo.read_into(pixels, viewport=(left, top, width, height), components=4, dtype=_UNORM_16)
         return pixels
 
 

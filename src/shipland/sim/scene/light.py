@@ -13,7 +13,7 @@ KOSCHMIEDER_CONTRAST = 0.05
 """What is left of a black object's contrast at the visibility: 5 %, WMO's meteorological optical range."""
 
 
-_REFERENCE_BRIGHTNESS, _REFERENCE_EXPOSURE = 1.15, 1.55
+_REFERENCE_BRIGHTNESS, _REFERENCE_EXPOSURE = 0.84, 1.25
 """Clear day, sun at 38°: what the exposure is set by."""
 
 
@@ -27,7 +27,7 @@ class Light:
         zenith_rgb, horizon_rgb, glow_rgb: (3,) radiance of the sky straight up, at the horizon, and what the sun's
             surroundings add.
         water_rgb: (3,) radiance out of the water.
-        exposure: factor ahead of the tone curve.
+        exposure: light in units of the sensor's saturation, of a unit of radiance.
         extinction_per_m: of the air.
         cloud_cover: 0 … 1.
         glare: strength of the sun's glitter on the sea; 1 is the physical one.
@@ -54,11 +54,6 @@ class Light:
         """What the bar's panel is dimmed to in less than daylight, so that it does not blind."""
         return min(1.0, _REFERENCE_EXPOSURE / self.exposure) if self.exposure > 0.0 else 1.0
 
-    @property
-    def on_grey_rgb(self) -> Array:
-        """(3,) radiance of an upright grey face in half sun."""
-        return np.asarray(0.35 * (0.35 * self.sun_rgb + 0.5 * (self.zenith_rgb + self.horizon_rgb)))
-
 
 def _smooth(low: float, high: float, value: float) -> float:
     share = float(np.clip((value - low) / (high - low), 0.0, 1.0))
@@ -68,12 +63,6 @@ def _smooth(low: float, high: float, value: float) -> float:
 def rain_extinction_per_m(rain_mm_h: float) -> float:
     """Extinction of visible light by rain: 1.076 R^0.67 dB/km [ITU-R P.1814]."""
     return float(0.248e-3 * rain_mm_h**0.67)
-
-
-def display(radiance_rgb: Array, exposure: float) -> Array:
-    """Display value 0 … 255 of a radiance, as `common.glsl` has it."""
-    value = np.sqrt(1.0 - np.exp(-radiance_rgb * exposure))
-    return np.asarray(255.0 * value * (0.65 + value * (1.05 - 0.70 * value)))
 
 
 def light(parameters: SceneParameters) -> Light:
@@ -97,12 +86,12 @@ def light(parameters: SceneParameters) -> Light:
 
     day, low = _smooth(4.0, 30.0, degrees), _smooth(-9.0, 10.0, degrees)
     level = 0.035 + 0.965 * _smooth(-8.0, 22.0, degrees) ** 1.4
-    zenith = day * np.array([0.075, 0.185, 0.46]) + (1.0 - day) * np.array([0.13, 0.20, 0.40])
-    horizon = day * np.array([0.46, 0.62, 0.83]) + (1.0 - day) * (
-        low * np.array([0.66, 0.58, 0.56]) + (1.0 - low) * np.array([0.38, 0.38, 0.50])
+    zenith = day * np.array([0.042, 0.095, 0.215]) + (1.0 - day) * np.array([0.07, 0.11, 0.22])
+    horizon = day * np.array([0.25, 0.33, 0.42]) + (1.0 - day) * (
+        low * np.array([0.36, 0.32, 0.31]) + (1.0 - low) * np.array([0.21, 0.21, 0.28])
     )
-    glow = day * np.array([0.45, 0.42, 0.36]) + (1.0 - day) * np.array([1.60, 0.72, 0.22])
-    grey = np.array([0.46, 0.49, 0.52]) * (0.55 + 0.45 * day)
+    glow = day * np.array([0.32, 0.30, 0.26]) + (1.0 - day) * np.array([0.90, 0.40, 0.12])
+    grey = np.array([0.23, 0.245, 0.26]) * (0.55 + 0.45 * day)
     zenith, horizon = (1 - overcast) * zenith + overcast * 0.85 * grey, (1 - overcast) * horizon + overcast * grey
     glow, beam = glow * (1.0 - 0.9 * overcast), beam * (1.0 - 0.93 * overcast)
     zenith, horizon, glow = level * zenith, level * horizon, level * glow

@@ -168,7 +168,7 @@ def open_sky(points_m: Array, normals: Array, boxes: list[tuple[Solid, Pose]], r
 
 
 def _shade(mesh: Mesh, boxes: list[tuple[Solid, Pose]]) -> Mesh:
-    mesh[:, 12] = 0.12 + 0.88 * open_sky(mesh[:, 0:3].astype(float), mesh[:, 3:6].astype(float), boxes)
+    mesh[:, 12] = 0.03 + 0.97 * open_sky(mesh[:, 0:3].astype(float), mesh[:, 3:6].astype(float), boxes)
     return mesh
 
 
@@ -202,9 +202,10 @@ def house(rig: Rig, parts: Layout) -> Mesh:
     return np.concatenate(meshes)
 
 
-def deck(parts: Layout) -> Mesh:
-    """The motion deck, in `deck`; its upper face is at z = 0."""
-    return box(parts.deck, GREY, {5: DECK})
+def deck(rig: Rig, parts: Layout) -> Mesh:
+    """The motion deck, in `deck`; its upper face is at z = 0, and shaded as with the deck at rest."""
+    around = [(parts.house, Pose.identity()), (parts.board, rig.ship_from_bar), (parts.hull, Pose.identity())]
+    return _shade(box(parts.deck, GREY, {5: DECK}, cells={4: 4, 5: 8}), around)
 
 
 def board(parts: Layout) -> tuple[Mesh, Mesh]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.sim.scene.picture import Image
+from shipland.sim.scene.tone import Light16
 from shipland.sim.state import SceneState
 
 _LEAST_PX = 0.75
@@ -55,26 +55,26 @@ def longest_way_px(maps: list[Array], corners_px: Array) -> float:
     return float(np.linalg.norm(_apply(maps[-1], corners_px) - _apply(maps[0], corners_px), axis=1).max())
 
 
-def average(layer: Image, maps: list[Array], layer_from_picture: Array) -> Image:
-    """The mean over the maps of a layer (h,w,4).
+def average(layer: Light16, maps: list[Array], layer_from_picture: Array) -> Light16:
+    """The mean light over the maps of a layer (h,w,4).
 
     A picture is continued at its borders; a cropped layer must have a margin as wide as the way.
 
     Args:
-        layer: uint8.
+        layer: light.
         maps: from `homographies`, in the picture's pixels.
         layer_from_picture: (3,3) the picture's pixels to the layer's.
     """
     if not maps:
         return layer
     back = np.linalg.inv(layer_from_picture)
-    total = np.zeros(layer.shape, np.uint16)
+    total = np.zeros(layer.shape, np.float32)
     size = (layer.shape[1], layer.shape[0])
     for matrix in maps:
         whole = layer_from_picture @ matrix @ back
         moved = cv2.warpPerspective(layer, whole, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        cv2.add(total, moved, dst=total, dtype=cv2.CV_16U)
-    return np.asarray(cv2.convertScaleAbs(total, alpha=1.0 / len(maps)), np.uint8)
+        cv2.accumulate(moved, total)
+    return np.asarray(cv2.addWeighted(total, 1.0 / len(maps), total, 0.0, 0.0, dtype=cv2.CV_16U), np.uint16)
 
 
 def _apply(matrix: Array, pixels: Array) -> Array:

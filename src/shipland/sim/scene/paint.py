@@ -87,7 +87,7 @@ def _hangar(rng: np.random.Generator) -> npt.NDArray[np.float32]:
 
 
 def paints(rng: np.random.Generator, rig: Rig) -> Picture:
-    """(4,1024,1024,3) RGB layers PLAIN, DECK, HANGAR, HULL of `scene_mesh`."""
+    """(4,1024,1024,3) RGB layers PLAIN, DECK, HANGAR, HULL of `mesh`."""
     plain = _three(_stained(rng, 0.06))
     hull = _three(_stained(rng, 0.09))
     hull[:: _SIZE // 8] *= 0.75

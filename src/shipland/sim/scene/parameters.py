@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from shipland.config import require
+from shipland.sim.scene.tone import Tone
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,7 @@ class SceneParameters:
         wave_direction_deg: towards which the waves run, clockwise from north.
         wind_speed_mps: sets the small waves' slope and the whitecaps.
         exposure_ev: brighter by a power of two.
+        gamma, contrast, shoulder, sharpening: of the camera's rendering to display values, see `Tone`.
         auto_exposure: 0 (fixed) … 1 (the camera makes up for the light).
         glare: the sun's veil and ghosts in the lens, and its glitter on the sea; 1 is the physical glitter.
         shutter_s: exposure time, for motion blur.
@@ -39,6 +41,10 @@ class SceneParameters:
     wind_speed_mps: float
     exposure_ev: float
     auto_exposure: float
+    gamma: float
+    contrast: float
+    shoulder: float
+    sharpening: float
     glare: float
     shutter_s: float
     sensor_noise: float
@@ -46,7 +52,13 @@ class SceneParameters:
     lens_drops: float
     lamp: float
 
+    @property
+    def tone(self) -> Tone:
+        """The camera's rendering."""
+        return Tone(self.gamma, self.contrast, self.shoulder, self.sharpening)
+
     def __post_init__(self) -> None:
+        _ = self.tone  # checks its numbers
         require(-12.0 <= self.sun_elevation_deg <= 90.0, "sun_elevation_deg must be between -12 and 90")
         require(self.visibility_m >= 5.0, "visibility_m must be at least 5")
         for name in ("cloud_cover", "auto_exposure", "spray", "lens_drops"):

@@ -10,21 +10,35 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.frames import Array
 from shipland.rig import Rig, layout
-from shipland.sim.scene import gl as scene_gl
-from shipland.sim.scene import light as scene_light
-from shipland.sim.scene import motion as scene_motion
-from shipland.sim.scene import picture as scene_picture
-from shipland.sim.scene import ship as scene_ship
-from shipland.sim.scene import view as scene_view
+from shipland.sim.scene import gl, mirror, motion
 from shipland.sim.scene.background import Background
 from shipland.sim.scene.block import BLOCK_BYTES, View, block
 from shipland.sim.scene.labels import Label, Labels, area_px2, label
+from shipland.sim.scene.light import light
+from shipland.sim.scene.mirror import AroundShip
 from shipland.sim.scene.parameters import SceneParameters
-from shipland.sim.scene.picture import Image
+from shipland.sim.scene.picture import lay_over, reduce
 from shipland.sim.scene.sea import WaveTiles
-from shipland.sim.scene.ship import Placed, ShipLayer
+from shipland.sim.scene.ship import (
+    ID_AIRCRAFT,
+    ID_BAR,
+    Placed,
+    ShipLayer,
+    clip_range,
+    corners_in_ned_m,
+    samples_a_px,
+)
 from shipland.sim.scene.spray import Spray
-from shipland.sim.scene.view import Crop
+from shipland.sim.scene.tone import Image, Light16, develop, encoded, sharpen
+from shipland.sim.scene.view import (
+    Crop,
+    clipped_polygon,
+    horizon_line,
+    picture_corners,
+    picture_polygon,
+    pinhole_around,
+    screen_box,
+)
 from shipland.sim.scene.weather import LensDrops, Rain, SensorNoise, sun_in_lens
 from shipland.sim.state import SceneState
 
@@ -51,10 +65,10 @@ class Scene:
     def __init__(self, rig: Rig, parameters: SceneParameters, seed: int) -> None:
         p = self._parameters = parameters
         rng = np.random.default_rng(seed)
-        self._light = scene_light.light(p)
+        self._light = light(p)
         self._hull = layout(rig).hull
         self._waves = WaveTiles(p.significant_wave_height_m, p.wind_speed_mps, np.radians(p.wave_direction_deg), rng)
-        self._context = scene_gl.open_context()
+        self._context = gl.open_context()
         self._block = self._context.buffer(reserve=BLOCK_BYTES, dynamic=True)
         self._background = Background(self._context, self._waves, self._light, rng)
         self._ship = ShipLayer(self._context, rig, p.lamp * self._light.dimming, rng)
@@ -63,7 +77,8 @@ class Scene:
         self._drops = LensDrops(p.lens_drops, rng) if p.lens_drops > 0.0 else None
         noise = p.sensor_noise * self._light.gain
         self._noise = SensorNoise(noise, rng) if noise > 0.0 else None
-        self._targets: dict[tuple[int, int, int], scene_gl.Target] = {}
+        self._mirror = mirror.target(self._context)
+        self._targets: dict[tuple[int, int, int], gl.Target] = {}
         self._remaps: dict[bytes, tuple[Camera, Any, Any]] = {}
 
     def close(self) -> None:
@@ -87,17 +102,21 @@ class Scene:
             draw_aircraft: draw the aircraft too (chase view).
             rng: of the sensor's noise; None for none.
         """
-        with self._context:  # another scene's context may be current
-            return self._render(state, camera, draw_aircraft, rng)
+        tone = self._parameters.tone
+        image = develop(self.light(state, camera, draw_aircraft=draw_aircraft), tone)
+        if rng is not None and self._noise is not None:
+            image = self._noise.add(image, rng)
+        return sharpen(image, tone.sharpening)
 
-    def _render(self, state: SceneState, camera: Camera, draw_aircraft: bool, rng: np.random.Generator | None) -> Image:
-        if camera.has_distortion:
-            wide, columns, rows = self._remap(camera)
-            picture = cv2.remap(self._render_pinhole(state, wide, draw_aircraft), columns, rows, cv2.INTER_CUBIC)
-        else:
-            picture = self._render_pinhole(state, camera, draw_aircraft)
-        image = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGRA2BGR), np.uint8)
-        return image if rng is None or self._noise is None else self._noise.add(image, rng)
+    def light(self, state: SceneState, camera: Camera, *, draw_aircraft: bool = False) -> Light16:
+        """The light (H,W,3) on the sensor, blue first, that `render` develops; arguments as there."""
+        with self._context:  # another scene's context may be current
+            if camera.has_distortion:
+                wide, columns, rows = self._remap(camera)
+                picture = cv2.remap(self._render_pinhole(state, wide, draw_aircraft), columns, rows, cv2.INTER_CUBIC)
+            else:
+                picture = self._render_pinhole(state, camera, draw_aircraft)
+            return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGRA2BGR), np.uint16)
 
     def labels(self, state: SceneState, camera: Camera, *, draw_aircraft: bool = False) -> Labels:
         """Boxes and visible shares of ship and bar as `camera` sees them, without its distortion.
@@ -114,10 +133,10 @@ class Scene:
         eye = state.ned_from_camera
         self._block.bind_to_uniform_block(0)
         placed = self._ship.place(state, draw_aircraft)
-        near_m, far_m = scene_ship.clip_range(placed, eye)
-        corners = scene_ship.corners_in_camera_m(placed, eye)
-        crop = scene_view.screen_box(camera, corners, near_m, 1.0)
-        around = scene_view.screen_box(camera, corners, near_m, 1.0, beyond=1.0)
+        near_m, far_m = clip_range(placed, eye)
+        corners = eye.inverse().apply(corners_in_ned_m(placed))
+        crop = screen_box(camera, corners, near_m, 1.0)
+        around = screen_box(camera, corners, near_m, 1.0, beyond=1.0)
         if crop is None or around is None:
             return Labels(None, None)
 
@@ -129,63 +148,82 @@ class Scene:
             target.fbo.clear(viewport=(0, 0, *size))
             self._look(View(camera, eye, part, 1, near_m, far_m, state.t_s), state)
             self._ship.draw_identities(parts, eye)
-            return target.read(0, 0, *size)[..., 0]
+            return (target.read(0, 0, *size)[..., 0] // 257).astype(np.uint8)  # 255 steps of 16 bits
 
         seen = identities(placed, crop, _LABEL_SAMPLES)
-        ship = [item for item in placed if item.part.identity != scene_ship.ID_AIRCRAFT]
-        bar = [item for item in placed if item.part.identity == scene_ship.ID_BAR]
+        ship = [item for item in placed if item.part.identity != ID_AIRCRAFT]
+        bar = [item for item in placed if item.part.identity == ID_BAR]
         areas = [area_px2(identities(parts, around, _LABEL_SAMPLES // 2) > 0, around) for parts in (ship, bar)]
         return Labels(
-            ship=label((seen > 0) & (seen != scene_ship.ID_AIRCRAFT), crop, areas[0]),
-            bar=label(seen == scene_ship.ID_BAR, crop, areas[1]),
+            ship=label((seen > 0) & (seen != ID_AIRCRAFT), crop, areas[0]),
+            bar=label(seen == ID_BAR, crop, areas[1]),
         )
 
     def _remap(self, camera: Camera) -> tuple[Camera, Any, Any]:
         key = repr((camera.width_px, camera.height_px)).encode() + camera.matrix.tobytes() + camera.distortion.tobytes()
         if key not in self._remaps:
-            self._remaps[key] = scene_view.pinhole_around(camera)
+            self._remaps[key] = pinhole_around(camera)
         return self._remaps[key]
 
-    def _render_pinhole(self, state: SceneState, camera: Camera, draw_aircraft: bool) -> Image:
+    def _render_pinhole(self, state: SceneState, camera: Camera, draw_aircraft: bool) -> Light16:
         eye = state.ned_from_camera
         self._block.bind_to_uniform_block(0)
+        self._background.move(state.t_s)
         placed = self._ship.place(state, draw_aircraft)
-        near_m, far_m = scene_ship.clip_range(placed, eye)
-        corners = scene_ship.corners_in_camera_m(placed, eye)
+        near_m, far_m = clip_range(placed, eye)
+        solid_m = corners_in_ned_m(placed)
+        around = mirror.around_ship(camera, eye, solid_m, self._hull, state.ned_from_ship, near_m)
+        if around is not None:
+            self._draw_mirror(around, placed, state, camera, (near_m, far_m))
+        corners = eye.inverse().apply(solid_m)
         if self._spray is not None:
             spray = state.ned_from_ship.apply(self._spray.bounds.corners_m)
             corners = np.concatenate([corners, eye.inverse().apply(spray)])
         blur = self._ship_blur(state, camera)
-        margin = 2.0 + scene_motion.longest_way_px(blur, scene_view.picture_corners(camera))
-        crop = scene_view.screen_box(camera, corners, near_m, margin)
+        margin = 2.0 + motion.longest_way_px(blur, picture_corners(camera))
+        crop = screen_box(camera, corners, near_m, margin)
         layer = None
         if crop is not None:
             behind = bool(corners[:, 2].min() <= near_m)
-            count = scene_ship.samples_a_px(crop, _LAYER_SIZE, _LAYER_SAMPLES, behind)
+            count = samples_a_px(crop, _LAYER_SIZE, _LAYER_SAMPLES, behind)
             self._ship.aim(camera, state)
             self._look(View(camera, eye, crop, count, near_m, far_m, state.t_s), state)
-            layer = scene_picture.reduce(self._draw_ship(placed, state, camera, crop, count), crop, count)
+            layer = reduce(self._draw_ship(placed, state, camera, crop, count), crop, count)
             if blur:
                 shift = np.array([[1.0, 0.0, -crop.left], [0.0, 1.0, -crop.top], [0.0, 0.0, 1.0]])
-                layer = scene_motion.average(layer, blur, shift)
+                layer = motion.average(layer, blur, shift)
         whole = View(camera, eye, Crop(0, 0, camera.width_px, camera.height_px), 1, near_m, far_m, state.t_s)
-        self._background.move(state.t_s)
         self._look(whole, state)
         blurs = self._background_blur(state, camera)
-        picture = self._background.draw(whole, self._hull, state.ned_from_ship, self._light.on_grey_rgb, blurs)
+        picture = self._background.draw(whole, around, blurs)
         if crop is not None and layer is not None:
-            scene_picture.lay_over(picture, layer, crop)
+            lay_over(picture, layer, crop)
         self._weather(picture, state, camera)
         return picture
 
     def _look(self, view: View, state: SceneState) -> None:
         self._block.write(block(view, self._light, self._waves, self._ship.casters(state), 1.0))
 
-    def _draw_ship(
-        self, placed: list[Placed], state: SceneState, camera: Camera, crop: Crop, samples_a_px: int
-    ) -> Image:
-        width, height = crop.width * samples_a_px, crop.height * samples_a_px
-        direct = samples_a_px == 1
+    def _draw_mirror(
+        self, around: AroundShip, placed: list[Placed], state: SceneState, camera: Camera, clip_m: tuple[float, float]
+    ) -> None:
+        """Draw the ship mirrored in the sea into the mirror's texture."""
+        image, target = around.mirror, self._mirror
+        target.use(mirror.SIZE, mirror.SIZE)
+        target.fbo.clear()
+        target.use(*image.drawn)
+        self._ship.aim(camera, state, mirrored=True)
+        far_m = clip_m[1] + 2.0 * abs(float(state.ned_from_camera.translation_m[2]))
+        view = View(
+            camera, state.ned_from_camera, image.crop, image.samples_a_px, clip_m[0], far_m, state.t_s, mirrored=True
+        )
+        self._look(view, state)
+        self._ship.draw(placed, state.ned_from_camera, mirrored=True)
+        target.colour.build_mipmaps()
+
+    def _draw_ship(self, placed: list[Placed], state: SceneState, camera: Camera, crop: Crop, count: int) -> Light16:
+        width, height = crop.width * count, crop.height * count
+        direct = count == 1
         size = _LAYER_SIZE
         if direct:  # resolving takes as long as the target is large
             quarters = max(-(-4 * width // camera.width_px), -(-4 * height // camera.height_px), 2)
@@ -202,10 +240,10 @@ class Scene:
             target = resolved
         return target.read(0, 0, width, height)
 
-    def _target(self, width_px: int, height_px: int, samples: int) -> scene_gl.Target:
+    def _target(self, width_px: int, height_px: int, samples: int) -> gl.Target:
         key = (width_px, height_px, samples)
         if key not in self._targets:
-            self._targets[key] = scene_gl.Target(self._context, width_px, height_px, samples=samples)
+            self._targets[key] = gl.Target(self._context, width_px, height_px, samples=samples)
         return self._targets[key]
 
     def _ship_blur(self, state: SceneState, camera: Camera) -> list[Array]:
@@ -216,29 +254,29 @@ class Scene:
         normal, distance = camera_from_bar.rotation[:, 0], float(np.linalg.norm(camera_from_bar.translation_m))
         along = float(normal @ camera_from_bar.translation_m)
         plane = (normal, along) if along > 0.5 * distance else (np.array([0.0, 0.0, 1.0]), max(distance, 0.3))
-        bar_px = scene_view.clipped_polygon(camera, camera_from_bar.apply(np.eye(3)[[0, 1, 1]] * 0.5))
-        points = bar_px if len(bar_px) else scene_view.picture_corners(camera)
-        return scene_motion.homographies(camera, state, self._parameters.shutter_s, plane, points)
+        bar_px = clipped_polygon(camera, camera_from_bar.apply(np.eye(3)[[0, 1, 1]] * 0.5))
+        points = bar_px if len(bar_px) else picture_corners(camera)
+        return motion.homographies(camera, state, self._parameters.shutter_s, plane, points)
 
     def _background_blur(self, state: SceneState, camera: Camera) -> tuple[list[Array], list[Array]]:
-        shutter_s, corners = self._parameters.shutter_s, scene_view.picture_corners(camera)
+        shutter_s, corners = self._parameters.shutter_s, picture_corners(camera)
         if shutter_s <= 0.0:
             return [], []
         down = state.ned_from_camera.rotation.T @ np.array([0.0, 0.0, 1.0])
         height_m = max(-float(state.ned_from_camera.translation_m[2]), 0.2)
-        below = scene_view.picture_polygon(
-            camera.width_px, camera.height_px, scene_view.horizon_line(camera, state.ned_from_camera)
+        below = picture_polygon(
+            Crop(0, 0, camera.width_px, camera.height_px), horizon_line(camera, state.ned_from_camera)
         )
-        sky = scene_motion.homographies(camera, state, shutter_s, None, corners)
-        sea = scene_motion.homographies(camera, state, shutter_s, (down, height_m), below) if len(below) else []
+        sky = motion.homographies(camera, state, shutter_s, None, corners)
+        sea = motion.homographies(camera, state, shutter_s, (down, height_m), below) if len(below) else []
         return sky, sea
 
-    def _weather(self, picture: Image, state: SceneState, camera: Camera) -> None:
+    def _weather(self, picture: Light16, state: SceneState, camera: Camera) -> None:
         sky = self._light
         if self._parameters.glare > 0.0:
             sun_in_lens(picture, state, camera, sky.sun_in_ned, sky.sun_rgb[::-1], self._parameters.glare)
         if self._rain is not None:
             bright = 0.6 * sky.horizon_rgb + 0.4 * sky.zenith_rgb
-            self._rain.fall(picture, state, camera, scene_light.display(1.6 * bright, sky.exposure)[::-1])
+            self._rain.fall(picture, state, camera, encoded(1.6 * sky.exposure * bright)[::-1])
         if self._drops is not None:
             self._drops.cover(picture, state.t_s)

@@ -134,8 +134,13 @@ class WaveTiles:
         hermitian = (0.5 * (turned + np.conj(self._mirror(turned)))).astype(np.complex64)
         slopes = scipy.fft.ifft2((self._east - 1j * self._north) * hermitian)
         height = scipy.fft.ifft2(hermitian).real
-        crest = 0.5 + height * np.float32(1.0 / (8.0 * self.height_deviation_m / np.sqrt(2.0)))
+        crest = 0.5 + height * np.float32(1.0 / self.height_of_unit_m)
         return _encode(slopes, crest.astype(np.float32), self.long_gain)
+
+    @property
+    def height_of_unit_m(self) -> float:
+        """Height of a texture unit of the long tile's crest [m]."""
+        return float(8.0 * self.height_deviation_m / np.sqrt(2.0))
 
     @property
     def foam_threshold(self) -> float:

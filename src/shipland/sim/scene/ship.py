@@ -10,18 +10,16 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.frames import Array, Pose
 from shipland.rig import Rig, Solid, layout
-from shipland.sim.scene import gl as scene_gl
-from shipland.sim.scene import mesh as scene_mesh
-from shipland.sim.scene import paint as scene_paint
-from shipland.sim.scene import view as scene_view
+from shipland.sim.scene import gl, mesh
 from shipland.sim.scene.mesh import Mesh
-from shipland.sim.scene.view import Crop
+from shipland.sim.scene.paint import paints
+from shipland.sim.scene.view import Crop, edge_lines
 from shipland.sim.state import SceneState
 
 HULL, HOUSE, DECK, BOARD, AIRCRAFT = 1, 2, 4, 8, 16
 """Bits of the shadow casters, in the order of `ShipLayer.casters`."""
 ID_SHIP, ID_BAR, ID_AIRCRAFT = 1, 2, 3
-_PAINT_UNIT = 3
+_PAINT_UNIT = gl.PAINT_UNIT
 _CLIP_DISTANCE_0 = 0x3000
 _LAMP_RGB = np.array([0.01, 1.0, 0.03])
 _FORMAT = "3f 3f 2f 4f 1f"
@@ -63,37 +61,42 @@ class ShipLayer:
     def __init__(self, context: moderngl.Context, rig: Rig, lamp: float, rng: np.random.Generator) -> None:
         self._context, self._layout = context, layout(rig)
         self._quads_m = rig.target.points_in_bar_m[:, 1:].reshape(-1, 4, 2)
-        self._solids: dict[int, moderngl.Program] = {}
-        self._paints = scene_gl.mipmapped(context, scene_paint.paints(rng, rig), layers=True)
+        self._solids: dict[tuple[int, bool], moderngl.Program] = {}
+        self._paints = gl.mipmapped(context, paints(rng, rig), layers=True)
         self._paints.use(_PAINT_UNIT)
         fragment = ("paint.glsl", "board.frag")
-        self._face_program = scene_gl.program(context, "solid.vert", fragment, QUADS=len(self._quads_m), SHADOWS=0)
+        self._face_program = gl.program(context, "solid.vert", fragment, QUADS=len(self._quads_m), SHADOWS=0, WATER=0)
         self._face_program["paints"] = _PAINT_UNIT
         self._face_program["lamp_rgb"] = tuple(lamp * _LAMP_RGB)
-        self._flat_program = scene_gl.program(context, "solid.vert", ("identity.frag",), SHADOWS=0)
+        self._flat_program = gl.program(context, "solid.vert", ("identity.frag",), SHADOWS=0, WATER=0)
         parts = self._layout
-        face, board = scene_mesh.board(parts)
-        self._hull = self._part(scene_mesh.hull(parts), HOUSE | DECK | BOARD | AIRCRAFT)
-        self._house = self._part(scene_mesh.house(rig, parts), DECK | BOARD | AIRCRAFT)
-        self._deck = self._part(scene_mesh.deck(parts), HOUSE | BOARD | AIRCRAFT)
+        face, board = mesh.board(parts)
+        self._hull = self._part(mesh.hull(parts), HOUSE | DECK | BOARD | AIRCRAFT, afloat=True)
+        self._house = self._part(mesh.house(rig, parts), DECK | BOARD | AIRCRAFT, afloat=True)
+        self._deck = self._part(mesh.deck(rig, parts), HOUSE | BOARD | AIRCRAFT)
         self._board = self._part(board, 0, ID_BAR)
-        self._aircraft = self._part(scene_mesh.quadrotor(), HOUSE, ID_AIRCRAFT)
-        veil = scene_gl.program(context, "solid.vert", ("paint.glsl", "rotor.frag"), SHADOWS=HOUSE)
+        self._aircraft = self._part(mesh.quadrotor(), HOUSE, ID_AIRCRAFT)
+        veil = gl.program(context, "solid.vert", ("paint.glsl", "rotor.frag"), SHADOWS=HOUSE, WATER=0)
         veil["paints"] = _PAINT_UNIT
-        self._rotors = self._part_of(context.buffer(scene_mesh.rotors().tobytes()), veil, ID_AIRCRAFT)
+        self._rotors = self._part_of(context.buffer(mesh.rotors().tobytes()), veil, ID_AIRCRAFT)
         self._face = self._part_of(context.buffer(face.tobytes()), self._face_program, ID_BAR)
-        self._leg_buffer = context.buffer(scene_mesh.legs(parts, Pose.identity()).tobytes(), dynamic=True)
-        self._legs = self._part_of(self._leg_buffer, self._solid(DECK), ID_SHIP)
+        self._leg_buffer = context.buffer(mesh.legs(parts, Pose.identity()).tobytes(), dynamic=True)
+        self._legs = self._part_of(self._leg_buffer, self._solid(DECK, True), ID_SHIP)
 
-    def _solid(self, shadows: int) -> moderngl.Program:
-        if shadows not in self._solids:
+    def _solid(self, shadows: int, afloat: bool) -> moderngl.Program:
+        """The program of faces under these shadows; waves stand before what is `afloat`."""
+        key = shadows, afloat
+        if key not in self._solids:
             fragment = ("paint.glsl", "solid.frag")
-            self._solids[shadows] = scene_gl.program(self._context, "solid.vert", fragment, SHADOWS=shadows)
-            self._solids[shadows]["paints"] = _PAINT_UNIT
-        return self._solids[shadows]
+            made = gl.program(self._context, "solid.vert", fragment, SHADOWS=shadows, WATER=int(afloat))
+            made["paints"] = _PAINT_UNIT
+            if afloat:
+                made["long_waves"], made["short_waves"] = gl.LONG_WAVES_UNIT, gl.SHORT_WAVES_UNIT
+            self._solids[key] = made
+        return self._solids[key]
 
-    def _part(self, mesh: Mesh, shadows: int, identity: int = ID_SHIP) -> _Part:
-        return self._part_of(self._context.buffer(mesh.tobytes()), self._solid(shadows), identity)
+    def _part(self, vertices: Mesh, shadows: int, identity: int = ID_SHIP, *, afloat: bool = False) -> _Part:
+        return self._part_of(self._context.buffer(vertices.tobytes()), self._solid(shadows, afloat), identity)
 
     def _part_of(self, buffer: moderngl.Buffer, program: moderngl.Program, identity: int) -> _Part:
         lit = self._context.vertex_array(program, [(buffer, _FORMAT, *_NAMES)])
@@ -108,14 +111,14 @@ class ShipLayer:
             (parts.house, state.ned_from_ship),
             (parts.deck, state.ned_from_deck),
             (parts.board, state.ned_from_bar),
-            (scene_mesh.AIRCRAFT_SHADE, state.ned_from_body),
+            (mesh.AIRCRAFT_SHADE, state.ned_from_body),
         ]
 
     def place(self, state: SceneState, draw_aircraft: bool) -> list[Placed]:
         """What there is to draw, front to back as seen from the approach, as hidden pixels cost nothing; veils last."""
         parts = self._layout
         ship_from_deck = state.ned_from_ship.inverse() @ state.ned_from_deck
-        self._leg_buffer.write(scene_mesh.legs(parts, ship_from_deck).tobytes())
+        self._leg_buffer.write(mesh.legs(parts, ship_from_deck).tobytes())
         placed = [
             Placed(self._face, state.ned_from_bar, parts.board),
             Placed(self._board, state.ned_from_bar, parts.board),
@@ -125,24 +128,31 @@ class ShipLayer:
             Placed(self._hull, state.ned_from_ship, parts.hull),
         ]
         if draw_aircraft:
-            placed.insert(0, Placed(self._aircraft, state.ned_from_body, scene_mesh.AIRCRAFT))
-            placed.append(Placed(self._rotors, state.ned_from_body, scene_mesh.AIRCRAFT))
+            placed.insert(0, Placed(self._aircraft, state.ned_from_body, mesh.AIRCRAFT))
+            placed.append(Placed(self._rotors, state.ned_from_body, mesh.AIRCRAFT))
         return placed
 
-    def aim(self, camera: Camera, state: SceneState) -> None:
-        """Set the cue's edge lines for a camera."""
-        lines = scene_view.edge_lines(camera, state.ned_from_camera.inverse() @ state.ned_from_bar, self._quads_m)
-        scene_gl.write_uniform(self._face_program, "edge_lines", lines)
+    def aim(self, camera: Camera, state: SceneState, *, mirrored: bool = False) -> None:
+        """Set the cue's edge lines for a camera; `mirrored` for the cue's image in a flat sea."""
+        plane = state.ned_from_bar.rotation[:, 1:], state.ned_from_bar.translation_m[:, None]
+        ned_from_plane = np.column_stack(plane)
+        if mirrored:
+            ned_from_plane[2] *= -1.0
+        ned_from_plane[:, 2] -= state.ned_from_camera.translation_m
+        lines = edge_lines(camera, state.ned_from_camera.rotation.T @ ned_from_plane, self._quads_m)
+        gl.write_uniform(self._face_program, "edge_lines", lines)
 
-    def draw(self, placed: list[Placed], eye: Pose) -> None:
-        """Draw into the bound target."""
+    def draw(self, placed: list[Placed], eye: Pose, *, mirrored: bool = False) -> None:
+        """Draw into the bound target; `mirrored` when the block's view is."""
         self._begin()
+        if mirrored:
+            self._context.front_face = "ccw"
         for item in placed:
             if item.part is self._rotors:
                 self._context.enable(moderngl.BLEND)
                 self._context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
-                scene_gl.write_depth(self._context, False)
-            scene_gl.write_uniform(item.part.lit.program, "rel_from_mesh", _relative(item, eye))
+                gl.write_depth(self._context, False)
+            gl.write_uniform(item.part.lit.program, "rel_from_mesh", _relative(item, eye))
             item.part.lit.render()
         self._end()
 
@@ -150,7 +160,7 @@ class ShipLayer:
         """Draw every part's number / 255 into the bound target's red."""
         self._begin()
         for item in placed:
-            scene_gl.write_uniform(self._flat_program, "rel_from_mesh", _relative(item, eye))
+            gl.write_uniform(self._flat_program, "rel_from_mesh", _relative(item, eye))
             self._flat_program["identity"] = item.part.identity / 255.0
             item.part.flat.render()
         self._end()
@@ -161,7 +171,7 @@ class ShipLayer:
         self._context.front_face = "cw"
 
     def _end(self) -> None:
-        scene_gl.write_depth(self._context, True)
+        gl.write_depth(self._context, True)
         self._context.enable_only(moderngl.NOTHING)
         self._context.disable_direct(_CLIP_DISTANCE_0)
 
@@ -172,10 +182,9 @@ def _relative(item: Placed, eye: Pose) -> Array:
     return np.asarray(matrix.T)
 
 
-def corners_in_camera_m(placed: list[Placed], eye: Pose) -> Array:
-    """(8n,3) corners of all bounds in `camera` [m]."""
-    corners = [item.ned_from_mesh.apply(item.bounds.corners_m) for item in placed]
-    return eye.inverse().apply(np.concatenate(corners))
+def corners_in_ned_m(placed: list[Placed]) -> Array:
+    """(8n,3) corners of all bounds [m]."""
+    return np.concatenate([item.ned_from_mesh.apply(item.bounds.corners_m) for item in placed])
 
 
 def clip_range(placed: list[Placed], eye: Pose) -> tuple[float, float]:

@@ -71,19 +71,14 @@ def horizon_line(camera: Camera, ned_from_camera: Pose) -> Array:
 
 def picture_corners(camera: Camera) -> Array:
     """(4,2) corners of the picture [px]."""
-    return picture_polygon(camera.width_px, camera.height_px)
+    return picture_polygon(Crop(0, 0, camera.width_px, camera.height_px))
 
 
-def picture_polygon(width_px: int, height_px: int, line: Array | None = None, offset_px: float = 0.0) -> Array:
-    """(n,2) corners [px] of the picture, or of its part where line·(u,v,1) + offset ≥ 0; empty when none is."""
-    box: Array = np.array(
-        [
-            [-0.5, -0.5],
-            [width_px - 0.5, -0.5],
-            [width_px - 0.5, height_px - 0.5],
-            [-0.5, height_px - 0.5],
-        ]
-    )
+def picture_polygon(crop: Crop, line: Array | None = None, offset_px: float = 0.0) -> Array:
+    """(n,2) corners [px] of a part of the picture, or of its part where line·(u,v,1) + offset ≥ 0, if any."""
+    left, top = crop.left - 0.5, crop.top - 0.5
+    right, bottom = left + crop.width, top + crop.height
+    box: Array = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
     if line is None:
         return box
     values = np.asarray(box @ line[:2] + line[2] + offset_px)
@@ -140,17 +135,15 @@ def screen_box(
     return Crop(int(left), int(top), int(width), int(height)) if width > 0 and height > 0 else None
 
 
-def edge_lines(camera: Camera, camera_from_bar: Pose, corners_m: Array) -> Array:
+def edge_lines(camera: Camera, camera_from_plane: Array, corners_m: Array) -> Array:
     """(4n,4) lines of the cue's edges in the picture: a u + b v + c = px inside the edge, last column zero.
 
     Args:
         camera: intrinsics; distortion is not applied.
-        camera_from_bar: pose of `bar`.
+        camera_from_plane: (3,3) columns right, down and origin of the cue's plane in `camera`.
         corners_m: (n,4,2) corners (right, down) in the plane, clockwise from top-left.
     """
-    homography = camera.matrix @ np.column_stack(
-        [camera_from_bar.rotation[:, 1], camera_from_bar.rotation[:, 2], camera_from_bar.translation_m]
-    )
+    homography = camera.matrix @ camera_from_plane
     if abs(np.linalg.det(homography)) < 1e-9:
         return np.zeros((4 * len(corners_m), 4))
     along = np.roll(corners_m, -1, axis=1) - corners_m

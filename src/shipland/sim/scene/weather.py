@@ -11,12 +11,14 @@ import numpy.typing as npt
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.sim.scene.picture import Image
+from shipland.sim.scene.tone import FULL_SCALE, Image, Light16
 from shipland.sim.state import SceneState
 
 _RAIN_TILE = 1024
 _RAIN_SPEED_MPS = 7.0
 _RAIN_SHUTTER_S = 0.006
+_STRAY = 0.5
+"""Light of the sun that a lens spreads, in units of the sensor's saturation; chosen."""
 
 
 class Rain:
@@ -41,8 +43,8 @@ class Rain:
                 cv2.line(self._tile, (int(x), int(y) - wrap), end, float(light), 2 if far < 1.6 else 1, cv2.LINE_AA)
         self._tile = np.tile(np.asarray(cv2.GaussianBlur(self._tile, (3, 5), 0), np.uint8), (3, 3))
 
-    def fall(self, picture: Image, state: SceneState, camera: Camera, colour: Array) -> None:
-        """Draw on a picture (H,W,4) in place; `colour` (3,) is the streaks' display value 0 … 255, BGR."""
+    def fall(self, picture: Light16, state: SceneState, camera: Camera, colour: Array) -> None:
+        """Draw on a picture of light (H,W,4) in place; `colour` (3,) is the streaks' light, BGR."""
         height, width = picture.shape[:2]
         falling = np.array([0.0, 0.0, _RAIN_SPEED_MPS]) - state.camera_velocity_in_ned_mps
         seen = state.ned_from_camera.rotation.T @ falling
@@ -55,19 +57,19 @@ class Rain:
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         mask = cv2.warpAffine(self._tile, matrix, (width, height), flags=flags, borderMode=cv2.BORDER_REFLECT)
         where = np.flatnonzero(mask)
-        share = mask.reshape(-1)[where].astype(np.uint16)[:, None]
+        share = mask.reshape(-1)[where].astype(np.uint32)[:, None]
         pixels = picture.reshape(-1, 4)
-        streak = np.array([*colour, 255.0]).astype(np.uint16)
-        pixels[where] = ((255 - share) * pixels[where] + share * streak) // 255
+        streak = np.array([*colour, 65535.0]).astype(np.uint32)
+        pixels[where] = (((255 - share) * pixels[where] + share * streak) // 255).astype(np.uint16)
 
 
 def sun_in_lens(
-    picture: Image, state: SceneState, camera: Camera, sun_in_ned: Array, sun_bgr: Array, strength: float
+    picture: Light16, state: SceneState, camera: Camera, sun_in_ned: Array, sun_bgr: Array, strength: float
 ) -> None:
-    """Add veil and ghosts of the sun to a picture (H,W,4) in place; nothing when it is behind the camera or hidden.
+    """Add veil and ghosts of the sun to a picture of light (H,W,4) in place; nothing when it is behind or hidden.
 
     Args:
-        picture: BGRA.
+        picture: light, BGRA.
         state: the camera's pose.
         camera: intrinsics.
         sun_in_ned: (3,) unit vector to the sun.
@@ -88,7 +90,7 @@ def sun_in_lens(
     open_share = 1.0
     if in_picture:
         patch = picture[row - half : row + half + 1, column - half : column + half + 1, :3]
-        open_share = float(np.clip((patch.max(axis=2).mean() - 200.0) / 50.0, 0.0, 1.0))
+        open_share = float(np.clip(patch.max(axis=2).mean() * (FULL_SCALE / 65535.0) - 1.0, 0.0, 1.0))
     if open_share <= 0.0:
         return
     small = 8
@@ -101,8 +103,9 @@ def sun_in_lens(
         ghost = centre + reach * (at[:2] - centre)
         ring = np.hypot(u - ghost[0], v - ghost[1]) / unit
         veil += light * np.clip((size - ring) / 0.01, 0.0, 1.0) * in_picture
-    glow = (255.0 * strength * open_share) * veil[..., None] * sun_bgr.astype(np.float32)
-    layer = np.dstack([np.clip(glow, 0, 255), np.zeros_like(veil)]).astype(np.uint8)
+    saturated = 65535.0 / FULL_SCALE
+    glow = (_STRAY * saturated * strength * open_share) * veil[..., None] * sun_bgr.astype(np.float32)
+    layer = np.dstack([np.clip(glow, 0.0, 65535.0), np.zeros_like(veil)]).astype(np.uint16)
     spread = cv2.resize(layer, (layer.shape[1] * small, layer.shape[0] * small))[:height, :width]
     cv2.add(picture, spread, dst=picture)
 
@@ -123,11 +126,11 @@ class LensDrops:
         self._phase = rng.random(count)
         self._life_share = rng.uniform(0.5, 0.9, count)
 
-    def cover(self, picture: Image, t_s: float) -> None:
-        """Draw on a picture (H,W,4) in place."""
+    def cover(self, picture: Light16, t_s: float) -> None:
+        """Draw on a picture of light (H,W,4) in place."""
         height, width = picture.shape[:2]
         quarter = cv2.resize(picture, (width // 4, height // 4), interpolation=cv2.INTER_AREA)
-        small: Image = np.asarray(cv2.blur(quarter, (3, 3)), np.uint8)
+        small: Light16 = np.asarray(cv2.blur(quarter, (3, 3)), np.uint16)
         for index in range(len(self._phase)):
             cycle, age = divmod(t_s / self._period_s[index] + self._phase[index], 1.0)
             if age > self._life_share[index]:
@@ -138,7 +141,7 @@ class LensDrops:
             self._drop(picture, small, centre, radius)
 
     @staticmethod
-    def _drop(picture: Image, small: Image, centre: tuple[float, float], radius: float) -> None:
+    def _drop(picture: Light16, small: Light16, centre: tuple[float, float], radius: float) -> None:
         height, width = picture.shape[:2]
         reach = int(radius) + 2
         left, right = max(int(centre[0]) - reach, 0), min(int(centre[0]) + reach + 1, width)
@@ -157,7 +160,7 @@ class LensDrops:
         shade = (1.03 - 0.38 * square**3 + 0.18 * np.clip(-dy - 0.4, 0.0, 1.0))[..., None]
         cover = np.clip((1.0 - np.sqrt(square)) * radius * 0.45, 0.0, 0.94)[..., None]
         part = picture[top:bottom, left:right]
-        part[:] = np.clip(part * (1.0 - cover) + seen * shade * cover, 0, 255).astype(np.uint8)
+        part[:] = np.clip(part * (1.0 - cover) + seen * shade * cover, 0, 65535).astype(np.uint16)
 
 
 class SensorNoise:

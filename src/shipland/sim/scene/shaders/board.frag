@@ -24,7 +24,6 @@ void main() {
         lamp += max(across, 0.0) * max(along, 0.0);
     }
     lamp = min(lamp, 1.0);
-    vec3 board = display(mix(horizon_rgb.rgb, painted(), clear));
-    vec3 green = display(mix(horizon_rgb.rgb, lamp_rgb + LENS * (sunlit + skylit), clear));
-    colour = vec4(mix(board, green, lamp).bgr, 1.0);
+    vec3 radiance = mix(painted(), lamp_rgb + LENS * (sunlit + skylit), lamp);
+    colour = vec4(exposed(mix(horizon_rgb.rgb, radiance, clear)), 1.0);
 }

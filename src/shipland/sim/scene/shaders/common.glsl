@@ -10,12 +10,12 @@ layout(std140) uniform FrameBlock {
     vec4 sun_rgb;         // irradiance on a plane facing the sun; strength of the glare
     vec4 zenith_rgb;      // radiance straight up; cloud cover
     vec4 horizon_rgb;     // radiance at the horizon; clouds' drift [texture units]
-    vec4 glow_rgb;        // added around the sun; exposure
+    vec4 glow_rgb;        // added around the sun; exposure over the target's full scale
     vec4 water_rgb;       // radiance that comes up out of the water; extinction of the air [1/m]
     vec4 eye;             // height above the sea [m], focal length [px], far sea's whitecap cover, time [s]
     vec4 sea_scale;       // texture units a metre of the four wave layers
     vec4 sea_offset_a;    // texture coordinates at the camera's foot: layers 0, 1
-    vec4 sea_offset_b;    // layer 2; unused; strength of the foam around the hull
+    vec4 sea_offset_b;    // layer 2; wave height of a texture unit [m]; strength of the foam around the hull
     vec4 sea_gain;        // slope a texture unit of the long and the short tile; residual variance; foam threshold
     vec4 ground;          // north and east of the camera [m]
     mat4 box_from_rel[5]; // shadow casters: camera-relative ned to a cube of ±1
@@ -28,11 +28,8 @@ vec2 picture_px() { return crop.xy + gl_FragCoord.xy * crop.z; }
 
 vec3 ray_at(vec2 px) { return normalize(ray_0.xyz + px.x * ray_x.xyz + px.y * ray_y.xyz); }
 
-// Display value of a radiance: a shoulder against burnt-out light, gamma 2, and some contrast.
-vec3 display(vec3 radiance) {
-    vec3 value = sqrt(1.0 - exp(-radiance * glow_rgb.w));
-    return value * (0.65 + value * (1.05 - 0.70 * value));
-}
+// What is stored of a radiance, blue first: light on the sensor, linear, so that every average is of light.
+vec3 exposed(vec3 radiance) { return min(radiance * glow_rgb.w, 1.0).bgr; }
 
 // Clear sky without clouds and disc; up = sine of the elevation.
 vec3 sky(vec3 direction, float up) {

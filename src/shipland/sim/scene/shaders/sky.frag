@@ -17,5 +17,5 @@ void main() {
     float disc = smoothstep(sun.w - 4e-6, sun.w + 4e-6, dot(direction, sun.xyz)) * (1.0 - thick);
     radiance += disc * 40.0 * sun_rgb.rgb;
     float veil = exp(-water_rgb.w * 1200.0 / (above + 0.1));
-    colour = vec4(display(mix(horizon_rgb.rgb, radiance, veil)).bgr, 1.0);
+    colour = vec4(exposed(mix(horizon_rgb.rgb, radiance, veil)), 1.0);
 }

@@ -10,6 +10,10 @@ out vec3 sunlit; // radiance of unshadowed sun
 out vec3 skylit; // radiance without sun
 out vec3 middle[5]; // where a ray to the sun is amid each shadow caster's slabs [m along it]
 out float clear; // share that comes through the air
+#if WATER
+out vec2 ground_m; // from the camera's foot [m]
+out float above_m; // over the mean sea
+#endif
 flat out float layer;
 
 void main() {
@@ -29,6 +33,14 @@ void main() {
     sunlit = in_paint.rgb * sun_rgb.rgb * max(dot(normal, sun.xyz), 0.0);
     skylit = in_paint.rgb * (sky_light + bounce) * in_open;
     clear = exp(-water_rgb.w * length(position.xyz));
+#if WATER
+    ground_m = position.xy;
+    above_m = eye.x - position.z;
+#endif
     gl_Position = clip_from_rel * position;
+#if WATER
+    gl_ClipDistance[0] = above_m + 0.3; // in the troughs
+#else
     gl_ClipDistance[0] = eye.x - position.z; // nothing shows below the sea
+#endif
 }
