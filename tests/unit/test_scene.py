@@ -16,11 +16,13 @@ from shipland.errors import ConfigError, SystemLibraryError
 from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
 from shipland.rig import Quad, Target, default_rig, packaged_table
 from shipland.sim.scene import gl
+from shipland.sim.scene.block import View
 from shipland.sim.scene.light import light
 from shipland.sim.scene.motion import homographies
 from shipland.sim.scene.scene import Scene, SceneParameters
 from shipland.sim.scene.sea import WaveTiles, cox_munk_variance
 from shipland.sim.scene.tone import FULL_SCALE, Light16, Tone, develop
+from shipland.sim.scene.view import Crop
 from shipland.sim.state import SceneState
 
 RIG = default_rig()
@@ -392,3 +394,91 @@ def test_missing_libraries_are_named_in_one_line(monkeypatch: pytest.MonkeyPatch
 def test_bad_parameters_are_refused_by_name(key: str, value: float) -> None:
     with pytest.raises(ConfigError, match=key):
         build(SceneParameters, {**packaged_table("scene"), key: value}, "scene")
+
+
+@pytest.mark.parametrize("range_m", [20.0, 40.0, 80.0])  # the rectangles are 21, 10 and 5 px wide
+def test_a_pixel_half_under_a_rectangle_shows_half_of_its_light(scene: Scene, range_m: float) -> None:
+    # The right rectangle's left edge through the middle of a pixel's column, its middle in the middle of a row.
+    left, middle = QUADS[1, 0], QUADS[1].mean(axis=0)
+    state = look((-range_m, 0.0, 0.0))
+    at = in_picture(state, CAMERA, np.array([left, middle]))
+    matrix = CAMERA.matrix.copy()
+    matrix[0, 2] += np.round(at[0, 0]) - at[0, 0]
+    matrix[1, 2] += np.round(at[1, 1]) - at[1, 1]
+    camera = Camera(1280, 720, matrix)
+    column, row = (round(value) for value in (at[0, 0], at[1, 1]))
+    light = scene.light(state, camera)[row].astype(float) * FULL_SCALE / 65535.0
+    shown = scene.render(state, camera)[row].astype(float)
+    board, half, green = light[column - 1], light[column], light[column + 2]
+    assert half == pytest.approx(0.5 * (board + green), rel=0.03, abs=0.004)
+    tone = PARAMETERS.tone
+    assert shown[column] == pytest.approx(tone.display(0.5 * (board + green)), abs=2.5)
+    of_display_values = 0.5 * (tone.display(board) + tone.display(green))
+    assert shown[column, 1] - of_display_values[1] > 40.0  # half of twice the saturation is white
+
+
+def test_motion_blur_averages_light_before_the_sensor_clips() -> None:
+    scene = scene_with(shutter_s=0.02, lamp=3.0)
+    still, moving = look((-5.0, 0.0, 0.0)), look((-5.0, 0.0, 0.0), rate_rad_s=np.array([0.0, 0.4, 0.0]))
+    sharp, soft = (scene.light(state, CAMERA)[350:370].astype(float) for state in (still, moving))
+    scene.close()
+    assert sharp.max() * FULL_SCALE / 65535.0 > 2.0  # beyond the sensor's saturation
+    assert soft[..., 1].sum() == pytest.approx(sharp[..., 1].sum(), rel=0.01)
+
+
+def test_tone_is_monotonic_inverts_and_clips() -> None:
+    levels = np.linspace(0.0, 3.0, 400)
+    for tone in (Tone(2.2, 0.25, 0.2, 0.0), Tone(1.8, 0.0, 0.0, 0.0), Tone(2.6, 0.6, 0.5, 0.0)):
+        shown = tone.display(levels)
+        assert np.all(np.diff(shown) >= -1e-9)
+        assert shown[0] == pytest.approx(0.0, abs=1e-6)
+        assert shown[-1] == pytest.approx(255.0, abs=1.5)
+        inside = levels[levels < 0.98 - tone.shoulder]
+        assert tone.light(tone.display(inside)) == pytest.approx(inside, abs=1e-3)
+        values = (levels * 65535.0 / FULL_SCALE).astype(np.uint16).reshape(20, 20)
+        assert np.abs(develop(values, tone) - shown.reshape(20, 20)).max() < 1.0
+    assert Tone(2.2, 0.0, 0.0, 0.0).display(np.array([0.18]))[0] == pytest.approx(106.0, abs=1.0)  # sRGB without a toe: 117
+
+
+def below_the_foot(picture: Light16, state: SceneState, up_m: float) -> Array:
+    """Light (3,) of the sea where a flat one mirrors the left rectangle, `up_m` above the cue's middle."""
+    corners_in_ned_m = state.ned_from_bar.apply(QUADS[0] + [0.0, 0.0, -up_m]) * [1.0, 1.0, -1.0]
+    pixels = CAMERA.project(state.ned_from_camera.inverse().apply(corners_in_ned_m))
+    (left, top), (right, bottom) = np.rint(pixels.min(axis=0)).astype(int), np.rint(pixels.max(axis=0)).astype(int)
+    return np.asarray(picture[top : bottom + 1, left : right + 1].mean(axis=(0, 1)))
+
+
+def test_calm_water_mirrors_the_cue_where_a_plane_mirror_would_and_rough_water_spreads_it() -> None:
+    state, green = look((-30.0, 0.0, -1.0)), {}
+    for name, height_m, wind_mps in (("calm", 0.02, 0.0), ("rough", 0.8, 9.0)):
+        scene = scene_with(significant_wave_height_m=height_m, wind_speed_mps=wind_mps)
+        picture = scene.light(state, CAMERA)
+        scene.close()
+        for place, up_m in (("image", 0.0), ("beside", 1.0)):
+            light = below_the_foot(picture, state, up_m)
+            green[name, place] = light[1] / (0.5 * (light[0] + light[2]))
+    assert green["calm", "image"] > 1.3 * green["calm", "beside"]
+    assert green["calm", "image"] > 1.2 * green["rough", "image"]
+
+
+def test_waves_hide_the_hulls_foot_and_calm_water_does_not() -> None:
+    feet, crop = {}, Crop(0, 0, 1280, 720)
+    abreast_m = np.linspace(-0.7, 0.7, 40)
+    stern = np.array([[-RIG.deck_ahead_of_stern_m, y, RIG.deck_height_m - 0.08] for y in abreast_m])
+    for height_m in (0.02, 0.6):
+        scene, seen = scene_with(significant_wave_height_m=height_m), []
+        for t_s in (3.0, 4.0, 5.0, 6.0):
+            state = look((-12.0, 0.0, -1.0), t_s=t_s)
+            scene.light(state, CAMERA)
+            with scene._context:
+                placed = scene._ship.place(state, draw_aircraft=False)
+                scene._ship.aim(CAMERA, state)
+                scene._look(View(CAMERA, state.ned_from_camera, crop, 1, 0.5, 50.0, state.t_s), state)
+                layer = scene._draw_ship(placed, state, CAMERA, crop, 1)
+            in_camera = (state.ned_from_camera.inverse() @ state.ned_from_ship).apply(stern)
+            columns, rows = CAMERA.project(in_camera).round().astype(int).T
+            seen.append(layer[rows, columns, 3] > 32768)
+        scene.close()
+        feet[height_m] = np.mean(seen)
+    assert feet[0.02] == 1.0
+    assert 0.2 < feet[0.6] < 0.8
