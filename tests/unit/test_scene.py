@@ -451,7 +451,7 @@ def below_the_foot(picture: Light16, state: SceneState, up_m: float) -> Array:
 def test_calm_water_mirrors_the_cue_where_a_plane_mirror_would_and_rough_water_spreads_it() -> None:
     state, green = look((-30.0, 0.0, -1.0)), {}
     for name, height_m, wind_mps in (("calm", 0.02, 0.0), ("rough", 0.8, 9.0)):
-        scene = scene_with(significant_wave_height_m=height_m, wind_speed_mps=wind_mps)
+        scene = scene_with(significant_wave_height_m=height_m, wind_speed_mps=wind_mps, lamp=2.2)
         picture = scene.light(state, CAMERA)
         scene.close()
         for place, up_m in (("image", 0.0), ("beside", 1.0)):
