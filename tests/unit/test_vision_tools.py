@@ -94,7 +94,7 @@ def test_a_look_at_a_rendered_picture_is_right_by_its_own_covariance(index, pict
     trial = look(place(index), picture, SETTING.eyes(), SETTING)
     assert trial.reason == ""
     assert trial.nees < 23.5  # χ² of four degrees, one in ten thousand
-    assert np.abs(trial.corner_error_px).max() < 0.2  # px
+    assert np.abs(trial.corner_error_px).max() < 0.6  # px: a bright rectangle grows under the tone curve
 
 
 @pytest.mark.parametrize("make", [aruco, apriltag])
