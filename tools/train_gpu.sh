@@ -53,9 +53,10 @@ train() { # KIND MINUTES
     cat "$work/$1/model-card.md" >>"$out/$1.log"
 }
 left() { # minutes until training has to end, less what it takes to load and to write
-    awk -v until="${TRAIN_UNTIL:-8.0}" -v now="$((SECONDS - began))" 'BEGIN { left = until - now / 60 - 0.5; print left > 0.2 ? left : 0.2 }'
+    "$python" -c "print(max(${TRAIN_UNTIL:-8.0} - $((SECONDS - began)) / 60 - 0.5, 0.2))"
 }
 
+"$python" -c 'from shipland.sim.scene.gl import open_context; print("drawn by", open_context().info["GL_RENDERER"])'
 pictures ship crops $((10 * seed + 1)) "${SHIP_CROPS:-0.6}" --crop-px 352
 pictures ship frames $((10 * seed + 2)) "${SHIP_FRAMES:-0.9}" --config tools/hard_frames.toml
 train ship "$(left)" &
