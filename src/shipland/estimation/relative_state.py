@@ -1,0 +1,267 @@
+"""The relative state: where the aircraft is against the bar, how it moves, and what pushes it.
+
+One Kalman filter of linear motion over a few axes that do not turn. A belief stands at one time; `Model.predicted`
+moves it through a known input, `updated` takes a measurement of that very time. Both are pure.
+
+The states of an axis, in the order of the indices below:
+
+| index | state | unit |
+|---|---|---|
+| `PLACE` | of the aircraft against the bar's mean place | m |
+| `SPEED` | its rate | m/s |
+| `THRUST` | acceleration that the autopilot makes of the sticks, lagging | m/s² |
+| `GUST` | acceleration by turbulence, coloured | m/s² |
+| `PUSH` | acceleration by the mean wind and by what is not modelled, slow | m/s² |
+| `REFERENCE` | the vehicle's own velocity less `SPEED`: the ship's way, optical flow's bias; slow | m/s |
+| `SWING` | of the bar about its mean place, on a ship that moves | m |
+| `SWING_RATE` | its rate | m/s |
+
+With u the input, k the drag and T the lag: ṗ = v; v̇ = a + g + s − k v; ȧ = (U − a)/T, where U = u for a vehicle whose
+sticks mean a tilt, and U = κ (u − v − c) for one that tracks a velocity over its own reference. The swing is a damped
+resonator. The last state of all, `LATENCY`, is shared by the axes: by how much pictures are older than they say; a
+picture then shows p − o − (v − ȯ) δ.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from shipland.config import require
+from shipland.frames import Array
+
+PLACE, SPEED, THRUST, GUST, PUSH, REFERENCE, SWING, SWING_RATE = range(8)
+STATES = 8
+"""Of one axis."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How the vehicle moves along an axis.
+
+    Attributes:
+        lag_s: of the acceleration behind what is asked for.
+        drag_per_s: deceleration for a metre per second.
+        servo_per_s: zero where the input is an acceleration; else the gain from speed error to acceleration.
+    """
+
+    lag_s: float
+    drag_per_s: float
+    servo_per_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Disturbances:
+    """Sizes of what is not known: standard deviations and correlation times.
+
+    Attributes:
+        gust_mps2, gust_time_s: acceleration by turbulence.
+        push_mps2, push_time_s: acceleration by the mean wind.
+        reference_mps, reference_time_s: the velocity reference.
+        speed_noise: power density of an acceleration without memory [m²/s³].
+        latency_s: of the pictures' age, at first.
+    """
+
+    gust_mps2: float
+    gust_time_s: float
+    push_mps2: float
+    push_time_s: float
+    reference_mps: float
+    reference_time_s: float
+    speed_noise: float
+    latency_s: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require(value >= 0.0, f"{name} must not be negative, got {value}")
+            require(value > 0.0 or not name.endswith("_time_s"), f"{name} must be positive")
+
+
+@dataclass(frozen=True)
+class Swing:
+    """The bar's own oscillation on a ship, as a damped resonator driven by noise.
+
+    Attributes:
+        deviation_m: standard deviation; next to nothing where the bar stands still.
+        frequency_rad_s: natural frequency.
+        damping: ratio.
+    """
+
+    deviation_m: float
+    frequency_rad_s: float
+    damping: float
+
+
+@dataclass(frozen=True)
+class Belief:
+    """The state of all axes and its covariance at one time.
+
+    Attributes:
+        t_s: the time that it holds for.
+        mean: (8 × axes + 1,) axis by axis, then the latency.
+        covariance: square of that size.
+    """
+
+    t_s: float
+    mean: Array
+    covariance: Array
+
+    def of(self, state: int) -> Array:
+        """(axes,) the mean of one state on every axis."""
+        return np.asarray(self.mean[state:-1:STATES])
+
+    @property
+    def latency_s(self) -> float:
+        """How much older pictures are than they say."""
+        return float(self.mean[-1])
+
+
+def dynamics(motion: Motion, noise: Disturbances, swing: Swing) -> tuple[Array, Array, Array]:
+    """Continuous time, one axis: matrix (8,8), input vector (8,), noise densities (8,)."""
+    a, b, q = np.zeros((STATES, STATES)), np.zeros(STATES), np.zeros(STATES)
+    a[PLACE, SPEED] = 1.0
+    a[SPEED, [SPEED, THRUST, GUST, PUSH]] = -motion.drag_per_s, 1.0, 1.0, 1.0
+    a[THRUST, THRUST] = -1.0 / motion.lag_s
+    gain = motion.servo_per_s if motion.servo_per_s > 0.0 else 1.0
+    b[THRUST] = gain / motion.lag_s
+    if motion.servo_per_s > 0.0:
+        a[THRUST, [SPEED, REFERENCE]] = -gain / motion.lag_s
+    slow = ((GUST, noise.gust_mps2, noise.gust_time_s), (PUSH, noise.push_mps2, noise.push_time_s))
+    for state, deviation, time_s in (*slow, (REFERENCE, noise.reference_mps, noise.reference_time_s)):
+        a[state, state] = -1.0 / time_s
+        q[state] = 2.0 * deviation**2 / time_s
+    w, z = swing.frequency_rad_s, swing.damping
+    a[SWING, SWING_RATE] = 1.0
+    a[SWING_RATE, [SWING, SWING_RATE]] = -w * w, -2.0 * z * w
+    q[SWING_RATE] = 4.0 * z * w**3 * swing.deviation_m**2
+    q[SPEED] = noise.speed_noise
+    return a, b, q
+
+
+def discretised(a: Array, b: Array, q: Array, step_s: float) -> tuple[Array, Array, Array]:
+    """Transition (n,n), input (n,) and noise covariance (n,n) of a step (C. Van Loan, 1978)."""
+    n = len(b)
+    with_input = np.zeros((n + 1, n + 1))
+    with_input[:n, :n], with_input[:n, n] = a, b
+    moved = expm(with_input * step_s)
+    block = np.zeros((2 * n, 2 * n))
+    block[:n, :n], block[:n, n:], block[n:, n:] = -a, np.diag(q), a.T
+    result = expm(block * step_s)
+    transition = result[n:, n:].T
+    covariance = transition @ result[:n, n:]
+    return moved[:n, :n], moved[:n, n], 0.5 * (covariance + covariance.T)
+
+
+class Model:
+    """Steps of any length over one or more equal axes; matrices are kept, by whole milliseconds.
+
+    Args:
+        axes: how many.
+        motion: of the vehicle.
+        noise: what is not known.
+        swing: of the bar.
+    """
+
+    def __init__(self, axes: int, motion: Motion, noise: Disturbances, swing: Swing) -> None:
+        self.axes, self.motion, self.noise, self.swing = axes, motion, noise, swing
+        self._continuous = dynamics(motion, noise, swing)
+        self._steps: dict[int, tuple[Array, Array, Array]] = {}
+
+    def step(self, step_ms: int) -> tuple[Array, Array, Array]:
+        """Transition (n,n), input matrix (n, axes) and noise (n,n) over whole milliseconds."""
+        found = self._steps.get(step_ms)
+        if found is None:
+            one, push, noise = discretised(*self._continuous, 1e-3 * step_ms)
+            size = STATES * self.axes + 1
+            transition, covariance, inputs = np.eye(size), np.zeros((size, size)), np.zeros((size, self.axes))
+            for axis in range(self.axes):
+                rows = slice(STATES * axis, STATES * (axis + 1))
+                transition[rows, rows], covariance[rows, rows], inputs[rows, axis] = one, noise, push
+            covariance[-1, -1] = (self.noise.latency_s * 0.02) ** 2 * 1e-3 * step_ms
+            found = self._steps[step_ms] = transition, inputs, covariance
+        return found
+
+    def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float) -> Belief:
+        """A belief from a first place (axes,) with its covariance (axes, axes), and a spread of the speed."""
+        noise, swing, n = self.noise, self.swing, STATES * self.axes + 1
+        swing_rate = swing.deviation_m * swing.frequency_rad_s
+        spreads = (0.0, speed_mps, 0.5, noise.gust_mps2, noise.push_mps2, noise.reference_mps)
+        deviation = np.array([*(spreads + (swing.deviation_m, swing_rate)) * self.axes, noise.latency_s])
+        mean, covariance = np.zeros(n), np.diag(deviation**2)
+        mean[PLACE:-1:STATES] = place_m
+        places = np.arange(PLACE, n - 1, STATES)
+        covariance[np.ix_(places, places)] = covariance_m2
+        return Belief(t_s, mean, covariance)
+
+    def predicted(self, belief: Belief, step_ms: int, given: Array) -> Belief:
+        """The belief after a step through the input `given` (axes,), constant meanwhile."""
+        transition, inputs, noise = self.step(step_ms)
+        return Belief(
+            belief.t_s + 1e-3 * step_ms,
+            transition @ belief.mean + inputs @ given,
+            transition @ belief.covariance @ transition.T + noise,
+        )
+
+    def seen(self, belief: Belief) -> tuple[Array, Array]:
+        """What a picture shows of the place: expected value (axes,) and its Jacobian (axes, n)."""
+        mean, axes = belief.mean, np.arange(self.axes)
+        rate = belief.of(SPEED) - belief.of(SWING_RATE)
+        latency_s = float(mean[-1])
+        jacobian = np.zeros((self.axes, len(mean)))
+        jacobian[axes, STATES * axes + PLACE] = 1.0
+        jacobian[axes, STATES * axes + SWING] = -1.0
+        jacobian[axes, STATES * axes + SPEED] = -latency_s
+        jacobian[axes, STATES * axes + SWING_RATE] = latency_s
+        jacobian[:, -1] = -rate
+        return belief.of(PLACE) - belief.of(SWING) - latency_s * rate, jacobian
+
+    def velocity(self, belief: Belief) -> tuple[Array, Array]:
+        """What the vehicle measures of its own velocity: expected value (axes,) and its Jacobian (axes, n)."""
+        axes = np.arange(self.axes)
+        jacobian = np.zeros((self.axes, len(belief.mean)))
+        jacobian[axes, STATES * axes + SPEED] = 1.0
+        jacobian[axes, STATES * axes + REFERENCE] = 1.0
+        return belief.of(SPEED) + belief.of(REFERENCE), jacobian
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A belief after a measurement.
+
+    Attributes:
+        belief: as it is now; as it was where the measurement was refused.
+        normalised: the innovation squared over its covariance, chi-squared of the measurement's size where all is well.
+        accepted: it was finite and inside the gate.
+    """
+
+    belief: Belief
+    normalised: float
+    accepted: bool
+
+
+def updated(
+    belief: Belief, expected: tuple[Array, Array], measured: Array, covariance: Array, gate: float = math.inf
+) -> Taken:
+    """Take a measurement (m,) with covariance (m,m) of the belief's own time, unless it is astray.
+
+    Args:
+        belief: before.
+        expected: (m,) and its Jacobian (m,n): `Model.seen`, `Model.velocity`.
+        measured: the measurement.
+        covariance: of its error.
+        gate: largest normalised innovation squared that is taken.
+    """
+    predicted, jacobian = expected
+    innovation = measured - predicted
+    crossed = belief.covariance @ jacobian.T
+    spread = jacobian @ crossed + covariance
+    weighted = np.linalg.solve(spread, np.column_stack([innovation, crossed.T]))
+    normalised = float(innovation @ weighted[:, 0])
+    if not normalised <= gate:  # NaN too
+        return Taken(belief, normalised, False)
+    mean = belief.mean + crossed @ weighted[:, 0]
+    after = belief.covariance - crossed @ weighted[:, 1:]
+    return Taken(Belief(belief.t_s, mean, 0.5 * (after + after.T)), normalised, True)

@@ -1,0 +1,112 @@
+"""The way down as one pure function: sink to just over the deck, wait there for a small error at contact, drop.
+
+No speed gate: what counts is where the aircraft will be at contact, and that is predicted.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, replace
+
+from shipland.config import require
+
+
+class Phase(enum.Enum):
+    """Of a landing."""
+
+    SINK = "sink"
+    WAIT = "wait"
+    DROP = "drop"
+
+
+@dataclass(frozen=True)
+class DescentParameters:
+    """`[guidance.horizon.descent]`.
+
+    Attributes:
+        sink_mps: speed of the way down to `wait_height_m`.
+        wait_height_m: over the neutral deck, of the aircraft's centre; 0 goes down without waiting.
+        pause_m: with a larger offset the way down waits.
+        drop_mps: speed of the last part.
+        drop_m: predicted offset at contact at which it begins.
+        relax_after_s, relax_per_s: waiting longer, the offset allowed grows by this share a second.
+        level_s: so long before contact the sticks take the tilt out.
+        contact_height_m: of the aircraft's centre when its feet touch the neutral deck.
+    """
+
+    sink_mps: float
+    wait_height_m: float
+    pause_m: float
+    drop_mps: float
+    drop_m: float
+    relax_after_s: float
+    relax_per_s: float
+    level_s: float
+    contact_height_m: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require(value >= 0.0, f"{name} must not be negative, got {value}")
+        require(self.sink_mps > 0.0 and self.drop_mps > 0.0, "sink_mps and drop_mps must be positive")
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Where a landing is.
+
+    Attributes:
+        phase: of it.
+        since_s: when the phase began.
+        height_m: over the neutral deck that is flown to at this moment.
+    """
+
+    phase: Phase
+    since_s: float
+    height_m: float
+
+
+@dataclass(frozen=True)
+class Over:
+    """What the descent is decided on.
+
+    Attributes:
+        now_s: when the command takes effect.
+        step_s: since the cycle before.
+        height_m: of the aircraft's centre over the neutral deck.
+        offset_m: horizontal, from the landing point.
+        offset_at_contact_m: the same, predicted for contact, if the drop began now.
+        lull: the moment is one to land in.
+    """
+
+    now_s: float
+    step_s: float
+    height_m: float
+    offset_m: float
+    offset_at_contact_m: float
+    lull: bool
+
+
+def contact_in_s(height_m: float, parameters: DescentParameters) -> float:
+    """Time to contact from a height over the neutral deck, dropping [s]."""
+    return max(height_m - parameters.contact_height_m, 0.0) / parameters.drop_mps
+
+
+def next_descent(before: Descent | None, over: Over, parameters: DescentParameters) -> Descent:
+    """The descent a cycle later; `before` is None when a landing begins."""
+    if before is None:
+        before = Descent(Phase.SINK, over.now_s, over.height_m)
+    if before.phase is Phase.DROP:
+        return before
+    if before.phase is Phase.SINK:
+        lower_m = before.height_m
+        if over.offset_m <= parameters.pause_m:
+            lower_m = max(lower_m - parameters.sink_mps * over.step_s, parameters.wait_height_m)
+        low = over.height_m <= parameters.wait_height_m + 0.1
+        if not low or lower_m > parameters.wait_height_m:
+            return replace(before, height_m=lower_m)
+        before = Descent(Phase.WAIT, over.now_s, parameters.wait_height_m)
+    waited_s = over.now_s - before.since_s - parameters.relax_after_s
+    allowed_m = parameters.drop_m * (1.0 + parameters.relax_per_s) ** max(waited_s, 0.0)
+    if over.lull and over.offset_at_contact_m <= allowed_m:
+        return Descent(Phase.DROP, over.now_s, 0.0)
+    return before

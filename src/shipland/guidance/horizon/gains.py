@@ -1,0 +1,119 @@
+"""Gains of the horizontal control: linear-quadratic, on the whole state predicted to a command's effect.
+
+The state is an axis of the relative state and the stick input before; what is chosen is the change of that input. The
+cost is the squared offset from the bar's place, its rate, the aircraft's acceleration and the rate of the input: a
+steady wind costs nothing, so that nothing pulls the aircraft off its place. All commands that are still on the way are
+in the prediction, which makes the delay a part of the state as a whole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.linalg import solve_discrete_are
+
+from shipland.config import require
+from shipland.estimation.relative_state import (
+    PLACE,
+    SPEED,
+    STATES,
+    SWING,
+    SWING_RATE,
+    Disturbances,
+    Motion,
+    Swing,
+    discretised,
+    dynamics,
+)
+from shipland.frames import Array
+
+INPUT = STATES
+"""Index of the input before in the control's state."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """`[guidance.horizon.weights]`: costs against a squared metre.
+
+    Attributes:
+        speed: of a squared metre per second against the bar [s²].
+        acceleration: of the aircraft's own, squared [s⁴].
+        input_rate: of the rate of the input asked for, squared [s⁶ for tilts, s⁴ for speeds].
+        final_place, final_speed: at contact, where the time to it is known.
+        horizon_s: longest time to contact that gains are kept for.
+    """
+
+    speed: float
+    acceleration: float
+    input_rate: float
+    final_place: float
+    final_speed: float
+    horizon_s: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require(value >= 0.0, f"{name} must not be negative, got {value}")
+        require(self.input_rate > 0.0, "input_rate must be positive")
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Gains for one length of cycle.
+
+    Attributes:
+        step_s: the cycle.
+        steady: (9,) the change of the input is −steady · (state − reference).
+        to_contact: (k, 9) the same, by whole cycles left to contact.
+        offset: (k + 1, 9) the offset from the bar after so many cycles under `steady`.
+        offset_to_contact: (k + 1, 9) the offset at contact, so many cycles away, under `to_contact`.
+    """
+
+    step_s: float
+    steady: Array
+    to_contact: Array
+    offset: Array
+    offset_to_contact: Array
+
+
+_OFFSET = np.zeros(STATES + 1)
+_OFFSET[[PLACE, SWING]] = 1.0, -1.0
+_RATE = np.zeros(STATES + 1)
+_RATE[[SPEED, SWING_RATE]] = 1.0, -1.0
+
+
+@lru_cache(maxsize=256)
+def gains_of(motion: Motion, noise: Disturbances, swing: Swing, weights: Weights, step_ms: int) -> Gains:
+    """Solve for one vehicle, sea and cycle."""
+    step_s = 1e-3 * step_ms
+    a, b, q = dynamics(motion, noise, swing)
+    transition, push, _ = discretised(a, b, q, step_s)
+    big = np.zeros((STATES + 1, STATES + 1))
+    big[:STATES, :STATES], big[:STATES, INPUT], big[INPUT, INPUT] = transition, push, 1.0
+    entry = np.append(push, 1.0)
+    acceleration = np.append(a[SPEED], 0.0)
+    cost = np.outer(_OFFSET, _OFFSET) + weights.speed * np.outer(_RATE, _RATE)
+    cost = step_s * (cost + weights.acceleration * np.outer(acceleration, acceleration))
+    effort = weights.input_rate / step_s
+    # SciPy wants no eigenvalue on the unit circle: the input before has one, and is reached by the control.
+    value = solve_discrete_are(big, entry[:, None], cost, np.array([[effort]]))
+    steady = _gain(big, entry, value, effort)
+    count = max(1, round(weights.horizon_s / step_s))
+    final = weights.final_place * np.outer(_OFFSET, _OFFSET) + weights.final_speed * np.outer(_RATE, _RATE)
+    rows, offsets = [], [_OFFSET]
+    for _ in range(count):
+        gain = _gain(big, entry, final, effort)
+        closed = big - np.outer(entry, gain)
+        final = cost + effort * np.outer(gain, gain) + closed.T @ final @ closed
+        rows.append(gain)
+        offsets.append(offsets[-1] @ closed)
+    closed, steady_offsets = big - np.outer(entry, steady), [_OFFSET]
+    for _ in range(count):
+        steady_offsets.append(steady_offsets[-1] @ closed)
+    return Gains(step_s, steady, np.array(rows), np.array(steady_offsets), np.array(offsets))
+
+
+def _gain(big: Array, entry: Array, value: Array, effort: float) -> Array:
+    weighted = entry @ value
+    return np.asarray((weighted @ big) / (effort + weighted @ entry))

@@ -1,0 +1,299 @@
+"""From observations, telemetry and sent commands to one estimate of place, motion and headings."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.estimation.delayed import DelayedFilter, Inputs
+from shipland.estimation.heading import Headings, first_headings, headings_at, with_compass, with_pose
+from shipland.estimation.relative_state import SWING, SWING_RATE, Belief, Disturbances, Model, Motion, Swing
+from shipland.frames import Array, wrap_angle
+from shipland.guidance.horizon.parameters import HorizonParameters
+from shipland.guidance.response import Response
+from shipland.messages import BarPose, Box, Observation, PilotCommand, Telemetry
+from shipland.rig import Rig
+
+_LAG_S = 0.6
+"""Without pictures the filters follow this far behind."""
+_COMPASS_KEPT = 64
+
+
+@lru_cache(maxsize=64)
+def _model(axes: int, motion: Motion, noise: Disturbances, swing: Swing) -> Model:
+    return Model(axes, motion, noise, swing)
+
+
+def turned(vector: Array, angle_rad: float) -> Array:
+    """A vector (2,) of axes turned clockwise by `angle_rad`, in those that are not."""
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]])
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """The estimate at one time; horizontal vectors in the axes of the flight, which do not turn.
+
+    Attributes:
+        t_s: the time that it holds for.
+        across: place and motion against the bar, horizontally; downward.
+        down: likewise, downward.
+        nose_rad, bar_rad: headings in the axes of the flight.
+        turn_rad_s: of the bar.
+        bar_known: the bar's heading has been seen.
+    """
+
+    t_s: float
+    across: Belief
+    down: Belief
+    nose_rad: float
+    bar_rad: float
+    turn_rad_s: float
+    bar_known: bool
+
+    @property
+    def place_m(self) -> Array:
+        """(2,) of the aircraft from the bar, in the axes of the flight."""
+        return self.across.of(0) - self.across.of(SWING)
+
+    @property
+    def speed_mps(self) -> Array:
+        """(2,) its rate."""
+        return self.across.of(1) - self.across.of(SWING_RATE)
+
+    @property
+    def down_m(self) -> float:
+        """Below the bar's centre."""
+        return float(self.down.of(0)[0] - self.down.of(SWING)[0])
+
+    @property
+    def down_mps(self) -> float:
+        """Its rate."""
+        return float(self.down.of(1)[0] - self.down.of(SWING_RATE)[0])
+
+    @property
+    def aircraft_in_bar_m(self) -> Array:
+        """(3,)."""
+        return np.append(turned(self.place_m, -self.bar_rad), self.down_m)
+
+
+class Navigator:
+    """Keeps the filters; every input of the flight passes through here once."""
+
+    def __init__(
+        self, parameters: HorizonParameters, response: Response, rig: Rig, camera: Camera, camera_in_body_m: Array
+    ) -> None:
+        self._parameters, self._response = parameters, response
+        self._focal_px = camera.focal_px
+        self._middle_px = (float(camera.matrix[0, 2]), float(camera.matrix[1, 2]))
+        self._camera_in_body_m = np.asarray(camera_in_body_m, dtype=float)
+        self._ship_m = math.sqrt(rig.platform_width_m * rig.superstructure_height_m)
+        self._ship_below_m = 0.5 * rig.superstructure_height_m - (rig.superstructure_height_m - rig.bar_height_m)
+        self._bar_m = math.sqrt(rig.board_width_m * rig.board_height_m)
+        self.motion = Motion(response.lag_s, response.drag_per_s, response.servo_per_s)
+        self._climb = Motion(0.05, 0.0, 1.0 / response.climb_lag_s)
+        swing = parameters.swing
+        self.swing = Swing(swing.deviation_m, swing.frequency_rad_s, swing.damping)
+        self._power = swing.deviation_m**2
+        gates = parameters.measured
+        self._across = DelayedFilter(self._across_model(), gates.velocity_gate, gates.picture_gate, _LAG_S)
+        self._down = DelayedFilter(self._down_model(), gates.velocity_gate, gates.picture_gate, _LAG_S)
+        self._pushes, self._climbs, self._turns = Inputs(2), Inputs(1), Inputs(1)
+        self._headings: Headings | None = None
+        self._compass: deque[tuple[float, float]] = deque(maxlen=_COMPASS_KEPT)
+        self._velocity_s = -math.inf
+        self._seen_s = -math.inf
+
+    def _across_model(self) -> Model:
+        return _model(2, self.motion, self._parameters.horizontal, self.swing)
+
+    def _down_model(self) -> Model:
+        return _model(1, self._climb, self._parameters.vertical, self.swing)
+
+    @property
+    def seen_s(self) -> float:
+        """When the newest picture that told a place was exposed."""
+        return self._seen_s
+
+    def effect_s(self, now_s: float) -> float:
+        """When a command that is ready now takes effect."""
+        return now_s + self._response.uplink_s + self._response.dead_time_s
+
+    def sent(self, command: PilotCommand) -> None:
+        """What really left."""
+        effect_s = self.effect_s(command.t_s)
+        turn = 0.01 * command.yaw_percent * self._response.max_turn_rad_s
+        climb = 0.01 * command.heave_percent * self._response.max_climb_mps
+        push = np.array([self._response.input_of(command.pitch_percent), self._response.input_of(command.roll_percent)])
+        self._turns.add(effect_s + self._response.turn_lag_s, np.array([turn]))
+        self._climbs.add(effect_s, np.array([-climb]))
+        nose_rad = self._nose_at(effect_s)
+        self._pushes.add(effect_s, turned(push, nose_rad))
+
+    def input_before(self) -> Array:
+        """(2,) the newest input sent, in the axes of the flight."""
+        return self._pushes.latest()
+
+    def _nose_at(self, t_s: float) -> float:
+        headings = self._headings
+        if headings is None:
+            return 0.0
+        return headings.nose_rad + self._turned_rad(headings.t_s, t_s)
+
+    def _turned_rad(self, from_s: float, to_s: float) -> float:
+        return float(self._turns.mean(from_s, to_s)[0]) * max(to_s - from_s, 0.0)
+
+    def take(self, observation: Observation, telemetry: Telemetry) -> None:
+        """One cycle's news."""
+        heading_rad = telemetry.heading_rad
+        if heading_rad is not None and math.isfinite(heading_rad):
+            self._compass.append((_time(telemetry, "heading_t_s"), heading_rad))
+        t_s = observation.t_s
+        if self._headings is None:
+            self._headings = first_headings(t_s, self._compass_at(t_s) or 0.0)
+        self._take_headings(observation)
+        self._take_velocity(telemetry)
+        pose = observation.bar_pose
+        turn_rad_s = self._headings.turn_rad_s if self._headings.bar_known else 0.0
+        if pose is not None and _finite(pose):
+            self._take_pose(t_s, pose, turn_rad_s)
+        else:
+            box = observation.bar_box or observation.ship_box
+            if box is not None and all(map(math.isfinite, (*box.centre_px, *box.size_px))):
+                self._take_box(observation, box, observation.bar_box is not None, turn_rad_s)
+        self._across.follow(telemetry.t_s, self._pushes, turn_rad_s)
+        self._down.follow(telemetry.t_s, self._climbs)
+
+    def _compass_at(self, t_s: float) -> float | None:
+        """The compass at a picture's time, between its readings."""
+        if not self._compass:
+            return None
+        times, values = zip(*self._compass, strict=True)
+        if t_s > times[-1] + 0.5:
+            return None
+        return float(np.interp(t_s, times, np.unwrap(values)))
+
+    def _take_headings(self, observation: Observation) -> None:
+        assert self._headings is not None
+        noise, t_s = self._parameters.heading, observation.t_s
+        headings = headings_at(self._headings, t_s, self._turned_rad(self._headings.t_s, t_s), noise)
+        compass_rad = self._compass_at(t_s)
+        if compass_rad is not None:
+            headings = with_compass(headings, compass_rad, noise)
+        pose = observation.bar_pose
+        if pose is not None and _finite(pose):
+            headings = with_pose(headings, pose.yaw_rad, float(pose.covariance[3, 3]), noise)
+        self._headings = headings
+
+    def _take_velocity(self, telemetry: Telemetry) -> None:
+        velocity, measured = telemetry.velocity_in_level_mps, self._parameters.measured
+        t_s = _time(telemetry, "velocity_t_s")
+        if velocity is None or not measured.use_velocity or not np.isfinite(velocity).all():
+            return
+        if t_s < self._velocity_s + _VELOCITY_EVERY_S:
+            return
+        self._velocity_s = t_s
+        self._across.velocity(t_s, turned(velocity[:2], self._nose_at(t_s)), measured.velocity_mps)
+        self._down.velocity(t_s, velocity[2:], measured.velocity_mps)
+
+    def _take_pose(self, t_s: float, pose: BarPose, turn_rad_s: float) -> None:
+        headings = self._headings
+        assert headings is not None
+        measured = self._parameters.measured
+        lever = turned(self._camera_in_body_m[:2], pose.yaw_rad)
+        place_in_bar_m = pose.position_in_bar_m[:2] - lever
+        down_m = float(pose.position_in_bar_m[2] - self._camera_in_body_m[2])
+        range_m = math.hypot(*place_in_bar_m.tolist())
+        speed_mps = 0.0 if self._across.belief is None else float(np.linalg.norm(self._across.belief.of(1)))
+        floor = (measured.place_m + measured.place_share * range_m) ** 2 + (measured.picture_s * speed_mps) ** 2
+        cosine, sine = math.cos(headings.bar_rad), math.sin(headings.bar_rad)
+        rotation = np.array([[cosine, -sine], [sine, cosine]])
+        # Two ways to turn the place into the axes of the flight: by the bar's heading, which near the bar is the
+        # better known, and by the nose's and this picture's yaw, whose errors cancel in the bearing of the bar.
+        by_bar = pose.covariance[:2, :2]
+        swung = np.array([-place_in_bar_m[1], place_in_bar_m[0]])
+        crossed = np.outer(pose.covariance[:2, 3], swung)
+        nose_variance = float(headings.covariance[0, 0])
+        by_nose = by_bar - crossed - crossed.T + np.outer(swung, swung) * (pose.covariance[3, 3] + nose_variance)
+        if float(np.trace(by_nose)) < float(np.trace(by_bar)):
+            angle_rad = headings.nose_rad - pose.yaw_rad
+            cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+            rotation, by_bar = np.array([[cosine, -sine], [sine, cosine]]), by_nose
+        place_m = rotation @ place_in_bar_m
+        covariance = rotation @ by_bar @ rotation.T + floor * np.eye(2)
+        down_variance = float(pose.covariance[2, 2]) + floor
+        self._enter(t_s, place_m, covariance, down_m, down_variance, turn_rad_s)
+
+    def _take_box(self, observation: Observation, box: Box, is_bar: bool, turn_rad_s: float) -> None:
+        """A box as a place: range from its area, bearing and elevation from its centre."""
+        assert self._headings is not None
+        measured, size_m = self._parameters.measured, self._bar_m if is_bar else self._ship_m
+        range_m = self._focal_px * size_m / math.sqrt(max(box.area_px2, 1.0))
+        right = (box.centre_px[0] - self._middle_px[0]) / self._focal_px
+        elevation_rad = observation.gimbal.pitch_rad - math.atan2(
+            box.centre_px[1] - self._middle_px[1], self._focal_px
+        )
+        if not (math.isfinite(elevation_rad) and abs(elevation_rad) < 1.4):
+            return
+        to_target_m = range_m * np.array([1.0, right])
+        nose_rad = self._headings.nose_rad
+        along, across = turned(np.array([1.0, right]), nose_rad), turned(np.array([-right, 1.0]), nose_rad)
+        along_m = 0.5 * measured.area_share * range_m
+        across_m = range_m * measured.centre_px / self._focal_px + 0.3
+        across_variance = across_m**2 + range_m**2 * float(self._headings.covariance[0, 0])
+        covariance = measured.repeated * (
+            along_m**2 * np.outer(along, along) + across_variance * np.outer(across, across)
+        )
+        down_m = range_m * math.tan(elevation_rad) + (0.0 if is_bar else self._ship_below_m)
+        down_variance = measured.repeated * (across_m**2 + (along_m * math.tan(elevation_rad)) ** 2)
+        self._enter(observation.t_s, -turned(to_target_m, nose_rad), covariance, down_m, down_variance, turn_rad_s)
+
+    def _enter(
+        self, t_s: float, place_m: Array, covariance: Array, down_m: float, down_variance: float, turn_rad_s: float
+    ) -> None:
+        down, spread = np.array([down_m]), np.array([[down_variance]])
+        lost = self._across.refused >= self._parameters.measured.lost_refusals
+        if self._across.belief is None or lost:
+            self._across.start(t_s, place_m, covariance, 1.5)
+            self._down.start(t_s, down, spread, 0.5)
+            self._seen_s = t_s
+            return
+        if self._across.picture(t_s, place_m, covariance, self._pushes, turn_rad_s):
+            self._seen_s = t_s
+        self._down.picture(t_s, down, spread, self._climbs)
+
+    def estimate(self, t_s: float) -> Estimated | None:
+        """The estimate at a time that is not before the newest picture."""
+        headings = self._headings
+        if headings is None:
+            return None
+        turn_rad_s = headings.turn_rad_s if headings.bar_known else 0.0
+        across = self._across.ahead(t_s, self._pushes, turn_rad_s)
+        down = self._down.ahead(t_s, self._climbs)
+        if across is None or down is None or not np.isfinite(across.mean).all():
+            return None
+        passed_s = t_s - headings.t_s
+        nose_rad = self._nose_at(t_s)
+        bar_rad = headings.bar_rad + turn_rad_s * passed_s
+        return Estimated(t_s, across, down, nose_rad, wrap_angle(bar_rad), turn_rad_s, headings.bar_known)
+
+
+_VELOCITY_EVERY_S = 0.06
+"""Its noise is coloured: readings that follow closer tell little more."""
+
+
+def _finite(pose: BarPose) -> bool:
+    return bool(
+        np.isfinite(pose.position_in_bar_m).all() and math.isfinite(pose.yaw_rad) and np.isfinite(pose.covariance).all()
+    )
+
+
+def _time(telemetry: Telemetry, name: str) -> float:
+    """The time of a part of the telemetry; its receipt's where the vehicle does not say."""
+    value = getattr(telemetry, name, None)
+    return telemetry.t_s if value is None else float(value)

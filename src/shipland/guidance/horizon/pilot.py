@@ -1,0 +1,377 @@
+"""The pilot: estimate → mode → reference → control → camera."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.estimation.relative_state import PLACE, SPEED, STATES, SWING, THRUST
+from shipland.frames import Array, wrap_angle
+from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
+from shipland.guidance.horizon.gains import INPUT, Gains, gains_of
+from shipland.guidance.horizon.navigator import Estimated, Navigator, turned
+from shipland.guidance.horizon.parameters import HorizonParameters
+from shipland.guidance.horizon.reference import Pace, Reference, at_rest, leashed, moved
+from shipland.guidance.laws import clamp
+from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
+from shipland.guidance.near import Sticks
+from shipland.guidance.response import Response
+from shipland.guidance.search import SearchParameters, search
+from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.rig import Rig
+
+_STEPS_MS = (33, 67, 100, 200, 350, 530)
+"""Cycles that gains are kept for; the nearest is taken."""
+_TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
+
+
+class HorizonPilot:
+    """Flies to the landing point that the level bar shows, from the first box to contact, on one estimate."""
+
+    def __init__(
+        self,
+        parameters: HorizonParameters,
+        modes: ModeParameters,
+        approach: ApproachParameters,
+        searching: SearchParameters,
+        response: Response,
+        rig: Rig,
+        camera: Camera,
+        camera_in_body_m: Array,
+    ) -> None:
+        self._parameters, self._mode_parameters, self._approach = parameters, modes, approach
+        self._search, self._response = searching, response
+        self._navigator = Navigator(parameters, response, rig, camera, camera_in_body_m)
+        self._focal_px = camera.focal_px
+        self._middle_px = (float(camera.matrix[0, 2]), float(camera.matrix[1, 2]))
+        self._half_view_rad = math.atan2(0.5 * camera.width_px, camera.focal_px)
+        self._half_cue_m = float(np.max(np.abs(rig.target.points_in_bar_m[:, 1])))
+        self._camera_in_body_m = np.asarray(camera_in_body_m, dtype=float)
+        self._deck_in_bar_m = rig.deck_in_bar_m
+        self._modes = ModeMemory()
+        self._reference: Reference | None = None
+        self._descent: Descent | None = None
+        self._sticks = Sticks(0.0, 0.0, 0.0, 0.0)
+        self._gimbal_pitch_rad = math.radians(searching.camera_pitch_deg[0])
+        self._now_s: float | None = None
+        self._step_s = 1.0 / 30.0
+        self._side_rad = 0.0
+        self._contact_m = math.inf
+
+    def decide(
+        self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None = None
+    ) -> Decision:
+        """One cycle; never raises."""
+        now_s, navigator = telemetry.t_s, self._navigator
+        step_s = 0.0 if self._now_s is None else now_s - self._now_s
+        if step_s > 0.0:
+            self._step_s += 0.3 * (step_s - self._step_s)
+        self._now_s = now_s
+        if sent is not None:
+            navigator.sent(sent)
+        navigator.take(observation, telemetry)
+        self._remember_side(observation)
+        estimate = navigator.estimate(navigator.effect_s(now_s))
+        fresh_s = now_s - navigator.seen_s
+        usable = estimate is not None and fresh_s <= self._mode_parameters.memory_s + 1.0
+        self._modes = next_mode(
+            self._situation(observation, telemetry, estimate if usable else None), self._modes, self._mode_parameters
+        )
+        mode = self._modes.mode
+        if mode is not Mode.LAND:
+            self._descent = None
+        if mode in _TRACKS and usable and estimate is not None:
+            sticks = self._track(mode, estimate, step_s)
+        else:
+            self._reference = None
+            sticks = self._without_estimate(mode, now_s)
+        self._sticks = sticks
+        self._point_camera(mode, observation, estimate if usable else None, step_s)
+        command = PilotCommand(now_s, *sticks, self._gimbal_pitch_rad, _INTENTS[mode])
+        at_picture = navigator.estimate(observation.t_s) if usable else None
+        place = None if at_picture is None or not at_picture.bar_known else at_picture
+        return Decision(
+            command,
+            mode,
+            self._modes.reason,
+            None if place is None else place.aircraft_in_bar_m,
+            None if place is None else wrap_angle(place.nose_rad - place.bar_rad),
+        )
+
+    # --- modes -------------------------------------------------------------------------------------------------
+
+    def _situation(self, observation: Observation, telemetry: Telemetry, estimate: Estimated | None) -> Situation:
+        approach = self._approach
+        climbing_s = telemetry.t_s - self._modes.since_s
+        height_m, distance_m, clear = math.inf, math.inf, False
+        if estimate is not None:
+            place = estimate.aircraft_in_bar_m
+            height_m = float(self._deck_in_bar_m[2] - place[2])
+            distance_m = float(np.linalg.norm(place))
+            back_m = float(self._deck_in_bar_m[0]) - approach.climb_out_back_m
+            clear = bool(place[0] < back_m + 1.0 and height_m > approach.climb_out_height_m - 0.5)
+        dropping = self._descent is not None and self._descent.phase is Phase.DROP
+        return Situation(
+            now_s=telemetry.t_s,
+            observation=observation,
+            landing_condition=self._landing_condition(estimate),
+            committed=dropping or height_m < 0.35,
+            astray=self._astray(estimate),
+            near_ship=distance_m < approach.climb_out_radius_m,
+            clear=climbing_s >= approach.climb_out_s and (clear or climbing_s >= 4.0 * approach.climb_out_s),
+            flying=telemetry.flying,
+        )
+
+    def _landing_condition(self, estimate: Estimated | None) -> str:
+        limits, approach = self._parameters, self._approach
+        if estimate is None or not estimate.bar_known:
+            return "no pose yet"
+        offset = self._offset(estimate)
+        off_m = math.hypot(*offset.tolist())
+        if off_m > limits.land_offset_m:
+            return f"{off_m:.2f} m off the landing point"
+        up_m = float(self._deck_in_bar_m[2]) - estimate.down_m - approach.hover_height_m
+        if abs(up_m) > 2.0 * approach.max_height_error_m:
+            return f"{-up_m:+.2f} m to the hover height"
+        yaw_rad = wrap_angle(estimate.nose_rad - estimate.bar_rad)
+        if abs(math.degrees(yaw_rad)) > approach.max_yaw_error_deg:
+            return f"heading off by {math.degrees(yaw_rad):.0f}°"
+        if self._unfit_m(estimate) > limits.unfit_m:
+            return f"offset at contact uncertain by {self._unfit_m(estimate):.2f} m"
+        return ""
+
+    def _unfit_m(self, estimate: Estimated) -> float:
+        """Standard deviation of the place at the command's effect, the worse axis."""
+        covariance = estimate.across.covariance
+        spread = [
+            covariance[i, i] + covariance[i + SWING, i + SWING] - 2.0 * covariance[i, i + SWING]
+            for i in (PLACE, STATES + PLACE)
+        ]
+        return math.sqrt(max(*spread, 0.0))
+
+    def _astray(self, estimate: Estimated | None) -> str:
+        if self._modes.mode is not Mode.LAND or estimate is None:
+            return ""
+        off_m = math.hypot(*self._offset(estimate).tolist())
+        return f"{off_m:.2f} m off the landing point" if off_m > self._parameters.astray_m else ""
+
+    def _offset(self, estimate: Estimated) -> Array:
+        """(2,) from the landing point, in the axes of the flight."""
+        return estimate.place_m - turned(self._deck_in_bar_m[:2], estimate.bar_rad)
+
+    # --- references and control --------------------------------------------------------------------------------
+
+    def _track(self, mode: Mode, estimate: Estimated, step_s: float) -> Sticks:
+        goal_m, goal_mps = self._goal(mode, estimate)
+        pace = self._pace(estimate, goal_m)
+        if self._reference is None:
+            self._reference = at_rest(estimate.place_m, estimate.speed_mps)
+        self._reference = leashed(
+            moved(self._reference, step_s, goal_m, goal_mps, pace), estimate.place_m, pace.leash_m
+        )
+        gains = self._gains()
+        heave_mps = self._heave_mps(mode, estimate, gains, step_s)
+        wanted = self._wanted_input(estimate, gains)
+        return self._sticks_of(mode, estimate, wanted, heave_mps)
+
+    def _gains(self) -> Gains:
+        step_ms = min(_STEPS_MS, key=lambda ms: abs(ms - 1e3 * self._step_s))
+        navigator = self._navigator
+        return gains_of(
+            navigator.motion, self._parameters.horizontal, navigator.swing, self._parameters.weights, step_ms
+        )
+
+    def _goal(self, mode: Mode, estimate: Estimated) -> tuple[Array, Array]:
+        """Where to, against the bar, and how fast that point moves by the bar's turning."""
+        path, approach = self._parameters.path, self._approach
+        if not estimate.bar_known:
+            distance_m = math.hypot(*estimate.place_m.tolist())
+            too_high_m = (-estimate.down_m - path.far_above_m) / math.tan(math.radians(path.glide_path_deg))
+            stand_off_m = min(max(path.stand_off_m, too_high_m), distance_m)
+            return estimate.place_m * (stand_off_m / max(distance_m, 1.0)), np.zeros(2)
+        ahead_m = float(self._deck_in_bar_m[0])
+        if mode is Mode.CLIMB_OUT:
+            ahead_m -= approach.climb_out_back_m
+        else:
+            off_axis_m = abs(float(estimate.aircraft_in_bar_m[1]))
+            above_m = max(-estimate.down_m - path.far_above_m - 1.0, 0.0)
+            short_m = max(
+                path.line_up * max(off_axis_m - 0.5, 0.0), above_m / math.tan(math.radians(path.glide_path_deg))
+            )
+            ahead_m -= short_m if mode is not Mode.LAND else 0.0
+        goal_m = turned(np.array([ahead_m, 0.0]), estimate.bar_rad)
+        return goal_m, estimate.turn_rad_s * np.array([-goal_m[1], goal_m[0]])
+
+    def _pace(self, estimate: Estimated, goal_m: Array) -> Pace:
+        path = self._parameters.path
+        to_goal_m = math.hypot(*(goal_m - estimate.place_m).tolist())
+        share = min(max((to_goal_m - path.near_m) / path.near_m, 0.0), 1.0)
+        speed_mps = path.near_mps + share * (path.far_mps - path.near_mps)
+        brake_mps2 = path.near_brake_mps2 + share * (path.far_brake_mps2 - path.near_brake_mps2)
+        return Pace(speed_mps, brake_mps2, path.acceleration_mps2, path.closing_per_s, path.leash_m)
+
+    def _wanted_input(self, estimate: Estimated, gains: Gains) -> Array:
+        """(2,) the input from now on, in the axes of the flight."""
+        before, wanted = self._navigator.input_before(), np.empty(2)
+        rows = gains.steady
+        if self._descent is not None and self._descent.phase is Phase.DROP:
+            left = round(self._contact_in_s(estimate) / gains.step_s)
+            if 1 <= left <= len(gains.to_contact):
+                rows = gains.to_contact[left - 1]
+        for axis in range(2):
+            wanted[axis] = before[axis] - float(rows @ self._control_state(estimate, axis, before[axis]))
+        return wanted
+
+    def _control_state(self, estimate: Estimated, axis: int, before: float) -> Array:
+        """(9,) the state of an axis against the reference."""
+        assert self._reference is not None
+        reference, response = self._reference, self._response
+        state = np.append(estimate.across.mean[STATES * axis : STATES * (axis + 1)], before)
+        thrust = float(reference.rate_mps2[axis]) + response.drag_per_s * float(reference.speed_mps[axis])
+        state[PLACE] -= reference.place_m[axis]
+        state[SPEED] -= reference.speed_mps[axis]
+        state[THRUST] -= thrust
+        servo = response.servo_per_s
+        state[INPUT] -= float(reference.speed_mps[axis]) + thrust / servo if servo > 0.0 else thrust
+        return state
+
+    def _offset_at_contact_m(self, estimate: Estimated, gains: Gains) -> float:
+        """Predicted for a drop that begins now."""
+        left = min(max(round(self._contact_in_s(estimate) / gains.step_s), 0), len(gains.to_contact))
+        rows, before = gains.offset_to_contact[left], self._navigator.input_before()
+        return math.hypot(*(float(rows @ self._control_state(estimate, i, before[i])) for i in range(2)))
+
+    def _height_m(self, estimate: Estimated) -> float:
+        return float(self._deck_in_bar_m[2]) - estimate.down_m
+
+    def _contact_in_s(self, estimate: Estimated) -> float:
+        parameters = self._parameters.descent
+        sinking = max(estimate.down_mps, 0.0)
+        start_s = self._response.climb_lag_s * max(1.0 - sinking / parameters.drop_mps, 0.0)
+        return start_s + contact_in_s(self._height_m(estimate), parameters)
+
+    def _heave_mps(self, mode: Mode, estimate: Estimated, gains: Gains, step_s: float) -> float:
+        """Climb rate wanted, upward."""
+        path, approach, height_m = self._parameters.path, self._approach, self._height_m(estimate)
+        rate_mps = 0.0
+        if mode is Mode.LAND:
+            offset_m = math.hypot(*self._offset(estimate).tolist())
+            self._contact_m = self._offset_at_contact_m(estimate, gains)
+            over = Over(estimate.t_s, step_s, height_m, offset_m, self._contact_m, self._lull(estimate))
+            before = self._descent
+            self._descent = descent = next_descent(before, over, self._parameters.descent)
+            if descent.phase is Phase.DROP:
+                return -self._parameters.descent.drop_mps
+            wanted_m = descent.height_m
+            if before is not None and step_s > 0.0:
+                rate_mps = (descent.height_m - before.height_m) / step_s
+        elif mode is Mode.CLIMB_OUT:
+            wanted_m = approach.climb_out_height_m
+        elif not estimate.bar_known:
+            wanted_m = float(self._deck_in_bar_m[2]) + path.far_above_m
+        else:
+            hover_m = approach.hover_height_m
+            distance_m = math.hypot(*self._offset(estimate).tolist())
+            far_m = float(self._deck_in_bar_m[2]) + path.far_above_m
+            wanted_m = min(hover_m + 0.15 * max(distance_m - 2.0, 0.0), max(far_m, hover_m))
+        climb_mps = clamp(path.climb_per_s * (wanted_m - height_m), path.climb_mps)
+        return rate_mps + climb_mps
+
+    def _lull(self, estimate: Estimated) -> bool:
+        if self._parameters.moment == "any":
+            return True
+        return math.hypot(*estimate.across.of(SWING + 1).tolist()) < self._parameters.lull_mps
+
+    def _sticks_of(self, mode: Mode, estimate: Estimated, wanted: Array, heave_mps: float) -> Sticks:
+        response, path = self._response, self._parameters.path
+        if self._descent is not None and self._descent.phase is Phase.DROP and response.kind == "attitude":
+            delay_s = response.uplink_s + response.dead_time_s
+            if self._contact_in_s(estimate) + delay_s < self._parameters.descent.level_s + delay_s:
+                wanted = np.zeros(2)
+        pitch, roll = (response.stick_of(value) for value in turned(wanted, -estimate.nose_rad))
+        pitch, roll = _kept_moving(clamp(pitch, 100.0), clamp(roll, 100.0), response.hold_below_percent)
+        turn_rad_s = path.turn_per_s * wrap_angle(self._wanted_nose_rad(estimate) - estimate.nose_rad)
+        if estimate.bar_known:
+            turn_rad_s += estimate.turn_rad_s
+        return Sticks(
+            pitch,
+            roll,
+            clamp(100.0 * heave_mps / response.max_climb_mps, 100.0),
+            clamp(100.0 * turn_rad_s / response.max_turn_rad_s, 100.0),
+        )
+
+    def _wanted_nose_rad(self, estimate: Estimated) -> float:
+        """Along the bar's axis, but never so that the bar leaves the picture sideways; towards it while unknown."""
+        north, east = (-estimate.place_m).tolist()
+        to_bar_rad = math.atan2(east, north)
+        if not estimate.bar_known:
+            return to_bar_rad
+        cue_rad = math.atan2(self._half_cue_m, max(math.hypot(north, east), 0.1))
+        room_rad = self._half_view_rad - cue_rad - math.radians(self._approach.bearing_margin_deg)
+        widest_rad = max(clamp(room_rad, math.radians(self._approach.max_bearing_deg)), 0.0)
+        off_rad = wrap_angle(to_bar_rad - estimate.bar_rad)
+        return estimate.bar_rad + off_rad - clamp(off_rad, widest_rad)
+
+    # --- without an estimate -----------------------------------------------------------------------------------
+
+    def _without_estimate(self, mode: Mode, now_s: float) -> Sticks:
+        approach, since_s = self._approach, now_s - max(self._modes.since_s, 0.0)
+        if mode is Mode.SEARCH:
+            return search(since_s, self._search, self._side_rad)[0]
+        if mode is Mode.CLIMB_OUT and since_s <= 4.0 * approach.climb_out_s:
+            return Sticks(-approach.back_off_percent, 0.0, approach.climb_out_percent, 0.0)
+        return Sticks(0.0, 0.0, 0.0, 0.0)
+
+    def _remember_side(self, observation: Observation) -> None:
+        box = observation.bar_box or observation.ship_box
+        if observation.bar_pose is not None:
+            column_px = float(np.mean(observation.bar_pose.corners_px[:, 0]))
+        elif box is not None:
+            column_px = box.centre_px[0]
+        else:
+            return
+        self._side_rad = math.atan2(column_px - self._middle_px[0], self._focal_px)
+
+    # --- camera ------------------------------------------------------------------------------------------------
+
+    def _point_camera(
+        self, mode: Mode, observation: Observation, estimate: Estimated | None, step_s: float
+    ) -> None:
+        box = {Mode.TRACK_BAR: observation.bar_box, Mode.TRACK_SHIP: observation.ship_box}.get(mode)
+        if mode is Mode.SEARCH and self._now_s is not None:
+            since_s = self._now_s - max(self._modes.since_s, 0.0)
+            wanted_rad = search(since_s, self._search)[1]
+        elif box is not None:
+            below_rad = math.atan2(box.centre_px[1] - self._middle_px[1], self._focal_px)
+            wanted_rad = observation.gimbal.pitch_rad - below_rad
+        elif estimate is not None:
+            lens_m = estimate.down_m + float(self._camera_in_body_m[2])
+            wanted_rad = math.atan2(lens_m, max(math.hypot(*estimate.place_m.tolist()) - 0.09, 0.3))
+        else:
+            return
+        share = 1.0 - math.exp(-step_s / self._approach.gimbal_time_constant_s) if step_s > 0.0 else 1.0
+        self._gimbal_pitch_rad += share * (wanted_rad - self._gimbal_pitch_rad)
+
+
+def _kept_moving(pitch: float, roll: float, least_percent: float) -> tuple[float, float]:
+    """Sticks that are never so small that the vehicle begins to hold its place by itself."""
+    size = math.hypot(pitch, roll)
+    if size >= least_percent:
+        return pitch, roll
+    if size < 1e-6:
+        return least_percent, 0.0
+    return pitch * least_percent / size, roll * least_percent / size
+
+
+_INTENTS = {
+    Mode.LAND: Intent.LAND,
+    Mode.APPROACH: Intent.FLY,
+    Mode.TRACK_BAR: Intent.FLY,
+    Mode.TRACK_SHIP: Intent.FLY,
+    Mode.NO_VISION: Intent.FLY,
+    Mode.SEARCH: Intent.HOLD,
+    Mode.CLIMB_OUT: Intent.CLIMB_OUT,
+    Mode.DONE: Intent.HOLD,
+}

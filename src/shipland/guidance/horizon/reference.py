@@ -1,0 +1,76 @@
+"""References as trajectories: a point that leads the aircraft, with a speed from which it can stop in time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.frames import Array
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Where the aircraft shall be, against the bar, in the axes of the estimate.
+
+    Attributes:
+        place_m: (2,).
+        speed_mps: (2,) its rate.
+        rate_mps2: (2,) and that of the speed.
+    """
+
+    place_m: Array
+    speed_mps: Array
+    rate_mps2: Array
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How fast a reference may move.
+
+    Attributes:
+        speed_mps: greatest speed against its goal.
+        brake_mps2: deceleration that it plans to stop with.
+        acceleration_mps2: greatest change of its speed.
+        closing_per_s: near the goal the speed falls in proportion to the distance.
+        leash_m: farther than this from the aircraft it waits for it.
+    """
+
+    speed_mps: float
+    brake_mps2: float
+    acceleration_mps2: float
+    closing_per_s: float
+    leash_m: float
+
+
+def moved(before: Reference, step_s: float, goal_m: Array, goal_mps: Array, pace: Pace) -> Reference:
+    """The reference a cycle later, on its way to a goal (2,) that itself moves with `goal_mps` (2,)."""
+    if step_s <= 0.0:
+        return before
+    way_m = goal_m - before.place_m
+    distance_m = math.hypot(*way_m.tolist())
+    speed_mps = min(pace.speed_mps, math.sqrt(2.0 * pace.brake_mps2 * distance_m), pace.closing_per_s * distance_m)
+    wanted_mps = goal_mps + way_m * (speed_mps / max(distance_m, 1e-9))
+    change = wanted_mps - before.speed_mps
+    most = pace.acceleration_mps2 * step_s
+    size = math.hypot(*change.tolist())
+    if size > most:
+        change = change * (most / size)
+    speed = before.speed_mps + change
+    place = before.place_m + step_s * (before.speed_mps + 0.5 * change)
+    return Reference(place, speed, change / step_s)
+
+
+def leashed(reference: Reference, place_m: Array, leash_m: float) -> Reference:
+    """The reference brought back to `leash_m` of the aircraft's place (2,)."""
+    off_m = reference.place_m - place_m
+    distance_m = math.hypot(*off_m.tolist())
+    if distance_m <= leash_m:
+        return reference
+    return Reference(place_m + off_m * (leash_m / distance_m), reference.speed_mps, reference.rate_mps2)
+
+
+def at_rest(place_m: Array, speed_mps: Array) -> Reference:
+    """A reference that begins where the aircraft is, with its speed."""
+    return Reference(place_m, speed_mps, np.zeros(2))

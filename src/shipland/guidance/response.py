@@ -1,0 +1,94 @@
+"""What a vehicle makes of its sticks: the one description that a pilot's model and gains are built from."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from shipland.config import require
+
+GRAVITY_MPS2 = 9.81
+
+
+@dataclass(frozen=True)
+class Response:
+    """What sticks mean on this vehicle, and how fast it answers.
+
+    Attributes:
+        kind: `attitude`: pitch and roll sticks ask for a tilt against the horizon; `velocity`: for a speed over
+            ground, or over the surface that the vehicle's optical flow sees, which the autopilot tracks.
+        max_tilt_rad: tilt at full stick (attitude), or the most that the autopilot uses (velocity).
+        max_speed_mps: speed at full stick (velocity); 0 otherwise.
+        lag_s: time constant of the horizontal acceleration behind what is asked for.
+        servo_per_s: gain from speed error to acceleration (velocity); 0 otherwise.
+        drag_per_s: deceleration for a metre per second through the air, linear.
+        max_climb_mps, climb_lag_s: vertical speed at full stick, and its time constant.
+        max_turn_rad_s, turn_lag_s: yaw rate at full stick, and its time constant.
+        uplink_s: from a command's being ready to its arrival.
+        dead_time_s: from its arrival to the first reaction.
+        hold_below_percent: sticks below this make the vehicle brake and hold its place.
+    """
+
+    kind: Literal["attitude", "velocity"]
+    max_tilt_rad: float
+    max_speed_mps: float
+    lag_s: float
+    servo_per_s: float
+    drag_per_s: float
+    max_climb_mps: float
+    climb_lag_s: float
+    max_turn_rad_s: float
+    turn_lag_s: float
+    uplink_s: float
+    dead_time_s: float
+    hold_below_percent: float
+
+    def __post_init__(self) -> None:
+        for name in ("max_tilt_rad", "lag_s", "max_climb_mps", "climb_lag_s", "max_turn_rad_s", "turn_lag_s"):
+            require(getattr(self, name) > 0.0, f"{name} must be positive, got {getattr(self, name)}")
+        for name in ("drag_per_s", "uplink_s", "dead_time_s", "hold_below_percent"):
+            require(getattr(self, name) >= 0.0, f"{name} must not be negative, got {getattr(self, name)}")
+        if self.kind == "velocity":
+            require(self.max_speed_mps > 0.0, "a velocity response needs max_speed_mps above zero")
+            require(self.servo_per_s > 0.0, "a velocity response needs servo_per_s above zero")
+
+    @property
+    def full_input(self) -> float:
+        """Input of the motion model at full stick: an acceleration [m/s²] or a speed [m/s]."""
+        return GRAVITY_MPS2 * math.tan(self.max_tilt_rad) if self.kind == "attitude" else self.max_speed_mps
+
+    def input_of(self, stick_percent: float) -> float:
+        """Input of the motion model for a pitch or roll stick: [m/s²] (attitude) or [m/s] (velocity).
+
+        >>> from dataclasses import replace
+        >>> round(ANAFI_LIKE.input_of(100.0), 3), round(replace(ANAFI_LIKE, kind="attitude").input_of(-50.0), 3)
+        (2.629, -1.291)
+        """
+        if self.kind == "attitude":
+            return GRAVITY_MPS2 * math.tan(0.01 * stick_percent * self.max_tilt_rad)
+        return 0.01 * stick_percent * self.max_speed_mps
+
+    def stick_of(self, wanted: float) -> float:
+        """The stick [percent, unclipped] whose input is `wanted`; the inverse of `input_of`."""
+        if self.kind == "attitude":
+            return 100.0 * math.atan(wanted / GRAVITY_MPS2) / self.max_tilt_rad
+        return 100.0 * wanted / self.max_speed_mps
+
+
+ANAFI_LIKE = Response(
+    kind="attitude",
+    max_tilt_rad=math.radians(15.0),
+    max_speed_mps=0.0,
+    lag_s=0.16,
+    servo_per_s=0.0,
+    drag_per_s=0.3,
+    max_climb_mps=1.0,
+    climb_lag_s=0.3,
+    max_turn_rad_s=math.radians(40.0),
+    turn_lag_s=0.2,
+    uplink_s=0.025,
+    dead_time_s=0.04,
+    hold_below_percent=1.0,
+)
+"""The shape of an ANAFI at its default settings, for examples and tests; a flight takes its vehicle's own."""
