@@ -160,5 +160,3 @@ def _turned(mean: Array, turn_rad_s: float, step_s: float) -> Array:
         mean[STATES * axis + REFERENCE] += change[axis]
         mean[STATES * axis + SPEED] -= change[axis]
     return mean
-
-

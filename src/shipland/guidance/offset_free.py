@@ -20,27 +20,9 @@ from shipland.frames import Array, wrap_angle
 from shipland.guidance.estimate import Measured, NearEstimate
 from shipland.guidance.laws import clamp
 from shipland.guidance.near import Sticks
+from shipland.guidance.response import Response
 
 _GRAVITY_MPS2 = 9.81
-
-
-@dataclass(frozen=True)
-class Response:
-    """What full sticks mean on this vehicle: its settings, and the time constant of its speed.
-
-    Attributes:
-        max_tilt_rad: of pitch and roll.
-        speed_time_s: time constant with which a tilt becomes a speed.
-        max_climb_mps: of heave.
-        max_turn_rad_s: of yaw.
-        uplink_s: from a command's being ready to its effect.
-    """
-
-    max_tilt_rad: float
-    speed_time_s: float
-    max_climb_mps: float
-    max_turn_rad_s: float
-    uplink_s: float
 
 
 @dataclass(frozen=True)

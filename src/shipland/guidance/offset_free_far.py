@@ -18,7 +18,8 @@ from shipland.guidance.estimate import Measured
 from shipland.guidance.far import FarSight, FarTables, FarTarget
 from shipland.guidance.laws import clamp
 from shipland.guidance.near import Sticks
-from shipland.guidance.offset_free import OffsetFreeNear, OffsetFreeParameters, Response
+from shipland.guidance.offset_free import OffsetFreeNear, OffsetFreeParameters
+from shipland.guidance.response import Response
 
 _HEADINGS = 16
 """Cycles that the compass is remembered for: more than lie between a picture and its command."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from shipland.config import require
 from shipland.guidance.far import FarBaselines, FarKind, FarParameters
+from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.laws import FarVariant
 from shipland.guidance.modes import ModeParameters
 from shipland.guidance.near import NearParameters
@@ -75,6 +76,7 @@ class GuidanceParameters:
     """`[guidance]`."""
 
     near: NearParameters
+    horizon: HorizonParameters
     offset_free: OffsetFreeParameters
     offset_free_far: OffsetFreeFarParameters
     ship: FarParameters

@@ -9,8 +9,8 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.guidance.offset_free import Response
 from shipland.guidance.parameters import GuidanceParameters
+from shipland.guidance.response import Response
 from shipland.messages import Decision, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from shipland.guidance.far import FarTables, FarTarget, far_control
+from shipland.guidance.horizon.pilot import HorizonPilot
 from shipland.guidance.mode_pilot import ModePilot
 from shipland.guidance.near import PublishedNear
 from shipland.guidance.offset_free import OffsetFreeNear
@@ -32,3 +33,8 @@ def offset_free(setup: PilotSetup) -> Pilot:
     tables = FarTables.for_camera(guidance.ship, guidance.bar, camera)
     far = OffsetFreeFar(guidance.offset_free_far, setup.response, camera.focal_px, middle_px, tables, areas_m2)
     return ModePilot(setup, tables, far, OffsetFreeNear(guidance.offset_free, setup.response))
+
+
+def horizon(setup: PilotSetup) -> Pilot:
+    """Ours: one estimate from the first box to contact, with the vehicle's own velocity, and linear-quadratic gains."""
+    return HorizonPilot(setup)

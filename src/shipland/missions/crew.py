@@ -10,8 +10,8 @@ from shipland import factories
 from shipland.camera import Camera
 from shipland.factories import Factory
 from shipland.flight import Crew
-from shipland.guidance.offset_free import Response
 from shipland.guidance.pilot import Pilot, PilotSetup
+from shipland.guidance.response import Response
 from shipland.guidance.safety import Safety
 from shipland.missions.follower import DeckFollower
 from shipland.missions.scenarios import Scenario
@@ -86,12 +86,21 @@ def response_of(scenario: Scenario) -> Response:
     """What full sticks mean, from the settings of the simulated aircraft."""
     settings, airframe = scenario.aircraft.settings, scenario.aircraft.airframe
     max_tilt_rad = math.radians(settings.max_tilt_deg)
+    speed_time_s = airframe.level_speed_mps(max_tilt_rad) / (GRAVITY_MPS2 * math.tan(max_tilt_rad))
     return Response(
+        kind="attitude",
         max_tilt_rad=max_tilt_rad,
-        speed_time_s=airframe.level_speed_mps(max_tilt_rad) / (GRAVITY_MPS2 * math.tan(max_tilt_rad)),
+        max_speed_mps=0.0,
+        lag_s=0.16,
+        servo_per_s=0.0,
+        drag_per_s=1.0 / speed_time_s,
         max_climb_mps=settings.max_vertical_speed_mps,
+        climb_lag_s=0.25,
         max_turn_rad_s=math.radians(settings.max_yaw_rate_deg_s),
+        turn_lag_s=0.2,
         uplink_s=scenario.delays.uplink_s,
+        dead_time_s=0.05,
+        hold_below_percent=1.0,
     )
 
 

@@ -6,21 +6,18 @@ import math
 
 import numpy as np
 
-from shipland.camera import Camera
 from shipland.estimation.relative_state import PLACE, SPEED, STATES, SWING, THRUST
 from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.gains import INPUT, Gains, gains_of
 from shipland.guidance.horizon.navigator import Estimated, Navigator, turned
-from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.reference import Pace, Reference, at_rest, leashed, moved
 from shipland.guidance.laws import clamp
-from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
+from shipland.guidance.modes import ModeMemory, Situation, next_mode
 from shipland.guidance.near import Sticks
-from shipland.guidance.response import Response
-from shipland.guidance.search import SearchParameters, search
-from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
-from shipland.rig import Rig
+from shipland.guidance.pilot import PilotSetup
+from shipland.guidance.search import search
+from shipland.messages import Decision, Estimate, Intent, Mode, Observation, PilotCommand, Telemetry
 
 _STEPS_MS = (33, 67, 100, 200, 350, 530)
 """Cycles that gains are kept for; the nearest is taken."""
@@ -30,39 +27,29 @@ _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VI
 class HorizonPilot:
     """Flies to the landing point that the level bar shows, from the first box to contact, on one estimate."""
 
-    def __init__(
-        self,
-        parameters: HorizonParameters,
-        modes: ModeParameters,
-        approach: ApproachParameters,
-        searching: SearchParameters,
-        response: Response,
-        rig: Rig,
-        camera: Camera,
-        camera_in_body_m: Array,
-    ) -> None:
-        self._parameters, self._mode_parameters, self._approach = parameters, modes, approach
-        self._search, self._response = searching, response
-        self._navigator = Navigator(parameters, response, rig, camera, camera_in_body_m)
+    def __init__(self, setup: PilotSetup) -> None:
+        guidance, rig, camera = setup.guidance, setup.rig, setup.camera
+        self._parameters, self._mode_parameters = guidance.horizon, guidance.modes
+        self._approach, self._search = guidance.approach, guidance.search
+        self._response = setup.response
+        self._navigator = Navigator(guidance.horizon, setup.response, rig, camera, setup.camera_in_body_m)
         self._focal_px = camera.focal_px
         self._middle_px = (float(camera.matrix[0, 2]), float(camera.matrix[1, 2]))
         self._half_view_rad = math.atan2(0.5 * camera.width_px, camera.focal_px)
         self._half_cue_m = float(np.max(np.abs(rig.target.points_in_bar_m[:, 1])))
-        self._camera_in_body_m = np.asarray(camera_in_body_m, dtype=float)
+        self._camera_in_body_m = np.asarray(setup.camera_in_body_m, dtype=float)
         self._deck_in_bar_m = rig.deck_in_bar_m
         self._modes = ModeMemory()
         self._reference: Reference | None = None
         self._descent: Descent | None = None
         self._sticks = Sticks(0.0, 0.0, 0.0, 0.0)
-        self._gimbal_pitch_rad = math.radians(searching.camera_pitch_deg[0])
+        self._gimbal_pitch_rad = math.radians(self._search.camera_pitch_deg[0])
         self._now_s: float | None = None
         self._step_s = 1.0 / 30.0
         self._side_rad = 0.0
         self._contact_m = math.inf
 
-    def decide(
-        self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None = None
-    ) -> Decision:
+    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None = None) -> Decision:
         """One cycle; never raises."""
         now_s, navigator = telemetry.t_s, self._navigator
         step_s = 0.0 if self._now_s is None else now_s - self._now_s
@@ -91,14 +78,7 @@ class HorizonPilot:
         self._point_camera(mode, observation, estimate if usable else None, step_s)
         command = PilotCommand(now_s, *sticks, self._gimbal_pitch_rad, _INTENTS[mode])
         at_picture = navigator.estimate(observation.t_s) if usable else None
-        place = None if at_picture is None or not at_picture.bar_known else at_picture
-        return Decision(
-            command,
-            mode,
-            self._modes.reason,
-            None if place is None else place.aircraft_in_bar_m,
-            None if place is None else wrap_angle(place.nose_rad - place.bar_rad),
-        )
+        return Decision(command, mode, self._modes.reason, _shown(at_picture))
 
     # --- modes -------------------------------------------------------------------------------------------------
 
@@ -336,9 +316,7 @@ class HorizonPilot:
 
     # --- camera ------------------------------------------------------------------------------------------------
 
-    def _point_camera(
-        self, mode: Mode, observation: Observation, estimate: Estimated | None, step_s: float
-    ) -> None:
+    def _point_camera(self, mode: Mode, observation: Observation, estimate: Estimated | None, step_s: float) -> None:
         box = {Mode.TRACK_BAR: observation.bar_box, Mode.TRACK_SHIP: observation.ship_box}.get(mode)
         if mode is Mode.SEARCH and self._now_s is not None:
             since_s = self._now_s - max(self._modes.since_s, 0.0)
@@ -353,6 +331,15 @@ class HorizonPilot:
             return
         share = 1.0 - math.exp(-step_s / self._approach.gimbal_time_constant_s) if step_s > 0.0 else 1.0
         self._gimbal_pitch_rad += share * (wanted_rad - self._gimbal_pitch_rad)
+
+
+def _shown(estimate: Estimated | None) -> Estimate | None:
+    """The estimate as others read it: in `bar`, once its heading is known."""
+    if estimate is None or not estimate.bar_known:
+        return None
+    velocity = np.append(turned(estimate.speed_mps, -estimate.bar_rad), estimate.down_mps)
+    yaw_rad = wrap_angle(estimate.nose_rad - estimate.bar_rad)
+    return Estimate(estimate.t_s, estimate.aircraft_in_bar_m, yaw_rad, velocity)
 
 
 def _kept_moving(pitch: float, roll: float, least_percent: float) -> tuple[float, float]:
