@@ -1,6 +1,7 @@
 """Near control of ours: on a plant with its delay, wind and ship's way it leaves no steady error."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,12 +9,13 @@ import pytest
 from shipland.config import build
 from shipland.frames import rotation_from_euler
 from shipland.guidance.estimate import Measured, measure
-from shipland.guidance.offset_free import OffsetFreeNear, OffsetFreeParameters, Response
+from shipland.guidance.offset_free import OffsetFreeNear, OffsetFreeParameters
+from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import BarPose
 from shipland.rig import packaged_table
 
 PARAMETERS = build(OffsetFreeParameters, packaged_table("guidance")["offset_free"])
-RESPONSE = Response(math.radians(15.0), 2.9, 1.0, math.radians(40.0), 0.025)
+RESPONSE = replace(ANAFI_LIKE, drag_per_s=1.0 / 2.9)
 STEP_S = 1.0 / 30.0
 VIDEO_S, PROCESSING_S = 0.28, 0.03
 

@@ -10,10 +10,10 @@ from shipland.camera import Camera
 from shipland.config import build
 from shipland.frames import rotation_from_euler
 from shipland.guidance.near import sticks_of
-from shipland.guidance.offset_free import Response
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.pilots import paper
+from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Mode, Observation, Telemetry
 from shipland.rig import default_rig, packaged_table
 
@@ -27,7 +27,7 @@ STEP_S = 1.0 / 30.0
 
 
 def paper_pilot():
-    response = Response(math.radians(15.0), 2.9, 1.0, math.radians(40.0), 0.025)
+    response = ANAFI_LIKE
     guidance = replace(PARAMETERS, far_control="exponential", far_variant="growing")
     return paper(PilotSetup(guidance, RIG, CAMERA, CAMERA_IN_BODY_M, response, np.random.default_rng(0)))
 

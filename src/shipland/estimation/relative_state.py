@@ -188,8 +188,8 @@ class Model:
         """A belief from a first place (axes,) with its covariance (axes, axes), and a spread of the speed."""
         noise, swing, n = self.noise, self.swing, STATES * self.axes + 1
         swing_rate = swing.deviation_m * swing.frequency_rad_s
-        spreads = (0.0, speed_mps, 0.5, noise.gust_mps2, noise.push_mps2, noise.reference_mps)
-        deviation = np.array([*(spreads + (swing.deviation_m, swing_rate)) * self.axes, noise.latency_s])
+        spreads = [0.0, speed_mps, 0.5, noise.gust_mps2, noise.push_mps2, noise.reference_mps]
+        deviation = np.array([*[*spreads, swing.deviation_m, swing_rate] * self.axes, noise.latency_s])
         mean, covariance = np.zeros(n), np.diag(deviation**2)
         mean[PLACE:-1:STATES] = place_m
         places = np.arange(PLACE, n - 1, STATES)

@@ -17,7 +17,6 @@ from shipland.missions.follower import DeckFollower
 from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import VisionSetup
 from shipland.sim.air.wind import WindParameters, build_wind, drawn_wind
-from shipland.sim.aircraft.parameters import GRAVITY_MPS2
 from shipland.sim.scene.scene import Scene
 from shipland.sim.ship.ship import Ship, build_ship
 from shipland.sim.world import World
@@ -83,25 +82,31 @@ def drawn_wind_of(scenario: Scenario, seed: int) -> WindParameters:
 
 
 def response_of(scenario: Scenario) -> Response:
-    """What full sticks mean, from the settings of the simulated aircraft."""
-    settings, airframe = scenario.aircraft.settings, scenario.aircraft.airframe
-    max_tilt_rad = math.radians(settings.max_tilt_deg)
-    speed_time_s = airframe.level_speed_mps(max_tilt_rad) / (GRAVITY_MPS2 * math.tan(max_tilt_rad))
+    """What full sticks mean, from the settings of the simulated aircraft; lags are those of its step responses."""
+    settings, loop = scenario.aircraft.settings, scenario.aircraft.loop
+    velocity = loop.kind == "velocity"
     return Response(
-        kind="attitude",
-        max_tilt_rad=max_tilt_rad,
-        max_speed_mps=0.0,
-        lag_s=0.16,
-        servo_per_s=0.0,
-        drag_per_s=1.0 / speed_time_s,
+        kind="velocity" if velocity else "attitude",
+        max_tilt_rad=math.radians(loop.tilt_limit_deg if velocity else settings.max_tilt_deg),
+        max_speed_mps=settings.max_speed_mps if velocity else 0.0,
+        lag_s=loop.tilt_time_s if velocity else _TILT_LAG_S,
+        servo_per_s=1.0 / loop.velocity_time_s if velocity else 0.0,
+        drag_per_s=0.0 if velocity else _DRAG_PER_S,
         max_climb_mps=settings.max_vertical_speed_mps,
-        climb_lag_s=0.25,
+        climb_lag_s=loop.climb_time_s,
         max_turn_rad_s=math.radians(settings.max_yaw_rate_deg_s),
         turn_lag_s=0.2,
         uplink_s=scenario.delays.uplink_s,
-        dead_time_s=0.05,
-        hold_below_percent=1.0,
+        dead_time_s=_DEAD_TIME_S + (_TILT_LAG_S if velocity else 0.0),
+        hold_below_percent=loop.hold_below_percent,
+        stick_step_percent=settings.stick_step_percent,
     )
+
+
+_TILT_LAG_S, _DEAD_TIME_S = 0.06, 0.07
+"""Of the horizontal acceleration behind the sticks, fitted to the step response of tilts (docs/aircraft.md)."""
+_DRAG_PER_S = 0.4
+"""Deceleration for a metre per second through the air, about 5 m/s of wind."""
 
 
 def _generators(seed: int) -> list[np.random.Generator]:

@@ -16,6 +16,7 @@ from shipland.guidance.laws import clamp
 from shipland.guidance.modes import ModeMemory, Situation, next_mode
 from shipland.guidance.near import Sticks
 from shipland.guidance.pilot import PilotSetup
+from shipland.guidance.response import Response
 from shipland.guidance.search import search
 from shipland.messages import Decision, Estimate, Intent, Mode, Observation, PilotCommand, Telemetry
 
@@ -154,7 +155,7 @@ class HorizonPilot:
         gains = self._gains()
         heave_mps = self._heave_mps(mode, estimate, gains, step_s)
         wanted = self._wanted_input(estimate, gains)
-        return self._sticks_of(mode, estimate, wanted, heave_mps)
+        return self._sticks_of(estimate, wanted, heave_mps)
 
     def _gains(self) -> Gains:
         step_ms = min(_STEPS_MS, key=lambda ms: abs(ms - 1e3 * self._step_s))
@@ -264,14 +265,14 @@ class HorizonPilot:
             return True
         return math.hypot(*estimate.across.of(SWING + 1).tolist()) < self._parameters.lull_mps
 
-    def _sticks_of(self, mode: Mode, estimate: Estimated, wanted: Array, heave_mps: float) -> Sticks:
+    def _sticks_of(self, estimate: Estimated, wanted: Array, heave_mps: float) -> Sticks:
         response, path = self._response, self._parameters.path
         if self._descent is not None and self._descent.phase is Phase.DROP and response.kind == "attitude":
             delay_s = response.uplink_s + response.dead_time_s
             if self._contact_in_s(estimate) + delay_s < self._parameters.descent.level_s + delay_s:
                 wanted = np.zeros(2)
         pitch, roll = (response.stick_of(value) for value in turned(wanted, -estimate.nose_rad))
-        pitch, roll = _kept_moving(clamp(pitch, 100.0), clamp(roll, 100.0), response.hold_below_percent)
+        pitch, roll = _kept_moving(clamp(pitch, 100.0), clamp(roll, 100.0), response)
         turn_rad_s = path.turn_per_s * wrap_angle(self._wanted_nose_rad(estimate) - estimate.nose_rad)
         if estimate.bar_known:
             turn_rad_s += estimate.turn_rad_s
@@ -342,14 +343,14 @@ def _shown(estimate: Estimated | None) -> Estimate | None:
     return Estimate(estimate.t_s, estimate.aircraft_in_bar_m, yaw_rad, velocity)
 
 
-def _kept_moving(pitch: float, roll: float, least_percent: float) -> tuple[float, float]:
-    """Sticks that are never so small that the vehicle begins to hold its place by itself."""
-    size = math.hypot(pitch, roll)
-    if size >= least_percent:
+def _kept_moving(pitch: float, roll: float, response: Response) -> tuple[float, float]:
+    """Sticks in the steps that they travel in, never so small that the vehicle begins to hold its place by itself."""
+    step, least = response.stick_step_percent, response.hold_below_percent
+    if step > 0.0:
+        pitch, roll = step * round(pitch / step), step * round(roll / step)
+    if max(abs(pitch), abs(roll)) >= least:
         return pitch, roll
-    if size < 1e-6:
-        return least_percent, 0.0
-    return pitch * least_percent / size, roll * least_percent / size
+    return math.copysign(least, pitch), roll
 
 
 _INTENTS = {

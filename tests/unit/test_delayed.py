@@ -1,0 +1,95 @@
+"""Late pictures: inputs by the time of their effect, the look ahead, velocity that is younger than the pictures."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shipland.estimation.delayed import DelayedFilter, Inputs
+from shipland.estimation.relative_state import PLACE, SPEED, Disturbances, Model, Motion, Swing
+
+NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02, 0.0)
+MODEL = Model(2, Motion(0.06, 0.4), NOISE, Swing(1e-3, 1.8, 0.1))
+
+
+def _filter(model=MODEL):
+    return DelayedFilter(model, velocity_gate=16.0, picture_gate=40.0, lag_s=0.6)
+
+
+def test_inputs_are_averaged_over_their_times():
+    inputs = Inputs(1)
+    assert inputs.mean(0.0, 1.0) == 0.0
+    inputs.add(1.0, np.array([2.0]))
+    inputs.add(2.0, np.array([-1.0]))
+    assert inputs.mean(0.5, 2.5) == pytest.approx((0.0 * 0.5 + 2.0 * 1.0 - 1.0 * 0.5) / 2.0)
+    assert inputs.mean(1.5, 1.5) == 2.0
+    assert inputs.latest() == -1.0
+
+
+def test_inputs_of_long_flights_are_forgotten_and_still_right():
+    inputs = Inputs(1)
+    for k in range(3000):
+        inputs.add(5000.0 + 0.033 * k, np.array([math.sin(0.1 * k)]))
+    last_s = 5000.0 + 0.033 * 2999
+    mean = np.mean([math.sin(0.1 * k) for k in range(2990, 2999)])
+    assert inputs.mean(last_s - 9 * 0.033, last_s) == pytest.approx(mean, abs=1e-9)
+
+
+def _truth(seconds, push=0.8):
+    """Place and speed every 10 ms under a constant input from 1 s on."""
+    state, rows = np.zeros(17), []
+    transition, inputs, _ = MODEL.step(10)
+    for k in range(round(seconds / 0.01) + 1):
+        rows.append(state.copy())
+        given = push if 0.01 * k >= 1.0 - 1e-9 else 0.0
+        state = transition @ state + inputs @ np.array([given, 0.0])
+    return np.array(rows)
+
+
+def test_it_looks_ahead_through_what_was_commanded():
+    truth, inputs, late = _truth(3.0), Inputs(2), _filter()
+    inputs.add(1.0, np.array([0.8, 0.0]))
+    late.start(0.0, np.zeros(2), 1e-4 * np.eye(2), 0.1)
+    for k in range(1, 60):
+        t_s = 0.033 * k
+        place = np.array([np.interp(t_s, 0.01 * np.arange(len(truth)), truth[:, PLACE]), 0.0])
+        assert late.picture(t_s, place, 1e-6 * np.eye(2), inputs)
+    ahead = late.ahead(2.4, inputs)
+    assert ahead.of(PLACE)[0] == pytest.approx(truth[240, PLACE], abs=0.01)
+    assert ahead.of(SPEED)[0] == pytest.approx(truth[240, SPEED], abs=0.02)
+
+
+def test_velocity_between_pictures_counts_once_and_at_its_time():
+    inputs = Inputs(2)
+    now, later = _filter(), _filter()
+    for late in (now, later):
+        late.start(0.0, np.zeros(2), 1e-4 * np.eye(2), 0.5)
+    now.velocity(0.5, np.array([0.3, 0.0]), 0.05)
+    now.picture(1.0, np.zeros(2), 1e-4 * np.eye(2), inputs)
+    later.velocity(0.5, np.array([0.3, 0.0]), 0.05)
+    before = later.ahead(1.0, inputs)
+    again = later.ahead(1.0, inputs)
+    np.testing.assert_allclose(before.mean, again.mean)
+    later.picture(1.0, np.zeros(2), 1e-4 * np.eye(2), inputs)
+    np.testing.assert_allclose(now.belief.mean, later.belief.mean, atol=1e-12)
+    assert abs(before.of(SPEED)[0]) > 0.01
+
+
+def test_a_picture_from_the_past_or_astray_changes_nothing():
+    late, inputs = _filter(), Inputs(2)
+    late.start(1.0, np.zeros(2), 1e-4 * np.eye(2), 0.1)
+    belief = late.belief
+    assert not late.picture(0.5, np.zeros(2), 1e-4 * np.eye(2), inputs)
+    assert late.belief is belief
+    assert not late.picture(1.1, np.array([math.nan, 0.0]), 1e-4 * np.eye(2), inputs)
+    assert not late.picture(1.2, np.array([9.0, 0.0]), 1e-4 * np.eye(2), inputs)
+    assert late.refused == 2
+    assert np.isfinite(late.belief.mean).all()
+
+
+def test_without_pictures_it_follows():
+    late, inputs = _filter(), Inputs(2)
+    late.start(0.0, np.zeros(2), 1e-4 * np.eye(2), 0.1)
+    late.follow(5.0, inputs)
+    assert late.belief.t_s == pytest.approx(4.4, abs=0.002)
+    assert late.belief.covariance[0, 0] > 0.1

@@ -1,0 +1,45 @@
+"""Headings of nose and bar, and the bar's turn."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shipland.estimation.heading import HeadingNoise, first_headings, headings_at, with_compass, with_pose
+
+NOISE = HeadingNoise(0.03, 0.01, 0.05, 0.03, 0.01)
+
+
+def _follow(turn_rad_s, compass, seconds=20.0):
+    rng, headings = np.random.default_rng(4), first_headings(0.0, 0.5)
+    for k in range(1, round(30 * seconds)):
+        t_s = k / 30.0
+        bar = 0.2 + turn_rad_s * t_s
+        headings = headings_at(headings, t_s, 0.0, NOISE)
+        if compass:
+            headings = with_compass(headings, 0.5 + 0.01 * rng.standard_normal(), NOISE)
+        headings = with_pose(headings, 0.5 - bar + 0.01 * rng.standard_normal(), 1e-4, NOISE)
+    return headings, bar
+
+
+@pytest.mark.parametrize("turn_rad_s", [0.0, 0.3])
+def test_the_turn_of_the_bar_is_found(turn_rad_s):
+    headings, bar_rad = _follow(turn_rad_s, compass=True)
+    assert headings.turn_rad_s == pytest.approx(turn_rad_s, abs=0.05)
+    assert headings.bar_rad == pytest.approx(bar_rad, abs=0.03)
+
+
+def test_without_a_compass_the_difference_of_the_headings_is_as_good():
+    headings, bar_rad = _follow(0.0, compass=False)
+    assert headings.nose_rad - headings.bar_rad == pytest.approx(0.5 - bar_rad, abs=0.02)
+
+
+def test_headings_over_the_north_do_not_jump():
+    headings = with_compass(first_headings(0.0, math.pi - 0.02), -math.pi + 0.02, NOISE)
+    assert abs(headings.nose_rad - math.pi) < 0.03
+
+
+def test_what_is_not_finite_is_refused():
+    headings = with_pose(first_headings(0.0, 0.1), 0.05, 1e-4, NOISE)
+    assert with_compass(headings, math.nan, NOISE) is headings
+    assert with_pose(headings, math.inf, 1e-4, NOISE) is headings

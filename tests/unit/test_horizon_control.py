@@ -1,0 +1,166 @@
+"""Gains, references and the descent of the pilot `horizon`."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shipland.config import build
+from shipland.estimation.relative_state import (
+    GUST,
+    PLACE,
+    PUSH,
+    SPEED,
+    STATES,
+    SWING,
+    Motion,
+    Swing,
+    discretised,
+    dynamics,
+)
+from shipland.guidance.horizon.descent import Descent, Over, Phase, next_descent
+from shipland.guidance.horizon.gains import INPUT, gains_of
+from shipland.guidance.horizon.parameters import HorizonParameters
+from shipland.guidance.horizon.reference import Pace, at_rest, leashed, moved
+from shipland.guidance.response import ANAFI_LIKE
+from shipland.rig import packaged_table
+
+PARAMETERS = build(HorizonParameters, packaged_table("guidance")["horizon"])
+NOISE = PARAMETERS.horizontal
+TILT, SERVO = Motion(0.06, 0.4), Motion(0.15, 0.0, 2.0)
+STILL, SHIP = Swing(0.003, 1.8, 0.1), Swing(0.12, 1.8, 0.1)
+
+
+def _closed(motion, swing, true_motion=None):
+    """The loop's matrix when the gains of one motion fly another."""
+    a, b, q = dynamics(true_motion or motion, NOISE, swing)
+    transition, push, _ = discretised(a, b, q, 0.033)
+    big = np.zeros((STATES + 1, STATES + 1))
+    big[:STATES, :STATES], big[:STATES, INPUT], big[INPUT, INPUT] = transition, push, 1.0
+    return big - np.outer(np.append(push, 1.0), gains_of(motion, NOISE, swing, PARAMETERS.weights, 33).steady)
+
+
+@pytest.mark.parametrize("motion", [TILT, SERVO])
+@pytest.mark.parametrize("lag", [0.7, 1.0, 1.4])
+def test_the_loop_is_stable_for_vehicles_that_answer_faster_and_slower(motion, lag):
+    true = Motion(motion.lag_s * lag, motion.drag_per_s, motion.servo_per_s)
+    assert np.max(np.abs(np.linalg.eigvals(_closed(motion, STILL, true)))) < 1.0
+
+
+@pytest.mark.parametrize("motion", [TILT, SERVO])
+def test_a_steady_push_leaves_no_steady_offset(motion):
+    closed = _closed(motion, STILL)
+    closed[PUSH, PUSH] = 1.0
+    state = np.zeros(STATES + 1)
+    state[PUSH] = 1.5
+    for _ in range(600):
+        state = closed @ state
+    assert abs(state[PLACE]) < 0.02
+    assert abs(state[SPEED]) < 1e-3
+
+
+def test_the_offset_at_contact_is_that_of_the_loop_flown_step_by_step():
+    gains = gains_of(TILT, NOISE, SHIP, PARAMETERS.weights, 33)
+    a, b, q = dynamics(TILT, NOISE, SHIP)
+    transition, push, _ = discretised(a, b, q, 0.033)
+    start = np.array([0.1, -0.2, 0.1, 0.3, -0.2, 0.0, 0.05, 0.1, 0.2])
+    for left in (0, 1, 12, 40):
+        state = start.copy()
+        for remaining in range(left, 0, -1):
+            given = state[INPUT] - gains.to_contact[remaining - 1] @ state
+            state = np.append(transition @ state[:STATES] + push * given, given)
+        offset = state[PLACE] - state[SWING]
+        assert gains.offset_to_contact[left] @ start == pytest.approx(offset, abs=1e-9)
+
+
+def test_gains_to_contact_end_nearer_than_the_steady_ones():
+    gains = gains_of(TILT, NOISE, STILL, PARAMETERS.weights, 33)
+    start = np.zeros(STATES + 1)
+    start[PLACE], start[SPEED], start[GUST] = 0.08, 0.1, 0.3
+    assert abs(gains.offset_to_contact[20] @ start) < abs(gains.offset[20] @ start)
+
+
+PACE = Pace(speed_mps=1.2, brake_mps2=0.4, acceleration_mps2=0.6, closing_per_s=0.7, leash_m=1.0)
+
+
+def _led(start_m, goal_m, goal_mps=(0.0, 0.0), seconds=30.0, step_s=0.033):
+    reference, goal = at_rest(np.array(start_m), np.zeros(2)), np.array(goal_m)
+    way = []
+    for _ in range(round(seconds / step_s)):
+        goal = goal + step_s * np.array(goal_mps)
+        reference = moved(reference, step_s, goal, np.array(goal_mps), PACE)
+        way.append((reference, goal))
+    return way
+
+
+def test_a_reference_stays_within_its_pace_and_arrives_without_passing():
+    way = _led((-12.0, 2.0), (0.0, 0.0))
+    speeds = [math.hypot(*reference.speed_mps) for reference, _ in way]
+    assert max(speeds) <= 1.2 + 1e-6
+    assert max(math.hypot(*reference.rate_mps2) for reference, _ in way) <= 0.6 + 1e-9
+    assert math.hypot(*way[-1][0].place_m) < 0.01
+    assert max(reference.place_m[0] for reference, _ in way) < 0.03
+
+
+def test_a_reference_keeps_up_with_a_moving_goal():
+    way = _led((-5.0, 0.0), (0.0, 0.0), goal_mps=(0.5, -0.3))
+    reference, goal = way[-1]
+    assert math.hypot(*(reference.place_m - goal)) < 0.02
+    np.testing.assert_allclose(reference.speed_mps, (0.5, -0.3), atol=0.01)
+
+
+def test_a_reference_waits_for_its_aircraft():
+    reference = at_rest(np.array([5.0, 0.0]), np.zeros(2))
+    assert leashed(reference, np.zeros(2), 1.0).place_m == pytest.approx((1.0, 0.0))
+    assert leashed(reference, np.array([4.5, 0.0]), 1.0) is reference
+
+
+def _over(t_s, height_m, offset_m=0.0, contact_m=0.0, lull=True):
+    return Over(t_s, 0.033, height_m, offset_m, contact_m, lull)
+
+
+def _land(offset_at, contact_at, lull_at=lambda _: True, seconds=30.0):
+    descent, phases, height_m = None, [], 1.2
+    for k in range(round(seconds / 0.033)):
+        t_s = 0.033 * k
+        descent = next_descent(
+            descent, _over(t_s, height_m, offset_at(t_s), contact_at(t_s), lull_at(t_s)), PARAMETERS.descent
+        )
+        height_m = max(descent.height_m, 0.05)
+        phases.append((t_s, descent))
+    return phases
+
+
+def test_a_steady_hover_sinks_and_drops():
+    dropped_s = next(t for t, it in _land(lambda _: 0.02, lambda _: 0.01) if it.phase is Phase.DROP)
+    fall_m = 1.2 - PARAMETERS.descent.wait_height_m
+    assert dropped_s == pytest.approx(fall_m / PARAMETERS.descent.sink_mps, abs=0.4)
+
+
+def test_far_off_it_does_not_sink():
+    assert all(it.height_m == 1.2 for _, it in _land(lambda _: 0.5, lambda _: 0.5, seconds=5.0))
+
+
+def test_a_wait_relaxes_and_ends():
+    way = _land(lambda _: 0.1, lambda _: 0.08)
+    dropped_s = next(t for t, it in way if it.phase is Phase.DROP)
+    descent = PARAMETERS.descent
+    waited_s = descent.relax_after_s + math.log(0.08 / descent.drop_m) / math.log(1.0 + descent.relax_per_s)
+    begun_s = next(t for t, it in way if it.phase is Phase.WAIT)
+    assert dropped_s - begun_s == pytest.approx(max(waited_s, 0.0), abs=0.1)
+
+
+def test_a_lull_is_waited_for():
+    dropped_s = next(t for t, it in _land(lambda _: 0.0, lambda _: 0.0, lambda t: t > 9.0) if it.phase is Phase.DROP)
+    assert dropped_s == pytest.approx(9.0, abs=0.1)
+
+
+def test_a_drop_is_not_taken_back():
+    dropping = Descent(Phase.DROP, 0.0, 0.0)
+    assert next_descent(dropping, _over(1.0, 0.2, 2.0, 2.0, lull=False), PARAMETERS.descent) is dropping
+
+
+def test_sticks_and_inputs_are_each_others_inverse():
+    for stick in (-80.0, -1.0, 0.0, 35.0):
+        assert ANAFI_LIKE.stick_of(ANAFI_LIKE.input_of(stick)) == pytest.approx(stick)
+    assert ANAFI_LIKE.input_of(100.0) == pytest.approx(ANAFI_LIKE.full_input)

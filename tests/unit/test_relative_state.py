@@ -1,0 +1,151 @@
+"""The relative state: its steps against integration, its consistency, what it refuses."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from shipland.estimation.relative_state import (
+    PLACE,
+    PUSH,
+    REFERENCE,
+    SPEED,
+    STATES,
+    SWING,
+    Disturbances,
+    Model,
+    Motion,
+    Swing,
+    discretised,
+    dynamics,
+    updated,
+)
+
+NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02, 0.0)
+TILT, SERVO = Motion(0.06, 0.4), Motion(0.15, 0.0, 2.0)
+SWING_OF_SHIP = Swing(0.12, 1.8, 0.1)
+KNOWN = [axis * STATES + state for axis in range(2) for state in (PLACE, SPEED, PUSH, SWING)]
+
+
+@pytest.mark.parametrize("motion", [TILT, SERVO])
+def test_a_step_is_the_integral_of_the_motion(motion):
+    a, b, q = dynamics(motion, NOISE, SWING_OF_SHIP)
+    state, given = np.linspace(-1.0, 1.0, STATES), 0.7
+    transition, push, _ = discretised(a, b, q, 0.25)
+    exact = solve_ivp(lambda _, x: a @ x + b * given, (0.0, 0.25), state, rtol=1e-10, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(transition @ state + push * given, exact, atol=1e-8)
+
+
+def test_noise_of_two_steps_is_that_of_one():
+    matrices = dynamics(TILT, NOISE, SWING_OF_SHIP)
+    half, _, few = discretised(*matrices, 0.1)
+    _, _, all_of_it = discretised(*matrices, 0.2)
+    np.testing.assert_allclose(half @ few @ half.T + few, all_of_it, atol=1e-12)
+
+
+def test_the_swing_keeps_its_deviation():
+    a, b, q = dynamics(TILT, NOISE, SWING_OF_SHIP)
+    transition, _, noise = discretised(a, b, q, 0.05)
+    rows = slice(SWING, SWING + 2)
+    spread = np.diag([0.12**2, (1.8 * 0.12) ** 2])
+    np.testing.assert_allclose(
+        transition[rows, rows] @ spread @ transition[rows, rows].T + noise[rows, rows], spread, atol=1e-6
+    )
+
+
+def test_a_velocity_loop_settles_at_its_set_point_over_its_own_reference():
+    model = Model(1, SERVO, NOISE, SWING_OF_SHIP)
+    belief = model.start(0.0, np.zeros(1), np.eye(1), 1.0)
+    mean = belief.mean.copy()
+    mean[REFERENCE] = 2.0  # the ship makes 2 m/s of way
+    transition, push, _ = model.step(10_000)
+    after = transition @ mean + push @ np.array([3.0])
+    assert after[SPEED] == pytest.approx(3.0 - after[REFERENCE], abs=0.01)
+
+
+def _flight(rng, model, velocity, steps=400):
+    """A drawn truth of the model's own kind and the belief that follows it; NEES of the place and NIS."""
+    size = STATES * model.axes + 1
+    start = model.start(0.0, np.zeros(model.axes), 0.01 * np.eye(model.axes), 0.5)
+    truth = start.mean + np.linalg.cholesky(start.covariance + 1e-12 * np.eye(size)) @ rng.standard_normal(size)
+    belief, normalised = start, []
+    transition, inputs, noise = model.step(33)
+    root = np.linalg.cholesky(noise + 1e-12 * np.eye(size))
+    for step in range(steps):
+        given = 0.5 * np.sin(0.1 * step) * np.ones(model.axes)
+        truth = transition @ truth + inputs @ given + root @ rng.standard_normal(size)
+        belief = model.predicted(belief, 33, given)
+        expected, jacobian = model.seen(belief)
+        measured = jacobian @ truth + 0.01 * rng.standard_normal(model.axes)
+        taken = updated(belief, (expected, jacobian), measured, 1e-4 * np.eye(model.axes))
+        belief = taken.belief
+        normalised.append(taken.normalised)
+        if velocity and step % 6 == 0:
+            expected = model.velocity(belief)
+            measured = expected[1] @ truth + 0.05 * rng.standard_normal(model.axes)
+            belief = updated(belief, expected, measured, 0.05**2 * np.eye(model.axes)).belief
+    error = (belief.mean - truth)[KNOWN]
+    return float(error @ np.linalg.solve(belief.covariance[np.ix_(KNOWN, KNOWN)], error)), float(np.mean(normalised))
+
+
+@pytest.mark.parametrize("velocity", [False, True])
+@pytest.mark.parametrize("motion", [TILT, SERVO])
+def test_errors_are_as_large_as_the_covariance_says(motion, velocity):
+    model, rng = Model(2, motion, NOISE, SWING_OF_SHIP), np.random.default_rng(1)
+    results = [_flight(rng, model, velocity, steps=150) for _ in range(60)]
+    nees, nis = np.mean(results, axis=0)
+    # Chi-squared of 8 and of 2 degrees of freedom; the mean of 60 flights, four standard deviations.
+    assert nees == pytest.approx(8.0, abs=4.0 * math.sqrt(16.0 / 60.0))
+    assert nis == pytest.approx(2.0, abs=0.1)
+
+
+def test_seen_has_the_jacobian_of_its_value():
+    model = Model(2, TILT, Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02, 0.05), SWING_OF_SHIP)
+    rng = np.random.default_rng(2)
+    belief = model.start(0.0, np.ones(2), np.eye(2), 1.0)
+    mean = rng.standard_normal(len(belief.mean))
+    at = lambda m: model.seen(type(belief)(0.0, m, belief.covariance))  # noqa: E731
+    value, jacobian = at(mean)
+    for index in range(len(mean)):
+        step = np.zeros(len(mean))
+        step[index] = 1e-6
+        np.testing.assert_allclose((at(mean + step)[0] - value) / 1e-6, jacobian[:, index], atol=1e-5)
+
+
+def test_pictures_that_are_older_than_they_say_are_found_out():
+    noise = Disturbances(0.02, 1.5, 0.05, 20.0, 0.01, 300.0, 1e-4, 0.05)
+    model, rng = Model(1, TILT, noise, Swing(1e-4, 1.8, 0.1)), np.random.default_rng(3)
+    belief, truth, late_s = model.start(0.0, np.zeros(1), 1e-4 * np.eye(1), 0.01), np.zeros(9), 0.06
+    truth[-1] = late_s
+    for step in range(600):
+        given = np.array([math.sin(0.05 * step)])
+        transition, inputs, _ = model.step(33)
+        truth = transition @ truth + inputs @ given
+        belief = model.predicted(belief, 33, given)
+        shown = truth[PLACE] - late_s * truth[SPEED] + 0.002 * rng.standard_normal(1)
+        belief = updated(belief, model.seen(belief), shown, np.array([[4e-6]])).belief
+    assert belief.latency_s == pytest.approx(late_s, abs=0.01)
+
+
+def test_what_is_not_finite_or_astray_is_refused():
+    model = Model(2, TILT, NOISE, SWING_OF_SHIP)
+    belief = model.start(0.0, np.zeros(2), 0.01 * np.eye(2), 0.1)
+    for measured in (np.array([math.nan, 0.0]), np.array([math.inf, 0.0]), np.array([50.0, 0.0])):
+        taken = updated(belief, model.seen(belief), measured, 1e-4 * np.eye(2), gate=30.0)
+        assert not taken.accepted
+        assert taken.belief is belief
+
+
+def test_a_steady_push_is_learned():
+    model = Model(1, TILT, NOISE, Swing(1e-3, 1.8, 0.1))
+    truth, belief = np.zeros(9), model.start(0.0, np.zeros(1), 1e-4 * np.eye(1), 0.1)
+    truth[PUSH] = 1.2
+    matrix = model.step(33)[0].copy()
+    matrix[PUSH, PUSH] = 1.0
+    for _ in range(200):
+        truth = matrix @ truth
+        belief = model.predicted(belief, 33, np.zeros(1))
+        belief = updated(belief, model.seen(belief), truth[:1], 1e-4 * np.eye(1)).belief
+    pushed = float(belief.of(PUSH)[0] + belief.mean[PUSH - 1])
+    assert pushed == pytest.approx(1.2, abs=0.1)
