@@ -36,8 +36,8 @@ AIR_EVERY = 10
 """Physics steps between samples of the wind (50 Hz), and of a ship far away."""
 NEAR_DECK_M = 2.0
 """From the deck's centre: nearer, the deck is set every physics step and contacts are judged."""
-NEAR_SHIP_M = 6.0
-"""From the deck's centre: nearer, the ship is set every control step."""
+SHIP_MARGIN_M = 0.5
+"""Nearer than this to where the ship ends, it is set every control step."""
 CUT_OFF_RAD = math.radians(75.0)
 """Tilt at which the motors stop, as a crash detector does."""
 IMPACT_MPS2 = 0.3 * GRAVITY_MPS2
@@ -115,6 +115,9 @@ class World:
         self._foot_below_m = shape.foot_below_m
         self._stage = Stage(model, self._data)
         self._judge = Judge(verdict, rig.landing_square_m)
+        ahead_m = max(rig.deck_ahead_of_stern_m, rig.platform_length_m - rig.deck_ahead_of_stern_m)
+        ship_m = math.hypot(ahead_m, 0.5 * max(rig.platform_width_m, rig.board_width_m))
+        self._near_ship_m = max(ship_m + SHIP_MARGIN_M, NEAR_DECK_M)
         self._ground = Ground(rig, sensors, water)
         self._steps, self._tick_s = 0, tick_s
         self._motors_run = True
@@ -194,10 +197,10 @@ class World:
         motion = self._body.motion()
         self._reach_m = math.dist(motion.position_m, self._deck.origin_m)
         if self._steps % AIR_EVERY == 0:
-            state = self._set_ship(hull=self._reach_m < NEAR_SHIP_M)
+            state = self._set_ship(hull=self._reach_m < self._near_ship_m)
             self._sample_air(state, motion.position_m)
             self._senses.look(self._ground.below(motion.position_m, state, self._deck, self._wind_mps))
-        elif self._reach_m < NEAR_SHIP_M:
+        elif self._reach_m < self._near_ship_m:
             self._set_ship(hull=True)
         self._gimbal.step(self._gimbal_wanted_rad)
         self._sensed, self._sensed_s = self._senses.sense(motion), self.t_s

@@ -67,6 +67,7 @@ class SimulatedVehicle:
         self._feed = TelemetryFeed(delays.telemetry.chosen, world.t_s)
         self._with_frames = delays.telemetry.chosen.with_frames
         self._last_arrival_s = -math.inf
+        self._last_truth: tuple[float, GroundTruth] | None = None
         self._period_s = 1.0 / world.frame_rate_hz
         self._exposed = 0
         self._waiting: deque[_Exposure] = deque()
@@ -135,8 +136,12 @@ class SimulatedVehicle:
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
         """The truth at the exposure of a frame that `read` gave, by its time stamp [s]; None for times too long ago."""
-        exposure = self._remembered(t_s)
-        return None if exposure is None else self.world.truth(exposure.snapshot)
+        if self._last_truth is None or abs(self._last_truth[0] - t_s) > 1e-9:
+            exposure = self._remembered(t_s)
+            if exposure is None:
+                return None
+            self._last_truth = (exposure.stamp_s, self.world.truth(exposure.snapshot))
+        return self._last_truth[1]
 
     def scene_at(self, t_s: float) -> SceneState | None:
         """The scene at the exposure of a frame that `read` gave, by its time stamp [s]: for chase views and labels."""

@@ -85,6 +85,8 @@ class Quadrotor:
         airframe = self._airframe
         self.shape = airframe.shape
         """See `Aircraft`."""
+        self._top_n = airframe.top_thrust_n
+        self._low_n = airframe.idle_thrust * airframe.hover_thrust_n
         share = -math.expm1(-step_s / airframe.motor_time_s)
         self._settle = share
         self._mean = airframe.motor_time_s / step_s * share
@@ -128,20 +130,17 @@ class Quadrotor:
 
     def _turn_rotors(self, asked_n: tuple[float, float, float, float]) -> list[float]:
         """Let the thrusts follow for one step; their means over it [N]."""
-        settle, mean, top = self._settle, self._mean, self._airframe.top_thrust_n
-        means, ends = [], []
-        for thrust, wanted in zip(self._thrusts_n, asked_n, strict=True):
-            wanted = min(max(wanted, 0.0), top)
-            off = thrust - wanted
-            means.append(wanted + mean * off)
-            ends.append(thrust - settle * off)
-        self._thrusts_n = (ends[0], ends[1], ends[2], ends[3])
-        return means
+        settle, mean, top = self._settle, self._mean, self._top_n
+        (a, b, c, d), (w, x, y, z) = self._thrusts_n, asked_n
+        w, x, y, z = min(max(w, 0.0), top), min(max(x, 0.0), top), min(max(y, 0.0), top), min(max(z, 0.0), top)
+        p, q, r, s = a - w, b - x, c - y, d - z
+        self._thrusts_n = (a - settle * p, b - settle * q, c - settle * r, d - settle * s)
+        return [w + mean * p, x + mean * q, y + mean * r, z + mean * s]
 
     def _mix(self, demand: Demand) -> tuple[float, float, float, float]:
         """Thrusts of the rotors; what exceeds their range goes first from yaw, then from roll and pitch."""
         airframe = self._airframe
-        low, top = airframe.idle_thrust * airframe.hover_thrust_n, airframe.top_thrust_n
+        low, top = self._low_n, self._top_n
         share = min(max(0.25 * demand.thrust_n, 1.5 * low), 0.9 * top)
         room = min(share - low, top - share)
         roll = -0.25 * demand.roll_nm / airframe.motor_right_m
