@@ -1,3 +1,34 @@
-"""Vision-based ship landing of VTOL drones: no GPS, no link to the ship [Lee2022]."""
+"""Vision-based ship landing of VTOL drones: no GPS, no link to the ship [Lee2022].
 
-__version__ = "0.1.0"
+```python
+import shipland
+
+scenario = shipland.load_scenario("near", wind={"mean_mps": 3.0})
+flight = shipland.fly(scenario, pilot="offset_free", seed=7)
+print(flight.reason, flight.error_m)
+```
+
+Importing the package is light: what it offers is loaded when it is first used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from shipland.version import __version__
+
+if TYPE_CHECKING:
+    from shipland.api import Campaign, Flight, campaign, fly, load_scenario, without_pictures
+
+__all__ = ["Campaign", "Flight", "__version__", "campaign", "fly", "load_scenario", "without_pictures"]
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
+    if name in __all__:
+        return getattr(importlib.import_module("shipland.api"), name)
+    raise AttributeError(f"module 'shipland' has no attribute {name!r}; it has: {', '.join(__all__)}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

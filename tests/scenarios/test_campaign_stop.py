@@ -4,15 +4,17 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 
-from shipland.missions.campaign import CampaignRequest, run_campaign
+from shipland.missions.campaign import CampaignPlan, run_campaign
+from shipland.missions.scenarios import load_scenario
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_stopped_campaign_keeps_what_was_flown(tmp_path, how):
-    request = CampaignRequest("near", "offset_free", "geometric", 1, 60, tmp_path / "out", None, 2, False)
+    request = CampaignPlan(load_scenario("near"), "offset_free", "geometric", range(1, 61), tmp_path / "out", 2, False)
     words = ["campaign", "--scenario", "near", "--pilot", "offset_free", "--count", "60", "--workers", "2"]
     command = [sys.executable, "-m", "shipland.cli", *words, "--out", str(request.out)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
@@ -31,7 +33,7 @@ def test_a_stopped_campaign_keeps_what_was_flown(tmp_path, how):
     assert "interrupted" in said
     assert "Traceback" not in said
     rows = _rows(request)
-    flown = list(run_campaign(CampaignRequest("near", "offset_free", "geometric", 1, 2, request.out, None, 1, False)))
+    flown = list(run_campaign(replace(request, seeds=[1, 2], workers=1)))
     assert len(flown) == 2
     assert rows >= 2
 

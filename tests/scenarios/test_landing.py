@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shipland.commands.fly import FlyRequest, fly_one
+from shipland.api import fly
 from shipland.config import merge
 from shipland.messages import Mode, PilotCommand
 from shipland.missions.crew import build_vehicle
@@ -39,7 +39,7 @@ def test_same_seed_gives_the_same_log(camera, tmp_path):
     config = tmp_path / "short.toml"
     config.write_text("time_limit_s = 1.5\n")
     for name in ("one", "two"):
-        fly_one(FlyRequest("near", "paper", camera, 5, tmp_path / name, config, video=False))
+        fly(config, vision=camera, seed=5, out=tmp_path / name, video=False)
     assert (tmp_path / "one/flight.mcap").read_bytes() == (tmp_path / "two/flight.mcap").read_bytes()
     assert len(read_log(tmp_path / "one/flight.mcap").records) > 30
 
@@ -53,16 +53,15 @@ def test_another_seed_gives_another_flight():
     assert np.linalg.norm(first - second) > 0.01  # m
 
 
-def test_an_interrupted_flight_leaves_a_readable_log(tmp_path, monkeypatch):
-    monkeypatch.setattr("shipland.commands.fly.ProgressLine.show", _interrupt_at_one_second)
+def test_an_interrupted_flight_leaves_a_readable_log(tmp_path):
     with pytest.raises(KeyboardInterrupt):
-        fly_one(FlyRequest("near", "paper", "geometric", 1, tmp_path, None, video=False))
+        fly("near", seed=1, out=tmp_path, video=False, on_cycle=_interrupt_at_one_second)
     assert 20 < len(read_log(tmp_path / "flight.mcap").records) < 60
     assert (tmp_path / "summary.json").is_file()
     assert (tmp_path / "plots.png").is_file()
 
 
-def _interrupt_at_one_second(_, record):
+def _interrupt_at_one_second(record):
     if record.frame.t_s > 1.0:
         raise KeyboardInterrupt
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.commands.calibrate_camera import CalibrateRequest, calibrate
 from shipland.errors import DataError
+from shipland.vision.calibration import Board, calibrate
 
 PHOTOGRAPHS = Path(__file__).resolve().parents[3] / "shared" / "data" / "chessboard"
 MATRIX = np.array([[520.0, 0.0, 322.0], [0.0, 515.0, 236.0], [0.0, 0.0, 1.0]])
@@ -68,7 +68,7 @@ def test_a_known_camera_comes_out_again(charuco, tmp_path):
     (tmp_path / "views").mkdir()
     write_views(tmp_path / "views", charuco)
     out = tmp_path / "camera.yaml"
-    result = calibrate(CalibrateRequest((tmp_path / "views",), "9x6", SQUARE_M, charuco, out=out))
+    result = calibrate((tmp_path / "views",), Board("9x6", SQUARE_M, charuco), out)
     camera = Camera.from_opencv_yaml(out)
     assert len(result.views) == len(VIEWS)
     assert abs(camera.focal_px / CAMERA.focal_px - 1.0) < 0.005
@@ -85,7 +85,7 @@ def test_a_bent_board_and_a_picture_without_one_are_left_out_with_the_reason(tmp
     cv2.imwrite(str(tmp_path / "bent.png"), photograph(texture, (0.2, -0.2, 0.0), bent_px=6.0))
     cv2.imwrite(str(tmp_path / "grey.png"), np.full((480, 640, 3), 90, np.uint8))
     cv2.imwrite(str(tmp_path / "other.png"), cv2.resize(photograph(texture, (0.2, -0.2, 0.0)), (1280, 960)))
-    result = calibrate(CalibrateRequest((tmp_path,), "9x6", SQUARE_M, out=tmp_path / "camera.yaml"))
+    result = calibrate((tmp_path,), Board("9x6", SQUARE_M), tmp_path / "camera.yaml")
     reasons = {Path(item.file).stem: item.left_out for item in result.pictures}
     assert "median" in reasons["bent"]
     assert reasons["grey"] == "left out: no board found"
@@ -97,13 +97,13 @@ def test_a_bent_board_and_a_picture_without_one_are_left_out_with_the_reason(tmp
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"board": "nine"}, "inner corners across"),
-        ({"board": "2x1"}, "inner corners across"),
+        ({"corners": "nine"}, "inner corners across"),
+        ({"corners": "2x1"}, "inner corners across"),
         ({"square_m": 0.0}, "side of a square"),
         ({"square_m": float("nan")}, "side of a square"),
         ({"charuco": True, "marker_m": 0.05}, "does not fit"),
         ({"charuco": True, "dictionary": "DICT_OF_MINE"}, "not known"),
-        ({"charuco": True, "board": "40x40"}, "more than DICT"),
+        ({"charuco": True, "corners": "40x40"}, "more than DICT"),
         ({"out": Path("nowhere") / "at all" / "camera.yaml"}, "folder does not exist"),
         ({"paths": ()}, "nothing to calibrate"),
         ({"paths": (Path("missing.png"),)}, "does not exist"),
@@ -112,21 +112,22 @@ def test_a_bent_board_and_a_picture_without_one_are_left_out_with_the_reason(tmp
 )
 def test_bad_input_ends_in_words(changes, words, tmp_path):
     cv2.imwrite(str(tmp_path / "grey.png"), np.full((48, 64, 3), 90, np.uint8))
-    request = {"paths": (tmp_path,), "board": "9x6", "square_m": SQUARE_M, "out": tmp_path / "camera.yaml"} | changes
+    board = {"corners": "9x6", "square_m": SQUARE_M} | changes
+    paths, out = board.pop("paths", (tmp_path,)), board.pop("out", tmp_path / "camera.yaml")
     with pytest.raises(DataError, match=words):
-        calibrate(CalibrateRequest(**request))
+        calibrate(paths, Board(**board), out)
     assert not (tmp_path / "camera.yaml").exists()
 
 
 def test_too_few_pictures(tmp_path):
     cv2.imwrite(str(tmp_path / "one.png"), photograph(board_texture(False), VIEWS[0]))
     with pytest.raises(DataError, match="at least 4"):
-        calibrate(CalibrateRequest((tmp_path,), "9x6", SQUARE_M, out=tmp_path / "camera.yaml"))
+        calibrate((tmp_path,), Board("9x6", SQUARE_M), tmp_path / "camera.yaml")
 
 
 @pytest.mark.skipif(not PHOTOGRAPHS.is_dir(), reason="the photographs are not beside this checkout")
 def test_photographed_boards(tmp_path):
-    result = calibrate(CalibrateRequest((PHOTOGRAPHS,), "10x10", 0.0254, out=tmp_path / "camera.yaml"))
+    result = calibrate((PHOTOGRAPHS,), Board("10x10", 0.0254), tmp_path / "camera.yaml")
     assert 705.0 <= result.camera.focal_px <= 715.0  # px, what others found
     assert result.rms_px < 0.5
     assert len(result.views) >= 12

@@ -110,7 +110,7 @@ def test_missing_label_is_named(folder):
 def test_truncated_picture_is_named(folder, keep):
     path = folder / "images" / "p2.jpg"
     path.write_bytes(path.read_bytes()[:keep])
-    with pytest.raises(DataError, match=r"p2\.jpg is broken"):
+    with pytest.raises(DataError, match=r"p2\.jpg is not a whole picture"):
         list(read_dataset(folder).check_pictures())
 
 

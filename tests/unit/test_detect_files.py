@@ -8,12 +8,13 @@ import cv2
 import numpy as np
 import pytest
 
-from shipland.commands.detect_files import DetectRequest, DetectResult, detect_paths, draw_boxes
 from shipland.errors import DataError
 from shipland.learning.export import write_onnx
 from shipland.learning.yolov3 import ConvWeights, random_weights, yolov3_layers
 from shipland.messages import Box
 from shipland.vision.far.decode import Decoding, DetectorSpec
+from shipland.vision.far.detector import Detector, detector_parameters
+from shipland.vision.far.files import DetectResult, detect_paths, draw_boxes
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +39,12 @@ def weights(tmp_path_factory):
     return path
 
 
+def detect(paths, weights, confidence=None, out=None):
+    settings = replace(detector_parameters(), threads=1)
+    confidence = settings.acquire_confidence if confidence is None else confidence
+    return list(detect_paths(paths, Detector.load(str(weights), settings), confidence, out))
+
+
 @pytest.fixture
 def pictures(tmp_path):
     folder = tmp_path / "in"
@@ -52,7 +59,7 @@ def test_boxes_are_corner_and_size_in_pixels(weights, pictures):
 
     All six centres lie in the picture itself, the lowest at row 48.
     """
-    results = list(detect_paths(DetectRequest((pictures,), weights=weights, threads=1)))
+    results = detect((pictures,), weights)
     assert [result.file for result in results] == [str(pictures / "a.jpg"), str(pictures / "b.png")]
     line = json.loads(json.dumps(results[0].to_json()))
     assert set(line) == {"file", "boxes"}
@@ -68,7 +75,7 @@ def test_boxes_are_corner_and_size_in_pixels(weights, pictures):
 
 
 def test_confidence_above_all_finds_nothing(weights, pictures):
-    (result,) = detect_paths(DetectRequest((pictures / "a.jpg",), weights=weights, confidence=0.999, threads=1))
+    (result,) = detect((pictures / "a.jpg",), weights, confidence=0.999)
     assert result.boxes == ()
     assert result.to_line().endswith("nothing found")
 
@@ -76,11 +83,11 @@ def test_confidence_above_all_finds_nothing(weights, pictures):
 def test_drawings_go_where_they_are_asked_to(weights, pictures, tmp_path):
     out = tmp_path / "out"
     before = (pictures / "a.jpg").read_bytes()
-    list(detect_paths(DetectRequest((pictures,), weights=weights, out=out, threads=1)))
+    detect((pictures,), weights, out=out)
     assert sorted(item.name for item in out.iterdir()) == ["a.jpg", "b.jpg"]
     assert cv2.imread(str(out / "a.jpg")).shape == (50, 90, 3)
     with pytest.raises(DataError, match="would be drawn over"):
-        list(detect_paths(DetectRequest((pictures,), weights=weights, out=pictures, threads=1)))
+        detect((pictures,), weights, out=pictures)
     assert (pictures / "a.jpg").read_bytes() == before
 
 
@@ -101,7 +108,7 @@ def test_video_keeps_its_pictures_and_times(weights, tmp_path):
             frame = av.VideoFrame.from_ndarray(np.full((64, 96, 3), 40 * number, np.uint8), format="bgr24")
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
-    results = list(detect_paths(DetectRequest((film,), weights=weights, out=tmp_path / "out", threads=1)))
+    results = detect((film,), weights, out=tmp_path / "out")
     assert [result.file[-7:] for result in results] == [f"#{number:06d}" for number in range(5)]
     with av.open(str(tmp_path / "out" / "film.mp4")) as container:
         times = [frame.time for frame in container.decode(video=0)]
@@ -109,15 +116,14 @@ def test_video_keeps_its_pictures_and_times(weights, tmp_path):
 
 
 def test_bad_input_is_named(weights, pictures, tmp_path):
-    request = DetectRequest((), weights=weights)
     with pytest.raises(DataError, match="nothing to look at"):
-        list(detect_paths(request))
+        detect((), weights)
     with pytest.raises(DataError, match=r"none\.jpg"):
-        list(detect_paths(replace(request, paths=(tmp_path / "none.jpg",))))
+        detect((tmp_path / "none.jpg",), weights)
     with pytest.raises(DataError, match=r"none\.onnx"):
-        list(detect_paths(replace(request, paths=(pictures,), weights=tmp_path / "none.onnx")))
+        detect((pictures,), tmp_path / "none.onnx")
     with pytest.raises(DataError, match="between 0 and 1"):
-        list(detect_paths(replace(request, paths=(pictures,), confidence=1.5)))
+        detect((pictures,), weights, confidence=1.5)
 
 
 def test_result_without_boxes_is_a_line_too():

@@ -1,26 +1,25 @@
 import csv
 import io
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
 
-from shipland.commands.motion_figure import MotionRequest, load_case, run_motion, sample, statistics
 from shipland.errors import ConfigError, DataError
+from shipland.missions.scenarios import load_scenario
+from shipland.report.motion import Case, Sampling, report_case, report_headings, sample, statistics
 from shipland.sim.ship.deck_motion import DOF_NAMES
 from shipland.sim.ship.recorded import HEADER
 
 
-def run(request: MotionRequest) -> str:
-    out = io.StringIO()
-    assert run_motion(request, Console(file=out, width=120)) == 0
-    return out.getvalue()
+def case(**changes: object) -> Case:
+    scenario = load_scenario("near", **{"wind.mean_mps": 0.0, "wind.mean_spread_mps": 0.0} | changes)
+    return Case(scenario.rig, scenario.ship, scenario.wind)
 
 
 def test_statistics_of_natops_are_those_of_sines() -> None:
-    stats = dict(zip(DOF_NAMES, statistics(load_case(MotionRequest(motion="natops")), 1, 1000.0), strict=True))
+    stats = dict(zip(DOF_NAMES, statistics(case(), 1, 1000.0), strict=True))
     # twice the standard deviation of a sine is √2 of its amplitude; 1000 s hold 99 rolls and 153 pitches
     assert stats["roll"].significant == pytest.approx(np.sqrt(2) * 8.0, rel=0.01)
     assert stats["roll"].period_s == pytest.approx(10.1, abs=0.05)
@@ -31,10 +30,11 @@ def test_statistics_of_natops_are_those_of_sines() -> None:
 
 
 def test_a_case_leaves_table_series_and_figure(tmp_path: Path) -> None:
-    request = MotionRequest(out=tmp_path, motion="sea", wind_mps=5.0, course="s", duration_s=20.0, statistics_s=100.0)
-    said = run(request)
+    said = io.StringIO()
+    blowing = case(**{"ship.motion": "sea", "wind.mean_mps": 5.0, "wind.from_spread_deg": 0.0, "ship.course.kind": "s"})
+    report_case(blowing, Sampling(20.0, 100.0), tmp_path, Console(file=said, width=120))
     for name in DOF_NAMES:
-        assert name in said
+        assert name in said.getvalue()
     assert (tmp_path / "motion.png").read_bytes().startswith(b"\x89PNG")
     with (tmp_path / "wind.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -45,17 +45,18 @@ def test_a_case_leaves_table_series_and_figure(tmp_path: Path) -> None:
 
 
 def test_the_written_motion_can_be_flown_again(tmp_path: Path) -> None:
-    run(MotionRequest(out=tmp_path, motion="sea", duration_s=20.0, statistics_s=20.0))
+    sea = case(**{"ship.motion": "sea"})
+    report_case(sea, Sampling(20.0, 20.0), tmp_path, Console(file=io.StringIO()))
     path = tmp_path / "motion.csv"
     assert path.read_text().splitlines()[0] == ",".join(HEADER)
-    original = sample(load_case(MotionRequest(motion="sea")), 1, 10.0, 0.1).deck
-    again = sample(load_case(MotionRequest(recorded=path)), 1, 10.0, 0.1).deck
+    original = sample(sea, 1, 10.0, 0.1).deck
+    again = sample(case(**{"ship.motion": "recorded", "ship.recorded.path": str(path)}), 1, 10.0, 0.1).deck
     # six digits in the file and a cubic spline through 20 points a second
     np.testing.assert_allclose(again, original, atol=1e-3)
 
 
 def test_both_headings_and_both_time_rules(tmp_path: Path) -> None:
-    run(MotionRequest(out=tmp_path, headings=True, duration_s=20.0, statistics_s=200.0))
+    report_headings(case(**{"ship.motion": "sea"}), Sampling(20.0, 200.0), tmp_path, Console(file=io.StringIO()))
     with (tmp_path / "motion_headings.csv").open() as file:
         rows = list(csv.DictReader(file))
     cases = list(dict.fromkeys(row["case"] for row in rows))
@@ -69,8 +70,8 @@ def test_both_headings_and_both_time_rules(tmp_path: Path) -> None:
 
 
 def test_a_seed_gives_the_same_series() -> None:
-    case = load_case(MotionRequest(motion="sea", wind_mps=4.0))
-    one, same, other = (sample(case, seed, 10.0, 0.5) for seed in (1, 1, 2))
+    blowing = case(**{"ship.motion": "sea", "wind.mean_mps": 4.0})
+    one, same, other = (sample(blowing, seed, 10.0, 0.5) for seed in (1, 1, 2))
     np.testing.assert_array_equal(one.deck, same.deck)
     np.testing.assert_array_equal(one.wind_in_ned_mps, same.wind_in_ned_mps)
     assert np.abs(one.deck - other.deck).max() > 0.1
@@ -79,25 +80,25 @@ def test_a_seed_gives_the_same_series() -> None:
 @pytest.mark.parametrize(
     ("keys", "says"),
     [
-        ({"sea_state": 12}, "3, 4, 5, 6"),
-        ({"significant_height_m": -2.0}, "0…9 m"),
-        ({"speed_kn": 40.0}, "0…15 kn"),
-        ({"course_speed_mps": 9.0}, "0…4.5 m/s"),
-        ({"wind_mps": -3.0}, "0…30 m/s"),
+        ({"ship.sea.sea_state": 12}, "3, 4, 5, 6"),
+        ({"ship.sea.significant_height_m": -2.0}, "0…9 m"),
+        ({"ship.sea.speed_kn": 40.0}, "0…15 kn"),
+        ({"ship.course.speed_mps": 9.0}, "0…4.5 m/s"),
+        ({"wind.mean_mps": -3.0}, "0…30 m/s"),
     ],
 )
 def test_bad_input_names_the_valid_range(keys: dict[str, float], says: str) -> None:
     with pytest.raises(ConfigError, match=says):
-        load_case(replace(MotionRequest(), **keys))
+        case(**keys)
 
 
 def test_bad_lengths_of_record_are_refused() -> None:
     with pytest.raises(ConfigError, match="duration_s must be in 10…36000 s"):
-        run_motion(MotionRequest(duration_s=1.0))
+        Sampling(duration_s=1.0)
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("")
     with pytest.raises(DataError, match="cannot be written"):
-        run_motion(MotionRequest(out=blocked, duration_s=10.0, statistics_s=10.0))
+        report_case(case(), Sampling(10.0, 10.0), blocked, Console(file=io.StringIO()))

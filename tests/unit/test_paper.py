@@ -19,7 +19,7 @@ from shipland.reproduce.far import (
     step_figures,
 )
 from shipland.reproduce.near import FALSE_AT_S, FALSE_M, NearTrace, Spoiled, fly_hover, near_figures
-from shipland.reproduce.paper import PaperRequest, run_paper
+from shipland.reproduce.paper import run_paper
 from shipland.reproduce.plots import plot_far_steps, plot_near, plot_readings
 from shipland.reproduce.ranges import (
     FarCase,
@@ -168,7 +168,7 @@ def test_figures_of_the_laws_and_their_tables(tmp_path, capsys):
         ("roll-law", "| growing [%] | -100 | -72 |"),
         ("derivative-gain", "| heave | 0.95 | 4.25 | 7.00 |"),
     ):
-        assert run_paper(PaperRequest(tmp_path, name, None)) == 0
+        assert run_paper(tmp_path, name, None) == 0
         assert cell in (tmp_path / "table.md").read_text(encoding="utf-8")
         assert cell in capsys.readouterr().out
         assert (tmp_path / f"{name}.png").stat().st_size > 5000

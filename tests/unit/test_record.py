@@ -428,3 +428,11 @@ def test_a_flight_without_modes_is_logged_and_read_back(tmp_path):
         assert back.decision.estimate.t_s == record.decision.estimate.t_s
     plot_flight(tmp_path / "plots.png", log, load_outputs().plots)
     assert (tmp_path / "plots.png").stat().st_size > 10_000
+
+
+def test_an_own_cue_survives_the_header():
+    own = dataclasses.replace(RIG, quad=RIG.target.quad[:1], made_to=0.01)
+    header = LogHeader(1, FlightInfo("sea trial", 3, "paper", "0.1.0", "ab", 0.24, command="x"), own, CAMERA)
+    again = from_row(LogHeader, json.loads(json.dumps(to_row(header))))
+    assert again.rig == own
+    assert again.info == header.info

@@ -9,8 +9,10 @@ import pytest
 
 from pictures import Look, bar_picture, camera_from_bar
 from shipland.camera import Camera
-from shipland.commands.see_files import SeeRequest, read_picture, see_paths
 from shipland.errors import ConfigError, DataError
+from shipland.rig import Target, default_rig
+from shipland.vision.near.files import default_camera, see_paths
+from shipland.vision.pictures import read_picture
 
 KEYS = ["file", "found", "reason", "distance_m", "position_in_bar_m", "yaw_deg", "reprojection_px", "corners_px"]
 
@@ -26,8 +28,9 @@ def write(path, image):
     return path
 
 
-def see(*paths, **changes):
-    return list(see_paths(SeeRequest(tuple(paths), **changes)))
+def see(*paths, target=None, camera=None):
+    cue = default_rig().target if target is None else Target.from_file(target)
+    return list(see_paths(paths, cue, default_camera() if camera is None else Camera.from_opencv_yaml(camera)))
 
 
 def assert_found(result, tolerance_m=0.01):
@@ -157,6 +160,22 @@ def test_a_picture_that_breaks_off(suffix, tmp_path, bar_image, capfd):
     assert capfd.readouterr().err == ""
 
 
+def test_what_follows_a_jpegs_end_does_no_harm(tmp_path, bar_image):
+    path = write(tmp_path / "whole.jpg", bar_image)
+    image = read_picture(path)
+    path.write_bytes(path.read_bytes() + bytes(200_000))
+    assert np.array_equal(read_picture(path), image)
+
+
+def test_a_preview_in_a_jpegs_header_is_not_its_end(tmp_path, bar_image):
+    path = write(tmp_path / "half.jpg", bar_image)
+    whole, preview = path.read_bytes(), cv2.imencode(".jpg", bar_image[::16, ::16])[1].tobytes()
+    header = b"\xff\xe1" + (2 + len(preview)).to_bytes(2, "big") + preview
+    path.write_bytes(whole[:2] + header + whole[2 : len(whole) // 2])
+    with pytest.raises(DataError, match="is not a whole picture"):
+        read_picture(path)
+
+
 def test_a_video_that_breaks_off(tmp_path, bar_image):
     path = make_video(tmp_path / "whole.mp4", [bar_image] * 5)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
@@ -207,8 +226,9 @@ def taped(tmp_path_factory):
         (folder / f"{name}.toml").write_text("".join(f"[[quad]]\ncorners_m = {quad}\n" for quad in quads))
 
     def look(photograph, target, calibration):
-        request = SeeRequest((PHOTOGRAPHS / photograph,), folder / f"{target}.toml", folder / f"{calibration}.yaml")
-        (result,) = see_paths(request)
+        (result,) = see(
+            PHOTOGRAPHS / photograph, target=folder / f"{target}.toml", camera=folder / f"{calibration}.yaml"
+        )
         return result
 
     return look

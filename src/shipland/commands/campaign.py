@@ -1,78 +1,106 @@
-"""`shipland campaign`: many landings with a progress bar, tables and pictures."""
+"""`shipland campaign`: many landings with a progress bar, tables and pictures; sweeps of them side by side."""
 
 from __future__ import annotations
 
-from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+from shipland.commands.options import ScenarioOptions, checked_seed, command_line
+from shipland.errors import ConfigError
 
-from shipland import factories
-from shipland.errors import DataError
-from shipland.missions.campaign import CampaignRequest, run_campaign
-from shipland.missions.landing import Landing
-from shipland.missions.rules import rules_table
-from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
-from shipland.missions.tables import causes_table, landings_table, modes_table
-from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
-from shipland.report.outputs import load_outputs
-from shipland.sim.ship.ship import build_ship
+if TYPE_CHECKING:
+    from shipland.missions.campaign import CampaignPlan
+    from shipland.missions.landing import Landing
+    from shipland.missions.sweep import Cell
 
 
-def campaign(request: CampaignRequest) -> int:
-    """Fly, show progress, write `table.md` and `landings.png`; 0 when all landed in the square, 1 when not."""
-    scenario = load_scenario(scenario_table(request.scenario, request.config, request.changes))
-    factories.resolve("pilots", request.pilot)
-    factories.resolve("visions", request.vision)
+@dataclass(frozen=True)
+class Campaign(ScenarioOptions):
+    """Fly many seeds of one scenario and sum them up; what was flown before is kept and not flown again.
+
+    Leaves landings.csv, campaign.json, table.md and landings.png in the output folder. Several values
+    (`--set wind.mean_mps=0,3,6`) or several pilots (`--pilot paper,offset_free`) make one campaign each, in a folder
+    of its own, and sweep.md and sweep.png with all side by side.
+
+    Example: shipland campaign --scenario near --count 20 --out out/near20
+    """
+
+    pilot: str = "paper"
+    """Who flies, as in `shipland fly`; several with commas between."""
+    vision: str = "geometric"
+    """As in `shipland fly`."""
+    first_seed: int = 1
+    """First seed."""
+    count: int = 20
+    """Number of landings."""
+    out: Path = Path("out/campaign")
+    """Output folder; made when missing."""
+    workers: int = 2
+    """Processes."""
+    logs: bool = False
+    """Keep each flight's log, without pictures, as flights/SEED.mcap: `shipland paper --flights` draws from them."""
+
+    def run(self) -> int:
+        """Fly; 0 when all landed in the square, 1 when not."""
+        from shipland.missions.sweep import cells
+
+        for name, value in (("count", self.count), ("workers", self.workers)):
+            if value < 1:
+                raise ConfigError(f"--{name} must be at least 1, got {value}")
+        combined = cells(self.changes, self.pilot.split(","))
+        plans = [self._plan(cell, self.out if len(combined) == 1 else self.out / cell.name) for cell in combined]
+        done = [(cell, _fly(plan)) for cell, plan in zip(combined, plans, strict=True)]
+        if len(done) > 1:
+            _write_sweep(self, done)
+        return 0 if all(it.good for _, landings in done for it in landings) else 1
+
+    def _plan(self, cell: Cell, out: Path) -> CampaignPlan:
+        """Checked before anything flies."""
+        from shipland import factories
+        from shipland.missions.campaign import CampaignPlan
+
+        scenario = replace(self, changes=cell.changes).load()
+        factories.resolve("pilots", cell.pilot)
+        factories.resolve("visions", self.vision)
+        seeds = range(checked_seed(self.first_seed), self.first_seed + self.count)
+        return CampaignPlan(scenario, cell.pilot, self.vision, seeds, out, self.workers, self.logs, command_line())
+
+
+def _fly(plan: CampaignPlan) -> list[Landing]:
+    from contextlib import closing
+
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+    from shipland.missions.campaign import run_campaign
+    from shipland.missions.rules import rules_table
+    from shipland.missions.tables import landings_table
+    from shipland.report.campaign import write_campaign
+
     console = Console(stderr=True, highlight=False)
     landings: list[Landing] = []
     columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console) as progress:
-        task = progress.add_task("landings", total=request.count)
-        with closing(run_campaign(request)) as flown:
+        task = progress.add_task("landings", total=len(plan.seeds))
+        with closing(run_campaign(plan)) as flown:
             for landing in flown:
                 landings.append(landing)
                 good = sum(each.good for each in landings)
                 progress.update(task, advance=1, description=f"{good} of {len(landings)} in the square")
-    _write_pictures(request, scenario, landings)
-    print(f"{landings_table(landings)}\n\n{rules_table(landings, scenario.rig)}")
-    console.print(f"{request.out}: landings.csv, campaign.json, table.md, landings.png")
-    return 0 if all(landing.good for landing in landings) else 1
+    write_campaign(plan, landings)
+    print(f"{landings_table(landings)}\n\n{rules_table(landings, plan.scenario.rig)}")
+    console.print(f"{plan.out}: landings.csv, campaign.json, table.md, landings.png")
+    return landings
 
 
-def _write_pictures(request: CampaignRequest, scenario: Scenario, landings: list[Landing]) -> None:
-    tables = [
-        landings_table(landings),
-        causes_table(landings),
-        modes_table(landings),
-        rules_table(landings, scenario.rig),
-    ]
-    try:
-        (request.out / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise DataError(f"{request.out / 'table.md'} cannot be written: {error.strerror}") from None
-    touchdowns = Touchdowns(
-        t_s=np.array([landing.time_s if landing.touched else np.nan for landing in landings]),
-        place_in_deck_m=np.array([[landing.forward_m, landing.starboard_m] for landing in landings]),
-        landed=np.array([landing.good for landing in landings]),
-    )
-    title = f"{request.scenario}, pilot {request.pilot}, vision {request.vision}"
-    parameters = load_outputs().plots
-    plot_touchdowns(request.out / "landings.png", touchdowns, scenario.rig, title, parameters)
-    if scenario.ship.same_motion:
-        instants = replace(
-            touchdowns, t_s=np.array([landing.instant_s if landing.touched else np.nan for landing in landings])
-        )
-        trace = _trace(scenario, max(landing.instant_s for landing in landings) + 5.0)
-        plot_instants(request.out / "instants.png", trace, instants, title, parameters)
+def _write_sweep(command: Campaign, done: list[tuple[Cell, list[Landing]]]) -> None:
+    from shipland.missions.sweep import sweep_table
+    from shipland.report.outputs import load_outputs
+    from shipland.report.sweep_plots import plot_sweep
 
-
-def _trace(scenario: Scenario, length_s: float) -> DeckTrace:
-    """The one motion that every flight met."""
-    parameters = replace(scenario.ship, instant_spread_s=0.0)
-    ship = build_ship(parameters, scenario.rig, np.random.default_rng(0))
-    t_s = np.arange(0.0, length_s, 0.05)
-    motion = np.array([ship.at(float(t)).deck.displacement for t in t_s])
-    return DeckTrace(t_s, motion[:, 3], motion[:, 4], -motion[:, 2])
+    text = sweep_table(done)
+    (command.out / "sweep.md").write_text(f"{text}\n", encoding="utf-8")
+    title = f"{command.scenario}, vision {command.vision}, {command.count} landings each"
+    plot_sweep(command.out / "sweep.png", done, title, load_outputs().plots)
+    print(f"\n{text}")

@@ -2,79 +2,69 @@
 
 from __future__ import annotations
 
-import time
-from contextlib import ExitStack
+import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import numpy as np
-from rich.console import Console
+from shipland.commands.options import ScenarioOptions, checked_seed, command_line
 
-from shipland import factories
-from shipland.flight import fly
-from shipland.messages import FlightRecord, Mode
-from shipland.missions.crew import build_crew, build_vehicle
-from shipland.missions.fly import Flown, flight_info
-from shipland.missions.scenarios import load_scenario, scenario_table
-from shipland.missions.visions import needs_pictures
-from shipland.report.chase import chase_view
-from shipland.report.outputs import Recorder, load_outputs
-from shipland.sim.scene.scene import Scene
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from shipland.api import Flight
+    from shipland.messages import FlightRecord, Mode
 
 
 @dataclass(frozen=True)
-class FlyRequest:
-    """What `shipland fly` was asked for."""
+class Fly(ScenarioOptions):
+    """Fly one landing in the simulator and judge the touchdown.
 
-    scenario: str
-    pilot: str
-    vision: str
-    seed: int
-    out: Path
-    config: Path | None
-    video: bool
-    changes: tuple[str, ...]
+    Leaves flight.mcap (opens in Foxglove), flight.mp4, plots.png, summary.json and timing.json in the output folder.
+    Exit code: 0 landed in the square, 1 not, 2 bad input.
 
-
-def fly_one(request: FlyRequest) -> int:
-    """Fly, record and report on the terminal; 0 when landed in the square, 1 when not.
-
-    Raises:
-        ShiplandError: a wrong scenario, configuration, output folder or machine.
+    Example: shipland fly --scenario near --seed 7 --out out/seven
     """
-    scenario = load_scenario(scenario_table(request.scenario, request.config, request.changes))
-    info = flight_info(scenario, request.pilot, request.seed)
-    pictures = needs_pictures(factories.resolve("visions", request.vision))
-    console = Console(stderr=True, highlight=False)
-    with ExitStack() as stack:
-        scene = None
-        if pictures or request.video:
-            scene = Scene(scenario.rig, scenario.scene, request.seed)
-            stack.callback(scene.close)
-        vehicle = build_vehicle(scenario, request.seed, scene if pictures else None)
-        crew = build_crew(scenario, vehicle, request.pilot, request.vision, request.seed)
-        chase = chase_view(scene, vehicle.camera) if scene is not None and request.video else None
-        recorder = stack.enter_context(
-            Recorder(request.out, info, scenario.rig, vehicle.camera, load_outputs(), chase, request.video)
-        )
-        progress = stack.enter_context(ProgressLine(console))
 
-        def on_cycle(record: FlightRecord) -> None:
-            recorder.append(record)
-            progress.show(record)
+    pilot: str = "paper"
+    """Who flies: `paper` is the published system, `offset_free` ours; your own as `module:factory`."""
+    vision: str = "rendered"
+    """`rendered`: vision on drawn pictures; `geometric`: true corners with vision's errors, at a fraction of the
+    cost; your own as `module:factory`."""
+    seed: int = 1
+    """Seed of everything random; the same seed gives the same flight."""
+    out: Path = Path("out/flight")
+    """Output folder; made when missing."""
+    video: bool = True
+    """Write flight.mp4 (costs a second picture a frame, for the chase view)."""
 
-        result = fly(vehicle, crew, scenario.time_limit_s, time.perf_counter, on_cycle)
-        flown = Flown(result, vehicle.verdict())
-        recorder.finish(flown.verdict, result.reason, {stage.value: cost for stage, cost in result.cost_s.items()})
-    for problem in recorder.problems:
-        console.print(f"warning: {problem}")
-    _report(console, request, flown)
-    return 0 if flown.succeeded else 1
+    def run(self) -> int:
+        """Fly, record and report on the terminal; 0 when landed in the square, 1 when not."""
+        from rich.console import Console
+
+        from shipland.api import fly
+
+        console = Console(stderr=True, highlight=False)
+        with ProgressLine(console) as progress:
+            flight = fly(
+                self.load(),
+                pilot=self.pilot,
+                vision=self.vision,
+                seed=checked_seed(self.seed),
+                out=self.out,
+                video=self.video,
+                on_cycle=progress.show,
+                command=command_line(),
+            )
+        for problem in flight.problems:
+            console.print(f"warning: {problem}")
+        _report(console, self, flight)
+        return 0 if flight.landed else 1
 
 
-def _report(console: Console, request: FlyRequest, flown: Flown) -> None:
-    console.print(f"{flown.reason} (seed {request.seed}, {flown.result.t_s:.1f} s of flight)")
-    verdict = flown.verdict
+def _report(console: Console, command: Fly, flight: Flight) -> None:
+    console.print(f"{flight.reason} (seed {command.seed}, {flight.result.t_s:.1f} s of flight)")
+    verdict = flight.verdict
     if verdict is not None and verdict.touched:
         forward_m, starboard_m = verdict.touchdown_in_deck_m
         sink_mps = verdict.relative_velocity_in_deck_mps[2]
@@ -82,8 +72,8 @@ def _report(console: Console, request: FlyRequest, flown: Flown) -> None:
             f"touchdown {forward_m:+.3f} m forward, {starboard_m:+.3f} m starboard of the deck's centre at "
             f"{verdict.t_s:.1f} s, {sink_mps:.2f} m/s down against the deck, slip {verdict.slip_m:.3f} m"
         )
-    names = ", ".join(sorted(path.name for path in request.out.iterdir() if path.is_file()))
-    console.print(f"{request.out}: {names}")
+    names = ", ".join(sorted(path.name for path in command.out.iterdir() if path.is_file()))
+    console.print(f"{command.out}: {names}")
 
 
 class ProgressLine:
@@ -115,7 +105,7 @@ class ProgressLine:
             return
         self._shown_s = t_s
         estimate = decision.estimate
-        distance = "      – m" if estimate is None else f"{np.linalg.norm(estimate.aircraft_in_bar_m):7.2f} m"
+        distance = "      – m" if estimate is None else f"{math.hypot(*estimate.aircraft_in_bar_m):7.2f} m"
         command = decision.command
         self._status.update(
             f"{t_s:6.1f} s  {mode:<10} {distance} to the bar  pitch {command.pitch_percent:+4.0f} "

@@ -7,8 +7,9 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from shipland.learning.dataset import IGNORED, Picture, Targets
+from shipland.learning.dataset import IGNORED, Targets
 from shipland.learning.settings import AugmentParameters
+from shipland.vision.pictures import Picture
 
 Loader = Callable[[np.random.Generator], tuple[Picture, Targets]]
 """Draws a labelled picture."""

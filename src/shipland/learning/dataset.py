@@ -15,18 +15,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
 from shipland.errors import DataError
+from shipland.vision.pictures import PICTURE_SUFFIXES, Picture, read_picture
 
-Picture = npt.NDArray[np.uint8]
 Targets = npt.NDArray[np.float32]
 """(n,5) rows (class, centre column, centre row, width, height) [px, edges at whole numbers]; class -1: do not care."""
 
-PICTURE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png", ".bmp", ".webp", ".tif", ".tiff"})
 EDGE_TOLERANCE = 2e-3
 """Fraction of the picture by which a labelling tool's rounding may put a box outside."""
 IGNORED = -1.0
@@ -109,23 +107,6 @@ def sequences(paths: Sequence[Path]) -> list[list[int]]:
         assert match is not None
         found.setdefault((str(path.parent), match[1]), []).append((int(match[2] or 0), index))
     return [[index for _, index in sorted(rows)] for _, rows in sorted(found.items())]
-
-
-def read_picture(path: Path) -> Picture:
-    """A picture (h,w,3) uint8 BGR; DataError names a file that is missing, broken or no picture."""
-    try:
-        data = np.fromfile(path, dtype=np.uint8)
-    except OSError as error:
-        raise DataError(f"picture {path} cannot be read: {error.strerror}") from None
-    picture = cv2.imdecode(data, cv2.IMREAD_COLOR) if data.size else None
-    if picture is None or _is_truncated(path, data):
-        raise DataError(f"picture {path} is broken or no picture ({data.size} bytes)")
-    return np.asarray(picture, dtype=np.uint8)
-
-
-def _is_truncated(path: Path, data: npt.NDArray[np.uint8]) -> bool:
-    """Whether a JPEG ends before its end marker: OpenCV fills the missing part with grey and says nothing."""
-    return path.suffix.lower() in (".jpg", ".jpeg") and b"\xff\xd9" not in data[-64:].tobytes()
 
 
 def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:

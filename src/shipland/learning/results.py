@@ -11,12 +11,13 @@ import numpy as np
 from shipland.learning.arguments import TrainArguments
 from shipland.learning.augment import window
 from shipland.learning.checkpoint import Progress
-from shipland.learning.dataset import Dataset, Picture, write_atomically
+from shipland.learning.dataset import Dataset, write_atomically
 from shipland.learning.export import write_int8, write_onnx
 from shipland.learning.network import Network, weights_of
 from shipland.learning.settings import TrainParameters
 from shipland.learning.yolov3 import flop_count, parameter_count
 from shipland.vision.far.decode import DetectorSpec
+from shipland.vision.pictures import Picture
 
 
 def write_results(

@@ -17,7 +17,7 @@ from torch import Tensor
 from shipland.errors import DataError
 from shipland.learning.augment import window
 from shipland.learning.checkpoint import Progress, optimizer_tensors, prefixed, save_checkpoint
-from shipland.learning.dataset import Dataset, Picture, Targets
+from shipland.learning.dataset import Dataset, Targets
 from shipland.learning.loss import detection_loss
 from shipland.learning.metrics import Tally
 from shipland.learning.network import Network
@@ -25,6 +25,7 @@ from shipland.learning.settings import TrainParameters
 from shipland.learning.windows import HardPoint, Windows, to_batch
 from shipland.vision.far.decode import DetectorSpec, Float32, decode, suppress
 from shipland.vision.far.detector import padded
+from shipland.vision.pictures import Picture
 
 Floats = npt.NDArray[np.float64]
 LAST, BEST = "last.safetensors", "best.safetensors"

@@ -20,8 +20,9 @@ from torch.nn import functional
 
 from shipland.errors import DataError
 from shipland.learning.augment import HARD_JITTER, Loader, training_window
-from shipland.learning.dataset import IGNORED, Dataset, Picture, Targets
+from shipland.learning.dataset import IGNORED, Dataset, Targets
 from shipland.learning.settings import AugmentParameters, TrainParameters
+from shipland.vision.pictures import Picture
 
 HardPoint = tuple[int, float, float]
 """A place where the detector erred: number of the picture, column and row [px]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -10,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shipland import __version__, factories
+from shipland import factories
 from shipland.camera import Camera
 from shipland.config import build, packaged_toml
 from shipland.factories import Factory
@@ -19,9 +20,11 @@ from shipland.messages import FlightRecord, TouchdownVerdict
 from shipland.missions.crew import build_crew, build_vehicle
 from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import needs_pictures
-from shipland.record.info import FlightInfo, config_digest
+from shipland.record.info import FlightInfo, config_digest, file_digest
 from shipland.record.writer import LogParameters, LogWriter
 from shipland.sim.scene.scene import Scene
+from shipland.version import __version__, code_version
+from shipland.vision.far.detector import weights_path
 
 
 @dataclass(frozen=True)
@@ -61,22 +64,41 @@ def fly_quietly(
         return Flown(result, vehicle.verdict())
 
 
-def flight_info(scenario: Scenario, pilot: str | Factory, seed: int) -> FlightInfo:
-    """What the log says of a flight."""
-    airframe = scenario.aircraft.airframe
-    diagonal_m = 2.0 * float(np.hypot(airframe.motor_forward_m, airframe.motor_right_m))
-    digest = config_digest(scenario.table())
-    return FlightInfo(scenario.name, seed, factories.name_of(pilot), __version__, digest, diagonal_m)
+def flight_info(
+    scenario: Scenario, pilot: str | Factory, vision: str | Factory, seed: int, command: str = ""
+) -> FlightInfo:
+    """What the log says of a flight: enough to fly it again."""
+    airframe, detector, table = scenario.aircraft.airframe, scenario.detector, scenario.table()
+    weights = ""
+    if needs_pictures(factories.resolve("visions", vision)):
+        weights = file_digest(
+            weights_path(detector.ship_weights, detector.precision),
+            weights_path(detector.bar_weights, detector.precision),
+        )
+    return FlightInfo(
+        scenario=scenario.name,
+        seed=seed,
+        pilot=factories.name_of(pilot),
+        software_version=__version__,
+        config_digest=config_digest(table),
+        aircraft_diagonal_m=2.0 * float(np.hypot(airframe.motor_forward_m, airframe.motor_right_m)),
+        vision=factories.name_of(vision),
+        code_version=code_version(),
+        weights_digest=weights,
+        command=command,
+        configuration=json.dumps(table, sort_keys=True),
+    )
 
 
-def flight_log(path: Path, scenario: Scenario, pilot: str | Factory, seed: int) -> LogWriter:
+def flight_log(
+    path: Path, scenario: Scenario, pilot: str | Factory, vision: str | Factory, seed: int, command: str = ""
+) -> LogWriter:
     """A log of one flight without pictures."""
-    info = flight_info(scenario, pilot, seed)
-    camera = Camera.from_parameters(scenario.camera)
+    parameters = build(LogParameters, packaged_toml("outputs")["log"], "outputs.log")
     return LogWriter(
         path,
-        info,
+        flight_info(scenario, pilot, vision, seed, command),
         scenario.rig,
-        camera,
-        replace(build(LogParameters, packaged_toml("outputs")["log"], "outputs.log"), image_rate_hz=0.0),
+        Camera.from_parameters(scenario.camera),
+        replace(parameters, image_rate_hz=0.0),
     )

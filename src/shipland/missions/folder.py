@@ -17,11 +17,11 @@ from importlib import metadata, resources
 from pathlib import Path
 from typing import Any
 
-from shipland import __version__
 from shipland.errors import DataError
 from shipland.missions.landing import COLUMNS, Landing, landing_from, row_of
 from shipland.missions.scenarios import Scenario
 from shipland.record.info import config_digest
+from shipland.version import __version__
 from shipland.vision.far.detector import weights_path
 
 _SOURCES = {".py", ".toml", ".frag", ".vert", ".glsl", ".npz"}
@@ -157,6 +157,14 @@ def _check_key(beside: Path, key: dict[str, Any]) -> None:
     differ = [words for name, words in _BOUND.items() if not isinstance(found, dict) or found.get(name) != key[name]]
     if differ:
         raise DataError(f"{beside.parent} holds landings of another {', '.join(differ)}; give another folder")
+
+
+def read_campaign(folder: Path) -> list[Landing]:
+    """The landings in a campaign's folder; DataError when there are none or the table is broken."""
+    path = folder / "landings.csv"
+    if not path.is_file():
+        raise DataError(f"{folder} holds no campaign: {path} does not exist")
+    return list(_read_done(path).values())
 
 
 def _read_done(path: Path) -> dict[int, Landing]:

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from shipland.camera import Camera
@@ -27,6 +28,11 @@ class FlightInfo:
         software_version: version of this package.
         config_digest: `config_digest` of the merged configuration.
         aircraft_diagonal_m: distance between opposite motors, for drawing.
+        vision: name of the vision.
+        code_version: release and, from a checkout, commit.
+        weights_digest: `file_digest` of the detectors' weights; empty where no detector flies.
+        command: command line; empty where the flight was flown from Python.
+        configuration: the whole merged configuration, as JSON.
     """
 
     scenario: str
@@ -35,6 +41,11 @@ class FlightInfo:
     software_version: str
     config_digest: str
     aircraft_diagonal_m: float
+    vision: str = ""
+    code_version: str = ""
+    weights_digest: str = ""
+    command: str = ""
+    configuration: str = "{}"
 
     def __post_init__(self) -> None:
         require(self.aircraft_diagonal_m > 0.0, f"aircraft_diagonal_m must be positive, got {self.aircraft_diagonal_m}")
@@ -54,3 +65,11 @@ def config_digest(table: Mapping[str, Any]) -> str:
     """First 16 hex digits of the SHA-256 of a configuration, independent of the order of its keys."""
     text = json.dumps(table, sort_keys=True, separators=(",", ":"), default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def file_digest(*paths: Path) -> str:
+    """First 16 hex digits of the SHA-256 of files, one after the other."""
+    digest = hashlib.sha256()
+    for path in paths:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]

@@ -2,7 +2,7 @@
 
 A nested field's name is its path joined by underscores: `telemetry.roll_rad` becomes `telemetry_roll_rad`. A part
 that is None leaves all its columns null, so every row of one type has the same columns. Arrays are flat lists, row by
-row. Numbers that JSON lacks (NaN, ±inf) become null and come back as NaN.
+row. Numbers that JSON lacks (NaN, ±inf) become null and come back as NaN. A tuple of dataclasses is JSON text.
 
 The schema keeps to what the parsers of Foxglove and Lichtblick take: one type a column, no arrays in arrays, no "null".
 """
@@ -12,6 +12,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 import functools
+import json
 import math
 import types
 import typing
@@ -19,6 +20,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from shipland.config import build
 from shipland.errors import DataError
 
 T = TypeVar("T")
@@ -112,6 +114,8 @@ def _write(row: Row, part: _Part, value: Any) -> None:  # noqa: ANN401
     if part.parts:
         for child in part.parts:
             _write(row, child, None if value is None else getattr(value, child.field))
+    elif _item(part) is not None:
+        row[part.column] = json.dumps([dataclasses.asdict(item) for item in value])
     elif part.kind is not _PICTURE:
         if isinstance(value, np.ndarray) and value.ndim == 2:
             if value.shape[1] != _WIDTHS[part.field]:
@@ -146,6 +150,9 @@ def _read(row: Row, part: _Part) -> Any:  # noqa: ANN401
         return None
     if isinstance(part.kind, type) and issubclass(part.kind, enum.Enum):
         return part.kind[value]
+    item = _item(part)
+    if item is not None:
+        return tuple(build(item, each, part.column) for each in json.loads(value))
     origin = typing.get_origin(part.kind)
     if origin is np.ndarray:
         array = np.array(value, dtype=float)  # None becomes NaN
@@ -159,6 +166,13 @@ def _read(row: Row, part: _Part) -> Any:  # noqa: ANN401
     return value
 
 
+def _item(part: _Part) -> type | None:
+    """The dataclass that a field is a tuple of; None for every other field."""
+    arguments = typing.get_args(part.kind)
+    is_tuple = typing.get_origin(part.kind) is tuple and arguments and dataclasses.is_dataclass(arguments[0])
+    return typing.cast(type, arguments[0]) if is_tuple else None
+
+
 def _columns(part: _Part) -> list[str]:
     if part.parts:
         return [column for child in part.parts for column in _columns(child)]
@@ -170,7 +184,7 @@ def _describe(properties: Row, part: _Part) -> None:
         _describe(properties, child)
     if part.parts or part.kind is _PICTURE:
         return
-    if isinstance(part.kind, type) and issubclass(part.kind, enum.Enum):
+    if (isinstance(part.kind, type) and issubclass(part.kind, enum.Enum)) or _item(part) is not None:
         properties[part.column] = {"type": "string"}
     elif typing.get_origin(part.kind) in (np.ndarray, tuple):
         properties[part.column] = {"type": "array", "items": {"type": "number"}}

@@ -7,7 +7,7 @@ import enum
 import json
 import re
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,8 @@ from shipland.record.columns import FlightColumns
 from shipland.record.reader import FlightLog
 
 _DIGITS = 6
+_VERBATIM = {"verbatim": True}
+"""Metadata of a field that is written as it is, without rounding."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,9 @@ class FlightSummary:
     """One flight.
 
     Attributes:
-        scenario, seed, pilot, software_version, config_digest: of the log's header.
+        scenario, seed, pilot, vision: which flight.
+        software_version, code_version, weights_digest, config_digest, command: what it was flown with.
+        configuration: the whole merged configuration.
         end: why the loop ended, in words.
         cycles: rows of the log.
         flight_time_s: from the first exposure to the last.
@@ -74,8 +78,12 @@ class FlightSummary:
     scenario: str
     seed: int | None
     pilot: str
+    vision: str
     software_version: str
+    code_version: str
+    weights_digest: str
     config_digest: str
+    command: str
     end: str
     cycles: int
     flight_time_s: float
@@ -98,6 +106,7 @@ class FlightSummary:
     max_deck_roll_deg: float | None
     max_deck_pitch_deg: float | None
     max_deck_heave_m: float | None
+    configuration: dict[str, Any] = field(metadata=_VERBATIM)
 
 
 def summarise(log: FlightLog, end: str = "") -> FlightSummary:
@@ -119,8 +128,12 @@ def summarise(log: FlightLog, end: str = "") -> FlightSummary:
         scenario=info.scenario,
         seed=info.seed,
         pilot=info.pilot,
+        vision=info.vision,
         software_version=info.software_version,
+        code_version=info.code_version,
+        weights_digest=info.weights_digest,
         config_digest=info.config_digest,
+        command=info.command,
         end=end,
         cycles=len(log.records),
         flight_time_s=float(np.ptp(columns.t_s)) if len(columns.t_s) else 0.0,
@@ -145,6 +158,7 @@ def summarise(log: FlightLog, end: str = "") -> FlightSummary:
         max_deck_roll_deg=_largest(np.degrees(columns.deck_turn_rad[:, 0])),
         max_deck_pitch_deg=_largest(np.degrees(columns.deck_turn_rad[:, 1])),
         max_deck_heave_m=_largest(columns.deck_shift_m[:, 2]),
+        configuration=json.loads(info.configuration),
     )
 
 
@@ -195,7 +209,8 @@ def _largest(values: Array) -> float | None:
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - values of any kind come in
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        parts = {each.name: (getattr(value, each.name), each.metadata) for each in dataclasses.fields(value)}
+        return {name: part if metadata.get("verbatim") else _plain(part) for name, (part, metadata) in parts.items()}
     if isinstance(value, dict):
         return {str(key.value if isinstance(key, enum.Enum) else key): _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | list | tuple):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -49,33 +48,24 @@ from shipland.reproduce.ranges import FarTrace
 FigureName = Literal["roll-law", "far-steps", "far-readings", "derivative-gain", "near-false"]
 
 
-@dataclass(frozen=True)
-class PaperRequest:
-    """What `shipland paper` was asked for; `flights`: draw the logs of that folder instead."""
-
-    out: Path
-    only: FigureName | None
-    flights: Path | None
-
-
-def run_paper(request: PaperRequest) -> int:
-    """Make the figures and `table.md`; 0.
+def run_paper(out: Path, only: FigureName | None, flights: Path | None) -> int:
+    """Make the figures and `table.md`, or those of the logs in the folder `flights`; 0.
 
     Raises:
         DataError: the output folder cannot be written, or the folder of flights holds none.
     """
-    if request.flights is not None:
-        for path in figures_of_flights(request.flights, request.out):
+    if flights is not None:
+        for path in figures_of_flights(flights, out):
             print(path)
         return 0
     scenario = load_scenario(scenario_table("near"))
-    names = (request.only,) if request.only else get_args(FigureName)
+    names = (only,) if only else get_args(FigureName)
     texts = []
     for name in names:
-        path = request.out / f"{name}.png"
+        path = out / f"{name}.png"
         texts.append(f"## {name}\n\n{_FIGURES[name](path, scenario)}\n")
         print(texts[-1], flush=True)
-    (request.out / "table.md").write_text("\n".join(texts), encoding="utf-8")
+    (out / "table.md").write_text("\n".join(texts), encoding="utf-8")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""`shipland motion`: the ship's motion and the wind of a case, as a table, CSV files and a figure; no flight."""
+"""The ship's motion and the wind of a case, as a table, CSV files and a figure; no flight."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ import csv
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from shipland.config import build, merge, packaged_toml, read_toml
 from shipland.errors import ConfigError, DataError
 from shipland.frames import Array
 from shipland.report.motion_plots import plot_case, plot_headings
@@ -35,72 +34,6 @@ OVER_DECK_M = 1.0
 HEADINGS = {120.0: "60° off the stern", 60.0: "60° off the bow"}
 """Bearings that the waves come from [deg], in words."""
 TIME_RULES: tuple[Literal["froude", "length_only"], ...] = ("froude", "length_only")
-
-MotionKind = Literal["still", "natops", "sinusoids", "sea", "recorded"]
-CourseKind = Literal["still", "straight", "s", "turn", "turn90", "random"]
-
-
-@dataclass(frozen=True)
-class MotionRequest:
-    """What `shipland motion` was asked for; None leaves what the configuration says.
-
-    Attributes:
-        out: output folder.
-        config: TOML file laid over the defaults; sections `[rig]`, `[ship]`, `[wind]` are used.
-        scenario: packaged scenario laid over the defaults, before `config`.
-        motion, sea_state, significant_height_m, modal_period_s, waves_from_deg, speed_kn: `[ship]`, `[ship.sea]`.
-        time_rule: `time` of `[ship.scale]`.
-        recorded: `path` of `[ship.recorded]`; with it alone, motion is `recorded`.
-        course, course_speed_mps: `[ship.course]`.
-        wind_mps, wind_from_deg: `[wind]`.
-        duration_s: length of the CSV files and of the figure.
-        statistics_s: length of the record behind the table.
-        step_s: time step of the files and the figure.
-        seed: of everything random.
-        headings: instead of one case, waves from 60° off the bow and off the stern, at both time rules.
-    """
-
-    out: Path = Path("out/motion")
-    config: Path | None = None
-    scenario: str | None = None
-    motion: MotionKind | None = None
-    sea_state: int | None = None
-    significant_height_m: float | None = None
-    modal_period_s: float | None = None
-    waves_from_deg: float | None = None
-    speed_kn: float | None = None
-    time_rule: Literal["froude", "length_only"] | None = None
-    recorded: Path | None = None
-    course: CourseKind | None = None
-    course_speed_mps: float | None = None
-    wind_mps: float | None = None
-    wind_from_deg: float | None = None
-    duration_s: float = 120.0
-    statistics_s: float = 1800.0
-    step_s: float = 0.05
-    seed: int = 1
-    headings: bool = False
-
-    def overlay(self) -> dict[str, Any]:
-        """The options as a configuration table."""
-        motion = self.motion if self.motion is not None or self.recorded is None else "recorded"
-        table = {
-            "ship": {
-                "motion": "sea" if self.headings else motion,
-                "sea": {
-                    "sea_state": self.sea_state,
-                    "significant_height_m": self.significant_height_m,
-                    "modal_period_s": self.modal_period_s,
-                    "waves_from_deg": self.waves_from_deg,
-                    "speed_kn": self.speed_kn,
-                },
-                "scale": {"time": self.time_rule},
-                "recorded": {"path": str(self.recorded) if self.recorded is not None else None},
-                "course": {"kind": self.course, "speed_mps": self.course_speed_mps},
-            },
-            "wind": {"mean_mps": self.wind_mps, "from_deg": self.wind_from_deg},
-        }
-        return _without_none(table)
 
 
 @dataclass(frozen=True)
@@ -157,24 +90,28 @@ class Statistics:
     largest: float
 
 
-def load_case(request: MotionRequest) -> Case:
-    """The case of a request; ConfigError names what is wrong and the valid range."""
-    if not 0.001 <= request.step_s <= 1.0:
-        raise ConfigError(f"step_s must be in 0.001…1 s, got {request.step_s}")
-    for name, value in (("duration_s", request.duration_s), ("statistics_s", request.statistics_s)):
-        if not 10.0 <= value <= 36000.0:
-            raise ConfigError(f"{name} must be in 10…36000 s, got {value}")
-    table = packaged_toml("default")
-    if request.scenario is not None:
-        table = merge(table, packaged_toml(f"scenarios/{request.scenario}"))
-    if request.config is not None:
-        table = merge(table, read_toml(request.config))
-    table = merge(table, request.overlay())
-    return Case(
-        build(Rig, table["rig"], "rig"),
-        build(ShipParameters, table["ship"], "ship"),
-        build(WindParameters, table["wind"], "wind"),
-    )
+@dataclass(frozen=True)
+class Sampling:
+    """How long and how finely a case is looked at.
+
+    Attributes:
+        duration_s: length of the CSV files and of the figure.
+        statistics_s: length of the record behind the table.
+        step_s: time step of the files and the figure.
+        seed: of everything random.
+    """
+
+    duration_s: float = 120.0
+    statistics_s: float = 1800.0
+    step_s: float = 0.05
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0.001 <= self.step_s <= 1.0:
+            raise ConfigError(f"step_s must be in 0.001…1 s, got {self.step_s}")
+        for name, value in (("duration_s", self.duration_s), ("statistics_s", self.statistics_s)):
+            if not 10.0 <= value <= 36000.0:
+                raise ConfigError(f"{name} must be in 10…36000 s, got {value}")
 
 
 def sample(case: Case, seed: int, duration_s: float, step_s: float) -> Traces:
@@ -205,37 +142,28 @@ def statistics(case: Case, seed: int, duration_s: float) -> tuple[Statistics, ..
     return tuple(found)
 
 
-def run_motion(request: MotionRequest, console: Console | None = None) -> int:
-    """Write tables, CSV files and the figure; 0.
+def report_case(case: Case, sampling: Sampling, out: Path, console: Console) -> None:
+    """Write table, CSV files and figure of one case.
 
     Raises:
-        ConfigError, DataError: bad input, in one line.
+        DataError: the folder cannot be written.
     """
-    console = console if console is not None else Console()
-    case = load_case(request)
-    if request.headings:
-        _run_headings(request, case, console)
-    else:
-        _run_case(request, case, console)
-    return 0
-
-
-def _run_case(request: MotionRequest, case: Case, console: Console) -> None:
-    traces = sample(case, request.seed, request.duration_s, request.step_s)
-    stats = statistics(case, request.seed, request.statistics_s)
+    traces = sample(case, sampling.seed, sampling.duration_s, sampling.step_s)
+    stats = statistics(case, sampling.seed, sampling.statistics_s)
     air = np.column_stack([traces.t_s, traces.course, traces.wind_in_ned_mps])
-    _write_series(request.out / "motion.csv", HEADER, np.column_stack([traces.t_s, traces.deck]))
-    _write_series(request.out / "wind.csv", WIND_HEADER, air)
-    plot_case(request.out / "motion.png", traces.t_s, traces.deck, traces.wind_in_ned_mps)
+    _write_series(out / "motion.csv", HEADER, np.column_stack([traces.t_s, traces.deck]))
+    _write_series(out / "wind.csv", WIND_HEADER, air)
+    plot_case(out / "motion.png", traces.t_s, traces.deck, traces.wind_in_ned_mps)
     columns: dict[str, tuple[Statistics, ...]] = {case.ship.motion: stats}
-    _write_table(request.out / "motion_table.csv", columns)
-    console.print(_table(f"deck motion over {request.statistics_s:g} s", columns))
+    _write_table(out / "motion_table.csv", columns)
+    console.print(_table(f"deck motion over {sampling.statistics_s:g} s", columns))
     for line in traces.limit_bites:
         console.print(line)
-    console.print(f"written: motion.csv, wind.csv, motion_table.csv, motion.png in {request.out}", soft_wrap=True)
+    console.print(f"written: motion.csv, wind.csv, motion_table.csv, motion.png in {out}", soft_wrap=True)
 
 
-def _run_headings(request: MotionRequest, case: Case, console: Console) -> None:
+def report_headings(case: Case, sampling: Sampling, out: Path, console: Console) -> None:
+    """The same of waves 60° off the bow and off the stern, at both time rules, in one figure."""
     panels: dict[str, dict[str, Traces]] = {}
     columns: dict[str, tuple[Statistics, ...]] = {}
     full_scale: dict[str, Array] = {}
@@ -247,15 +175,15 @@ def _run_headings(request: MotionRequest, case: Case, console: Console) -> None:
         for rule in TIME_RULES:
             ship = replace(case.ship, sea=turned, scale=replace(scale, time=rule))
             one = replace(case, ship=ship)
-            panels[name][rule] = sample(one, request.seed, request.duration_s, request.step_s)
-            columns[f"{name}\n{rule}"] = statistics(one, request.seed, request.statistics_s)
+            panels[name][rule] = sample(one, sampling.seed, sampling.duration_s, sampling.step_s)
+            columns[f"{name}\n{rule}"] = statistics(one, sampling.seed, sampling.statistics_s)
     traces = {name: {rule: (t.t_s, t.deck) for rule, t in of.items()} for name, of in panels.items()}
-    plot_headings(request.out / "motion_headings.png", traces, rig_limits(case.rig) * DEGREES)
-    _write_table(request.out / "motion_headings.csv", columns)
+    plot_headings(out / "motion_headings.png", traces, rig_limits(case.rig) * DEGREES)
+    _write_table(out / "motion_headings.csv", columns)
     title = f"Hs {sea.height_m:g} m, Tp {sea.period_s:g} s, {sea.speed_kn:g} kn, length scale {scale.length:g}"
     console.print(_amplitudes(f"significant single amplitudes at full scale: {title}", full_scale))
-    console.print(_table(f"on the rig: {title}, {request.statistics_s:g} s", columns))
-    console.print(f"written: motion_headings.csv, motion_headings.png in {request.out}", soft_wrap=True)
+    console.print(_table(f"on the rig: {title}, {sampling.statistics_s:g} s", columns))
+    console.print(f"written: motion_headings.csv, motion_headings.png in {out}", soft_wrap=True)
 
 
 def _amplitudes(title: str, values: dict[str, Array]) -> Table:
@@ -303,8 +231,3 @@ def _write_rows(path: Path, header: tuple[str, ...], rows: Iterable[Iterable[str
             writer.writerows(rows)
     except OSError as error:
         raise DataError(f"{path} cannot be written: {error.strerror}") from None
-
-
-def _without_none(table: dict[str, Any]) -> dict[str, Any]:
-    kept = {key: _without_none(value) if isinstance(value, dict) else value for key, value in table.items()}
-    return {key: value for key, value in kept.items() if value is not None}

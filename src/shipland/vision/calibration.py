@@ -1,11 +1,11 @@
-"""A camera's intrinsics from pictures of a chessboard or ChArUco board: what `shipland calibrate` does."""
+"""A camera's intrinsics from pictures of a chessboard or ChArUco board."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.camera import Camera
-from shipland.commands.see_files import PICTURE_SUFFIXES, read_picture
 from shipland.errors import DataError
 from shipland.frames import Array
+from shipland.vision.pictures import picture_files, read_picture
 
 Image = npt.NDArray[np.uint8]
 
@@ -47,26 +47,22 @@ _UNTIL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
 
 @dataclass(frozen=True)
-class CalibrateRequest:
-    """What to calibrate from.
+class Board:
+    """A printed board.
 
     Attributes:
-        paths: pictures, folders of pictures.
-        board: inner corners across × down, as "9x6".
+        corners: inner corners across × down, as "9x6".
         square_m: side of a square.
-        charuco: the board carries ArUco markers.
+        charuco: it carries ArUco markers.
         marker_m: side of a marker; None for three quarters of a square.
         dictionary: OpenCV's name of the markers' dictionary.
-        out: calibration file to write; the coverage picture goes beside it, as .png.
     """
 
-    paths: tuple[Path, ...]
-    board: str
+    corners: str
     square_m: float
     charuco: bool = False
     marker_m: float | None = None
     dictionary: str = "DICT_4X4_50"
-    out: Path = Path("calibration.yaml")
 
 
 @dataclass(frozen=True)
@@ -146,25 +142,30 @@ class Calibration:
         return "\n".join(lines)
 
 
-def calibrate(request: CalibrateRequest) -> Calibration:
+def calibrate(paths: Sequence[Path], board: Board, out: Path) -> Calibration:
     """Find the board, fit the camera, drop outliers, write the calibration and the coverage picture.
+
+    Args:
+        paths: pictures, folders of pictures.
+        board: what is in them.
+        out: calibration file; the coverage picture goes beside it, as .png.
 
     Raises:
         DataError: a picture is missing or broken, the board is described wrongly or found too rarely, the views do
             not settle a camera, or the output cannot be written.
     """
-    if not request.out.absolute().parent.is_dir():
-        raise DataError(f"calibration file {request.out} cannot be written: its folder does not exist")
-    finder = _finder(request)
+    if not out.absolute().parent.is_dir():
+        raise DataError(f"calibration file {out} cannot be written: its folder does not exist")
+    finder = _finder(board)
     found: list[tuple[str, tuple[int, int], View | None]] = []
-    for path in _pictures(request.paths):
+    for path in _pictures(paths):
         image = read_picture(path)
         found.append((str(path), (image.shape[1], image.shape[0]), finder(image)))
     sizes = Counter(size for _, size, view in found if view is not None)
     if not sizes:
         raise DataError(
-            f"the board was found in none of {len(found)} pictures; expected {request.board} inner corners "
-            f"({'with' if request.charuco else 'without'} markers): count the corners where four squares meet"
+            f"the board was found in none of {len(found)} pictures; expected {board.corners} inner corners "
+            f"({'with' if board.charuco else 'without'} markers): count the corners where four squares meet"
         )
     size = sizes.most_common(1)[0][0]
     why: dict[int, str] = {}
@@ -184,8 +185,8 @@ def calibrate(request: CalibrateRequest) -> Calibration:
     all_px = np.concatenate(residuals_px)
     total_px = float(np.sqrt(np.mean(np.sum(all_px**2, axis=1))))
     result = Calibration(fit.camera, fit.focal_sd_px, total_px, _covered(used, size), pictures, used, residuals_px)
-    result.camera.to_opencv_yaml(request.out)
-    picture = request.out.with_suffix(".png")
+    result.camera.to_opencv_yaml(out)
+    picture = out.with_suffix(".png")
     if not cv2.imwrite(str(picture), coverage_picture(result)):
         raise DataError(f"coverage picture {picture} cannot be written")
     return result
@@ -249,34 +250,28 @@ def _fit(views: list[View], size: tuple[int, int]) -> _Fit:
     return _Fit(camera, float(np.hypot(spread[0], spread[1]) / math.sqrt(2.0)), residuals_px)
 
 
-def _pictures(paths: tuple[Path, ...]) -> Iterator[Path]:
+def _pictures(paths: Sequence[Path]) -> Iterator[Path]:
     if not paths:
         raise DataError("nothing to calibrate from; give pictures of the board or a folder of them")
     for path in paths:
-        if not path.is_dir():
-            yield path
-            continue
-        names = sorted(item for item in path.iterdir() if item.suffix.lower() in PICTURE_SUFFIXES and item.is_file())
-        if not names:
-            raise DataError(f"folder {path} holds no pictures; expected {', '.join(sorted(PICTURE_SUFFIXES))}")
-        yield from names
+        yield from picture_files(path) if path.is_dir() else [path]
 
 
-def _finder(request: CalibrateRequest) -> Finder:
-    match = re.fullmatch(r"(\d+)[x×](\d+)", request.board.strip().lower())
+def _finder(board: Board) -> Finder:
+    match = re.fullmatch(r"(\d+)[x×](\d+)", board.corners.strip().lower())
     if match is None or min(int(match[1]), int(match[2])) < 3 or max(int(match[1]), int(match[2])) > 200:
         raise DataError(
-            f"--board {request.board} is no board; expected inner corners across × down, each 3–200, as 9x6"
+            f"--board {board.corners} is no board; expected inner corners across × down, each 3–200, as 9x6"
         )
     across, down = int(match[1]), int(match[2])
-    if not 0.0 < request.square_m < 10.0:
-        raise DataError(f"--square-m {request.square_m} is no side of a square; expected metres, as 0.025")
-    return _charuco(request, across, down) if request.charuco else _chessboard(request, across, down)
+    if not 0.0 < board.square_m < 10.0:
+        raise DataError(f"--square-m {board.square_m} is no side of a square; expected metres, as 0.025")
+    return _charuco(board, across, down) if board.charuco else _chessboard(board, across, down)
 
 
-def _chessboard(request: CalibrateRequest, across: int, down: int) -> Finder:
+def _chessboard(board: Board, across: int, down: int) -> Finder:
     board_m = np.zeros((across * down, 3), np.float32)
-    board_m[:, :2] = request.square_m * np.mgrid[0:across, 0:down].T.reshape(-1, 2)
+    board_m[:, :2] = board.square_m * np.mgrid[0:across, 0:down].T.reshape(-1, 2)
 
     def find(image: Image) -> View | None:
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -294,24 +289,24 @@ def _chessboard(request: CalibrateRequest, across: int, down: int) -> Finder:
     return find
 
 
-def _charuco(request: CalibrateRequest, across: int, down: int) -> Finder:
-    marker_m = 0.75 * request.square_m if request.marker_m is None else request.marker_m
-    if not 0.0 < marker_m < request.square_m:
-        raise DataError(f"--marker-m {marker_m} does not fit into a square of {request.square_m} m")
-    family = getattr(cv2.aruco, request.dictionary, None)
-    if not (request.dictionary.startswith("DICT_") and isinstance(family, int)):
+def _charuco(board: Board, across: int, down: int) -> Finder:
+    marker_m = 0.75 * board.square_m if board.marker_m is None else board.marker_m
+    if not 0.0 < marker_m < board.square_m:
+        raise DataError(f"--marker-m {marker_m} does not fit into a square of {board.square_m} m")
+    family = getattr(cv2.aruco, board.dictionary, None)
+    if not (board.dictionary.startswith("DICT_") and isinstance(family, int)):
         names = ", ".join(sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_")))
-        raise DataError(f"--dictionary {request.dictionary} is not known; expected one of {names}")
+        raise DataError(f"--dictionary {board.dictionary} is not known; expected one of {names}")
     dictionary = cv2.aruco.getPredefinedDictionary(family)
     markers = (across + 1) * (down + 1) // 2
     if markers > len(dictionary.bytesList):
         raise DataError(
-            f"a ChArUco board of {request.board} inner corners has {markers} markers, more than {request.dictionary}; "
+            f"a ChArUco board of {board.corners} inner corners has {markers} markers, more than {board.dictionary}; "
             "expected the dictionary that it was printed with"
         )
-    board = cv2.aruco.CharucoBoard((across + 1, down + 1), request.square_m, marker_m, dictionary)
-    detector = cv2.aruco.CharucoDetector(board)
-    board_m = np.asarray(board.getChessboardCorners(), np.float32)
+    printed = cv2.aruco.CharucoBoard((across + 1, down + 1), board.square_m, marker_m, dictionary)
+    detector = cv2.aruco.CharucoDetector(printed)
+    board_m = np.asarray(printed.getChessboardCorners(), np.float32)
 
     def find(image: Image) -> View | None:
         corners, numbers, _, _ = detector.detectBoard(image)
@@ -319,7 +314,7 @@ def _charuco(request: CalibrateRequest, across: int, down: int) -> Finder:
             return None
         seen = np.asarray(numbers).ravel()
         spread = np.linalg.svd(board_m[seen] - board_m[seen].mean(axis=0), compute_uv=False)
-        if spread[1] < request.square_m:  # all in one row: no plane
+        if spread[1] < board.square_m:  # all in one row: no plane
             return None
         return View(board_m[seen], np.asarray(corners, np.float32).reshape(-1, 2))
 

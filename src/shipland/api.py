@@ -1,0 +1,187 @@
+"""What `import shipland` offers: fly one landing, or many, from Python."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from shipland import factories
+from shipland.factories import Factory
+from shipland.flight import fly as fly_loop
+from shipland.frames import Array
+from shipland.messages import FlightRecord
+from shipland.missions.campaign import Flight as FlightJob
+from shipland.missions.campaign import land_once
+from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.fly import Flown, flight_info
+from shipland.missions.landing import COLUMNS, Landing, row_of
+from shipland.missions.scenarios import Scenario, load_scenario
+from shipland.missions.tables import summary_of
+from shipland.missions.visions import needs_pictures, without_pictures
+from shipland.missions.workers import run_jobs, stoppable
+from shipland.record.columns import FlightColumns
+from shipland.report.chase import chase_view
+from shipland.report.outputs import Recorder, load_outputs
+from shipland.sim.scene.scene import Scene
+
+__all__ = ["Campaign", "Flight", "campaign", "fly", "load_scenario", "without_pictures"]
+
+
+@dataclass(frozen=True)
+class Flight(Flown):
+    """A flight that was flown.
+
+    Attributes:
+        result: how the loop ended.
+        verdict: the touchdown; None where there was none.
+        scenario: what was flown.
+        records: a row a cycle, without the pictures.
+        problems: outputs that failed, a line each.
+        folder: where the log, the video, the plots and the figures lie; None where nothing was asked for.
+    """
+
+    scenario: Scenario
+    records: tuple[FlightRecord, ...]
+    problems: tuple[str, ...]
+    folder: Path | None
+
+    @property
+    def landed(self) -> bool:
+        """Whether it stands on its feet in the landing square."""
+        return self.succeeded
+
+    @property
+    def error_m(self) -> float:
+        """Distance of the touchdown point from the deck's centre; NaN without a touchdown."""
+        if self.verdict is None or not self.verdict.touched:
+            return float("nan")
+        return float(np.hypot(*self.verdict.touchdown_in_deck_m))
+
+    @cached_property
+    def columns(self) -> FlightColumns:
+        """The flight as arrays, a row a cycle: what `FlightColumns` documents."""
+        return FlightColumns.from_records(self.records, self.scenario.rig)
+
+    def table(self) -> dict[str, Array]:
+        """The same as flat columns (n,) by name, as data frames take them; a vector is `name_0`, `name_1` and so on."""
+        flat: dict[str, Array] = {}
+        for name, values in vars(self.columns).items():
+            if values.ndim == 1:
+                flat[name] = values
+            else:
+                flat |= {f"{name}_{index}": column for index, column in enumerate(values.T)}
+        return flat
+
+
+def fly(
+    scenario: Scenario | str | Path,
+    *,
+    pilot: str | Factory = "paper",
+    vision: str | Factory = "geometric",
+    seed: int = 1,
+    out: str | Path | None = None,
+    video: bool = True,
+    on_cycle: Callable[[FlightRecord], None] = lambda _: None,
+    command: str = "",
+) -> Flight:
+    """Fly one landing in the simulator.
+
+    Args:
+        scenario: a scenario, a packaged one's name, or the path of a TOML file.
+        pilot: a name (`paper`, an entry point's, `module:factory`) or a function from `PilotSetup` to a pilot.
+        vision: likewise, from `VisionSetup`; `rendered` looks at drawn pictures, `geometric` needs none.
+        seed: the same seed gives the same flight.
+        out: folder for the log, the video, the plots and the figures; None leaves nothing.
+        video: whether the video is among them.
+        on_cycle: sees every row as it is flown.
+        command: command line to write down.
+
+    Raises:
+        ShiplandError: a wrong scenario, name, output folder or machine.
+    """
+    scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    pictures = needs_pictures(factories.resolve("visions", vision))
+    records: list[FlightRecord] = []
+    with ExitStack() as stack:
+        scene = None
+        if pictures or (out is not None and video):
+            scene = Scene(scenario.rig, scenario.scene, seed)
+            stack.callback(scene.close)
+        vehicle = build_vehicle(scenario, seed, scene if pictures else None)
+        crew = build_crew(scenario, vehicle, pilot, vision, seed)
+        recorder = None
+        if out is not None:
+            info = flight_info(scenario, pilot, vision, seed, command)
+            chase = chase_view(scene, vehicle.camera) if scene is not None and video else None
+            recorder = stack.enter_context(
+                Recorder(Path(out), info, scenario.rig, vehicle.camera, load_outputs(), chase, video)
+            )
+
+        def remember(record: FlightRecord) -> None:
+            if recorder is not None:
+                recorder.append(record)
+            records.append(replace(record, frame=replace(record.frame, image=None)))
+            on_cycle(record)
+
+        result = fly_loop(vehicle, crew, scenario.time_limit_s, time.perf_counter, remember)
+        verdict = vehicle.verdict()
+        if recorder is not None:
+            recorder.finish(verdict, result.reason, {stage.value: cost for stage, cost in result.cost_s.items()})
+    problems = () if recorder is None else tuple(recorder.problems)
+    return Flight(result, verdict, scenario, tuple(records), problems, None if out is None else Path(out))
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Many landings of one scenario, in order of their seeds."""
+
+    landings: tuple[Landing, ...]
+
+    @property
+    def summary(self) -> str:
+        """How many landed in the square, with the 95 % interval, and the medians."""
+        return summary_of(self.landings)
+
+    def table(self) -> dict[str, npt.NDArray[Any]]:
+        """The columns of `landings.csv` as arrays (n,) by name."""
+        rows = [row_of(landing) for landing in self.landings]
+        return {name: np.array([row[name] for row in rows]) for name in COLUMNS}
+
+
+def campaign(
+    scenario: Scenario | str | Path,
+    *,
+    pilot: str | Factory = "paper",
+    vision: str | Factory = "geometric",
+    seeds: Sequence[int] = range(1, 21),
+    workers: int | None = None,
+) -> Campaign:
+    """Fly many seeds of one scenario.
+
+    Args:
+        scenario: as in `fly`.
+        pilot: as in `fly`; with several workers a factory must pickle: a function of a module, not a lambda.
+        vision: likewise.
+        seeds: of the flights.
+        workers: processes; None for one a core.
+
+    Raises:
+        ShiplandError: a wrong scenario, name or machine.
+    """
+    scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    factories.resolve("pilots", pilot)
+    factories.resolve("visions", vision)
+    count = workers if workers is not None else len(os.sched_getaffinity(0))
+    flights = [FlightJob(scenario, pilot, vision, seed) for seed in seeds]
+    with stoppable():
+        landings = [landing for _, landing in run_jobs(land_once, flights, count, lambda *_: None)]
+    return Campaign(tuple(sorted(landings, key=lambda landing: landing.seed)))

@@ -1,0 +1,58 @@
+"""What a campaign leaves beside its rows: tables in words and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from shipland.errors import DataError
+from shipland.missions.campaign import CampaignPlan
+from shipland.missions.landing import Landing
+from shipland.missions.rules import rules_table
+from shipland.missions.scenarios import Scenario
+from shipland.missions.tables import causes_table, landings_table, modes_table
+from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
+from shipland.report.outputs import load_outputs
+from shipland.sim.ship.ship import build_ship
+
+
+def write_campaign(plan: CampaignPlan, landings: Sequence[Landing]) -> None:
+    """Write `table.md`, `landings.png` and, where all flights meet one motion, `instants.png`.
+
+    Raises:
+        DataError: one of them cannot be written.
+    """
+    scenario = plan.scenario
+    tables = [
+        landings_table(landings),
+        causes_table(landings),
+        modes_table(landings),
+        rules_table(landings, scenario.rig),
+    ]
+    try:
+        (plan.out / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise DataError(f"{plan.out / 'table.md'} cannot be written: {error.strerror}") from None
+    touchdowns = Touchdowns(
+        t_s=np.array([landing.time_s if landing.touched else np.nan for landing in landings]),
+        place_in_deck_m=np.array([[landing.forward_m, landing.starboard_m] for landing in landings]),
+        landed=np.array([landing.good for landing in landings]),
+    )
+    title = f"{scenario.name}, pilot {plan.pilot}, vision {plan.vision}"
+    parameters = load_outputs().plots
+    plot_touchdowns(plan.out / "landings.png", touchdowns, scenario.rig, title, parameters)
+    if scenario.ship.same_motion:
+        instants_s = np.array([landing.instant_s if landing.touched else np.nan for landing in landings])
+        trace = _trace(scenario, max(landing.instant_s for landing in landings) + 5.0)
+        plot_instants(plan.out / "instants.png", trace, replace(touchdowns, t_s=instants_s), title, parameters)
+
+
+def _trace(scenario: Scenario, length_s: float) -> DeckTrace:
+    """The one motion that every flight met."""
+    parameters = replace(scenario.ship, instant_spread_s=0.0)
+    ship = build_ship(parameters, scenario.rig, np.random.default_rng(0))
+    t_s = np.arange(0.0, length_s, 0.05)
+    motion = np.array([ship.at(float(t)).deck.displacement for t in t_s])
+    return DeckTrace(t_s, motion[:, 3], motion[:, 4], -motion[:, 2])

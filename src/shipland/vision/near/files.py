@@ -1,0 +1,117 @@
+"""The near vision over pictures, folders and videos."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from shipland.camera import Camera, CameraParameters
+from shipland.config import build
+from shipland.errors import DataError
+from shipland.messages import Frame, GimbalAttitude, Observation
+from shipland.rig import Target, packaged_table
+from shipland.vision.near.pipeline import NearVision, VisionParameters
+from shipland.vision.pictures import FilePicture, pictures_of
+
+_UNKNOWN_GIMBAL = GimbalAttitude(0.0, 0.0)
+"""A file does not say how its camera was held; the near vision is told not to use it."""
+
+
+@dataclass(frozen=True)
+class SeeResult:
+    """What was found in one picture.
+
+    Attributes:
+        file: its path as given; of a video's picture, with `#` and its number from 000000.
+        observation: what the near vision says of it.
+    """
+
+    file: str
+    observation: Observation
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a pose."""
+        return self.observation.bar_pose is not None
+
+    def to_json(self) -> dict[str, object]:
+        """For a JSON line; what is not known is None. Lengths to 0.1 mm, angles to 0.0001°, pixels to 0.001."""
+        pose = self.observation.bar_pose
+        return {
+            "file": self.file,
+            "found": pose is not None,
+            "reason": self.observation.reason,
+            "distance_m": None if pose is None else round(float(np.linalg.norm(pose.position_in_bar_m)), 4),
+            "position_in_bar_m": None if pose is None else np.round(pose.position_in_bar_m, 4).tolist(),
+            "yaw_deg": None if pose is None else round(float(np.degrees(pose.yaw_rad)), 4),
+            "reprojection_px": None if pose is None else round(pose.reprojection_px, 4),
+            "corners_px": None if pose is None else np.round(pose.corners_px, 3).tolist(),
+        }
+
+    def to_line(self) -> str:
+        """For people."""
+        pose = self.observation.bar_pose
+        if pose is None:
+            return f"{self.file}: not found: {self.observation.reason}"
+        forward_m, right_m, down_m = pose.position_in_bar_m
+        return (
+            f"{self.file}: {float(np.linalg.norm(pose.position_in_bar_m)):.3f} m away; "
+            f"camera {-forward_m:.3f} m astern, {abs(right_m):.3f} m {'right' if right_m >= 0.0 else 'left'}, "
+            f"{abs(down_m):.3f} m {'below' if down_m >= 0.0 else 'above'}; "
+            f"yaw {np.degrees(pose.yaw_rad):+.2f}°; reprojection {pose.reprojection_px:.2f} px"
+        )
+
+
+def see_paths(paths: Sequence[Path], target: Target, camera: Camera) -> Iterator[SeeResult]:
+    """One result a picture, in the order of `pictures_of`.
+
+    Args:
+        paths: pictures, folders of pictures, videos.
+        target: the cue.
+        camera: of pictures of its size, and of others of the same aspect.
+
+    Raises:
+        DataError: a picture or video is missing or broken, or of another aspect than the camera's.
+    """
+    eyes = _Eyes(target, camera)
+    for picture in pictures_of(paths):
+        yield eyes.see(picture)
+
+
+def default_camera() -> Camera:
+    """The camera of the packaged configuration."""
+    return Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+
+
+class _Eyes:
+    """One near vision a picture size, made when it is first needed."""
+
+    def __init__(self, target: Target, camera: Camera) -> None:
+        self._target, self._camera = target, camera
+        parameters = build(VisionParameters, packaged_table("vision"), "vision")
+        self._parameters = replace(parameters, gimbal_noise_rad=0.0)
+        self._by_size: dict[tuple[int, int], NearVision] = {}
+
+    def see(self, picture: FilePicture) -> SeeResult:
+        """What is in one picture; a video's pictures are followed."""
+        size = (picture.image.shape[1], picture.image.shape[0])
+        if size not in self._by_size:
+            self._by_size[size] = NearVision(self._target, self._camera_at(picture.name, *size), self._parameters)
+        vision = self._by_size[size]
+        if not picture.follows:
+            vision.reset()
+        return SeeResult(picture.name, vision.see(Frame(picture.t_s, picture.image, _UNKNOWN_GIMBAL)))
+
+    def _camera_at(self, name: str, width_px: int, height_px: int) -> Camera:
+        camera = self._camera
+        if (width_px, height_px) == (camera.width_px, camera.height_px):
+            return camera
+        if abs(width_px * camera.height_px / camera.width_px - height_px) > 1.0:
+            raise DataError(
+                f"{name} is {width_px} × {height_px} px, the calibration is for {camera.width_px} × "
+                f"{camera.height_px} px; expected that size or the same aspect: give the picture's own calibration"
+            )
+        return camera.scaled(width_px, height_px)

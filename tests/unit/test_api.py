@@ -1,0 +1,64 @@
+"""`import shipland`: light, and what it gives is what the command line gives."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import shipland
+from shipland.guidance.pilots import paper
+from shipland.missions.fly import flight_info
+from shipland.missions.scenarios import load_scenario
+from shipland.record.info import config_digest
+from shipland.record.reader import read_log
+
+SHORT = {"time_limit_s": 2.0}
+
+
+def test_importing_the_package_imports_nothing_heavy():
+    code = "import shipland, sys; print([name for name in ('numpy', 'mujoco', 'cv2', 'scipy') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.strip() == "[]"
+    assert set(shipland.__all__) <= set(dir(shipland))
+    with pytest.raises(AttributeError, match="load_scenario"):
+        _ = shipland.no_such_thing
+
+
+def test_a_flight_gives_arrays():
+    flight = shipland.fly(shipland.load_scenario("near", **SHORT), pilot=paper, seed=3)
+    table = flight.table()
+    assert len(table["t_s"]) == len(flight.records) == len(flight.columns.t_s) > 20
+    assert table["truth_in_pad_m_2"] == pytest.approx(flight.columns.truth_in_pad_m[:, 2])
+    assert not flight.landed
+    assert np.isnan(flight.error_m)
+    assert "time limit" in flight.reason
+    assert all(record.frame.image is None for record in flight.records)
+
+
+def test_a_log_and_its_summary_say_what_was_flown(tmp_path):
+    scenario = shipland.load_scenario("near", **SHORT, wind={"mean_mps": 1.5})
+    shipland.fly(scenario, seed=3, out=tmp_path, video=False, command="shipland fly --seed 3")
+    info = read_log(tmp_path / "flight.mcap").header.info
+    assert load_scenario(json.loads(info.configuration)) == scenario
+    assert config_digest(json.loads(info.configuration)) == info.config_digest
+    assert (info.pilot, info.vision, info.command) == ("paper", "geometric", "shipland fly --seed 3")
+    assert info.code_version.startswith(shipland.__version__)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert load_scenario(summary["configuration"]) == scenario
+    assert summary["command"] == "shipland fly --seed 3"
+
+
+def test_weights_are_written_down_where_they_fly():
+    scenario = load_scenario("near")
+    assert flight_info(scenario, "paper", "geometric", 1).weights_digest == ""
+    assert len(flight_info(scenario, "paper", "rendered", 1).weights_digest) == 16
+
+
+def test_a_campaign_is_a_table_in_order_of_its_seeds():
+    found = shipland.campaign(shipland.load_scenario("near", **SHORT), pilot="paper", seeds=[2, 1], workers=1)
+    table = found.table()
+    assert table["seed"].tolist() == [1, 2]
+    assert not table["landed"].any()
+    assert "0 of 2 landed" in found.summary
