@@ -102,7 +102,7 @@ def edge_corners(
     """
     held = _held(image, quads_px, camera)
     sides = Sides.of(quads_px, parameters.edge_reach_px, held)
-    floor = EdgeFloor(parameters.edge_floor_px, parameters.edge_clipped_px)
+    floor = EdgeFloor(parameters.edge_floor_px, parameters.edge_clipped_px, parameters.edge_coded_px)
     fit = measure_sides(image, sides, camera, floor, blur_px)
     met = None if fit is None else intersect_sides(fit)
     if fit is None or met is None:
@@ -168,9 +168,9 @@ _ROUNDING_BLUR_PX = 0.5
 """Blur from which the corners' rounding reaches the pixels that a side is fitted to, and the edge the outermost of
 them."""
 
-_MISFIT = 0.03
+_MISFIT = 0.024
 """Root-mean-square misfit, against the contrast, from which a side is measured by its light alone as well: above what
-sensors leave, below what coded colour does."""
+sensors leave, below what coded colour does. What is measured by its light then is taken for coded."""
 
 _HELD_PX = 0.05
 """Standard deviation of a side that is taken to lie on the picture's edge."""
@@ -184,10 +184,13 @@ class EdgeFloor:
         plain_px: of a single column of pixels.
         clipped_px: of a whole side, besides, where the inside is brighter than the picture can tell: the edge then
             seems to lie where its pixels meet it.
+        coded_px: of a whole side, besides, in coded pictures, times the misfit: coding moves blocks, and a side with
+            them, by the more the less of the picture is left.
     """
 
     plain_px: float
     clipped_px: float
+    coded_px: float
 
 
 def measure_sides(
@@ -306,8 +309,14 @@ def _fit(image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: 
         return fit
     by_luma = _fit_to(pixels, sides, floor, None, by_luma=True)
     if fit is None or (by_luma is not None and by_luma.variance[0].sum() < fit.variance[0].sum()):
-        return by_luma
-    return fit
+        fit = by_luma
+    if fit is None:
+        return None
+    coded2 = (floor.coded_px * fit.misfit) ** 2
+    more = np.array(
+        [np.full(len(sides.length_px), coded2), np.zeros(len(sides.length_px)), coded2 / sides.half_px() ** 2]
+    )
+    return replace(fit, variance=fit.variance + (more if sides.held is None else more * ~sides.held))
 
 
 def _fit_to(
@@ -372,9 +381,9 @@ def _fit_to(
     levels2 = noise2 * pixels.columns / np.maximum(4.0 * a * a, 1e-9)
     noise2 *= scale
     floor2 = floor.plain_px**2 / pixels.columns + levels2
-    clipped2 = floor.clipped_px**2 if clipped else 0.0
+    whole2 = floor.clipped_px**2 if clipped else 0.0
     variance = np.array(
-        [noise2 * c + floor2 + clipped2, -noise2 * b / half_px, (noise2 * a + 3.0 * floor2 + clipped2) / half_px**2]
+        [noise2 * c + floor2 + whole2, -noise2 * b / half_px, (noise2 * a + 3.0 * floor2 + whole2) / half_px**2]
     )
     if sides.held is not None:
         ends[:, sides.held] = 0.0
