@@ -5,8 +5,9 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from shipland.guidance.border import Border
 from shipland.guidance.pilot import Pilot
 from shipland.guidance.safety import Safety
 from shipland.messages import Decision, FlightRecord, Frame, GroundTruth, Observation, PilotCommand, Telemetry
@@ -93,17 +94,30 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
     """
     witness = vehicle if isinstance(vehicle, Witness) else None
     sent: PilotCommand | None = None
+    border = Border()
     vehicle.open()
     try:
         started_s = clock()
         while (pair := vehicle.read()) is not None:
-            frame, telemetry = pair
+            border = border.at_receipt(pair[0], pair[1].t_s)
+            if border.now_s is None:
+                continue  # no time yet to fly by
+            now_s = border.now_s
+            border, frame, refused = border.frame(pair[0])
             read_s = clock()
-            observation = see_or_degrade(crew.vision, frame)
+            if refused:
+                observation = Observation(frame.t_s, frame.gimbal, reason=refused)
+            else:
+                observation = border.observation(see_or_degrade(crew.vision, frame), frame, vehicle.camera)
             seen_s = clock()
-            telemetry = vehicle.telemetry_at(telemetry.t_s + crew.delays.processing_s(observation, seen_s - read_s))
+            ready_s = now_s + crew.delays.processing_s(observation, seen_s - read_s)
+            telemetry = vehicle.telemetry_at(ready_s)
+            border = border.at_decision(telemetry.t_s, ready_s)
+            telemetry, refused = border.telemetry(telemetry)
             decision = crew.pilot.decide(observation, telemetry, sent)
             decision = crew.safety.check(decision, observation, telemetry)
+            if refused:
+                decision = replace(decision, reason=f"{decision.reason}; {refused}")
             sent = decision.command
             vehicle.send(sent)
             truth = witness.truth_at(frame.t_s) if witness is not None else None

@@ -10,7 +10,7 @@ from shipland.camera import Camera
 from shipland.config import build
 from shipland.flight import Crew, Stage, cycles, fly
 from shipland.guidance.safety import Safety, SafetyParameters
-from shipland.messages import Decision, Frame, GimbalAttitude, Mode, Observation, PilotCommand, Telemetry
+from shipland.messages import Decision, Frame, GimbalAttitude, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import default_rig, packaged_table
 from shipland.vehicles.delays import DelayParameters
 
@@ -58,12 +58,12 @@ class Wild:
 
     def decide(self, observation, telemetry, sent):
         self.sent.append(sent)
-        return Decision(PilotCommand(telemetry.t_s, 500.0, 0.0, 0.0, 0.0, 0.0), Mode.SEARCH, "wild")
+        return Decision(PilotCommand(telemetry.t_s, 500.0, 0.0, 0.0, 0.0, 0.0, Intent.HOLD), Mode.SEARCH, "wild")
 
 
 def crew(**changes):
     delays = build(DelayParameters, packaged_table("delays"))
-    safety = Safety(build(SafetyParameters, packaged_table("safety")), default_rig())
+    safety = Safety(build(SafetyParameters, packaged_table("safety")), default_rig(), Recorded.camera, np.zeros(3))
     return replace(Crew(Eyes(), Wild(), safety, delays), **changes)
 
 
@@ -98,7 +98,7 @@ def test_cycles_can_be_stepped_and_closing_them_closes_the_vehicle():
 def test_a_pilot_without_modes_flies():
     class Plain:
         def decide(self, observation, telemetry, sent):
-            return Decision(PilotCommand(telemetry.t_s, 10.0, 0.0, 0.0, 0.0, 0.0), None, "steady on")
+            return Decision(PilotCommand(telemetry.t_s, 10.0, 0.0, 0.0, 0.0, 0.0, Intent.HOLD), None, "steady on")
 
     vehicle = Recorded(3)
     fly(vehicle, crew(pilot=Plain()), 10.0, lambda: 0.0, lambda _: None)

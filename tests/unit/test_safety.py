@@ -8,10 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shipland.camera import Camera
 from shipland.config import build
 from shipland.guidance.safety import Safety, SafetyParameters
 from shipland.messages import (
     BarPose,
+    Box,
     Decision,
     Estimate,
     GimbalAttitude,
@@ -24,33 +26,49 @@ from shipland.messages import (
 from shipland.rig import default_rig, packaged_table
 
 PARAMETERS = build(SafetyParameters, packaged_table("safety"))
-POSE = BarPose(np.array([-5.0, 0.0, 0.0]), 0.0, np.eye(4), 0.1, np.zeros((8, 2)))
+CAMERA = Camera.from_fov(1280, 720, 69.0)
+RIG = default_rig()
+LEVEL = GimbalAttitude(0.0, 0.0)
 
 
-def seen(t_s, pose=True):
-    return Observation(t_s, GimbalAttitude(0.0, 0.0), POSE if pose else None)
+def made():
+    return Safety(PARAMETERS, RIG, CAMERA, np.zeros(3))
+
+
+def pose(place=(-5.0, 0.0, -0.5), yaw_rad=0.0):
+    return BarPose(np.array(place), yaw_rad, np.eye(4) * 1e-4, 0.1, np.zeros((8, 2)))
+
+
+def seen(t_s, place=(-5.0, 0.0, -0.5), **changes):
+    return Observation(t_s, LEVEL, None if place is None else pose(place), **changes)
+
+
+def ship_box(range_m, column_px=639.5):
+    """The ship's box as its area and place would be seen from a range."""
+    side_px = CAMERA.focal_px * math.sqrt(RIG.platform_width_m * RIG.superstructure_height_m) / range_m
+    return Box((column_px, 359.5), (side_px, side_px), 0.9)
 
 
 def telemetry(t_s, **changes):
     return replace(Telemetry(t_s, 0.0, 0.0, 0.0, 5.0, np.zeros(3), 80.0, 90.0, True), **changes)
 
 
-def decision(t_s, pitch=0.0, heave=0.0, place=(-5.0, 0.0, -0.5), mode=Mode.APPROACH, intent=Intent.FLY, **changes):
+def decision(t_s, pitch=0.0, heave=0.0, mode=Mode.APPROACH, intent=Intent.FLY, **changes):
     command = replace(PilotCommand(t_s, pitch, 0.0, heave, 0.0, 0.0, intent), **changes)
-    return Decision(command, mode, "reason", None if place is None else Estimate(t_s, np.array(place), 0.0))
+    return Decision(command, mode, "reason")
 
 
-def check(told, t_s=0.0, pose=True, **changes):
-    return Safety(PARAMETERS, default_rig()).check(told, seen(t_s, pose), telemetry(t_s, **changes))
+def check(asked, observation=None, t_s=0.0, **changes):
+    return made().check(asked, seen(t_s) if observation is None else observation, telemetry(t_s, **changes))
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 0.2), *[st.floats(allow_nan=True, allow_infinity=True)] * 4), max_size=30))
 def test_output_is_finite_bounded_and_slewed(cycles):
-    safety, t_s, last = Safety(PARAMETERS, default_rig()), 0.0, None
+    safety, t_s, last = made(), 0.0, None
     for dt_s, pitch, roll, heave, yaw in cycles:
         t_s += dt_s
-        told = Decision(PilotCommand(t_s, pitch, roll, heave, yaw, 0.0), Mode.SEARCH, "")
-        out = safety.check(told, seen(t_s), telemetry(t_s)).command
+        asked = Decision(PilotCommand(t_s, pitch, roll, heave, yaw, 0.0), Mode.SEARCH, "")
+        out = safety.check(asked, seen(t_s), telemetry(t_s)).command
         sticks = np.array([out.pitch_percent, out.roll_percent, out.heave_percent, out.yaw_percent])
         assert np.all(np.abs(sticks) <= PARAMETERS.max_percent)
         if last is not None:
@@ -59,41 +77,84 @@ def test_output_is_finite_bounded_and_slewed(cycles):
 
 
 def test_good_command_passes_unchanged():
-    told = decision(0.0, pitch=12.0, heave=-7.0)
-    out = check(told)
-    assert (out.command, out.mode, out.reason) == (told.command, told.mode, told.reason)
+    asked = decision(0.0, pitch=12.0, heave=-7.0)
+    out = check(asked)
+    assert (out.command, out.mode, out.reason) == (asked.command, asked.mode, asked.reason)
 
 
-def test_stale_data_holds_and_says_so():
-    safety = Safety(PARAMETERS, default_rig())
-    safety.check(decision(0.0, pitch=20.0), seen(0.0), telemetry(0.0))
+@pytest.mark.parametrize("mode", [Mode.APPROACH, Mode.TRACK_SHIP, None])
+def test_stale_data_holds_whatever_the_mode_and_says_so(mode):
+    safety = made()
+    safety.check(decision(0.0, pitch=20.0, mode=mode), seen(0.0), telemetry(0.0))
     late_s = PARAMETERS.stale_s + 0.5
-    out = safety.check(decision(late_s, pitch=20.0), seen(late_s, pose=False), telemetry(late_s))
+    out = safety.check(decision(late_s, pitch=20.0, mode=mode), seen(late_s, None), telemetry(late_s))
     assert out.command.pitch_percent == 0.0
     assert out.command.intent is Intent.HOLD
     assert "old: hold" in out.reason
 
 
+@pytest.mark.parametrize("mode", [Mode.APPROACH, Mode.TRACK_BAR, Mode.SEARCH, None])
 @pytest.mark.parametrize(
-    ("told", "changes", "axis", "words"),
+    ("asked", "observation", "changes", "axis", "words"),
     [
-        (decision(0.0, heave=-20.0, place=(-2.09, 0.0, 0.3)), {}, "heave_percent", "floor"),
-        (decision(0.0, pitch=20.0, place=(-1.0, 0.0, 0.0)), {}, "pitch_percent", "to the bar"),
-        (decision(0.0, pitch=-20.0, place=(-500.0, 0.0, 0.0)), {}, "pitch_percent", "too far"),
-        (decision(0.0, heave=20.0), {"height_m": 90.0}, "heave_percent", "too high"),
-        (decision(0.0, pitch=math.nan), {}, "pitch_percent", "not finite"),
+        ({"heave": -20.0}, seen(0.0, (-2.09, 0.0, 0.3)), {}, "heave_percent", "over the deck"),
+        ({"heave": -20.0}, seen(0.0, None, ship_box=ship_box(80.0)), {"height_m": 0.4}, "heave_percent", "take-off"),
+        ({"heave": -20.0, "intent": Intent.HOLD}, seen(0.0, None), {"height_m": None}, "heave_percent", "unknown"),
+        ({"pitch": 20.0}, seen(0.0, (-1.0, 0.0, 0.0)), {}, "pitch_percent", "to the bar"),
+        ({"pitch": -20.0}, seen(0.0, None, ship_box=ship_box(450.0)), {}, "pitch_percent", "fence: 450 m"),
+        ({"heave": 20.0}, seen(0.0), {"height_m": 90.0}, "heave_percent", "too high"),
+        ({"pitch": math.nan}, seen(0.0), {}, "pitch_percent", "not finite"),
     ],
 )
-def test_interventions_are_named(told, changes, axis, words):
-    out = check(told, **changes)
-    assert getattr(out.command, axis) == 0.0
+def test_interventions_hold_in_every_mode_and_are_named(asked, observation, changes, axis, words, mode):
+    out = check(decision(0.0, mode=mode, **asked), observation, **changes)
+    assert getattr(out.command, axis) == pytest.approx(0.0, abs=1e-9)
     assert words in out.reason
 
 
-def test_floor_lets_a_landing_through():
-    out = check(decision(0.0, heave=-50.0, place=(-2.09, 0.0, 0.6), mode=Mode.LAND, intent=Intent.LAND))
-    assert out.command.heave_percent == -50.0
+def test_the_pilots_own_estimate_is_not_believed():
+    asked = replace(decision(0.0, pitch=20.0), estimate=Estimate(0.0, np.array([-50.0, 0.0, -20.0]), 0.0))
+    out = check(asked, seen(0.0, (-1.0, 0.0, 0.0)))
+    assert out.command.pitch_percent == pytest.approx(0.0)
+
+
+def test_the_fence_holds_sideways_and_lets_the_way_back_through():
+    """The ship abeam to the right, 450 m away: no roll to the left, but to the right, and along it."""
+    heading_to_ship = seen(0.0, None, ship_box=ship_box(450.0))
+    safety = made()
+    safety.check(decision(0.0), heading_to_ship, telemetry(0.0, heading_rad=math.pi / 2))
+    nose_north = {"heading_rad": 0.0}
+    away = safety.check(decision(0.1, roll_percent=-20.0, pitch=15.0), seen(0.1, None), telemetry(0.1, **nose_north))
+    assert away.command.roll_percent == pytest.approx(0.0, abs=1e-6)
+    assert away.command.pitch_percent == pytest.approx(15.0)
+    back = safety.check(decision(0.2, roll_percent=20.0), seen(0.2, None), telemetry(0.2, **nose_north))
+    assert back.command.roll_percent == pytest.approx(20.0)
+
+
+def test_a_descent_is_stopped_before_the_floor():
+    """Full heave down from 20 m with nothing in sight: an aircraft that follows its stick within 0.3 s stays dry."""
+    safety, height_m, sink_mps, t_s = made(), 20.0, 0.0, 0.0
+    while t_s < 60.0:
+        t_s += 0.05
+        state = telemetry(t_s, height_m=height_m, velocity_in_level_mps=np.array([0.0, 0.0, sink_mps]))
+        out = safety.check(decision(t_s, heave=-100.0, intent=Intent.HOLD), seen(t_s, None), state)
+        sink_mps += 0.05 / 0.3 * (-0.01 * out.command.heave_percent - sink_mps)
+        height_m -= 0.05 * sink_mps
+    assert 0.3 < height_m < 1.2
+
+
+def test_floor_lets_a_landing_through_over_the_deck_only():
+    landing = decision(0.0, heave=-50.0, mode=None, intent=Intent.LAND)
+    assert check(landing, seen(0.0, (-2.09, 0.0, 0.6))).command.heave_percent == -50.0
+    beside = check(landing, seen(0.0, (-2.09, 1.2, 0.6)))
+    assert beside.command.heave_percent == 0.0
+    assert "floor" in beside.reason
 
 
 def test_low_battery_is_said():
     assert "battery" in check(decision(0.0), battery_percent=5.0).reason
+
+
+def test_the_command_bears_the_time_of_its_decision():
+    out = made().check(decision(math.nan), seen(3.0), telemetry(3.0))
+    assert out.command.t_s == 3.0

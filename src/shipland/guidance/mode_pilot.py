@@ -119,7 +119,8 @@ class ModePilot:
 
     def _with_direction(self, state: PilotState, observation: Observation, telemetry: Telemetry) -> PilotState:
         """Remember the compass, and the direction in which the target is seen."""
-        headings = state.headings.with_sample(telemetry.t_s, telemetry.heading_rad)
+        heading_s = telemetry.t_s if telemetry.heading_t_s is None else telemetry.heading_t_s
+        headings = state.headings.with_sample(heading_s, telemetry.heading_rad)
         box = observation.bar_box or observation.ship_box
         if observation.bar_pose is not None:
             column_px = float(np.mean(observation.bar_pose.corners_px[:, 0]))

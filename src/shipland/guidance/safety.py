@@ -1,13 +1,25 @@
-"""What stands between every pilot and the vehicle: bounds, slew, stale data, fence, floor. Outside every pilot."""
+"""What stands between every pilot and the vehicle: bounds, slew, stale data, fence, floor.
+
+Outside every pilot: places come from its own estimate, what a command is for from its intent; the pilot's estimate and
+mode are never used.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from shipland.camera import Camera
 from shipland.config import require
-from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.frames import Array
+from shipland.guidance.safety_estimate import SafetyEstimate, SafetyEstimator
+from shipland.messages import Decision, Intent, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
+
+_LOOK_AHEAD_S = 0.5
+"""A descent is stopped so much earlier: the stick's slew, the uplink and the vehicle's braking."""
 
 
 @dataclass(frozen=True)
@@ -17,8 +29,9 @@ class SafetyParameters:
     Attributes:
         max_percent: bound on each stick.
         slew_percent_per_s: bound on each stick's rate.
-        stale_s: data older than this while a mode flies on vision turns the sticks to zero.
-        floor_m: least height of the aircraft's centre over the neutral deck unless landing.
+        stale_s: a command with intent FLY on data older than this is turned to zero sticks; older places are not used.
+        floor_m: least height of the aircraft's centre over the neutral deck unless landing on it.
+        floor_height_m: least height over the take-off point, where the deck's is not known.
         bar_clearance_m: least distance of the aircraft's centre to the bar's plane.
         fence_distance_m: greatest distance to the bar.
         fence_height_m: greatest height over the take-off point.
@@ -29,6 +42,7 @@ class SafetyParameters:
     slew_percent_per_s: float
     stale_s: float
     floor_m: float
+    floor_height_m: float
     bar_clearance_m: float
     fence_distance_m: float
     fence_height_m: float
@@ -37,65 +51,101 @@ class SafetyParameters:
     def __post_init__(self) -> None:
         require(0.0 < self.max_percent <= 100.0, "max_percent must be in (0, 100]")
         require(self.slew_percent_per_s > 0.0, "slew_percent_per_s must be positive")
+        require(self.fence_distance_m > self.bar_clearance_m, "fence_distance_m > bar_clearance_m must hold")
+        require(self.fence_height_m > self.floor_height_m, "fence_height_m > floor_height_m must hold")
 
 
 class Safety:
-    """Bounds every command; each intervention is named in the decision's reason."""
+    """Bounds every command; each intervention is named in the decision's reason.
 
-    def __init__(self, parameters: SafetyParameters, rig: Rig) -> None:
+    Args:
+        parameters: the bounds.
+        rig: dimensions, for the deck's place and for ranges from boxes.
+        camera: intrinsics, for ranges from boxes.
+        camera_in_body_m: (3,) the camera's optical centre.
+    """
+
+    def __init__(self, parameters: SafetyParameters, rig: Rig, camera: Camera, camera_in_body_m: Array) -> None:
         self._parameters = parameters
-        self._deck_down_m = float(rig.deck_in_bar_m[2])
+        self._deck_in_bar_m = rig.deck_in_bar_m
+        self._half_deck_m = 0.5 * rig.deck_size_m
+        self._estimator = SafetyEstimator(rig, camera, camera_in_body_m)
+        self._estimate = SafetyEstimate()
         self._last: PilotCommand | None = None
-        self._fresh_s = -math.inf
+
+    @property
+    def estimate(self) -> SafetyEstimate:
+        """What the safety knows of the aircraft's place."""
+        return self._estimate
 
     def check(self, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:
         """The decision with its command made safe; never raises."""
-        command, notes = decision.command, []
-        if not all(map(math.isfinite, _sticks(command))) or not math.isfinite(command.gimbal_pitch_rad):
-            gimbal_rad = command.gimbal_pitch_rad if math.isfinite(command.gimbal_pitch_rad) else 0.0
+        self._estimate = self._estimator.updated(self._estimate, observation, telemetry)
+        command, notes = replace(decision.command, t_s=telemetry.t_s), list[str]()
+        if not all(map(math.isfinite, (*_sticks(command), command.gimbal_pitch_rad))):
+            before_rad = 0.0 if self._last is None else self._last.gimbal_pitch_rad
+            gimbal_rad = command.gimbal_pitch_rad if math.isfinite(command.gimbal_pitch_rad) else before_rad
             command, notes = PilotCommand.hold(command.t_s, gimbal_rad), ["command not finite: hold"]
-        if observation.bar_pose or observation.bar_box or observation.ship_box:
-            self._fresh_s = observation.t_s
-        stale_s = telemetry.t_s - self._fresh_s
-        if decision.mode in _VISUAL_MODES and stale_s > self._parameters.stale_s:
+        stale_s = telemetry.t_s - self._estimate.seen_s
+        if command.intent is Intent.FLY and stale_s > self._parameters.stale_s and any(_sticks(command)):
             command = PilotCommand.hold(command.t_s, command.gimbal_pitch_rad)
-            notes.append(f"data {stale_s:.1f} s old: hold")
-        command = self._fence(command, decision, telemetry, notes)
-        command = self._limit(command)
+            notes.append(f"data {stale_s:.1f} s old: hold" if math.isfinite(stale_s) else "nothing seen yet: hold")
+        command = self._bounded_height(command, telemetry, notes)
+        command = self._bounded_place(command, telemetry.t_s, notes)
+        command = self._limited(command)
         self._last = command
         battery = telemetry.battery_percent
         if battery is not None and battery < self._parameters.low_battery_percent:
             notes.append(f"battery at {battery:.0f} %")
-        reason = "; ".join([decision.reason, *notes]) if notes else decision.reason
+        reason = "; ".join(text for text in (decision.reason, *notes) if text)
         return replace(decision, command=command, reason=reason)
 
-    def _fence(self, command: PilotCommand, decision: Decision, telemetry: Telemetry, notes: list[str]) -> PilotCommand:
-        limits, place_m = self._parameters, None
-        if decision.estimate is not None:
-            place_m = decision.estimate.aircraft_in_bar_m
-        if (
-            telemetry.height_m is not None
-            and telemetry.height_m > limits.fence_height_m
-            and command.heave_percent > 0.0
-        ):
-            command = replace(command, heave_percent=0.0)
+    def _bounded_height(self, command: PilotCommand, telemetry: Telemetry, notes: list[str]) -> PilotCommand:
+        """No climb above the fence, no descent below the floor unless over the deck to land on it."""
+        limits, estimate, t_s = self._parameters, self._estimate, telemetry.t_s
+        height_m = estimate.height_at(t_s, limits.stale_s)
+        over_deck_m = estimate.over_deck_at(t_s, limits.stale_s)
+        if command.heave_percent > 0.0:
+            if height_m is None or height_m <= limits.fence_height_m:
+                return command
             notes.append("fence: too high")
+        elif command.heave_percent < 0.0:
+            if command.intent is Intent.LAND and self._over_deck(t_s):
+                return command
+            drop_m = _LOOK_AHEAD_S * estimate.sink_mps
+            if over_deck_m is not None:
+                if over_deck_m - drop_m >= limits.floor_m:
+                    return command
+                notes.append(f"floor: {over_deck_m:.2f} m over the deck")
+            elif height_m is not None:
+                if height_m - drop_m >= limits.floor_height_m:
+                    return command
+                notes.append(f"floor: {height_m:.2f} m over the take-off point")
+            else:
+                notes.append("floor: height unknown")
+        return replace(command, heave_percent=0.0)
+
+    def _over_deck(self, t_s: float) -> bool:
+        place_m = self._estimate.place_at(t_s, self._parameters.stale_s)
         if place_m is None:
-            return command
-        over_deck_m = self._deck_down_m - float(place_m[2])
-        landing = command.intent is Intent.LAND
-        if not landing and over_deck_m < limits.floor_m and command.heave_percent < 0.0:
-            command = replace(command, heave_percent=0.0)
-            notes.append(f"floor: {over_deck_m:.2f} m over the deck")
-        if -float(place_m[0]) < limits.bar_clearance_m and command.pitch_percent > 0.0:
-            command = replace(command, pitch_percent=0.0)
-            notes.append(f"{-float(place_m[0]):.2f} m to the bar")
-        if -float(place_m[0]) > limits.fence_distance_m and command.pitch_percent < 0.0:
-            command = replace(command, pitch_percent=0.0)
-            notes.append("fence: too far")
+            return False
+        return bool(np.max(np.abs((place_m - self._deck_in_bar_m)[:2])) <= self._half_deck_m)
+
+    def _bounded_place(self, command: PilotCommand, t_s: float, notes: list[str]) -> PilotCommand:
+        """No way towards a bar that is too near, none away from one that is too far."""
+        limits, estimate = self._parameters, self._estimate
+        place_m = estimate.place_at(t_s, limits.stale_s)
+        distance_m, to_bar = estimate.bar_in_level()
+        if place_m is not None and -float(place_m[0]) < limits.bar_clearance_m:
+            forward = np.array([math.cos(estimate.yaw_rad), -math.sin(estimate.yaw_rad)])
+            command = _without(command, forward, f"{-float(place_m[0]):.2f} m to the bar", notes)
+        elif distance_m < limits.bar_clearance_m:
+            command = _without(command, to_bar, f"{distance_m:.2f} m to the bar", notes)
+        if distance_m > limits.fence_distance_m:
+            command = _without(command, -to_bar, f"fence: {distance_m:.0f} m from the bar", notes)
         return command
 
-    def _limit(self, command: PilotCommand) -> PilotCommand:
+    def _limited(self, command: PilotCommand) -> PilotCommand:
         limit = self._parameters.max_percent
         sticks = [max(-limit, min(limit, stick)) for stick in _sticks(command)]
         if self._last is not None:
@@ -108,7 +158,17 @@ class Safety:
         return replace(command, pitch_percent=pitch, roll_percent=roll, heave_percent=heave, yaw_percent=yaw)
 
 
-_VISUAL_MODES = (Mode.APPROACH, Mode.TRACK_BAR, Mode.TRACK_SHIP)
+def _without(command: PilotCommand, direction: Array, note: str, notes: list[str]) -> PilotCommand:
+    """The command without its part along a horizontal unit vector (2,) in `level`; unchanged where it has none."""
+    along = float(direction[0]) * command.pitch_percent + float(direction[1]) * command.roll_percent
+    if along <= 0.0:
+        return command
+    notes.append(note)
+    return replace(
+        command,
+        pitch_percent=command.pitch_percent - along * float(direction[0]),
+        roll_percent=command.roll_percent - along * float(direction[1]),
+    )
 
 
 def _sticks(command: PilotCommand) -> tuple[float, float, float, float]:

@@ -68,7 +68,8 @@ def build_crew(
     if scenario.follow.enabled:
         flier = DeckFollower(flier, vehicle, math.radians(scenario.aircraft.settings.max_tilt_deg), scenario.follow)
     sees = factories.resolve("visions", vision)(VisionSetup(scenario, vehicle.camera, vehicle, near_rng, far_rng))
-    return Crew(sees, flier, Safety(scenario.safety, scenario.rig), scenario.delays)
+    safety = Safety(scenario.safety, scenario.rig, vehicle.camera, np.array(scenario.camera.position_in_body_m))
+    return Crew(sees, flier, safety, scenario.delays)
 
 
 def drawn_ship(scenario: Scenario, seed: int) -> Ship:

@@ -214,7 +214,8 @@ def fly_far(case: FarCase, overlay: dict[str, Any] | None = None) -> FarTrace:
     eyes = TrueBoxes(vehicle, scenario.rig, case.noise_px, np.random.default_rng([case.seed, 1]))
     pilot = FarPilot(scenario, case, vehicle.camera)
     records: list[FlightRecord] = []
-    crew = Crew(eyes, pilot, Safety(scenario.safety, scenario.rig), scenario.delays)
+    safety = Safety(scenario.safety, scenario.rig, vehicle.camera, np.array(scenario.camera.position_in_body_m))
+    crew = Crew(eyes, pilot, safety, scenario.delays)
     result = fly(vehicle, crew, case.duration_s, lambda: 0.0, records.append)
     return _trace(records, scenario, vehicle.camera, result.reason)
 

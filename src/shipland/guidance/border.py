@@ -1,0 +1,162 @@
+"""The border of the loop: what comes from vehicle and vision is finite, plausible and in order of time, or refused.
+
+Refusing never stops a flight: a value becomes None, a picture an observation without content, a time the last good
+one, and the reason says so. What is within range and wrong is for filters and gates behind this border.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.messages import BarPose, Box, Frame, GimbalAttitude, Observation, Telemetry
+
+_LEVEL = GimbalAttitude(0.0, 0.0)
+_LEAP_S = 5.0
+"""A clock that goes further between two readings has leapt; a picture older than this is not flown on."""
+_AHEAD_S = 0.1
+"""Nothing was true later than it was received, but for rounding and clocks a little apart."""
+_FARTHEST_M = 200.0
+"""Corners cannot be measured from farther away."""
+_HIGHEST_M, _FASTEST_MPS, _WIDEST_RAD = 10_000.0, 100.0, 4.0 * math.pi
+_STEEPEST_RAD = 0.6 * math.pi
+
+
+@dataclass(frozen=True)
+class Border:
+    """What the border remembers.
+
+    Attributes:
+        now_s: the last good time; None before the first.
+        exposure_s: the newest exposure that was admitted.
+        gimbal: its camera attitude.
+        suspect_s: a time that was refused last: a clock that goes on from there has really leapt.
+    """
+
+    now_s: float | None = None
+    exposure_s: float = -math.inf
+    gimbal: GimbalAttitude = _LEVEL
+    suspect_s: float | None = None
+
+    def at_receipt(self, frame: Frame, t_s: float) -> Border:
+        """After the receipt of a frame at `t_s` by the vehicle's clock."""
+        fits_frame = math.isfinite(t_s) and (not math.isfinite(frame.t_s) or abs(t_s - frame.t_s) <= 2.0 * _LEAP_S)
+        if self.now_s is None:
+            return replace(self, now_s=t_s) if fits_frame and math.isfinite(frame.t_s) else self
+        if math.isfinite(t_s) and 0.0 <= t_s - self.now_s <= _LEAP_S:
+            return replace(self, now_s=t_s, suspect_s=None)
+        if self.suspect_s is not None and fits_frame and 0.0 < t_s - self.suspect_s <= _LEAP_S:
+            return Border(now_s=t_s, gimbal=self.gimbal)
+        return replace(self, suspect_s=t_s if math.isfinite(t_s) else self.suspect_s)
+
+    def at_decision(self, t_s: float, asked_s: float) -> Border:
+        """When the command is decided, at `t_s` by the vehicle's clock; `asked_s` [s] where that is no good time."""
+        good = math.isfinite(t_s) and self.now_s is not None and 0.0 <= t_s - self.now_s <= 2.0 * _LEAP_S
+        return replace(self, now_s=t_s if good else asked_s)
+
+    def frame(self, frame: Frame) -> tuple[Border, Frame, str]:
+        """The frame, and why it is not looked at; empty when it is. Of a refused one time and gimbal are the last's."""
+        now_s = 0.0 if self.now_s is None else self.now_s
+        reason = ""
+        if not math.isfinite(frame.t_s) or frame.t_s > now_s + _AHEAD_S:
+            reason = "exposure time refused"
+        elif frame.t_s < self.exposure_s:
+            reason = "picture older than the last"
+        elif now_s - frame.t_s > _LEAP_S:
+            reason = f"picture {now_s - frame.t_s:.0f} s old"
+        elif not _plausible_gimbal(frame.gimbal):
+            reason = "gimbal attitude refused"
+        if not reason:
+            return replace(self, exposure_s=frame.t_s, gimbal=frame.gimbal), frame, ""
+        t_s = self.exposure_s if math.isfinite(self.exposure_s) else now_s
+        return self, replace(frame, t_s=t_s, gimbal=self.gimbal), reason
+
+    def observation(self, observation: Observation, frame: Frame, camera: Camera) -> Observation:
+        """The observation without what is not finite or cannot be; its reason says what was refused."""
+        pose, bar, ship, refused = observation.bar_pose, observation.bar_box, observation.ship_box, list[str]()
+        late_s = frame.t_s - observation.t_s
+        if not (math.isfinite(late_s) and -1e-9 <= late_s <= _LEAP_S):
+            pose = bar = ship = None
+            refused.append("time of the observation refused")
+            observation = replace(observation, t_s=frame.t_s)
+        if not _plausible_gimbal(observation.gimbal):
+            pose = bar = ship = None
+            refused.append("gimbal attitude refused")
+            observation = replace(observation, gimbal=self.gimbal)
+        if pose is not None and not _plausible_pose(pose):
+            pose = None
+            refused.append("pose refused: not finite or out of range")
+        if bar is not None and not _plausible_box(bar, camera):
+            bar = None
+            refused.append("bar's box refused: not finite or out of range")
+        if ship is not None and not _plausible_box(ship, camera):
+            ship = None
+            refused.append("ship's box refused: not finite or out of range")
+        if not refused:
+            return observation
+        reason = "; ".join(text for text in (observation.reason, *refused) if text)
+        return replace(observation, bar_pose=pose, bar_box=bar, ship_box=ship, reason=reason)
+
+    def telemetry(self, telemetry: Telemetry) -> tuple[Telemetry, str]:
+        """The telemetry at the border's time, None for what is refused, and what that is."""
+        now_s = telemetry.t_s if self.now_s is None else self.now_s
+        parts = {
+            "roll": (telemetry.roll_rad, telemetry.attitude_t_s, _WIDEST_RAD),
+            "pitch": (telemetry.pitch_rad, telemetry.attitude_t_s, _WIDEST_RAD),
+            "heading": (telemetry.heading_rad, telemetry.heading_t_s, _WIDEST_RAD),
+            "height": (telemetry.height_m, telemetry.height_t_s, _HIGHEST_M),
+            "velocity": (telemetry.velocity_in_level_mps, telemetry.velocity_t_s, _FASTEST_MPS),
+            "battery": (telemetry.battery_percent, None, 100.0),
+            "link": (telemetry.link_percent, None, 100.0),
+        }
+        refused = [
+            name
+            for name, (value, t_s, limit) in parts.items()
+            if value is not None and not (np.all(np.abs(value) <= limit) and _timely(t_s, now_s))
+        ]
+        if not refused and telemetry.t_s == now_s:
+            return telemetry, ""
+        admitted = replace(
+            telemetry,
+            t_s=now_s,
+            roll_rad=None if "roll" in refused else telemetry.roll_rad,
+            pitch_rad=None if "pitch" in refused else telemetry.pitch_rad,
+            heading_rad=None if "heading" in refused else telemetry.heading_rad,
+            height_m=None if "height" in refused else telemetry.height_m,
+            velocity_in_level_mps=None if "velocity" in refused else telemetry.velocity_in_level_mps,
+            battery_percent=None if "battery" in refused else telemetry.battery_percent,
+            link_percent=None if "link" in refused else telemetry.link_percent,
+            attitude_t_s=telemetry.attitude_t_s if _timely(telemetry.attitude_t_s, now_s) else None,
+            heading_t_s=telemetry.heading_t_s if _timely(telemetry.heading_t_s, now_s) else None,
+            height_t_s=telemetry.height_t_s if _timely(telemetry.height_t_s, now_s) else None,
+            velocity_t_s=telemetry.velocity_t_s if _timely(telemetry.velocity_t_s, now_s) else None,
+        )
+        return admitted, f"telemetry refused: {', '.join(refused)}" if refused else ""
+
+
+def _timely(t_s: float | None, now_s: float) -> bool:
+    return t_s is None or (math.isfinite(t_s) and -_AHEAD_S <= now_s - t_s <= _LEAP_S)
+
+
+def _plausible_gimbal(gimbal: GimbalAttitude) -> bool:
+    return abs(gimbal.roll_rad) <= _STEEPEST_RAD and abs(gimbal.pitch_rad) <= _STEEPEST_RAD and abs(gimbal.yaw_rad) <= 7
+
+
+def _plausible_pose(pose: BarPose) -> bool:
+    return bool(
+        np.all(np.abs(pose.position_in_bar_m) <= _FARTHEST_M)
+        and abs(pose.yaw_rad) <= _WIDEST_RAD
+        and np.all(np.abs(pose.covariance) <= _FARTHEST_M**2)
+        and np.all(np.diag(pose.covariance) >= 0.0)
+        and np.all(np.abs(pose.corners_px) <= 1e5)
+    )
+
+
+def _plausible_box(box: Box, camera: Camera) -> bool:
+    return all(
+        abs(centre - 0.5 * side) <= side and 0.0 < size <= 2.0 * side
+        for centre, size, side in zip(box.centre_px, box.size_px, (camera.width_px, camera.height_px), strict=True)
+    )

@@ -1,0 +1,89 @@
+"""The border: what is not finite or cannot be is refused and named, the rest goes through untouched."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shipland.camera import Camera
+from shipland.guidance.border import Border
+from shipland.messages import BarPose, Box, Frame, GimbalAttitude, Observation, Telemetry
+
+CAMERA = Camera.from_fov(1280, 720, 69.0)
+LEVEL = GimbalAttitude(0.0, -0.1)
+FRAME = Frame(9.8, None, LEVEL)
+POSE = BarPose(np.array([-9.0, 0.5, -0.4]), 0.1, np.eye(4) * 1e-4, 0.1, np.full((8, 2), 300.0))
+BOX = Box((640.0, 300.0), (40.0, 30.0), 0.9)
+SEEN = Observation(9.8, LEVEL, POSE, BOX, BOX)
+TELEMETRY = Telemetry(10.0, 0.01, 0.02, 1.0, 5.0, np.array([1.0, 0.0, 0.0]), 90.0, 80.0, True)
+AT_10_S = Border(now_s=10.0, exposure_s=9.7, gimbal=LEVEL)
+BAD = (math.nan, math.inf, -math.inf, 1e9, -1e9)
+
+
+def test_good_data_goes_through_untouched():
+    assert AT_10_S.observation(SEEN, FRAME, CAMERA) is SEEN
+    assert AT_10_S.telemetry(TELEMETRY) == (TELEMETRY, "")
+    border, frame, refused = AT_10_S.frame(FRAME)
+    assert (frame, refused, border.exposure_s) == (FRAME, "", 9.8)
+
+
+@pytest.mark.parametrize("value", BAD)
+def test_a_pose_that_cannot_be_is_refused_and_the_boxes_stay(value):
+    for name in ("position_in_bar_m", "covariance", "corners_px"):
+        spoiled = getattr(POSE, name).copy()
+        spoiled.flat[1] = value
+        seen = AT_10_S.observation(replace(SEEN, bar_pose=replace(POSE, **{name: spoiled})), FRAME, CAMERA)
+        assert seen.bar_pose is None
+        assert "pose refused" in seen.reason
+        assert seen.bar_box is BOX
+    assert AT_10_S.observation(replace(SEEN, bar_pose=replace(POSE, yaw_rad=value)), FRAME, CAMERA).bar_pose is None
+
+
+@pytest.mark.parametrize("value", BAD)
+def test_boxes_times_and_gimbals_that_cannot_be_are_refused(value):
+    for box in (replace(BOX, centre_px=(640.0, value)), replace(BOX, size_px=(value, 30.0))):
+        seen = AT_10_S.observation(replace(SEEN, ship_box=box), FRAME, CAMERA)
+        assert seen.ship_box is None
+        assert seen.bar_pose is POSE
+    late = AT_10_S.observation(replace(SEEN, t_s=value), FRAME, CAMERA)
+    assert (late.t_s, late.bar_pose, late.bar_box) == (9.8, None, None)
+    tilted = AT_10_S.observation(replace(SEEN, gimbal=GimbalAttitude(0.0, value)), FRAME, CAMERA)
+    assert (tilted.gimbal, tilted.bar_pose) == (LEVEL, None)
+    _, frame, refused = AT_10_S.frame(replace(FRAME, gimbal=GimbalAttitude(value, 0.0)))
+    assert "gimbal" in refused
+    assert frame.gimbal == LEVEL
+
+
+@pytest.mark.parametrize("value", BAD)
+def test_telemetry_that_cannot_be_becomes_none_and_is_named(value):
+    for name, word in (("heading_rad", "heading"), ("height_m", "height"), ("roll_rad", "roll")):
+        told, refused = AT_10_S.telemetry(replace(TELEMETRY, **{name: value}))
+        assert getattr(told, name) is None
+        assert refused == f"telemetry refused: {word}"
+        assert told.battery_percent == 90.0
+    told, refused = AT_10_S.telemetry(replace(TELEMETRY, velocity_in_level_mps=np.array([0.0, value, 0.0])))
+    assert told.velocity_in_level_mps is None
+    told, refused = AT_10_S.telemetry(replace(TELEMETRY, heading_t_s=value))
+    assert (told.heading_rad, told.heading_t_s) == (None, None)
+    told, _ = AT_10_S.telemetry(replace(TELEMETRY, t_s=value))
+    assert told.t_s == 10.0
+
+
+@pytest.mark.parametrize("value", [*BAD, 2.0])
+def test_a_time_that_leaps_alone_is_refused_and_a_clock_that_goes_on_from_there_is_believed(value):
+    once = AT_10_S.at_receipt(FRAME, value)
+    assert once.now_s == 10.0
+    assert once.at_receipt(FRAME, 10.1).now_s == 10.1
+    assert once.at_receipt(FRAME, value).now_s == 10.0  # the same number twice is no clock
+    if math.isfinite(value):
+        moved = once.at_receipt(replace(FRAME, t_s=value - 0.2), value + 0.1)
+        assert moved.now_s == value + 0.1
+        assert moved.frame(replace(FRAME, t_s=value - 0.1))[2] == ""
+
+
+def test_a_picture_from_the_past_or_the_future_is_not_looked_at():
+    for t_s, words in ((9.5, "older than the last"), (12.0, "time refused"), (math.nan, "time refused")):
+        border, frame, refused = AT_10_S.frame(replace(FRAME, t_s=t_s))
+        assert words in refused
+        assert frame.t_s == border.exposure_s == 9.7
