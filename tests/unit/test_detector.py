@@ -238,7 +238,7 @@ class Stage:
 
 def test_a_box_is_believed_after_some_hits_and_only_where_it_is_seen(camera):
     stage = Stage(camera)
-    need = stage.parameters.confirm_hits
+    need = stage.parameters.ship.confirm_hits
     seen = [stage.see([ship_at(600, 350)]).ship_box for _ in range(need)]
     assert seen[:-1] == [None] * (need - 1)
     assert seen[-1].centre_px == (600, 350)
@@ -258,7 +258,7 @@ def test_a_flash_is_never_believed(camera):
 
 def test_tracking_looks_at_tiles(camera):
     stage = Stage(camera)
-    need = stage.parameters.confirm_hits
+    need = stage.parameters.ship.confirm_hits
     for number in range(need + stage.parameters.recheck_frames):
         stage.see([ship_at(600 + number, 370, confidence=0.97)])
     assert stage.ship.whole_frames == need
@@ -270,7 +270,7 @@ def test_a_steady_drift_is_followed(camera):
     """120 px/s across the frame: 12 px a frame, the whole way."""
     stage = Stage(camera)
     seen = [stage.see([ship_at(100 + 12 * number, 350)]).ship_box for number in range(60)]
-    assert all(box is not None for box in seen[stage.parameters.confirm_hits - 1 :])
+    assert all(box is not None for box in seen[stage.parameters.ship.confirm_hits - 1 :])
 
 
 def test_a_gimbal_step_is_taken_out(camera):
@@ -279,7 +279,7 @@ def test_a_gimbal_step_is_taken_out(camera):
     pitch, row = -0.8, 100.0
     for number in range(18):
         seen = stage.see([ship_at(640, row)], pitch_rad=pitch).ship_box
-        assert (seen is not None) == (number >= stage.parameters.confirm_hits - 1)
+        assert (seen is not None) == (number >= stage.parameters.ship.confirm_hits - 1)
         if number >= 6:
             pitch += 0.05
             row += 0.05 * camera.focal_px
@@ -291,7 +291,7 @@ def test_a_lost_track_starts_again_from_nothing(camera):
         stage.see([ship_at(600, 350)])
     for _ in range(stage.parameters.lost_frames):
         stage.see()
-    again = [stage.see([ship_at(200, 500)]).ship_box for _ in range(stage.parameters.confirm_hits)]
+    again = [stage.see([ship_at(200, 500)]).ship_box for _ in range(stage.parameters.ship.confirm_hits)]
     assert again[0] is None
     assert again[-1] is not None
 
@@ -317,14 +317,14 @@ def test_a_much_surer_ship_elsewhere_takes_over(camera):
 def test_middling_boxes_are_never_believed_and_faint_ones_in_time(camera):
     """Evidence counts: at neutral confidence it never gathers, just above it does, and a sure box needs the least."""
     stage = Stage(camera)
-    neutral = stage.parameters.neutral_confidence
+    neutral = stage.parameters.ship.neutral_confidence
     assert all(stage.see([ship_at(600, 370, confidence=neutral)]).ship_box is None for _ in range(60))
     first = []
     for confidence in (neutral + 0.1, 0.97):
         stage = Stage(camera)
         seen = [stage.see([ship_at(600, 370, confidence=confidence)]).ship_box is not None for _ in range(60)]
         first.append(seen.index(True))
-    assert first[1] == stage.parameters.confirm_hits - 1 < first[0]
+    assert first[1] == stage.parameters.ship.confirm_hits - 1 < first[0]
 
 
 def test_what_stands_above_the_horizon_is_no_ship(camera):
@@ -338,7 +338,7 @@ def test_what_stands_above_the_horizon_is_no_ship(camera):
 def test_the_surest_of_several_candidates_is_taken(camera):
     stage = Stage(camera)
     boxes = [ship_at(200, 400, confidence=0.75), ship_at(900, 400, confidence=0.95), ship_at(500, 500, confidence=0.8)]
-    seen = [stage.see(boxes).ship_box for _ in range(stage.parameters.confirm_hits)]
+    seen = [stage.see(boxes).ship_box for _ in range(stage.parameters.ship.confirm_hits)]
     assert seen[-1].centre_px == (900, 400)
 
 

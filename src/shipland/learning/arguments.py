@@ -97,6 +97,7 @@ class EvaluateArguments:
         precision: auto, bf16 or fp32.
         threads: CPU threads of each process.
         workers: processes that draw and look at fresh scenes.
+        keep_boxes: search every frame whole and keep its boxes in scenes.jsonl, for tools/tune_confirmation.py.
         config: TOML laid over the packaged settings.
     """
 
@@ -112,4 +113,5 @@ class EvaluateArguments:
     precision: Literal["auto", "bf16", "fp32"] = "auto"
     threads: int = 0
     workers: int = 1
+    keep_boxes: bool = False
     config: Path | None = None

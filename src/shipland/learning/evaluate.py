@@ -294,7 +294,7 @@ def look_at_scenes(
             draw_shot(number, arguments.kind, scene_parameters, camera, rig, synth, arguments.seed)
             for number in numbers
         ]
-        return [_look(shot, scene, camera, rig, synth, detector, settings, arguments.frames) for shot in shots]
+        return [_look(shot, scene, camera, rig, synth, detector, settings, arguments) for shot in shots]
     finally:
         scene.close()
 
@@ -321,7 +321,7 @@ def _look(
     synth: SynthParameters,
     detector: Detector,
     settings: DetectorParameters,
-    frames: int,
+    arguments: EvaluateArguments,
 ) -> SceneRecord:
     detector = _FirstLook(detector)
     far = FarVision(
@@ -331,6 +331,8 @@ def _look(
     first: BoxRow | None = None
     boxes: tuple[SureBox, ...] = ()
     told: list[tuple[BoxRow | None, SureBox | None]] = []
+    kept: list[tuple[SureBox, ...]] = []
+    frames = arguments.frames
     for number in range(max(frames, 1)):
         t_s = FRAME_S * number
         drawn, edges = draw(shot, t_s, scene, camera, rig, synth)
@@ -343,13 +345,26 @@ def _look(
         if number == 0:
             first = target
             boxes = tuple(row for row in _rows(detector.detect(picture, LEAST_CONFIDENCE)) if not _over(row, partly))
+        if arguments.keep_boxes:
+            found = detector.detect(picture, LEAST_CONFIDENCE)
+            kept.append(tuple(row for row in _rows(found) if not _over(row, partly)))
         if frames > 0:
             gimbal = GimbalAttitude(shot.roll_rad, shot.pitch_rad)
             seen = far.see(Frame(t_s, picture, gimbal))
             box = seen.ship_box if shot.kind == "ship" else seen.bar_box
             row = None if box is None else _rows([box])[0]
             told.append((target, None if row is None or _over(row, partly) else row))
-    return SceneRecord(shot.number, shot.range_m, shot.visibility_m, len(shot.decoys), first, boxes, tuple(told))
+    return SceneRecord(
+        shot.number,
+        shot.range_m,
+        shot.visibility_m,
+        len(shot.decoys),
+        first,
+        boxes,
+        tuple(told),
+        (shot.roll_rad, shot.pitch_rad),
+        tuple(kept),
+    )
 
 
 def _row(edges: NearestBox) -> BoxRow:

@@ -34,6 +34,8 @@ class SceneRecord:
         target: the target's box in the first frame; None where it is not to be seen.
         boxes: all boxes of the first frame, down to a low confidence.
         told: for each frame the target's box and the box that a believed track gave.
+        gimbal_rad: roll and pitch of the camera.
+        frames: all boxes of every frame, down to a low confidence, where they were kept.
     """
 
     number: int
@@ -43,6 +45,8 @@ class SceneRecord:
     target: BoxRow | None
     boxes: tuple[SureBox, ...]
     told: tuple[tuple[BoxRow | None, SureBox | None], ...] = ()
+    gimbal_rad: tuple[float, float] = (0.0, 0.0)
+    frames: tuple[tuple[SureBox, ...], ...] = ()
 
     def to_json(self) -> str:
         """One line of JSON."""

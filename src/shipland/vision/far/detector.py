@@ -24,6 +24,37 @@ Picture = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
+class Confirmation:
+    """When a candidate is believed (`[detector.ship]`, `[detector.bar]`).
+
+    Attributes:
+        start_confidence: least confidence that starts a candidate, on the whole frame.
+        track_confidence: least confidence that continues one, or the target.
+        confirm_hits, confirm_frames: a track is believed after so many hits in so many frames, and enough evidence.
+        neutral_confidence: a box of this confidence, where the track expects it, speaks neither for nor against.
+        believe_evidence: log-odds above neutral that a track must gather.
+        most_evidence: log-odds that it can gather at most.
+        miss_evidence: log-odds that a frame without a box takes away.
+    """
+
+    start_confidence: float
+    track_confidence: float
+    confirm_hits: int
+    confirm_frames: int
+    neutral_confidence: float
+    believe_evidence: float
+    most_evidence: float
+    miss_evidence: float
+
+    def __post_init__(self) -> None:
+        for name in ("start_confidence", "track_confidence", "neutral_confidence"):
+            require(0.0 < getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1, got {getattr(self, name)}")
+        require(1 <= self.confirm_hits <= self.confirm_frames, "confirm_hits must lie in 1 … confirm_frames")
+        require(0.0 <= self.believe_evidence <= self.most_evidence, "believe_evidence must lie in 0 … most_evidence")
+        require(self.miss_evidence >= 0.0, "miss_evidence must not be negative")
+
+
+@dataclass(frozen=True)
 class DetectorParameters:
     """How the far detectors run (`[detector]` in configs/learning.toml).
 
@@ -32,19 +63,14 @@ class DetectorParameters:
         runtime: auto, openvino or onnxruntime.
         precision: auto, bf16 or fp32.
         threads: CPU threads; 0 leaves it to the runtime.
-        acquire_confidence: least confidence that starts a candidate, on the whole frame.
-        track_confidence: least confidence that continues one, or the target.
+        acquire_confidence: least confidence of a box in a single picture, where nothing else is known.
+        ship, bar: when a candidate is believed.
         max_iou: overlap above which the less confident of two boxes goes.
         tile_min_px, tile_max_px: side of the square tile around a track, multiples of 32.
         tile_per_target: the tile's side over the target's longer side, at least.
         gate_px, gate_px_s, gate_sizes: a track takes a box whose centre lies within gate_px + gate_px_s × the time
             since its last box + gate_sizes × its longer side.
         gate_growth: largest ratio of the sides of two boxes one frame apart that a track takes.
-        confirm_hits, confirm_frames: a track is believed after so many hits in so many frames, and enough evidence.
-        neutral_confidence: a box of this confidence speaks neither for nor against.
-        believe_evidence: log-odds above neutral that a track must gather.
-        most_evidence: log-odds that it can gather at most.
-        miss_evidence: log-odds that a frame without a box takes away.
         most_candidates: candidates at a time.
         horizon_margin_deg: how far above the horizon the foot of a ship may seem to lie: the gimbal's error.
         ship_rise, bar_rise: how far above the horizon the box's middle may lie besides, in its own longer sides;
@@ -66,7 +92,8 @@ class DetectorParameters:
     precision: Precision
     threads: int
     acquire_confidence: float
-    track_confidence: float
+    ship: Confirmation
+    bar: Confirmation
     max_iou: float
     tile_min_px: int
     tile_max_px: int
@@ -75,12 +102,6 @@ class DetectorParameters:
     gate_px_s: float
     gate_sizes: float
     gate_growth: float
-    confirm_hits: int
-    confirm_frames: int
-    neutral_confidence: float
-    believe_evidence: float
-    most_evidence: float
-    miss_evidence: float
     most_candidates: int
     horizon_margin_deg: float
     ship_rise: float
@@ -96,7 +117,7 @@ class DetectorParameters:
     velocity_gain: float
 
     def __post_init__(self) -> None:
-        shares = "acquire_confidence track_confidence neutral_confidence sure_confidence max_iou velocity_gain"
+        shares = "acquire_confidence sure_confidence max_iou velocity_gain"
         for name in (*shares.split(), "sureness_gain"):
             require(0.0 < getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1, got {getattr(self, name)}")
         require(
@@ -105,11 +126,8 @@ class DetectorParameters:
         )
         require(self.tile_per_target > 1.0, "tile_per_target must exceed 1")
         require(self.gate_growth > 1.0, "gate_growth must exceed 1")
-        require(1 <= self.confirm_hits <= self.confirm_frames, "confirm_hits must lie in 1 … confirm_frames")
         for name in ("lost_frames", "recheck_frames", "doubt_frames", "most_candidates"):
             require(getattr(self, name) >= 1, f"{name} must be positive")
-        require(0.0 <= self.believe_evidence <= self.most_evidence, "believe_evidence must lie in 0 … most_evidence")
-        require(self.miss_evidence >= 0.0, "miss_evidence must not be negative")
         require(self.threads >= 0, "threads must not be negative")
 
 

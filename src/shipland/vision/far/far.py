@@ -36,9 +36,13 @@ class FarVision:
 
     def __post_init__(self) -> None:
         if self.ship is not None:
-            self._ship = TargetSearch("ship", self.ship, self.camera, self.parameters, rise=self.parameters.ship_rise)
+            self._ship = TargetSearch(
+                "ship", self.ship, self.camera, self.parameters, self.parameters.ship, rise=self.parameters.ship_rise
+            )
         if self.bar is not None:
-            self._bar = TargetSearch("bar", self.bar, self.camera, self.parameters, rise=self.parameters.bar_rise)
+            self._bar = TargetSearch(
+                "bar", self.bar, self.camera, self.parameters, self.parameters.bar, rise=self.parameters.bar_rise
+            )
 
     @staticmethod
     def load(camera: Camera, parameters: DetectorParameters) -> FarVision:

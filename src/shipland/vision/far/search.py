@@ -13,7 +13,7 @@ import numpy as np
 
 from shipland.camera import Camera, level_from_camera
 from shipland.messages import Box, Frame, GimbalAttitude
-from shipland.vision.far.detector import Detector, DetectorParameters, Picture
+from shipland.vision.far.detector import Confirmation, Detector, DetectorParameters, Picture
 from shipland.vision.far.track import Track, log_odds
 
 NETWORK_STEP_PX = 32
@@ -28,6 +28,7 @@ class TargetSearch:
         detector: whole frames and tiles to boxes.
         camera: intrinsics.
         parameters: thresholds and counts.
+        confirmation: when a candidate is believed.
         rise: how far above the horizon the box's middle may lie, in its own longer sides; negative for a box whose
             foot must lie below.
         tracks: candidates.
@@ -38,6 +39,7 @@ class TargetSearch:
     detector: Detector
     camera: Camera
     parameters: DetectorParameters
+    confirmation: Confirmation
     rise: float
     tracks: list[Track] = field(default_factory=list)
     target: Track | None = None
@@ -58,13 +60,13 @@ class TargetSearch:
     def search(self, frame: Frame, picture: Picture) -> Box | None:
         """Search the whole frame; the target's box in it."""
         self._since_search = 0
-        return self._take(self.detector.detect(picture, self.parameters.track_confidence), frame)
+        return self._take(self.detector.detect(picture, self.confirmation.track_confidence), frame)
 
     def search_tile(self, frame: Frame, picture: Picture, around: Track) -> Box | None:
         """Search the tile around another target, for boxes inside it."""
         tile_px, reduction = tile_for(float(around.size_px.max()), self.parameters)
         centre = (float(around.centre_px[0]), float(around.centre_px[1]))
-        found = self.detector.detect_in_tile(picture, centre, tile_px, reduction, self.parameters.track_confidence)
+        found = self.detector.detect_in_tile(picture, centre, tile_px, reduction, self.confirmation.track_confidence)
         return self._take([box for box in found if inside(box, around)], frame)
 
     def follow(self, frame: Frame, picture: Picture) -> Box | None:
@@ -75,7 +77,7 @@ class TargetSearch:
         predicted_px = self.target.predicted_px(frame, self.camera.focal_px)
         tile_px, reduction = tile_for(float(self.target.size_px.max()), self.parameters)
         centre = (float(predicted_px[0]), float(predicted_px[1]))
-        found = self.detector.detect_in_tile(picture, centre, tile_px, reduction, self.parameters.track_confidence)
+        found = self.detector.detect_in_tile(picture, centre, tile_px, reduction, self.confirmation.track_confidence)
         return self._update_target(self._standing(found, frame.gimbal), frame)
 
     def reason(self) -> str:
@@ -85,7 +87,7 @@ class TargetSearch:
         if not self.tracks:
             return f"{self.name}: not found"
         best = max(self.tracks, key=lambda track: track.evidence)
-        parameters = self.parameters
+        parameters = self.confirmation
         return (
             f"{self.name}: {sum(best.hits)} of {parameters.confirm_hits} sightings, "
             f"evidence {best.evidence:.1f} of {parameters.believe_evidence:g}"
@@ -107,20 +109,20 @@ class TargetSearch:
             ]
             if reach:
                 given[min(reach)[1]] = box
-            elif box.confidence >= self.parameters.acquire_confidence:
+            elif box.confidence >= self.confirmation.start_confidence:
                 fresh.append(box)
         for index, track in enumerate(self.tracks):
             if index in given:
-                track.hit(given[index], frame, self.camera.focal_px, self.parameters)
+                track.hit(given[index], frame, self.camera.focal_px, self.parameters, self.confirmation)
             else:
-                track.miss(self.parameters)
+                track.miss(self.confirmation)
         boxes_of = {id(self.tracks[index]): box for index, box in given.items()}
-        alive = [track for track in self.tracks if not track.hopeless(self.parameters)]
+        alive = [track for track in self.tracks if not track.hopeless(self.confirmation)]
         room = max(self.parameters.most_candidates - len(alive), 0)
-        started = [Track.start(box, frame, self.parameters) for box in fresh[:room]]
+        started = [Track.start(box, frame, self.confirmation) for box in fresh[:room]]
         self.tracks = alive + started
         best = max(
-            (track for track in self.tracks if track.convincing(self.parameters)),
+            (track for track in self.tracks if track.convincing(self.confirmation)),
             key=lambda track: track.sureness,
             default=None,
         )
@@ -138,10 +140,10 @@ class TargetSearch:
         predicted_px = target.predicted_px(frame, self.camera.focal_px)
         box = next((item for item in boxes if target.takes(item, frame, predicted_px, self.parameters)), None)
         if box is not None:
-            target.hit(box, frame, self.camera.focal_px, self.parameters)
+            target.hit(box, frame, self.camera.focal_px, self.parameters, self.confirmation)
         else:
-            target.miss(self.parameters)
-        if target.lost(self.parameters):
+            target.miss(self.confirmation)
+        if target.lost(self.parameters, self.confirmation):
             self.target, self._since_search = None, 0
             return None
         return box

@@ -15,7 +15,7 @@ import numpy as np
 
 from shipland.frames import Array
 from shipland.messages import Box, Frame, GimbalAttitude
-from shipland.vision.far.detector import DetectorParameters
+from shipland.vision.far.detector import Confirmation, DetectorParameters
 
 _MOST_LOG_ODDS = 3.0
 
@@ -52,7 +52,7 @@ class Track:
     misses: int = 0
 
     @staticmethod
-    def start(box: Box, frame: Frame, parameters: DetectorParameters) -> Track:
+    def start(box: Box, frame: Frame, confirmation: Confirmation) -> Track:
         """A track from its first box."""
         odds = log_odds(box.confidence)
         return Track(
@@ -61,8 +61,8 @@ class Track:
             np.array(box.size_px),
             np.zeros(2),
             frame.gimbal,
-            deque([True], maxlen=parameters.confirm_frames),
-            evidence=odds - log_odds(parameters.neutral_confidence),
+            deque([True], maxlen=confirmation.confirm_frames),
+            evidence=odds - log_odds(confirmation.neutral_confidence),
             sureness=odds,
         )
 
@@ -86,7 +86,14 @@ class Track:
             and 1.0 / parameters.gate_growth <= growth <= parameters.gate_growth
         )
 
-    def hit(self, box: Box, frame: Frame, focal_px: float, parameters: DetectorParameters) -> None:
+    def hit(
+        self,
+        box: Box,
+        frame: Frame,
+        focal_px: float,
+        parameters: DetectorParameters,
+        confirmation: Confirmation,
+    ) -> None:
         """Take a box of `frame`."""
         centre = np.array(box.centre_px)
         elapsed_s = frame.t_s - self.t_s
@@ -98,24 +105,24 @@ class Track:
         self.centre_px, self.size_px = centre, np.array(box.size_px)
         self.hits.append(True)
         self.misses = 0
-        gathered = self.evidence + odds - log_odds(parameters.neutral_confidence)
-        self.evidence = min(gathered, parameters.most_evidence)
+        gathered = self.evidence + odds - log_odds(confirmation.neutral_confidence)
+        self.evidence = min(gathered, confirmation.most_evidence)
         self.sureness += parameters.sureness_gain * (odds - self.sureness)
 
-    def miss(self, parameters: DetectorParameters) -> None:
+    def miss(self, confirmation: Confirmation) -> None:
         """Note a frame without a box."""
         self.hits.append(False)
         self.misses += 1
-        self.evidence -= parameters.miss_evidence
+        self.evidence -= confirmation.miss_evidence
 
-    def convincing(self, parameters: DetectorParameters) -> bool:
+    def convincing(self, confirmation: Confirmation) -> bool:
         """Whether to believe it."""
-        return sum(self.hits) >= parameters.confirm_hits and self.evidence >= parameters.believe_evidence
+        return sum(self.hits) >= confirmation.confirm_hits and self.evidence >= confirmation.believe_evidence
 
-    def hopeless(self, parameters: DetectorParameters) -> bool:
+    def hopeless(self, confirmation: Confirmation) -> bool:
         """Whether a candidate can no longer be confirmed in its time."""
-        return len(self.hits) - sum(self.hits) > parameters.confirm_frames - parameters.confirm_hits
+        return len(self.hits) - sum(self.hits) > confirmation.confirm_frames - confirmation.confirm_hits
 
-    def lost(self, parameters: DetectorParameters) -> bool:
+    def lost(self, parameters: DetectorParameters, confirmation: Confirmation) -> bool:
         """Whether to give up a target that was believed: unseen for too long, or more and more doubtful."""
-        return self.misses >= parameters.lost_frames or self.evidence < -parameters.believe_evidence
+        return self.misses >= parameters.lost_frames or self.evidence < -confirmation.believe_evidence
