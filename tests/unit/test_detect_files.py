@@ -128,3 +128,14 @@ def test_bad_input_is_named(weights, pictures, tmp_path):
 
 def test_result_without_boxes_is_a_line_too():
     assert DetectResult("p.jpg", ()).to_json() == {"file": "p.jpg", "boxes": []}
+
+
+def test_a_broken_picture_does_not_end_the_rest(weights, pictures, tmp_path):
+    (pictures / "aa.jpg").write_bytes(b"no picture")
+    (tmp_path / "film.mp4").write_bytes(b"no film")
+    told = []
+    paths = (tmp_path / "none.jpg", tmp_path / "film.mp4", pictures)
+    detector = Detector.load(str(weights), replace(detector_parameters(), threads=1))
+    results = list(detect_paths(paths, detector, 0.5, None, lambda path, _: told.append(path.name)))
+    assert [result.file[-5:] for result in results] == ["a.jpg"[-5:], "b.png"[-5:]]
+    assert told == ["none.jpg", "film.mp4", "aa.jpg"]

@@ -85,6 +85,7 @@ class Evaluation:
         pictures: looked at.
         average_precision, recall, precision: over all single pictures, at `EvaluateParameters.match_iou`.
         average_precision_50, average_precision_50_95: at IoU 0.5, and the mean over IoU 0.5, 0.55 … 0.95.
+        match_iou: overlap from which a box is a hit, in all figures that do not say another.
         tables: over range, by name (all, clear, haze, no decoys); empty where ranges are not known.
         missed: pictures of a labelled set with a target that was not found.
     """
@@ -97,15 +98,17 @@ class Evaluation:
     precision: float
     average_precision_50: float
     average_precision_50_95: float
+    match_iou: float
     tables: dict[str, RangeTable]
     missed: tuple[str, ...]
 
     def text(self) -> str:
         """For people: Markdown."""
         parts = [
-            f"{self.detector}: {self.pictures} pictures, average precision {self.average_precision:.3f}, recall "
-            f"{self.recall:.3f} and precision {self.precision:.3f} at confidence {self.confidence:g}; average "
-            f"precision at IoU 0.5 {self.average_precision_50:.3f}, at 0.5 to 0.95 {self.average_precision_50_95:.3f}"
+            f"{self.detector}: {self.pictures} pictures, average precision {self.average_precision:.3f} at IoU "
+            f"{self.match_iou:g}, {self.average_precision_50:.3f} at IoU 0.5, {self.average_precision_50_95:.3f} over "
+            f"IoU 0.5 to 0.95; recall {self.recall:.3f} and precision {self.precision:.3f} at IoU {self.match_iou:g} "
+            f"and confidence {self.confidence:g}. All tables: IoU {self.match_iou:g}."
         ]
         if self.tables:
             parts.append(summary(self.tables))
@@ -145,6 +148,7 @@ def evaluate(arguments: EvaluateArguments) -> Evaluation:
         tally.precision(confidence),
         strict[0].average_precision(),
         float(np.mean([item.average_precision() for item in strict])),
+        parameters.match_iou,
         tables,
         tuple(missed),
     )

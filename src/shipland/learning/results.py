@@ -43,7 +43,7 @@ def write_results(
             noted,
             lambda: calibration_windows(fitting, parameters, arguments.seed),
         )
-    plot_curves(out / "curves.png", progress)
+    plot_curves(out / "curves.png", progress, parameters.match_iou)
     write_atomically(
         out / "model-card.md", model_card(arguments, parameters, network, spec, progress, fitting, held_out).encode()
     )
@@ -61,7 +61,7 @@ def calibration_windows(dataset: Dataset, parameters: TrainParameters, seed: int
         yield window(picture, targets, side, plain, rng)[0]
 
 
-def plot_curves(path: Path, progress: Progress) -> None:
+def plot_curves(path: Path, progress: Progress, match_iou: float) -> None:
     """Losses and held-out scores over the steps, as a picture."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -75,7 +75,7 @@ def plot_curves(path: Path, progress: Progress) -> None:
     left.set(xlabel="step", ylabel="loss (running mean)", yscale="log")
     for name, label in (("average_precision", "average precision"), ("recall", "recall at confidence 0.5")):
         right.plot(step, [row[name] for row in progress.history], label=label)
-    right.set(xlabel="step", ylabel="held-out pictures", ylim=(0.0, 1.02))
+    right.set(xlabel="step", ylabel=f"held-out pictures, IoU {match_iou:g}", ylim=(0.0, 1.02))
     for axes in (left, right):
         axes.grid(alpha=0.3)
         axes.legend(frameon=False)

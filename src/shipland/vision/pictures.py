@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,22 +46,32 @@ def is_video(path: Path) -> bool:
     return path.suffix.lower() in VIDEO_SUFFIXES
 
 
-def pictures_of(paths: Sequence[Path]) -> Iterator[FilePicture]:
+def pictures_of(
+    paths: Sequence[Path], broken: Callable[[Path, DataError], None] | None = None
+) -> Iterator[FilePicture]:
     """The pictures of files, in the order given; a folder's pictures by name, a video's in time.
 
+    Args:
+        paths: pictures, folders of pictures, videos.
+        broken: is told of a picture or video that is missing or broken, and the rest follows; None raises.
+
     Raises:
-        DataError: no path, an empty folder, or a picture or video is missing or broken.
+        DataError: no path, an empty folder, or, without `broken`, a picture or video is missing or broken.
     """
     if not paths:
         raise DataError("nothing to look at; give at least one picture, folder of pictures or video")
-    for path in paths:
-        if path.is_dir():
-            yield from (FilePicture(str(name), name, read_picture(name)) for name in picture_files(path))
-        elif is_video(path):
-            for index, (t_s, image) in enumerate(read_video(path)):
-                yield FilePicture(f"{path}#{index:06d}", path, image, t_s, index > 0)
-        else:
-            yield FilePicture(str(path), path, read_picture(path))
+    files = itertools.chain.from_iterable(picture_files(path) if path.is_dir() else [path] for path in paths)
+    for path in files:
+        try:
+            if is_video(path):
+                for index, (t_s, image) in enumerate(read_video(path)):
+                    yield FilePicture(f"{path}#{index:06d}", path, image, t_s, index > 0)
+            else:
+                yield FilePicture(str(path), path, read_picture(path))
+        except DataError as error:
+            if broken is None:
+                raise
+            broken(path, error)
 
 
 def picture_files(folder: Path) -> list[Path]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -62,7 +62,11 @@ class DetectResult:
 
 
 def detect_paths(
-    paths: Sequence[Path], detector: Detector, confidence: float, out: Path | None
+    paths: Sequence[Path],
+    detector: Detector,
+    confidence: float,
+    out: Path | None,
+    broken: Callable[[Path, DataError], None] | None = None,
 ) -> Iterator[DetectResult]:
     """One result a picture, in the order of `pictures_of`.
 
@@ -71,14 +75,15 @@ def detect_paths(
         detector: what looks at them.
         confidence: least confidence of a box.
         out: folder for the pictures and videos with boxes drawn; None for none.
+        broken: is told of a picture or video that is missing or broken, and the rest follows; None raises.
 
     Raises:
-        DataError: a picture or video is missing or broken, or two files would be drawn to one place.
+        DataError: without `broken`, a picture or video is missing or broken; two files would be drawn to one place.
     """
     if not 0.0 < confidence < 1.0:
         raise DataError(f"the least confidence must lie between 0 and 1, got {confidence:g}")
     with _Drawings(out) as drawings:
-        for picture in pictures_of(paths):
+        for picture in pictures_of(paths, broken):
             found = [
                 (box, name)
                 for kind, name in enumerate(detector.engine.spec.classes)
