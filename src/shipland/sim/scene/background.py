@@ -72,7 +72,9 @@ class Background:
         """
         camera, eye = view.camera, view.ned_from_camera
         width, height = camera.width_px, camera.height_px
-        line, whole = horizon_line(camera, eye), Crop(0, 0, width, height)
+        line = horizon_line(camera, eye)
+        # To the last sample's far edge, which may lie outside the picture.
+        whole = Crop(0, 0, *(-(-side // step) * step for side, step in zip((width, height), _SKY_PX, strict=True)))
         first, last = horizon_rows(line, width, height)
         picture = np.empty((height, width, 4), np.uint16)
         if last > 0:
