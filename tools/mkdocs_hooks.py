@@ -14,8 +14,10 @@ from typing import Any
 import griffe
 from latex2mathml.converter import convert
 
-CONFIGS = Path(__file__).parent.parent / "src" / "shipland" / "configs"
+ROOT = Path(__file__).parent.parent
+CONFIGS = ROOT / "src" / "shipland" / "configs"
 NO_BREAK_SPACE = "\u00a0"
+FILE = re.compile(r"<!-- file ([\w/]+\.(\w+)) -->")
 HELP = re.compile(r"<!-- help of (\w+) -->")
 TABLES = re.compile(r"<!-- tables of (\w+\.toml) -->")
 SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE)
@@ -23,7 +25,8 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>',
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:  # noqa: ANN401 - MkDocs passes its own objects by name
-    """Puts in the tables and help texts that a page asks for: `<!-- tables of F.toml -->`, `<!-- help of fly -->`."""
+    """Puts in what a page asks for: `<!-- tables of F.toml -->`, `<!-- help of fly -->`, `<!-- file PATH -->`."""
+    markdown = FILE.sub(lambda match: f"```{match[2]}\n{(ROOT / match[1]).read_text(encoding='utf-8')}```", markdown)
     markdown = HELP.sub(lambda match: f"```text\n{help_of(match[1])}\n```", markdown)
     return TABLES.sub(lambda match: configuration_tables((CONFIGS / match[1]).read_text(encoding="utf-8")), markdown)
 

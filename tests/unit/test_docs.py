@@ -87,6 +87,15 @@ def test_every_command_has_its_help():
     assert "--scenario" in load(ROOT / "tools" / "mkdocs_hooks.py").help_of("fly")
 
 
+def test_files_that_pages_show_are_there():
+    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+    shown = [found[0] for path in DOCS for found in hooks.FILE.findall(path.read_text(encoding="utf-8"))]
+    assert "examples/own_pilot.py" in shown
+    assert all((ROOT / name).is_file() for name in shown)
+    page = hooks.on_page_markdown("<!-- file examples/own_pilot.py -->")
+    assert page.startswith("```py\n") and page.endswith("\n```")
+
+
 def test_configuration_tables_by_hand():
     hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
     tables = hooks.configuration_tables(
