@@ -315,6 +315,8 @@ def _snapped(quad: Array, width_px: int, height_px: int) -> Array | None:
 
 def _four_corners(hull: cv2.typing.MatLike) -> Array | None:
     """The hull with its least sides left out, their neighbours prolonged, until four are left; clockwise."""
+    if len(hull) < 4:
+        return None
     polygon = cv2.approxPolyN(hull * _SUBPIXEL, 4, ensure_convex=True).reshape(-1, 2)
     if len(polygon) != 4:
         return None
