@@ -24,6 +24,7 @@ from shipland.missions.campaign import land_once
 from shipland.missions.crew import build_crew, build_vehicle
 from shipland.missions.fly import Flown, flight_info
 from shipland.missions.landing import COLUMNS, Landing, row_of
+from shipland.missions.outside import KeyedPilot, Keys
 from shipland.missions.scenarios import Scenario, load_scenario
 from shipland.missions.tables import summary_of
 from shipland.missions.visions import needs_pictures, without_pictures
@@ -32,6 +33,7 @@ from shipland.record.columns import FlightColumns
 from shipland.report.chase import chase_view
 from shipland.report.outputs import Recorder, load_outputs
 from shipland.sim.scene.scene import Scene
+from shipland.vehicles.vehicle import Vehicle, Witness
 
 __all__ = ["Campaign", "Flight", "campaign", "fly", "load_scenario", "without_pictures"]
 
@@ -92,8 +94,10 @@ def fly(
     video: bool = True,
     on_cycle: Callable[[FlightRecord], None] = lambda _: None,
     command: str = "",
+    vehicle: Vehicle | None = None,
+    keys: Keys | None = None,
 ) -> Flight:
-    """Fly one landing in the simulator.
+    """Fly one landing, in the simulator unless a vehicle is given.
 
     Args:
         scenario: a scenario, a packaged one's name, or the path of a TOML file.
@@ -104,6 +108,8 @@ def fly(
         video: whether the video is among them.
         on_cycle: sees every row as it is flown.
         command: command line to write down.
+        vehicle: what is flown instead of the simulated one (`missions.outside.make_vehicle`); connected, if it is real.
+        keys: for holding and climbing out by hand.
 
     Raises:
         ShiplandError: a wrong scenario, name, output folder or machine.
@@ -113,17 +119,19 @@ def fly(
     records: list[FlightRecord] = []
     with ExitStack() as stack:
         scene = None
-        if pictures or (out is not None and video):
+        if vehicle is None and (pictures or (out is not None and video)):
             scene = Scene(scenario.rig, scenario.scene, seed)
             stack.callback(scene.close)
-        vehicle = build_vehicle(scenario, seed, scene if pictures else None)
-        crew = build_crew(scenario, vehicle, pilot, vision, seed)
+        flown = vehicle or build_vehicle(scenario, seed, scene if pictures else None)
+        crew = build_crew(scenario, flown, pilot, vision, seed)
+        if keys is not None:
+            crew = replace(crew, pilot=KeyedPilot(crew.pilot, stack.enter_context(keys.listening())))
         recorder = None
         if out is not None:
             info = flight_info(scenario, pilot, vision, seed, command)
-            chase = chase_view(scene, vehicle.camera) if scene is not None and video else None
+            chase = chase_view(scene, flown.camera) if scene is not None and video else None
             recorder = stack.enter_context(
-                Recorder(Path(out), info, scenario.rig, vehicle.camera, load_outputs(), chase, video)
+                Recorder(Path(out), info, scenario.rig, flown.camera, load_outputs(), chase, video)
             )
 
         def remember(record: FlightRecord) -> None:
@@ -132,8 +140,8 @@ def fly(
             records.append(replace(record, frame=replace(record.frame, image=None)))
             on_cycle(record)
 
-        result = fly_loop(vehicle, crew, scenario.time_limit_s, time.perf_counter, remember)
-        verdict = vehicle.verdict()
+        result = fly_loop(flown, crew, scenario.time_limit_s, time.perf_counter, remember)
+        verdict = flown.verdict() if isinstance(flown, Witness) else None
         if recorder is not None:
             recorder.finish(verdict, result.reason, {stage.value: cost for stage, cost in result.cost_s.items()})
     problems = () if recorder is None else tuple(recorder.problems)

@@ -28,7 +28,10 @@ PACKAGED: dict[str, dict[str, str]] = {
         "geometric": "shipland.missions.visions:geometric",
         "rendered": "shipland.missions.visions:rendered",
     },
-    "vehicles": {},
+    "vehicles": {
+        "mavlink": "shipland.vehicles.mavlink_factory:mavlink",
+        "replay": "shipland.missions.outside:replay",
+    },
     "aircraft": {"quadrotor": "shipland.sim.aircraft.aircraft:Quadrotor"},
     "loops": {
         "attitude": "shipland.sim.aircraft.attitude_loop:AttitudeLoop",

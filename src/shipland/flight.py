@@ -11,6 +11,7 @@ from shipland.guidance.border import Border
 from shipland.guidance.pilot import Pilot
 from shipland.guidance.safety import Safety
 from shipland.messages import Decision, FlightRecord, Frame, GroundTruth, Observation, PilotCommand, Telemetry
+from shipland.vehicles.checks import Ending
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.vehicle import Vehicle, Witness
 from shipland.vision.vision import Vision, see_or_degrade
@@ -161,5 +162,7 @@ def fly(
             first_s = cycle.frame.t_s if first_s is None else first_s
             if cycle.telemetry.t_s - first_s >= time_limit_s:
                 result.reason = f"time limit of {time_limit_s:g} s"
-                break
+                return result
+    if isinstance(vehicle, Ending) and vehicle.end_reason:
+        result.reason = vehicle.end_reason
     return result

@@ -1,4 +1,4 @@
-"""`shipland fly`: one simulated flight with everything it leaves behind."""
+"""`shipland fly`: one flight, simulated or real, with everything it leaves behind."""
 
 from __future__ import annotations
 
@@ -14,16 +14,23 @@ if TYPE_CHECKING:
 
     from shipland.api import Flight
     from shipland.messages import FlightRecord, Mode
+    from shipland.missions.scenarios import Scenario
+    from shipland.vehicles.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
 class Fly(ScenarioOptions):
-    """Fly one landing in the simulator and judge the touchdown.
+    """Fly one landing, in the simulator or on a vehicle, and judge the touchdown where the truth is known.
 
     Leaves flight.mcap (opens in Foxglove), flight.mp4, plots.png, summary.json and timing.json in the output folder.
     Exit code: 0 landed in the square, 1 not, 2 bad input.
 
+    A vehicle outside is checked first: every line of the checklist is printed, and one that is not in order ends the
+    command. In flight, in a terminal: h holds, c climbs out, r gives the vehicle back to the pilot.
+
     Example: shipland fly --scenario near --seed 7 --out out/seven
+    Example: shipland fly --vehicle "mavlink://udp:127.0.0.1:14550?camera=rtsp://192.168.1.5/live"
+        --calibration camera.yaml --pilot horizon
     """
 
     pilot: str = "paper"
@@ -37,17 +44,34 @@ class Fly(ScenarioOptions):
     """Output folder; made when missing."""
     video: bool = True
     """Write flight.mp4 (costs a second picture a frame, for the chase view)."""
+    vehicle: str | None = None
+    """What is flown instead of the simulated aircraft: `mavlink://…`, `anafi://…`, `replay://…`; see "Fly it"."""
+    calibration: Path | None = None
+    """OpenCV calibration file of the vehicle's camera."""
+    vehicle_config: Path | None = None
+    """TOML file laid over the settings of vehicles, such as what `shipland identify` writes."""
+    wind_mps: float = 5.0
+    """Wind that a vehicle outside is to expect, gusts included."""
+    check: bool = False
+    """Only connect to the vehicle and print its checklist."""
 
     def run(self) -> int:
         """Fly, record and report on the terminal; 0 when landed in the square, 1 when not."""
         from rich.console import Console
 
         from shipland.api import fly
+        from shipland.missions.outside import Keys
 
         console = Console(stderr=True, highlight=False)
+        scenario, vehicle = self.load(), None
+        if self.vehicle is not None:
+            vehicle = self._outside(self.vehicle, scenario, console)
+            if self.check:
+                vehicle.close()
+                return 0
         with ProgressLine(console) as progress:
             flight = fly(
-                self.load(),
+                scenario,
                 pilot=self.pilot,
                 vision=self.vision,
                 seed=checked_seed(self.seed),
@@ -55,11 +79,42 @@ class Fly(ScenarioOptions):
                 video=self.video,
                 on_cycle=progress.show,
                 command=command_line(),
+                vehicle=vehicle,
+                keys=None if vehicle is None else Keys(),
             )
         for problem in flight.problems:
             console.print(f"warning: {problem}")
         _report(console, self, flight)
         return 0 if flight.landed else 1
+
+    def _outside(self, address: str, scenario: Scenario, console: Console) -> Vehicle:
+        """The vehicle, connected where it is a real one, and fit to fly; VehicleError when it is not."""
+        import time
+
+        from shipland.config import layered
+        from shipland.missions.outside import checklist, make_vehicle, refuse_unfit
+        from shipland.vehicles.checks import Real
+
+        vehicle = make_vehicle(address, scenario, self.calibration, self.vehicle_config, self.out / "link.tlog")
+        if not isinstance(vehicle, Real):
+            return vehicle
+        vehicle.connect()
+        try:
+            time.sleep(_LISTENING_S)
+            table = layered("vehicles", self.vehicle_config)
+            checks = checklist(vehicle, scenario, self.calibration, self.wind_mps, table)
+            for check in checks:
+                console.print(check.line(), markup=False)
+            if not self.check:
+                refuse_unfit(checks)
+        except BaseException:
+            vehicle.close()
+            raise
+        return vehicle
+
+
+_LISTENING_S = 3.0
+"""In which a vehicle's rates are counted."""
 
 
 def _report(console: Console, command: Fly, flight: Flight) -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from shipland import factories
 from shipland.camera import Camera
+from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import Crew
 from shipland.guidance.pilot import Pilot, PilotSetup
@@ -20,7 +22,9 @@ from shipland.sim.air.wind import WindParameters, build_wind, drawn_wind
 from shipland.sim.scene.scene import Scene
 from shipland.sim.ship.ship import Ship, build_ship
 from shipland.sim.world import World
+from shipland.vehicles.checks import Real
 from shipland.vehicles.simulated import SimulatedVehicle
+from shipland.vehicles.vehicle import Vehicle, Witness
 
 
 def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> SimulatedVehicle:
@@ -40,9 +44,7 @@ def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> Simulat
     return SimulatedVehicle(world, Camera.from_parameters(scenario.camera), scenario.delays, scene, picture_rng)
 
 
-def build_crew(
-    scenario: Scenario, vehicle: SimulatedVehicle, pilot: str | Factory, vision: str | Factory, seed: int
-) -> Crew:
+def build_crew(scenario: Scenario, vehicle: Vehicle, pilot: str | Factory, vision: str | Factory, seed: int) -> Crew:
     """Vision, pilot and safety for one flight.
 
     Args:
@@ -53,7 +55,7 @@ def build_crew(
         seed: of the flight.
 
     Raises:
-        ConfigError: no such pilot or vision.
+        ConfigError: no such pilot or vision, or one that this vehicle cannot fly with.
     """
     *_, near_rng, far_rng, pilot_rng = _generators(seed)
     setup = PilotSetup(
@@ -61,15 +63,18 @@ def build_crew(
         rig=scenario.rig,
         camera=vehicle.camera,
         camera_in_body_m=np.array(scenario.camera.position_in_body_m),
-        response=response_of(scenario),
+        response=vehicle.response if isinstance(vehicle, Real) else response_of(scenario),
         rng=pilot_rng,
     )
     flier: Pilot = factories.resolve("pilots", pilot)(setup)
     if scenario.follow.enabled:
+        if not isinstance(vehicle, Witness):
+            raise ConfigError("follow.enabled needs the truth, which only a simulated world knows")
         flier = DeckFollower(flier, vehicle, math.radians(scenario.aircraft.settings.max_tilt_deg), scenario.follow)
     sees = factories.resolve("visions", vision)(VisionSetup(scenario, vehicle.camera, vehicle, near_rng, far_rng))
     safety = Safety(scenario.safety, scenario.rig, vehicle.camera, np.array(scenario.camera.position_in_body_m))
-    return Crew(sees, flier, safety, scenario.delays)
+    delays = replace(scenario.delays, processing="measured") if isinstance(vehicle, Real) else scenario.delays
+    return Crew(sees, flier, safety, delays)
 
 
 def drawn_ship(scenario: Scenario, seed: int) -> Ship:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from shipland.config import require
 from shipland.learning.shot import target_box
 from shipland.messages import Box, Frame, Observation
 from shipland.rig import Rig
-from shipland.vehicles.simulated import SimulatedVehicle
+from shipland.sim.state import SceneState
 
 
 @dataclass(frozen=True)
@@ -92,12 +93,19 @@ class _Detector:
         return Box((float(centre[0]), float(centre[1])), (float(size[0]), float(size[1])), 1.0 - miss)
 
 
+class Scenes(Protocol):
+    """Who knows what a camera saw."""
+
+    def scene_at(self, t_s: float) -> SceneState | None:
+        """The scene at an exposure [s]; None where it is not known."""
+
+
 class GeometricFar:
-    """Far vision without a picture, for a simulated vehicle."""
+    """Far vision without a picture, for a vehicle whose scene is known."""
 
     def __init__(
         self,
-        vehicle: SimulatedVehicle,
+        scenes: Scenes,
         camera: Camera,
         rig: Rig,
         ship: BoxErrors,
@@ -105,14 +113,14 @@ class GeometricFar:
         parameters: BoxParameters,
         rng: np.random.Generator,
     ) -> None:
-        self._vehicle, self._camera, self._rig, self._rng = vehicle, camera, rig, rng
+        self._scenes, self._camera, self._rig, self._rng = scenes, camera, rig, rng
         self._parameters = parameters
         self._detectors = (_Detector("ship", ship, parameters), _Detector("bar", bar, parameters))
 
     def see(self, frame: Frame) -> Observation:
         """What the detectors would make of the picture; never raises."""
         luck = np.column_stack([self._rng.random(2), self._rng.normal(size=(2, 3))])
-        scene = self._vehicle.scene_at(frame.t_s)
+        scene = self._scenes.scene_at(frame.t_s)
         if scene is None:
             return Observation(frame.t_s, frame.gimbal, reason="far: no picture")
         boxes = []

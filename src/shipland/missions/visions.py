@@ -12,9 +12,10 @@ from shipland.camera import Camera
 from shipland.errors import ConfigError
 from shipland.missions.geometric import GeometricVision
 from shipland.missions.geometric_far import GeometricFar
+from shipland.missions.outside import SceneFromTruth
 from shipland.missions.scenarios import Scenario
 from shipland.vehicles.simulated import SimulatedVehicle
-from shipland.vehicles.vehicle import Vehicle
+from shipland.vehicles.vehicle import Vehicle, Witness
 from shipland.vision.eyes import Eyes
 from shipland.vision.far.far import FarVision
 from shipland.vision.near.pipeline import NearVision
@@ -70,9 +71,10 @@ def rendered(setup: VisionSetup) -> Vision:
 def geometric(setup: VisionSetup) -> Vision:
     """True corners and boxes with the errors of `rendered`, without a picture."""
     scenario, vehicle, camera, model = setup.scenario, setup.vehicle, setup.camera, setup.scenario.geometric
-    if not isinstance(vehicle, SimulatedVehicle):
-        raise ConfigError("--vision geometric needs the truth, which only the simulated vehicle knows")
+    if not isinstance(vehicle, Witness):
+        raise ConfigError("--vision geometric needs the truth, which only a simulated world knows")
+    scenes = vehicle if isinstance(vehicle, SimulatedVehicle) else SceneFromTruth(vehicle)
     noise_rad = scenario.vision.gimbal_noise_rad
     near = GeometricVision(vehicle, scenario.rig.target, camera, model, noise_rad, setup.near_rng)
-    far = GeometricFar(vehicle, camera, scenario.rig, model.ship, model.bar, model.boxes, setup.far_rng)
+    far = GeometricFar(scenes, camera, scenario.rig, model.ship, model.bar, model.boxes, setup.far_rng)
     return Eyes(near, far, scenario.eyes)

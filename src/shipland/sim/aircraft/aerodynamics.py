@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from shipland.frames import GRAVITY_MPS2
-from shipland.sim.aircraft.parameters import AirframeParameters, Vector
+from shipland.sim.aircraft.parameters import GRAVITY_MPS2, AirframeParameters, Vector
 
 Rows = tuple[float, float, float, float, float, float, float, float, float]
 """A rotation (3,3), row by row."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from shipland.config import require
-from shipland.frames import GRAVITY_MPS2
+
+GRAVITY_MPS2 = 9.81
 
 Vector = tuple[float, float, float]
 

@@ -88,7 +88,6 @@ class SideFit:
         variance: (3,s) of the offset, of the two together, of the slope.
         blur_px: standard deviation of the picture's blur.
         misfit: root-mean-square residual of the pixels, against the contrast.
-        noisy: the misfit is larger than sensors leave.
     """
 
     sides: Sides
@@ -97,7 +96,6 @@ class SideFit:
     variance: Array
     blur_px: float
     misfit: float
-    noisy: bool
 
 
 def distort(undistorted_px: Array, camera: Camera) -> Array:
@@ -303,11 +301,10 @@ def contrast_direction(inside: Array, outside: Array) -> Array | None:
 
 def contrasts(
     pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_luma: bool
-) -> tuple[Array, bool, float] | None:
+) -> tuple[Array, bool] | tuple[None, bool]:
     """Light of pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
 
-    And whether the inside is brighter than the picture can tell, which moves the edge outward; and the contrast in
-    light, 0 … 255 a colour.
+    And whether the inside is brighter than the picture can tell, which moves the edge outward.
 
     Args:
         pixels: from inside to outside.
@@ -321,21 +318,15 @@ def contrasts(
     sums = sums.reshape(sides, across, colours)
     ends = (sums if held is None else sums[~held])[:, [0, 1, -2, -1]].sum(axis=0)
     ends *= 0.5 / max(stations * (sides if held is None else int(np.count_nonzero(~held))), 1)
-    inside, outside = ends[0] + ends[1], ends[2] + ends[3]
-    # A colour that is clipped has its edge where the first trace of light is; the others are not bent.
-    clear = np.maximum(inside, outside) < _CLIPPED
-    direction = None if clear.all() or by_luma else contrast_direction(inside * clear, outside * clear)
-    clipped = direction is None and not clear.all()
+    direction = contrast_direction(ends[0] + ends[1], ends[2] + ends[3])
     if direction is None:
-        direction = contrast_direction(inside, outside)
-    if direction is None:
-        return None
+        return None, False
     profile: npt.NDArray[np.floating]
     means: npt.NDArray[np.floating]
     if by_luma:
-        mixed = _mixed_by_luma(pixels.levels, inside, outside)
+        mixed = _mixed_by_luma(pixels.levels, ends[0] + ends[1], ends[2] + ends[3])
         if mixed is None:
-            return None
+            return None, False
         profile, means = mixed, mixed.sum(axis=1) / stations
     else:
         weights = direction.astype(np.float32)
@@ -346,11 +337,11 @@ def contrasts(
     if held is not None:
         span[held] = 1.0
     if not span.min() >= _LEAST_SIDE_CONTRAST:
-        return None
+        return None, False
     values = np.asarray(profile, float)
     values -= ground[:, None, None]
     values *= (1.0 / span)[:, None, None]
-    return values, clipped, 1.0 / math.sqrt(float(direction @ direction))
+    return values, float((ends[0] + ends[1]).max()) >= _CLIPPED
 
 
 def _mixed_by_luma(levels: npt.NDArray[np.uint8], inside: Array, outside: Array) -> Array | None:

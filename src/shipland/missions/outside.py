@@ -1,0 +1,214 @@
+"""Vehicles that are not simulated here: made from an address, checked first, and with keys for the pilot."""
+
+from __future__ import annotations
+
+import math
+import select
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shipland import factories
+from shipland.camera import Camera
+from shipland.config import build, layered
+from shipland.errors import ConfigError, VehicleError
+from shipland.guidance.pilot import Pilot
+from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.missions.scenarios import Scenario
+from shipland.record.pictures import read_pictures
+from shipland.record.reader import read_log
+from shipland.sim.state import SceneState
+from shipland.vehicles.address import Address, VehicleSetup
+from shipland.vehicles.checks import Check, PreflightParameters, Real
+from shipland.vehicles.replay import Recorded, ReplayVehicle, recorded_video
+from shipland.vehicles.vehicle import Vehicle, Witness
+from shipland.vision.pictures import is_video
+
+GRAVITY_MPS2 = 9.81
+
+
+def make_vehicle(
+    address: str, scenario: Scenario, calibration: Path | None, config: Path | None, log: Path | None = None
+) -> Vehicle:
+    """The vehicle at an address, not yet connected.
+
+    Args:
+        address: `scheme://place?option=value`.
+        scenario: its `[camera]` holds where there is no calibration.
+        calibration: OpenCV calibration file of the camera.
+        config: file laid over vehicles.toml.
+        log: file for raw messages of the link.
+
+    Raises:
+        ConfigError: the address, an option or a file is wrong.
+        DataError: a recording cannot be read.
+        VehicleError: an extra is missing.
+    """
+    where = Address.parse(address)
+    camera = Camera.from_parameters(scenario.camera) if calibration is None else Camera.from_opencv_yaml(calibration)
+    setup = VehicleSetup(where, camera, layered("vehicles", config), log)
+    vehicle: Vehicle = factories.resolve("vehicles", where.scheme)(setup)
+    return vehicle
+
+
+def replay(setup: VehicleSetup) -> Vehicle:
+    """`replay://flight.mcap` and `replay://film.mp4?pitch_deg=-5&latency_s=0.2`."""
+    address = setup.address
+    address.only("pitch_deg", "latency_s")
+    path = Path(address.place)
+    if not is_video(path):
+        return replayed_log(path)
+    pitch_rad, latency_s = math.radians(address.number("pitch_deg", 0.0)), address.number("latency_s", 0.0)
+    if latency_s < 0.0:
+        raise ConfigError(f"replay://…?latency_s={latency_s:g}: expected 0 or more")
+    return ReplayVehicle(recorded_video(path, setup.camera, pitch_rad, latency_s), setup.camera)
+
+
+def replayed_log(path: Path) -> ReplayVehicle:
+    """The vehicle of a flight log: the cycles whose pictures it keeps, or all without pictures where it keeps none.
+
+    What was received at a cycle's decision counts as received then. DataError when the log cannot be read.
+    """
+    log = read_log(path)
+    rows = {round(record.frame.t_s * 1e9): record for record in log.records}
+    first = next(read_pictures(path), None)
+    if first is None:
+        recorded: list[Recorded] | Iterator[Recorded] = [
+            Recorded(row.frame, row.telemetry.t_s, row.telemetry, row.truth) for row in log.records
+        ]
+        return ReplayVehicle(recorded, log.header.camera, log.verdict)
+    height_px, width_px = first[1].shape[:2]
+    camera = log.header.camera.scaled(width_px, height_px)
+
+    def with_pictures() -> Iterator[Recorded]:
+        for time_ns, image in read_pictures(path):
+            row = rows.get(time_ns)
+            if row is not None and image.shape[:2] == (height_px, width_px):
+                yield Recorded(replace(row.frame, image=image), row.telemetry.t_s, row.telemetry, row.truth)
+
+    return ReplayVehicle(with_pictures(), camera, log.verdict)
+
+
+class SceneFromTruth:
+    """Scenes of a witness that is no simulator of ours: the hull is taken for level."""
+
+    def __init__(self, witness: Witness) -> None:
+        self._witness = witness
+
+    def scene_at(self, t_s: float) -> SceneState | None:
+        """See `SimulatedVehicle.scene_at`."""
+        truth = self._witness.truth_at(t_s)
+        if truth is None:
+            return None
+        still = np.zeros(3)
+        return SceneState(
+            t_s, truth.ned_from_camera, truth.ned_from_ship, truth.ned_from_deck, truth.ned_from_bar,
+            truth.ned_from_body, still, still,
+        )  # fmt: skip
+
+
+def checklist(
+    vehicle: Vehicle, scenario: Scenario, calibration: Path | None, wind_mps: float, table: dict[str, Any]
+) -> list[Check]:
+    """Everything that is looked at before a flight; the vehicle is connected.
+
+    Args:
+        vehicle: what is to be flown.
+        scenario: rig and safety.
+        calibration: of the camera, or None.
+        wind_mps: what is expected, gusts included.
+        table: vehicles.toml.
+    """
+    if not isinstance(vehicle, Real):
+        return []
+    limits = build(PreflightParameters, table["preflight"], "vehicles.preflight")
+    target, safety, response = scenario.rig.target, scenario.safety, vehicle.response
+    points_m = target.points_in_bar_m
+    wide_m, tall_m = np.ptp(points_m[:, 1]), np.ptp(points_m[:, 2])
+    words = str(calibration) if calibration is not None else "none: --calibration FILE (`shipland calibrate` makes it)"
+    holds_mps = math.inf
+    if response.kind == "attitude":
+        holds_mps = GRAVITY_MPS2 * math.tan(response.max_tilt_rad) / max(response.drag_per_s, 1e-3)
+    most_mps = limits.wind_share * holds_mps
+    return [
+        Check("calibration", calibration is not None, words),
+        Check("cue", True, f"{target.count} quadrilaterals, {wide_m:.3f} × {tall_m:.3f} m: measure the real one"),
+        *vehicle.checks(),
+        Check("wind", wind_mps <= most_mps, f"{wind_mps:g} m/s expected, at most {most_mps:.1f} at this tilt"),
+        Check(
+            "own fence", True,
+            f"{safety.fence_distance_m:g} m from the bar, {safety.fence_height_m:g} m over the take-off point",
+        ),
+    ]  # fmt: skip
+
+
+def refuse_unfit(checks: list[Check]) -> None:
+    """VehicleError naming every line that is not in order."""
+    unfit = [f"{check.name}: {check.words}" for check in checks if not check.ok]
+    if unfit:
+        raise VehicleError(f"not fit to fly: {'; '.join(unfit)}")
+
+
+HOLD_KEY, CLIMB_KEY, RESUME_KEY = "h", "c", "r"
+_CLIMB_PERCENT = 50.0
+
+
+class Keys:
+    """Single keys of the terminal: hold, climb out, resume."""
+
+    def __init__(self) -> None:
+        self._pressed = ""
+
+    def press(self, key: str) -> None:
+        """A key was pressed; others than the three do nothing."""
+        if key in (HOLD_KEY, CLIMB_KEY):
+            self._pressed = key
+        elif key == RESUME_KEY:
+            self._pressed = ""
+
+    @property
+    def pressed(self) -> str:
+        """What holds now; empty while the pilot flies."""
+        while sys.stdin.isatty() and select.select([sys.stdin], [], [], 0.0)[0]:
+            self.press(sys.stdin.read(1))
+        return self._pressed
+
+    @contextmanager
+    def listening(self) -> Iterator[Keys]:
+        """Take keys without the return key, where there is a terminal."""
+        if not sys.stdin.isatty():
+            yield self
+            return
+        import termios
+        import tty
+
+        before = termios.tcgetattr(sys.stdin)
+        tty.setcbreak(sys.stdin)
+        try:
+            yield self
+        finally:
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+class KeyedPilot:
+    """Another pilot, until a key holds the vehicle or sends it up; the other keeps deciding, so that it can resume."""
+
+    def __init__(self, pilot: Pilot, keys: Keys) -> None:
+        self._pilot, self._keys = pilot, keys
+
+    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
+        """The other's decision, or the key's."""
+        decision = self._pilot.decide(observation, telemetry, sent)
+        key, command = self._keys.pressed, decision.command
+        if key == HOLD_KEY:
+            held = PilotCommand.hold(command.t_s, command.gimbal_pitch_rad)
+            return replace(decision, command=held, reason=f"held by key {HOLD_KEY}")
+        if key == CLIMB_KEY:
+            up = PilotCommand(command.t_s, 0.0, 0.0, _CLIMB_PERCENT, 0.0, command.gimbal_pitch_rad, Intent.CLIMB_OUT)
+            return replace(decision, command=up, mode=Mode.CLIMB_OUT, reason=f"climbing by key {CLIMB_KEY}")
+        return decision

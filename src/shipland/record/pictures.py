@@ -1,0 +1,76 @@
+"""The pictures that a flight log keeps, read back."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from shipland.errors import DataError
+
+IMAGE_TOPIC = "/camera/image"
+_DATA_FIELD = 2
+"""Number of `data` in foxglove.CompressedImage."""
+
+
+def read_pictures(path: Path) -> Iterator[tuple[int, npt.NDArray[np.uint8]]]:
+    """Exposure time [ns] and (H,W,3) BGR of each picture, in order; of a broken-off file, those there are.
+
+    Raises:
+        DataError: the file cannot be read.
+    """
+    from mcap.exceptions import McapError
+    from mcap.records import Channel, Message
+    from mcap.stream_reader import StreamReader
+    from zstandard import ZstdError
+
+    channel_id = None
+    try:
+        with path.open("rb") as stream:
+            try:
+                for item in StreamReader(stream).records:
+                    if isinstance(item, Channel) and item.topic == IMAGE_TOPIC:
+                        channel_id = item.id
+                    elif isinstance(item, Message) and item.channel_id == channel_id:
+                        jpeg = _bytes_field(item.data, _DATA_FIELD)
+                        image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR) if jpeg else None
+                        if image is not None:
+                            yield item.log_time, np.asarray(image, np.uint8)
+            except (McapError, ZstdError, struct.error, ValueError):
+                return
+    except OSError as error:
+        raise DataError(f"flight log {path} cannot be read: {error.strerror}") from None
+
+
+def _bytes_field(message: bytes, number: int) -> bytes:
+    """A field of bytes of a Protocol Buffers message; empty when it is not there."""
+    at = 0
+    while at < len(message):
+        key, at = _varint(message, at)
+        kind = key & 7
+        if kind == 2:
+            length, at = _varint(message, at)
+            if key >> 3 == number:
+                return message[at : at + length]
+            at += length
+        elif kind == 0:
+            _, at = _varint(message, at)
+        else:
+            at += {1: 8, 5: 4}.get(kind, len(message))
+    return b""
+
+
+def _varint(message: bytes, at: int) -> tuple[int, int]:
+    """A variable-length integer and where the next thing stands."""
+    value = shift = 0
+    while at < len(message):
+        byte = message[at]
+        value |= (byte & 0x7F) << shift
+        at, shift = at + 1, shift + 7
+        if not byte & 0x80:
+            break
+    return value, at

@@ -1,0 +1,103 @@
+"""Where a vehicle is: `scheme://place?option=value`, as `--vehicle` takes it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+from urllib.parse import parse_qsl
+
+from shipland.camera import Camera
+from shipland.errors import ConfigError
+from shipland.vehicles.vehicle import Vehicle
+
+
+@dataclass(frozen=True)
+class Address:
+    """A vehicle's address.
+
+    Attributes:
+        scheme: name of the vehicle's factory, in the group `vehicles`.
+        place: what stands after `://`: a file, a host, a link.
+        options: what stands after `?`, by name; text as typed.
+    """
+
+    scheme: str
+    place: str
+    options: Mapping[str, str] = field(default_factory=dict)
+
+    @staticmethod
+    def parse(text: str) -> Address:
+        """Take an address apart.
+
+        >>> Address.parse("mavlink://udp:127.0.0.1:14550?kind=velocity").options
+        {'kind': 'velocity'}
+
+        Raises:
+            ConfigError: it is no address.
+        """
+        scheme, separator, rest = text.partition("://")
+        place, _, query = rest.partition("?")
+        if not separator or not scheme or not place:
+            raise ConfigError(
+                f"--vehicle {text}: expected scheme://place, as mavlink://udp:127.0.0.1:14550, anafi://192.168.42.1 "
+                "or replay://flight.mcap"
+            )
+        try:
+            options = dict(parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query)))
+        except ValueError:
+            raise ConfigError(f"--vehicle {text}: expected option=value after the ?, with & between them") from None
+        return Address(scheme, place, options)
+
+    def only(self, *known: str) -> None:
+        """Refuse options that the vehicle does not know; ConfigError lists those it does."""
+        for name in self.options:
+            if name not in known:
+                listed = ", ".join(known) or "none"
+                raise ConfigError(f"{self.scheme}:// has no option {name!r}; there are: {listed}")
+
+    def number(self, name: str, default: float) -> float:
+        """An option as a finite number; ConfigError when it is none."""
+        text = self.options.get(name)
+        if text is None:
+            return default
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise ConfigError(f"{self.scheme}://…?{name}={text}: expected a number")
+        return value
+
+    def flag(self, name: str) -> bool:
+        """Whether an option is switched on: 1, yes, true; ConfigError for what is neither on nor off."""
+        text = self.options.get(name, "0").lower()
+        if text not in ("1", "yes", "true", "0", "no", "false"):
+            raise ConfigError(f"{self.scheme}://…?{name}={text}: expected 1 or 0")
+        return text in ("1", "yes", "true")
+
+
+@dataclass(frozen=True)
+class VehicleSetup:
+    """What a vehicle is made from.
+
+    Attributes:
+        address: where it is.
+        camera: intrinsics of its pictures, where the vehicle does not bring its own.
+        table: sections of `vehicles.toml`, the user's file laid over it.
+        log: file for what link and vehicle say to each other, where somebody wants it.
+    """
+
+    address: Address
+    camera: Camera
+    table: Mapping[str, Mapping[str, object]]
+    log: Path | None = None
+
+
+class VehicleFactory(Protocol):
+    """Makes the vehicle of one flight, not yet open; `--vehicle scheme://…` names one."""
+
+    def __call__(self, setup: VehicleSetup, /) -> Vehicle:
+        """The vehicle; ConfigError when the address is wrong."""

@@ -1,0 +1,77 @@
+"""What must be in order before a flight."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from shipland.config import require
+from shipland.guidance.response import Response
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the checklist.
+
+    Attributes:
+        name: what was looked at.
+        ok: fit to fly.
+        words: what was found, and what to do where it is not in order.
+    """
+
+    name: str
+    ok: bool
+    words: str
+
+    def line(self) -> str:
+        """For the terminal."""
+        return f"{'ok  ' if self.ok else 'FAIL'}  {self.name:<14} {self.words}"
+
+
+@dataclass(frozen=True)
+class PreflightParameters:
+    """`[preflight]` of vehicles.toml.
+
+    Attributes:
+        picture_hz, picture_age_s: least rate and largest age of pictures.
+        telemetry_hz: least rate of attitudes.
+        round_trip_s: largest time of a message there and back.
+        battery_percent: least charge.
+        wind_share: largest wind, as a share of what full tilt can hold against.
+    """
+
+    picture_hz: float
+    picture_age_s: float
+    telemetry_hz: float
+    round_trip_s: float
+    battery_percent: float
+    wind_share: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require(value > 0.0, f"{name} must be positive, got {value}")
+
+
+@runtime_checkable
+class Real(Protocol):
+    """A vehicle outside: it is connected and checked before it is flown, and says what full sticks mean."""
+
+    @property
+    def response(self) -> Response:
+        """What full sticks mean; once connected."""
+
+    def connect(self) -> None:
+        """Link and camera, without taking control; VehicleError when something does not answer."""
+
+    def checks(self) -> Sequence[Check]:
+        """What of it is fit to fly; once connected."""
+
+
+@runtime_checkable
+class Ending(Protocol):
+    """A vehicle that says why it gives no more frames."""
+
+    @property
+    def end_reason(self) -> str:
+        """In words; empty in flight."""

@@ -1,0 +1,177 @@
+"""`[mavlink]` of vehicles.toml, and the limits that the vehicle's own parameters set."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from shipland.config import build, require
+from shipland.errors import VehicleError
+from shipland.guidance.response import Response
+from shipland.vehicles.mavlink_setpoints import ClimbScale
+from shipland.vehicles.mavlink_state import PX4
+
+
+@dataclass(frozen=True)
+class MavlinkParameters:
+    """`[mavlink]`.
+
+    Attributes:
+        kind: what pitch and roll sticks mean: a tilt or a speed; PX4 always flies speeds.
+        system_id, component_id: ours.
+        setpoint_hz, gimbal_hz: messages a second.
+        connect_timeout_s: to the first heartbeat, and to the first of everything needed.
+        engage_timeout_s: for the operator to give us the mode.
+        stale_s: without a command for so long the vehicle is told to hold.
+        link_timeout_s: without a heartbeat for so long the flight is over.
+        video_timeout_s: likewise without a picture.
+        max_tilt_deg, max_speed_mps, max_climb_mps, max_turn_deg_s: full sticks, within the vehicle's own limits.
+        stick_takeover_us: a stick moved by more takes over.
+        hover_throttle: 0 … 1, where the vehicle does not say.
+        force_disarm: whether a touchdown that the autopilot does not accept stops the motors all the same.
+        disarm_retry_s: from one attempt to the next.
+    """
+
+    kind: Literal["attitude", "velocity"]
+    system_id: int
+    component_id: int
+    setpoint_hz: float
+    gimbal_hz: float
+    connect_timeout_s: float
+    engage_timeout_s: float
+    stale_s: float
+    link_timeout_s: float
+    video_timeout_s: float
+    max_tilt_deg: float
+    max_speed_mps: float
+    max_climb_mps: float
+    max_turn_deg_s: float
+    stick_takeover_us: int
+    hover_throttle: float
+    force_disarm: bool
+    disarm_retry_s: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if isinstance(value, float):
+                require(value > 0.0, f"{name} must be positive, got {value}")
+        require(0 < self.system_id < 256 and 0 < self.component_id < 256, "ids must be 1 to 255")
+        require(5.0 <= self.setpoint_hz <= 200.0, f"setpoint_hz must be 5 to 200, got {self.setpoint_hz}")
+        require(self.hover_throttle < 1.0, "hover_throttle must be below 1")
+
+
+ARDUPILOT_NAMES = (
+    "ANGLE_MAX", "ATC_ANGLE_MAX", "WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN", "WP_SPD", "WP_SPD_UP", "WP_SPD_DN",
+    "GUID_OPTIONS", "GUID_TIMEOUT", "MOT_THST_HOVER", "FENCE_ENABLE",
+)  # fmt: skip
+"""Read from an ArduPilot; newer ones have other names, in degrees and metres instead of hundredths."""
+
+PX4_NAMES = (
+    "MPC_TILTMAX_AIR", "MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN", "MPC_THR_HOVER", "COM_OF_LOSS_T",
+    "GF_ACTION",
+)  # fmt: skip
+"""Read from a PX4."""
+
+_RAW_THRUST_BIT = 8
+"""GUID_OPTIONS: SET_ATTITUDE_TARGET carries raw thrust."""
+
+
+@dataclass(frozen=True)
+class VehicleLimits:
+    """What the vehicle's parameters allow; infinite where it does not say.
+
+    Attributes:
+        tilt_rad, speed_mps, up_mps, down_mps: largest.
+        hover_throttle: 0 … 1; None where it does not say.
+        fence: whether its own geofence is on.
+        hold_after_s: after the last set-point it holds by itself.
+    """
+
+    tilt_rad: float
+    speed_mps: float
+    up_mps: float
+    down_mps: float
+    hover_throttle: float | None
+    fence: bool
+    hold_after_s: float
+
+    @staticmethod
+    def of(autopilot: int, values: Mapping[str, float]) -> VehicleLimits:
+        """The limits that parameters set.
+
+        Raises:
+            VehicleError: a parameter that turns thrust from a climb rate into raw thrust.
+        """
+        if autopilot == PX4:
+            return VehicleLimits(
+                tilt_rad=math.radians(values.get("MPC_TILTMAX_AIR", math.inf)),
+                speed_mps=values.get("MPC_XY_VEL_MAX", math.inf),
+                up_mps=values.get("MPC_Z_VEL_MAX_UP", math.inf),
+                down_mps=values.get("MPC_Z_VEL_MAX_DN", math.inf),
+                hover_throttle=values.get("MPC_THR_HOVER"),
+                fence=values.get("GF_ACTION", 0.0) > 0.0,
+                hold_after_s=values.get("COM_OF_LOSS_T", 1.0),
+            )
+        if int(values.get("GUID_OPTIONS", 0.0)) & _RAW_THRUST_BIT:
+            raise VehicleError(
+                "GUID_OPTIONS makes thrust raw thrust (bit 3); climb rates are needed: clear that bit on the vehicle"
+            )
+
+        def either(hundredths: str, units: str) -> float:
+            return 0.01 * values[hundredths] if hundredths in values else values.get(units, math.inf)
+
+        hover = values.get("MOT_THST_HOVER")
+        return VehicleLimits(
+            tilt_rad=math.radians(either("ANGLE_MAX", "ATC_ANGLE_MAX")),
+            speed_mps=either("WPNAV_SPEED", "WP_SPD"),
+            up_mps=either("WPNAV_SPEED_UP", "WP_SPD_UP"),
+            down_mps=abs(either("WPNAV_SPEED_DN", "WP_SPD_DN")),
+            hover_throttle=hover if hover is not None and 0.05 < hover < 0.95 else None,
+            fence=values.get("FENCE_ENABLE", 0.0) > 0.0,
+            hold_after_s=values.get("GUID_TIMEOUT", 3.0),
+        )
+
+    @property
+    def climb_scale(self) -> ClimbScale:
+        """What thrust means to an ArduPilot.
+
+        Raises:
+            VehicleError: it did not say how fast it climbs and sinks.
+        """
+        if not (0.0 < self.up_mps < math.inf and 0.0 < self.down_mps < math.inf):
+            raise VehicleError(
+                "the vehicle did not say its largest climb and sink rate (WPNAV_SPEED_UP, WPNAV_SPEED_DN); "
+                "without them thrust has no meaning"
+            )
+        return ClimbScale(self.up_mps, self.down_mps)
+
+
+def response_within(
+    parameters: MavlinkParameters, limits: VehicleLimits, autopilot: int, table: Mapping[str, object]
+) -> Response:
+    """What full sticks mean: what was asked for, within the vehicle's limits, with the lags of `[response.…]`.
+
+    Args:
+        parameters: what full sticks shall mean.
+        limits: of the vehicle.
+        autopilot: MAV_AUTOPILOT.
+        table: `[response]`, one table a kind.
+
+    Raises:
+        ConfigError: the table is wrong.
+    """
+    kind = "velocity" if autopilot == PX4 else parameters.kind
+    lags = table.get(kind, {})
+    assert isinstance(lags, Mapping)
+    speeds = {"max_speed_mps": 0.0, "servo_per_s": 0.0}
+    if kind == "velocity":
+        speeds = {"max_speed_mps": min(parameters.max_speed_mps, limits.speed_mps)}
+    own = {
+        "kind": kind,
+        "max_tilt_rad": min(math.radians(parameters.max_tilt_deg), limits.tilt_rad),
+        "max_climb_mps": min(parameters.max_climb_mps, limits.up_mps, limits.down_mps),
+        "max_turn_rad_s": math.radians(parameters.max_turn_deg_s),
+    }
+    return build(Response, {**dict(lags), **speeds, **own}, f"response.{kind}")

@@ -1,0 +1,139 @@
+"""What a MAVLink vehicle is made from, and how an address says it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from shipland.camera import Camera
+from shipland.config import build, merge
+from shipland.errors import ConfigError, VehicleError
+from shipland.vehicles.address import Address, VehicleSetup
+from shipland.vehicles.camera_stream import PictureSource, VideoSource
+from shipland.vehicles.checks import PreflightParameters
+from shipland.vehicles.frame_link import FrameSource
+from shipland.vehicles.mavlink_link import open_port, read_key
+from shipland.vehicles.mavlink_parameters import MavlinkParameters
+from shipland.vehicles.mavlink_session import Session
+from shipland.vehicles.mavlink_state import AutopilotState
+from shipland.vehicles.touchdown import TouchdownParameters
+
+OPTIONS = ("camera", "latency_s", "mount_deg", "kind", "system", "key", "take", "takeoff")
+"""What may stand after the ? of a mavlink:// address."""
+
+
+@dataclass(frozen=True)
+class Engagement:
+    """What we may do by ourselves.
+
+    Attributes:
+        take: ask for the guided mode; otherwise the operator gives it.
+        take_off_m: arm and take off to this height; 0: somebody else does.
+    """
+
+    take: bool = False
+    take_off_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class MavlinkSetup:
+    """What a MAVLink vehicle is made from.
+
+    Attributes:
+        place: of the link, as `open_port` takes it.
+        vehicle: system id; None for the first that is heard.
+        key: for signing, or None.
+        log: file for the raw messages, or None.
+        camera: intrinsics.
+        source: of the pictures.
+        brings_gimbal: the pictures come with the camera's attitude.
+        fixed_pitch_rad: of a camera fixed to the body; None for a gimbal.
+        open_timeout_s: to the first picture.
+        engagement: what we may do by ourselves.
+        parameters, touchdown, preflight: sections of vehicles.toml.
+        response_table: `[response]`.
+    """
+
+    place: str
+    vehicle: int | None
+    key: bytes | None
+    log: Path | None
+    camera: Camera
+    source: PictureSource
+    brings_gimbal: bool
+    fixed_pitch_rad: float | None
+    open_timeout_s: float
+    engagement: Engagement
+    parameters: MavlinkParameters
+    touchdown: TouchdownParameters
+    preflight: PreflightParameters
+    response_table: Mapping[str, object]
+
+    @staticmethod
+    def of(setup: VehicleSetup) -> MavlinkSetup:
+        """From an address and vehicles.toml; ConfigError when either is wrong."""
+        address, table = setup.address, setup.table
+        address.only(*OPTIONS)
+        section = dict(table["mavlink"])
+        if "kind" in address.options:
+            section = merge(section, {"kind": address.options["kind"]})
+        system = address.number("system", 0.0)
+        if not (0.0 <= system < 256.0 and system == int(system)):
+            raise ConfigError(f"mavlink://…?system={system:g}: expected 1 to 255")
+        source, brings_gimbal = _source(address, setup)
+        take_off_m = address.number("takeoff", 0.0)
+        if not 0.0 <= take_off_m <= 50.0:
+            raise ConfigError(f"mavlink://…?takeoff={take_off_m:g}: expected 0 to 50 m")
+        pitch_deg = address.number("mount_deg", math.nan) if "mount_deg" in address.options else None
+        return MavlinkSetup(
+            place=address.place,
+            vehicle=int(system) or None,
+            key=read_key(Path(address.options["key"])) if "key" in address.options else None,
+            log=setup.log,
+            camera=setup.camera,
+            source=source,
+            brings_gimbal=brings_gimbal,
+            fixed_pitch_rad=None if pitch_deg is None else math.radians(pitch_deg),
+            open_timeout_s=float(str(table["camera"]["open_timeout_s"])),
+            engagement=Engagement(address.flag("take"), take_off_m),
+            parameters=build(MavlinkParameters, section, "vehicles.mavlink"),
+            touchdown=build(TouchdownParameters, table["touchdown"], "vehicles.touchdown"),
+            preflight=build(PreflightParameters, table["preflight"], "vehicles.preflight"),
+            response_table=table["response"],
+        )
+
+
+def _source(address: Address, setup: VehicleSetup) -> tuple[PictureSource, bool]:
+    """Where the pictures come from, and whether they bring the camera's attitude."""
+    url = address.options.get("camera")
+    if url is None:
+        raise ConfigError(
+            f"{address.scheme}://{address.place}: say where the pictures come from: ?camera=rtsp://…, /dev/video0, a "
+            "file, gst:PIPELINE, or frames:HOST:PORT of `shipland serve-physics`"
+        )
+    if url.startswith("frames:"):
+        return FrameSource.at(url.removeprefix("frames:"), setup.camera), True
+    latency_s = address.number("latency_s", float(str(setup.table["camera"]["latency_s"])))
+    size_px = setup.camera.width_px, setup.camera.height_px
+    return VideoSource(url, latency_s, size_px, float(str(setup.table["camera"]["open_timeout_s"]))), False
+
+
+def open_session(setup: MavlinkSetup, on_state: Callable[[AutopilotState, AutopilotState], None]) -> Session:
+    """The conversation, not yet begun; VehicleError when port or log cannot be opened."""
+    log = None
+    if setup.log is not None:
+        try:
+            setup.log.parent.mkdir(parents=True, exist_ok=True)
+            log = setup.log.open("wb")
+        except OSError as error:
+            raise VehicleError(f"message log {setup.log} cannot be written: {error.strerror}") from None
+    try:
+        port = open_port(setup.place)
+    except BaseException:
+        if log is not None:
+            log.close()
+        raise
+    ids = setup.parameters.system_id, setup.parameters.component_id
+    return Session(port, *ids, setup.vehicle, setup.key, log, on_state)

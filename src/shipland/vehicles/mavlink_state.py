@@ -1,0 +1,255 @@
+"""What a MAVLink vehicle has said of itself, as one frozen state; a message makes the next one."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from shipland.frames import wrap_angle
+
+ARDUPILOT, PX4 = 3, 12
+"""MAV_AUTOPILOT of the two that are flown."""
+ARMED_FLAG = 128
+"""MAV_MODE_FLAG_SAFETY_ARMED of a heartbeat's base mode."""
+_NONE_U8, _NONE_U16 = 255, 65535
+_REBOOT_S = 1.0
+"""The autopilot's clock went back by so much: it has started anew."""
+_WINDOW_S = 5.0
+"""A while in which the clocks' difference is constant."""
+_LONGEST_TRIP_S = 2.0
+"""An answer later than this is none."""
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class AutopilotState:
+    """The newest of everything; times are ours, `time.monotonic` [s], and NaN before the first message.
+
+    Attributes:
+        heard_s: any message.
+        heartbeat_s: last heartbeat.
+        autopilot: MAV_AUTOPILOT.
+        mode: custom mode.
+        armed: motors may run.
+        reboots: how often the autopilot's clock began anew.
+        boot_s: newest time of the autopilot's clock.
+        offset_s: our clock minus the autopilot's and the quickest message's way, of the last while.
+        next_offset_s, window_s: the same of the while that has begun, and when that was.
+        round_trip_s: of the quickest exchange of times; 0 before the first.
+        attitude_t_s: when the attitude was true.
+        roll_rad, pitch_rad, heading_rad: attitude.
+        rates_rad_s: body rates.
+        velocity_t_s: when position and velocity were true.
+        velocity_in_ned_mps: over ground.
+        down_m: `ned` z from the autopilot's origin.
+        height_t_s, height_m: above the take-off point.
+        throttle_percent: of the motors.
+        throttle_t_s: when.
+        range_m: downward rangefinder; None without.
+        battery_percent: None where unknown.
+        link_percent: of a telemetry radio; None without one.
+        landed: the autopilot takes itself for landed.
+        gimbal_t_s, gimbal_roll_rad, gimbal_pitch_rad: the mount against the horizon; NaN without one.
+        sticks_us: pulse widths of roll, pitch, throttle and yaw; empty without a receiver.
+        parameters: read so far, by name.
+        acknowledged: result of the last command of each number, with a running count.
+        texts: what it said in words, newest last.
+    """
+
+    heard_s: float = math.nan
+    heartbeat_s: float = math.nan
+    autopilot: int = 0
+    mode: int = -1
+    armed: bool = False
+    reboots: int = 0
+    boot_s: float = math.nan
+    offset_s: float = math.inf
+    next_offset_s: float = math.inf
+    window_s: float = -math.inf
+    round_trip_s: float = 0.0
+    attitude_t_s: float = math.nan
+    roll_rad: float = math.nan
+    pitch_rad: float = math.nan
+    heading_rad: float = math.nan
+    rates_rad_s: Vector = (math.nan, math.nan, math.nan)
+    velocity_t_s: float = math.nan
+    velocity_in_ned_mps: Vector = (math.nan, math.nan, math.nan)
+    down_m: float = math.nan
+    height_t_s: float = math.nan
+    height_m: float = math.nan
+    throttle_t_s: float = math.nan
+    throttle_percent: float = math.nan
+    range_m: float | None = None
+    battery_percent: float | None = None
+    link_percent: float | None = None
+    landed: bool = False
+    gimbal_t_s: float = math.nan
+    gimbal_roll_rad: float = math.nan
+    gimbal_pitch_rad: float = math.nan
+    sticks_us: tuple[int, ...] = ()
+    parameters: dict[str, float] = field(default_factory=dict)
+    acknowledged: dict[int, tuple[int, int]] = field(default_factory=dict)
+    texts: tuple[str, ...] = ()
+
+    @property
+    def velocity_in_level_mps(self) -> Vector | None:
+        """Forward-right-down along the heading; None before both are known."""
+        north, east, down = self.velocity_in_ned_mps
+        if not (math.isfinite(north) and math.isfinite(self.heading_rad)):
+            return None
+        c, s = math.cos(self.heading_rad), math.sin(self.heading_rad)
+        return c * north + s * east, c * east - s * north, down
+
+
+class RefusedError(ValueError):
+    """A sound message with values that no vehicle has."""
+
+
+def absorb(state: AutopilotState, message: Any, received_s: float) -> AutopilotState:  # noqa: ANN401 - generated
+    """The state after a message; the same state, but for its being heard, where the message says nothing new.
+
+    Raises:
+        RefusedError: a value is not finite or out of all bounds; the state stays as it was.
+    """
+    handler = _HANDLERS.get(message.get_type())
+    if handler is None:
+        return replace(state, heard_s=received_s)
+    return replace(handler(state, message, received_s), heard_s=received_s)
+
+
+def _finite(*values: float, bound: float = 1e6) -> None:
+    if not all(math.isfinite(value) and abs(value) <= bound for value in values):
+        raise RefusedError(str(values))
+
+
+def _clock(state: AutopilotState, boot_ms: int, received_s: float) -> tuple[AutopilotState, float]:
+    """The state with the autopilot's clock moved on, and the message's time on ours.
+
+    The quickest message of a while tells the clocks' difference; half of the quickest round trip is its own way.
+    """
+    boot_s = 1e-3 * boot_ms
+    if boot_s < state.boot_s - _REBOOT_S:
+        state = replace(state, reboots=state.reboots + 1, boot_s=boot_s, offset_s=math.inf, window_s=-math.inf)
+    offset_s, next_s, window_s = received_s - boot_s, state.next_offset_s, state.window_s
+    known_s = state.offset_s
+    if received_s - window_s > _WINDOW_S:  # the clocks run apart, or a simulated one falls behind
+        known_s, next_s, window_s = min(next_s, offset_s), math.inf, received_s
+    known_s, next_s = min(known_s, offset_s), min(next_s, offset_s)
+    newest_s = boot_s if not state.boot_s > boot_s else state.boot_s
+    state = replace(state, boot_s=newest_s, offset_s=known_s, next_offset_s=next_s, window_s=window_s)
+    return state, boot_s + known_s - 0.5 * state.round_trip_s
+
+
+def _heartbeat(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    if it.get_srcComponent() != 1:
+        return state
+    armed = bool(it.base_mode & ARMED_FLAG)
+    return replace(state, heartbeat_s=received_s, autopilot=it.autopilot, mode=it.custom_mode, armed=armed)
+
+
+def _attitude(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    _finite(it.roll, it.pitch, it.yaw, it.rollspeed, it.pitchspeed, it.yawspeed, bound=200.0)
+    state, t_s = _clock(state, it.time_boot_ms, received_s)
+    return replace(
+        state, attitude_t_s=t_s, roll_rad=it.roll, pitch_rad=it.pitch, heading_rad=wrap_angle(it.yaw),
+        rates_rad_s=(it.rollspeed, it.pitchspeed, it.yawspeed),
+    )  # fmt: skip
+
+
+def _local_position(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    _finite(it.z, it.vx, it.vy, it.vz, bound=1e5)
+    state, t_s = _clock(state, it.time_boot_ms, received_s)
+    return replace(state, velocity_t_s=t_s, velocity_in_ned_mps=(it.vx, it.vy, it.vz), down_m=it.z)
+
+
+def _global_position(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    state, t_s = _clock(state, it.time_boot_ms, received_s)
+    return replace(state, height_t_s=t_s, height_m=1e-3 * it.relative_alt)
+
+
+def _hud(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    return replace(state, throttle_t_s=received_s, throttle_percent=float(it.throttle))
+
+
+def _range(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+    if it.orientation != 25:  # MAV_SENSOR_ROTATION_PITCH_270: downwards
+        return state
+    known = it.min_distance <= it.current_distance <= it.max_distance
+    return replace(state, range_m=1e-2 * it.current_distance if known else None)
+
+
+def _battery(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+    remaining = it.battery_remaining
+    return replace(state, battery_percent=float(remaining) if 0 <= remaining <= 100 else None)
+
+
+def _radio(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+    return replace(state, link_percent=None if it.rssi == _NONE_U8 else 100.0 * it.rssi / 254.0)
+
+
+def _extended(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+    return replace(state, landed=it.landed_state == 1)  # MAV_LANDED_STATE_ON_GROUND
+
+
+def _gimbal(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    w, x, y, z = it.q
+    _finite(w, x, y, z, bound=2.0)
+    state, t_s = _clock(state, it.time_boot_ms, received_s)
+    roll_rad = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch_rad = math.asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
+    return replace(state, gimbal_t_s=t_s, gimbal_roll_rad=roll_rad, gimbal_pitch_rad=pitch_rad)
+
+
+def _receiver(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+    sticks = (it.chan1_raw, it.chan2_raw, it.chan3_raw, it.chan4_raw)
+    return replace(state, sticks_us=sticks if it.chancount >= 4 and _NONE_U16 not in sticks else ())
+
+
+def _parameter(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+    value = float(it.param_value)
+    if state.autopilot == PX4 and it.param_type in (5, 6):  # PX4 sends whole numbers as their bytes
+        value = float(struct.unpack("<i", struct.pack("<f", it.param_value))[0])
+    _finite(value, bound=1e12)
+    return replace(state, parameters=state.parameters | {it.param_id: value})
+
+
+def _acknowledge(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+    count = state.acknowledged.get(it.command, (0, 0))[1]
+    return replace(state, acknowledged=state.acknowledged | {it.command: (it.result, count + 1)})
+
+
+def _text(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+    return replace(state, texts=(*state.texts[-49:], str(it.text)))
+
+
+def _times(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    """The answer to our own question: tc1 is the autopilot's clock, ts1 what we asked with [ns]."""
+    round_trip_s = received_s - 1e-9 * it.ts1
+    if it.tc1 <= 0 or not 0.0 <= round_trip_s < _LONGEST_TRIP_S:
+        return state
+    known_s = state.round_trip_s
+    return replace(state, round_trip_s=min(known_s, round_trip_s) if known_s > 0.0 else round_trip_s)
+
+
+_Handler = Callable[[AutopilotState, Any, float], AutopilotState]
+_HANDLERS: dict[str, _Handler] = {
+    "HEARTBEAT": _heartbeat,
+    "ATTITUDE": _attitude,
+    "LOCAL_POSITION_NED": _local_position,
+    "GLOBAL_POSITION_INT": _global_position,
+    "VFR_HUD": _hud,
+    "DISTANCE_SENSOR": _range,
+    "BATTERY_STATUS": _battery,
+    "RADIO_STATUS": _radio,
+    "EXTENDED_SYS_STATE": _extended,
+    "GIMBAL_DEVICE_ATTITUDE_STATUS": _gimbal,
+    "RC_CHANNELS": _receiver,
+    "PARAM_VALUE": _parameter,
+    "COMMAND_ACK": _acknowledge,
+    "STATUSTEXT": _text,
+    "TIMESYNC": _times,
+}

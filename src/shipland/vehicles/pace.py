@@ -1,0 +1,60 @@
+"""A thread that does one thing at a steady rate, and says how steady it was."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+
+_KEPT = 100_000
+"""Latenesses that are kept: over half an hour at 50 Hz."""
+
+
+class Pace:
+    """Calls `do(step_s)` every 1/`rate_hz` from a thread of its own; a turn that is missed is left out.
+
+    Args:
+        do: gets the time since its last call [s]; what it raises is counted and goes no further.
+        rate_hz: calls a second.
+        name: of the thread.
+    """
+
+    def __init__(self, do: Callable[[float], None], rate_hz: float, name: str) -> None:
+        self._do, self._period_s = do, 1.0 / rate_hz
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self.late_s: deque[float] = deque(maxlen=_KEPT)
+        """How late each call began [s]."""
+        self.failed = 0
+        """Calls that raised."""
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End; no call runs after this."""
+        self._stopping.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join()
+
+    def _run(self) -> None:
+        with suppress(OSError, AttributeError):  # needs a privilege; without it the thread is one of many
+            os.sched_setscheduler(threading.get_native_id(), os.SCHED_FIFO, os.sched_param(1))
+        due_s = last_s = time.monotonic()
+        while not self._stopping.is_set():
+            now_s = time.monotonic()
+            self.late_s.append(now_s - due_s)
+            try:
+                self._do(now_s - last_s)
+            except Exception:  # the next turn must come
+                self.failed += 1
+            last_s = now_s
+            due_s += self._period_s
+            behind_s = time.monotonic() - due_s
+            if behind_s > self._period_s:
+                due_s += self._period_s * int(behind_s / self._period_s)
+            self._stopping.wait(max(0.0, due_s - time.monotonic()))

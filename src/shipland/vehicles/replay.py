@@ -1,0 +1,150 @@
+"""A recording as a vehicle: what was seen is seen again, what is sent goes nowhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from shipland.camera import Camera
+from shipland.errors import DataError
+from shipland.messages import Frame, GimbalAttitude, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.vision.pictures import read_video
+
+_REMEMBERED = 64
+"""Given frames whose truth is kept."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One recorded picture.
+
+    Attributes:
+        frame: the picture at its exposure.
+        arrived_s: when it was received, on the frame's clock [s].
+        telemetry: the newest at receipt; its `t_s` is when the values were received.
+        truth: at the exposure, where somebody knew it.
+    """
+
+    frame: Frame
+    arrived_s: float
+    telemetry: Telemetry
+    truth: GroundTruth | None = None
+
+
+class ReplayVehicle:
+    """A `Vehicle` and `Witness` over a recording, in order of receipt.
+
+    Time is the recording's: after `send` the pipeline is free at the command's time, and `read` gives the newest
+    picture that had arrived by then and was not given, else it waits for the next one, as a link does. Sticks move
+    nothing.
+
+    Args:
+        recorded: the pictures, at most as long as needed: an iterator is read as the replay goes on.
+        camera: intrinsics of the pictures.
+        verdict: how the recorded flight ended.
+    """
+
+    def __init__(
+        self, recorded: Iterator[Recorded] | Sequence[Recorded], camera: Camera, verdict: TouchdownVerdict | None = None
+    ) -> None:
+        self._source, self._camera, self._verdict = iter(recorded), camera, verdict
+        self._ahead: Recorded | None = None
+        self._newest: Recorded | None = None
+        self._truths: dict[float, GroundTruth] = {}
+        self._now_s, self._is_open, self._ended = -math.inf, False, False
+        self.ignored = 0
+        """Commands that went nowhere."""
+
+    @property
+    def camera(self) -> Camera:
+        """Intrinsics of the pictures."""
+        return self._camera
+
+    def open(self) -> None:
+        """Read the first picture; DataError when there is none."""
+        if self._newest is None and self._peek() is None:
+            raise DataError("the recording holds no pictures to replay")
+        self._is_open = True
+
+    def read(self) -> tuple[Frame, Telemetry] | None:
+        """The newest picture received by now and not given, else the next; None at the recording's end."""
+        if not self._is_open or self._peek() is None:
+            return None
+        chosen = self._take()
+        while (following := self._peek()) is not None and following.arrived_s <= self._now_s:
+            chosen = self._take()
+        self._now_s = max(self._now_s, chosen.arrived_s)
+        if chosen.truth is not None:
+            self._truths[chosen.frame.t_s] = chosen.truth
+            for stamp_s in list(self._truths)[:-_REMEMBERED]:
+                del self._truths[stamp_s]
+        return chosen.frame, replace(chosen.telemetry, t_s=self._now_s)
+
+    def telemetry_at(self, t_s: float) -> Telemetry:
+        """What had been received with the newest picture given, stamped with `t_s`."""
+        if math.isfinite(t_s):
+            self._now_s = max(self._now_s, t_s)
+        if self._newest is None:
+            return Telemetry(self._now_s, None, None, None, None, None, None, None, False)
+        return replace(self._newest.telemetry, t_s=self._now_s)
+
+    def send(self, command: PilotCommand) -> None:
+        """The pipeline is free at the command's time; the sticks are ignored."""
+        if self._is_open:
+            self.ignored += 1
+            if math.isfinite(command.t_s):
+                self._now_s = max(self._now_s, command.t_s)
+
+    def close(self) -> None:
+        """End the replay."""
+        self._is_open = False
+
+    def truth_at(self, t_s: float) -> GroundTruth | None:
+        """The recorded truth of a picture that `read` gave, by its exposure time [s]."""
+        return self._truths.get(t_s)
+
+    def verdict(self) -> TouchdownVerdict | None:
+        """How the recorded flight ended, once the replay has."""
+        return self._verdict if self._ended else None
+
+    def _peek(self) -> Recorded | None:
+        """The next picture whose exposure is after the one before; what runs backwards is left out."""
+        while self._ahead is None and not self._ended:
+            item = next(self._source, None)
+            if item is None:
+                self._ended = True
+            elif self._newest is None or item.frame.t_s > self._newest.frame.t_s:
+                self._ahead = item
+        return self._ahead
+
+    def _take(self) -> Recorded:
+        assert self._ahead is not None  # both callers have peeked
+        self._newest, self._ahead = self._ahead, None
+        return self._newest
+
+
+def recorded_video(path: Path, camera: Camera, pitch_rad: float, latency_s: float) -> Iterator[Recorded]:
+    """A video's pictures, with nothing known but when they were exposed.
+
+    Args:
+        path: the file.
+        camera: its calibration.
+        pitch_rad: of the camera against the horizon, constant.
+        latency_s: from exposure to receipt.
+
+    Raises:
+        DataError: no video, or its pictures are of another size than the calibration.
+    """
+    gimbal = GimbalAttitude(0.0, pitch_rad)
+    for t_s, image in read_video(path):
+        height_px, width_px = image.shape[:2]
+        if (width_px, height_px) != (camera.width_px, camera.height_px):
+            raise DataError(
+                f"{path} holds pictures of {width_px} × {height_px} px, its calibration is for "
+                f"{camera.width_px} × {camera.height_px} px"
+            )
+        arrived_s = t_s + latency_s
+        telemetry = Telemetry(arrived_s, None, None, None, None, None, None, None, flying=True)
+        yield Recorded(Frame(t_s, image, gimbal), arrived_s, telemetry)

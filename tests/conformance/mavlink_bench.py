@@ -1,0 +1,121 @@
+"""A MAVLink vehicle of ours before a stand-in autopilot in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from shipland.camera import Camera
+from shipland.config import build, merge, packaged_toml
+from shipland.messages import GimbalAttitude, TouchdownVerdict
+from shipland.vehicles.camera_stream import Shot
+from shipland.vehicles.checks import PreflightParameters
+from shipland.vehicles.mavlink import MavlinkVehicle
+from shipland.vehicles.mavlink_parameters import MavlinkParameters
+from shipland.vehicles.mavlink_setup import Engagement, MavlinkSetup
+from shipland.vehicles.touchdown import TouchdownParameters
+
+TABLE = packaged_toml("vehicles")
+
+
+class Blank:
+    """A camera that gives 30 pictures a second without a picture in them, until told to stop."""
+
+    def __init__(self) -> None:
+        self.closed = self.frozen = False
+
+    def pictures(self) -> Iterator[Shot]:
+        while not self.closed:
+            now_s = time.monotonic()
+            if not self.frozen:
+                yield Shot(None, now_s - 0.1, now_s, GimbalAttitude(0.0, -0.1))
+            time.sleep(1.0 / 30.0)
+
+    def close(self) -> None:
+        self.closed = True
+
+    def verdict(self) -> TouchdownVerdict | None:
+        return None
+
+
+class StandIn:
+    """The process of the stand-in autopilot."""
+
+    def __init__(self, port: int, kind: str, key: bytes | None = None) -> None:
+        command = [sys.executable, str(Path(__file__).with_name("standin.py")), str(port), kind]
+        command += [key.hex()] if key else []
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+    def say(self, words: str) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(words + "\n")
+        self._process.stdin.flush()
+
+    def report(self) -> dict[str, Any]:
+        assert self._process.stdout is not None
+        self.say("report")
+        return json.loads(self._process.stdout.readline())
+
+    def close(self) -> None:
+        self._process.kill()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            assert pipe is not None
+            pipe.close()
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def setup_for(
+    port: int, source: Blank, key: bytes | None, engagement: Engagement, overrides: dict[str, Any]
+) -> MavlinkSetup:
+    section = merge(TABLE["mavlink"], {"engage_timeout_s": 5.0, "video_timeout_s": 2.0} | overrides)
+    return MavlinkSetup(
+        place=f"udp:127.0.0.1:{port}",
+        vehicle=None,
+        key=key,
+        log=None,
+        camera=Camera.from_fov(1280, 720, 69.0),
+        source=source,
+        brings_gimbal=True,
+        fixed_pitch_rad=None,
+        open_timeout_s=5.0,
+        engagement=engagement,
+        parameters=build(MavlinkParameters, section, "mavlink"),
+        touchdown=build(TouchdownParameters, TABLE["touchdown"], "touchdown"),
+        preflight=build(PreflightParameters, TABLE["preflight"], "preflight"),
+        response_table=TABLE["response"],
+    )
+
+
+_SAME = b"same"
+
+
+@contextmanager
+def bench(
+    kind: str = "ardupilot",
+    key: bytes | None = None,
+    other_key: bytes | None = _SAME,
+    engagement: Engagement | None = None,
+    **overrides: Any,
+) -> Iterator[tuple[MavlinkVehicle, StandIn, Blank]]:
+    """The vehicle, not yet open, its autopilot (which signs with `other_key`), its camera."""
+    port, source = free_port(), Blank()
+    autopilot = StandIn(port, kind, key if other_key is _SAME else other_key)
+    vehicle = MavlinkVehicle(setup_for(port, source, key, engagement or Engagement(), overrides))
+    try:
+        yield vehicle, autopilot, source
+    finally:
+        vehicle.close()
+        autopilot.close()

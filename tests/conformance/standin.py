@@ -1,0 +1,264 @@
+"""A stand-in autopilot in a process of its own: MAVLink's common dialect over UDP, and a kinematic multicopter.
+
+It knows nothing of shipland. It keeps to what real ones were seen to do: ArduPilot drops SET_ATTITUDE_TARGET whose
+rates are partly ignored, takes thrust 0.5 as holding the height, obeys set-points in GUIDED only, holds when they stop,
+and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after set-points and leaves it without them.
+
+Words on standard input: `mode N`, `sticks US`, `silent S`, `reboot`, `deck` (a moving deck just below), `report`.
+`report` answers a line of JSON on standard output.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+import sys
+import threading
+import time
+from typing import Any
+
+from pymavlink.dialects.v20 import common as m
+
+STEP_S = 0.01
+PARAMETERS = {
+    "ANGLE_MAX": 3000.0, "WPNAV_SPEED": 500.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0, "GUID_OPTIONS": 0.0,
+    "GUID_TIMEOUT": 3.0, "MOT_THST_HOVER": 0.39, "FENCE_ENABLE": 1.0,
+}  # fmt: skip
+PX4_PARAMETERS = {
+    "MPC_TILTMAX_AIR": 45.0, "MPC_XY_VEL_MAX": 12.0, "MPC_Z_VEL_MAX_UP": 3.0, "MPC_Z_VEL_MAX_DN": 1.0,
+    "MPC_THR_HOVER": 0.4, "COM_OF_LOSS_T": 1.0,
+}  # fmt: skip
+GUIDED, OFFBOARD = 4, 6 << 16
+
+
+class Autopilot:
+    def __init__(self, port: int, px4: bool, key: bytes | None) -> None:
+        self.px4 = px4
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.setblocking(False)
+        self.to = ("127.0.0.1", port)
+        self.out = m.MAVLink(None, srcSystem=1, srcComponent=1)
+        self.parser = m.MAVLink(None)
+        self.parser.robust_parsing = True
+        if key is not None:
+            for end in (self.out, self.parser):
+                end.signing.secret_key = key
+                end.signing.timestamp = int((time.time() - 1420070400) * 1e5)
+            self.out.signing.sign_outgoing = True
+            self.parser.signing.allow_unsigned_callback = None
+        self.booted_s = time.monotonic() - 5.0
+        self.mode, self.armed = (OFFBOARD if px4 else GUIDED), True
+        self.silent_until_s = 0.0
+        self.sticks_us = 1500
+        self.north = self.east = 0.0
+        self.up = 10.0
+        self.velocity = [0.0, 0.0, 0.0]  # north, east, up
+        self.roll = self.pitch = self.yaw = 0.0
+        self.target: tuple[str, list[float]] = ("hold", [])
+        self.target_s = -math.inf
+        self.deck = False
+        self.throttle = 0.39
+        self.counts: dict[str, int] = {}
+        self.commands: list[list[float]] = []
+        self.gaps_s: list[float] = []
+        self.refusals = 0
+
+    # in
+
+    def listen(self) -> None:
+        while True:
+            try:
+                data, _ = self.socket.recvfrom(65536)
+            except OSError:
+                return
+            for message in self.parser.parse_buffer(data) or []:
+                name = message.get_type()
+                self.counts[name] = self.counts.get(name, 0) + 1
+                handler = getattr(self, "on_" + name.lower(), None)
+                if handler is not None and time.monotonic() > self.silent_until_s:
+                    handler(message)
+
+    def obey(self, kind: str, values: list[float]) -> None:
+        now_s = time.monotonic()
+        if math.isfinite(self.target_s):
+            self.gaps_s.append(now_s - self.target_s)
+        self.target_s = now_s
+        if self.mode == (OFFBOARD if self.px4 else GUIDED):
+            self.target = (kind, values)
+
+    def on_set_attitude_target(self, it: Any) -> None:
+        mask = it.type_mask & 7
+        if self.px4 or mask not in (0, 7) or it.type_mask & 64:
+            self.refusals += 1
+            return
+        w, x, y, z = it.q
+        if abs(w * w + x * x + y * y + z * z - 1.0) > 2e-3:
+            self.refusals += 1
+            return
+        roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+        pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
+        yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        climb = (it.thrust - 0.5) * 2.0 * (2.5 if it.thrust > 0.5 else 1.5)
+        self.obey("tilt", [roll, pitch, yaw, climb])
+
+    def on_set_position_target_local_ned(self, it: Any) -> None:
+        if it.type_mask != 0b010111000111 or it.coordinate_frame not in (8, 9):
+            self.refusals += 1
+            return
+        self.obey("speed", [it.vx, it.vy, -it.vz, it.yaw_rate])
+
+    def on_command_long(self, it: Any) -> None:
+        self.commands.append([it.command, it.param1, it.param2])
+        result = 0
+        if it.command == 400:
+            result = self.arm(it.param1, it.param2)
+        elif it.command == 176:
+            result = self.change_mode(int(it.param2), int(it.param3))
+        elif it.command == 22:
+            self.target, self.target_s = ("up", [it.param7]), time.monotonic() + 1e6
+        self.send(m.MAVLink_command_ack_message(it.command, result))
+
+    def arm(self, wanted: float, magic: float) -> int:
+        if wanted == 0.0 and (self.deck or self.up > 0.1) and magic != 21196:
+            return 4
+        self.armed = wanted != 0.0
+        return 0
+
+    def change_mode(self, main: int, sub: int) -> int:
+        if self.px4:
+            if main == 6 and time.monotonic() - self.target_s > 0.5:
+                return 1
+            self.mode = main << 16 | sub << 24
+        else:
+            self.mode = main
+        self.target = ("hold", [])
+        return 0
+
+    def on_param_request_read(self, it: Any) -> None:
+        values = PX4_PARAMETERS if self.px4 else PARAMETERS
+        if it.param_id in values:
+            kind = m.MAV_PARAM_TYPE_REAL32
+            self.send(m.MAVLink_param_value_message(it.param_id.encode(), values[it.param_id], kind, len(values), 0))
+
+    def on_timesync(self, it: Any) -> None:
+        if it.tc1 == 0:
+            self.send(m.MAVLink_timesync_message(int((time.monotonic() - self.booted_s) * 1e9), it.ts1))
+
+    # physics
+
+    def step(self) -> None:
+        now_s = time.monotonic()
+        kind, values = self.target
+        age_s = now_s - self.target_s
+        if self.px4 and self.mode == OFFBOARD and 1.8 < age_s < 1e5 and math.isfinite(age_s):
+            self.mode = 3 << 16
+        if age_s > (1.0 if self.px4 else 3.0):
+            kind, values = "hold", []
+        tilt, wanted, turn = [0.0, 0.0], [0.0, 0.0, 0.0], 0.0
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        if kind == "tilt":
+            tilt = [values[0], values[1]]
+            off = (values[2] - self.yaw + math.pi) % (2 * math.pi) - math.pi
+            turn, wanted[2] = 3.0 * off, values[3]
+        elif kind == "speed":
+            forward, right, up, turn = values
+            wanted = [c * forward - s * right, s * forward + c * right, up]
+        elif kind == "up":
+            wanted[2] = max(-1.0, min(1.0, values[0] - self.up))
+        if kind != "tilt":
+            push = [1.5 * (wanted[0] - self.velocity[0]), 1.5 * (wanted[1] - self.velocity[1])]
+            ahead, aside = c * push[0] + s * push[1], c * push[1] - s * push[0]
+            tilt = [math.atan(aside / 9.81), -math.atan(ahead / 9.81)]
+        self.roll += (tilt[0] - self.roll) * STEP_S / 0.15
+        self.pitch += (tilt[1] - self.pitch) * STEP_S / 0.15
+        self.yaw = (self.yaw + turn * STEP_S + math.pi) % (2 * math.pi) - math.pi
+        ahead, aside = -9.81 * math.tan(self.pitch), 9.81 * math.tan(self.roll)
+        drag = 0.3 if kind == "tilt" else 0.0
+        self.velocity[0] += (c * ahead - s * aside - drag * self.velocity[0]) * STEP_S
+        self.velocity[1] += (s * ahead + c * aside - drag * self.velocity[1]) * STEP_S
+        self.velocity[2] += (wanted[2] - self.velocity[2]) * STEP_S / 0.3
+        throttle = 0.39
+        if self.deck:  # stands on a deck that heaves; a commanded descent runs the throttle down
+            self.velocity[2] = 0.6 * math.sin(1.2 * now_s)
+            throttle = 0.05 if wanted[2] < -0.05 else 0.39
+        self.throttle += (throttle - self.throttle) * STEP_S / 0.3
+        if not self.armed:
+            self.velocity, self.throttle = [0.0, 0.0, 0.0], 0.0
+        self.north += self.velocity[0] * STEP_S
+        self.east += self.velocity[1] * STEP_S
+        self.up += self.velocity[2] * STEP_S
+
+    # out
+
+    def send(self, message: Any) -> None:
+        if time.monotonic() > self.silent_until_s:
+            data = message.pack(self.out)
+            self.out.seq = (self.out.seq + 1) % 256
+            self.socket.sendto(data, self.to)
+
+    def tell(self, turn: int) -> None:
+        boot_ms = int((time.monotonic() - self.booted_s) * 1000)
+        north, east, up = self.velocity
+        if turn % 100 == 0:
+            kind = m.MAV_AUTOPILOT_PX4 if self.px4 else m.MAV_AUTOPILOT_ARDUPILOTMEGA
+            base = (128 if self.armed else 0) | 1
+            self.send(m.MAVLink_heartbeat_message(m.MAV_TYPE_QUADROTOR, kind, base, self.mode, 4, 3))
+            self.send(m.MAVLink_battery_status_message(0, 0, 0, 300, [65535] * 10, 0, 0, 0, 87))
+        if turn % 2 == 0:
+            self.send(m.MAVLink_attitude_message(boot_ms, self.roll, self.pitch, self.yaw, 0, 0, 0))
+            self.send(m.MAVLink_local_position_ned_message(boot_ms, self.north, self.east, -self.up, north, east, -up))
+        if turn % 4 == 0:
+            self.send(m.MAVLink_vfr_hud_message(0, 0, 0, int(100 * self.throttle), self.up, up))
+            height_mm = int(1000 * self.up)
+            self.send(m.MAVLink_global_position_int_message(boot_ms, 0, 0, height_mm, height_mm, 0, 0, 0, 0))
+        if turn % 10 == 0:
+            sticks = [self.sticks_us, 1500, 1500, 1500, *[0] * 14]
+            self.send(m.MAVLink_rc_channels_message(boot_ms, 8, *sticks, 255))
+
+    def report(self) -> dict[str, Any]:
+        return {
+            "mode": self.mode, "armed": self.armed, "up": self.up, "speed": math.hypot(*self.velocity[:2]),
+            "target": self.target[0], "values": self.target[1], "age_s": time.monotonic() - self.target_s,
+            "counts": self.counts, "commands": self.commands, "refusals": self.refusals,
+            "gaps_s": self.gaps_s[-2000:],
+        }  # fmt: skip
+
+    def hear(self, words: list[str]) -> None:
+        now_s = time.monotonic()
+        if words[0] == "mode":
+            self.mode = int(words[1])
+        elif words[0] == "sticks":
+            self.sticks_us = int(words[1])
+        elif words[0] == "silent":
+            self.silent_until_s = now_s + float(words[1])
+        elif words[0] == "reboot":
+            self.booted_s = now_s
+        elif words[0] == "deck":
+            self.deck, self.up = True, 0.0
+        elif words[0] == "report":
+            print(json.dumps(self.report()), flush=True)
+
+
+def main() -> None:
+    key = bytes.fromhex(sys.argv[3]) if len(sys.argv) > 3 else None
+    autopilot = Autopilot(int(sys.argv[1]), sys.argv[2] == "px4", key)
+
+    def obey_input() -> None:
+        for line in sys.stdin:
+            if line.strip():
+                autopilot.hear(line.split())
+
+    threading.Thread(target=obey_input, daemon=True).start()
+    due_s, turn = time.monotonic(), 0
+    while True:
+        autopilot.listen()
+        autopilot.step()
+        autopilot.tell(turn)
+        turn += 1
+        due_s = max(due_s + STEP_S, time.monotonic() - 0.1)
+        time.sleep(max(0.0, due_s - time.monotonic()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,171 @@
+"""What a MAVLink vehicle does when link, video, process, autopilot or pilot do not do what they should."""
+
+import math
+import time
+
+import pytest
+
+pytest.importorskip("pymavlink")
+
+from mavlink_bench import bench
+
+from shipland.errors import VehicleError
+from shipland.messages import Intent, PilotCommand
+from shipland.vehicles.mavlink import MavlinkVehicle
+from shipland.vehicles.mavlink_setup import Engagement
+
+
+def fly(vehicle: MavlinkVehicle, seconds: float, *sticks: float, intent: Intent = Intent.FLY) -> bool:
+    """Cycles with the same sticks; whether the vehicle still gives frames."""
+    end_s = time.monotonic() + seconds
+    while time.monotonic() < end_s:
+        pair = vehicle.read()
+        if pair is None:
+            return False
+        vehicle.send(PilotCommand(pair[1].t_s, *sticks, -0.2, intent))
+    return True
+
+
+def test_sticks_become_tilt_climb_and_heading() -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert math.degrees(vehicle.response.max_tilt_rad) == pytest.approx(15.0)
+        assert fly(vehicle, 0.6, 50.0, -20.0, -40.0, 0.0)
+        report = autopilot.report()
+        assert report["target"] == "tilt"
+        roll, pitch, _, climb = report["values"]
+        assert math.degrees(roll) == pytest.approx(-3.0, abs=0.01)
+        assert math.degrees(pitch) == pytest.approx(-7.5, abs=0.01)
+        assert climb == pytest.approx(-0.4, abs=1e-3)
+        assert report["refusals"] == 0
+
+
+def test_a_px4_gets_set_points_before_offboard_and_velocities_only() -> None:
+    with bench("px4", engagement=Engagement(take=True)) as (vehicle, autopilot, _):
+        autopilot.say(f"mode {3 << 16}")
+        assert autopilot.report()["mode"] == 3 << 16
+        vehicle.open()
+        assert vehicle.response.kind == "velocity"
+        assert fly(vehicle, 0.5, 50.0, 0.0, 0.0, 25.0)
+        report = autopilot.report()
+        assert report["target"] == "speed"
+        assert report["values"] == pytest.approx([2.0, 0.0, 0.0, math.radians(10.0)], abs=1e-4)
+        assert report["mode"] == 6 << 16
+
+
+def test_nothing_is_taken_or_armed_unasked() -> None:
+    with bench(engage_timeout_s=1.0) as (vehicle, autopilot, _):
+        autopilot.say("mode 5")
+        assert autopilot.report()["mode"] == 5
+        with pytest.raises(VehicleError, match="mode was not given"):
+            vehicle.open()
+        numbers = {int(command[0]) for command in autopilot.report()["commands"]}
+        assert not numbers & {400, 176, 22}
+
+
+def test_stale_commands_become_a_hold() -> None:
+    with bench(stale_s=0.4) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+        assert autopilot.report()["target"] == "tilt"
+        time.sleep(0.8)  # the process stalls, its set-points do not
+        report = autopilot.report()
+        assert report["target"] == "speed"
+        assert report["values"] == [0.0, 0.0, 0.0, 0.0]
+        assert report["age_s"] < 0.1
+        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+        assert autopilot.report()["target"] == "tilt"
+
+
+def test_lost_video_holds_and_ends() -> None:
+    with bench(stale_s=0.4, video_timeout_s=1.0) as (vehicle, autopilot, camera):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+        camera.frozen = True
+        assert not fly(vehicle, 3.0, 60.0, 0.0, 0.0, 0.0)
+        assert "video lost" in vehicle.end_reason
+        time.sleep(0.2)
+        report = autopilot.report()
+        assert (report["target"], report["values"], report["mode"]) == ("speed", [0.0, 0.0, 0.0, 0.0], 4)
+
+
+def test_a_lost_link_ends_the_flight_and_the_vehicle_holds_by_itself() -> None:
+    with bench(link_timeout_s=1.5) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+        autopilot.say("silent 60")
+        assert not fly(vehicle, 4.0, 60.0, 0.0, 0.0, 0.0)
+        assert "link lost" in vehicle.end_reason
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"), [("mode 5", "LOITER"), ("sticks 1700", "sticks"), ("reboot", "restarted")]
+)
+def test_whoever_takes_the_vehicle_keeps_it(words: str, reason: str) -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+        autopilot.say(words)
+        assert not fly(vehicle, 3.0, 60.0, 0.0, 0.0, 0.0)
+        assert reason in vehicle.end_reason
+        time.sleep(0.3)
+        before = autopilot.report()["counts"]
+        vehicle.send(PilotCommand(time.monotonic(), 80.0, 0.0, 0.0, 0.0, 0.0))
+        time.sleep(0.5)
+        after = autopilot.report()["counts"]
+        for name in ("SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED"):
+            assert after.get(name, 0) == before.get(name, 0)
+        assert autopilot.report()["mode"] == (5 if words.startswith(("mode", "sticks")) else 4)
+
+
+def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert autopilot.report()["armed"]  # low throttle alone is no touchdown: it has just begun to sink
+        autopilot.say("deck")
+        assert not fly(vehicle, 8.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert vehicle.end_reason.startswith("landed")
+        disarms = [command for command in autopilot.report()["commands"] if command[0] == 400]
+        assert disarms[0] == [400, 0.0, 0.0]
+        assert disarms[-1] == [400, 0.0, 21196.0]
+
+
+def test_the_motors_are_not_stopped_while_not_landing() -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        autopilot.say("deck")
+        assert fly(vehicle, 2.5, 0.0, 0.0, -40.0, 0.0)
+        assert not [command for command in autopilot.report()["commands"] if command[0] == 400]
+
+
+def test_signed_links_refuse_the_unsigned() -> None:
+    key = bytes(range(32))
+    with bench(key=key) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 40.0, 0.0, 0.0, 0.0)
+        assert autopilot.report()["target"] == "tilt"
+    with bench(key=key, other_key=None, connect_timeout_s=1.5) as (vehicle, _, _):
+        with pytest.raises(VehicleError, match="no heartbeat"):
+            vehicle.open()
+        assert vehicle.session.link.counts.malformed > 0
+
+
+def test_set_points_keep_their_pace() -> None:
+    with bench() as (vehicle, _, _):
+        vehicle.open()
+        assert fly(vehicle, 1.5, 10.0, 0.0, 0.0, 0.0)
+        late = sorted(vehicle.late_s)
+        assert 50 <= len(late) <= 200  # 50 Hz since opening; how late: tools/set_point_pace.py
+
+
+def test_the_checklist_finds_what_is_not_in_order() -> None:
+    with bench() as (vehicle, _, _):
+        vehicle.connect()
+        time.sleep(1.5)
+        lines = {check.name: check for check in vehicle.checks()}
+        assert lines["battery"].ok
+        assert lines["geofence"].ok
+        assert lines["telemetry"].ok
+        assert lines["round trip"].ok
+        assert lines["pictures"].ok

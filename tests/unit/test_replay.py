@@ -1,0 +1,84 @@
+"""Recordings as vehicles."""
+
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from made_up_flight import CAMERA, INFO, RIG, flight
+
+from shipland.camera import Camera
+from shipland.errors import ConfigError, DataError
+from shipland.messages import Intent, PilotCommand
+from shipland.missions.outside import make_vehicle
+from shipland.missions.scenarios import load_scenario
+from shipland.record.writer import LogParameters, LogWriter
+from shipland.vehicles.address import Address
+from shipland.vehicles.replay import Recorded, ReplayVehicle
+from shipland.vehicles.vehicle import Witness
+
+
+def test_an_address_is_taken_apart() -> None:
+    address = Address.parse("mavlink://udp:127.0.0.1:14550?kind=velocity&camera=rtsp%3A%2F%2Fa%2Fb")
+    assert (address.scheme, address.place) == ("mavlink", "udp:127.0.0.1:14550")
+    assert address.options == {"kind": "velocity", "camera": "rtsp://a/b"}
+    for wrong in ("flight.mcap", "replay://", "replay://a?b"):
+        with pytest.raises(ConfigError, match="expected"):
+            Address.parse(wrong)
+    with pytest.raises(ConfigError, match="latency_s"):
+        Address.parse("replay://a.mp4?latency_s=soon").number("latency_s", 0.0)
+
+
+def test_a_log_is_seen_again(tmp_path: Path) -> None:
+    path, flown = tmp_path / "flight.mcap", list(flight(from_s=27.0, to_s=29.0))
+    with LogWriter(path, INFO, RIG, CAMERA, LogParameters(10.0, 320, 80)) as log:
+        for record in flown:
+            log.append(record)
+        log.finish(None)
+    vehicle = make_vehicle(f"replay://{path}", load_scenario("near"), None, None)
+    vehicle.open()
+    seen = []
+    while (pair := vehicle.read()) is not None:
+        seen.append(pair)
+    assert len(seen) == pytest.approx(20, abs=1)
+    assert seen[0][0].image is not None
+    assert seen[0][0].image.shape == (vehicle.camera.height_px, vehicle.camera.width_px, 3) == (180, 320, 3)
+    assert isinstance(vehicle, Witness)
+    truth = vehicle.truth_at(seen[-1][0].t_s)
+    assert truth is not None
+    assert truth.t_s == pytest.approx(seen[-1][0].t_s)
+
+
+def test_pictures_that_came_meanwhile_are_passed_over() -> None:
+    flown = list(flight(from_s=27.0, to_s=29.5))
+    recorded = [Recorded(record.frame, record.frame.t_s + 0.1, record.telemetry) for record in flown]
+    vehicle = ReplayVehicle(recorded, CAMERA)
+    vehicle.open()
+    first = vehicle.read()
+    assert first is not None
+    vehicle.send(PilotCommand(first[1].t_s + 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, Intent.FLY))
+    second = vehicle.read()
+    assert second is not None
+    assert second[0].t_s - first[0].t_s == pytest.approx(1.0, abs=0.05)
+    assert second[1].t_s >= first[1].t_s + 1.0
+
+
+def test_a_video_must_fit_its_calibration(tmp_path: Path) -> None:
+    path = tmp_path / "film.mp4"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mpeg4", rate=30)
+        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
+        for _ in range(5):
+            picture = av.VideoFrame.from_ndarray(np.zeros((96, 160, 3), np.uint8), format="bgr24")
+            container.mux(stream.encode(picture))
+        container.mux(stream.encode())
+    calibration = tmp_path / "camera.yaml"
+    Camera.from_fov(160, 96, 69.0).to_opencv_yaml(calibration)
+    vehicle = make_vehicle(f"replay://{path}?pitch_deg=-5", load_scenario("near"), calibration, None)
+    vehicle.open()
+    pair = vehicle.read()
+    assert pair is not None
+    assert np.degrees(pair[0].gimbal.pitch_rad) == pytest.approx(-5.0)
+    assert pair[1].roll_rad is None
+    with pytest.raises(DataError, match="160 × 96"):
+        make_vehicle(f"replay://{path}", load_scenario("near"), None, None).open()
