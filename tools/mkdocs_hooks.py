@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import html
+import os
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -11,16 +14,29 @@ from typing import Any
 import griffe
 from latex2mathml.converter import convert
 
-CONFIGS = Path(__file__).parent.parent / "src" / "shipland" / "configs"
+ROOT = Path(__file__).parent.parent
+CONFIGS = ROOT / "src" / "shipland" / "configs"
 NO_BREAK_SPACE = "\u00a0"
+FILE = re.compile(r"<!-- file ([\w/]+\.(\w+)) -->")
+HELP = re.compile(r"<!-- help of (\w+) -->")
 TABLES = re.compile(r"<!-- tables of (\w+\.toml) -->")
 SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:  # noqa: ANN401 - MkDocs passes its own objects by name
-    """Puts the tables where a page asks for them: `<!-- tables of default.toml -->`."""
+    """Puts in what a page asks for: `<!-- tables of F.toml -->`, `<!-- help of fly -->`, `<!-- file PATH -->`."""
+    markdown = FILE.sub(lambda match: f"```{match[2]}\n{(ROOT / match[1]).read_text(encoding='utf-8')}```", markdown)
+    markdown = HELP.sub(lambda match: f"```text\n{help_of(match[1])}\n```", markdown)
     return TABLES.sub(lambda match: configuration_tables((CONFIGS / match[1]).read_text(encoding="utf-8")), markdown)
+
+
+def help_of(command: str) -> str:
+    """What `shipland COMMAND --help` prints."""
+    environment = os.environ | {"COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"}
+    words = [sys.executable, "-m", "shipland.cli", command, "--help"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True, env=environment)
+    return "\n".join(line.rstrip() for line in done.stdout.splitlines()).strip()
 
 
 def on_page_content(content: str, **_: Any) -> str:  # noqa: ANN401
@@ -62,6 +78,8 @@ def configuration_tables(text: str) -> str:
             ]
             lines += ["|---|---|---|"]
         else:
+            if not lines:
+                lines += ["### Above all sections", "", "| key | value | source or meaning |", "|---|---|---|"]
             key, _, value = code.partition("=")
             lines.append(f"| `{key.strip()}` | `{' '.join(value.split())}` | {comment.replace('|', '&#124;')} |")
         pending = ""

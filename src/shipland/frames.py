@@ -23,6 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+GRAVITY_MPS2 = 9.81
+"""Down in `ned`; everything that falls, swims or tilts takes it from here."""
+
 Array = npt.NDArray[np.float64]
 
 CAMERA_FROM_MOUNT: Array = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipland.config import ConfigError, merge
-from shipland.frames import euler_from_rotation, rotation_from_euler, rotation_from_quaternion
+from shipland.frames import GRAVITY_MPS2, euler_from_rotation, rotation_from_euler, rotation_from_quaternion
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
 from shipland.sim.aircraft.aerodynamics import (
@@ -22,7 +22,6 @@ from shipland.sim.aircraft.aerodynamics import (
     trim_hover,
 )
 from shipland.sim.aircraft.aircraft import Quadrotor
-from shipland.sim.aircraft.parameters import GRAVITY_MPS2
 from shipland.sim.contact.body import Body
 from shipland.sim.contact.deck_drive import deck_state, mujoco_quaternion
 from shipland.sim.contact.model import build_model

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from shipland.cli import COMMANDS
+
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS]
@@ -77,6 +79,21 @@ def test_the_configuration_page_shows_every_key(path):
     sections = {key for key, value in tomllib.loads(text).items() if isinstance(value, dict)}
     assert {heading.split(".")[0] for heading in headings} == sections
     assert path.name in hooks.TABLES.findall((ROOT / "docs" / "configuration.md").read_text(encoding="utf-8"))
+
+
+def test_every_command_has_its_help():
+    text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
+    assert re.findall(r"<!-- help of (\w+) -->", text) == [command.__name__.lower() for command in COMMANDS]
+    assert "--scenario" in load(ROOT / "tools" / "mkdocs_hooks.py").help_of("fly")
+
+
+def test_files_that_pages_show_are_there():
+    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+    shown = [found[0] for path in DOCS for found in hooks.FILE.findall(path.read_text(encoding="utf-8"))]
+    assert "examples/own_pilot.py" in shown
+    assert all((ROOT / name).is_file() for name in shown)
+    page = hooks.on_page_markdown("<!-- file examples/own_pilot.py -->")
+    assert page.startswith("```py\n") and page.endswith("\n```")
 
 
 def test_configuration_tables_by_hand():

@@ -11,7 +11,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pictures import TONES, Look, add_target, bar_picture, camera_from_bar, decoys, finish, foliage, project_plane
+import shipland
+from pictures import (
+    TONES,
+    Look,
+    add_target,
+    bar_picture,
+    camera_from_bar,
+    decoys,
+    finish,
+    foliage,
+    project_plane,
+)
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge
 from shipland.messages import Frame, GimbalAttitude
@@ -387,3 +398,43 @@ def test_photographed_cyan_is_refused_with_a_reason(feet):
     seen = look(image, target, Camera.from_fov(image.shape[1], image.shape[0], 60.0))
     assert seen.bar_pose is None
     assert seen.reason in {each.value for each in Refusal}
+
+
+ASYMMETRIC = Target.from_file(Path(shipland.__file__).parent / "configs" / "cues" / "bar_asymmetric.toml")
+
+
+def reflected(image):
+    """Upside down about its middle row, which a level camera's horizon is: what a mirror below shows."""
+    return np.ascontiguousarray(image[::-1])
+
+
+@pytest.mark.parametrize("gimbal", [GimbalAttitude(0.0, 0.0), NO_GIMBAL], ids=["gimbal", "no gimbal"])
+def test_a_cue_that_has_an_up_is_not_its_reflection(gimbal):
+    rng = np.random.default_rng(11)
+    for _ in range(12):
+        range_m, azimuth_rad = rng.uniform(2.0, 15.0), rng.uniform(-0.6, 0.6)
+        place_m = range_m * np.array([-np.cos(azimuth_rad), -np.sin(azimuth_rad), rng.uniform(-0.1, 0.05)])
+        look = Look(0.5, 1.0)
+        for target, mirrored_is_found in ((ASYMMETRIC, False), (BAR, True)):
+            image = bar_picture(target, CAMERA, camera_from_bar(place_m, azimuth_rad), rng, look)
+            there = NearVision(target, CAMERA, PARAMETERS).see(Frame(0.0, image, gimbal))
+            mirrored = NearVision(target, CAMERA, PARAMETERS).see(Frame(0.0, reflected(image), gimbal))
+            assert there.bar_pose is not None, there.reason
+            assert (mirrored.bar_pose is not None) is mirrored_is_found, (target, mirrored.reason)
+
+
+def test_the_reflection_of_a_followed_bar_is_refused():
+    """A level camera 0.75 m above a mirror sees the bar's image 1.5 m lower: no aircraft rises so in 0.1 s."""
+    level = GimbalAttitude(0.0, 0.0)
+    eyes = NearVision(BAR, CAMERA, PARAMETERS)
+    assert eyes.see(Frame(0.0, bar_at((-6.0, 0.2, 0.75)), level)).bar_pose is not None
+    seen = eyes.see(Frame(0.1, bar_at((-6.0, 0.2, -0.75)), level))
+    assert seen.reason == Refusal.JUMP.value
+    assert eyes.see(Frame(0.2, bar_at((-5.9, 0.2, 0.7)), level)).bar_pose is not None
+    assert eyes.see(Frame(1.5, bar_at((-6.0, 0.2, -0.75)), level)).bar_pose is not None  # the last is forgotten
+
+
+def test_green_at_the_edge_is_no_cut_cue():
+    image = np.full((720, 1280, 3), 120, np.uint8)
+    cv2.fillPoly(image, [np.array([[300, -5], [520, -5], [420, 160]])], (60, 190, 70))
+    assert look(image).reason == Refusal.NO_QUADRILATERAL.value

@@ -3,8 +3,9 @@ from importlib import resources
 import numpy as np
 import pytest
 
+from shipland.frames import GRAVITY_MPS2
 from shipland.sim.ship.rao import MIRRORED, at_point, frigate
-from shipland.sim.ship.sea import BAND_RAD_S, GRAVITY_MPS2, SPEED_KN
+from shipland.sim.ship.sea import BAND_RAD_S, SPEED_KN
 
 TABLE = frigate()
 LONGEST = float(TABLE.omega_rad_s[0])

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pictures import foliage
+from pictures import Look, finish, foliage
 from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.rig import packaged_table
@@ -167,7 +167,7 @@ def test_the_published_chain_gives_the_same_quadrilateral():
 def test_foliage_is_bounded_work(camera, rng, monkeypatch):
     floods = []
     monkeypatch.setattr("shipland.vision.near.regions.watershed_region", lambda *given: floods.append(given))
-    image = foliage(camera, rng).astype(np.uint8)
+    image = finish(foliage(camera, rng), rng, Look(noise=0.0))
     regions = regions_of(image)
     assert 30 < len(regions) <= PARAMETERS.max_candidates
     find_quads(image, regions, PARAMETERS)

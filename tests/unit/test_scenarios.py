@@ -13,7 +13,7 @@ from shipland.missions.scenarios import load_scenario, scenario_table
 THREE_QUADS = {
     "rig.quad": [
         {"corners_m": [[x - 0.15, -0.12], [x + 0.15, -0.12], [x + 0.15, 0.12], [x - 0.15, 0.12]]}
-        for x in (-0.75, -0.1, 0.7)
+        for x in (-0.7, -0.1, 0.65)
     ],
     "rig.made_to": 0.001,
 }
@@ -50,7 +50,7 @@ def test_an_own_cue_is_what_the_rig_shows():
     rig = load_scenario("near", **THREE_QUADS).rig
     assert rig.target.count == 3
     assert rig.target.made_to == 0.001
-    assert rig.board_size_m == pytest.approx((1.84, 0.30))  # the cue and 2 cm around it; as high as the board was
+    assert rig.board_size_m == pytest.approx((1.74, 0.30))  # the cue and 2 cm around it; as high as the board was
 
 
 def test_own_factories_are_given_the_setup():
@@ -63,3 +63,25 @@ def test_own_factories_are_given_the_setup():
     assert pilot.rig is scenario.rig
     assert pilot.rng.random() != vision.near_rng.random()
     assert np.array_equal(pilot.camera.matrix, vision.camera.matrix)
+
+
+@pytest.mark.parametrize(
+    ("changes", "keys"),
+    [
+        ({"rig.deck_size_m": 5.0}, ("rig.deck_size_m", "rig.platform_width_m")),
+        ({"rig.deck_size_m": 1.6}, ("rig.deck_size_m", "rig.deck_ahead_of_stern_m")),
+        ({"rig.board_width_m": 2.8}, ("rig.board_width_m", "rig.platform_width_m")),
+        ({"rig.bar_height_m": 1.7}, ("rig.bar_height_m", "rig.superstructure_height_m")),
+        ({"rig.bar_ahead_of_stern_m": 3.2}, ("rig.bar_ahead_of_stern_m", "rig.platform_length_m")),
+        ({"start.distance_m": 450.0}, ("start.distance_m", "safety.fence_distance_m")),
+        ({"start.height_m": 70.0}, ("start.height_m", "safety.fence_height_m")),
+        ({"safety.floor_m": 1.3}, ("guidance.approach.hover_height_m", "safety.floor_m")),
+        ({"safety.bar_clearance_m": 2.5}, ("safety.bar_clearance_m", "rig.bar_ahead_of_stern_m")),
+        ({"camera.horizontal_fov_deg": 30.0}, ("rig.rectangle_width_m", "camera.horizontal_fov_deg")),
+        ({"camera.gimbal_min_rad": 0.0}, ("guidance.approach.hover_height_m", "camera.gimbal_min_rad")),
+    ],
+)
+def test_contradictions_between_sections_name_both_keys(changes, keys):
+    with pytest.raises(ConfigError) as caught:
+        load_scenario("near", **changes)
+    assert all(key in str(caught.value) for key in keys), caught.value

@@ -39,7 +39,7 @@ def assert_found(result, tolerance_m=0.01):
     assert result.found
     assert json_line["reason"] == ""
     assert json_line["distance_m"] == pytest.approx(np.linalg.norm([6.0, 0.4, 0.2]), abs=tolerance_m)
-    assert json_line["yaw_deg"] == pytest.approx(np.degrees(0.05), abs=0.5)
+    assert json_line["yaw_deg"] == pytest.approx(np.degrees(0.05), abs=1.5)  # JPEG among them
     assert np.shape(json_line["corners_px"]) == (8, 2)
     json.dumps(json_line, allow_nan=False)
     assert " m away" in result.to_line()

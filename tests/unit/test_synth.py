@@ -149,3 +149,15 @@ def test_two_processes_make_the_same_set_and_a_spent_time_makes_none(tmp_path):
         assert file.read_bytes() == (tmp_path / "two" / file.relative_to(tmp_path / "one")).read_bytes()
     synth(replace(one, out=tmp_path / "none", minutes=0.0))
     assert not list((tmp_path / "none" / "images").iterdir())
+
+
+@pytest.mark.parametrize("side", [96, 97, 98])
+def test_a_window_is_drawn_to_its_edge(side, rig, camera):
+    """Sky and sea have a sample every three pixels; the last one must be drawn whatever the width."""
+    parameters = synth_parameters(None)
+    scene_parameters, waves = draw_scene(0, parameters, 11)
+    shot = draw_shot(1, "ship", scene_parameters, camera, rig, parameters, 11)
+    scene = Scene(rig, scene_parameters, waves)
+    picture = scene.render(shot.at(0.0, rig), crop_camera(shot, camera, rig, parameters, side)).astype(float)
+    scene.close()
+    assert abs(picture[:, -1].mean() - picture[:, -4].mean()) < 4.0

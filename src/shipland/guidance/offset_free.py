@@ -16,13 +16,11 @@ from typing import NamedTuple
 import numpy as np
 
 from shipland.config import require
-from shipland.frames import Array, wrap_angle
+from shipland.frames import GRAVITY_MPS2, Array, wrap_angle
 from shipland.guidance.estimate import Measured, NearEstimate
 from shipland.guidance.laws import clamp
 from shipland.guidance.near import Sticks
 from shipland.guidance.response import Response
-
-_GRAVITY_MPS2 = 9.81
 
 
 @dataclass(frozen=True)
@@ -217,7 +215,7 @@ class OffsetFreeNear:
         for step_s, sticks in given:
             turn_rad_s = self._turn_rad_s(sticks)
             turned_rad = step_s * (turn_rad_s + drift_rad_s)
-            pitch_mps2, roll_mps2 = (_GRAVITY_MPS2 * math.tan(0.01 * stick * tilt_rad) for stick in sticks[:2])
+            pitch_mps2, roll_mps2 = (GRAVITY_MPS2 * math.tan(0.01 * stick * tilt_rad) for stick in sticks[:2])
             pushes_mps2 = _turned(pitch_mps2, roll_mps2, yaw_rad + 0.5 * turned_rad)
             for row, value in zip(inputs, (*pushes_mps2, self._climb_mps(sticks), turn_rad_s), strict=True):
                 row.append((step_s, value))
@@ -237,7 +235,7 @@ class OffsetFreeNear:
         return push + speed_mps / response.speed_time_s - disturbance_mps2
 
     def _tilt_percent(self, push_mps2: float) -> float:
-        return clamp(100.0 * math.atan(push_mps2 / _GRAVITY_MPS2) / self._response.max_tilt_rad, 100.0)
+        return clamp(100.0 * math.atan(push_mps2 / GRAVITY_MPS2) / self._response.max_tilt_rad, 100.0)
 
     def _climb_mps(self, sticks: Sticks) -> float:
         return 0.01 * sticks.heave * self._response.max_climb_mps

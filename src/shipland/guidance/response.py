@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from shipland.config import require
-
-GRAVITY_MPS2 = 9.81
+from shipland.frames import GRAVITY_MPS2
 
 
 @dataclass(frozen=True)

@@ -1,25 +1,28 @@
-"""The geometric camera: no picture, but the true corners with the rendered camera's errors, and the same pose solver.
+"""The geometric camera: no picture, but the true corners with the rendered camera's errors, and the pose they lead to.
 
-It answers the same `Observation` as the near vision and costs a twentieth, so that thousands of landings can be
-flown. Its error model is fitted to rendered pictures (`tools/fit_geometric.py`); a test compares the two.
+It answers the same `Observation` as the near vision and costs a fiftieth, so that thousands of landings can be
+flown. Its error model is fitted to rendered pictures (`tools/fit_geometric.py`); a test compares the two. The pose is
+the near vision's solver's, found from the truth (`drawn_pose`); another compares these.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.camera import Camera, level_from_camera
+from shipland.camera import Camera
 from shipland.config import require
 from shipland.frames import Array, Pose
-from shipland.messages import Frame, Observation
+from shipland.messages import Frame, GimbalAttitude, Observation
+from shipland.missions.drawn_pose import pose_from_truth, projected, relative_pose
 from shipland.missions.geometric_far import BoxErrors, BoxParameters
 from shipland.rig import Target
 from shipland.vehicles.vehicle import Witness
-from shipland.vision.near.pose import Corners, LevelPrior, solve
+from shipland.vision.near.pose import Solution
 from shipland.vision.near.refusal import Refusal
-from shipland.vision.near.sighting import bar_pose_of, ordered
+from shipland.vision.near.sighting import bar_pose_of
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class GeometricParameters:
 
 
 class GeometricVision:
-    """Near vision without a picture, for a vehicle whose truth is known."""
+    """Near vision without a picture, for a vehicle whose truth is known and whose camera has no distortion."""
 
     def __init__(
         self,
@@ -65,44 +68,50 @@ class GeometricVision:
         rng: np.random.Generator,
     ) -> None:
         self._witness = witness
-        self._camera = camera
+        self._matrix = np.ascontiguousarray(camera.matrix)
         self._parameters = parameters
         self._gimbal_noise_rad = gimbal_noise_rad
         self._rng = rng
-        self._points_in_bar_m = target.points_in_bar_m
-        self._plane_m = self._points_in_bar_m[:, 1:].reshape(-1, 4, 2)
-        self._quads = target.count
-        self._last: Pose | None = None
+        self._plane_m = np.ascontiguousarray(target.points_in_bar_m[:, 1:])
+        border_px = parameters.border_px
+        self._low_px = border_px
+        self._high_px = np.array([camera.width_px - 1 - border_px, camera.height_px - 1 - border_px])
 
     def see(self, frame: Frame) -> Observation:
         """What near vision would make of the picture; never raises."""
         # Drawn for every frame, seen or not: a flight's numbers must not shift with one frame's luck.
-        noise = self._rng.normal(0.0, 1.0, (len(self._points_in_bar_m), 2))
+        noise = self._rng.normal(0.0, 1.0, self._plane_m.shape)
         missed = self._rng.random() < self._parameters.miss_rate
         truth = self._witness.truth_at(frame.t_s)
         if truth is None:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
-        camera_from_bar = truth.ned_from_camera.inverse() @ truth.ned_from_bar
-        range_m = float(np.linalg.norm(camera_from_bar.translation_m))
+        camera, bar = truth.ned_from_camera, truth.ned_from_bar
+        rotation, sight_m = relative_pose(camera.rotation, camera.translation_m, bar.rotation, bar.translation_m)
+        range_m = math.hypot(*sight_m.tolist())
         if missed or range_m > self._parameters.max_range_m:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NOTHING_GREEN.value)
         sigma_px = self._parameters.corner_noise_px + self._parameters.corner_noise_px_per_m * range_m
-        corners_px = self._camera.project(camera_from_bar.apply(self._points_in_bar_m)) + sigma_px * noise
-        border = self._parameters.border_px
-        far = np.array([self._camera.width_px - 1 - border, self._camera.height_px - 1 - border])
-        if not np.all((corners_px >= border) & (corners_px <= far)):
+        corners_px = projected(rotation, sight_m, self._plane_m, self._matrix) + sigma_px * noise
+        if not ((corners_px >= self._low_px) & (corners_px <= self._high_px)).all():
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.CUT_BY_FRAME.value)
-        return self._solve(frame, corners_px, sigma_px)
-
-    def _solve(self, frame: Frame, corners_px: Array, sigma_px: float) -> Observation:
-        prior = None
-        if self._gimbal_noise_rad > 0.0:
-            down_in_camera = level_from_camera(frame.gimbal).T @ np.array([0.0, 0.0, 1.0])
-            prior = LevelPrior(down_in_camera, self._gimbal_noise_rad)
-        undistorted_px = self._camera.undistort(corners_px).reshape(-1, 4, 2)
-        corners = Corners(undistorted_px, np.tile(np.eye(8) / sigma_px, (self._quads, 1, 1)), self._plane_m)
-        solutions = ordered(solve(corners, self._camera, prior, self._last), self._last)
-        if not solutions:
+        settled, *pose, chi2, covariance, residual_px = pose_from_truth(
+            rotation,
+            sight_m,
+            self._plane_m,
+            self._matrix,
+            corners_px,
+            sigma_px,
+            _down_in_camera(frame.gimbal),
+            self._gimbal_noise_rad,
+        )
+        if not settled:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_SOLUTION.value)
-        self._last = solutions[0].camera_from_plane
-        return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose_of(solutions, corners_px))
+        freedom = residual_px.size - 6 + (2 if self._gimbal_noise_rad > 0.0 else 0)
+        found = Solution(Pose(*pose), chi2, 0.0, covariance, 0.0, residual_px.reshape(-1, 4, 2), freedom)
+        return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose_of([found], corners_px.reshape(-1, 4, 2)))
+
+
+def _down_in_camera(gimbal: GimbalAttitude) -> Array:
+    """(3,) the vertical as the gimbal has it."""
+    c, s = math.cos(gimbal.pitch_rad), math.sin(gimbal.pitch_rad)
+    return np.array([c * math.sin(gimbal.roll_rad), c * math.cos(gimbal.roll_rad), -s])

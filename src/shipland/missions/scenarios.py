@@ -14,6 +14,7 @@ from shipland.config import Table, build, merge, nested, packaged_names, package
 from shipland.errors import ConfigError
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.safety import SafetyParameters
+from shipland.missions.contradictions import contradictions
 from shipland.missions.follower import FollowParameters
 from shipland.missions.geometric import GeometricParameters
 from shipland.rig import Rig
@@ -61,6 +62,8 @@ class Scenario:
 
     def __post_init__(self) -> None:
         require(self.time_limit_s > 0.0, f"time_limit_s must be positive, got {self.time_limit_s}")
+        found = list(contradictions(self))
+        require(not found, "; ".join(found))
 
     def table(self) -> Table:
         """The whole merged configuration in plain TOML and JSON types; `load_scenario` reads it back."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.config import require
+from shipland.frames import GRAVITY_MPS2
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
@@ -17,7 +18,7 @@ from shipland.sim.aircraft.aerodynamics import rows_from_quaternion
 from shipland.sim.aircraft.aircraft import Motion
 from shipland.sim.aircraft.autopilot import CENTRED, Sticks
 from shipland.sim.aircraft.kinds import build_aircraft
-from shipland.sim.aircraft.parameters import GRAVITY_MPS2, AircraftParameters, Vector
+from shipland.sim.aircraft.parameters import AircraftParameters, Vector
 from shipland.sim.aircraft.sensors import Gimbal, Normals, Readings, Senses, Touchdown, read_instruments
 from shipland.sim.contact.body import Body
 from shipland.sim.contact.deck_drive import Stage, against_deck, deck_state

@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 from shipland.config import require
+from shipland.frames import GRAVITY_MPS2
 from shipland.sim.air.dryden import Scales
 
-GRAVITY_MPS2 = 9.81
 KARMAN = 0.4
 """Von Kármán's constant."""
 

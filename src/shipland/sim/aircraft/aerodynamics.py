@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from shipland.sim.aircraft.parameters import GRAVITY_MPS2, AirframeParameters, Vector
+from shipland.frames import GRAVITY_MPS2
+from shipland.sim.aircraft.parameters import AirframeParameters, Vector
 
 Rows = tuple[float, float, float, float, float, float, float, float, float]
 """A rotation (3,3), row by row."""

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
+from shipland.frames import GRAVITY_MPS2
 from shipland.sim.aircraft.autopilot import Demand, LoopSetup, Sensed, Sticks
 from shipland.sim.aircraft.hold import Pair, PlaceHold, released
-from shipland.sim.aircraft.parameters import GRAVITY_MPS2
 from shipland.sim.aircraft.stabiliser import Stabiliser
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from shipland.frames import GRAVITY_MPS2
 from shipland.sim.aircraft.autopilot import Demand, LoopSetup, Sensed
-from shipland.sim.aircraft.parameters import GRAVITY_MPS2
 
 
 class Stabiliser:

@@ -17,7 +17,7 @@ from shipland.sim.scene.paint import clouds
 from shipland.sim.scene.picture import horizon_rows, join_at_horizon
 from shipland.sim.scene.sea import WaveTiles
 from shipland.sim.scene.tone import Light16
-from shipland.sim.scene.view import Crop, horizon_line, picture_polygon, rays
+from shipland.sim.scene.view import Crop, horizon_line, picture_polygon, rays, without
 
 _SEA_PX, _SKY_PX = (3, 1), (3, 3)
 """Pixels a sample: what mipmaps leave of waves at grazing view is longer across than that, and the sky is smooth."""
@@ -72,16 +72,19 @@ class Background:
         """
         camera, eye = view.camera, view.ned_from_camera
         width, height = camera.width_px, camera.height_px
-        line, whole = horizon_line(camera, eye), Crop(0, 0, width, height)
+        line = horizon_line(camera, eye)
+        # To the last sample's far edge, which may lie outside the picture.
+        whole = Crop(0, 0, *(-(-side // step) * step for side, step in zip((width, height), _SKY_PX, strict=True)))
         first, last = horizon_rows(line, width, height)
         picture = np.empty((height, width, 4), np.uint16)
         if last > 0:
-            target = self._fill(self._sky, -line, camera, _SKY_PX, whole)
+            target = self._fill(self._sky, -line, camera, _SKY_PX, [whole])
             sky = self._spread(target, camera, _SKY_PX, (0, last), blurs[0])
             picture[:first] = sky[:first]
         if first < height:
             glitters = self._glitters(view)
-            target = self._fill(self._sea[glitters], line, camera, _SEA_PX, whole)
+            parts = [whole] if around is None else without(whole, around.crop)
+            target = self._fill(self._sea[glitters], line, camera, _SEA_PX, parts)
             if around is not None:
                 polygon_px = picture_polygon(around.crop, line, 4.0)
                 self._draw_around_ship(target, view, around, polygon_px, glitters)
@@ -111,13 +114,13 @@ class Background:
         return self._targets[size]
 
     def _fill(
-        self, program: moderngl.Program, line: Array, camera: Camera, step: tuple[int, int], crop: Crop
+        self, program: moderngl.Program, line: Array, camera: Camera, step: tuple[int, int], parts: list[Crop]
     ) -> gl.Target:
-        """Draw the picture's part on one side of a line, some pixels wider than it needs."""
+        """Draw parts of the picture on one side of a line, some pixels wider than they need."""
         target = self._target(camera, step)
         target.use(*target.size)
-        polygon = picture_polygon(crop, line, 4.0)
-        self._draw_polygon(program, polygon, target, step)
+        for part in parts:
+            self._draw_polygon(program, picture_polygon(part, line, 4.0), target, step)
         return target
 
     def _draw_polygon(

@@ -202,6 +202,12 @@ def house(rig: Rig, parts: Layout) -> Mesh:
     return np.concatenate(meshes)
 
 
+def at_height(mesh: Mesh, down_m: float) -> tuple[Mesh, Mesh]:
+    """A mesh's triangles that reach below a height, `down_m` in its frame, and the rest."""
+    low = np.repeat(mesh[:, 2].reshape(-1, 3).max(axis=1) > down_m, 3)
+    return mesh[low], mesh[~low]
+
+
 def deck(rig: Rig, parts: Layout) -> Mesh:
     """The motion deck, in `deck`; its upper face is at z = 0, and shaded as with the deck at rest."""
     around = [(parts.house, Pose.identity()), (parts.board, rig.ship_from_bar), (parts.hull, Pose.identity())]

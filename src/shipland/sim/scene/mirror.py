@@ -105,7 +105,7 @@ def around_ship(
 def target(context: moderngl.Context) -> gl.Target:
     """The texture, bound to its unit, clear of everything beyond its border."""
     made = gl.Target(context, SIZE, SIZE)
-    made.colour.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    made.colour.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
     made.colour.repeat_x = made.colour.repeat_y = False
     made.colour.use(gl.MIRROR_UNIT)
     return made

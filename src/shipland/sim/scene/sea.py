@@ -13,9 +13,8 @@ import numpy.typing as npt
 import scipy.fft
 from scipy.special import ndtri
 
-from shipland.frames import Array
+from shipland.frames import GRAVITY_MPS2, Array
 
-GRAVITY_MPS2 = 9.81
 LONG_SIZE, SHORT_SIZE = 128, 256
 _CREST_DEVIATION = 0.149  # of `crest` in waves.glsl
 Texels = npt.NDArray[np.uint8]

@@ -20,6 +20,8 @@ HULL, HOUSE, DECK, BOARD, AIRCRAFT = 1, 2, 4, 8, 16
 """Bits of the shadow casters, in the order of `ShipLayer.casters`."""
 ID_SHIP, ID_BAR, ID_AIRCRAFT = 1, 2, 3
 _PAINT_UNIT = gl.PAINT_UNIT
+_HIGHEST_WAVE_M = 0.85
+"""And its wash, as `solid.frag` cuts them off."""
 _CLIP_DISTANCE_0 = 0x3000
 _LAMP_RGB = np.array([0.01, 1.0, 0.03])
 _FORMAT = "3f 3f 2f 4f 1f"
@@ -72,7 +74,9 @@ class ShipLayer:
         parts = self._layout
         face, board = mesh.board(parts)
         self._hull = self._part(mesh.hull(parts), HOUSE | DECK | BOARD | AIRCRAFT, afloat=True)
-        self._house = self._part(mesh.house(rig, parts), DECK | BOARD | AIRCRAFT, afloat=True)
+        wet, dry = mesh.at_height(mesh.house(rig, parts), parts.hull.high_m[2] - _HIGHEST_WAVE_M)
+        self._house = self._part(dry, DECK | BOARD | AIRCRAFT)
+        self._house_foot = self._part(wet, DECK | BOARD | AIRCRAFT, afloat=True)
         self._deck = self._part(mesh.deck(rig, parts), HOUSE | BOARD | AIRCRAFT)
         self._board = self._part(board, 0, ID_BAR)
         self._aircraft = self._part(mesh.quadrotor(), HOUSE, ID_AIRCRAFT)
@@ -125,6 +129,7 @@ class ShipLayer:
             Placed(self._deck, state.ned_from_deck, parts.deck),
             Placed(self._legs, state.ned_from_ship, parts.hull),
             Placed(self._house, state.ned_from_ship, parts.house),
+            Placed(self._house_foot, state.ned_from_ship, parts.house),
             Placed(self._hull, state.ned_from_ship, parts.hull),
         ]
         if draw_aircraft:

@@ -6,11 +6,10 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from shipland.frames import Array, Pose
+from shipland.frames import GRAVITY_MPS2, Array, Pose
 from shipland.rig import Solid
 from shipland.sim.scene import gl as scene_gl
 
-_GRAVITY_MPS2 = 9.81
 _EMITTERS = 14
 _PUFFS, _DROPS = 16, 40
 _LIFE_S = 0.9
@@ -81,7 +80,7 @@ class Spray:
             speed += self._outward[index] * rng.uniform(0.1, 0.5, (count, 1))
             foot = self._feet[index] + rng.normal(0.0, 0.08, (count, 3)) * [1.0, 1.0, 0.0]
             at = foot + speed * age_s
-            at[:, 2] += 0.5 * _GRAVITY_MPS2 * age_s**2 * np.where(np.arange(count) < _PUFFS, 0.45, 1.0)
+            at[:, 2] += 0.5 * GRAVITY_MPS2 * age_s**2 * np.where(np.arange(count) < _PUFFS, 0.45, 1.0)
             mist = np.arange(count) < _PUFFS
             size = np.where(mist, 0.06 + 0.13 * age_s, 0.007 + 0.010 * rng.random(count))
             fade = 1.0 - age_s / _LIFE_S

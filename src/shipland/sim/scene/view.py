@@ -93,6 +93,18 @@ def picture_polygon(crop: Crop, line: Array | None = None, offset_px: float = 0.
     return np.array(kept).reshape(-1, 2)
 
 
+def without(crop: Crop, inner: Crop) -> list[Crop]:
+    """Up to four parts of a crop that cover it without `inner`, which lies inside."""
+    right, bottom = inner.left + inner.width, inner.top + inner.height
+    parts = [
+        Crop(crop.left, crop.top, crop.width, inner.top - crop.top),
+        Crop(crop.left, bottom, crop.width, crop.top + crop.height - bottom),
+        Crop(crop.left, inner.top, inner.left - crop.left, inner.height),
+        Crop(right, inner.top, crop.left + crop.width - right, inner.height),
+    ]
+    return [part for part in parts if part.area > 0]
+
+
 def clipped_polygon(camera: Camera, corners_in_camera_m: Array, near_m: float = 0.05) -> Array:
     """(n,2) pixels of a polygon (m,3) in `camera`, cut where it comes nearer than `near_m`."""
     kept: list[Array] = []

@@ -10,11 +10,10 @@ import numpy.typing as npt
 from scipy.integrate import trapezoid
 
 from shipland.config import require
-from shipland.frames import Array
+from shipland.frames import GRAVITY_MPS2, Array
 from shipland.sim.ship.deck_motion import Harmonics
 from shipland.sim.ship.rao import ResponseTable, at_point, frigate
 
-GRAVITY_MPS2 = 9.81
 KNOT_MPS = 1852.0 / 3600.0
 SPEED_KN = (0.0, 15.0)
 """Range of ship speeds that the responses are computed for."""

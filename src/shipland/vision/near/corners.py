@@ -172,6 +172,9 @@ _MISFIT = 0.024
 """Root-mean-square misfit, against the contrast, from which a side is measured by its light alone as well: above what
 sensors leave, below what coded colour does. What is measured by its light then is taken for coded."""
 
+_MISFIT_LIGHT = 2.5
+"""The same in light, 0 … 255, for small contrasts: noise of 1.5 levels is 2.3 where light is brightest."""
+
 _HELD_PX = 0.05
 """Standard deviation of a side that is taken to lie on the picture's edge."""
 
@@ -305,14 +308,14 @@ def _rounding(pixels: EdgePixels, sides: Sides, half_px: Array, blur_px: float) 
 def _fit(image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: float | None) -> SideFit | None:
     pixels = edge_pixels(image, sides, camera, sides.half_px())
     fit = _fit_to(pixels, sides, floor, blur_px, by_luma=False)
-    if fit is not None and fit.misfit <= _MISFIT:
+    if fit is not None and not fit.noisy:
         return fit
     by_luma = _fit_to(pixels, sides, floor, None, by_luma=True)
     if fit is None or (by_luma is not None and by_luma.variance[0].sum() < fit.variance[0].sum()):
         fit = by_luma
     if fit is None:
         return None
-    coded2 = (floor.coded_px * fit.misfit) ** 2
+    coded2 = (floor.coded_px * fit.misfit) ** 2 if fit.noisy else 0.0
     more = np.array(
         [np.full(len(sides.length_px), coded2), np.zeros(len(sides.length_px)), coded2 / sides.half_px() ** 2]
     )
@@ -323,9 +326,10 @@ def _fit_to(
     pixels: EdgePixels, sides: Sides, floor: EdgeFloor, blur_px: float | None, *, by_luma: bool
 ) -> SideFit | None:
     half_px = sides.half_px()
-    values, clipped = contrasts(pixels, sides.held, by_luma=by_luma)
-    if values is None:
+    profile = contrasts(pixels, sides.held, by_luma=by_luma)
+    if profile is None:
         return None
+    values, clipped, contrast = profile
     ends = _coarse(values, pixels)
     if blur_px is None:
         blur_px = _blur_px(values, pixels, ends)
@@ -390,4 +394,6 @@ def _fit_to(
         variance[:, sides.held] = (
             _HELD_PX**2 * np.array([np.ones_like(half_px), 0.0 * half_px, half_px**-2])[:, sides.held]
         )
-    return SideFit(sides, ends[0], ends[1] / half_px, variance, blur_px, misfit)
+    return SideFit(
+        sides, ends[0], ends[1] / half_px, variance, blur_px, misfit, misfit > max(_MISFIT, _MISFIT_LIGHT / contrast)
+    )

@@ -53,6 +53,8 @@ class VisionParameters:
         max_roll_deg: largest roll of the camera against the cue.
         several_cues: what to do when the whole cue is there more than once: take the nearest, or refuse.
         track_s: longest time over which the last pose predicts the next.
+        track_climb_mps: a pose within `track_s` of the last that is higher or lower by more than this takes, and half a
+            metre, is refused: it is of the cue's reflection; 0 leaves the test out.
         track_margin: growth of the tracked region on each side, as a fraction of the cue's width or height.
         track_margin_px: its least.
         gimbal_noise_rad: standard deviation of the gimbal's roll and pitch as the frame states them, for use as
@@ -90,6 +92,7 @@ class VisionParameters:
     max_roll_deg: float
     several_cues: Literal["nearest", "refuse"]
     track_s: float
+    track_climb_mps: float
     track_margin: float
     track_margin_px: float
     gimbal_noise_rad: float
@@ -112,6 +115,7 @@ class VisionParameters:
             "edge_growth_px",
             "screening_px",
             "track_s",
+            "track_climb_mps",
             "track_margin",
             "gimbal_noise_rad",
         ):

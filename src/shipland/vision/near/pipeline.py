@@ -14,9 +14,9 @@ from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target
 from shipland.vision.near.matching import Match, match_by_geometry, match_by_prediction
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import LevelPrior
+from shipland.vision.near.pose import LevelPrior, position_and_yaw
 from shipland.vision.near.refusal import Refusal
-from shipland.vision.near.regions import Window, adapted, coloured_window, find_quads, find_regions
+from shipland.vision.near.regions import Window, adapted, coloured_window, find_quads, find_regions, is_cut_quad
 from shipland.vision.near.sighting import Evidence, Judge, Sighting
 
 __all__ = ["NearVision", "Refusal", "VisionParameters"]
@@ -24,6 +24,9 @@ __all__ = ["NearVision", "Refusal", "VisionParameters"]
 _MOST_JUDGED = 8
 """Hypotheses that are measured in one picture; each takes about a millisecond."""
 
+
+_JUMP_M, _JUMP_SIGMAS = 0.5, 4.0
+"""Change of height, and its standard deviations, that poses may differ by in no time."""
 
 _LIKE_SIZE = 2.0
 """Ratio of areas up to which two quadrilaterals are thought to belong together."""
@@ -38,6 +41,11 @@ class _Track:
     corners_px: Array
     drift_px_s: Array
     blur_px: float | None
+
+
+def _cut_or(refusal: Refusal, evidence: Evidence) -> Refusal:
+    """That the cue is cut, where what the picture's edge cuts could be part of one; else another reason."""
+    return Refusal.CUT_BY_FRAME if any(is_cut_quad(region) for region in evidence.cut) else refusal
 
 
 def _in_company(match: Match, area_px2: Array) -> bool:
@@ -90,8 +98,23 @@ class NearVision:
             again = self._search(predicted_px, evidence, adapted(image, self._parameters))
             found = again if isinstance(again, Sighting) else found
         if isinstance(found, Sighting):
+            if track is not None and self._jumps(track, frame.t_s, found):
+                return Refusal.JUMP
             self._remember(frame.t_s, found)
         return found
+
+    def _jumps(self, track: _Track, t_s: float, sighting: Sighting) -> bool:
+        """Whether the camera would have risen or sunk since the last pose faster than an aircraft does.
+
+        The image of a cue that is its own reflection, in a wet deck or in water, is that of a cue which hangs lower.
+        """
+        if self._parameters.track_climb_mps <= 0.0:
+            return False
+        pose = sighting.bar_pose()
+        last_in_bar_m, _ = position_and_yaw(track.camera_from_plane)
+        risen_m = abs(float(pose.position_in_bar_m[2] - last_in_bar_m[2]))
+        unsure_m = _JUMP_SIGMAS * math.sqrt(max(float(pose.covariance[2, 2]), 0.0))
+        return risen_m > _JUMP_M + unsure_m + self._parameters.track_climb_mps * (t_s - track.t_s)
 
     def _search(
         self, predicted_px: Array | None, evidence: Evidence, parameters: VisionParameters
@@ -120,7 +143,7 @@ class NearVision:
         result = self._match(found.quads, predicted_px, evidence, parts)
         if isinstance(result, Refusal) and parts and found.flush:
             flush = self._match(found.quads + found.flush, predicted_px, evidence, parts)
-            return flush if isinstance(flush, Sighting) else Refusal.CUT_BY_FRAME
+            return flush if isinstance(flush, Sighting) else result
         return result
 
     def _match(
@@ -128,7 +151,7 @@ class NearVision:
     ) -> Sighting | Refusal:
         """Whole cues first, where the last pose foresees them and then anywhere; then parts in the same order."""
         if not quads:
-            return Refusal.CUT_BY_FRAME if evidence.cut else Refusal.NO_QUADRILATERAL
+            return _cut_or(Refusal.NO_QUADRILATERAL, evidence)
         quads_px = self._camera.undistort(np.concatenate(quads)).reshape(-1, 4, 2)
         count = len(self._judge.plane_m)
         followed = None if predicted_px is None else match_by_prediction(quads_px, predicted_px)
@@ -149,7 +172,7 @@ class NearVision:
             if isinstance(result, Sighting):
                 return result
         some = [match for match in hypotheses if len(match.model) < count and (evidence.cut or len(match.model) > 1)]
-        return self._part(some, quads_px, evidence) or (Refusal.CUT_BY_FRAME if evidence.cut else why or refusal)
+        return self._part(some, quads_px, evidence) or why or _cut_or(refusal, evidence)
 
     def _one_of(self, found: list[Sighting], predicted_px: Array | None) -> Sighting | Refusal:
         """Of several whole cues the one that the last pose foresees, else the nearest."""

@@ -206,6 +206,9 @@ _LEAST_TURN = 0.3
 _FLUSH_PX = 2.0
 """A corner this near to the picture's edge lies on it: regions end at pixels, and a side may lean a little."""
 
+_CUT_SIDE_PX = 8.0
+"""Least side of what the picture's edge cuts that is told of as a cue's part."""
+
 _SUBPIXEL = 16
 """OpenCV's simplification rounds its corners to whole numbers: it gets the hull in sixteenths of a pixel."""
 
@@ -245,6 +248,11 @@ class Found:
     quads: list[Array]
     flush: list[Array]
     cut: list[Region]
+
+
+def is_cut_quad(region: Region) -> bool:
+    """Whether a region that the picture's edge cuts is still four-cornered, and not a speck, as a cue's part is."""
+    return quad_from_region(region, _CUT_SIDE_PX) is not None
 
 
 def find_quads(image: Image, regions: list[Region], parameters: VisionParameters) -> Found:
@@ -307,6 +315,8 @@ def _snapped(quad: Array, width_px: int, height_px: int) -> Array | None:
 
 def _four_corners(hull: cv2.typing.MatLike) -> Array | None:
     """The hull with its least sides left out, their neighbours prolonged, until four are left; clockwise."""
+    if len(hull) < 4:
+        return None
     polygon = cv2.approxPolyN(hull * _SUBPIXEL, 4, ensure_convex=True).reshape(-1, 2)
     if len(polygon) != 4:
         return None

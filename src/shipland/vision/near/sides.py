@@ -88,6 +88,7 @@ class SideFit:
         variance: (3,s) of the offset, of the two together, of the slope.
         blur_px: standard deviation of the picture's blur.
         misfit: root-mean-square residual of the pixels, against the contrast.
+        noisy: the misfit is larger than sensors leave.
     """
 
     sides: Sides
@@ -96,6 +97,7 @@ class SideFit:
     variance: Array
     blur_px: float
     misfit: float
+    noisy: bool
 
 
 def distort(undistorted_px: Array, camera: Camera) -> Array:
@@ -301,10 +303,11 @@ def contrast_direction(inside: Array, outside: Array) -> Array | None:
 
 def contrasts(
     pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_luma: bool
-) -> tuple[Array, bool] | tuple[None, bool]:
+) -> tuple[Array, bool, float] | None:
     """Light of pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
 
-    And whether the inside is brighter than the picture can tell, which moves the edge outward.
+    And whether the inside is brighter than the picture can tell, which moves the edge outward; and the contrast in
+    light, 0 … 255 a colour.
 
     Args:
         pixels: from inside to outside.
@@ -318,15 +321,21 @@ def contrasts(
     sums = sums.reshape(sides, across, colours)
     ends = (sums if held is None else sums[~held])[:, [0, 1, -2, -1]].sum(axis=0)
     ends *= 0.5 / max(stations * (sides if held is None else int(np.count_nonzero(~held))), 1)
-    direction = contrast_direction(ends[0] + ends[1], ends[2] + ends[3])
+    inside, outside = ends[0] + ends[1], ends[2] + ends[3]
+    # A colour that is clipped has its edge where the first trace of light is; the others are not bent.
+    clear = np.maximum(inside, outside) < _CLIPPED
+    direction = None if clear.all() or by_luma else contrast_direction(inside * clear, outside * clear)
+    clipped = direction is None and not clear.all()
     if direction is None:
-        return None, False
+        direction = contrast_direction(inside, outside)
+    if direction is None:
+        return None
     profile: npt.NDArray[np.floating]
     means: npt.NDArray[np.floating]
     if by_luma:
-        mixed = _mixed_by_luma(pixels.levels, ends[0] + ends[1], ends[2] + ends[3])
+        mixed = _mixed_by_luma(pixels.levels, inside, outside)
         if mixed is None:
-            return None, False
+            return None
         profile, means = mixed, mixed.sum(axis=1) / stations
     else:
         weights = direction.astype(np.float32)
@@ -337,11 +346,11 @@ def contrasts(
     if held is not None:
         span[held] = 1.0
     if not span.min() >= _LEAST_SIDE_CONTRAST:
-        return None, False
+        return None
     values = np.asarray(profile, float)
     values -= ground[:, None, None]
     values *= (1.0 / span)[:, None, None]
-    return values, float((ends[0] + ends[1]).max()) >= _CLIPPED
+    return values, clipped, 1.0 / math.sqrt(float(direction @ direction))
 
 
 def _mixed_by_luma(levels: npt.NDArray[np.uint8], inside: Array, outside: Array) -> Array | None:

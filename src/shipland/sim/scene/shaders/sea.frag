@@ -58,15 +58,15 @@ void main() {
 
     vec3 glint = vec3(0.0);
 #if SHIP
-    // Five facets of equal chance along the view, weighted by how far they are turned to the eye.
+    // Three facets along the view, weighted by how far they are turned to the eye.
     vec3 rel = direction * distance_m;
     vec2 ahead = direction.xy * inversesqrt(max(dot(direction.xy, direction.xy), 1e-6));
     float lateral_px = sigma * down * eye.y / max(distance_m, 0.5) * 1.5;
     float lod = clamp(log2(max(max(lateral_px, px_a_sample.x) * mirror_area.z * 256.0, 1.0)) - 0.5, 0.0, 4.0);
     vec4 ship = vec4(0.0);
     float weights = 1e-4;
-    for (int facet = -2; facet <= 2; facet++) {
-        float off = float(facet) * (0.48 + 0.08 * abs(float(facet)));
+    for (int facet = -1; facet <= 1; facet++) {
+        float off = 1.1 * float(facet);
         vec2 slope = sea.slope + sigma * off * ahead;
         float weight = max(dot(direction, vec3(-slope, 1.0)), 0.0);
         ship += weight * ship_in_facet(rel, direction, slope, lod);

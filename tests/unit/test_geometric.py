@@ -1,0 +1,95 @@
+"""The geometric camera's pose is the solver's: the same errors, and a covariance that says how large they are."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shipland.camera import Camera, camera_pose, level_from_camera
+from shipland.frames import CAMERA_FROM_MOUNT, Pose
+from shipland.messages import GimbalAttitude
+from shipland.missions.drawn_pose import pose_from_truth, projected, relative_pose
+from shipland.missions.geometric import _down_in_camera
+from shipland.rig import default_rig
+from shipland.vision.near.pose import Corners, LevelPrior, Solution, solve
+from shipland.vision.near.sighting import bar_pose_of
+
+CAMERA = Camera.from_fov(1280, 720, 69.0)
+PLANE_M = np.ascontiguousarray(default_rig().target.points_in_bar_m[:, 1:])
+PITCH_RAD, LEVEL_RAD = 0.03, 1e-3
+
+
+def true_pose(range_m, bearing_deg, yaw_deg, gimbal):
+    """The camera against the bar, and the same as the truth has it."""
+    bearing_rad = math.radians(bearing_deg)
+    place_m = np.array([-range_m * math.cos(bearing_rad), range_m * math.sin(bearing_rad), -0.3])
+    body = Pose.from_euler(place_m, 0.0, 0.0, math.radians(yaw_deg))
+    return camera_pose(body, math.radians(yaw_deg), gimbal, np.zeros(3))
+
+
+def test_relative_pose_and_projection_are_the_frame_tables(rng):
+    target = default_rig().target
+    seen = true_pose(6.0, 12.0, -15.0, GimbalAttitude(0.01, 0.05))
+    bar = Pose.from_euler(rng.normal(size=3), 0.0, 0.0, 0.4)
+    camera = bar @ seen
+    rotation, sight_m = relative_pose(camera.rotation, camera.translation_m, bar.rotation, bar.translation_m)
+    camera_from_bar = seen.inverse()
+    np.testing.assert_allclose(rotation, camera_from_bar.rotation @ CAMERA_FROM_MOUNT.T, atol=1e-12)
+    np.testing.assert_allclose(sight_m, camera_from_bar.translation_m, atol=1e-12)
+    pixels = projected(rotation, sight_m, PLANE_M, CAMERA.matrix)
+    np.testing.assert_allclose(pixels, CAMERA.project(camera_from_bar.apply(target.points_in_bar_m)), atol=1e-9)
+    behind = projected(rotation, -sight_m, PLANE_M, CAMERA.matrix)
+    assert np.isnan(behind).all()
+
+
+def test_the_vertical_is_the_gimbals():
+    gimbal = GimbalAttitude(0.1, -0.2)
+    np.testing.assert_allclose(_down_in_camera(gimbal), level_from_camera(gimbal).T[:, 2], atol=1e-15)
+
+
+@pytest.mark.parametrize(("bearing_deg", "yaw_deg"), [(0.0, 0.0), (25.0, -20.0)])
+@pytest.mark.parametrize(
+    ("range_m", "level_rad"),
+    [(2.5, LEVEL_RAD), (6.0, LEVEL_RAD), (12.0, LEVEL_RAD), (20.0, LEVEL_RAD), (2.5, 0.0)],
+)
+def test_errors_and_covariance_are_the_solvers(range_m, bearing_deg, yaw_deg, level_rad, rng):
+    """The same 400 noises for both. Without a level prior only from near by: farther, the second solution comes in."""
+    sigma_px = 0.005 + 0.0008 * range_m
+    errors, normalised = {"solved": [], "drawn": []}, {"solved": [], "drawn": []}
+    misfit = {"solved": [], "drawn": []}
+    for _ in range(400):
+        gimbal = GimbalAttitude(*(np.array([0.0, PITCH_RAD]) + level_rad * rng.normal(size=2)))
+        seen = true_pose(range_m, bearing_deg, yaw_deg, gimbal)
+        identity = Pose.identity()
+        arrays = (seen.rotation, seen.translation_m, identity.rotation, identity.translation_m)
+        rotation, sight_m = relative_pose(*arrays)
+        noise = rng.normal(size=PLANE_M.shape)
+        corners_px = (projected(rotation, sight_m, PLANE_M, CAMERA.matrix) + sigma_px * noise).reshape(-1, 4, 2)
+        down = _down_in_camera(GimbalAttitude(0.0, PITCH_RAD))
+        settled, turn, shift_m, chi2, covariance, residual_px = pose_from_truth(
+            rotation, sight_m, PLANE_M, CAMERA.matrix, corners_px.reshape(-1, 2), sigma_px, down, level_rad
+        )
+        assert settled
+        freedom = 16 - 6 + (2 if level_rad else 0)
+        drawn = Solution(Pose(turn, shift_m), chi2, 0.0, covariance, 0.0, residual_px.reshape(-1, 4, 2), freedom)
+        corners = Corners(corners_px, np.tile(np.eye(8) / sigma_px, (2, 1, 1)), PLANE_M.reshape(-1, 4, 2))
+        prior = LevelPrior(down, level_rad) if level_rad else None
+        solved = solve(corners, CAMERA, prior, Pose(rotation, sight_m))[0]
+        misfit["solved"].append(solved.chi2)
+        misfit["drawn"].append(drawn.chi2)
+        for name, solution in (("solved", solved), ("drawn", drawn)):
+            pose = bar_pose_of([solution], corners_px)
+            error = np.append(pose.position_in_bar_m - seen.translation_m, pose.yaw_rad - math.radians(yaw_deg))
+            errors[name].append(error)
+            normalised[name].append(error @ np.linalg.solve(pose.covariance, error))
+    solved, drawn = (np.array(errors[name]) for name in ("solved", "drawn"))
+    spread = solved.std(axis=0)
+    # The solver stops once another step would gain less than 0.03 of χ².
+    np.testing.assert_array_less(np.sqrt(np.mean((drawn - solved) ** 2, axis=0)), 0.1 * spread)
+    np.testing.assert_array_less(np.abs(drawn.mean(axis=0) - solved.mean(axis=0)), 0.02 * spread)
+    np.testing.assert_allclose(np.cov(drawn.T), np.cov(solved.T), atol=0.05 * float(spread.max()) ** 2)
+    assert np.mean(misfit["drawn"]) == pytest.approx(np.mean(misfit["solved"]), rel=0.05)
+    # 4 degrees of freedom, 400 draws: 4 ± 4 · 0.14; the covariance is held up by `excess`, hence the
+    # lower bound; straight from astern at 20 m the errors lie along an arc, hence the upper one.
+    assert 3.0 < np.mean(normalised["drawn"]) < 4.9
+    assert np.mean(normalised["drawn"]) == pytest.approx(np.mean(normalised["solved"]), rel=0.05)
