@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.crew import build_crew, build_scene, build_vehicle
 from shipland.missions.fly import fly_quietly
 from shipland.missions.scenarios import load_scenario, scenario_table
-from shipland.sim.scene.scene import Scene
 
 SECONDS = 12.0
 
@@ -40,7 +39,7 @@ class Timed:
 def measure(camera: str, pilot: str, seed: int) -> str:
     """A row of the table."""
     scenario = load_scenario(scenario_table("near"))
-    scene = Scene(scenario.rig, scenario.scene, seed) if camera == "rendered" else None
+    scene = build_scene(scenario, seed) if camera == "rendered" else None
     picture = Timed(scene, "render") if scene is not None else None
     vehicle = build_vehicle(scenario, seed, picture)  # type: ignore[arg-type]
     crew = build_crew(scenario, vehicle, pilot, camera, seed)  # type: ignore[arg-type]

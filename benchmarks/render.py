@@ -56,7 +56,7 @@ def sheet(rig: Rig, camera: Camera, base: SceneParameters) -> Picture:
     """Nine frames, three a row, at half size."""
     tiles = []
     for range_m, height_m, changes in SHEET:
-        scene = Scene(rig, dataclasses.replace(base, **changes), seed=3)
+        scene = Scene(rig, dataclasses.replace(base, **changes), np.random.default_rng(3))
         image = scene.render(state_at(rig, range_m, 3.6, height_m), camera, rng=np.random.default_rng(0))
         tiles.append(cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
         scene.close()
@@ -100,7 +100,7 @@ def main() -> None:
     for range_m in RANGES_M:
         table.add_column(f"{range_m:g} m", justify="right")
     for name, changes in WEATHERS.items():
-        scene = Scene(rig, dataclasses.replace(base, **changes), seed=0)
+        scene = Scene(rig, dataclasses.replace(base, **changes), np.random.default_rng(0))
         cells = []
         for range_m in RANGES_M:
             wall, cpu = [], []
@@ -114,7 +114,7 @@ def main() -> None:
         table.add_row(name, *cells)
         scene.close()
     Console(width=120).print(table)
-    scene = Scene(rig, base, seed=0)
+    scene = Scene(rig, base, np.random.default_rng(0))
     spent = []
     for index in range(4 * frames):
         started = time.process_time()

@@ -58,7 +58,7 @@ class Look:
 
 def approach(rig: Rig, camera: Camera, range_m: float) -> list[Look]:
     """Pictures a thirtieth of a second apart on the way in at 1 m/s, seen from 5° off the axis."""
-    scene = Scene(rig, build(SceneParameters, packaged_table("scene"), "scene"), seed=1)
+    scene = Scene(rig, build(SceneParameters, packaged_table("scene"), "scene"), np.random.default_rng(1))
     rng, gimbal, still = np.random.default_rng(1), GimbalAttitude(0.0, np.arctan2(0.3, 2.0)), np.zeros(3)
     ned_from_ship = Pose(np.eye(3), np.array([0.0, 0.0, -rig.deck_height_m]))
     ned_from_bar = ned_from_ship @ rig.ship_from_bar

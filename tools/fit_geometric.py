@@ -11,9 +11,8 @@ import numpy as np
 
 from shipland.config import merge
 from shipland.messages import PilotCommand
-from shipland.missions.crew import build_vehicle
+from shipland.missions.crew import build_scene, build_vehicle
 from shipland.missions.scenarios import load_scenario, scenario_table
-from shipland.sim.scene.scene import Scene
 from shipland.vision.near.pipeline import NearVision
 
 RANGES_M = (2.5, 4.0, 6.0, 9.0, 12.0, 15.0, 18.0, 20.0, 22.0)
@@ -30,7 +29,7 @@ def main() -> None:
         start = {"distance_m": range_m - 2.09, "distance_spread_m": 0.2, "bearing_spread_deg": 15.0}
         scenario = load_scenario(merge(scenario_table("near"), {"start": start | {"height_m": 1.2}}))
         for seed in SEEDS:
-            scene = Scene(scenario.rig, scenario.scene, seed)
+            scene = build_scene(scenario, seed)
             vehicle = build_vehicle(scenario, seed, scene)
             eyes = NearVision(scenario.rig.target, vehicle.camera, scenario.vision)
             vehicle.open()

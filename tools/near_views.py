@@ -53,7 +53,7 @@ class Setting:
     def scene(self, seed: int, **changes: float) -> Scene:
         """The packaged scene with some of its parameters changed."""
         parameters = build(SceneParameters, packaged_table("scene"), "scene")
-        return Scene(self.rig, replace(parameters, **changes), seed)
+        return Scene(self.rig, replace(parameters, **changes), np.random.default_rng(seed))
 
     def eyes(self, **changes: object) -> NearVision:
         """The near vision with some of its parameters changed."""

@@ -21,7 +21,7 @@ from shipland.frames import Array
 from shipland.messages import FlightRecord
 from shipland.missions.campaign import Flight as FlightJob
 from shipland.missions.campaign import land_once
-from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.crew import build_crew, build_scene, build_vehicle
 from shipland.missions.fly import Flown, flight_info
 from shipland.missions.landing import COLUMNS, Landing, row_of
 from shipland.missions.outside import KeyedPilot, Keys
@@ -32,7 +32,6 @@ from shipland.missions.workers import run_jobs, stoppable
 from shipland.record.columns import FlightColumns
 from shipland.report.chase import chase_view
 from shipland.report.outputs import Recorder, load_outputs
-from shipland.sim.scene.scene import Scene
 from shipland.vehicles.vehicle import Vehicle, Witness
 
 __all__ = ["Campaign", "Flight", "campaign", "fly", "load_scenario", "without_pictures"]
@@ -120,7 +119,7 @@ def fly(
     with ExitStack() as stack:
         scene = None
         if vehicle is None and (pictures or (out is not None and video)):
-            scene = Scene(scenario.rig, scenario.scene, seed)
+            scene = build_scene(scenario, seed)
             stack.callback(scene.close)
         flown = vehicle or build_vehicle(scenario, seed, scene if pictures else None)
         crew = build_crew(scenario, flown, pilot, vision, seed)

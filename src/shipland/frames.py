@@ -14,10 +14,14 @@
 
 All frames are right-handed; lengths in metres, angles in radians. `a_from_b` maps coordinates in `b` to
 coordinates in `a`. Euler angles are yaw-pitch-roll (z, then y, then x, about moving axes).
+
+The conversions are written by hand in plain floats, not with SciPy's `Rotation`: the simulated physics calls them
+several times in every 2-ms tick, where building an array or an object costs ten times the arithmetic.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +31,12 @@ GRAVITY_MPS2 = 9.81
 """Down in `ned`; everything that falls, swims or tilts takes it from here."""
 
 Array = npt.NDArray[np.float64]
+
+Rows = tuple[float, float, float, float, float, float, float, float, float]
+"""A rotation (3,3), row by row."""
+
+Quaternion = tuple[float, float, float, float]
+"""Unit quaternion (w, x, y, z), MuJoCo's order."""
 
 CAMERA_FROM_MOUNT: Array = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """Forward-right-down to OpenCV's right-down-forward."""
@@ -38,18 +48,66 @@ for _constant in (CAMERA_FROM_MOUNT, MUJOCO_FROM_NED):
     _constant.setflags(write=False)
 
 
-def rotation_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:
-    """Rotation parent_from_child (3,3) of a child yawed, then pitched, then rolled against its parent."""
-    cr, sr = np.cos(roll_rad), np.sin(roll_rad)
-    cp, sp = np.cos(pitch_rad), np.sin(pitch_rad)
-    cy, sy = np.cos(yaw_rad), np.sin(yaw_rad)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
+def rows_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Rows:
+    """Rotation parent_from_child of a child yawed, then pitched, then rolled against its parent."""
+    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
+    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
+    cy, sy = math.cos(yaw_rad), math.sin(yaw_rad)
+    return (
+        cy * cp,
+        cy * sp * sr - sy * cr,
+        cy * sp * cr + sy * sr,
+        sy * cp,
+        sy * sp * sr + cy * cr,
+        sy * sp * cr - cy * sr,
+        -sp,
+        cp * sr,
+        cp * cr,
     )
+
+
+def rows_from_quaternion(w: float, x: float, y: float, z: float) -> Rows:
+    """Rotation of a unit quaternion."""
+    return (
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    )
+
+
+def quaternion_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
+    """Unit quaternion parent_from_child of a child yawed, then pitched, then rolled against its parent."""
+    cr, sr = math.cos(0.5 * roll_rad), math.sin(0.5 * roll_rad)
+    cp, sp = math.cos(0.5 * pitch_rad), math.sin(0.5 * pitch_rad)
+    cy, sy = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def euler_from_quaternion(quaternion: Quaternion) -> tuple[float, float, float]:
+    """Roll, pitch, yaw [rad] of a unit quaternion."""
+    w, x, y, z = quaternion
+    sine = min(max(2.0 * (w * y - z * x), -1.0), 1.0)
+    return (
+        math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
+        math.asin(sine),
+        math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+    )
+
+
+def rotation_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Array:
+    """`rows_from_euler` as an array (3,3)."""
+    return np.array(rows_from_euler(roll_rad, pitch_rad, yaw_rad)).reshape(3, 3)
 
 
 def euler_from_rotation(parent_from_child: Array) -> tuple[float, float, float]:
@@ -63,15 +121,9 @@ def euler_from_rotation(parent_from_child: Array) -> tuple[float, float, float]:
 
 
 def rotation_from_quaternion(quaternion_wxyz: Array) -> Array:
-    """Rotation (3,3) of a unit quaternion (w, x, y, z), MuJoCo's order."""
-    w, x, y, z = np.asarray(quaternion_wxyz, dtype=float) / np.linalg.norm(quaternion_wxyz)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    """Rotation (3,3) of a quaternion (w, x, y, z) of any length."""
+    w, x, y, z = (np.asarray(quaternion_wxyz, dtype=float) / np.linalg.norm(quaternion_wxyz)).tolist()
+    return np.array(rows_from_quaternion(w, x, y, z)).reshape(3, 3)
 
 
 def wrap_angle(angle_rad: float) -> float:

@@ -8,8 +8,7 @@ import pytest
 
 import shipland
 from shipland.messages import Observation
-from shipland.missions.crew import build_vehicle
-from shipland.sim.scene.scene import Scene
+from shipland.missions.crew import build_scene, build_vehicle
 from shipland.vision.near.pipeline import NearVision
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -36,7 +35,7 @@ def test_own_vision_gives_a_box_where_corners_are_too_small():
     own_vision = importlib.import_module("own_vision")
 
     scenario = shipland.load_scenario("near")
-    scene = Scene(scenario.rig, scenario.scene, 1)
+    scene = build_scene(scenario, 1)
     vehicle = build_vehicle(scenario, 1, scene)
     vehicle.open()
     frame, _ = vehicle.read()
@@ -61,7 +60,7 @@ def test_own_cue_is_drawn_and_seen():
     # From 5 m, where the cue settles the whole pose.
     near = {"distance_m": 5.0, "distance_spread_m": 0.0, "heading_error_spread_deg": 0.0}
     scenario = shipland.load_scenario("own_cue.toml", start=near)
-    scene = Scene(scenario.rig, scenario.scene, 1)
+    scene = build_scene(scenario, 1)
     vehicle = build_vehicle(scenario, 1, scene)
     vehicle.open()
     frame, _ = vehicle.read()

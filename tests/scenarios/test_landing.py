@@ -6,12 +6,11 @@ import pytest
 from shipland.api import fly
 from shipland.config import merge
 from shipland.messages import Mode, PilotCommand
-from shipland.missions.crew import build_vehicle
+from shipland.missions.crew import build_scene, build_vehicle
 from shipland.missions.fly import fly_quietly
 from shipland.missions.geometric import GeometricVision
 from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.record.reader import read_log
-from shipland.sim.scene.scene import Scene
 from shipland.vision.near.pipeline import NearVision
 
 
@@ -72,7 +71,7 @@ def test_geometric_camera_errs_as_the_rendered_one(distance_m):
     scenario = near(start={"distance_m": distance_m, "distance_spread_m": 0.5, "heading_error_spread_deg": 3.0})
     errors = {"rendered": [], "geometric": []}
     for seed in (1, 2, 3, 4):
-        scene = Scene(scenario.rig, scenario.scene, seed)
+        scene = build_scene(scenario, seed)
         vehicle = build_vehicle(scenario, seed, scene)
         target, camera = scenario.rig.target, vehicle.camera
         noise_rad, rng = scenario.vision.gimbal_noise_rad, np.random.default_rng(seed)

@@ -10,15 +10,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipland.config import ConfigError, merge
-from shipland.frames import GRAVITY_MPS2, euler_from_rotation, rotation_from_euler, rotation_from_quaternion
+from shipland.frames import (
+    GRAVITY_MPS2,
+    euler_from_quaternion,
+    euler_from_rotation,
+    rotation_from_euler,
+    rotation_from_quaternion,
+    rows_from_euler,
+    rows_from_quaternion,
+)
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
 from shipland.sim.aircraft.aerodynamics import (
     air_force_in_ned_n,
-    euler_from_quaternion,
     ground_effect_gain,
-    rows_from_euler,
-    rows_from_quaternion,
     trim_hover,
 )
 from shipland.sim.aircraft.aircraft import Quadrotor

@@ -210,3 +210,16 @@ def test_a_worker_that_dies_is_one_line():
     with pytest.raises(DataError, match="a worker process died"):
         list(run_jobs(_die, range(3), 2, lambda *_: None))
     assert not multiprocessing.active_children()
+
+
+def test_weights_bind_every_vision_that_looks_at_pictures(tmp_path, monkeypatch):
+    (tmp_path / "own_eyes.py").write_text(
+        "from shipland.missions.visions import geometric, rendered, without_pictures\n"
+        "def looks(setup): return rendered(setup)\n"
+        "@without_pictures\n"
+        "def knows(setup): return geometric(setup)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    scenario = load_scenario("near")
+    assert folders.campaign_key(scenario, "paper", "own_eyes:looks")["weights"].keys() == {"ship", "bar"}
+    assert folders.campaign_key(scenario, "paper", "own_eyes:knows")["weights"] == {}

@@ -409,7 +409,7 @@ def test_packaged_weights_see_their_target(kind, range_m, rig, camera):
     light, _ = draw_scene(0, parameters, 1)
     shot = draw_shot(0, kind, replace(light, visibility_m=40000.0), camera, rig, parameters, 1)
     state = shot.at(0.0, rig)
-    scene = Scene(rig, build(SceneParameters, packaged_table("scene"), "scene"), 1)
+    scene = Scene(rig, build(SceneParameters, packaged_table("scene"), "scene"), np.random.default_rng(1))
     picture = scene.render(state, camera)
     scene.close()
     settings = replace(detector_parameters(), threads=1)

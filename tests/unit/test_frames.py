@@ -13,9 +13,13 @@ from shipland.frames import (
     CAMERA_FROM_MOUNT,
     MUJOCO_FROM_NED,
     Pose,
+    euler_from_quaternion,
     euler_from_rotation,
+    quaternion_from_euler,
     rotation_from_euler,
     rotation_from_quaternion,
+    rows_from_euler,
+    rows_from_quaternion,
     wrap_angle,
 )
 from shipland.messages import GimbalAttitude
@@ -229,3 +233,15 @@ class TestByHand:
             still.rotation, rotation_from_euler(0.0, 0.0, 1.0) @ level_from_camera(gimbal), atol=EXACT_RAD
         )
         assert tilted.translation_m[2] == pytest.approx(-3.0 - 0.09 * np.sin(0.4), abs=EXACT_M)
+
+
+class TestPlainFloats:
+    """The conversions in plain floats say the same as each other and as those in arrays."""
+
+    @given(angles, pitches, angles)
+    def test_quaternion_and_euler_angles_are_the_same_turn(self, roll_rad, pitch_rad, yaw_rad):
+        quaternion = quaternion_from_euler(roll_rad, pitch_rad, yaw_rad)
+        rows = rows_from_euler(roll_rad, pitch_rad, yaw_rad)
+        np.testing.assert_allclose(rows_from_quaternion(*quaternion), rows, atol=1e-12)
+        for got_rad, want_rad in zip(euler_from_quaternion(quaternion), (roll_rad, pitch_rad, yaw_rad), strict=True):
+            assert abs(wrap_angle(got_rad - want_rad)) < 1e-5  # near ±90° the arcsine has half the digits

@@ -26,10 +26,10 @@ LEVEL = GimbalAttitude(0.0, 0.0)
 STEP_S = 1.0 / 30.0
 
 
-def paper_pilot():
+def paper_pilot(rig=RIG):
     response = ANAFI_LIKE
     guidance = replace(PARAMETERS, far_control="exponential", far_variant="growing")
-    return paper(PilotSetup(guidance, RIG, CAMERA, CAMERA_IN_BODY_M, response, np.random.default_rng(0)))
+    return paper(PilotSetup(guidance, rig, CAMERA, CAMERA_IN_BODY_M, response, np.random.default_rng(0)))
 
 
 def pose_of(aircraft_in_bar_m, yaw_rad=0.0):
@@ -109,9 +109,17 @@ def test_steady_in_the_square_lands_and_the_landed_vehicle_ends_it():
 
 
 def test_just_outside_the_margin_does_not_land():
-    half_m = 0.5 * PARAMETERS.approach.square_m * PARAMETERS.approach.square_margin
+    half_m = 0.5 * RIG.landing_square_m * PARAMETERS.approach.square_margin
     outside = HOVER_IN_BAR_M + np.array([0.0, half_m + 0.03, 0.0])
     assert settled(outside, cycles=90).mode is Mode.APPROACH
+
+
+def test_the_landing_condition_is_that_of_the_rigs_square():
+    half_m = 0.5 * 0.8 * PARAMETERS.approach.square_margin
+    wide = paper_pilot(replace(RIG, landing_square_m=0.8))
+    assert settled(HOVER_IN_BAR_M + np.array([0.0, half_m - 0.05, 0.0]), cycles=90, pilot=wide).mode is Mode.LAND
+    wide = paper_pilot(replace(RIG, landing_square_m=0.8))
+    assert settled(HOVER_IN_BAR_M + np.array([0.0, half_m + 0.03, 0.0]), cycles=90, pilot=wide).mode is Mode.APPROACH
 
 
 def test_without_data_the_sticks_decay_to_zero():

@@ -60,7 +60,7 @@ def test_box_agrees_with_what_is_drawn(kind, rig, camera):
     """The peer is the scene's own identity pass, drawn with up to eight samples a pixel."""
     parameters = synth_parameters(None)
     light, waves = draw_scene(0, parameters, 1)
-    scene = Scene(rig, light, waves)
+    scene = Scene(rig, light, np.random.default_rng(waves))
     compared = 0
     try:
         for number in range(25):
@@ -157,7 +157,7 @@ def test_a_window_is_drawn_to_its_edge(side, rig, camera):
     parameters = synth_parameters(None)
     scene_parameters, waves = draw_scene(0, parameters, 11)
     shot = draw_shot(1, "ship", scene_parameters, camera, rig, parameters, 11)
-    scene = Scene(rig, scene_parameters, waves)
+    scene = Scene(rig, scene_parameters, np.random.default_rng(waves))
     picture = scene.render(shot.at(0.0, rig), crop_camera(shot, camera, rig, parameters, side)).astype(float)
     scene.close()
     assert abs(picture[:, -1].mean() - picture[:, -4].mean()) < 4.0

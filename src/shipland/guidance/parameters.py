@@ -21,8 +21,7 @@ class ApproachParameters:
 
     Attributes:
         hover_height_m: over the deck's neutral surface, before landing.
-        square_m: side of the square in which landing is commanded.
-        square_margin: share of the half side that the horizontal error must stay within.
+        square_margin: landing begins with the horizontal error within this share of half of `rig.landing_square_m`.
         largest_box: boxes of more than so many times the setpoint's area are not flown on.
         max_bearing_deg: the nose turns to the bar's axis only as far as the bar stays this near the picture's middle,
         bearing_margin_deg: and the cue this far from its sides.
@@ -41,7 +40,6 @@ class ApproachParameters:
     """
 
     hover_height_m: float
-    square_m: float
     square_margin: float
     largest_box: float
     max_bearing_deg: float
@@ -67,7 +65,6 @@ class ApproachParameters:
     def __post_init__(self) -> None:
         require(self.hover_height_m > self.commit_height_m > 0.0, "hover_height_m > commit_height_m > 0 must hold")
         require(0.0 < self.square_margin <= 1.0, "square_margin must be in (0, 1]")
-        require(self.square_m > 0.0, "square_m must be positive")
         require(0.0 < self.descent_percent <= 100.0, "descent_percent must be in (0, 100]")
 
 

@@ -24,12 +24,14 @@ class References:
         retry_in_bar_m: (3,) astern of it and higher: the end of a climb-out.
         deck_down_m: the deck's neutral surface below the bar's centre.
         half_cue_m: half the cue's width.
+        landing_half_m: landing begins only with both horizontal errors within this.
     """
 
     hover_in_bar_m: Array
     retry_in_bar_m: Array
     deck_down_m: float
     half_cue_m: float
+    landing_half_m: float
 
     @staticmethod
     def of(rig: Rig, approach: ApproachParameters) -> References:
@@ -39,6 +41,7 @@ class References:
             retry_in_bar_m=rig.deck_in_bar_m - np.array([approach.climb_out_back_m, 0.0, approach.climb_out_height_m]),
             deck_down_m=float(rig.deck_in_bar_m[2]),
             half_cue_m=float(np.max(np.abs(rig.target.points_in_bar_m[:, 1]))),
+            landing_half_m=0.5 * rig.landing_square_m * approach.square_margin,
         )
 
     def point_in_bar_m(self, mode: Mode) -> Array:

@@ -61,7 +61,7 @@ def situation_of(
     return Situation(
         now_s=telemetry.t_s,
         observation=observation,
-        landing_condition=landing_condition(belief.estimate, telemetry.t_s, approach),
+        landing_condition=landing_condition(belief.estimate, telemetry.t_s, references, approach),
         committed=place_m is not None and references.height_m(place_m) < approach.commit_height_m,
         astray=_astray(belief.estimate, approach) if memory.mode is Mode.LAND else "",
         near_ship=place_m is not None and float(np.linalg.norm(place_m)) < approach.climb_out_radius_m,
@@ -70,15 +70,17 @@ def situation_of(
     )
 
 
-def landing_condition(estimate: NearEstimate | None, now_s: float, approach: ApproachParameters) -> str:
+def landing_condition(
+    estimate: NearEstimate | None, now_s: float, references: References, approach: ApproachParameters
+) -> str:
     """Why a landing must not begin; empty when it may."""
     if estimate is None:
         return "no pose yet"
     if now_s - estimate.t_s > approach.max_data_age_s:
         return f"data {now_s - estimate.t_s:.1f} s old"
     forward_m, right_m, up_m = estimate.error_in_level_m
-    if max(abs(forward_m), abs(right_m)) > 0.5 * approach.square_m * approach.square_margin:
-        return f"{forward_m:+.2f} m forward, {right_m:+.2f} m right of the place wanted"
+    if max(abs(forward_m), abs(right_m)) > references.landing_half_m:
+        return f"{forward_m:+.2f} m forward, {right_m:+.2f} m right of the hover point"
     if abs(up_m) > approach.max_height_error_m:
         return f"{up_m:+.2f} m to the hover height"
     if float(np.linalg.norm(estimate.rate_in_level_mps)) > approach.max_speed_mps:
@@ -92,4 +94,4 @@ def _astray(estimate: NearEstimate | None, approach: ApproachParameters) -> str:
     if estimate is None:
         return ""
     off_m = float(np.max(np.abs(estimate.error_in_level_m[:2])))
-    return f"{off_m:.2f} m off the place wanted while landing" if off_m > approach.astray_m else ""
+    return f"{off_m:.2f} m off the landing point while landing" if off_m > approach.astray_m else ""

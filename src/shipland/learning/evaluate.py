@@ -292,7 +292,7 @@ def look_at_scenes(
     if detector is None:
         detector = Detector.load(arguments.weights, settings)
     scene_parameters, waves = draw_scene(numbers[0] // synth.pictures_per_scene, synth, arguments.seed)
-    scene = Scene(rig, scene_parameters, waves)
+    scene = Scene(rig, scene_parameters, np.random.default_rng(waves))
     try:
         shots = [
             draw_shot(number, arguments.kind, scene_parameters, camera, rig, synth, arguments.seed)

@@ -189,7 +189,7 @@ def make_stills(
                 if scene is not None:
                     scene.close()
                 scene_parameters, waves = draw_scene(block, parameters, seed)
-                scene = Scene(rig, scene_parameters, waves)
+                scene = Scene(rig, scene_parameters, np.random.default_rng(waves))
             assert scene_parameters is not None
             shot = draw_shot(number, kind, scene_parameters, camera, rig, parameters, seed)
             view = camera if crop_px == 0 else crop_camera(shot, camera, rig, parameters, crop_px)

@@ -17,6 +17,7 @@ from shipland.guidance.response import Response
 from shipland.guidance.safety import Safety
 from shipland.missions.follower import DeckFollower
 from shipland.missions.scenarios import Scenario
+from shipland.missions.seeds import generators_of
 from shipland.missions.visions import VisionSetup
 from shipland.sim.air.wind import WindParameters, build_wind, drawn_wind
 from shipland.sim.scene.scene import Scene
@@ -27,21 +28,26 @@ from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import Vehicle, Witness
 
 
+def build_scene(scenario: Scenario, seed: int) -> Scene:
+    """What the camera sees in the flight of `seed`; the caller closes it."""
+    return Scene(scenario.rig, scenario.scene, generators_of(seed).scene)
+
+
 def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> SimulatedVehicle:
     """The simulated vehicle of one flight; without a `scene` it gives no pictures. The same seed, the same flight."""
-    ship_rng, wind_rng, world_rng, picture_rng, *_ = _generators(seed)
+    rng = generators_of(seed)
     world = World(
         scenario.rig,
         scenario.camera,
         scenario.aircraft,
         scenario.verdict,
-        build_ship(scenario.ship, scenario.rig, ship_rng),
-        build_wind(scenario.wind, scenario.rig, wind_rng),
+        build_ship(scenario.ship, scenario.rig, rng.ship),
+        build_wind(scenario.wind, scenario.rig, rng.wind),
         scenario.start,
-        world_rng,
+        rng.aircraft,
         scenario.wind.surface == "sea",
     )
-    return SimulatedVehicle(world, Camera.from_parameters(scenario.camera), scenario.delays, scene, picture_rng)
+    return SimulatedVehicle(world, Camera.from_parameters(scenario.camera), scenario.delays, scene, rng.picture)
 
 
 def build_crew(scenario: Scenario, vehicle: Vehicle, pilot: str | Factory, vision: str | Factory, seed: int) -> Crew:
@@ -57,21 +63,21 @@ def build_crew(scenario: Scenario, vehicle: Vehicle, pilot: str | Factory, visio
     Raises:
         ConfigError: no such pilot or vision, or one that this vehicle cannot fly with.
     """
-    *_, near_rng, far_rng, pilot_rng = _generators(seed)
+    rng = generators_of(seed)
     setup = PilotSetup(
         guidance=scenario.guidance,
         rig=scenario.rig,
         camera=vehicle.camera,
         camera_in_body_m=np.array(scenario.camera.position_in_body_m),
         response=vehicle.response if isinstance(vehicle, Real) else response_of(scenario),
-        rng=pilot_rng,
+        rng=rng.pilot,
     )
     flier: Pilot = factories.resolve("pilots", pilot)(setup)
     if scenario.follow.enabled:
         if not isinstance(vehicle, Witness):
             raise ConfigError("follow.enabled needs the truth, which only a simulated world knows")
         flier = DeckFollower(flier, vehicle, math.radians(scenario.aircraft.settings.max_tilt_deg), scenario.follow)
-    sees = factories.resolve("visions", vision)(VisionSetup(scenario, vehicle.camera, vehicle, near_rng, far_rng))
+    sees = factories.resolve("visions", vision)(VisionSetup(scenario, vehicle.camera, vehicle, rng.near, rng.far))
     safety = Safety(scenario.safety, scenario.rig, vehicle.camera, np.array(scenario.camera.position_in_body_m))
     delays = replace(scenario.delays, processing="measured") if isinstance(vehicle, Real) else scenario.delays
     return Crew(sees, flier, safety, delays)
@@ -79,12 +85,12 @@ def build_crew(scenario: Scenario, vehicle: Vehicle, pilot: str | Factory, visio
 
 def drawn_ship(scenario: Scenario, seed: int) -> Ship:
     """The ship that the flight of `seed` meets."""
-    return build_ship(scenario.ship, scenario.rig, _generators(seed)[0])
+    return build_ship(scenario.ship, scenario.rig, generators_of(seed).ship)
 
 
 def drawn_wind_of(scenario: Scenario, seed: int) -> WindParameters:
     """The mean wind that the flight of `seed` meets."""
-    return drawn_wind(scenario.wind, _generators(seed)[1])
+    return drawn_wind(scenario.wind, generators_of(seed).wind)
 
 
 def response_of(scenario: Scenario) -> Response:
@@ -113,8 +119,3 @@ _TILT_LAG_S, _DEAD_TIME_S = 0.06, 0.07
 """Of the horizontal acceleration behind the sticks, fitted to the step response of tilts (docs/aircraft.md)."""
 _DRAG_PER_S = 0.4
 """Deceleration for a metre per second through the air, about 5 m/s of wind."""
-
-
-def _generators(seed: int) -> list[np.random.Generator]:
-    """Independent generators of ship, wind, aircraft, picture, near vision, far vision and pilot."""
-    return [np.random.default_rng(sequence) for sequence in np.random.SeedSequence(seed).spawn(7)]

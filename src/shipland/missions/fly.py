@@ -17,12 +17,11 @@ from shipland.config import build, packaged_toml
 from shipland.factories import Factory
 from shipland.flight import FlightResult, fly
 from shipland.messages import FlightRecord, TouchdownVerdict
-from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.crew import build_crew, build_scene, build_vehicle
 from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import needs_pictures
 from shipland.record.info import FlightInfo, config_digest, file_digest
 from shipland.record.writer import LogParameters, LogWriter
-from shipland.sim.scene.scene import Scene
 from shipland.version import __version__, code_version
 from shipland.vision.far.detector import weights_path
 
@@ -56,7 +55,7 @@ def fly_quietly(
     with ExitStack() as stack:
         scene = None
         if needs_pictures(factories.resolve("visions", vision)):
-            scene = Scene(scenario.rig, scenario.scene, seed)
+            scene = build_scene(scenario, seed)
             stack.callback(scene.close)
         vehicle = build_vehicle(scenario, seed, scene)
         crew = build_crew(scenario, vehicle, pilot, vision, seed)

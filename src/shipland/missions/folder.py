@@ -17,10 +17,12 @@ from importlib import metadata, resources
 from pathlib import Path
 from typing import Any
 
+from shipland import factories
 from shipland.errors import DataError
 from shipland.missions.landing import COLUMNS, Landing, landing_from, row_of
 from shipland.missions.scenarios import Scenario
-from shipland.record.info import config_digest
+from shipland.missions.visions import needs_pictures
+from shipland.record.info import config_digest, file_digest
 from shipland.version import __version__
 from shipland.vision.far.detector import weights_path
 
@@ -49,12 +51,6 @@ def source_digest() -> str:
     return digest.hexdigest()[:16]
 
 
-def file_digest(path: Path) -> str:
-    """First 16 hex digits of a file's SHA-256."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()[:16]
-
-
 def campaign_key(scenario: Scenario, pilot: str, vision: str) -> dict[str, Any]:
     """What landings must share to stand in one table, and what else is worth knowing of them.
 
@@ -62,7 +58,7 @@ def campaign_key(scenario: Scenario, pilot: str, vision: str) -> dict[str, Any]:
         DataError: weights are missing.
     """
     table, detector, weights = scenario.table(), scenario.detector, {}
-    if vision != "geometric":
+    if needs_pictures(factories.resolve("visions", vision)):
         for kind, name in (("ship", detector.ship_weights), ("bar", detector.bar_weights)):
             weights[kind] = file_digest(weights_path(name, detector.precision))
     return {

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from shipland.errors import ConfigError, DataError
 from shipland.frames import Array
+from shipland.missions.seeds import generators_of
 from shipland.report.motion_plots import plot_case, plot_headings
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind, WindParameters, build_wind
@@ -52,8 +53,8 @@ class Case:
 
     def make(self, seed: int) -> tuple[Ship, Wind]:
         """Ship and wind of a seed: the same as those of a flight with this seed."""
-        ship_rng, wind_rng = (np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)[:2])
-        return build_ship(self.ship, self.rig, ship_rng), build_wind(self.wind, self.rig, wind_rng)
+        rng = generators_of(seed)
+        return build_ship(self.ship, self.rig, rng.ship), build_wind(self.wind, self.rig, rng.wind)
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from shipland.camera import CameraParameters, camera_pose, level_from_camera
-from shipland.frames import Pose, rotation_from_quaternion
+from shipland.frames import Pose, Quaternion, euler_from_quaternion, rotation_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth
-from shipland.sim.aircraft.aerodynamics import Quaternion, euler_from_quaternion
 from shipland.sim.aircraft.parameters import Vector
 from shipland.sim.ship.ship import ShipState
 from shipland.sim.state import SceneState

@@ -10,11 +10,10 @@ import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.config import require
-from shipland.frames import GRAVITY_MPS2
+from shipland.frames import GRAVITY_MPS2, rows_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
-from shipland.sim.aircraft.aerodynamics import rows_from_quaternion
 from shipland.sim.aircraft.aircraft import Motion
 from shipland.sim.aircraft.autopilot import CENTRED, Sticks
 from shipland.sim.aircraft.kinds import build_aircraft

@@ -9,29 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from shipland.frames import GRAVITY_MPS2
+from shipland.frames import GRAVITY_MPS2, Rows, rows_from_euler
 from shipland.sim.aircraft.parameters import AirframeParameters, Vector
-
-Rows = tuple[float, float, float, float, float, float, float, float, float]
-"""A rotation (3,3), row by row."""
-
-Quaternion = tuple[float, float, float, float]
-"""Unit quaternion (w, x, y, z)."""
-
-
-def rows_from_quaternion(w: float, x: float, y: float, z: float) -> Rows:
-    """Rotation (3,3), row by row, of a unit quaternion; plain floats."""
-    return (
-        1.0 - 2.0 * (y * y + z * z),
-        2.0 * (x * y - w * z),
-        2.0 * (x * z + w * y),
-        2.0 * (x * y + w * z),
-        1.0 - 2.0 * (x * x + z * z),
-        2.0 * (y * z - w * x),
-        2.0 * (x * z - w * y),
-        2.0 * (y * z + w * x),
-        1.0 - 2.0 * (x * x + y * y),
-    )
 
 
 def air_force_in_ned_n(
@@ -89,24 +68,6 @@ class Trim(NamedTuple):
     push_in_ned_mps2: Vector
 
 
-def rows_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Rows:
-    """Rotation parent_from_child (3,3), row by row, of yaw, then pitch, then roll; plain floats."""
-    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
-    cp, sp = math.cos(pitch_rad), math.sin(pitch_rad)
-    cy, sy = math.cos(yaw_rad), math.sin(yaw_rad)
-    return (
-        cy * cp,
-        cy * sp * sr - sy * cr,
-        cy * sp * cr + sy * sr,
-        sy * cp,
-        sy * sp * sr + cy * cr,
-        sy * sp * cr - cy * sr,
-        -sp,
-        cp * sr,
-        cp * cr,
-    )
-
-
 def trim_hover(airframe: AirframeParameters, wind_in_ned_mps: Vector, heading_rad: float) -> Trim:
     """The attitude and thrust that stand still over ground in a steady wind, by fixed-point iteration."""
     roll, pitch, thrust = 0.0, 0.0, airframe.mass_kg * GRAVITY_MPS2
@@ -122,14 +83,3 @@ def trim_hover(airframe: AirframeParameters, wind_in_ned_mps: Vector, heading_ra
         roll = math.atan2(right * math.cos(pitch), lift)
         thrust = airframe.mass_kg * math.sqrt(forward * forward + right * right + lift * lift)
     return Trim(roll, pitch, thrust, push)
-
-
-def euler_from_quaternion(quaternion: Quaternion) -> Vector:
-    """Roll, pitch, yaw [rad] of a unit quaternion (w, x, y, z)."""
-    w, x, y, z = quaternion
-    sine = min(max(2.0 * (w * y - z * x), -1.0), 1.0)
-    return (
-        math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-        math.asin(sine),
-        math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
-    )

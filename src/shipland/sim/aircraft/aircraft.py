@@ -7,13 +7,8 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from shipland.factories import resolve
-from shipland.sim.aircraft.aerodynamics import (
-    Quaternion,
-    air_force_in_ned_n,
-    ground_effect_gain,
-    rows_from_quaternion,
-    trim_hover,
-)
+from shipland.frames import Quaternion, rows_from_quaternion
+from shipland.sim.aircraft.aerodynamics import air_force_in_ned_n, ground_effect_gain, trim_hover
 from shipland.sim.aircraft.autopilot import Demand, InnerLoop, LoopSetup, Sensed, Sticks
 from shipland.sim.aircraft.parameters import AircraftParameters, Shape, Vector
 

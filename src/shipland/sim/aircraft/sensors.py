@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shipland.camera import CameraParameters
-from shipland.frames import wrap_angle
-from shipland.sim.aircraft.aerodynamics import euler_from_quaternion
+from shipland.frames import euler_from_quaternion, wrap_angle
 from shipland.sim.aircraft.aircraft import Motion
 from shipland.sim.aircraft.autopilot import Sensed
 from shipland.sim.aircraft.parameters import SensorParameters, Vector

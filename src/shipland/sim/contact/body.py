@@ -7,8 +7,8 @@ import math
 import mujoco
 import numpy as np
 
+from shipland.frames import rows_from_quaternion
 from shipland.rig import Rig
-from shipland.sim.aircraft.aerodynamics import rows_from_quaternion
 from shipland.sim.aircraft.aircraft import Clearance, Motion, Wrench
 from shipland.sim.aircraft.parameters import Shape, Vector
 from shipland.sim.contact.deck_drive import DeckState, mujoco_quaternion

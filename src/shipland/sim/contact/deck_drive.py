@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import mujoco
 
-from shipland.sim.aircraft.aerodynamics import Rows, rows_from_euler
+from shipland.frames import Quaternion, Rows, quaternion_from_euler, rows_from_euler
 from shipland.sim.aircraft.parameters import Vector
 from shipland.sim.contact.model import DECK_ARMATURE, Model
 from shipland.sim.contact.touchdown import OnDeck
@@ -145,14 +145,7 @@ class Stage:
         self._bar_turn[:] = mujoco_quaternion(0.0, 0.0, bar_yaw)
 
 
-def mujoco_quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> tuple[float, float, float, float]:
-    """(w, x, y, z) in MuJoCo's axes of a body with these Euler angles in `ned`."""
-    cr, sr = math.cos(0.5 * roll_rad), math.sin(0.5 * roll_rad)
-    cp, sp = math.cos(0.5 * pitch_rad), math.sin(0.5 * pitch_rad)
-    cy, sy = math.cos(0.5 * yaw_rad), math.sin(0.5 * yaw_rad)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        -(cr * sp * cy + sr * cp * sy),
-        -(cr * cp * sy - sr * sp * cy),
-    )
+def mujoco_quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
+    """In MuJoCo's axes, of a body with these Euler angles in `ned`."""
+    w, x, y, z = quaternion_from_euler(roll_rad, pitch_rad, yaw_rad)
+    return w, x, -y, -z

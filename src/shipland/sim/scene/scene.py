@@ -56,15 +56,14 @@ class Scene:
     Args:
         rig: dimensions.
         parameters: light and weather.
-        seed: of waves, clouds, stains and drops.
+        rng: of waves, clouds, stains, drops and spray.
 
     Raises:
         SystemLibraryError: EGL or OpenGL is missing.
     """
 
-    def __init__(self, rig: Rig, parameters: SceneParameters, seed: int) -> None:
+    def __init__(self, rig: Rig, parameters: SceneParameters, rng: np.random.Generator) -> None:
         p = self._parameters = parameters
-        rng = np.random.default_rng(seed)
         self._light = light(p)
         self._hull = layout(rig).hull
         self._waves = WaveTiles(p.significant_wave_height_m, p.wind_speed_mps, np.radians(p.wave_direction_deg), rng)
@@ -72,7 +71,7 @@ class Scene:
         self._block = self._context.buffer(reserve=BLOCK_BYTES, dynamic=True)
         self._background = Background(self._context, self._waves, self._light, rng)
         self._ship = ShipLayer(self._context, rig, p.lamp * self._light.dimming, rng)
-        self._spray = Spray(self._context, self._hull, p.spray, seed) if p.spray > 0.0 else None
+        self._spray = Spray(self._context, self._hull, p.spray, rng.spawn(1)[0]) if p.spray > 0.0 else None
         self._rain = Rain(p.rain_mm_h, rng) if p.rain_mm_h > 0.0 else None
         self._drops = LensDrops(p.lens_drops, rng) if p.lens_drops > 0.0 else None
         noise = p.sensor_noise * self._light.gain

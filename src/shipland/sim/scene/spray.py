@@ -24,12 +24,12 @@ class Spray:
         context: OpenGL.
         hull: box of the hull in `ship`.
         strength: 0 … 1: opacity and height of the bursts.
-        seed: of every burst, with its number.
+        rng: of the bursts.
     """
 
-    def __init__(self, context: moderngl.Context, hull: Solid, strength: float, seed: int) -> None:
-        self._hull, self._strength, self._seed = hull, strength, seed
-        rng = np.random.default_rng([seed, 1])
+    def __init__(self, context: moderngl.Context, hull: Solid, strength: float, rng: np.random.Generator) -> None:
+        self._hull, self._strength = hull, strength
+        self._key = int(rng.integers(2**63))  # with a burst's number it seeds the burst: a function of time alone
         low, high = np.array(hull.low_m), np.array(hull.high_m)
         along = rng.random(_EMITTERS)
         side = np.where(np.arange(_EMITTERS) % 2 == 0, low[1], high[1])
@@ -72,7 +72,7 @@ class Spray:
             age_s = share * self._period_s[index]
             if age_s > _LIFE_S:
                 continue
-            rng = np.random.default_rng([self._seed, 2, index, int(cycle) & 0x7FFFFFFF])
+            rng = np.random.default_rng([self._key, index, int(cycle) & 0x7FFFFFFF])
             count = _PUFFS + _DROPS
             power = self._strength * rng.uniform(0.3, 1.0)
             speed = np.clip(rng.normal(0.0, 0.25, (count, 3)), -0.6, 0.6)

@@ -1,6 +1,6 @@
 """What comes between the scene and the picture: rain, sun in the lens, drops on the lens, the sensor's noise.
 
-Everything is a function of the seed and the time, so that the same instant looks the same.
+Everything is a function of the scene's generator and the time, so that the same instant looks the same.
 """
 
 from __future__ import annotations
