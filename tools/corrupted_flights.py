@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -23,6 +24,7 @@ from shipland.missions.scenarios import Scenario, load_scenario
 LENGTH_S = 16.0
 BURSTS = 2
 REGAINED_S = 2.0
+GAP_S = 0.5
 TRUE_M = 0.5
 """An estimate this near to the truth counts as control regained."""
 
@@ -84,7 +86,8 @@ def sticks(command: PilotCommand) -> Array:
 def regained(records: list[FlightRecord], times_s: list[float], bursts: tuple[Burst, ...]) -> list[float]:
     """Of each burst: from its end and the first clean picture of the bar on, until the pilot's place is true [s].
 
-    A burst that another follows within the two seconds, or that the flight's end does, tells nothing and is left out.
+    Left out are bursts that another follows within the two seconds, or the flight's end, and those after which the bar
+    does not stay in the picture: there the pilot has nothing to see it by.
     """
     found = []
     for burst in bursts:
@@ -94,6 +97,9 @@ def regained(records: list[FlightRecord], times_s: list[float], bursts: tuple[Bu
         after = [(t_s, record) for t_s, record in zip(times_s, records, strict=True) if t_s >= burst.to_s]
         seen = [t_s for t_s, record in after if record.observation.bar_pose is not None]
         if not seen or times_s[-1] < seen[0] + REGAINED_S:
+            continue
+        in_view_s = [t_s for t_s in seen if t_s <= seen[0] + REGAINED_S]
+        if np.max(np.diff([*in_view_s, seen[0] + REGAINED_S])) > GAP_S:
             continue
         true_s = next((t_s for t_s, record in after if t_s >= seen[0] and is_true(record, records)), math.inf)
         found.append(true_s - seen[0])
@@ -122,9 +128,12 @@ def main() -> None:
     request = parser.parse_args()
     scenario = load_scenario(request.scenario)
     outcomes = []
-    for seed in range(request.first, request.first + request.flights):
-        outcomes.append(flown(scenario, request.pilot, seed))
-        print(f"\r{len(outcomes)} of {request.flights}", end="", file=sys.stderr, flush=True)
+    with suppress(KeyboardInterrupt):  # what was flown so far is told
+        for seed in range(request.first, request.first + request.flights):
+            outcomes.append(flown(scenario, request.pilot, seed))
+            print(f"\r{len(outcomes)} of {request.flights}", end="", file=sys.stderr, flush=True)
+    if not outcomes:
+        return
     times_s = np.array([t_s for outcome in outcomes for t_s in outcome.regained_s])
     late = int((times_s > REGAINED_S).sum())
     over, over_true = (
@@ -134,7 +143,7 @@ def main() -> None:
         f"\n{len(outcomes)} flights, no exception; largest stick {max(o.highest_percent for o in outcomes):.1f} %; "
         f"largest step beyond the slew bound {over:.2g} % by the loop's clock, {over_true:.2g} % by the true one; "
         f"control regained after {len(times_s)} bursts: median {np.median(times_s):.2f} s, largest "
-        f"{times_s.max():.2f} s, {late} later than {REGAINED_S:g} s"
+        f"{times_s.max(initial=0.0):.2f} s, {late} later than {REGAINED_S:g} s"
     )
 
 
