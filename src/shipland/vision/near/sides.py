@@ -192,8 +192,8 @@ LIGHT = _light_of_levels()
 """(256,) light, 0 … 255, of a grey level by sRGB's curve [IEC 61966-2-1]: an edge is symmetric about its place in light
 only. Cameras have curves of their own; what theirs differ by is left to the growth that the pose solves for."""
 
-_CLIPPED = float(LIGHT[254])
-"""Mean light from which a colour is taken to be clipped at 255."""
+_CLIPPED = float(LIGHT[240])
+"""Mean light from which a colour is taken to be clipped, or bent by the shoulder of a tone curve."""
 
 _LEAST_SIDE_CONTRAST = 0.15
 """The same for a single side, against the cue's."""
