@@ -21,7 +21,7 @@ PLAIN = Camera.from_fov(160, 90, 20.0)
 
 def drawn(corners, rng, look, background=110.0, size=(90, 160)):
     canvas = np.full((*size, 3), light_of(background))
-    paint(canvas, corners, (50.0, 250.0, 45.0), 6, look.blur_px)
+    paint(canvas, corners, (50.0, 235.0, 45.0), 6, look.blur_px)
     return finish(canvas, rng, look)
 
 

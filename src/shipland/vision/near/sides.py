@@ -325,7 +325,7 @@ def contrasts(
     # A colour that is clipped has its edge where the first trace of light is; the others are not bent.
     clear = np.maximum(inside, outside) < _CLIPPED
     direction = None if clear.all() or by_luma else contrast_direction(inside * clear, outside * clear)
-    clipped = direction is None and not clear.all()
+    clipped = direction is None and not clear.all() and not by_luma  # what is coded errs by more
     if direction is None:
         direction = contrast_direction(inside, outside)
     if direction is None:
