@@ -17,6 +17,7 @@ from shipland.commands.motion import Motion
 from shipland.commands.paper import Paper
 from shipland.commands.scenarios import Scenarios
 from shipland.commands.see import See
+from shipland.commands.serve_physics import ServePhysics
 from shipland.commands.synth import Synth
 from shipland.commands.train import Train
 from shipland.commands.version import Version
@@ -34,6 +35,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Train,
     Evaluate,
     Calibrate,
+    ServePhysics,
     Scenarios,
     Version,
 )
@@ -47,9 +49,14 @@ class Command(Protocol):
         """Do it; the exit code."""
 
 
+def _name_of(command: type[Command]) -> str:
+    """`serve-physics` of `ServePhysics`."""
+    return "".join(f"-{letter.lower()}" if letter.isupper() else letter for letter in command.__name__).lstrip("-")
+
+
 def main() -> None:
     """Entry point: one line for every error of ours, exit 2; Ctrl-C leaves what was done in order, exit 130."""
-    subcommands: Any = tuple(Annotated[it, tyro.conf.subcommand(it.__name__.lower())] for it in COMMANDS)
+    subcommands: Any = tuple(Annotated[it, tyro.conf.subcommand(_name_of(it))] for it in COMMANDS)
     any_command: Any = Union[subcommands]  # noqa: UP007 - made at run time
     command: Command = tyro.cli(
         any_command,

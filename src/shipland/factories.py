@@ -32,7 +32,10 @@ PACKAGED: dict[str, dict[str, str]] = {
         "mavlink": "shipland.vehicles.mavlink_factory:mavlink",
         "replay": "shipland.missions.outside:replay",
     },
-    "aircraft": {"quadrotor": "shipland.sim.aircraft.aircraft:Quadrotor"},
+    "aircraft": {
+        "quadrotor": "shipland.sim.aircraft.aircraft:Quadrotor",
+        "servo_quadrotor": "shipland.sim.aircraft.servo:ServoQuadrotor",
+    },
     "loops": {
         "attitude": "shipland.sim.aircraft.attitude_loop:AttitudeLoop",
         "velocity": "shipland.sim.aircraft.velocity_loop:VelocityLoop",

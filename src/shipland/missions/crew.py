@@ -22,7 +22,7 @@ from shipland.missions.visions import VisionSetup
 from shipland.sim.air.wind import WindParameters, build_wind, drawn_wind
 from shipland.sim.scene.scene import Scene
 from shipland.sim.ship.ship import Ship, build_ship
-from shipland.sim.world import World
+from shipland.sim.world import GRID, Grid, World
 from shipland.vehicles.checks import Real
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import Vehicle, Witness
@@ -35,8 +35,14 @@ def build_scene(scenario: Scenario, seed: int) -> Scene:
 
 def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> SimulatedVehicle:
     """The simulated vehicle of one flight; without a `scene` it gives no pictures. The same seed, the same flight."""
+    world, rng = build_world(scenario, seed), generators_of(seed)
+    return SimulatedVehicle(world, Camera.from_parameters(scenario.camera), scenario.delays, scene, rng.picture)
+
+
+def build_world(scenario: Scenario, seed: int, grid: Grid = GRID) -> World:
+    """The world of one flight at its start."""
     rng = generators_of(seed)
-    world = World(
+    return World(
         scenario.rig,
         scenario.camera,
         scenario.aircraft,
@@ -46,8 +52,8 @@ def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> Simulat
         scenario.start,
         rng.aircraft,
         scenario.wind.surface == "sea",
+        grid,
     )
-    return SimulatedVehicle(world, Camera.from_parameters(scenario.camera), scenario.delays, scene, rng.picture)
 
 
 def build_crew(scenario: Scenario, vehicle: Vehicle, pilot: str | Factory, vision: str | Factory, seed: int) -> Crew:

@@ -14,7 +14,12 @@ from shipland.frames import GRAVITY_MPS2, rows_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
+<<<<<<< HEAD
 from shipland.sim.aircraft.aircraft import Motion
+=======
+from shipland.sim.aircraft.aerodynamics import rows_from_quaternion
+from shipland.sim.aircraft.aircraft import Aircraft, Motion
+>>>>>>> d333463 (Our world as the physics of an ArduCopter, with its camera on a socket; hostile messages thrown at the link; pace of set-points)
 from shipland.sim.aircraft.autopilot import CENTRED, Sticks
 from shipland.sim.aircraft.kinds import build_aircraft
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
@@ -30,10 +35,29 @@ from shipland.sim.surface import Ground
 
 STEP_S = 0.002
 """Physics step: what MuJoCo's contacts want."""
-CONTROL_EVERY = 2
-"""Physics steps between updates of the inner loop (250 Hz)."""
-AIR_EVERY = 10
-"""Physics steps between samples of the wind (50 Hz), and of a ship far away."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The time grid.
+
+    Attributes:
+        step_s: physics step.
+        control_every: physics steps between updates of the inner loop (250 Hz).
+        air_every: physics steps between samples of the wind (50 Hz), and of a ship far away.
+    """
+
+    step_s: float = STEP_S
+    control_every: int = 2
+    air_every: int = 10
+
+    def __post_init__(self) -> None:
+        require(self.step_s > 0.0, f"step_s must be positive, got {self.step_s}")
+        require(self.air_every % self.control_every == 0, "air_every must be a multiple of control_every")
+
+
+GRID = Grid()
+"""What simulated flights run on."""
 NEAR_DECK_M = 2.0
 """From the deck's centre: nearer, the deck is set every physics step and contacts are judged."""
 SHIP_MARGIN_M = 0.5
@@ -76,7 +100,7 @@ class StartParameters:
 class World:
     """Steps the physics and says what is true, what is seen and what is measured.
 
-    Time runs on a grid of `STEP_S`; `advance` goes to the last grid instant not after the time asked for, and every
+    Time runs on a grid of steps; `advance` goes to the last grid instant not after the time asked for, and every
     instant of the result belongs to that grid time. The flight does not depend on how `advance` is cut up, nor on
     how often truth, scene or readings are asked for.
 
@@ -90,6 +114,7 @@ class World:
         start: where the flight begins.
         rng: seeds the start, the sensors and the gimbal.
         water: the ship is at sea, not on land: what optical flow sees around it.
+        grid: the time grid.
     """
 
     def __init__(
@@ -103,13 +128,15 @@ class World:
         start: StartParameters,
         rng: np.random.Generator,
         water: bool = False,
+        grid: Grid = GRID,
     ) -> None:
+        self._step_s, self._control_every, self._air_every = grid.step_s, grid.control_every, grid.air_every
         self._camera, self._aircraft, self._ship, self._wind = camera_parameters, aircraft, ship, wind
         start_rng, sense_rng, gimbal_rng, range_rng, self._reading_rng = rng.spawn(5)
-        tick_s, sensors, loop = CONTROL_EVERY * STEP_S, aircraft.sensors, aircraft.loop
+        tick_s, sensors, loop = grid.control_every * grid.step_s, aircraft.sensors, aircraft.loop
         self._flier = build_aircraft(aircraft, tick_s)
         shape = self._flier.shape
-        model = build_model(rig, shape, STEP_S)
+        model = build_model(rig, shape, grid.step_s)
         self._mj_model, self._data = model.mj, mujoco.MjData(model.mj)
         self._body = Body(rig, shape, model, self._data)
         self._foot_below_m = shape.foot_below_m
@@ -132,7 +159,7 @@ class World:
         self._body.put(position_m, roll_rad, pitch_rad, heading_rad)
 
         over_ground = loop.velocity_reference == "ground"
-        self._senses = Senses(sensors, over_ground, tick_s, AIR_EVERY * STEP_S, sense_rng)
+        self._senses = Senses(sensors, over_ground, tick_s, grid.air_every * grid.step_s, sense_rng)
         self._senses.look(self._ground.below(position_m, state, self._deck, self._wind_mps))
         self._gimbal = Gimbal(camera_parameters, sensors, tick_s, Normals(gimbal_rng))
         self._touchdown = Touchdown(loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng)
@@ -153,7 +180,7 @@ class World:
     @property
     def t_s(self) -> float:
         """Time of the state [s]."""
-        return self._steps * STEP_S
+        return self._steps * self._step_s
 
     @property
     def frame_rate_hz(self) -> float:
@@ -163,7 +190,7 @@ class World:
     @property
     def step_s(self) -> float:
         """Step of the time grid [s]."""
-        return STEP_S
+        return self._step_s
 
     def command(self, command: PilotCommand) -> None:
         """Take the sticks from now on; values beyond ±100 % are clipped, those that are no numbers are zero."""
@@ -177,12 +204,12 @@ class World:
 
     def advance(self, to_t_s: float) -> None:
         """Step to the last grid instant not after `to_t_s` [s]; an earlier time does nothing."""
-        end = math.floor(to_t_s / STEP_S + 1e-6)
+        end = math.floor(to_t_s / self._step_s + 1e-6)
         while self._steps < end:
-            phase = self._steps % CONTROL_EVERY
+            phase = self._steps % self._control_every
             if phase == 0:
                 self._control()
-            count = min(CONTROL_EVERY - phase, end - self._steps)
+            count = min(self._control_every - phase, end - self._steps)
             if self._reach_m < NEAR_DECK_M:
                 if phase:
                     self._set_ship(hull=False)
@@ -196,7 +223,7 @@ class World:
     def _control(self) -> None:
         motion = self._body.motion()
         self._reach_m = math.dist(motion.position_m, self._deck.origin_m)
-        if self._steps % AIR_EVERY == 0:
+        if self._steps % self._air_every == 0:
             state = self._set_ship(hull=self._reach_m < self._near_ship_m)
             self._sample_air(state, motion.position_m)
             self._senses.look(self._ground.below(motion.position_m, state, self._deck, self._wind_mps))
@@ -274,6 +301,15 @@ class World:
     def motors_run(self) -> bool:
         """Whether the motors run: the vehicle flies."""
         return self._motors_run
+
+    @property
+    def aircraft(self) -> Aircraft:
+        """What flies."""
+        return self._flier
+
+    def stop_motors(self) -> None:
+        """Stop them for good: whoever flies has disarmed."""
+        self._motors_run = False
 
     @property
     def battery_percent(self) -> float:

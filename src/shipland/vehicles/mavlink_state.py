@@ -133,7 +133,7 @@ def _clock(state: AutopilotState, boot_ms: int, received_s: float) -> tuple[Auto
     """
     boot_s = 1e-3 * boot_ms
     if boot_s < state.boot_s - _REBOOT_S:
-        state = replace(state, reboots=state.reboots + 1, boot_s=boot_s, offset_s=math.inf, window_s=-math.inf)
+        state = replace(state, reboots=state.reboots + 1, boot_s=boot_s, offset_s=math.inf, next_offset_s=math.inf)
     offset_s, next_s, window_s = received_s - boot_s, state.next_offset_s, state.window_s
     known_s = state.offset_s
     if received_s - window_s > _WINDOW_S:  # the clocks run apart, or a simulated one falls behind

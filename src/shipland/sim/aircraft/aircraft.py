@@ -104,7 +104,7 @@ class Quadrotor:
     ) -> Wrench:
         """See `Aircraft`."""
         rows = rows_from_quaternion(*motion.quaternion)
-        asked = (0.0, 0.0, 0.0, 0.0) if sticks is None else self._mix(self._loop.update(sensed, sticks))
+        asked = (0.0, 0.0, 0.0, 0.0) if sticks is None else self._asked(sensed, sticks)
         (u, v, w), (a, b, c) = motion.velocity_mps, wind_in_ned_mps
         north, east, down = air_force_in_ned_n(self._airframe, rows, (u - a, v - b, w - c), sum(self._thrusts_n))
         thrusts = self._turn_rotors(asked)
@@ -122,6 +122,10 @@ class Quadrotor:
             (north - lift * rows[2], east - lift * rows[5], down - lift * rows[8]),
             (y * (fl + rl - fr - rr), x * (fr + fl - rr - rl), self._airframe.torque_per_thrust_m * spin),
         )
+
+    def _asked(self, sensed: Sensed, sticks: Sticks) -> tuple[float, float, float, float]:
+        """Thrusts that the autopilot asks of the rotors."""
+        return self._mix(self._loop.update(sensed, sticks))
 
     def _turn_rotors(self, asked_n: tuple[float, float, float, float]) -> list[float]:
         """Let the thrusts follow for one step; their means over it [N]."""

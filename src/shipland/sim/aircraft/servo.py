@@ -1,0 +1,68 @@
+"""The quadrotor with somebody else's flight controller: servo pulses in, forces out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from shipland.sim.aircraft.aircraft import Quadrotor
+from shipland.sim.aircraft.autopilot import Sensed, Sticks
+from shipland.sim.aircraft.parameters import AircraftParameters, Vector
+
+_IDLE_US, _RANGE_US = 1000.0, 1000.0
+_MOTOR_OF_ROTOR = (0, 2, 3, 1)
+"""ArduPilot numbers a quadrotor in X: front right, rear left, front left, rear right; ours: FR, FL, RR, RL."""
+THRUST_EXPO = 0.65
+"""Of a rotor's thrust over its signal: ArduPilot's MOT_THST_EXPO as delivered, which undoes it."""
+
+
+class ServoQuadrotor(Quadrotor):
+    """`Quadrotor` whose thrusts follow `set_pulses`; it makes no inner loop and begins level, motors stopped.
+
+    Args:
+        parameters: the aircraft; its loop and settings have no meaning here.
+        step_s: time between steps [s].
+    """
+
+    def __init__(self, parameters: AircraftParameters, step_s: float) -> None:
+        self._wanted_n = (0.0, 0.0, 0.0, 0.0)
+        super().__init__(parameters, step_s)
+
+    def trim(self, wind_in_ned_mps: Vector, heading_rad: float) -> tuple[float, float]:
+        """Level, whatever the wind: it has not flown yet."""
+        super().trim(wind_in_ned_mps, heading_rad)
+        self._thrusts_n = (0.0, 0.0, 0.0, 0.0)
+        return 0.0, 0.0
+
+    def begin(self, sensed: Sensed) -> None:
+        """See `Aircraft`; the flight controller is outside."""
+
+    def set_pulses(self, pulses_us: Sequence[float]) -> None:
+        """Take the first four servo outputs [µs], in ArduPilot's order for a quadrotor in X."""
+        front_right, front_left, rear_right, rear_left = (
+            self._top_n * thrust_share(pulses_us[motor]) for motor in _MOTOR_OF_ROTOR
+        )
+        self._wanted_n = (front_right, front_left, rear_right, rear_left)
+
+    @property
+    def wanted_thrust_n(self) -> float:
+        """What the rotors are asked for together."""
+        return sum(self._wanted_n)
+
+    @property
+    def weight_n(self) -> float:
+        """Take-off weight."""
+        return 4.0 * self._airframe.hover_thrust_n
+
+    def _asked(self, sensed: Sensed, sticks: Sticks) -> tuple[float, float, float, float]:  # noqa: ARG002
+        """See `Quadrotor`."""
+        return self._wanted_n
+
+
+def thrust_share(pulse_us: float) -> float:
+    """A rotor's steady thrust over its largest, for a servo pulse [µs].
+
+    >>> thrust_share(1000.0), thrust_share(2000.0)
+    (0.0, 1.0)
+    """
+    signal = min(max((pulse_us - _IDLE_US) / _RANGE_US, 0.0), 1.0)
+    return (1.0 - THRUST_EXPO) * signal + THRUST_EXPO * signal * signal

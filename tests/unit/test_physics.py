@@ -1,0 +1,113 @@
+"""Our world behind somebody else's flight controller."""
+
+import json
+import math
+import struct
+
+import numpy as np
+import pytest
+
+from shipland.errors import ConfigError
+from shipland.frames import euler_from_rotation, rotation_from_quaternion
+from shipland.missions.physics import STEP_S, HeldWorld
+from shipland.missions.scenarios import load_scenario
+from shipland.missions.servo_link import ServoPacket, mount_pitch_rad
+from shipland.sim.aircraft.servo import thrust_share
+
+
+def packet(count: int, motors_us: list[float], gimbal_us: int = 0) -> bytes:
+    pulses = [*(round(pulse) for pulse in motors_us), 0, 0, 0, 0, gimbal_us, *[0] * 7]
+    return struct.pack("<HHI16H", 18458, 1000, count, *pulses)
+
+
+def parsed(count: int, motors_us: list[float], gimbal_us: int = 0) -> ServoPacket:
+    found = ServoPacket.parse(packet(count, motors_us, gimbal_us))
+    assert found is not None
+    return found
+
+
+def test_packets() -> None:
+    found = parsed(7, [1100.0, 1200.0, 1300.0, 1400.0])
+    assert (found.rate_hz, found.count) == (1000, 7)
+    assert found.pulses_us[:5] == (1100, 1200, 1300, 1400, 0)
+    whole = packet(1, [1000.0] * 4)
+    for wrong in (b"", whole[:-1], whole + b"\0", b"\0\0" + whole[2:], struct.pack("<HHI", 29569, 1, 1)):
+        assert ServoPacket.parse(wrong) is None
+    assert mount_pitch_rad(0.0) is None
+    assert mount_pitch_rad(1000.0) == pytest.approx(-0.5 * math.pi)
+
+
+def test_it_is_held_until_its_rotors_carry_it() -> None:
+    held = HeldWorld(load_scenario("rig-natops", wind={"mean_mps": 0.0}), 3, 0.9)
+    for count in range(50):
+        line, over = held.step(parsed(count, [1000.0] * 4))
+        assert not over
+    state = json.loads(line)
+    assert b" " not in line
+    assert line.startswith(b"\n") and line.endswith(b"\n")
+    assert state["position"] == [0.0, 0.0, 0.0]
+    assert state["imu"] == {"gyro": [0.0, 0.0, 0.0], "accel_body": [0.0, 0.0, -9.81]}
+    assert state["timestamp"] == pytest.approx(50 * STEP_S)
+    assert held.world.t_s == 0.0
+    held.step(parsed(50, [1900.0] * 4))
+    assert held.released
+    for count in range(51, 551):
+        line, _ = held.step(parsed(count, [1900.0] * 4))
+    state = json.loads(line)
+    assert state["velocity"][2] < -1.0
+    assert state["imu"]["accel_body"][2] < -9.81
+
+
+def signals(thrusts: np.ndarray) -> list[float]:
+    """Pulses whose steady thrusts are these shares."""
+    grid = np.linspace(1000.0, 2000.0, 1001)
+    return [float(grid[np.searchsorted([thrust_share(pulse) for pulse in grid], share)]) for share in thrusts]
+
+
+def test_an_autopilot_that_knows_only_the_interface_flies_it() -> None:
+    """Rates and attitude held, and a turn of 30°, by a controller that numbers its motors as ArduPilot does."""
+    held = HeldWorld(load_scenario("rig-natops", wind={"mean_mps": 2.0}), 3, 0.0)
+    table = np.array([thrust_share(pulse) for pulse in range(1000, 2001)])
+    motors = np.array([1.0 / 2.3] * 4)
+    before_rad: float | None = None
+    state: dict = {}
+    for count in range(4000):
+        pulses = [1000.0 + float(np.searchsorted(table, share)) for share in motors]
+        line, over = held.step(parsed(count, pulses if count else [1950.0] * 4))
+        assert not over
+        state = json.loads(line)
+        rotation = rotation_from_quaternion(np.array(state["quaternion"]))
+        roll, pitch, yaw = euler_from_rotation(rotation)
+        before_rad = yaw if before_rad is None else before_rad
+        p, q, r = state["imu"]["gyro"]
+        wanted_yaw = before_rad + (math.radians(30.0) if count > 1500 else 0.0)
+        a = 0.04 * (5.0 * (0.0 - roll) - p)
+        b = 0.035 * (5.0 * (0.0 - pitch) - q)
+        c = 0.1 * (1.5 * ((wanted_yaw - yaw + math.pi) % (2 * math.pi) - math.pi) - r)
+        height = 1.0 / 2.2 + 0.1 * (0.0 + state["velocity"][2]) + 0.05 * (state["position"][2] + 1.0)
+        # front right, rear left, front left, rear right: roll right = more on the left, nose up = more in front
+        motors = np.clip(height + np.array([-a + b + c, a - b + c, a + b - c, -a - b - c]), 0.05, 0.95)
+    assert before_rad is not None
+    assert abs(math.degrees(roll)) < 3.0
+    assert abs(math.degrees(pitch)) < 3.0
+    assert math.degrees(yaw - before_rad) % 360.0 == pytest.approx(30.0, abs=5.0)
+    assert abs(state["position"][2] + 1.0) < 0.5
+
+
+def test_motors_stopped_by_the_flight_controller_end_in_a_verdict() -> None:
+    held = HeldWorld(load_scenario("rig-natops", start={"distance_m": 0.0, "distance_spread_m": 0.0}), 3, 0.0)
+    held.step(parsed(0, [1950.0] * 4))
+    over = False
+    for count in range(1, 4000):
+        _, over = held.step(parsed(count, [1000.0] * 4))
+        if over:
+            break
+    assert over
+    verdict = held.world.verdict()
+    assert verdict is not None
+    assert verdict.touched
+
+
+def test_there_must_be_room_to_climb() -> None:
+    with pytest.raises(ConfigError, match="no room"):
+        HeldWorld(load_scenario("rig-natops"), 1, 3.0)
