@@ -17,6 +17,7 @@ from shipland import factories
 from shipland.camera import Camera
 from shipland.config import build, layered
 from shipland.errors import ConfigError, VehicleError
+from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.pilot import Pilot
 from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.missions.scenarios import Scenario
@@ -28,8 +29,6 @@ from shipland.vehicles.checks import Check, PreflightParameters, Real
 from shipland.vehicles.replay import Recorded, ReplayVehicle, recorded_video
 from shipland.vehicles.vehicle import Vehicle, Witness
 from shipland.vision.pictures import is_video
-
-GRAVITY_MPS2 = 9.81
 
 
 def make_vehicle(

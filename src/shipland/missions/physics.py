@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from shipland.errors import ConfigError
+from shipland.frames import GRAVITY_MPS2
 from shipland.messages import PilotCommand, TouchdownVerdict
 from shipland.missions.crew import build_world
 from shipland.missions.frame_server import FrameServer
 from shipland.missions.scenarios import Scenario
 from shipland.missions.servo_link import ServoPacket, felt_in_body_mps2, mount_pitch_rad, state_line
 from shipland.sim.aircraft.aircraft import Motion
-from shipland.sim.aircraft.parameters import GRAVITY_MPS2, Vector
+from shipland.sim.aircraft.parameters import Vector
 from shipland.sim.aircraft.servo import ServoQuadrotor
 from shipland.sim.world import Grid, World
 

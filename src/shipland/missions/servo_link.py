@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.frames import Array, rotation_from_quaternion
+from shipland.frames import GRAVITY_MPS2, Array, rotation_from_quaternion
 from shipland.sim.aircraft.aircraft import Motion
-from shipland.sim.aircraft.parameters import GRAVITY_MPS2, Vector
+from shipland.sim.aircraft.parameters import Vector
 
 _MAGIC_16, _MAGIC_32 = 18458, 29569
 _HEAD = struct.Struct("<HHI")

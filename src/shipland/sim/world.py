@@ -14,12 +14,7 @@ from shipland.frames import GRAVITY_MPS2, rows_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
-<<<<<<< HEAD
-from shipland.sim.aircraft.aircraft import Motion
-=======
-from shipland.sim.aircraft.aerodynamics import rows_from_quaternion
 from shipland.sim.aircraft.aircraft import Aircraft, Motion
->>>>>>> d333463 (Our world as the physics of an ArduCopter, with its camera on a socket; hostile messages thrown at the link; pace of set-points)
 from shipland.sim.aircraft.autopilot import CENTRED, Sticks
 from shipland.sim.aircraft.kinds import build_aircraft
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector

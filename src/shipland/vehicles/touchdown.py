@@ -11,8 +11,7 @@ import math
 from dataclasses import dataclass
 
 from shipland.config import require
-
-_GRAVITY_MPS2 = 9.81
+from shipland.frames import GRAVITY_MPS2
 
 
 @dataclass(frozen=True)
@@ -87,7 +86,7 @@ class TouchdownWatch:
             self._since_s = self._last_s = now.t_s
             self._down_mps, self._deficit_mps = now.down_mps, 0.0
             return False
-        self._deficit_mps += _GRAVITY_MPS2 * (1.0 - now.throttle / self._hover) * (now.t_s - self._last_s)
+        self._deficit_mps += GRAVITY_MPS2 * (1.0 - now.throttle / self._hover) * (now.t_s - self._last_s)
         self._last_s = now.t_s
         gained_mps = now.down_mps - self._down_mps
         if gained_mps > limits.fall_share * self._deficit_mps + 0.1:
