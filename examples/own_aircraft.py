@@ -5,7 +5,7 @@ Flown by name, from this folder: `shipland fly near --set aircraft.kind=own_airc
 
 from dataclasses import replace
 
-from shipland.sim.aircraft.aerodynamics import rows_from_quaternion
+from shipland.frames import rows_from_quaternion
 from shipland.sim.aircraft.aircraft import Wrench
 from shipland.sim.aircraft.attitude_loop import AttitudeLoop
 from shipland.sim.aircraft.autopilot import LoopSetup

@@ -23,6 +23,7 @@ from shipland.sim.contact.body import Body
 from shipland.sim.contact.deck_drive import Stage, against_deck, deck_state
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
+from shipland.sim.free import free_flight
 from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.snapshot import Snapshot, scene_of, truth_of
 from shipland.sim.state import SceneState
@@ -57,6 +58,8 @@ NEAR_DECK_M = 2.0
 """From the deck's centre: nearer, the deck is set every physics step and contacts are judged."""
 SHIP_MARGIN_M = 0.5
 """Nearer than this to where the ship ends, it is set every control step."""
+CLEAR_M = 0.2
+"""Farther than this and the way of a look around from anything, nothing can touch the aircraft before the next one."""
 CUT_OFF_RAD = math.radians(75.0)
 """Tilt at which the motors stop, as a crash detector does."""
 IMPACT_MPS2 = 0.3 * GRAVITY_MPS2
@@ -140,6 +143,9 @@ class World:
         ahead_m = max(rig.deck_ahead_of_stern_m, rig.platform_length_m - rig.deck_ahead_of_stern_m)
         ship_m = math.hypot(ahead_m, 0.5 * max(rig.platform_width_m, rig.board_width_m))
         self._near_ship_m = max(ship_m + SHIP_MARGIN_M, NEAR_DECK_M)
+        self._rig = rig
+        self._front_m = float(rig.bar_in_ship_m[0])
+        self._radius_m = shape.reach_m
         self._ground = Ground(rig, sensors, water)
         self._steps, self._tick_s = 0, tick_s
         self._motors_run = True
@@ -160,6 +166,10 @@ class World:
         self._touchdown = Touchdown(loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng)
         self._sensed, self._sensed_s = self._senses.sense(self._body.motion()), 0.0
         self._flier.begin(self._sensed)
+        free = (aircraft, self._flier, self._senses, self._gimbal, camera_parameters)
+        two = grid.control_every == 2  # what is compiled has no other
+        self._free = free_flight(*free, rig.deck_size_m, NEAR_DECK_M, grid.step_s) if two else None
+        self._clear, self._looked_s = False, 0.0
 
     def _draw_start(self, start: StartParameters, rng: np.random.Generator) -> tuple[Vector, float]:
         """Position in `ned` and heading."""
@@ -201,7 +211,11 @@ class World:
         """Step to the last grid instant not after `to_t_s` [s]; an earlier time does nothing."""
         end = math.floor(to_t_s / self._step_s + 1e-6)
         while self._steps < end:
+            if self._steps % self._air_every == 0:
+                self._look_around()
             phase = self._steps % self._control_every
+            if self._clear and self._motors_run and self._fly_free(phase, end):
+                continue
             if phase == 0:
                 self._control()
             count = min(self._control_every - phase, end - self._steps)
@@ -215,18 +229,68 @@ class World:
             self._steps += count
             self._look_for_crash()
 
+    def _look_around(self) -> None:
+        """Set the ship, sample the air and what is in view, and see whether anything can touch the aircraft soon."""
+        motion = self._body.motion()
+        self._reach_m = math.dist(motion.position_m, self._deck.origin_m)
+        state = self._set_ship(hull=self._reach_m < self._near_ship_m)
+        self._sample_air(state, motion.position_m)
+        self._senses.look(self._ground.below(motion.position_m, state, self._deck, self._wind_mps))
+        self._looked_s = self.t_s
+        free = self._free is not None and self._motors_run and not self._judge.touched and not self._body.in_contact
+        way_m = self._air_every * self._step_s * math.hypot(*motion.velocity_mps)
+        self._clear = free and self._clearance_m(motion, state) > max(CLEAR_M, self._touchdown.listen_m) + way_m
+
+    def _clearance_m(self, motion: Motion, ship: ShipState) -> float:
+        """From a sphere round the aircraft to the highest that the deck reaches, or to what stands ahead; at least."""
+        if self._reach_m >= self._near_ship_m:
+            return math.inf
+        roll_rad, pitch_rad, _ = self._deck.angles_rad
+        tilt = math.sin(min(abs(roll_rad) + abs(pitch_rad), 1.5))
+        top_m = max(0.75 * self._rig.deck_size_m * tilt - self._deck.origin_m[2], self._rig.deck_height_m)
+        course = ship.course
+        north_m, east_m = course.position_in_ned_m.tolist()
+        c, s = math.cos(course.course_rad), math.sin(course.course_rad)
+        ahead_m = c * (motion.position_m[0] - north_m) + s * (motion.position_m[1] - east_m)
+        front_m = self._front_m - ahead_m - (abs(self._deck.origin_m[0] - north_m) if ship.full_ship else 0.0)
+        return float(min(-motion.position_m[2] - top_m, front_m)) - self._radius_m
+
+    def _fly_free(self, phase: int, end: int) -> bool:
+        """Fly compiled to `end` or until the next look around; False when it cannot."""
+        assert self._free is not None
+        fresh, count = self._fresh(), min(end, (self._steps // self._air_every + 1) * self._air_every) - self._steps
+        if fresh:
+            stale = math.ceil(
+                (self._command_s + self._aircraft.settings.command_timeout_s - 1e-9) / self._step_s - 1e-6
+            )
+            count = max(min(count, stale - self._steps), 1)
+        deck_age_s, wanted_rad = self.t_s - self._looked_s, self._gimbal_wanted_rad
+        aboard = (self._body.motion(), self._body.wrench, self._sensed, self._sticks if fresh else CENTRED, wanted_rad)
+        steps, motion, wrench, self._sensed = self._free.fly(
+            *aboard, self._wind_mps, self._deck, deck_age_s, phase, count
+        )
+        self._body.move(motion)
+        self._body.apply(wrench)
+        last_tick = (self._steps + steps - 1) // self._control_every * self._control_every
+        if steps and last_tick >= self._steps:
+            self._sensed_s = last_tick * self._step_s
+            self._down_mps = self._sensed.down_mps - self._senses.state[2]
+        self._touchdown.reset()
+        self._steps += steps
+        self._clear = steps == count
+        return steps > 0
+
+    def _fresh(self) -> bool:
+        return self.t_s - self._command_s < self._aircraft.settings.command_timeout_s - 1e-9
+
     def _control(self) -> None:
         motion = self._body.motion()
         self._reach_m = math.dist(motion.position_m, self._deck.origin_m)
-        if self._steps % self._air_every == 0:
-            state = self._set_ship(hull=self._reach_m < self._near_ship_m)
-            self._sample_air(state, motion.position_m)
-            self._senses.look(self._ground.below(motion.position_m, state, self._deck, self._wind_mps))
-        elif self._reach_m < self._near_ship_m:
+        if self._steps % self._air_every and self._reach_m < self._near_ship_m:
             self._set_ship(hull=True)
         self._gimbal.step(self._gimbal_wanted_rad)
         self._sensed, self._sensed_s = self._senses.sense(motion), self.t_s
-        fresh = self.t_s - self._command_s < self._aircraft.settings.command_timeout_s - 1e-9
+        fresh = self._fresh()
         sticks = (self._sticks if fresh else CENTRED) if self._motors_run else None
         over_deck = self._body.over_deck(motion, self._deck) if self._reach_m < NEAR_DECK_M else None
         self._body.apply(self._flier.step(motion, self._sensed, sticks, self._wind_mps, over_deck))

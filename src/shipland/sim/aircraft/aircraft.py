@@ -91,13 +91,13 @@ class Quadrotor:
     def trim(self, wind_in_ned_mps: Vector, heading_rad: float) -> tuple[float, float]:
         """See `Aircraft`."""
         self._trim = trim_hover(self._airframe, wind_in_ned_mps, heading_rad)
-        self._thrusts_n = (0.25 * self._trim.thrust_n,) * 4
+        self.thrusts_n = (0.25 * self._trim.thrust_n,) * 4
         return self._trim.roll_rad, self._trim.pitch_rad
 
     def begin(self, sensed: Sensed) -> None:
         """See `Aircraft`."""
         setup = LoopSetup(self._parameters, self._step_s, sensed, self._trim.push_in_ned_mps2)
-        self._loop: InnerLoop = self._make_loop(setup)
+        self.loop: InnerLoop = self._make_loop(setup)
 
     def step(
         self, motion: Motion, sensed: Sensed, sticks: Sticks | None, wind_in_ned_mps: Vector, deck: Clearance | None
@@ -106,7 +106,7 @@ class Quadrotor:
         rows = rows_from_quaternion(*motion.quaternion)
         asked = (0.0, 0.0, 0.0, 0.0) if sticks is None else self._asked(sensed, sticks)
         (u, v, w), (a, b, c) = motion.velocity_mps, wind_in_ned_mps
-        north, east, down = air_force_in_ned_n(self._airframe, rows, (u - a, v - b, w - c), sum(self._thrusts_n))
+        north, east, down = air_force_in_ned_n(self._airframe, rows, (u - a, v - b, w - c), sum(self.thrusts_n))
         thrusts = self._turn_rotors(asked)
         if deck is not None and self._ground_effect:
             radius_m = self._airframe.rotor_radius_m
@@ -125,15 +125,15 @@ class Quadrotor:
 
     def _asked(self, sensed: Sensed, sticks: Sticks) -> tuple[float, float, float, float]:
         """Thrusts that the autopilot asks of the rotors."""
-        return self._mix(self._loop.update(sensed, sticks))
+        return self._mix(self.loop.update(sensed, sticks))
 
     def _turn_rotors(self, asked_n: tuple[float, float, float, float]) -> list[float]:
         """Let the thrusts follow for one step; their means over it [N]."""
         settle, mean, top = self._settle, self._mean, self._top_n
-        (a, b, c, d), (w, x, y, z) = self._thrusts_n, asked_n
+        (a, b, c, d), (w, x, y, z) = self.thrusts_n, asked_n
         w, x, y, z = min(max(w, 0.0), top), min(max(x, 0.0), top), min(max(y, 0.0), top), min(max(z, 0.0), top)
         p, q, r, s = a - w, b - x, c - y, d - z
-        self._thrusts_n = (a - settle * p, b - settle * q, c - settle * r, d - settle * s)
+        self.thrusts_n = (a - settle * p, b - settle * q, c - settle * r, d - settle * s)
         return [w + mean * p, x + mean * q, y + mean * r, z + mean * s]
 
     def _mix(self, demand: Demand) -> tuple[float, float, float, float]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from shipland.frames import GRAVITY_MPS2
-from shipland.sim.aircraft.autopilot import Demand, LoopSetup, Sensed, Sticks
+from shipland.sim.aircraft.autopilot import Demand, LoopSetup, Sensed, State, Sticks
 from shipland.sim.aircraft.hold import Pair, PlaceHold, released
 from shipland.sim.aircraft.stabiliser import Stabiliser
 
@@ -30,6 +30,17 @@ class AttitudeLoop:
         self._stabiliser = Stabiliser(setup)
         self._hold = PlaceHold(setup)
         self._trim = WindTrim(setup) if loop.wind_trim_s > 0.0 else None
+
+    @property
+    def state(self) -> State:
+        """What it remembers between updates."""
+        return *self._stabiliser.state, *self._hold.state, *(self._trim.state if self._trim else (0.0,) * 4)
+
+    @state.setter
+    def state(self, values: State) -> None:
+        self._stabiliser.state, self._hold.state = values[:6], values[6:15]
+        if self._trim:
+            self._trim.state = values[15:]
 
     def update(self, sensed: Sensed, sticks: Sticks) -> Demand:
         """See `InnerLoop`."""
@@ -68,6 +79,15 @@ class WindTrim:
         self._share = -math.expm1(-setup.step_s / self._time_s)
         self._push_n, self._push_e = setup.push_in_ned_mps2[0], setup.push_in_ned_mps2[1]
         self._velocity_n, self._velocity_e = setup.sensed.north_mps, setup.sensed.east_mps
+
+    @property
+    def state(self) -> State:
+        """What it remembers between updates."""
+        return self._push_n, self._push_e, self._velocity_n, self._velocity_e
+
+    @state.setter
+    def state(self, values: State) -> None:
+        self._push_n, self._push_e, self._velocity_n, self._velocity_e = values
 
     def update(self, sensed: Sensed) -> Pair:
         """The estimate (north, east) [m/s²] after one more step."""

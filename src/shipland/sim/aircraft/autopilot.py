@@ -50,6 +50,10 @@ class Demand(NamedTuple):
     yaw_nm: float
 
 
+State = tuple[float, ...]
+"""What a packaged law remembers between updates, in the order of `free_flight.STATE`."""
+
+
 @dataclass(frozen=True)
 class LoopSetup:
     """What an inner loop is built from.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from shipland.sim.aircraft.autopilot import LoopSetup, Sensed
+from shipland.sim.aircraft.autopilot import LoopSetup, Sensed, State
 
 Pair = tuple[float, float]
 """North and east."""
@@ -56,6 +56,18 @@ class PlaceHold:
         self._loop, self._step_s = setup.parameters.loop, setup.step_s
         self.tracker = VelocityTracker(setup)
         self._holding = False
+        self._place = self._velocity = self._rate = (0.0, 0.0)
+
+    @property
+    def state(self) -> State:
+        """What it remembers between updates, its tracker's first."""
+        return *self.tracker.wind_push_mps2, float(self._holding), *self._place, *self._velocity, *self._rate
+
+    @state.setter
+    def state(self, values: State) -> None:
+        wind_n, wind_e, holding, *rest = values
+        self.tracker.wind_push_mps2, self._holding = (wind_n, wind_e), holding > 0.0
+        self._place, self._velocity, self._rate = (rest[0], rest[1]), (rest[2], rest[3]), (rest[4], rest[5])
 
     def release(self) -> None:
         """The sticks are deflected: the next `push` brakes anew."""

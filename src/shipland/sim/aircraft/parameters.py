@@ -43,6 +43,12 @@ class Shape:
         """The lowest foot below the centre of mass."""
         return max(foot[2] for foot in self.feet_m)
 
+    @property
+    def reach_m(self) -> float:
+        """Radius of a sphere about the centre of mass that holds all of it."""
+        rotors = (math.hypot(*rotor) + self.rotor_radius_m for rotor in self.rotors_m)
+        return max(*rotors, *(math.hypot(*foot) for foot in self.feet_m), 0.5 * math.hypot(*self.body_size_m))
+
 
 @dataclass(frozen=True)
 class AirframeParameters:

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from shipland.camera import CameraParameters
-from shipland.frames import euler_from_quaternion, wrap_angle
+from shipland.frames import Array, euler_from_quaternion, wrap_angle
 from shipland.sim.aircraft.aircraft import Motion
-from shipland.sim.aircraft.autopilot import Sensed
+from shipland.sim.aircraft.autopilot import Sensed, State
 from shipland.sim.aircraft.parameters import SensorParameters, Vector
 
 _BLOCK = 1024
@@ -35,13 +35,13 @@ class Coloured:
 
     def __init__(self, deviation: float, time_s: float, step_s: float, normals: Normals) -> None:
         self._normals = normals
-        self._keep = math.exp(-step_s / time_s)
-        self._add = deviation * math.sqrt(1.0 - self._keep * self._keep)
+        self.keep = math.exp(-step_s / time_s)
+        self.add = deviation * math.sqrt(1.0 - self.keep * self.keep)
         self.value = deviation * normals.draw()
 
     def step(self) -> float:
         """The next value."""
-        self.value = self._keep * self.value + self._add * self._normals.draw()
+        self.value = self.keep * self.value + self.add * self._normals.draw()
         return self.value
 
 
@@ -58,12 +58,31 @@ class Gimbal:
     def __init__(self, camera: CameraParameters, sensors: SensorParameters, step_s: float, normals: Normals) -> None:
         self._camera = camera
         self._step_s = step_s
+        self._normals = normals
         self._bias_rad = (camera.gimbal_bias_rad * normals.draw(), camera.gimbal_bias_rad * normals.draw())
         residual = (camera.gimbal_noise_rad, sensors.gimbal_noise_time_s, step_s, normals)
         self._roll, self._pitch = Coloured(*residual), Coloured(*residual)
         self.pitch_rad = 0.0
         """What the gimbal itself believes: neither bias nor residual motion."""
         self.pitch_rate_rad_s = 0.0
+
+    @property
+    def residual(self) -> tuple[float, float]:
+        """What a step keeps of the residual motion, and what it adds to it in standard normal numbers."""
+        return self._roll.keep, self._roll.add
+
+    @property
+    def state(self) -> State:
+        """What it remembers between steps: pitch, its rate, residual roll and pitch."""
+        return self.pitch_rad, self.pitch_rate_rad_s, self._roll.value, self._pitch.value
+
+    @state.setter
+    def state(self, values: State) -> None:
+        self.pitch_rad, self.pitch_rate_rad_s, self._roll.value, self._pitch.value = values
+
+    def draw(self, count: int) -> Array:
+        """The next `count` standard normal numbers of the residual motion."""
+        return np.array([self._normals.draw() for _ in range(count)])
 
     @property
     def roll_error_rad(self) -> float:
@@ -134,9 +153,16 @@ class Senses:
         self._lose_share = self._back_share * sensors.flow_lost_share / (1.0 - sensors.flow_lost_share)
         self._seen: tuple[float, float] | None = None
         self._error = (self._noise[0].value, self._noise[1].value, self._noise[2].value)
-        self._stray_m = [0.0, 0.0]
+        self.stray_m = (0.0, 0.0)
+        """What the integrated velocity has strayed by."""
         self.flow_lost = False
         """Whether there is no velocity to report."""
+
+    @property
+    def state(self) -> State:
+        """Errors of velocity, what place has strayed by, height's drift, biases of the three angles."""
+        biases = (self._roll_bias_rad, self._pitch_bias_rad, self._heading_bias_rad)
+        return *self._error, *self.stray_m, self._drift_m, *biases
 
     def look(self, surface: Surface) -> None:
         """Advance the slow errors, with the surface now in view."""
@@ -160,9 +186,8 @@ class Senses:
 
     def sense(self, motion: Motion) -> Sensed:
         """The motion as the aircraft believes it; one step."""
-        (u, v, w), stray_m = self._error, self._stray_m
-        stray_m[0] += u * self._step_s
-        stray_m[1] += v * self._step_s
+        u, v, w = self._error
+        self.stray_m = stray_m = (self.stray_m[0] + u * self._step_s, self.stray_m[1] + v * self._step_s)
         north, east, down = motion.position_m
         v_north, v_east, v_down = motion.velocity_mps
         roll, pitch, heading = euler_from_quaternion(motion.quaternion)
@@ -229,6 +254,8 @@ class Touchdown:
         rng: draws the noise.
     """
 
+    LISTEN_M = 0.3
+    """Readings above this, and above three times `range_m`, count as no surface."""
     _FILTER_S = 0.03
     _STILL_MPS = 0.05
 
@@ -237,6 +264,7 @@ class Touchdown:
     ) -> None:
         self._limit_m, self._confirm_s, self._noise_m, self._step_s = range_m, confirm_s, noise_m, step_s
         self._normals = Normals(rng)
+        self.listen_m = max(self.LISTEN_M, 3.0 * range_m)
         self._share = -math.expm1(-step_s / self._FILTER_S)
         self.reset()
 
@@ -252,7 +280,7 @@ class Touchdown:
             range_m: true clearance of the lowest foot; infinite without a surface.
             impact: whether the accelerometers feel one now.
         """
-        if math.isinf(range_m):
+        if range_m > self.listen_m:
             self.reset()
             return False
         reading_m = range_m + self._noise_m * self._normals.draw()

@@ -30,7 +30,7 @@ class ServoQuadrotor(Quadrotor):
     def trim(self, wind_in_ned_mps: Vector, heading_rad: float) -> tuple[float, float]:
         """Level, whatever the wind: it has not flown yet."""
         super().trim(wind_in_ned_mps, heading_rad)
-        self._thrusts_n = (0.0, 0.0, 0.0, 0.0)
+        self.thrusts_n = (0.0, 0.0, 0.0, 0.0)
         return 0.0, 0.0
 
     def begin(self, sensed: Sensed) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from shipland.frames import GRAVITY_MPS2
-from shipland.sim.aircraft.autopilot import Demand, LoopSetup, Sensed
+from shipland.sim.aircraft.autopilot import Demand, LoopSetup, Sensed, State
 
 
 class Stabiliser:
@@ -25,6 +25,23 @@ class Stabiliser:
         self._climb_integral_mps2 = -setup.push_in_ned_mps2[2]
         self._yaw_rate_ref_rad_s = self._yaw_ref_rad_s2 = 0.0
         self._heading_ref_rad = setup.sensed.heading_rad
+
+    @property
+    def state(self) -> State:
+        """What it remembers between updates."""
+        return (
+            self._climb_ref_mps,
+            self._down_ref_m,
+            self._climb_integral_mps2,
+            self._yaw_rate_ref_rad_s,
+            self._yaw_ref_rad_s2,
+            self._heading_ref_rad,
+        )
+
+    @state.setter
+    def state(self, values: State) -> None:
+        self._climb_ref_mps, self._down_ref_m, self._climb_integral_mps2, *turn = values
+        self._yaw_rate_ref_rad_s, self._yaw_ref_rad_s2, self._heading_ref_rad = turn
 
     def lift_mps2(self, sensed: Sensed, heave: float) -> float:
         """Advance the climb loop; the upward acceleration that thrust must give, gravity included."""

@@ -2,7 +2,7 @@
 
 The set-point is over the velocity reference (`aircraft.loop.velocity_reference`): ground, or the surface that the
 optical flow sees. The reference approaches it with a limited acceleration, and tilt follows from tracking it. Released
-sticks brake and, below `_HOLD_MPS`, hold the place.
+sticks brake and, below `HOLD_MPS`, hold the place.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from __future__ import annotations
 import math
 
 from shipland.sim.aircraft.attitude_loop import tilt_of
-from shipland.sim.aircraft.autopilot import Demand, LoopSetup, Sensed, Sticks
+from shipland.sim.aircraft.autopilot import Demand, LoopSetup, Sensed, State, Sticks
 from shipland.sim.aircraft.hold import VelocityTracker, released
 from shipland.sim.aircraft.stabiliser import Stabiliser
 
-_HOLD_MPS = 0.2
+HOLD_MPS = 0.2
 """Reference speed under which released sticks hold the place."""
 
 
@@ -33,6 +33,19 @@ class VelocityLoop:
         self._tracker = VelocityTracker(setup)
         self._velocity = self._rate = (0.0, 0.0)
         self._place: tuple[float, float] | None = None
+
+    @property
+    def state(self) -> State:
+        """What it remembers between updates."""
+        wind, place = self._tracker.wind_push_mps2, self._place
+        held = (1.0, *place) if place is not None else (0.0, 0.0, 0.0)
+        return *self._stabiliser.state, *wind, *held, *self._velocity, *self._rate, 0.0, 0.0, 0.0, 0.0
+
+    @state.setter
+    def state(self, values: State) -> None:
+        self._stabiliser.state, self._tracker.wind_push_mps2 = values[:6], (values[6], values[7])
+        self._place = (values[9], values[10]) if values[8] > 0.0 else None
+        self._velocity, self._rate = (values[11], values[12]), (values[13], values[14])
 
     def update(self, sensed: Sensed, sticks: Sticks) -> Demand:
         """See `InnerLoop`."""
@@ -62,7 +75,7 @@ class VelocityLoop:
         self._velocity = (ref_n + rate_n * dt, ref_e + rate_e * dt)
 
     def _off_place(self, sensed: Sensed, hold: bool) -> tuple[float, float]:
-        if not hold or (self._place is None and math.hypot(*self._velocity) > _HOLD_MPS):
+        if not hold or (self._place is None and math.hypot(*self._velocity) > HOLD_MPS):
             self._place = None
             return 0.0, 0.0
         north, east = self._place or (sensed.north_m, sensed.east_m)

@@ -53,6 +53,18 @@ class Body:
         vx, vy, vz, wx, wy, wz = self._velocity.tolist()
         return Motion((x, -y, -z), (qw, qx, -qy, -qz), (vx, -vy, -vz), (wx, -wy, -wz))
 
+    def move(self, motion: Motion) -> None:
+        """Set where it is and how it moves; `motion` gives it back."""
+        (x, y, z), (qw, qx, qy, qz), (u, v, w), (p, q, r) = motion
+        self._place[:] = (x, -y, -z, qw, qx, -qy, -qz)
+        self._velocity[:] = (u, -v, -w, p, -q, -r)
+
+    @property
+    def wrench(self) -> Wrench:
+        """What `apply` was given last."""
+        north, west, up, roll, left, turn = self._force.tolist()
+        return Wrench((north, -west, -up), (roll, -left, -turn))
+
     @property
     def down_m(self) -> float:
         """`ned` z of the centre of mass."""

@@ -151,6 +151,11 @@ class Judge:
         self.verdict: TouchdownVerdict | None = None
         """The verdict, once there is one."""
 
+    @property
+    def touched(self) -> bool:
+        """Whether there is a touchdown, not taken back by a bounce."""
+        return self._contact is not None
+
     def follow(self, t_s: float, now: OnDeck, touch: Touch, motors_run: bool) -> None:
         """Take in one instant; instants must follow each other in time."""
         if self.verdict is not None:
