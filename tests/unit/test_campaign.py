@@ -26,12 +26,14 @@ from shipland.rig import default_rig
 WAY = Way(1.0, 0.0, 0.0, 20.0, 8.0, 0.5, 0.0, 0)
 CONDITIONS = Conditions(
     5.0, 10.0, 10.0, "land", 12.0, 3.0, 1.5, -2.0, "still", 0.0, "natops", False, None, None, 1, 0.0, 0.28, 0.025,
-    "paper", 15.0,
+    "paper", 15.0, "attitude", "anafi", 40000.0, "",
 )  # fmt: skip
 GOOD = Landing(
     1, True, True, "", 29.5, WAY, CONDITIONS, "landed", forward_m=0.03, starboard_m=-0.04, own_forward_m=0.03,
     own_starboard_m=-0.04, deck_forward_m=0.0, deck_starboard_m=0.0, perfect_forward_m=0.0, perfect_starboard_m=0.0,
-    perfect_in_square=True, sink_mps=0.45, slide_mps=0.05, tilt_deg=6.0, slip_m=0.01, force_n=17.0,
+    perfect_in_square=True, sink_mps=0.45, slide_mps=0.05, tilt_deg=6.0, slip_m=0.01, force_n=17.0, rest_forward_m=0.03,
+    rest_starboard_m=-0.05, deck_roll_deg=2.0, deck_pitch_deg=-1.0, deck_heave_m=0.02, deck_sink_mps=0.01,
+    step_percent=20.0, over_slew_percent=0.0,
 )  # fmt: skip
 NOWHERE = Landing(3, False, False, "never steady over the deck", 120.0, WAY, CONDITIONS, "no touchdown: time limit")
 
@@ -206,6 +208,36 @@ def test_workers_do_every_job_once():
     assert done == kept == {number: number * number for number in range(7)}
 
 
+def _die_at_two(number):
+    if number == 2:
+        os._exit(3)
+    if number == 4:
+        raise ValueError("four")
+    return number
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_job_that_fails_costs_itself_only(workers):
+    lost = {}
+    numbers = [number for number in range(7) if workers > 1 or number != 2]  # with one worker the jobs run here
+    done = dict(run_jobs(_die_at_two, numbers, workers, lambda *_: None, lost.__setitem__))
+    assert sorted(done) == [0, 1, 3, 5, 6]
+    assert lost[4] == "ValueError: four"
+    assert workers == 1 or "exit code 3" in lost[2]
+
+
+def test_no_more_jobs_are_taken_than_there_are_workers():
+    taken = []
+
+    def jobs():
+        for number in range(20):
+            taken.append(number)
+            yield number
+
+    for count, _ in enumerate(run_jobs(_square, jobs(), 2, lambda *_: None), start=1):
+        assert len(taken) <= count + 2
+
+
 def test_a_worker_that_dies_is_one_line():
     with pytest.raises(DataError, match="a worker process died"):
         list(run_jobs(_die, range(3), 2, lambda *_: None))
@@ -223,3 +255,10 @@ def test_weights_bind_every_vision_that_looks_at_pictures(tmp_path, monkeypatch)
     scenario = load_scenario("near")
     assert folders.campaign_key(scenario, "paper", "own_eyes:looks")["weights"].keys() == {"ship", "bar"}
     assert folders.campaign_key(scenario, "paper", "own_eyes:knows")["weights"] == {}
+
+
+def test_workers_that_all_die_end_the_run():
+    lost = []
+    with pytest.raises(DataError, match="a worker process died"):
+        list(run_jobs(_die, range(100), 2, lambda *_: None, lambda job, _: lost.append(job)))
+    assert len(lost) < 10

@@ -68,6 +68,10 @@ class Conditions:
         video_s, uplink_s: latencies.
         processing: which processing times were flown.
         max_tilt_deg: at full stick.
+        loop: kind of the aircraft's inner loop.
+        telemetry: profile of the link.
+        visibility_m: of the scene's air; met by pictures only.
+        faults: kinds and times of what was made to fail, in words; empty where nothing was.
     """
 
     wind_mps: float
@@ -90,6 +94,10 @@ class Conditions:
     uplink_s: float
     processing: str
     max_tilt_deg: float
+    loop: str
+    telemetry: str
+    visibility_m: float
+    faults: str
 
 
 @dataclass(frozen=True)
@@ -111,6 +119,13 @@ class Landing:
         tilt_deg: largest tilt against the deck after contact.
         slip_m: way over the deck until rest.
         force_n: largest contact force.
+        rest_forward_m, rest_starboard_m: where it came to rest, or ended, in `deck`.
+        deck_roll_deg, deck_pitch_deg, deck_heave_m: the deck's motion at contact; heave down positive.
+        deck_sink_mps: rate of its heave then, down positive.
+        step_percent: largest step of a stick from one command to the next.
+        over_slew_percent: the most that such a step was beyond the slew bound.
+        recovery_s: longest time from the first clear sight of the bar after a fault until the pilot's place was true
+            again; infinite where it never was; None where no fault can be judged so.
         reason: the verdict in words.
         way: how the flight went before.
         conditions: what it was dealt.
@@ -138,6 +153,15 @@ class Landing:
     tilt_deg: float = NAN
     slip_m: float = NAN
     force_n: float = NAN
+    rest_forward_m: float = NAN
+    rest_starboard_m: float = NAN
+    deck_roll_deg: float = NAN
+    deck_pitch_deg: float = NAN
+    deck_heave_m: float = NAN
+    deck_sink_mps: float = NAN
+    step_percent: float = NAN
+    over_slew_percent: float = NAN
+    recovery_s: float | None = None
     error_m: float = field(init=False)
     """Distance of the touchdown point from the deck's centre."""
 
@@ -165,11 +189,26 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
     ship, verdict = drawn_ship(scenario, seed), flown.verdict
     time_s = flown.result.t_s if verdict is None else verdict.t_s
     way, conditions = way_of(records, time_s), conditions_of(scenario, seed, ship, records)
+    step_percent, over_percent = largest_steps(records, scenario.safety.slew_percent_per_s)
     if verdict is None or not verdict.touched:
         reason = flown.reason
         cause = _never_down(way) if verdict is None else reason
-        return rounded(Landing(seed, False, False, cause, time_s, way, conditions, reason))
-    parts = take_apart(ship.at(verdict.t_s), scenario.aircraft.airframe, verdict.touchdown_in_deck_m)
+        return rounded(
+            Landing(
+                seed,
+                False,
+                False,
+                cause,
+                time_s,
+                way,
+                conditions,
+                reason,
+                step_percent=step_percent,
+                over_slew_percent=over_percent,
+            )
+        )
+    state = ship.at(verdict.t_s)
+    parts = take_apart(state, scenario.aircraft.airframe, verdict.touchdown_in_deck_m)
     cause = _cause(scenario, verdict, parts.perfect_in_square, parts.own_in_square)
     u, v, w = verdict.relative_velocity_in_deck_mps.tolist()
     return rounded(
@@ -196,6 +235,14 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
             tilt_deg=math.degrees(verdict.tilt_rad),
             slip_m=verdict.slip_m,
             force_n=verdict.peak_contact_force_n,
+            rest_forward_m=float(verdict.rest_in_deck_m[0]),
+            rest_starboard_m=float(verdict.rest_in_deck_m[1]),
+            deck_roll_deg=math.degrees(float(state.deck.displacement[3])),
+            deck_pitch_deg=math.degrees(float(state.deck.displacement[4])),
+            deck_heave_m=float(state.deck.displacement[2]),
+            deck_sink_mps=float(state.deck.velocity[2]),
+            step_percent=step_percent,
+            over_slew_percent=over_percent,
         )
     )
 
@@ -249,6 +296,17 @@ def way_of(records: Sequence[FlightRecord], end_s: float) -> Way:
     )
 
 
+def largest_steps(records: Sequence[FlightRecord], slew_percent_per_s: float) -> tuple[float, float]:
+    """Of any stick between two commands [percent]: the largest step, and the most beyond the bound on its rate."""
+    if len(records) < 2:
+        return 0.0, 0.0
+    commands = [record.decision.command for record in records]
+    sticks = np.array([[it.pitch_percent, it.roll_percent, it.heave_percent, it.yaw_percent] for it in commands])
+    steps = np.max(np.abs(np.diff(sticks, axis=0)), axis=1)
+    allowed = slew_percent_per_s * np.diff([command.t_s for command in commands])
+    return float(np.max(steps)), max(0.0, float(np.max(steps - allowed)))
+
+
 def conditions_of(scenario: Scenario, seed: int, ship: Ship, records: Sequence[FlightRecord]) -> Conditions:
     """What the flight of `seed` was dealt; where it began is taken from its first record."""
     wind, in_waves = drawn_wind_of(scenario, seed), scenario.ship.motion == "sea"
@@ -282,6 +340,10 @@ def conditions_of(scenario: Scenario, seed: int, ship: Ship, records: Sequence[F
         uplink_s=scenario.delays.uplink_s,
         processing=scenario.delays.processing,
         max_tilt_deg=scenario.aircraft.settings.max_tilt_deg,
+        loop=scenario.aircraft.loop.kind,
+        telemetry=scenario.delays.telemetry.profile,
+        visibility_m=scenario.scene.visibility_m,
+        faults="",
     )
 
 

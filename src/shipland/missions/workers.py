@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing
 import multiprocessing.connection
 import signal
@@ -10,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnContext
 from multiprocessing.process import BaseProcess
 from types import FrameType
 from typing import Any, Generic, TypeVar
@@ -28,26 +30,40 @@ class _Worker(Generic[Job]):
 
 
 def run_jobs(
-    do: Callable[[Job], Done], jobs: Iterable[Job], workers: int, keep: Callable[[Job, Done], None]
+    do: Callable[[Job], Done],
+    jobs: Iterable[Job],
+    workers: int,
+    keep: Callable[[Job, Done], None],
+    lose: Callable[[Job, str], None] | None = None,
 ) -> Iterator[tuple[Job, Done]]:
     """Yield every job with what came of it, in the order in which they finish.
 
-    With one worker the jobs run here. With more, each has a process of its own. When the iteration ends early for any
-    reason, what has finished is still kept, and the processes are killed.
+    With one worker the jobs run here. With more, each has a process of its own; no more jobs are taken from `jobs` than
+    there are workers. When the iteration ends early for any reason, what has finished is still kept, and the processes
+    are killed.
 
     Args:
         do: the work; a function of a module, because it is pickled, and so are jobs and results.
         jobs: what to do, one after another.
         workers: processes.
         keep: called here with every finished job, before it is yielded.
+        lose: called here with a job that raised or whose process died, and why; a process that died is replaced.
+            None: such a job ends the iteration.
 
     Raises:
-        DataError: a worker process died, for instance for want of memory.
-        Exception: whatever `do` raised.
+        DataError: a worker process died, for instance for want of memory: without `lose` the first, with it when
+            `_DEATHS` die one after another.
+        Exception: without `lose`, whatever `do` raised.
     """
     if workers == 1:
         for job in jobs:
-            done = do(job)
+            try:
+                done = do(job)
+            except Exception as error:
+                if lose is None:
+                    raise
+                lose(job, _words(error))
+                continue
             keep(job, done)
             yield job, done
         return
@@ -55,26 +71,38 @@ def run_jobs(
     context = multiprocessing.get_context("spawn")
     waiting = iter(jobs)
     crew: list[_Worker[Job]] = []
+    deaths = 0
     try:
-        for job in waiting:
-            near, far = context.Pipe()
-            process = context.Process(target=_work, args=(far, do), daemon=True)
-            process.start()
-            far.close()
-            near.send(job)
-            crew.append(_Worker(process, near, job))
-            if len(crew) == workers:
-                break
+        for job in itertools.islice(waiting, workers):
+            crew.append(_hire(context, do, job))
         while busy := [worker for worker in crew if worker.job is not None]:
             ready = multiprocessing.connection.wait([worker.link for worker in busy])
             for worker in busy:
-                if worker.link in ready and worker.job is not None:
-                    job, done = worker.job, _received(worker)
-                    keep(job, done)
-                    worker.job = next(waiting, None)
-                    if worker.job is not None:
-                        worker.link.send(worker.job)
-                    yield job, done
+                if worker.link not in ready or worker.job is None:
+                    continue
+                job = worker.job
+                try:
+                    done = _received(worker)
+                except _DeadError as error:
+                    deaths += 1
+                    if lose is None or deaths >= _DEATHS:
+                        raise
+                    lose(job, str(error))
+                    crew.remove(worker)
+                    following = next(waiting, None)
+                    if following is not None:
+                        crew.append(_hire(context, do, following))
+                    continue
+                except Exception as error:
+                    if lose is None:
+                        raise
+                    lose(job, _words(error))
+                    _next_job(worker, waiting)
+                    continue
+                deaths = 0
+                keep(job, done)
+                _next_job(worker, waiting)
+                yield job, done
     finally:
         for worker in crew:
             if worker.job is not None and worker.link.poll():
@@ -85,13 +113,40 @@ def run_jobs(
             worker.process.join()
 
 
+_DEATHS = 5
+"""Worker processes that die one after another: it is not the flights."""
+
+
+class _DeadError(DataError):
+    """A worker process died."""
+
+
+def _hire(context: SpawnContext, do: Callable[[Any], Any], job: Job) -> _Worker[Job]:
+    near, far = context.Pipe()
+    process = context.Process(target=_work, args=(far, do), daemon=True)
+    process.start()
+    far.close()
+    near.send(job)
+    return _Worker(process, near, job)
+
+
+def _next_job(worker: _Worker[Job], waiting: Iterator[Job]) -> None:
+    worker.job = next(waiting, None)
+    if worker.job is not None:
+        worker.link.send(worker.job)
+
+
+def _words(error: Exception) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())
+
+
 def _received(worker: _Worker[Any]) -> Any:  # noqa: ANN401 - what the job gave
     try:
         failed, done = worker.link.recv()
     except (EOFError, OSError):
         worker.process.join(1.0)
         code = worker.process.exitcode
-        raise DataError(f"a worker process died (exit code {code}); is there memory for --workers?") from None
+        raise _DeadError(f"a worker process died (exit code {code}); is there memory for --workers?") from None
     if failed:
         raise done
     return done
