@@ -18,7 +18,7 @@ ROOT = Path(__file__).parent.parent
 CONFIGS = ROOT / "src" / "shipland" / "configs"
 NO_BREAK_SPACE = "\u00a0"
 FILE = re.compile(r"<!-- file ([\w/]+\.(\w+)) -->")
-HELP = re.compile(r"<!-- help of (\w+) -->")
+HELP = re.compile(r"<!-- help of ([\w ]+) -->")
 TABLES = re.compile(r"<!-- tables of (\w+\.toml) -->")
 SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
@@ -34,7 +34,7 @@ def on_page_markdown(markdown: str, **_: Any) -> str:  # noqa: ANN401 - MkDocs p
 def help_of(command: str) -> str:
     """What `shipland COMMAND --help` prints."""
     environment = os.environ | {"COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"}
-    words = [sys.executable, "-m", "shipland.cli", command, "--help"]
+    words = [sys.executable, "-m", "shipland.cli", *command.split(), "--help"]
     done = subprocess.run(words, capture_output=True, text=True, check=True, env=environment)
     return "\n".join(line.rstrip() for line in done.stdout.splitlines()).strip()
 

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Protocol, Union
 
 import tyro
 
+from shipland.commands.bench import Bench
 from shipland.commands.calibrate import Calibrate
 from shipland.commands.campaign import Campaign
 from shipland.commands.compare import Compare
@@ -27,6 +28,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Fly,
     Campaign,
     Compare,
+    Bench,
     Paper,
     Motion,
     See,

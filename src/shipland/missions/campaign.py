@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -49,6 +48,7 @@ class Flight:
         pilot, vision: as `factories.resolve` takes them; names where they go to another process.
         seed: of the flight.
         log: where its log is kept, if anywhere.
+        only_failed: keep it only where it is no landing in the square.
         cell: which table it belongs to, where there are several.
         command: command line to write into the log.
     """
@@ -58,6 +58,7 @@ class Flight:
     vision: str | Factory
     seed: int
     log: Path | None = None
+    only_failed: bool = False
     cell: str = ""
     command: str = ""
 
@@ -66,22 +67,20 @@ def land_once(flight: Flight) -> Landing:
     """Fly one seed and leave nothing behind but, where asked for, its log."""
     records: list[FlightRecord] = []
     scenario, pilot, vision, seed = flight.scenario, flight.pilot, flight.vision, flight.seed
-    with ExitStack() as stack:
-        writer = None
-        if flight.log is not None:
-            part = flight.log.with_name(f".{flight.log.name}.part")
-            writer = stack.enter_context(flight_log(part, scenario, pilot, vision, seed, flight.command))
 
-        def remember(record: FlightRecord) -> None:
-            records.append(replace(record, frame=replace(record.frame, image=None)))
-            if writer is not None:
+    def remember(record: FlightRecord) -> None:
+        records.append(replace(record, frame=replace(record.frame, image=None)))
+
+    flown = fly_quietly(scenario, pilot, vision, seed, remember)
+    landing = landing_of(scenario, seed, flown, records)
+    if flight.log is not None and not (flight.only_failed and landing.good):
+        part = flight.log.with_name(f".{flight.log.name}.part")
+        with flight_log(part, scenario, pilot, vision, seed, flight.command) as writer:
+            for record in records:
                 writer.append(record)
-
-        flown = fly_quietly(scenario, pilot, vision, seed, remember)
-        if writer is not None and flight.log is not None:
             writer.finish(flown.verdict)
-            part.replace(flight.log)
-    return landing_of(scenario, seed, flown, records)
+        part.replace(flight.log)
+    return landing
 
 
 def run_campaign(plan: CampaignPlan) -> Generator[Landing, None, None]:

@@ -124,6 +124,22 @@ def open_folder(out: Path, key: dict[str, Any]) -> Iterator[CampaignFolder]:
         DataError: it holds landings of another key or a broken table, another process flies in it, or it cannot be
             written.
     """
+    with claimed(out):
+        yield folder_in(out, key)
+
+
+def folder_in(out: Path, key: dict[str, Any]) -> CampaignFolder:
+    """A campaign's folder, made when missing, within one that is `claimed`; DataError as `open_folder`."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        return CampaignFolder(out, key)
+    except OSError as error:
+        raise DataError(f"{out} cannot be used: {error.strerror}") from None
+
+
+@contextmanager
+def claimed(out: Path) -> Iterator[None]:
+    """A folder, made when missing, for this process alone; DataError when another has it or it cannot be written."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         lock = os.open(out / ".lock", os.O_CREAT | os.O_RDWR, 0o644)
@@ -134,11 +150,7 @@ def open_folder(out: Path, key: dict[str, Any]) -> Iterator[CampaignFolder]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise DataError(f"{out}: another campaign flies in this folder; wait for it, or give another") from None
-        try:
-            folder = CampaignFolder(out, key)
-        except OSError as error:
-            raise DataError(f"{out} cannot be used: {error.strerror}") from None
-        yield folder
+        yield
     finally:
         os.close(lock)
 

@@ -11,7 +11,7 @@ from scipy import stats
 
 CONFIDENCE = 0.95
 _RESAMPLES = 2000
-"""Of the paired bootstrap."""
+"""Of a bootstrap."""
 
 
 class Interval(NamedTuple):
@@ -53,6 +53,15 @@ def mean_interval(values: Sequence[float]) -> Interval:
     mean, error = float(np.mean(values)), float(stats.sem(values))
     half = error * float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, len(values) - 1))
     return Interval(max(mean - half, 0.0), min(mean + half, 1.0))
+
+
+def quantile_interval(values: npt.NDArray[np.float64], share: float, rng: np.random.Generator) -> Interval:
+    """Interval of a quantile of independent values, from a bootstrap; NaN with fewer than two of them."""
+    if len(values) < 2:
+        return Interval(float("nan"), float("nan"))
+    drawn = values[rng.integers(0, len(values), (_RESAMPLES, len(values)))]
+    ends = np.quantile(np.quantile(drawn, share, axis=1), [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
+    return Interval(float(ends[0]), float(ends[1]))
 
 
 def compare(

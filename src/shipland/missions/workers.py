@@ -73,8 +73,7 @@ def run_jobs(
     crew: list[_Worker[Job]] = []
     deaths = 0
     try:
-        for job in itertools.islice(waiting, workers):
-            crew.append(_hire(context, do, job))
+        crew.extend(_hire(context, do, job) for job in itertools.islice(waiting, workers))
         while busy := [worker for worker in crew if worker.job is not None]:
             ready = multiprocessing.connection.wait([worker.link for worker in busy])
             for worker in busy:

@@ -1,0 +1,37 @@
+"""`shipland bench list`: the suites, or the cells of one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class BenchList:
+    """List the suites, or the cells of one, each with the digest of its configuration.
+
+    Example: shipland bench list near
+    """
+
+    suite: Annotated[str, tyro.conf.Positional] = ""
+    """Name of a suite, or the path of its TOML file; none lists the packaged ones."""
+
+    def run(self) -> int:
+        """Print a line each."""
+        from shipland.config import packaged_names
+        from shipland.missions.suite import Asked, bench_cells, load_suite
+        from shipland.record.info import config_digest
+
+        if self.suite:
+            suite = load_suite(self.suite)
+            cells = bench_cells(suite.cells, Asked(("paper",)))
+            print(f"{suite.name} {suite.version}: {suite.description}; {len(cells)} cells")
+            for cell in cells:
+                print(f"{config_digest(cell.scenario.table())}  {cell.group}")
+            return 0
+        for name in packaged_names("suites"):
+            suite = load_suite(name)
+            print(f"{name} {suite.version}: {suite.description}")
+        return 0

@@ -1,0 +1,174 @@
+"""`shipland bench run`: fly the cells of a suite, or of a grid given here."""
+
+from __future__ import annotations
+
+import sys
+import time
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from shipland.commands.options import Changes, checked_seed, command_line
+from shipland.errors import ConfigError
+
+if TYPE_CHECKING:
+    from shipland.missions.bench import Bench, BenchPlan
+    from shipland.missions.suite import SuiteEntry
+
+_SAY_EVERY_S = 15.0
+
+
+@dataclass(frozen=True)
+class BenchRun:
+    """Fly the cells of a suite, or every combination of the scenarios and values given here.
+
+    A cell is one scenario with one value of every setting and one pilot; all cells share the workers and fly the same
+    seeds. Leaves bench.json, tables.md, flights.parquet, and in a folder a cell landings.csv and the logs of flights
+    that did not land in the square. Ctrl-C, SIGTERM and --time-limit-s stop in order; the same command goes on from
+    there. Results of other code, configuration or weights are refused.
+
+    Example: shipland bench run --scenario rig-natops ship-sea6 --pilot paper horizon --loop attitude velocity
+    --wind 0 5 9 --runs 200 --workers 16 --time-limit-s 540 --out out/tables
+    """
+
+    suite: Annotated[str, tyro.conf.Positional] = ""
+    """Name of a suite (see `shipland bench list`), or the path of its TOML file; none with --scenario."""
+    out: Path = Path("out/bench")
+    """Output folder; made when missing."""
+    scenario: tuple[str, ...] = ()
+    """Scenarios of a grid, instead of a suite."""
+    pilot: tuple[str, ...] = ("paper", "horizon")
+    """Who flies, as in `shipland fly`."""
+    vision: str = "geometric"
+    """Who sees, in a grid; a suite says it itself."""
+    wind: tuple[str, ...] = ()
+    """Values of wind.mean_mps."""
+    loop: tuple[str, ...] = ()
+    """Values of aircraft.loop.kind."""
+    telemetry: tuple[str, ...] = ()
+    """Values of delays.telemetry.profile."""
+    changes: Annotated[Changes, tyro.conf.arg(name="set", aliases=("--axis",), metavar="KEY=A,B,…")] = ()
+    """Values of any other key, laid over every cell, as `--set start.distance_m=12,50`; may be given again."""
+    config: Path | None = None
+    """TOML file laid over every scenario."""
+    only: tuple[str, ...] = ()
+    """Shell patterns of cells to fly, as `--only 'rig-*mean_mps=5*'`."""
+    runs: int = 100
+    """Flights a cell."""
+    first_seed: int = 1
+    """Seed of the first."""
+    workers: int = 2
+    """Processes; without meaning with --cluster."""
+    cluster: str = ""
+    """Fly on a Ray cluster: its address, or `auto` (extra `cluster`)."""
+    time_limit_s: float = 0.0
+    """Stop in order after so long; 0: no limit."""
+    ceiling_motions: int = 60
+    """Motions drawn for each ceiling; 0: no ceilings."""
+    print_only: bool = False
+    """Fly nothing; print the tables of what there is."""
+
+    def run(self) -> int:
+        """Fly and print; 0 when everything asked for is flown, 1 when not."""
+        from shipland.missions.bench import open_bench, read_bench
+        from shipland.missions.bench_rows import write_rows
+        from shipland.missions.bench_tables import ceilings_of, leaderboard, pairs, rivals
+
+        plan = self._plan()
+        with open_bench(plan) as bench:
+            left = sum(1 for _ in bench.missing())
+            if left and not self.print_only:
+                left -= self._fly(bench, left)
+        names = [cell.name for cell in plan.cells]
+        everything = read_bench([plan.out])
+        write_rows(plan.out / "flights.parquet", everything)
+        asked = {cell.name: cell for cell in everything if cell.name in names}
+        cells = [asked[name] for name in names]
+        ceilings = {}
+        if self.ceiling_motions:
+            ceilings = ceilings_of(cells, self.ceiling_motions, plan.out / "ceilings.json")
+        parts = ["\n".join(leaderboard(cells, ceilings)), "\n".join(rivals(cells))]
+        if len(self.pilot) > 1:
+            parts.append("\n".join(pairs(cells)))
+        text = "\n\n".join(parts)
+        print(text)
+        (plan.out / "tables.md").write_text(text + "\n", encoding="utf-8")
+        return 0 if left == 0 else 1
+
+    def _plan(self) -> BenchPlan:
+        from shipland.missions.bench import BenchPlan
+        from shipland.missions.suite import Asked, bench_cells, load_suite
+
+        for name, value in (("runs", self.runs), ("workers", self.workers)):
+            if value < 1:
+                raise ConfigError(f"--{name} must be at least 1, got {value}")
+        if bool(self.suite) == bool(self.scenario):
+            raise ConfigError("give either a suite (`shipland bench list` names them) or --scenario")
+        if self.ceiling_motions == 1 or self.ceiling_motions < 0:
+            raise ConfigError(f"--ceiling-motions must be 0, or 2 and more, got {self.ceiling_motions}")
+        axes = {"wind.mean_mps": self.wind, "aircraft.loop.kind": self.loop, "delays.telemetry.profile": self.telemetry}
+        changes = (*(f"{key}={','.join(values)}" for key, values in axes.items() if values), *self.changes)
+        words, entries = "", self._grid()
+        if self.suite:
+            suite = load_suite(self.suite)
+            words, entries = f"{suite.name} {suite.version}", suite.cells
+        cells = bench_cells(entries, Asked(self.pilot, changes, self.config, self.only))
+        seeds = range(checked_seed(self.first_seed), self.first_seed + self.runs)
+        return BenchPlan(cells, seeds, self.out, words, command_line())
+
+    def _grid(self) -> tuple[SuiteEntry, ...]:
+        from shipland.missions.suite import SuiteEntry
+
+        return (SuiteEntry(self.scenario, (), self.vision),)
+
+    def _fly(self, bench: Bench, left: int) -> int:
+        """Fly with a progress line; how many were flown."""
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+
+        from shipland.missions.bench import processes
+        from shipland.missions.statistics import share_interval
+
+        if self.cluster:
+            from shipland.missions.cluster import cluster
+
+            crew = cluster(self.cluster)
+        else:
+            crew = processes(min(self.workers, left))
+        flown = good = 0
+        begun_s = said_s = time.monotonic()
+        console = Console(stderr=True, highlight=False)
+        console.print(f"{len(bench.plan.cells)} cells, {left} of {len(bench.plan.cells) * self.runs} flights to fly")
+        columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        try:
+            with (
+                Progress(*columns, console=console, disable=not console.is_terminal) as progress,
+                closing(bench.fly(crew)) as flights,
+            ):
+                task = progress.add_task("flights", total=left)
+                for _, landing in flights:
+                    flown, good, now_s = flown + 1, good + landing.good, time.monotonic()
+                    low, high = share_interval(good, flown)
+                    words = f"{good} of {flown} in the square ({100.0 * low:.0f}–{100.0 * high:.0f} %)"
+                    progress.update(task, advance=1, description=words)
+                    if not console.is_terminal and now_s - said_s > _SAY_EVERY_S:
+                        said_s = now_s
+                        minutes = (left - flown) * (now_s - begun_s) / flown / 60.0
+                        print(f"{words}, {left - flown} to fly, {minutes:.1f} min to go", file=sys.stderr, flush=True)
+                    if self.time_limit_s and now_s - begun_s > self.time_limit_s:
+                        break
+        except KeyboardInterrupt:
+            console.print("stopped")
+        spent_s = time.monotonic() - begun_s
+        console.print(
+            f"{flown} of {left} flown in {spent_s:.0f} s ({60.0 * flown / spent_s:.0f} a minute)"
+            + ("" if flown == left else "; the same command goes on from here")
+        )
+        for cell, seed, reason in bench.lost[:10]:
+            console.print(f"lost: {cell}, seed {seed}: {reason}")
+        if len(bench.lost) > 10:
+            console.print(f"lost: {len(bench.lost) - 10} more")
+        return flown

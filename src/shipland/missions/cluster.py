@@ -1,0 +1,84 @@
+"""Flights on a Ray cluster: the same flights, the same rows, kept by this process alone."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from shipland.errors import ConfigError, DataError
+from shipland.missions.bench import Crew, Keep, Lose
+from shipland.missions.campaign import Flight, land_once
+from shipland.missions.folder import source_digest
+from shipland.missions.landing import Landing
+
+_RETRIES = 3
+"""Of a flight whose process or machine died; its result counts once."""
+_WAITING_A_CORE = 2
+"""Flights given out at a time."""
+
+
+class _Answer(NamedTuple):
+    """What comes back from a machine: its code's digest, the landing, and the log where one is kept."""
+
+    digest: str
+    landing: Landing
+    log: bytes | None
+
+
+def cluster(address: str) -> Crew:
+    """Flights on the Ray cluster at `address`, or the one that is found (`auto`); every machine wants this very code.
+
+    Raises:
+        ConfigError: Ray is not installed, or there is no such cluster.
+        DataError: a machine has other code.
+    """
+    try:
+        import ray
+    except ImportError:
+        raise ConfigError("--cluster wants Ray, which is not installed; pip install 'shipland[cluster]'") from None
+
+    def crew(flights: Iterable[Flight], keep: Keep, lose: Lose) -> Iterator[tuple[Flight, Landing]]:
+        try:
+            ray.init(address=address, log_to_driver=False, ignore_reinit_error=True)
+        except (ConnectionError, ValueError, RuntimeError) as error:
+            raise ConfigError(f"--cluster {address}: no Ray cluster: {error}") from None
+        fly = ray.remote(max_retries=_RETRIES, num_cpus=1)(_fly_there)
+        waiting, given = iter(flights), dict[Any, Flight]()
+        try:
+            while True:
+                most = _WAITING_A_CORE * max(1, int(ray.cluster_resources().get("CPU", 1)))
+                while len(given) < most and (flight := next(waiting, None)) is not None:
+                    given[fly.remote(flight)] = flight
+                if not given:
+                    return
+                for done in ray.wait(list(given), num_returns=1)[0]:
+                    flight = given.pop(done)
+                    try:
+                        answer = ray.get(done)
+                    except ray.exceptions.RayError as error:
+                        lose(flight, " ".join(str(error).split()[:40]))
+                        continue
+                    if answer.digest != source_digest():
+                        raise DataError("a machine of the cluster has other code than this one; install the same")
+                    if answer.log is not None and flight.log is not None:
+                        flight.log.parent.mkdir(parents=True, exist_ok=True)
+                        flight.log.write_bytes(answer.log)
+                    keep(flight, answer.landing)
+                    yield flight, answer.landing
+        finally:
+            for reference in given:
+                ray.cancel(reference, force=True)
+            ray.shutdown()
+
+    return crew
+
+
+def _fly_there(flight: Flight) -> _Answer:
+    """On a machine of the cluster: its folders are not ours, so the log comes back with the landing."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "flight.mcap"
+        landing = land_once(replace(flight, log=None if flight.log is None else path))
+        return _Answer(source_digest(), landing, path.read_bytes() if path.exists() else None)

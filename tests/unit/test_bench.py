@@ -1,0 +1,161 @@
+"""The bench: suites name flights completely, what was flown is kept, every flight counts once."""
+
+import json
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from test_campaign import GOOD, NOWHERE, seeded
+
+from shipland.config import packaged_names
+from shipland.errors import ConfigError, DataError
+from shipland.missions import bench as benches
+from shipland.missions.bench import BenchPlan, open_bench, processes, read_bench
+from shipland.missions.bench_rows import write_rows
+from shipland.missions.bench_tables import ceilings_of, leaderboard, paired, pairs, rests_in_square, rivals, swept_keys
+from shipland.missions.statistics import quantile_interval
+from shipland.missions.suite import Asked, SuiteEntry, bench_cells, load_suite
+
+GRID = (SuiteEntry(("rig-natops", "ship-sea6")),)
+
+
+@pytest.fixture
+def plan(tmp_path, monkeypatch):
+    """Two scenarios, two winds, two pilots, three seeds, flown by making them up: the paper's pilot misses seed 2."""
+
+    def land(flight):
+        if flight.pilot == "paper" and flight.seed == 2:
+            return seeded(NOWHERE, 2)
+        return replace(seeded(GOOD, flight.seed), sink_mps=round(0.1 * flight.seed, 4))
+
+    monkeypatch.setattr(benches, "land_once", land)
+    cells = bench_cells(GRID, Asked(("paper", "horizon"), ("wind.mean_mps=0,5",)))
+    return BenchPlan(cells, range(1, 4), tmp_path / "out", "made-up 1", "shipland bench run")
+
+
+def fly(plan, stop_after=10**9):
+    with open_bench(plan) as bench, closing(bench.fly(processes(1))) as flights:
+        for count, _ in enumerate(flights, start=1):
+            if count >= stop_after:
+                break
+        return count
+
+
+@pytest.mark.parametrize("name", packaged_names("suites"))
+def test_every_cell_of_a_suite_can_be_flown_and_is_called_differently(name):
+    cells = bench_cells(load_suite(name).cells, Asked(("paper",)))
+    assert len({cell.name for cell in cells}) == len(cells) > 5
+    assert all(len(cell.name) < 200 for cell in cells)
+
+
+def test_a_stopped_run_goes_on_and_gives_the_same_table(plan, tmp_path):
+    whole = replace(plan, out=tmp_path / "whole")
+    assert fly(whole) == 24
+    assert fly(plan, stop_after=7) == 7
+    assert fly(plan) == 17
+    one, two = read_bench([whole.out]), read_bench([plan.out])
+    assert list(leaderboard(one, {})) == list(leaderboard(two, {}))
+    assert list(pairs(one)) == list(pairs(two))
+    assert list(rivals(one)) == list(rivals(two))
+
+
+def test_folders_are_merged_and_a_flight_counts_once(plan, tmp_path):
+    fly(replace(plan, seeds=range(1, 3)))
+    other = replace(plan, out=tmp_path / "other", seeds=range(2, 4))
+    fly(other)
+    merged = read_bench([plan.out, other.out])
+    assert [it.seed for it in merged[0].landings] == [1, 2, 3]
+    key = other.out / merged[0].name / "campaign.json"
+    key.write_text(json.dumps(json.loads(key.read_text()) | {"source": "other"}))
+    with pytest.raises(DataError, match="other code"):
+        read_bench([plan.out, other.out])
+
+
+def test_a_result_that_comes_twice_counts_once(plan):
+    def stutters(flights, keep, _):
+        for flight in flights:
+            for _ in range(2):
+                keep(flight, seeded(GOOD, flight.seed))
+            yield flight, GOOD
+
+    with open_bench(plan) as bench:
+        list(bench.fly(stutters))
+        assert all(len(landings) == 3 for landings in bench.flown.values())
+    assert len((plan.out / plan.cells[0].name / "landings.csv").read_text().splitlines()) == 4
+
+
+def test_a_flight_that_is_lost_is_named_and_flown_again(plan, monkeypatch):
+    land = benches.land_once
+
+    def raises_once(flight):
+        if flight.seed == 3 and flight.pilot == "horizon":
+            raise ValueError("no such thing")
+        return land(flight)
+
+    monkeypatch.setattr(benches, "land_once", raises_once)
+    with open_bench(plan) as bench:
+        assert len(list(bench.fly(processes(1)))) == 20
+        assert {(seed, why) for _, seed, why in bench.lost} == {(3, "ValueError: no such thing")}
+    monkeypatch.setattr(benches, "land_once", land)
+    assert fly(plan) == 4
+
+
+def test_tables_say_what_was_flown(plan):
+    fly(plan)
+    cells = read_bench([plan.out])
+    assert swept_keys(cells) == ["wind.mean_mps"]
+    lines = list(leaderboard(cells, ceilings_of(cells[:1], 2, plan.out / "ceilings.json")))
+    assert len(lines) >= 2 + 8
+    assert "| rig-natops | 0 | paper | 3 | 2 (66.7 %)" in lines[2]
+    assert "1 never steady over the deck" in lines[2]
+    assert "%" in lines[2].split("|")[7]
+    assert "nan" not in " ".join([*lines, *pairs(cells), *rivals(cells)])
+    assert any("| paper, horizon | 3 | 0 | 1 | 1 |" in line for line in pairs(cells))
+    assert any("| 3 | 0 | 0 | 1 |" in line for line in paired(cells, cells))
+    with pytest.raises(ConfigError, match="no cell in common"):
+        list(paired(cells[:1], cells[1:2]))
+
+
+def test_ceilings_are_kept(plan, monkeypatch):
+    fly(plan)
+    cells = read_bench([plan.out])[:1]
+    first = ceilings_of(cells, 2, plan.out / "ceilings.json")
+    monkeypatch.setattr("shipland.missions.bench_tables.ceiling", None)
+    assert ceilings_of(cells, 2, plan.out / "ceilings.json") == first
+
+
+def test_rows_are_parquet_with_conditions_and_nulls(plan):
+    fly(plan)
+    write_rows(plan.out / "flights.parquet", read_bench([plan.out]))
+    table = pyarrow.parquet.read_table(plan.out / "flights.parquet").to_pydict()
+    assert len(table["seed"]) == 24
+    assert set(table["wind.mean_mps"]) == {"0", "5"}
+    assert set(table["cause"]) == {None, "never steady over the deck"}
+    assert np.isfinite(table["motion_seed"]).all()
+    assert table["suite"][0] == "made-up 1"
+
+
+def test_cells_are_chosen_by_pattern_and_a_wrong_one_is_named():
+    chosen = bench_cells(GRID, Asked(("paper",), ("wind.mean_mps=0,5",), only=("ship*=5",)))
+    assert [cell.group for cell in chosen] == ["ship-sea6_mean_mps=5"]
+    with pytest.raises(ConfigError, match="no cell is called nothing"):
+        bench_cells(GRID, Asked(("paper",), only=("nothing",)))
+    with pytest.raises(ConfigError, match="no suite 'nowhere'; there are: full, near"):
+        load_suite("nowhere")
+
+
+def test_rest_in_the_square():
+    assert rests_in_square(GOOD, 0.35)
+    assert not rests_in_square(replace(GOOD, rest_starboard_m=-0.2), 0.35)
+    assert not rests_in_square(replace(GOOD, landed=False), 0.35)
+
+
+def test_a_median_lies_in_its_interval_as_often_as_said():
+    rng = np.random.default_rng(5)
+    inside = 0
+    for _ in range(200):
+        low, high = quantile_interval(rng.standard_normal(60), 0.5, rng)
+        inside += low <= 0.0 <= high
+    assert 180 <= inside <= 199  # 95 % of 200 is 190, its deviation 3; a bootstrap of 60 values is a little narrow
