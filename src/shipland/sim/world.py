@@ -58,7 +58,7 @@ NEAR_DECK_M = 2.0
 """From the deck's centre: nearer, the deck is set every physics step and contacts are judged."""
 SHIP_MARGIN_M = 0.5
 """Nearer than this to where the ship ends, it is set every control step."""
-CLEAR_M = 0.2
+CLEAR_M = 0.1
 """Farther than this and the way of a look around from anything, nothing can touch the aircraft before the next one."""
 CUT_OFF_RAD = math.radians(75.0)
 """Tilt at which the motors stop, as a crash detector does."""
@@ -242,7 +242,7 @@ class World:
         self._clear = free and self._clearance_m(motion, state) > max(CLEAR_M, self._touchdown.listen_m) + way_m
 
     def _clearance_m(self, motion: Motion, ship: ShipState) -> float:
-        """From a sphere round the aircraft to the highest that the deck reaches, or to what stands ahead; at least."""
+        """From the aircraft down to the highest that the deck reaches, or on to what stands ahead; at least."""
         if self._reach_m >= self._near_ship_m:
             return math.inf
         roll_rad, pitch_rad, _ = self._deck.angles_rad
@@ -253,7 +253,8 @@ class World:
         c, s = math.cos(course.course_rad), math.sin(course.course_rad)
         ahead_m = c * (motion.position_m[0] - north_m) + s * (motion.position_m[1] - east_m)
         front_m = self._front_m - ahead_m - (abs(self._deck.origin_m[0] - north_m) if ship.full_ship else 0.0)
-        return float(min(-motion.position_m[2] - top_m, front_m)) - self._radius_m
+        below_m = self._foot_below_m + self._radius_m * math.sqrt(max(1.0 - _upright(motion) ** 2, 0.0))
+        return float(min(-motion.position_m[2] - top_m - below_m, front_m - self._radius_m))
 
     def _fly_free(self, phase: int, end: int) -> bool:
         """Fly compiled to `end` or until the next look around; False when it cannot."""

@@ -254,7 +254,7 @@ class Touchdown:
         rng: draws the noise.
     """
 
-    LISTEN_M = 0.3
+    LISTEN_M = 0.1
     """Readings above this, and above three times `range_m`, count as no surface."""
     _FILTER_S = 0.03
     _STILL_MPS = 0.05
