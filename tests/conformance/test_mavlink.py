@@ -29,7 +29,7 @@ def fly(vehicle: MavlinkVehicle, seconds: float, *sticks: float, intent: Intent 
 def test_sticks_become_tilt_climb_and_heading() -> None:
     with bench() as (vehicle, autopilot, _):
         vehicle.open()
-        assert math.degrees(vehicle.response.max_tilt_rad) == pytest.approx(15.0)
+        assert math.degrees(vehicle.response().max_tilt_rad) == pytest.approx(15.0)
         assert fly(vehicle, 0.6, 50.0, -20.0, -40.0, 0.0)
         report = autopilot.report()
         assert report["target"] == "tilt"
@@ -45,7 +45,7 @@ def test_a_px4_gets_set_points_before_offboard_and_velocities_only() -> None:
         autopilot.say(f"mode {3 << 16}")
         assert autopilot.report()["mode"] == 3 << 16
         vehicle.open()
-        assert vehicle.response.kind == "velocity"
+        assert vehicle.response().kind == "velocity"
         assert fly(vehicle, 0.5, 50.0, 0.0, 0.0, 25.0)
         report = autopilot.report()
         assert report["target"] == "speed"

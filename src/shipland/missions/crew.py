@@ -75,7 +75,7 @@ def build_crew(scenario: Scenario, vehicle: Vehicle, pilot: str | Factory, visio
         rig=scenario.rig,
         camera=vehicle.camera,
         camera_in_body_m=np.array(scenario.camera.position_in_body_m),
-        response=vehicle.response if isinstance(vehicle, Real) else response_of(scenario),
+        response=vehicle.response() if isinstance(vehicle, Real) else response_of(scenario),
         rng=rng.pilot,
     )
     flier: Pilot = factories.resolve("pilots", pilot)(setup)

@@ -57,7 +57,6 @@ class PreflightParameters:
 class Real(Protocol):
     """A vehicle outside: it is connected and checked before it is flown, and says what full sticks mean."""
 
-    @property
     def response(self) -> Response:
         """What full sticks mean; once connected."""
 

@@ -34,6 +34,8 @@ from shipland.vehicles.touchdown import Touch, TouchdownWatch
 
 _REMEMBERED = 64
 """Given frames whose truth is kept."""
+_VERDICT_S = 5.0
+"""How long a simulated touchdown's verdict is waited for."""
 
 
 class MavlinkVehicle:
@@ -74,7 +76,6 @@ class MavlinkVehicle:
         """Why there are no more frames, in words; empty in flight."""
         return self._end_reason
 
-    @property
     def response(self) -> Response:
         """What full sticks mean here; known once connected."""
         if self._response is None:
@@ -152,6 +153,10 @@ class MavlinkVehicle:
             if time.monotonic() > waited_until_s or stream.problem:
                 words = stream.problem or f"no picture for {self._parameters.video_timeout_s:g} s"
                 self._end(f"video lost: {words}; the vehicle holds", hold=True)
+        if self._truths:  # a simulator's camera; it gives its verdict when the aircraft has come to rest
+            until_s = time.monotonic() + _VERDICT_S
+            while stream.verdict() is None and not stream.problem and time.monotonic() < until_s:
+                time.sleep(0.05)
         return None
 
     def telemetry_at(self, t_s: float) -> Telemetry:
@@ -192,7 +197,7 @@ class MavlinkVehicle:
 
         assert self._limits is not None  # connected
         assert self._stream is not None
-        return link_checks(self.session, self._stream, self._limits, self._setup, self.response)
+        return link_checks(self.session, self._stream, self._limits, self._setup, self.response())
 
     # Taking and losing the vehicle
 
@@ -276,7 +281,7 @@ class MavlinkVehicle:
         with self._lock:
             command = self._command
         stale = command is None or now_s - command[1] > self._parameters.stale_s
-        wanted = HOLD if command is None or stale else wanted_of(command[0], self.response)
+        wanted = HOLD if command is None or stale else wanted_of(command[0], self.response())
         self._set_point(wanted, state, step_s, boot_ms)
         if command is not None and not stale:
             self._turn_gimbal(command[0].gimbal_pitch_rad, now_s)
