@@ -18,7 +18,7 @@ ROOT = Path(__file__).parent.parent
 CONFIGS = ROOT / "src" / "shipland" / "configs"
 NO_BREAK_SPACE = "\u00a0"
 FILE = re.compile(r"<!-- file ([\w/]+\.(\w+)) -->")
-HELP = re.compile(r"<!-- help of ([\w ]+) -->")
+HELP = re.compile(r"<!-- help of ([\w -]+) -->")
 TABLES = re.compile(r"<!-- tables of (\w+\.toml) -->")
 SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)

@@ -18,6 +18,7 @@ from shipland import factories
 from shipland.factories import Factory
 from shipland.flight import fly as fly_loop
 from shipland.frames import Array
+from shipland.guidance.response import Response
 from shipland.messages import FlightRecord
 from shipland.missions.campaign import Flight as FlightJob
 from shipland.missions.campaign import land_once
@@ -95,6 +96,7 @@ def fly(
     command: str = "",
     vehicle: Vehicle | None = None,
     keys: Keys | None = None,
+    response: Response | None = None,
 ) -> Flight:
     """Fly one landing, in the simulator unless a vehicle is given.
 
@@ -109,6 +111,7 @@ def fly(
         command: command line to write down.
         vehicle: what is flown instead of the simulated one (`missions.outside.make_vehicle`); connected, if it is real.
         keys: for holding and climbing out by hand.
+        response: what full sticks mean, where `shipland identify` has measured it.
 
     Raises:
         ShiplandError: a wrong scenario, name, output folder or machine.
@@ -122,7 +125,7 @@ def fly(
             scene = build_scene(scenario, seed)
             stack.callback(scene.close)
         flown = vehicle or build_vehicle(scenario, seed, scene if pictures else None)
-        crew = build_crew(scenario, flown, pilot, vision, seed)
+        crew = build_crew(scenario, flown, pilot, vision, seed, response)
         if keys is not None:
             crew = replace(crew, pilot=KeyedPilot(crew.pilot, stack.enter_context(keys.listening())))
         recorder = None

@@ -14,8 +14,10 @@ from shipland.commands.compare import Compare
 from shipland.commands.detect import Detect
 from shipland.commands.evaluate import Evaluate
 from shipland.commands.fly import Fly
+from shipland.commands.identify import Identify
 from shipland.commands.motion import Motion
 from shipland.commands.paper import Paper
+from shipland.commands.publish import Publish
 from shipland.commands.scenarios import Scenarios
 from shipland.commands.see import See
 from shipland.commands.serve_physics import ServePhysics
@@ -37,6 +39,8 @@ COMMANDS: tuple[type[Command], ...] = (
     Train,
     Evaluate,
     Calibrate,
+    Identify,
+    Publish,
     ServePhysics,
     Scenarios,
     Version,
@@ -51,14 +55,14 @@ class Command(Protocol):
         """Do it; the exit code."""
 
 
-def _name_of(command: type[Command]) -> str:
+def name_of(command: type[Command]) -> str:
     """`serve-physics` of `ServePhysics`."""
     return "".join(f"-{letter.lower()}" if letter.isupper() else letter for letter in command.__name__).lstrip("-")
 
 
 def main() -> None:
     """Entry point: one line for every error of ours, exit 2; Ctrl-C leaves what was done in order, exit 130."""
-    subcommands: Any = tuple(Annotated[it, tyro.conf.subcommand(_name_of(it))] for it in COMMANDS)
+    subcommands: Any = tuple(Annotated[it, tyro.conf.subcommand(name_of(it))] for it in COMMANDS)
     any_command: Any = Union[subcommands]  # noqa: UP007 - made at run time
     command: Command = tyro.cli(
         any_command,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from shipland.cli import COMMANDS
+from shipland.cli import COMMANDS, name_of
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -83,7 +83,7 @@ def test_the_configuration_page_shows_every_key(path):
 
 def test_every_command_has_its_help():
     text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
-    assert re.findall(r"<!-- help of (\w+) -->", text) == [command.__name__.lower() for command in COMMANDS]
+    assert re.findall(r"<!-- help of ([\w-]+) -->", text) == [name_of(command) for command in COMMANDS]
     assert "--scenario" in load(ROOT / "tools" / "mkdocs_hooks.py").help_of("fly")
 
 

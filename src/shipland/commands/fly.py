@@ -60,10 +60,14 @@ class Fly(ScenarioOptions):
         from rich.console import Console
 
         from shipland.api import fly
-        from shipland.missions.outside import Keys
+        from shipland.missions.crew import response_of
+        from shipland.missions.outside import Keys, identified
 
         console = Console(stderr=True, highlight=False)
         scenario, vehicle = self.load(), None
+        response = None
+        if self.vehicle is None and self.vehicle_config is not None:
+            response = identified(self.vehicle_config, response_of(scenario))
         if self.vehicle is not None:
             vehicle = self._outside(self.vehicle, scenario, console)
             if self.check:
@@ -81,6 +85,7 @@ class Fly(ScenarioOptions):
                 command=command_line(),
                 vehicle=vehicle,
                 keys=None if vehicle is None else Keys(),
+                response=response,
             )
         for problem in flight.problems:
             console.print(f"warning: {problem}")

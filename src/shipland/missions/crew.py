@@ -56,7 +56,14 @@ def build_world(scenario: Scenario, seed: int, grid: Grid = GRID) -> World:
     )
 
 
-def build_crew(scenario: Scenario, vehicle: Vehicle, pilot: str | Factory, vision: str | Factory, seed: int) -> Crew:
+def build_crew(
+    scenario: Scenario,
+    vehicle: Vehicle,
+    pilot: str | Factory,
+    vision: str | Factory,
+    seed: int,
+    response: Response | None = None,
+) -> Crew:
     """Vision, pilot and safety for one flight.
 
     Args:
@@ -65,6 +72,7 @@ def build_crew(scenario: Scenario, vehicle: Vehicle, pilot: str | Factory, visio
         pilot: name or factory, as `factories.resolve` takes it.
         vision: likewise.
         seed: of the flight.
+        response: what full sticks mean, where it was measured; None asks the vehicle or the scenario.
 
     Raises:
         ConfigError: no such pilot or vision, or one that this vehicle cannot fly with.
@@ -75,7 +83,7 @@ def build_crew(scenario: Scenario, vehicle: Vehicle, pilot: str | Factory, visio
         rig=scenario.rig,
         camera=vehicle.camera,
         camera_in_body_m=np.array(scenario.camera.position_in_body_m),
-        response=vehicle.response() if isinstance(vehicle, Real) else response_of(scenario),
+        response=response or (vehicle.response() if isinstance(vehicle, Real) else response_of(scenario)),
         rng=rng.pilot,
     )
     flier: Pilot = factories.resolve("pilots", pilot)(setup)

@@ -15,10 +15,11 @@ import numpy as np
 
 from shipland import factories
 from shipland.camera import Camera
-from shipland.config import build, layered
+from shipland.config import build, layered, read_toml
 from shipland.errors import ConfigError, VehicleError
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.pilot import Pilot
+from shipland.guidance.response import Response
 from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.missions.scenarios import Scenario
 from shipland.record.pictures import read_pictures
@@ -91,6 +92,18 @@ def replayed_log(path: Path) -> ReplayVehicle:
                 yield Recorded(replace(row.frame, image=image), row.telemetry.t_s, row.telemetry, row.truth)
 
     return ReplayVehicle(with_pictures(), camera, log.verdict)
+
+
+def identified(path: Path, assumed: Response) -> Response:
+    """What `shipland identify` wrote of a vehicle, over what was assumed of it.
+
+    Raises:
+        ConfigError: the file is missing, broken, or of a vehicle of another kind.
+    """
+    tables = read_toml(path).get("response", {})
+    if assumed.kind not in tables:
+        raise ConfigError(f"{path} holds no [response.{assumed.kind}], what this vehicle's sticks mean")
+    return build(Response, {**vars(assumed), **tables[assumed.kind]}, f"response.{assumed.kind}")
 
 
 class SceneFromTruth:

@@ -159,6 +159,11 @@ class MavlinkVehicle:
                 time.sleep(0.05)
         return None
 
+    def look(self, timeout_s: float) -> Frame | None:
+        """The newest picture not given, without flying: only connected. None when none comes in time."""
+        shot = None if self._stream is None else self._stream.newest(self._last_exposed_s, timeout_s)
+        return None if shot is None else self._frame(shot)
+
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest that has come, stamped with `t_s`."""
         return telemetry_of(self.session.state, t_s if math.isfinite(t_s) else time.monotonic())

@@ -45,7 +45,7 @@ class AutopilotState:
         rates_rad_s: body rates.
         velocity_t_s: when position and velocity were true.
         velocity_in_ned_mps: over ground.
-        down_m: `ned` z from the autopilot's origin.
+        north_m, east_m, down_m: from the autopilot's origin.
         height_t_s, height_m: above the take-off point.
         throttle_percent: of the motors.
         throttle_t_s: when.
@@ -78,6 +78,8 @@ class AutopilotState:
     rates_rad_s: Vector = (math.nan, math.nan, math.nan)
     velocity_t_s: float = math.nan
     velocity_in_ned_mps: Vector = (math.nan, math.nan, math.nan)
+    north_m: float = math.nan
+    east_m: float = math.nan
     down_m: float = math.nan
     height_t_s: float = math.nan
     height_m: float = math.nan
@@ -161,9 +163,10 @@ def _attitude(state: AutopilotState, it: Any, received_s: float) -> AutopilotSta
 
 
 def _local_position(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
-    _finite(it.z, it.vx, it.vy, it.vz, bound=1e5)
+    _finite(it.x, it.y, it.z, it.vx, it.vy, it.vz, bound=1e6)
     state, t_s = _clock(state, it.time_boot_ms, received_s)
-    return replace(state, velocity_t_s=t_s, velocity_in_ned_mps=(it.vx, it.vy, it.vz), down_m=it.z)
+    velocity = (it.vx, it.vy, it.vz)
+    return replace(state, velocity_t_s=t_s, velocity_in_ned_mps=velocity, north_m=it.x, east_m=it.y, down_m=it.z)
 
 
 def _global_position(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401

@@ -1,0 +1,40 @@
+"""`shipland identify`: what full sticks mean on a vehicle, from a log of its flight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class Identify:
+    """Find what full sticks mean, time constants and delay of a vehicle from a flight log in which every stick moved.
+
+    Writes a TOML file that `shipland fly --vehicle-config` takes, for the simulated aircraft too.
+
+    Example: shipland identify out/flight/flight.mcap --out vehicle.toml
+    """
+
+    log: Annotated[Path, tyro.conf.Positional]
+    """flight.mcap of a flight with telemetry of attitude and velocity."""
+    out: Path = Path("vehicle.toml")
+    """TOML file; written over."""
+    uplink_s: float = 0.02
+    """Part of the delay that is the link's."""
+
+    def run(self) -> int:
+        """Identify, print the table, write the file."""
+        from shipland.errors import DataError
+        from shipland.missions.identify import identify
+        from shipland.record.reader import read_log
+
+        found = identify(read_log(self.log).records)
+        print(found.table())
+        try:
+            self.out.write_text(f"# shipland identify {self.log.name}\n{found.toml(self.uplink_s)}", encoding="utf-8")
+        except OSError as error:
+            raise DataError(f"{self.out} cannot be written: {error.strerror}") from None
+        return 0

@@ -1,0 +1,240 @@
+"""What full sticks mean on a vehicle, how fast it answers and how late, from a log of its flight.
+
+Each axis is taken for a first-order lag behind a dead time: the stick that was sent, held until the next one, makes a
+tilt, a speed or a rate. Gain and bias follow by least squares for every pair of lag and dead time; the pair with the
+smallest residual is taken. An axis whose stick was hardly moved tells nothing and is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from shipland.errors import DataError
+from shipland.frames import GRAVITY_MPS2, Array
+from shipland.messages import FlightRecord
+
+LEAST_STICK_PERCENT = 3.0
+"""Standard deviation of a stick below which its axis is left out."""
+LEAST_EXPLAINED = 0.3
+"""Share of the variance that the sticks must explain, or the axis is left out."""
+_STEP_S = 0.01
+_LEAST_ROWS = 50
+
+
+@dataclass(frozen=True)
+class FirstOrder:
+    """A fitted axis.
+
+    Attributes:
+        full: steady value at full stick.
+        lag_s: time constant.
+        delay_s: from the command's being ready to the first reaction.
+        explained: share of the variance that it explains.
+    """
+
+    full: float
+    lag_s: float
+    delay_s: float
+    explained: float
+
+
+@dataclass(frozen=True)
+class Identified:
+    """A vehicle's response; None for an axis that the flight tells nothing of.
+
+    Attributes:
+        kind: `attitude` or `velocity`: which of the two the sticks explain better.
+        level: pitch and roll together: tilt [rad] or speed [m/s].
+        climb: [m/s].
+        turn: [rad/s].
+        drag_per_s: deceleration for a metre per second; None for the kind velocity.
+    """
+
+    kind: str
+    level: FirstOrder | None
+    climb: FirstOrder | None
+    turn: FirstOrder | None
+    drag_per_s: float | None
+
+    def toml(self, uplink_s: float) -> str:
+        """The table `[response.…]` that a pilot takes; what is not known is left to the defaults.
+
+        Args:
+            uplink_s: part of the delay that is the link's.
+        """
+        lines = [f"[response.{self.kind}]"]
+        if self.level is not None:
+            name = "max_tilt_rad" if self.kind == "attitude" else "max_speed_mps"
+            lines += [f"{name} = {self.level.full:.4f}"]
+            lag_s = self.level.lag_s
+            if self.kind == "velocity":
+                lines += [f"servo_per_s = {1.0 / lag_s:.4f}"]
+            else:
+                lines += [f"lag_s = {lag_s:.4f}"]
+            lines += [f"uplink_s = {uplink_s:.4f}", f"dead_time_s = {max(0.0, self.level.delay_s - uplink_s):.4f}"]
+        if self.drag_per_s is not None:
+            lines += [f"drag_per_s = {self.drag_per_s:.4f}"]
+        for name, axis, unit in (("climb", self.climb, "mps"), ("turn", self.turn, "rad_s")):
+            if axis is not None:
+                lines += [f"max_{name}_{unit} = {axis.full:.4f}", f"{name}_lag_s = {axis.lag_s:.4f}"]
+        return "\n".join(lines) + "\n"
+
+    def table(self) -> str:
+        """For people, as Markdown."""
+        rows = ["| axis | at full stick | lag [s] | delay [s] | explained |", "|---|---:|---:|---:|---:|"]
+        unit = "rad of tilt" if self.kind == "attitude" else "m/s"
+        for name, axis, what in (
+            ("level", self.level, unit),
+            ("climb", self.climb, "m/s"),
+            ("turn", self.turn, "rad/s"),
+        ):
+            if axis is None:
+                rows.append(f"| {name} | not moved enough, or not answered | | | |")
+            else:
+                share = f"{100.0 * axis.explained:.0f} %"
+                rows.append(f"| {name} | {axis.full:.3f} {what} | {axis.lag_s:.3f} | {axis.delay_s:.3f} | {share} |")
+        return "\n".join(rows)
+
+
+def identify(records: Sequence[FlightRecord]) -> Identified:
+    """The response of the vehicle that flew these rows.
+
+    Raises:
+        DataError: too few rows in flight, or sticks that were never moved.
+    """
+    rows = [record for record in records if record.telemetry.flying]
+    if len(rows) < _LEAST_ROWS:
+        raise DataError(f"the log holds {len(rows)} cycles in flight; at least {_LEAST_ROWS} are needed")
+    commands = [row.decision.command for row in rows]
+    sent_s = np.array([command.t_s for command in commands])
+    pitch, roll, heave, yaw = (
+        0.01 * np.array([getattr(command, f"{name}_percent") for command in commands])
+        for name in ("pitch", "roll", "heave", "yaw")
+    )
+    velocity_s, velocity = _velocity(rows)
+    tilt_s, tilt = _tilt(rows)
+    level_tilt = _best([_fit(sent_s, pitch, tilt_s, -tilt[:, 1]), _fit(sent_s, roll, tilt_s, tilt[:, 0])])
+    level_speed = _best(
+        [_fit(sent_s, pitch, velocity_s, velocity[:, 0]), _fit(sent_s, roll, velocity_s, velocity[:, 1])]
+    )
+    heading_s, heading_rad = _heading(rows)
+    climb, turn = (
+        _fit(sent_s, heave, velocity_s, -velocity[:, 2]),
+        _fit(sent_s, yaw, heading_s, heading_rad, summed=True),
+    )
+    if level_tilt is None and level_speed is None and climb is None and turn is None:
+        raise DataError("no stick was moved enough, or nothing answered; fly a log in which every stick moves")
+    by_speed = level_speed is not None and (level_tilt is None or level_speed.explained > level_tilt.explained)
+    if by_speed:
+        return Identified("velocity", level_speed, climb, turn, None)
+    return Identified("attitude", level_tilt, climb, turn, _drag(tilt_s, tilt, velocity_s, velocity))
+
+
+def _fit(sent_s: Array, stick: Array, t_s: Array, values: Array, summed: bool = False) -> FirstOrder | None:
+    """The lag that explains values (n,) at times (n,) by a stick (m,) in −1 … 1; `summed`: their rate follows it."""
+    if len(t_s) < _LEAST_ROWS or 100.0 * float(np.std(stick)) < LEAST_STICK_PERCENT:
+        return None
+    grid_s = np.arange(sent_s[0], sent_s[-1] + _STEP_S, _STEP_S)
+    held = stick[np.clip(np.searchsorted(sent_s, grid_s, side="right") - 1, 0, len(stick) - 1)]
+    inside = (t_s > sent_s[0] + 1.0) & (t_s < sent_s[-1])
+    t_s, values = t_s[inside], values[inside]
+    spread = float(np.var(values)) if len(values) else 0.0
+    if spread <= 0.0:
+        return None
+
+    def solved(lag_s: float, delay_s: float) -> tuple[float, float]:
+        """Gain, and the share of variance left."""
+        followed = _lagged(held, lag_s)
+        answer = np.interp(t_s - delay_s, grid_s, np.cumsum(followed) * _STEP_S if summed else followed)
+        basis = np.column_stack([answer, np.ones_like(answer)])
+        found = np.linalg.lstsq(basis, values, rcond=None)[0]
+        return float(found[0]), float(np.mean((basis @ found - values) ** 2)) / spread
+
+    starts = [(lag_s, delay_s) for lag_s in (0.1, 0.4, 1.5) for delay_s in (0.05, 0.3)]
+    begin = np.array(min(starts, key=lambda pair: solved(*pair)[1]))
+
+    def left_over(x: Array) -> float:
+        return solved(*_bounded(x))[1]
+
+    lag_s, delay_s = _bounded(minimize(left_over, begin, method="Nelder-Mead", options={"maxiter": 150}).x)
+    full, left = solved(lag_s, delay_s)
+    if full <= 0.0 or 1.0 - left < LEAST_EXPLAINED:
+        return None
+    return FirstOrder(full, lag_s, delay_s, 1.0 - left)
+
+
+def _bounded(x: Array) -> tuple[float, float]:
+    """Lag and delay of a search's point: positive, and no later than two seconds."""
+    return abs(float(x[0])) + 1e-3, min(abs(float(x[1])), 2.0)
+
+
+def _lagged(values: Array, lag_s: float) -> Array:
+    """A first-order lag of evenly spaced values (n,)."""
+    from scipy.signal import lfilter
+
+    keep = math.exp(-_STEP_S / lag_s)
+    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])[0])
+
+
+def _best(found: list[FirstOrder | None]) -> FirstOrder | None:
+    """The mean of two axes that should be alike, weighted by what they explain."""
+    known = [axis for axis in found if axis is not None]
+    if not known:
+        return None
+    weights = np.array([axis.explained for axis in known])
+    mean = [float(np.average([getattr(axis, name) for axis in known], weights=weights)) for name in vars(known[0])]
+    return FirstOrder(*mean)
+
+
+def _changes(times_s: Array, values: Array) -> tuple[Array, Array]:
+    """Rows whose time is after the one before: telemetry comes less often than cycles."""
+    known = np.isfinite(times_s) & np.isfinite(values).reshape(len(values), -1).all(axis=1)
+    times_s, values = times_s[known], values[known]
+    new = np.concatenate([[True], np.diff(np.maximum.accumulate(times_s)) > 0.0]) if len(times_s) else np.zeros(0, bool)
+    return times_s[new], values[new]
+
+
+def _velocity(rows: list[FlightRecord]) -> tuple[Array, Array]:
+    """Times and forward-right-down velocities of telemetry."""
+    nothing = np.full(3, np.nan)
+    times_s = np.array([_time(row.telemetry.velocity_t_s, row.telemetry.t_s) for row in rows])
+    velocity = [row.telemetry.velocity_in_level_mps for row in rows]
+    return _changes(times_s, np.array([nothing if value is None else value for value in velocity]))
+
+
+def _tilt(rows: list[FlightRecord]) -> tuple[Array, Array]:
+    """Times, and roll and pitch."""
+    times_s = np.array([_time(row.telemetry.attitude_t_s, row.telemetry.t_s) for row in rows])
+    angles = [(row.telemetry.roll_rad, row.telemetry.pitch_rad) for row in rows]
+    return _changes(times_s, np.array([[math.nan if angle is None else angle for angle in pair] for pair in angles]))
+
+
+def _heading(rows: list[FlightRecord]) -> tuple[Array, Array]:
+    """Times and headings, without jumps; a rate of noisy readings would drown in them."""
+    times_s = np.array([_time(row.telemetry.heading_t_s, row.telemetry.t_s) for row in rows])
+    headings = np.array([math.nan if row.telemetry.heading_rad is None else row.telemetry.heading_rad for row in rows])
+    times_s, headings = _changes(times_s, headings)
+    return times_s, np.unwrap(headings)
+
+
+def _time(part_s: float | None, all_s: float) -> float:
+    return all_s if part_s is None else part_s
+
+
+def _drag(tilt_s: Array, tilt: Array, velocity_s: Array, velocity: Array) -> float | None:
+    """Deceleration for a metre per second, from speeds that the tilts do not explain; a steady wind is the bias."""
+    if len(velocity_s) < _LEAST_ROWS or len(tilt_s) < 2:
+        return None
+    middle_s, step_s = 0.5 * (velocity_s[1:] + velocity_s[:-1]), np.diff(velocity_s)
+    found = []
+    for angle, sign, axis in ((1, -1.0, 0), (0, 1.0, 1)):
+        push = GRAVITY_MPS2 * np.tan(sign * np.interp(middle_s, tilt_s, tilt[:, angle]))
+        gained = np.diff(velocity[:, axis]) / step_s
+        basis = np.column_stack([0.5 * (velocity[1:, axis] + velocity[:-1, axis]), np.ones_like(push)])
+        found.append(-float(np.linalg.lstsq(basis, gained - push, rcond=None)[0][0]))
+    return max(0.0, float(np.mean(found)))

@@ -1,0 +1,125 @@
+"""Our vision for an autopilot's own landing and estimator: LANDING_TARGET and VISION_POSITION_ESTIMATE."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.frames import Array, rotation_from_euler
+from shipland.messages import BarPose, Observation
+from shipland.vehicles.mavlink import MavlinkVehicle
+from shipland.vehicles.mavlink_dialect import Message, dialect
+from shipland.vehicles.mavlink_state import PX4, AutopilotState
+from shipland.vision.vision import Vision, see_or_degrade
+
+_LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01
+"""Standard deviations that are told at least: an outlier that is believed costs more than a wait."""
+_LEVEL_STD_RAD = 0.02
+"""Of roll and pitch, which are the autopilot's own."""
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """Where things are.
+
+    Attributes:
+        camera_in_body_m: (3,) optical centre.
+        pad_in_bar_m: (3,) where to land: the deck's centre at rest.
+    """
+
+    camera_in_body_m: Array
+    pad_in_bar_m: Array
+
+
+def aircraft_in_bar(pose: BarPose, state: AutopilotState, mounting: Mounting) -> Array:
+    """(3,) the aircraft's centre in `bar` [m]; a camera beside it is taken off with the aircraft's attitude."""
+    level_from_body = rotation_from_euler(state.roll_rad, state.pitch_rad, 0.0)
+    bar_from_level = rotation_from_euler(0.0, 0.0, pose.yaw_rad)
+    return np.asarray(pose.position_in_bar_m - bar_from_level @ level_from_body @ mounting.camera_in_body_m)
+
+
+def landing_target(pose: BarPose, state: AutopilotState, mounting: Mounting, time_us: int) -> Message:
+    """LANDING_TARGET of the pad: in BODY_FRD for an ArduPilot, in LOCAL_NED for a PX4, which takes no other.
+
+    Args:
+        pose: of the camera.
+        state: of the autopilot at the exposure.
+        mounting: see there.
+        time_us: exposure.
+    """
+    to_pad_in_bar = mounting.pad_in_bar_m - aircraft_in_bar(pose, state, mounting)
+    to_pad_in_level = rotation_from_euler(0.0, 0.0, pose.yaw_rad).T @ to_pad_in_bar
+    if state.autopilot == PX4:
+        frame = dialect.MAV_FRAME_LOCAL_NED
+        place = rotation_from_euler(0.0, 0.0, state.heading_rad) @ to_pad_in_level
+        place = place + np.array([state.north_m, state.east_m, state.down_m])
+    else:
+        frame = dialect.MAV_FRAME_BODY_FRD
+        place = rotation_from_euler(state.roll_rad, state.pitch_rad, 0.0).T @ to_pad_in_level
+    forward, right, down = to_pad_in_level.tolist()
+    x, y, z = place.tolist()
+    return dialect.MAVLink_landing_target_message(
+        time_us, 0, frame, math.atan2(right, max(down, 1e-3)), math.atan2(-forward, max(down, 1e-3)),
+        float(np.linalg.norm(to_pad_in_bar)), 0.0, 0.0, x, y, z, [1.0, 0.0, 0.0, 0.0],
+        dialect.LANDING_TARGET_TYPE_VISION_OTHER, 1,
+    )  # fmt: skip
+
+
+def position_estimate(pose: BarPose, state: AutopilotState, mounting: Mounting, time_us: int) -> Message:
+    """VISION_POSITION_ESTIMATE from the cue's centre, north-east-down; every covariance is finite.
+
+    Args:
+        pose: of the camera.
+        state: of the autopilot at the exposure.
+        mounting: see there.
+        time_us: exposure.
+    """
+    ned_from_bar = rotation_from_euler(0.0, 0.0, state.heading_rad - pose.yaw_rad)
+    north, east, down = (ned_from_bar @ aircraft_in_bar(pose, state, mounting)).tolist()
+    spread = ned_from_bar @ pose.covariance[:3, :3] @ ned_from_bar.T
+    full = np.zeros((6, 6))
+    full[:3, :3] = np.where(np.isfinite(spread), spread, 0.0)
+    full[:3, :3] += _LEAST_STD_M**2 * np.eye(3)
+    yaw = float(pose.covariance[3, 3])
+    full[3, 3] = full[4, 4] = _LEVEL_STD_RAD**2
+    full[5, 5] = (yaw if math.isfinite(yaw) else 1.0) + _LEAST_STD_RAD**2
+    return dialect.MAVLink_vision_position_estimate_message(
+        time_us, north, east, down, state.roll_rad, state.pitch_rad, state.heading_rad,
+        full[np.triu_indices(6)].tolist(), 0,
+    )  # fmt: skip
+
+
+def publish(
+    vehicle: MavlinkVehicle,
+    vision: Vision,
+    mounting: Mounting,
+    with_position: bool,
+    on_frame: Callable[[Observation], None],
+) -> int:
+    """Look and publish until the camera ends; how many poses were sent. Never commands.
+
+    Args:
+        vehicle: connected, never opened.
+        vision: near vision.
+        mounting: see there.
+        with_position: whether the position estimate is sent as well.
+        on_frame: sees every observation.
+    """
+    sent = 0
+    while (frame := vehicle.look(2.0)) is not None:
+        seen = see_or_degrade(vision, frame)
+        on_frame(seen)
+        state = vehicle.session.state
+        if seen.bar_pose is None or not math.isfinite(state.heading_rad):
+            continue
+        # the autopilot's clock: what it has said of it, and the exposure's age since
+        exposed_us = int(1e6 * max(0.0, state.boot_s - (time.monotonic() - frame.t_s)))
+        vehicle.session.link.send(landing_target(seen.bar_pose, state, mounting, exposed_us))
+        if with_position:
+            vehicle.session.link.send(position_estimate(seen.bar_pose, state, mounting, exposed_us))
+        sent += 1
+    return sent

@@ -1,0 +1,89 @@
+"""What full sticks mean, found from flights."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shipland.errors import ConfigError, DataError
+from shipland.guidance.response import ANAFI_LIKE
+from shipland.messages import Decision, FlightRecord, Frame, GimbalAttitude, Observation, PilotCommand, Telemetry
+from shipland.missions.crew import build_vehicle, response_of
+from shipland.missions.identify import identify
+from shipland.missions.outside import identified
+from shipland.missions.scenarios import load_scenario
+
+
+def flown(kind: str, seconds: float = 40.0) -> Iterator[FlightRecord]:
+    """The simulated aircraft, far from the ship, with sticks that change each second or so."""
+    scenario = load_scenario(
+        "near",
+        aircraft={"loop": {"kind": kind, "velocity_reference": "ground"}},
+        start={"distance_m": 300.0, "height_m": 40.0},
+        delays={"telemetry": {"profile": "mavlink"}},
+    )
+    vehicle, rng = build_vehicle(scenario, 4, None), np.random.default_rng(9)
+    vehicle.open()
+    sticks, until_s = np.zeros(4), 0.0
+    while (pair := vehicle.read()) is not None and pair[1].t_s < seconds:
+        frame, telemetry = pair
+        if telemetry.t_s >= until_s:
+            until_s = telemetry.t_s + rng.uniform(0.6, 1.6)
+            sticks = rng.choice([-60.0, -30.0, 30.0, 60.0], 4)
+        command = PilotCommand(telemetry.t_s + 0.03, *sticks.tolist(), 0.0)
+        vehicle.send(command)
+        yield FlightRecord(frame, telemetry, Observation(frame.t_s, frame.gimbal), Decision(command, None, ""), None)
+    vehicle.close()
+
+
+def test_the_attitude_loop_is_found() -> None:
+    found = identify(list(flown("attitude")))
+    assert found.kind == "attitude"
+    assert found.level is not None and found.climb is not None and found.turn is not None
+    assert math.degrees(found.level.full) == pytest.approx(15.0, rel=0.1)
+    assert found.level.lag_s + found.level.delay_s == pytest.approx(0.2, abs=0.08)
+    assert found.climb.full == pytest.approx(1.0, rel=0.15)
+    assert math.degrees(found.turn.full) == pytest.approx(40.0, rel=0.15)
+    assert found.drag_per_s == pytest.approx(0.3, abs=0.2)
+
+
+def test_the_velocity_loop_is_found() -> None:
+    found = identify(list(flown("velocity")))
+    assert found.kind == "velocity"
+    assert found.level is not None
+    assert found.level.full == pytest.approx(7.5, rel=0.25)
+    assert found.level.explained > 0.7
+
+
+def test_what_is_found_goes_through_the_door(tmp_path: Path) -> None:
+    path = tmp_path / "vehicle.toml"
+    found = identify(list(flown("attitude")))
+    path.write_text(found.toml(0.025), encoding="utf-8")
+    assumed = response_of(load_scenario("near"))
+    taken = identified(path, assumed)
+    assert found.level is not None
+    assert taken.max_tilt_rad == pytest.approx(found.level.full, abs=1e-4)
+    assert taken.hold_below_percent == assumed.hold_below_percent
+    assert "15" in found.table() or "rad of tilt" in found.table()
+    with pytest.raises(ConfigError, match="velocity"):
+        identified(path, replace(ANAFI_LIKE, kind="velocity", max_speed_mps=5.0, servo_per_s=1.0))
+
+
+def test_a_flight_that_tells_nothing_is_refused() -> None:
+    still = [
+        FlightRecord(
+            Frame(t_s, None, GimbalAttitude(0.0, 0.0)),
+            Telemetry(t_s, 0.0, 0.0, 0.0, 1.0, np.zeros(3), None, None, True),
+            Observation(t_s, GimbalAttitude(0.0, 0.0)),
+            Decision(PilotCommand(t_s, 0.0, 0.0, 0.0, 0.0, 0.0), None, ""),
+            None,
+        )
+        for t_s in np.arange(0.0, 10.0, 0.1).tolist()
+    ]
+    with pytest.raises(DataError, match="no stick"):
+        identify(still)
+    with pytest.raises(DataError, match="at least 50"):
+        identify(still[:10])

@@ -1,0 +1,58 @@
+"""Our vision in an autopilot's words."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pymavlink")
+
+from shipland.frames import rotation_from_euler
+from shipland.messages import BarPose
+from shipland.missions.publish import Mounting, landing_target, position_estimate
+from shipland.vehicles.mavlink_state import ARDUPILOT, PX4, AutopilotState
+
+CAMERA_M = np.array([0.1, 0.0, 0.02])
+PAD_M = np.array([-2.0, 0.3, 0.8])
+PLACE_M, YAW = np.array([-4.0, -0.5, -1.0]), 0.2
+"""The aircraft in `bar`, and its heading there."""
+STATE = AutopilotState(
+    autopilot=ARDUPILOT, roll_rad=0.1, pitch_rad=-0.15, heading_rad=1.0, north_m=50.0, east_m=60.0, down_m=-7.0
+)
+
+
+def pose(covariance: np.ndarray | None = None) -> BarPose:
+    level_from_body = rotation_from_euler(STATE.roll_rad, STATE.pitch_rad, 0.0)
+    camera_m = PLACE_M + rotation_from_euler(0.0, 0.0, YAW) @ level_from_body @ CAMERA_M
+    spread = 1e-4 * np.eye(4) if covariance is None else covariance
+    return BarPose(camera_m, YAW, spread, 0.2, np.zeros((8, 2)))
+
+
+MOUNTING = Mounting(CAMERA_M, PAD_M)
+
+
+def test_an_ardupilot_is_told_in_its_body() -> None:
+    message = landing_target(pose(), STATE, MOUNTING, 123)
+    bar_from_body = rotation_from_euler(STATE.roll_rad, STATE.pitch_rad, YAW)
+    assert message.frame == 12
+    assert message.position_valid == 1
+    assert PLACE_M + bar_from_body @ np.array([message.x, message.y, message.z]) == pytest.approx(PAD_M, abs=1e-6)
+    assert message.distance == pytest.approx(float(np.linalg.norm(PAD_M - PLACE_M)))
+
+
+def test_a_px4_is_told_in_its_local_frame() -> None:
+    message = landing_target(pose(), replace(STATE, autopilot=PX4), MOUNTING, 123)
+    assert message.frame == 1
+    ned_from_bar = rotation_from_euler(0.0, 0.0, STATE.heading_rad - YAW)
+    wanted = np.array([50.0, 60.0, -7.0]) + ned_from_bar @ (PAD_M - PLACE_M)
+    assert np.array([message.x, message.y, message.z]) == pytest.approx(wanted, abs=1e-6)
+
+
+def test_covariances_are_finite_whatever_the_pose_says() -> None:
+    message = position_estimate(pose(np.full((4, 4), math.nan)), STATE, MOUNTING, 1)
+    assert np.isfinite(message.covariance).all()
+    assert len(message.covariance) == 21
+    assert min(message.covariance[index] for index in (0, 6, 11, 15, 18, 20)) > 0.0
+    ned_from_bar = rotation_from_euler(0.0, 0.0, STATE.heading_rad - YAW)
+    assert np.array([message.x, message.y, message.z]) == pytest.approx(ned_from_bar @ PLACE_M, abs=1e-6)
