@@ -61,7 +61,7 @@ def name_of(command: type[Command]) -> str:
 
 
 def main() -> None:
-    """Entry point: one line for every error of ours, exit 2; Ctrl-C leaves what was done in order, exit 130."""
+    """Entry point. An error prints one line, exit 2; after Ctrl-C or SIGTERM the files are complete, exit 130."""
     subcommands: Any = tuple(Annotated[it, tyro.conf.subcommand(name_of(it))] for it in COMMANDS)
     any_command: Any = Union[subcommands]  # noqa: UP007 - made at run time
     command: Command = tyro.cli(
@@ -69,8 +69,11 @@ def main() -> None:
         prog="shipland",
         description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.",
     )
+    from shipland.missions.workers import stoppable
+
     try:
-        code = command.run()
+        with stoppable():
+            code = command.run()
     except ShiplandError as error:
         print(f"shipland: {' '.join(str(error).split())}", file=sys.stderr)
         code = 2
@@ -79,6 +82,10 @@ def main() -> None:
         code = 130
     except BrokenPipeError:
         code = 1
+    except OSError as error:  # a full disk, a missing permission
+        where = f"{error.filename}: " if error.filename else ""
+        print(f"shipland: {where}{error.strerror or error}", file=sys.stderr)
+        code = 2
     raise SystemExit(code)
 
 

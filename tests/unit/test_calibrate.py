@@ -131,3 +131,18 @@ def test_photographed_boards(tmp_path):
     assert 705.0 <= result.camera.focal_px <= 715.0  # px, what others found
     assert result.rms_px < 0.5
     assert len(result.views) >= 12
+
+
+@pytest.mark.parametrize(
+    ("printed_charuco", "asked", "words"),
+    [
+        (False, Board("8x5", SQUARE_M), "shows 9x6: give --board 9x6"),
+        (False, Board("9x6", SQUARE_M, charuco=True), "shows 9x6: give --board 9x6 without --charuco"),
+        (True, Board("8x5", SQUARE_M), "shows markers: give --charuco"),
+        (True, Board("8x5", SQUARE_M, charuco=True), "shows markers: give --board as many as it has"),
+    ],
+)
+def test_another_board_than_described_is_named(printed_charuco, asked, words, tmp_path):
+    cv2.imwrite(str(tmp_path / "view.png"), photograph(board_texture(printed_charuco), VIEWS[0]))
+    with pytest.raises(DataError, match=words):
+        calibrate((tmp_path,), asked, tmp_path / "camera.yaml")

@@ -1,10 +1,13 @@
 """The command line: answers at once, teaches, and turns every bad input into one line and exit code 2."""
 
 import json
+import signal
 import subprocess
 import sys
 
 import pytest
+
+from shipland.record.reader import read_log
 
 HEAVY = ("mujoco", "moderngl", "matplotlib", "cv2", "av", "foxglove", "scipy", "openvino", "torch", "numpy")
 
@@ -62,6 +65,10 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
         (("campaign", "--count", "0"), "at least 1"),
         (("motion", "--set", "ship.sea.sea_state=9"), "sea_state"),
         (("fly", "--seed", "-1"), "0 or more"),
+        (("campaign", "--first-seed", "-1"), "0 or more"),
+        (("motion", "--seed", "-1"), "0 or more"),
+        (("campaign", "--out", "file.txt/out"), "cannot be written"),
+        (("see", "picture.png", "--csv", "file.txt/poses.csv"), "poses.csv: Not a directory"),
         (("compare", "here", "there"), "holds no campaign"),
         (("see", "missing.png"), "missing.png"),
         (("see", "picture.png", "--camera", "missing.yaml"), "missing.yaml"),
@@ -91,7 +98,49 @@ def test_see_prints_one_json_line_a_picture(tmp_path):
     assert done.returncode == 0
     line = json.loads(done.stdout)
     assert list(line) == [
-        "file", "found", "reason", "distance_m", "position_in_bar_m", "yaw_deg", "reprojection_px", "corners_px",
+        "file", "t_s", "found", "reason", "distance_m", "position_in_bar_m", "yaw_deg", "covariance", "reprojection_px",
+        "corners_px",
     ]  # fmt: skip
+    assert "camera: 1280 × 720 px" in done.stderr
     assert line["found"] is False
     assert line["reason"]
+
+
+def test_a_full_disk_is_one_line_after_the_flight(tmp_path):
+    (tmp_path / "flight.mcap").symlink_to("/dev/full")
+    short = ("--set", "time_limit_s=2", "--vision", "geometric", "--no-video")
+    done = shipland("fly", *short, "--out", tmp_path)
+    assert done.returncode == 2
+    *_, last = done.stderr.strip().splitlines()
+    assert last.startswith("shipland: the flight is not on record as asked: log given up:")
+    assert "No space left on device" in last
+    assert done.stderr.count("No space left") == 1
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == ["timing.json"]
+
+
+def test_sigterm_leaves_what_ctrl_c_leaves(tmp_path):
+    words = ["fly", "--vision", "geometric", "--no-video", "--out", str(tmp_path)]
+    with subprocess.Popen([sys.executable, "-m", "shipland.cli", *words], stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert "SEARCH" in process.stderr.readline()  # it flies
+            process.send_signal(signal.SIGTERM)
+            said = process.stderr.read()
+            assert process.wait(60.0) == 130
+        finally:
+            process.kill()
+    assert "interrupted" in said and "Traceback" not in said
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "flight.mcap", "plots.png", "summary.json", "timing.json",
+    ]  # fmt: skip
+    assert read_log(tmp_path / "flight.mcap").complete
+
+
+def test_a_campaign_says_how_far_it_is_where_there_is_no_terminal(tmp_path):
+    code = (
+        "from shipland.commands import campaign; campaign._PROGRESS_S = 0.0; "
+        "from shipland.cli import main; main()"
+    )  # fmt: skip
+    words = ["campaign", "--set", "time_limit_s=1", "--count", "2", "--workers", "1", "--out", str(tmp_path)]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=120)
+    assert "1 of 2 flown, 0 in the square" in done.stderr
+    assert "2 of 2 flown" in done.stderr

@@ -1,7 +1,9 @@
 """Boxes for files: JSON lines, drawings, and clear errors."""
 
 import json
+from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 
 import av
 import cv2
@@ -12,9 +14,11 @@ from shipland.errors import DataError
 from shipland.learning.export import write_onnx
 from shipland.learning.yolov3 import ConvWeights, random_weights, yolov3_layers
 from shipland.messages import Box
+from shipland.report.drawings import Drawings, draw_boxes
 from shipland.vision.far.decode import Decoding, DetectorSpec
 from shipland.vision.far.detector import Detector, detector_parameters
-from shipland.vision.far.files import DetectResult, detect_paths, draw_boxes
+from shipland.vision.far.files import COLUMNS, DetectResult, detect_paths
+from shipland.vision.pictures import FilePicture
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +46,13 @@ def weights(tmp_path_factory):
 def detect(paths, weights, confidence=None, out=None):
     settings = replace(detector_parameters(), threads=1)
     confidence = settings.acquire_confidence if confidence is None else confidence
-    return list(detect_paths(paths, Detector.load(str(weights), settings), confidence, out))
+    results = []
+    with Drawings(out) if out is not None else nullcontext() as drawings:
+        for result in detect_paths(paths, Detector.load(str(weights), settings), confidence):
+            results.append(result)
+            if drawings is not None:
+                drawings.add(result.picture, draw_boxes(result.picture.image, result.boxes))
+    return results
 
 
 @pytest.fixture
@@ -60,9 +70,9 @@ def test_boxes_are_corner_and_size_in_pixels(weights, pictures):
     All six centres lie in the picture itself, the lowest at row 48.
     """
     results = detect((pictures,), weights)
-    assert [result.file for result in results] == [str(pictures / "a.jpg"), str(pictures / "b.png")]
+    assert [result.picture.name for result in results] == [str(pictures / "a.jpg"), str(pictures / "b.png")]
     line = json.loads(json.dumps(results[0].to_json()))
-    assert set(line) == {"file", "boxes"}
+    assert set(line) == {"file", "t_s", "boxes"}
     assert len(line["boxes"]) == 6
     corners = sorted((box["x"], box["y"]) for box in line["boxes"])
     # Middles at 16, 48, 80 and 16, 48; a tenth of a pixel for bf16.
@@ -70,6 +80,7 @@ def test_boxes_are_corner_and_size_in_pixels(weights, pictures):
     np.testing.assert_allclose(corners, wanted, atol=0.1)
     assert line["boxes"][0]["w"] == pytest.approx(24.0, abs=0.2)
     assert line["boxes"][0]["class"] == "ship"
+    assert [set(row) for row in results[0].to_rows()] == [set(COLUMNS)] * 6
     assert 0.9 < line["boxes"][0]["confidence"] <= 1.0
     assert "ship 9" in results[0].to_line()
 
@@ -109,7 +120,8 @@ def test_video_keeps_its_pictures_and_times(weights, tmp_path):
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
     results = detect((film,), weights, out=tmp_path / "out")
-    assert [result.file[-7:] for result in results] == [f"#{number:06d}" for number in range(5)]
+    assert [result.picture.name[-7:] for result in results] == [f"#{number:06d}" for number in range(5)]
+    np.testing.assert_allclose([result.to_json()["t_s"] for result in results], np.arange(5) / 10.0, atol=1e-3)
     with av.open(str(tmp_path / "out" / "film.mp4")) as container:
         times = [frame.time for frame in container.decode(video=0)]
     np.testing.assert_allclose(times, np.arange(5) / 10.0, atol=1e-3)
@@ -127,7 +139,9 @@ def test_bad_input_is_named(weights, pictures, tmp_path):
 
 
 def test_result_without_boxes_is_a_line_too():
-    assert DetectResult("p.jpg", ()).to_json() == {"file": "p.jpg", "boxes": []}
+    empty = DetectResult(FilePicture("p.jpg", Path("p.jpg"), np.zeros((1, 1, 3), np.uint8)), ())
+    assert empty.to_json() == {"file": "p.jpg", "t_s": None, "boxes": []}
+    assert empty.to_rows() == [{"file": "p.jpg", "t_s": None}]
 
 
 def test_a_broken_picture_does_not_end_the_rest(weights, pictures, tmp_path):
@@ -136,6 +150,6 @@ def test_a_broken_picture_does_not_end_the_rest(weights, pictures, tmp_path):
     told = []
     paths = (tmp_path / "none.jpg", tmp_path / "film.mp4", pictures)
     detector = Detector.load(str(weights), replace(detector_parameters(), threads=1))
-    results = list(detect_paths(paths, detector, 0.5, None, lambda path, _: told.append(path.name)))
-    assert [result.file[-5:] for result in results] == ["a.jpg"[-5:], "b.png"[-5:]]
+    results = list(detect_paths(paths, detector, 0.5, lambda path, _: told.append(path.name)))
+    assert [result.picture.name[-5:] for result in results] == ["a.jpg"[-5:], "b.png"[-5:]]
     assert told == ["none.jpg", "film.mp4", "aa.jpg"]

@@ -1,5 +1,6 @@
 """Pictures, folders and videos through the near vision; and real photographs, where they are at hand."""
 
+import csv
 import json
 from pathlib import Path
 
@@ -9,12 +10,19 @@ import pytest
 
 from pictures import Look, bar_picture, camera_from_bar
 from shipland.camera import Camera
+from shipland.commands.see import See
 from shipland.errors import ConfigError, DataError
+from shipland.messages import Decision, FlightRecord, Frame, GimbalAttitude, Observation, PilotCommand, Telemetry
+from shipland.record.info import FlightInfo
+from shipland.record.writer import LogParameters, LogWriter
 from shipland.rig import Target, default_rig
-from shipland.vision.near.files import default_camera, see_paths
-from shipland.vision.pictures import read_picture
+from shipland.vision.near.files import COLUMNS, default_camera, see_paths
+from shipland.vision.pictures import pictures_of, read_picture, read_video
 
-KEYS = ["file", "found", "reason", "distance_m", "position_in_bar_m", "yaw_deg", "reprojection_px", "corners_px"]
+KEYS = [
+    "file", "t_s", "found", "reason", "distance_m", "position_in_bar_m", "yaw_deg", "covariance", "reprojection_px",
+    "corners_px",
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +49,7 @@ def assert_found(result, tolerance_m=0.01):
     assert json_line["distance_m"] == pytest.approx(np.linalg.norm([6.0, 0.4, 0.2]), abs=tolerance_m)
     assert json_line["yaw_deg"] == pytest.approx(np.degrees(0.05), abs=1.5)  # JPEG among them
     assert np.shape(json_line["corners_px"]) == (8, 2)
+    assert np.linalg.eigvalsh(json_line["covariance"]).min() > 0.0
     json.dumps(json_line, allow_nan=False)
     assert " m away" in result.to_line()
 
@@ -49,7 +58,7 @@ def test_a_picture(tmp_path, bar_image):
     path = write(tmp_path / "bär 1.png", bar_image)
     (result,) = see(path)
     assert_found(result)
-    assert result.file == str(path)
+    assert result.picture.name == str(path)
 
 
 def test_one_without_the_cue(tmp_path):
@@ -58,7 +67,7 @@ def test_one_without_the_cue(tmp_path):
     assert list(json_line) == KEYS
     assert not json_line["found"]
     assert json_line["reason"] == "nothing in the picture passes the colour gate"
-    assert [json_line[key] for key in KEYS[3:]] == [None] * 5
+    assert [json_line[key] for key in KEYS[4:]] == [None] * 6
     assert result.to_line().endswith("not found: nothing in the picture passes the colour gate")
 
 
@@ -67,7 +76,7 @@ def test_a_folder_by_name_and_nothing_but_pictures(tmp_path, bar_image):
         write(tmp_path / name, bar_image)
     (tmp_path / "notes.txt").write_text("no picture")
     results = see(tmp_path)
-    assert [Path(result.file).name for result in results] == ["C.PNG", "a.jpg", "b.png"]
+    assert [Path(result.picture.name).name for result in results] == ["C.PNG", "a.jpg", "b.png"]
     for result in results:
         assert_found(result)
 
@@ -111,8 +120,52 @@ def make_video(path, images, codec="libx264"):
 def test_a_video(tmp_path, bar_image):
     path = make_video(tmp_path / "approach.mp4", [np.roll(bar_image, 3 * index, axis=1) for index in range(4)])
     results = see(path)
-    assert [result.file for result in results] == [f"{path}#{index:06d}" for index in range(4)]
+    assert [result.picture.name for result in results] == [f"{path}#{index:06d}" for index in range(4)]
     assert [result.observation.reason for result in results] == [""] * 4
+    assert [result.to_json()["t_s"] for result in results] == pytest.approx([0.0, 1 / 30, 2 / 30, 0.1], abs=1e-4)
+    (row,) = results[3].to_rows()
+    assert set(row) == set(COLUMNS)
+    assert row["forward_m"] == pytest.approx(-6.0, abs=0.1)
+    assert 0.0 < row["right_sd_m"] < 0.1
+
+
+def test_a_picture_of_144_million_pixels_is_refused_at_once(tmp_path):
+    path = write(tmp_path / "huge.png", np.zeros((9000, 16000), np.uint8))
+    with pytest.raises(DataError, match="16000 × 9000 px; expected at most 50 million"):
+        see(path)
+
+
+def test_a_flight_log_is_seen_with_its_times_and_camera(tmp_path, bar_image, capsys):
+    path = log_of(tmp_path, [bar_image, bar_image])
+    out = tmp_path / "drawn"
+    assert See((path,), csv=tmp_path / "poses.csv", out=out).run() == 0
+    said = capsys.readouterr()
+    assert f"as {path} has it" in said.err
+    with (tmp_path / "poses.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["t_s"]) for row in rows] == pytest.approx([5.0, 5.1])
+    assert [row["found"] for row in rows] == ["True", "True"]
+    assert float(rows[0]["distance_m"]) == pytest.approx(6.02, abs=0.03)
+    ((_, drawn), _) = read_video(out / "log.mp4")
+    assert drawn.shape == (720, 1280, 3)
+    with pytest.raises(DataError, match="keeps no pictures"):
+        list(pictures_of([log_of(tmp_path, [None])]))
+
+
+def log_of(folder, images):
+    """A log of cycles a tenth of a second apart, from 5 s on."""
+    parameters = LogParameters(image_rate_hz=30.0, image_width_px=1280, image_quality=95)
+    info = FlightInfo("near", 1, "paper", "0", "0", 0.3)
+    with LogWriter(folder / "log.mcap", info, default_rig(), default_camera(), parameters) as log:
+        for index, image in enumerate(images):
+            t_s = 5.0 + 0.1 * index
+            frame = Frame(t_s, image, GimbalAttitude(0.0, 0.0))
+            telemetry = Telemetry(t_s, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
+            command = PilotCommand(t_s, 0.0, 0.0, 0.0, 0.0, 0.0)
+            seen = Observation(t_s, frame.gimbal)
+            log.append(FlightRecord(frame, telemetry, seen, Decision(command, None, "", None), None))
+        log.finish(None)
+    return folder / "log.mcap"
 
 
 def test_another_calibration_and_another_target(tmp_path, bar_image, camera, rig):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,6 +68,10 @@ class Campaign(ScenarioOptions):
         return CampaignPlan(scenario, cell.pilot, self.vision, seeds, out, self.workers, self.logs, command_line())
 
 
+_PROGRESS_S = 10.0
+"""Between two lines of progress where there is no terminal."""
+
+
 def _fly(plan: CampaignPlan) -> list[Landing]:
     from contextlib import closing
 
@@ -81,13 +86,17 @@ def _fly(plan: CampaignPlan) -> list[Landing]:
     console = Console(stderr=True, highlight=False)
     landings: list[Landing] = []
     columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console) as progress:
+    said_s = time.monotonic()
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task("landings", total=len(plan.seeds))
         with closing(run_campaign(plan)) as flown:
             for landing in flown:
                 landings.append(landing)
                 good = sum(each.good for each in landings)
                 progress.update(task, advance=1, description=f"{good} of {len(landings)} in the square")
+                if not console.is_terminal and time.monotonic() - said_s > _PROGRESS_S:
+                    said_s = time.monotonic()
+                    console.print(f"{len(landings)} of {len(plan.seeds)} flown, {good} in the square")
     write_campaign(plan, landings)
     print(f"{landings_table(landings)}\n\n{rules_table(landings, plan.scenario.rig)}")
     console.print(f"{plan.out}: landings.csv, campaign.json, table.md, landings.png")

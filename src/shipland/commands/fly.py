@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shipland.commands.options import ScenarioOptions, checked_seed, command_line
+from shipland.errors import DataError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -23,7 +24,7 @@ class Fly(ScenarioOptions):
     """Fly one landing, in the simulator or on a vehicle, and judge the touchdown where the truth is known.
 
     Leaves flight.mcap (opens in Foxglove), flight.mp4, plots.png, summary.json and timing.json in the output folder.
-    Exit code: 0 landed in the square, 1 not, 2 bad input.
+    Exit code: 0 landed in the square, 1 not, 2 bad input or an output that could not be written.
 
     A vehicle outside is checked first: every line of the checklist is printed, and one that is not in order ends the
     command. In flight, in a terminal: h holds, c climbs out, r gives the vehicle back to the pilot.
@@ -87,9 +88,9 @@ class Fly(ScenarioOptions):
                 keys=None if vehicle is None else Keys(),
                 response=response,
             )
-        for problem in flight.problems:
-            console.print(f"warning: {problem}")
         _report(console, self, flight)
+        if flight.problems:
+            raise DataError(f"the flight is not on record as asked: {'; '.join(flight.problems)}")
         return 0 if flight.landed else 1
 
     def _outside(self, address: str, scenario: Scenario, console: Console) -> Vehicle:

@@ -1,42 +1,60 @@
-"""`shipland see`: the near vision on pictures and videos."""
+"""`shipland see`: the near vision on pictures, videos and flight logs."""
 
 from __future__ import annotations
 
-import json
+import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING
 
-import tyro
+from shipland.commands.pictures import PictureOptions, Results
+
+if TYPE_CHECKING:
+    from shipland.camera import Camera
 
 
 @dataclass(frozen=True)
-class See:
-    """Find the cue in pictures or a video with the same near vision that flies.
+class See(PictureOptions):
+    """Find the cue in pictures, videos or a flight log with the same near vision that flies.
 
-    One JSON line a picture: file, found, reason, distance_m, position_in_bar_m, yaw_deg, reprojection_px, corners_px.
+    One JSON line a picture: file, t_s (time in its video), found, reason, distance_m, position_in_bar_m, yaw_deg,
+    covariance (4 × 4 of forward, right, down [m] and yaw [rad]), reprojection_px, corners_px.
 
-    Example: shipland see photo.jpg --target bar.toml --camera calibration.yaml --json
+    Example: shipland see film.mp4 --target bar.toml --camera calibration.yaml --csv poses.csv --out out/drawn
     """
 
-    paths: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Pictures, folders of pictures, videos."""
     target: Path | None = None
     """TOML with one [[quad]] a quadrilateral, corners_m = [[right, down], …] in metres from the cue's origin, in the
     order top-left, top-right, bottom-right, bottom-left. Default: the rig's bar."""
     camera: Path | None = None
-    """OpenCV calibration YAML. Default: the rig's camera."""
-    json: bool = False
-    """JSON lines instead of a table for people."""
+    """OpenCV calibration YAML. Default: the camera in the log, else the rig's camera."""
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""
-        from shipland.camera import Camera
+        from shipland.report.drawings import draw_observation
         from shipland.rig import Target, default_rig
-        from shipland.vision.near.files import default_camera, see_paths
+        from shipland.vision.near.files import COLUMNS, see_paths
 
         target = default_rig().target if self.target is None else Target.from_file(self.target)
-        camera = default_camera() if self.camera is None else Camera.from_opencv_yaml(self.camera)
-        for result in see_paths(self.paths, target, camera):
-            print(json.dumps(result.to_json()) if self.json else result.to_line(), flush=True)
+        camera, whose = self._camera()
+        with Results(self, COLUMNS) as results:
+            for number, result in enumerate(see_paths(self.paths, target, camera)):
+                if number == 0:
+                    size = f"{camera.width_px} × {camera.height_px} px, focal length {camera.focal_px:.0f} px"
+                    print(f"camera: {size}, {whose}", file=sys.stderr)
+                results.add(result, lambda it=result: draw_observation(it.picture.image, it.observation))  # type: ignore[misc]
         return 0
+
+    def _camera(self) -> tuple[Camera, str]:
+        """The camera that is assumed, and where it comes from."""
+        from shipland.camera import Camera
+        from shipland.record.reader import read_log
+        from shipland.vision.near.files import default_camera
+        from shipland.vision.pictures import is_log
+
+        if self.camera is not None:
+            return Camera.from_opencv_yaml(self.camera), f"from {self.camera}"
+        for path in self.paths:
+            if is_log(path):
+                return read_log(path).header.camera, f"as {path} has it"
+        return default_camera(), "that of the packaged configuration; --camera gives another"

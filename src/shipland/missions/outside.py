@@ -22,13 +22,13 @@ from shipland.guidance.pilot import Pilot
 from shipland.guidance.response import Response
 from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.missions.scenarios import Scenario
-from shipland.record.pictures import read_pictures
 from shipland.record.reader import read_log
 from shipland.sim.state import SceneState
 from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.checks import Check, PreflightParameters, Real
 from shipland.vehicles.replay import Recorded, ReplayVehicle, recorded_video
 from shipland.vehicles.vehicle import Vehicle, Witness
+from shipland.vision.log_pictures import read_pictures
 from shipland.vision.pictures import is_video
 
 

@@ -41,7 +41,9 @@ from shipland.record.columns import Derived, derive
 from shipland.record.info import FORMAT_VERSION, FlightInfo, LogHeader
 from shipland.record.reader import FLIGHT_TOPIC, HEADER_TOPIC, VERDICT_TOPIC
 from shipland.record.rows import json_schema, to_row
+from shipland.record.sink import Sink
 from shipland.rig import Rig
+from shipland.vision.log_pictures import IMAGE_TOPIC
 
 
 @dataclass(frozen=True)
@@ -76,21 +78,19 @@ class LogWriter:
         self._context = Context()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._writer = foxglove.open_mcap(
-                path,
-                allow_overwrite=True,
-                context=self._context,
-                writer_options=MCAPWriteOptions(compression_threads=0),
-            )
+            self._sink = Sink(path)
         except OSError as error:
-            raise DataError(f"flight log {path} cannot be written: {error}") from None
+            raise DataError(f"flight log {path} cannot be written: {error.strerror}") from None
+        self._writer = foxglove.open_mcap(
+            self._sink, context=self._context, writer_options=MCAPWriteOptions(compression_threads=0)
+        )
         self._header = self._json_channel(HEADER_TOPIC, LogHeader, "shipland.Header")
         self._flight = self._json_channel(FLIGHT_TOPIC, FlightRecord, "shipland.Flight", derived=True)
         self._verdict = self._json_channel(VERDICT_TOPIC, TouchdownVerdict, "shipland.Verdict")
         self._transforms = channels.FrameTransformsChannel("/tf", context=self._context)
         self._aircraft = channels.PoseInFrameChannel("/pose/aircraft", context=self._context)
         self._camera_pose = channels.PoseInFrameChannel("/pose/camera", context=self._context)
-        self._image = channels.CompressedImageChannel("/camera/image", context=self._context)
+        self._image = channels.CompressedImageChannel(IMAGE_TOPIC, context=self._context)
         self._calibration = channels.CameraCalibrationChannel("/camera/calibration", context=self._context)
         self._annotations = channels.ImageAnnotationsChannel("/camera/annotations", context=self._context)
         self._scene = channels.SceneUpdateChannel("/scene", context=self._context)
@@ -101,7 +101,8 @@ class LogWriter:
         self._started = self._closed = False
 
     def append(self, record: FlightRecord) -> None:
-        """Write one cycle."""
+        """Write one cycle; DataError when the file can no longer be written."""
+        self._sink.check()
         self._time_ns = time_ns = scene.nanoseconds(record.frame.t_s)
         if not self._started:
             self._start()
@@ -126,7 +127,7 @@ class LogWriter:
             self._say(f"{decision.mode.name}: {decision.reason}", "pilot", LogLevel.Info)
 
     def finish(self, verdict: TouchdownVerdict | None) -> None:
-        """Write the verdict and close."""
+        """Write the verdict and close; DataError when something could not be written."""
         if not self._closed:
             if not self._started:
                 self._start()
@@ -141,6 +142,8 @@ class LogWriter:
         if not self._closed:
             self._closed = True
             self._writer.close()
+            self._sink.close()
+            self._sink.check()
 
     def __enter__(self) -> LogWriter:
         return self

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -85,7 +86,7 @@ class Recorder:
             DataError: the folder or the log cannot be written.
         """
         self.folder, self.problems, self.summary = folder, [], None
-        self._finished = False
+        self._finished = self._log_failed = False
         self._flown: FlightLog | None = None
         self._parameters = parameters
         self._cost_s = {"log": 0.0, "video": 0.0, "chase": 0.0}
@@ -124,8 +125,9 @@ class Recorder:
         for name, output in list(self._outputs.items()):
             self._attempt(name, partial(output.finish, verdict))
         self._close()
-        self._attempt("summary", partial(self._write_summary, end))
-        self._attempt("plots", self._write_plots)
+        if not self._log_failed:  # they are made from the log
+            self._attempt("summary", partial(self._write_summary, end))
+            self._attempt("plots", self._write_plots)
         self._attempt("timing", partial(self._write_timing, cost_s or {}))
         return self.summary
 
@@ -149,11 +151,16 @@ class Recorder:
         try:
             act()
         except Exception as error:
-            self.problems.append(f"{name} given up: {str(error) or type(error).__name__}")
+            self._note(name, str(error) or type(error).__name__)
             output = self._outputs.pop(name, None)
             if output is not None:
-                self._attempt(f"closing {name}", output.close)
+                with suppress(Exception):  # what stopped it is noted
+                    output.close()
         self._cost_s[name] = self._cost_s.get(name, 0.0) + time.perf_counter() - started_s
+
+    def _note(self, name: str, why: str) -> None:
+        self._log_failed |= name == "log"
+        self.problems.append(f"{name} given up: {why}")
 
     def _timed_chase(self, chase: Chase) -> Chase:
         def timed(truth: GroundTruth) -> Image:

@@ -7,6 +7,7 @@ import enum
 import json
 import re
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -173,6 +174,8 @@ def write_json(path: Path, value: object) -> None:
     try:
         path.write_text(text + "\n", encoding="utf-8")
     except OSError as error:
+        with suppress(OSError):
+            path.unlink()
         raise DataError(f"{path} cannot be written: {error.strerror}") from None
 
 

@@ -42,6 +42,9 @@ _CELLS = (8, 6)
 _COVERED = 0.6
 """Share of 8 × 6 cells of the picture with a corner in them, from which there is no warning."""
 
+_LOOKED_AT = 5
+"""Pictures that are searched for another board when the one described is in none."""
+
 _SEARCH = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
 _UNTIL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
 
@@ -163,9 +166,10 @@ def calibrate(paths: Sequence[Path], board: Board, out: Path) -> Calibration:
         found.append((str(path), (image.shape[1], image.shape[0]), finder(image)))
     sizes = Counter(size for _, size, view in found if view is not None)
     if not sizes:
+        instead = _seen_instead([Path(file) for file, _, _ in found], board.charuco)
         raise DataError(
             f"the board was found in none of {len(found)} pictures; expected {board.corners} inner corners "
-            f"({'with' if board.charuco else 'without'} markers): count the corners where four squares meet"
+            f"({'with' if board.charuco else 'without'} markers){instead}"
         )
     size = sizes.most_common(1)[0][0]
     why: dict[int, str] = {}
@@ -255,6 +259,23 @@ def _pictures(paths: Sequence[Path]) -> Iterator[Path]:
         raise DataError("nothing to calibrate from; give pictures of the board or a folder of them")
     for path in paths:
         yield from picture_files(path) if path.is_dir() else [path]
+
+
+def _seen_instead(files: Sequence[Path], charuco: bool) -> str:
+    """What board the first pictures show; where none, how to count."""
+    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_1000)
+    markers = cv2.aruco.ArucoDetector(family)
+    for file in files[:_LOOKED_AT]:
+        grey = cv2.cvtColor(read_picture(file), cv2.COLOR_BGR2GRAY)
+        if markers.detectMarkers(grey)[1] is not None:
+            advice = "give --board as many as it has, and its --dictionary" if charuco else "give --charuco"
+            return f"; {file} shows markers: {advice}"
+        good, _, meta = cv2.findChessboardCornersSBWithMeta(grey, (3, 3), _SEARCH | cv2.CALIB_CB_LARGER)
+        if good:
+            down, across = sorted(meta.shape[:2])
+            without = " without --charuco" if charuco else ""
+            return f"; {file} shows {across}x{down}: give --board {across}x{down}{without}"
+    return ": count the corners where four squares meet"
 
 
 def _finder(board: Board) -> Finder:

@@ -12,11 +12,18 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.errors import DataError
+from shipland.vision.log_pictures import read_pictures
 
 Picture = npt.NDArray[np.uint8]
 
 PICTURE_SUFFIXES = frozenset({".bmp", ".jp2", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp"})
 """What is taken from a folder."""
+
+LOG_SUFFIX = ".mcap"
+"""What is read as a flight log with pictures."""
+
+LARGEST_PX = 50_000_000
+"""A larger picture is refused: looking at it takes the near vision more than ten seconds."""
 
 VIDEO_SUFFIXES = frozenset({".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".ts", ".webm"})
 """What is read as a video; every other file is read as a picture."""
@@ -30,8 +37,9 @@ class FilePicture:
         name: the file's path as given; of a video's picture, with `#` and its number from 000000.
         source: the file.
         image: (H,W,3) BGR.
-        t_s: time in its video; 0 for a single picture.
+        t_s: time in its video or log; 0 for a single picture.
         follows: it comes after the one before in a video.
+        of: pictures in its video, as the file says; 0 where it does not.
     """
 
     name: str
@@ -39,11 +47,32 @@ class FilePicture:
     image: Picture
     t_s: float = 0.0
     follows: bool = False
+    of: int = 0
+
+    @property
+    def stamp_s(self) -> float | None:
+        """Its time in its video or log [s]; None for a single picture."""
+        return round(self.t_s, 6) if is_film(self.source) else None
+
+    @property
+    def progress(self) -> str:
+        """How far its video is, in words."""
+        return f"{self.t_s:.1f} s" + (f", {self.of} pictures in all" if self.of else "")
 
 
 def is_video(path: Path) -> bool:
     """Whether a file is read as a video."""
     return path.suffix.lower() in VIDEO_SUFFIXES
+
+
+def is_log(path: Path) -> bool:
+    """Whether a file is read as a flight log."""
+    return path.suffix.lower() == LOG_SUFFIX
+
+
+def is_film(path: Path) -> bool:
+    """Whether a file is read as a video or a flight log: pictures with times."""
+    return is_video(path) or is_log(path)
 
 
 def pictures_of(
@@ -52,7 +81,7 @@ def pictures_of(
     """The pictures of files, in the order given; a folder's pictures by name, a video's in time.
 
     Args:
-        paths: pictures, folders of pictures, videos.
+        paths: pictures, folders of pictures, videos, flight logs.
         broken: is told of a picture or video that is missing or broken, and the rest follows; None raises.
 
     Raises:
@@ -63,9 +92,10 @@ def pictures_of(
     files = itertools.chain.from_iterable(picture_files(path) if path.is_dir() else [path] for path in paths)
     for path in files:
         try:
-            if is_video(path):
-                for index, (t_s, image) in enumerate(read_video(path)):
-                    yield FilePicture(f"{path}#{index:06d}", path, image, t_s, index > 0)
+            if is_film(path):
+                of = 0 if is_log(path) else _count_of(path)
+                for index, (t_s, image) in enumerate(_read_log(path) if is_log(path) else read_video(path)):
+                    yield FilePicture(f"{path}#{index:06d}", path, image, t_s, index > 0, of)
             else:
                 yield FilePicture(str(path), path, read_picture(path))
         except DataError as error:
@@ -105,7 +135,34 @@ def read_picture(path: Path) -> Picture:
             cv2.utils.logging.setLogLevel(level)
     if image is None:
         raise DataError(f"{path} is not a whole picture; expected JPEG, PNG, TIFF, BMP, WebP or PNM")
+    height_px, width_px = image.shape[:2]
+    if width_px * height_px > LARGEST_PX:
+        raise DataError(
+            f"{path} has {width_px} × {height_px} px; expected at most {LARGEST_PX / 1e6:.0f} million: shrink "
+            "it, or cut out what is to be looked at"
+        )
     return np.asarray(image, np.uint8)
+
+
+def _read_log(path: Path) -> Iterator[tuple[float, Picture]]:
+    """Time [s] and picture of each that a flight log keeps; DataError when there is none."""
+    count = 0
+    for time_ns, image in read_pictures(path):
+        yield 1e-9 * time_ns, image
+        count += 1
+    if count == 0:
+        raise DataError(f"{path} keeps no pictures (its log.image_rate_hz was 0, or it is no flight log)")
+
+
+def _count_of(path: Path) -> int:
+    """Pictures in a video as its file says; 0 where it does not."""
+    import av
+
+    try:
+        with av.open(str(path)) as container:
+            return int(container.streams.video[0].frames) if container.streams.video else 0
+    except (av.error.FFmpegError, OSError):
+        return 0
 
 
 def _breaks_off(data: bytes) -> bool:

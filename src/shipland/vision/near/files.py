@@ -19,17 +19,23 @@ from shipland.vision.pictures import FilePicture, pictures_of
 _UNKNOWN_GIMBAL = GimbalAttitude(0.0, 0.0)
 """A file does not say how its camera was held; the near vision is told not to use it."""
 
+COLUMNS = (
+    "file", "t_s", "found", "reason", "distance_m", "forward_m", "right_m", "down_m", "yaw_deg", "forward_sd_m",
+    "right_sd_m", "down_sd_m", "yaw_sd_deg", "reprojection_px",
+)  # fmt: skip
+"""Of the table; the place is the camera's in `bar`."""
+
 
 @dataclass(frozen=True)
 class SeeResult:
     """What was found in one picture.
 
     Attributes:
-        file: its path as given; of a video's picture, with `#` and its number from 000000.
+        picture: where.
         observation: what the near vision says of it.
     """
 
-    file: str
+    picture: FilePicture
     observation: Observation
 
     @property
@@ -41,24 +47,40 @@ class SeeResult:
         """For a JSON line; what is not known is None. Lengths to 0.1 mm, angles to 0.0001°, pixels to 0.001."""
         pose = self.observation.bar_pose
         return {
-            "file": self.file,
+            "file": self.picture.name,
+            "t_s": self.picture.stamp_s,
             "found": pose is not None,
             "reason": self.observation.reason,
             "distance_m": None if pose is None else round(float(np.linalg.norm(pose.position_in_bar_m)), 4),
             "position_in_bar_m": None if pose is None else np.round(pose.position_in_bar_m, 4).tolist(),
             "yaw_deg": None if pose is None else round(float(np.degrees(pose.yaw_rad)), 4),
+            "covariance": None if pose is None else [[float(f"{c:.9g}") for c in row] for row in pose.covariance],
             "reprojection_px": None if pose is None else round(pose.reprojection_px, 4),
             "corners_px": None if pose is None else np.round(pose.corners_px, 3).tolist(),
         }
+
+    def to_rows(self) -> list[dict[str, object]]:
+        """For a table: one row; deviations are the roots of the covariance's diagonal."""
+        pose, found = self.observation.bar_pose, self.to_json()
+        row = {
+            name: found[name] for name in ("file", "t_s", "found", "reason", "distance_m", "yaw_deg", "reprojection_px")
+        }
+        if pose is not None:
+            spread = np.sqrt(np.diag(pose.covariance))
+            values = [*pose.position_in_bar_m, *spread[:3], np.degrees(spread[3])]
+            row |= {
+                name: round(float(value), 5) for name, value in zip(COLUMNS[5:8] + COLUMNS[9:13], values, strict=True)
+            }
+        return [row]
 
     def to_line(self) -> str:
         """For people."""
         pose = self.observation.bar_pose
         if pose is None:
-            return f"{self.file}: not found: {self.observation.reason}"
+            return f"{self.picture.name}: not found: {self.observation.reason}"
         forward_m, right_m, down_m = pose.position_in_bar_m
         return (
-            f"{self.file}: {float(np.linalg.norm(pose.position_in_bar_m)):.3f} m away; "
+            f"{self.picture.name}: {float(np.linalg.norm(pose.position_in_bar_m)):.3f} m away; "
             f"camera {-forward_m:.3f} m astern, {abs(right_m):.3f} m {'right' if right_m >= 0.0 else 'left'}, "
             f"{abs(down_m):.3f} m {'below' if down_m >= 0.0 else 'above'}; "
             f"yaw {np.degrees(pose.yaw_rad):+.2f}°; reprojection {pose.reprojection_px:.2f} px"
@@ -103,7 +125,7 @@ class _Eyes:
         vision = self._by_size[size]
         if not picture.follows:
             vision.reset()
-        return SeeResult(picture.name, vision.see(Frame(picture.t_s, picture.image, _UNKNOWN_GIMBAL)))
+        return SeeResult(picture, vision.see(Frame(picture.t_s, picture.image, _UNKNOWN_GIMBAL)))
 
     def _camera_at(self, name: str, width_px: int, height_px: int) -> Camera:
         camera = self._camera

@@ -1,0 +1,90 @@
+"""What `see` and `detect` share: files in; lines, JSON, CSV and drawings out."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
+
+import tyro
+
+if TYPE_CHECKING:
+    from shipland.vision.pictures import FilePicture, Picture
+
+_PROGRESS_S = 5.0
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """Which pictures, and what becomes of the results."""
+
+    paths: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Pictures, folders of pictures, videos, flight logs (.mcap) that keep pictures."""
+    json: bool = False
+    """JSON lines instead of lines for people."""
+    csv: Path | None = None
+    """Table of the results, a row each; commas between, one line of column names."""
+    out: Path | None = None
+    """Folder for the pictures and videos with the results drawn on them."""
+
+
+class Result(Protocol):
+    """What was found in one picture."""
+
+    @property
+    def picture(self) -> FilePicture:
+        """Where."""
+
+    def to_json(self) -> dict[str, object]:
+        """For a JSON line."""
+
+    def to_line(self) -> str:
+        """For people."""
+
+    def to_rows(self) -> Sequence[Mapping[str, object]]:
+        """For the table."""
+
+
+class Results:
+    """Takes results one by one; a context manager.
+
+    Where standard output is no terminal, standard error says every few seconds how far it is.
+    """
+
+    def __init__(self, options: PictureOptions, columns: Sequence[str]) -> None:
+        self._options, self._columns = options, columns
+        self._stack = ExitStack()
+        self._table: csv.DictWriter[str] | None = None
+        self._drawings: Any = None
+        self._said_s = time.monotonic()
+
+    def __enter__(self) -> Results:
+        from shipland.report.drawings import Drawings
+
+        if self._options.csv is not None:
+            file = self._stack.enter_context(self._options.csv.open("w", newline="", encoding="utf-8"))
+            self._table = csv.DictWriter(file, self._columns, lineterminator="\n")
+            self._table.writeheader()
+        if self._options.out is not None:
+            self._drawings = self._stack.enter_context(Drawings(self._options.out))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def add(self, result: Result, drawn: Callable[[], Picture]) -> None:
+        """Print, tabulate and draw one; `drawn` is called where drawings are asked for."""
+        print(json.dumps(result.to_json()) if self._options.json else result.to_line(), flush=True)
+        if self._table is not None:
+            self._table.writerows(result.to_rows())
+        if self._drawings is not None:
+            self._drawings.add(result.picture, drawn())
+        if not sys.stdout.isatty() and time.monotonic() - self._said_s > _PROGRESS_S:
+            self._said_s = time.monotonic()
+            print(f"{result.picture.name}: {result.picture.progress}", file=sys.stderr, flush=True)

@@ -1,0 +1,126 @@
+"""Pictures and videos with what was found drawn on them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from shipland.errors import DataError
+from shipland.messages import Box, Observation
+from shipland.report.overlay import draw_sight
+from shipland.vision.pictures import FilePicture, Picture, is_film
+
+_GREEN_BGR, _DARK_BGR = (80, 230, 40), (20, 20, 20)
+
+
+class Drawings:
+    """The folder that drawings go to; a context manager. Pictures become .jpg, videos and logs .mp4 with their times.
+
+    Args:
+        out: the folder, made when it does not exist.
+    """
+
+    def __init__(self, out: Path) -> None:
+        self._out = out
+        self._taken: set[Path] = set()
+        self._video = _VideoOut(None)
+
+    def __enter__(self) -> Drawings:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._video.close()
+
+    def add(self, picture: FilePicture, drawn: Picture) -> None:
+        """Write `drawn` in the place of `picture`; DataError when another file's drawing is there."""
+        if is_film(picture.source):
+            if not picture.follows:
+                self._video.close()
+                self._video = _VideoOut(self._place(picture.source, ".mp4"))
+            self._video.write(drawn, picture.t_s)
+        else:
+            place = self._place(picture.source, ".jpg")
+            place.write_bytes(cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes())
+
+    def _place(self, source: Path, suffix: str) -> Path:
+        self._out.mkdir(parents=True, exist_ok=True)
+        place = self._out / f"{source.stem}{suffix}"
+        if place in self._taken or (place.exists() and place.samefile(source)):
+            raise DataError(f"{source} would be drawn over {place}: give files of one name in separate runs")
+        self._taken.add(place)
+        return place
+
+
+def draw_observation(picture: Picture, observation: Observation) -> Picture:
+    """A copy of a picture (h,w,3) BGR with the corners of the cue and a line of text below."""
+    drawn = picture.copy()
+    draw_sight(drawn, observation, 1.0)
+    pose = observation.bar_pose
+    text = f"not found: {observation.reason}"
+    if pose is not None:
+        forward_m, right_m, down_m = pose.position_in_bar_m
+        place = f"{-forward_m:.2f} m astern, {right_m:+.2f} m right, {down_m:+.2f} m down"
+        text = f"{place}, {np.degrees(pose.yaw_rad):+.1f} deg"
+    _write(drawn, text, (12, drawn.shape[0] - 14))
+    return drawn
+
+
+def draw_boxes(picture: Picture, boxes: tuple[tuple[Box, str], ...]) -> Picture:
+    """A copy of a picture (h,w,3) BGR with frames just outside the boxes, each with its class and confidence."""
+    drawn = picture.copy()
+    scale = _scale(drawn)
+    for box, name in boxes:
+        centre, half = np.array(box.centre_px), 0.5 * np.array(box.size_px) + 2.0 * scale
+        left, top, right, bottom = (int(value) for value in np.round([*(centre - half), *(centre + half)]))
+        for colour, thick in ((_DARK_BGR, 3 * scale), (_GREEN_BGR, scale)):
+            cv2.rectangle(drawn, (left, top), (right, bottom), colour, thick)
+        above = top - 6 * scale if top > 24 * scale else bottom + 18 * scale
+        _write(drawn, f"{name} {100.0 * box.confidence:.0f} %", (left, above))
+    return drawn
+
+
+def _scale(picture: Picture) -> int:
+    return int(max(1, round(picture.shape[1] / 1280)))
+
+
+def _write(picture: Picture, text: str, place_px: tuple[int, int]) -> None:
+    scale = _scale(picture)
+    for colour, thick in ((_DARK_BGR, 3 * scale), (_GREEN_BGR, scale)):
+        cv2.putText(picture, text, place_px, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * scale, colour, thick, cv2.LINE_AA)
+
+
+class _VideoOut:
+    """An H.264 file that opens with its first picture; nothing without a path."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self._container: Any = None
+        self._stream: Any = None
+        self._first_s = 0.0
+
+    def close(self) -> None:
+        """Write what is left."""
+        if self._container is not None:
+            for packet in self._stream.encode():
+                self._container.mux(packet)
+            self._container.close()
+            self._container = None
+
+    def write(self, picture: Picture, t_s: float) -> None:
+        """Add a picture at its time after the first one's; sides are cut to even numbers."""
+        import av
+
+        height, width = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2
+        if self._container is None:
+            self._container, self._first_s = av.open(str(self._path), "w"), t_s
+            self._stream = self._container.add_stream("libx264", rate=30)
+            self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
+            self._stream.time_base = self._stream.codec_context.time_base = Fraction(1, 90000)
+        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:height, :width]), format="bgr24")
+        frame.pts, frame.time_base = round(90000 * (t_s - self._first_s)), Fraction(1, 90000)
+        for packet in self._stream.encode(frame):
+            self._container.mux(packet)
