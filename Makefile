@@ -22,7 +22,7 @@ setup-run:
 	@tools/setup.sh run
 
 demo: setup-run ## fly from 250 m to a ship in sea state 6, camera in the loop: video, plots and log in out/demo/
-	$(BIN)/shipland fly --scenario demo --pilot offset_free --out out/demo $(ARGS)
+	$(BIN)/shipland fly --scenario demo --pilot horizon --out out/demo $(ARGS)
 
 test: setup ## run the tests; ARGS='-k frames' for some of them
 	$(BIN)/pytest -n 2 -p randomly $(ARGS)

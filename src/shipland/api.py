@@ -87,7 +87,7 @@ class Flight(Flown):
 def fly(
     scenario: Scenario | str | Path,
     *,
-    pilot: str | Factory = "paper",
+    pilot: str | Factory = "horizon",
     vision: str | Factory = "geometric",
     seed: int = 1,
     out: str | Path | None = None,
@@ -170,7 +170,7 @@ class Campaign:
 def campaign(
     scenario: Scenario | str | Path,
     *,
-    pilot: str | Factory = "paper",
+    pilot: str | Factory = "horizon",
     vision: str | Factory = "geometric",
     seeds: Sequence[int] = range(1, 21),
     workers: int | None = None,

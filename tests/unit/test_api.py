@@ -43,7 +43,7 @@ def test_a_log_and_its_summary_say_what_was_flown(tmp_path):
     info = read_log(tmp_path / "flight.mcap").header.info
     assert load_scenario(json.loads(info.configuration)) == scenario
     assert config_digest(json.loads(info.configuration)) == info.config_digest
-    assert (info.pilot, info.vision, info.command) == ("paper", "geometric", "shipland fly --seed 3")
+    assert (info.pilot, info.vision, info.command) == ("horizon", "geometric", "shipland fly --seed 3")
     assert info.code_version.startswith(shipland.__version__)
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert load_scenario(summary["configuration"]) == scenario

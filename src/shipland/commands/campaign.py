@@ -27,7 +27,7 @@ class Campaign(ScenarioOptions):
     Example: shipland campaign --scenario near --count 20 --out out/near20
     """
 
-    pilot: str = "paper"
+    pilot: str = "horizon"
     """Who flies, as in `shipland fly`; several with commas between."""
     vision: str = "geometric"
     """As in `shipland fly`."""

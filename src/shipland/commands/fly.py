@@ -34,8 +34,8 @@ class Fly(ScenarioOptions):
         --calibration camera.yaml --pilot horizon
     """
 
-    pilot: str = "paper"
-    """Who flies: `paper` is the published system, `offset_free` ours; your own as `module:factory`."""
+    pilot: str = "horizon"
+    """Who flies: `horizon` is ours, `paper` the published system; your own as `module:factory`."""
     vision: str = "rendered"
     """`rendered`: vision on drawn pictures; `geometric`: true corners with vision's errors, at a fraction of the
     cost; your own as `module:factory`."""
