@@ -94,5 +94,5 @@ def test_geometric_camera_errs_as_the_rendered_one(distance_m):
             vehicle.close()
             scene.close()
     rendered, geometric = (np.sqrt(np.mean(np.square(errors[name]))) for name in ("rendered", "geometric"))
-    # At 3 m the rendered camera's error is a bias of 5 mm in range, what is left of the edges' growth; it is not modelled.
+    # At 3 m the rendered camera's error is a bias of 5 mm in range, left over from the edges' growth: not modelled.
     assert 0.4 < geometric / rendered < 2.0, (rendered, geometric)
