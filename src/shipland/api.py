@@ -23,6 +23,7 @@ from shipland.messages import FlightRecord
 from shipland.missions.campaign import Flight as FlightJob
 from shipland.missions.campaign import land_once
 from shipland.missions.crew import build_crew, build_scene, build_vehicle
+from shipland.missions.faults import with_faults
 from shipland.missions.fly import Flown, flight_info
 from shipland.missions.landing import COLUMNS, Landing, row_of
 from shipland.missions.outside import KeyedPilot, Keys
@@ -33,6 +34,7 @@ from shipland.missions.workers import run_jobs, stoppable
 from shipland.record.columns import FlightColumns
 from shipland.report.chase import chase_view
 from shipland.report.outputs import Recorder, load_outputs
+from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import Vehicle, Witness
 
 __all__ = ["Campaign", "Flight", "campaign", "fly", "load_scenario", "without_pictures"]
@@ -126,6 +128,8 @@ def fly(
             stack.callback(scene.close)
         flown = vehicle or build_vehicle(scenario, seed, scene if pictures else None)
         crew = build_crew(scenario, flown, pilot, vision, seed, response)
+        if isinstance(flown, SimulatedVehicle):
+            flown, crew = with_faults(scenario, flown, crew, seed)
         if keys is not None:
             crew = replace(crew, pilot=KeyedPilot(crew.pilot, stack.enter_context(keys.listening())))
         recorder = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import logging
 from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -15,6 +16,8 @@ from shipland.vehicles.checks import Ending
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.vehicle import Vehicle, Witness
 from shipland.vision.vision import Vision, see_or_degrade
+
+_log = logging.getLogger(__name__)
 
 
 class Stage(enum.Enum):
@@ -79,6 +82,17 @@ class FlightResult:
     cost_s: dict[Stage, float] = field(default_factory=lambda: dict.fromkeys(Stage, 0.0))
 
 
+def decide_or_degrade(
+    crew: Crew, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None
+) -> Decision:
+    """What the pilot decides; if it raises, the safety's own decision, and the traceback in the log."""
+    try:
+        return crew.pilot.decide(observation, telemetry, sent)
+    except Exception as error:  # whatever a foreign pilot raises
+        _log.exception("pilot failed at %.3f s", telemetry.t_s)
+        return crew.safety.without_pilot(f"pilot failed: {type(error).__name__}: {error}", telemetry, sent)
+
+
 def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generator[Cycle]:
     """Fly cycle by cycle until the vehicle gives no more frames.
 
@@ -115,7 +129,7 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
             telemetry = vehicle.telemetry_at(ready_s)
             border = border.at_decision(telemetry.t_s, ready_s)
             telemetry, refused = border.telemetry(telemetry)
-            decision = crew.pilot.decide(observation, telemetry, sent)
+            decision = decide_or_degrade(crew, observation, telemetry, sent)
             decision = crew.safety.check(decision, observation, telemetry)
             if refused:
                 decision = replace(decision, reason=f"{decision.reason}; {refused}")

@@ -15,11 +15,14 @@ from shipland.camera import Camera
 from shipland.config import require
 from shipland.frames import Array
 from shipland.guidance.safety_estimate import SafetyEstimate, SafetyEstimator
-from shipland.messages import Decision, Intent, Observation, PilotCommand, Telemetry
+from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
 
 _LOOK_AHEAD_S = 0.5
 """A descent is stopped so much earlier: the stick's slew, the uplink and the vehicle's braking."""
+
+_CLIMB_PERCENT, _CLIMB_MARGIN_M = 60.0, 0.5
+"""Without a pilot: how fast, and how far above the floor."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +102,16 @@ class Safety:
             notes.append(f"battery at {battery:.0f} %")
         reason = "; ".join(text for text in (decision.reason, *notes) if text)
         return replace(decision, command=command, reason=reason)
+
+    def without_pilot(self, reason: str, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
+        """What is flown when there is no pilot: up and away from a deck that is near, else hold; never raises."""
+        gimbal_rad, limits = 0.0 if sent is None else sent.gimbal_pitch_rad, self._parameters
+        over_deck_m = self._estimate.over_deck_at(telemetry.t_s, limits.stale_s)
+        hold = PilotCommand.hold(telemetry.t_s, gimbal_rad)
+        if over_deck_m is None or over_deck_m >= limits.floor_m + _CLIMB_MARGIN_M or not telemetry.flying:
+            return Decision(hold, None, f"{reason}: hold")
+        climb = replace(hold, heave_percent=_CLIMB_PERCENT, intent=Intent.CLIMB_OUT)
+        return Decision(climb, Mode.CLIMB_OUT, f"{reason}: climb out")
 
     def _bounded_height(self, command: PilotCommand, telemetry: Telemetry, notes: list[str]) -> PilotCommand:
         """No climb above the fence, no descent below the floor unless over the deck to land on it."""

@@ -18,6 +18,7 @@ from shipland.factories import Factory
 from shipland.flight import FlightResult, fly
 from shipland.messages import FlightRecord, TouchdownVerdict
 from shipland.missions.crew import build_crew, build_scene, build_vehicle
+from shipland.missions.faults import with_faults
 from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import needs_pictures
 from shipland.record.info import FlightInfo, config_digest, file_digest
@@ -59,7 +60,8 @@ def fly_quietly(
             stack.callback(scene.close)
         vehicle = build_vehicle(scenario, seed, scene)
         crew = build_crew(scenario, vehicle, pilot, vision, seed)
-        result = fly(vehicle, crew, scenario.time_limit_s, time.perf_counter, on_cycle)
+        flown, crew = with_faults(scenario, vehicle, crew, seed)
+        result = fly(flown, crew, scenario.time_limit_s, time.perf_counter, on_cycle)
         return Flown(result, vehicle.verdict())
 
 

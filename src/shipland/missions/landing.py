@@ -15,7 +15,10 @@ from shipland.frames import euler_from_rotation, wrap_angle
 from shipland.messages import FlightRecord, Mode, TouchdownVerdict
 from shipland.missions.ceiling import take_apart
 from shipland.missions.crew import drawn_ship, drawn_wind_of
+from shipland.missions.fault_kinds import Fault
+from shipland.missions.faults import faults_of
 from shipland.missions.fly import Flown
+from shipland.missions.recovery import recoveries
 from shipland.missions.scenarios import Scenario
 from shipland.sim.contact.touchdown import broken_limit
 from shipland.sim.ship.ship import SAME_MOTION_SEED, Ship
@@ -189,6 +192,7 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
     ship, verdict = drawn_ship(scenario, seed), flown.verdict
     time_s = flown.result.t_s if verdict is None else verdict.t_s
     way, conditions = way_of(records, time_s), conditions_of(scenario, seed, ship, records)
+    recovery_s = _recovery_s(records, faults_of(scenario, seed))
     step_percent, over_percent = largest_steps(records, scenario.safety.slew_percent_per_s)
     if verdict is None or not verdict.touched:
         reason = flown.reason
@@ -205,6 +209,7 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
                 reason,
                 step_percent=step_percent,
                 over_slew_percent=over_percent,
+                recovery_s=recovery_s,
             )
         )
     state = ship.at(verdict.t_s)
@@ -243,6 +248,7 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
             deck_sink_mps=float(state.deck.velocity[2]),
             step_percent=step_percent,
             over_slew_percent=over_percent,
+            recovery_s=recovery_s,
         )
     )
 
@@ -296,6 +302,16 @@ def way_of(records: Sequence[FlightRecord], end_s: float) -> Way:
     )
 
 
+def _fault_words(fault: Fault) -> str:
+    return f"{fault.kind.value} {fault.start_s:.2f}+{fault.duration_s:.2f} s {fault.amount:.3g}"
+
+
+def _recovery_s(records: Sequence[FlightRecord], faults: Sequence[Fault]) -> float | None:
+    if not faults or all(record.decision.estimate is None for record in records):
+        return None
+    return max(recoveries(records, faults), default=None)
+
+
 def largest_steps(records: Sequence[FlightRecord], slew_percent_per_s: float) -> tuple[float, float]:
     """Of any stick between two commands [percent]: the largest step, and the most beyond the bound on its rate."""
     if len(records) < 2:
@@ -343,7 +359,7 @@ def conditions_of(scenario: Scenario, seed: int, ship: Ship, records: Sequence[F
         loop=scenario.aircraft.loop.kind,
         telemetry=scenario.delays.telemetry.profile,
         visibility_m=scenario.scene.visibility_m,
-        faults="",
+        faults="; ".join(_fault_words(fault) for fault in faults_of(scenario, seed)),
     )
 
 

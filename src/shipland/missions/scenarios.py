@@ -15,6 +15,7 @@ from shipland.errors import ConfigError
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.safety import SafetyParameters
 from shipland.missions.contradictions import contradictions
+from shipland.missions.fault_kinds import Fault, FaultDraw
 from shipland.missions.follower import FollowParameters
 from shipland.missions.geometric import GeometricParameters
 from shipland.rig import Rig
@@ -38,6 +39,7 @@ class Scenario:
         name: of the packaged scenario or of the file.
         description: one line for people.
         time_limit_s: of one flight.
+        fault: what fails, on schedule.
     """
 
     name: str
@@ -59,6 +61,8 @@ class Scenario:
     safety: SafetyParameters
     geometric: GeometricParameters
     follow: FollowParameters
+    fault: tuple[Fault, ...]
+    fault_draw: FaultDraw
 
     def __post_init__(self) -> None:
         require(self.time_limit_s > 0.0, f"time_limit_s must be positive, got {self.time_limit_s}")

@@ -23,6 +23,7 @@ class Generators:
         near, far: near and far vision.
         pilot: the pilot.
         scene: waves, clouds, stains, drops, spray.
+        faults: what fails, and how.
     """
 
     ship: np.random.Generator
@@ -33,8 +34,9 @@ class Generators:
     far: np.random.Generator
     pilot: np.random.Generator
     scene: np.random.Generator
+    faults: np.random.Generator
 
 
 def generators_of(seed: int) -> Generators:
     """The generators of the flight of `seed` (0 or more), each at its beginning."""
-    return Generators(*(np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(8)))
+    return Generators(*(np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(9)))

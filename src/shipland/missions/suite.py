@@ -73,7 +73,7 @@ class BenchCell:
         words = [self.scenario.name, *(f"{key.split('.')[-1]}={value}" for key, value in self.settings)]
         if self.vision != "geometric":
             words.append(self.vision)
-        object.__setattr__(self, "group", re.sub(r"[^\w.=,+-]", "_", "_".join(words)))
+        object.__setattr__(self, "group", re.sub(r"[^\w.=,+-]", "_", re.sub(r"[\[\]\"' ]", "", "_".join(words))))
         object.__setattr__(self, "name", f"{self.group}_{re.sub(r'[^0-9A-Za-z_.-]', '.', self.pilot)}")
 
 

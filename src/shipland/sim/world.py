@@ -14,11 +14,12 @@ from shipland.frames import GRAVITY_MPS2, rows_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
-from shipland.sim.aircraft.aircraft import Aircraft, Motion
+from shipland.sim.aircraft.aircraft import Aircraft, Motion, Quadrotor
 from shipland.sim.aircraft.autopilot import CENTRED, Sticks
 from shipland.sim.aircraft.kinds import build_aircraft
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
 from shipland.sim.aircraft.sensors import Gimbal, Normals, Readings, Senses, Touchdown, read_instruments
+from shipland.sim.aircraft.weak_rotor import WeakRotor
 from shipland.sim.contact.body import Body
 from shipland.sim.contact.deck_drive import Stage, against_deck, deck_state
 from shipland.sim.contact.model import build_model
@@ -366,6 +367,18 @@ class World:
     def aircraft(self) -> Aircraft:
         """What flies."""
         return self._flier
+
+    def weaken_rotor(self, rotor: int, missing: float) -> None:
+        """Take a share of a rotor's thrust from now on; an aircraft that is no quadrotor flies on as it is.
+
+        Args:
+            rotor: 0…3, front right, front left, rear right, rear left.
+            missing: share of its thrust; 0 gives it back.
+        """
+        sound = self._flier.sound if isinstance(self._flier, WeakRotor) else self._flier
+        if isinstance(sound, Quadrotor):
+            self._flier = WeakRotor(sound, rotor, missing)
+            self._free, self._clear = None, False  # what is compiled flies sound rotors
 
     def stop_motors(self) -> None:
         """Stop them for good: whoever flies has disarmed."""

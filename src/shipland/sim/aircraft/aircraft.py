@@ -88,6 +88,11 @@ class Quadrotor:
         self._ground_effect = airframe.ground_effect
         self.trim((0.0, 0.0, 0.0), 0.0)
 
+    @property
+    def torque_per_thrust_m(self) -> float:
+        """Reaction torque of a rotor over its thrust."""
+        return self._airframe.torque_per_thrust_m
+
     def trim(self, wind_in_ned_mps: Vector, heading_rad: float) -> tuple[float, float]:
         """See `Aircraft`."""
         self._trim = trim_hover(self._airframe, wind_in_ned_mps, heading_rad)

@@ -1,0 +1,155 @@
+"""What can be made to fail in a simulated flight, and when (`[[fault]]`, `[fault_draw]`)."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.config import require
+
+
+class FaultKind(enum.Enum):
+    """One thing that fails; `size` of a fault means what is said here."""
+
+    DROPPED_FRAMES = "dropped_frames"
+    """Pictures are lost; size: share of them."""
+    FROZEN_FRAMES = "frozen_frames"
+    """The stream repeats its last picture with new time stamps."""
+    WRONG_SIZE_FRAMES = "wrong_size_frames"
+    """Pictures come at half their width and height."""
+    CORRUPT_FRAMES = "corrupt_frames"
+    """Blocks of the picture are noise; size: share of them."""
+    OCCLUSION = "occlusion"
+    """Something stands before the middle of the picture: spray, rain on the lens, a crane."""
+    GLARE = "glare"
+    """The sun in the lens; size: share of pictures in which nothing is left to see."""
+    LATENCY_JUMP = "latency_jump"
+    """Pictures come later; size: by how much [s]."""
+    NAN_TELEMETRY = "nan_telemetry"
+    """Every value of the telemetry is NaN."""
+    STALE_TELEMETRY = "stale_telemetry"
+    """Telemetry stands still, its values' times with it."""
+    COMPASS_BIAS = "compass_bias"
+    """The compass is off; size: by how much [deg]."""
+    FLOW_BIAS = "flow_bias"
+    """The velocity is off, in a direction that is drawn; size: by how much [m/s]."""
+    SPOILED_VALUES = "spoiled_values"
+    """Any field of frames, observations and telemetry is NaN, infinite, out of range, missing or old; size: share."""
+    FALSE_POSE = "false_pose"
+    """A decoy's pose instead of the bar's; size: how far it is off, sideways [m]."""
+    REFLECTION = "reflection"
+    """The pose of the bar's mirror image; size: height of the bar over the mirror [m]."""
+    FALSE_BOX = "false_box"
+    """A detector's confident box of something else, for bar and ship."""
+    VISION_RAISES = "vision_raises"
+    """The vision raises an exception on every picture."""
+    LINK_LOSS = "link_loss"
+    """No picture, no telemetry and no command comes through."""
+    PROCESS_STALL = "process_stall"
+    """The process stands still before a decision, once, for the fault's duration."""
+    LOW_BATTERY = "low_battery"
+    """The battery says `size` percent."""
+    WEAK_MOTOR = "weak_motor"
+    """A motor, drawn, gives less thrust; size: the share that is missing."""
+    PILOT_RAISES = "pilot_raises"
+    """The pilot raises an exception in every cycle."""
+    PILOT_STALLS = "pilot_stalls"
+    """The pilot takes the fault's duration for one decision, on data of before."""
+
+
+SIZES = {
+    FaultKind.DROPPED_FRAMES: 0.8,
+    FaultKind.CORRUPT_FRAMES: 0.5,
+    FaultKind.GLARE: 0.7,
+    FaultKind.LATENCY_JUMP: 0.4,
+    FaultKind.COMPASS_BIAS: 20.0,
+    FaultKind.FLOW_BIAS: 0.5,
+    FaultKind.SPOILED_VALUES: 0.5,
+    FaultKind.FALSE_POSE: 1.5,
+    FaultKind.REFLECTION: 1.0,
+    FaultKind.LOW_BATTERY: 10.0,
+    FaultKind.WEAK_MOTOR: 0.15,
+}
+"""Where a fault says none; chosen."""
+_SHARES = {FaultKind.DROPPED_FRAMES, FaultKind.CORRUPT_FRAMES, FaultKind.GLARE, FaultKind.SPOILED_VALUES}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault (`[[fault]]`).
+
+    Attributes:
+        kind: what fails.
+        start_s: when, in the flight's time.
+        duration_s: for how long.
+        size: how much, as `FaultKind` says; None: `SIZES`.
+    """
+
+    kind: FaultKind
+    start_s: float
+    duration_s: float
+    size: float | None = None
+
+    def __post_init__(self) -> None:
+        require(self.start_s >= 0.0, f"start_s must not be negative, got {self.start_s}")
+        require(self.duration_s > 0.0, f"duration_s must be positive, got {self.duration_s}")
+        if self.kind in _SHARES:
+            require(0.0 < self.amount <= 1.0, f"size of {self.kind.value} is a share, got {self.size}")
+        if self.kind is FaultKind.WEAK_MOTOR:
+            require(0.0 < self.amount < 1.0, f"size of weak_motor must be in (0, 1), got {self.size}")
+
+    @property
+    def end_s(self) -> float:
+        """When it is over."""
+        return self.start_s + self.duration_s
+
+    @property
+    def amount(self) -> float:
+        """`size`, or what stands in for it."""
+        return SIZES.get(self.kind, 1.0) if self.size is None else self.size
+
+    def covers(self, t_s: float) -> bool:
+        """Whether a time lies in it."""
+        return self.start_s <= t_s < self.end_s
+
+
+@dataclass(frozen=True)
+class FaultDraw:
+    """Faults drawn by the flight's seed (`[fault_draw]`).
+
+    Attributes:
+        kinds: among which is drawn; empty: nothing fails.
+        every_kind: drawn among all there are.
+        count: faults a flight.
+        earliest_s, latest_s: between which each begins.
+        shortest_s, longest_s: between which each lasts.
+    """
+
+    kinds: tuple[FaultKind, ...]
+    every_kind: bool
+    count: int
+    earliest_s: float
+    latest_s: float
+    shortest_s: float
+    longest_s: float
+
+    def __post_init__(self) -> None:
+        require(self.count >= 1, f"count must be 1 or more, got {self.count}")
+        require(0.0 <= self.earliest_s <= self.latest_s, "0 <= earliest_s <= latest_s must hold")
+        require(0.0 < self.shortest_s <= self.longest_s, "0 < shortest_s <= longest_s must hold")
+
+    def draw(self, rng: np.random.Generator) -> tuple[Fault, ...]:
+        """Faults in order of time, each of a half to one and a half of its usual size."""
+        kinds = tuple(FaultKind) if self.every_kind else self.kinds
+        if not kinds:
+            return ()
+        drawn = []
+        for _ in range(self.count):
+            kind = kinds[int(rng.integers(len(kinds)))]
+            start_s = float(rng.uniform(self.earliest_s, self.latest_s))
+            duration_s = float(rng.uniform(self.shortest_s, self.longest_s))
+            size = SIZES.get(kind, 1.0) * float(rng.uniform(0.5, 1.5))
+            drawn.append(Fault(kind, start_s, duration_s, min(size, 1.0) if kind in _SHARES else size))
+        return tuple(sorted(drawn, key=lambda fault: fault.start_s))

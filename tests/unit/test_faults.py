@@ -1,0 +1,187 @@
+"""Faults: each reaches what it says and nothing raises; a weak rotor turns the aircraft the way it must."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from shipland.config import build
+from shipland.errors import ConfigError
+from shipland.flight import fly
+from shipland.messages import Intent
+from shipland.missions.campaign import Flight, land_once
+from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.fault_kinds import Fault, FaultDraw, FaultKind
+from shipland.missions.faults import faults_of, with_faults
+from shipland.missions.recovery import recoveries
+from shipland.missions.scenarios import load_scenario
+
+START_S, LONG_S = 2.0, 2.0
+
+
+def flown(kind, length_s=6.0, pilot="horizon", **fault):
+    """Records and the scenario of a short flight in which one thing fails."""
+    table = {"kind": kind, "start_s": START_S, "duration_s": LONG_S} | fault
+    scenario = load_scenario("rig-natops", fault=[table])
+    vehicle = build_vehicle(scenario, 3, None)
+    faulty, crew = with_faults(scenario, vehicle, build_crew(scenario, vehicle, pilot, "geometric", 3), 3)
+    records = []
+    fly(faulty, crew, length_s, lambda: 0.0, records.append)
+    return records, scenario
+
+
+def during(records, late_s=0.3):
+    return [it for it in records if START_S + late_s < it.telemetry.t_s < START_S + LONG_S - 0.1]
+
+
+def clean():
+    return flown("low_battery", size=50.0)[0]
+
+
+@pytest.mark.vision_fails
+@pytest.mark.parametrize("kind", list(FaultKind))
+def test_no_fault_stops_the_loop_or_breaks_the_slew_bound(kind):
+    records, scenario = flown(kind.value)
+    assert records[-1].telemetry.t_s > START_S + LONG_S + 1.0
+    commands = [record.decision.command for record in records]
+    for before, after in pairwise(commands):
+        allowed = scenario.safety.slew_percent_per_s * (after.t_s - before.t_s) + 1e-6
+        for name in ("pitch_percent", "roll_percent", "heave_percent", "yaw_percent"):
+            assert math.isfinite(getattr(after, name))
+            assert abs(getattr(after, name) - getattr(before, name)) <= allowed
+
+
+def test_dropped_and_lost_pictures_do_not_come():
+    assert len(during(flown("dropped_frames", size=0.9)[0])) < 0.5 * len(during(clean()))
+    assert not during(flown("link_loss")[0])
+
+
+@pytest.mark.parametrize("kind", ["wrong_size_frames", "occlusion"])
+def test_pictures_without_content_give_no_pose(kind):
+    assert all(it.observation.bar_pose is None for it in during(flown(kind)[0]))
+
+
+def test_a_frozen_picture_shows_the_place_of_before():
+    frozen = during(flown("frozen_frames")[0])
+    places = np.array([it.observation.bar_pose.position_in_bar_m for it in frozen])
+    assert np.ptp(places, axis=0).max() == 0.0
+    assert np.ptp([it.frame.t_s for it in frozen]) > 1.0
+
+
+def test_late_pictures_are_late():
+    late = during(flown("latency_jump", size=0.4)[0], 0.8)
+    soon = during(clean(), 0.8)
+    age_s = [np.median([it.telemetry.t_s - it.frame.t_s for it in records]) for records in (late, soon)]
+    assert age_s[0] - age_s[1] == pytest.approx(0.4, abs=0.05)
+
+
+def test_what_the_telemetry_says():
+    assert all(it.telemetry.heading_rad is None for it in during(flown("nan_telemetry")[0]))
+    assert np.ptp([it.telemetry.height_m for it in during(flown("stale_telemetry")[0])]) == 0.0
+    assert {it.telemetry.battery_percent for it in during(flown("low_battery", size=7.0)[0])} == {7.0}
+    assert "battery at 7 %" in during(flown("low_battery", size=7.0)[0])[0].decision.reason
+
+
+def test_compass_is_off_by_its_size():
+    records = during(flown("compass_bias", size=20.0)[0])
+    sound = {it.frame.t_s: it for it in during(clean())}
+    first = next(it for it in records if it.frame.t_s in sound)
+    before = math.degrees(sound[first.frame.t_s].telemetry.heading_rad)
+    assert math.degrees(first.telemetry.heading_rad) - before == pytest.approx(20.0, abs=8.0)  # it has begun to turn
+
+
+def test_a_stalled_process_decides_nothing_meanwhile():
+    records = flown("process_stall", duration_s=1.5)[0]
+    assert max(np.diff([it.telemetry.t_s for it in records])) == pytest.approx(1.5, abs=0.1)
+    records = flown("pilot_stalls", duration_s=1.5)[0]
+    assert max(np.diff([it.telemetry.t_s for it in records])) == pytest.approx(1.5, abs=0.1)
+
+
+def test_a_pilot_that_raises_holds_far_from_the_deck_and_climbs_near_it():
+    far = during(flown("pilot_raises")[0])
+    assert all("pilot failed: RuntimeError: made to fail: hold" in it.decision.reason for it in far)
+    assert far[-1].decision.command.intent is Intent.HOLD
+    records, _ = flown("pilot_raises", 20.0, start_s=13.2, duration_s=3.0)
+    climbing = [it for it in records if "climb out" in it.decision.reason]
+    assert climbing
+    assert climbing[-1].decision.command.heave_percent > 0.0
+    heights_m = [-it.truth.aircraft_in_deck_m[2] for it in climbing]
+    assert heights_m[-1] > heights_m[0]
+    assert records[-1].decision.mode is not None  # the pilot flies on
+
+
+def test_a_weak_rotor_sinks_to_its_side_and_is_given_back():
+    scenario = load_scenario("rig-natops")
+    world = build_vehicle(scenario, 1, None).world
+    world.advance(0.5)
+    world.weaken_rotor(1, 0.6)  # front left
+    world.advance(0.7)
+    roll_rad, pitch_rad = world.readings().roll_rad, world.readings().pitch_rad
+    assert roll_rad < -0.05
+    assert pitch_rad < -0.05
+    world.weaken_rotor(1, 0.0)
+    world.advance(4.0)
+    assert abs(world.readings().roll_rad) < 0.4
+
+
+def test_the_same_seed_fails_in_the_same_way():
+    kinds = ["link_loss", "spoiled_values", "weak_motor"]
+    scenario = load_scenario("rig-natops", fault_draw={"kinds": kinds, "count": 3}, time_limit_s=10.0)
+    assert faults_of(scenario, 5) == faults_of(scenario, 5) != faults_of(scenario, 6)
+    assert {fault.kind.value for seed in range(20) for fault in faults_of(scenario, seed)} == set(kinds)
+    one, two = (land_once(Flight(scenario, "paper", "geometric", 5)) for _ in range(2))
+    assert str(one) == str(two)
+    assert one.conditions.faults.count("+") == 3
+
+
+def test_nothing_drawn_leaves_a_flight_as_it_was():
+    scenario = load_scenario("rig-natops")
+    vehicle = build_vehicle(scenario, 1, None)
+    crew = build_crew(scenario, vehicle, "paper", "geometric", 1)
+    assert with_faults(scenario, vehicle, crew, 1) == (vehicle, crew)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ({"kind": "gremlins", "start_s": 1.0, "duration_s": 1.0}, "none of dropped_frames"),
+        ({"kind": "glare", "start_s": 1.0, "duration_s": 1.0, "size": 2.0}, "size of glare is a share"),
+        ({"kind": "glare", "start_s": 1.0, "duration_s": 0.0}, "duration_s must be positive"),
+    ],
+)
+def test_wrong_faults_are_named(table, words):
+    with pytest.raises(ConfigError, match=words):
+        load_scenario("rig-natops", fault=[table])
+
+
+def test_drawn_faults_begin_and_last_within_what_is_asked():
+    draw = FaultDraw((FaultKind.GLARE,), False, 200, 3.0, 5.0, 0.5, 1.0)
+    faults = draw.draw(np.random.default_rng(1))
+    assert all(3.0 <= it.start_s <= 5.0 and 0.5 <= it.duration_s <= 1.0 and 0.0 < it.size <= 1.0 for it in faults)
+    assert {it.kind for it in replace(draw, every_kind=True).draw(np.random.default_rng(1))} == set(FaultKind)
+    assert list(faults) == sorted(faults, key=lambda it: it.start_s)
+
+
+def test_recovery_is_the_time_until_the_place_is_true():
+    records, scenario = flown("occlusion", 10.0)
+    (recovery_s,) = recoveries(records, scenario.fault)
+    assert 0.0 <= recovery_s < 2.0
+    wrong = [
+        it
+        if it.decision.estimate is None
+        else replace(
+            it,
+            decision=replace(
+                it.decision,
+                estimate=replace(it.decision.estimate, aircraft_in_bar_m=it.decision.estimate.aircraft_in_bar_m + 5.0),
+            ),
+        )
+        for it in records
+    ]
+    assert recoveries(wrong, scenario.fault) == [math.inf]
+    assert (
+        recoveries(records[: len(records) // 2], [build(Fault, {"kind": "glare", "start_s": 4.0, "duration_s": 2.0})])
+        == []
+    )
