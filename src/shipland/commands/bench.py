@@ -9,11 +9,13 @@ import tyro
 
 from shipland.commands.bench_compare import BenchCompare
 from shipland.commands.bench_list import BenchList
+from shipland.commands.bench_report import BenchReport
 from shipland.commands.bench_run import BenchRun
 
 _Part = (
     Annotated[BenchList, tyro.conf.subcommand("list")]
     | Annotated[BenchRun, tyro.conf.subcommand("run")]
+    | Annotated[BenchReport, tyro.conf.subcommand("report")]
     | Annotated[BenchCompare, tyro.conf.subcommand("compare")]
 )
 
@@ -22,7 +24,8 @@ _Part = (
 class Bench:
     """Fly whole suites of scenarios with one command, and judge them: shares with intervals beside the ceiling.
 
-    `list` shows suites and their cells, `run` flies, `compare` sets two folders side by side, seed by seed.
+    `list` shows suites and their cells, `run` flies, `report` makes one HTML page, `compare` sets two folders side by
+    side, seed by seed.
 
     Example: shipland bench run near --pilot paper horizon --runs 100 --workers 2 --out out/near
     """

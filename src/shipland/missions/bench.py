@@ -142,6 +142,11 @@ def _write_beside(plan: BenchPlan) -> None:
     part.replace(path)
 
 
+def read_about(folder: Path) -> dict[str, Any]:
+    """bench.json of a folder: command, machine and cells; DataError when there is none or it is broken."""
+    return _read_beside(folder / "bench.json")
+
+
 def _read_beside(path: Path) -> dict[str, Any]:
     try:
         table = json.loads(path.read_text(encoding="utf-8"))

@@ -1,0 +1,295 @@
+"""A bench as one HTML page that stands alone: no script, no font, no picture from elsewhere."""
+
+from __future__ import annotations
+
+import html
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shipland.missions.bench import CellResult
+from shipland.missions.bench_tables import leaderboard, pairs, rests_in_square, rivals
+from shipland.missions.ceiling import Ceiling
+from shipland.missions.landing import Landing
+from shipland.missions.statistics import share_interval
+from shipland.report.svg import Column, Points, Share, colour_of, point_chart, share_chart
+
+_MOST_LISTED = 300
+"""Failures listed on the page; all are in flights.parquet."""
+_STYLE = """
+:root{--ink:#1d2430;--dim:#5b6675;--line:#d9dee5;--page:#fff;--band:#f5f7f9}
+@media(prefers-color-scheme:dark){:root{--ink:#e6e9ee;--dim:#9aa5b4;--line:#353d49;--page:#14181e;--band:#1c222b}}
+body{margin:0 auto;max-width:1240px;padding:24px;font:15px/1.5 system-ui,sans-serif;
+color:var(--ink);background:var(--page)}
+h1{font-size:26px;margin:0 0 4px}h2{font-size:19px;margin:36px 0 8px;border-top:1px solid var(--line);padding-top:20px}
+p,li{max-width:90ch}.dim{color:var(--dim)}.charts{display:flex;flex-wrap:wrap;gap:20px;align-items:flex-start}
+.wide{overflow-x:auto}table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}
+th,td{padding:4px 9px;border-bottom:1px solid var(--line);text-align:left;vertical-align:top}
+th{color:var(--dim);font-weight:600}td.number,th.number{text-align:right;white-space:nowrap}
+tbody tr:nth-child(even){background:var(--band)}code{font-size:12.5px}
+.key{display:inline-flex;align-items:center;gap:6px;margin-right:18px}.key i{width:12px;height:12px;border-radius:50%}
+svg{max-width:100%;height:auto}svg text{fill:var(--ink);font:12px system-ui,sans-serif}
+svg .title{font-size:13px;font-weight:600}
+svg .tick{fill:var(--dim)}svg .middle{text-anchor:middle}svg .end{text-anchor:end}
+svg .grid{stroke:var(--line)}svg .frame{fill:none;stroke:var(--line)}svg .dot{stroke:var(--page);stroke-width:1.5}
+svg .square{fill:none;stroke:var(--dim);stroke-dasharray:4 3}
+svg .ceiling{stroke:var(--dim);stroke-width:2;stroke-dasharray:2 3}
+"""
+
+
+def bench_page(cells: Sequence[CellResult], about: dict[str, Any], ceilings: dict[str, Ceiling], folder: Path) -> str:
+    """The page.
+
+    Args:
+        cells: what was flown.
+        about: `command` and `machine` of bench.json.
+        ceilings: by group; may be empty.
+        folder: where the page will lie; links to logs go from there.
+    """
+    cells = [cell for cell in cells if cell.landings]
+    pilots = list(dict.fromkeys(cell.pilot for cell in cells))
+    suites = ", ".join(dict.fromkeys(cell.suite for cell in cells if cell.suite)) or "a grid of the command line"
+    flights, machine = sum(len(cell.landings) for cell in cells), about["machine"]
+    keys = "".join(
+        f'<span class="key"><i style="background:{colour_of(index)}"></i>{html.escape(pilot)}</span>'
+        for index, pilot in enumerate(pilots)
+    )
+    tables = [_table(leaderboard(cells, ceilings)), _table(rivals(cells))]
+    parts = [
+        f"<h1>Landings: {html.escape(suites)}</h1>",
+        f'<p class="dim">{flights} flights, {len({cell.group for cell in cells})} cells, {len(pilots)} pilots. '
+        f"<code>{html.escape(about['command'])}</code><br>{html.escape(machine['processor'])}, "
+        f"{machine['cores']} cores, {html.escape(machine['platform'])}</p><p>{keys}</p>",
+        "<h2>Pilots</h2>",
+        _pilots(cells, pilots),
+        "<h2>Share in the square, cell by cell</h2>",
+        '<p class="dim">Dot and bar: share and its 95 % interval. Dotted: what a perfect aircraft would reach.</p>',
+        f'<div class="charts">{"".join(_cell_charts(cells, pilots, ceilings))}</div>',
+        "<h2>Against what was drawn</h2>",
+        f'<div class="charts">{"".join(_against(cells, pilots)) or "<p>One value of everything.</p>"}</div>',
+        "<h2>Touchdowns</h2>",
+        '<p class="dim">Squares: landing square and deck. Dots landed in the square, crosses did not.</p>',
+        f'<div class="charts">{"".join(_touchdowns(cells, pilots))}</div>',
+        "<h2>Failures</h2>",
+        _causes(cells, pilots),
+        _failures(cells, folder),
+        "<h2>Leaderboard</h2>",
+        tables[0],
+        "<h2>Everybody's rules, on the same flights</h2>",
+        tables[1],
+    ]
+    if len(pilots) > 1:
+        parts += ["<h2>Pilots in pairs</h2>", _table(pairs(cells))]
+    body = "\n".join(parts)
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<title>Landings: {html.escape(suites)}</title><style>{_STYLE}</style></head><body>\n{body}\n</body></html>\n"
+    )
+
+
+def _share(landings: Sequence[Landing], series: int, words: str) -> Share:
+    good, n = sum(it.good for it in landings), len(landings)
+    low, high = share_interval(good, n)
+    text = f"{words}: {good} of {n}, {100 * good / n:.1f} % ({100 * low:.1f}–{100 * high:.1f} %)"
+    return Share(series, good / n, low, high, text)
+
+
+def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
+    head = ["pilot", "flights", "in the square", "95 % interval", "at rest in it", "on its feet", "error median [cm]",
+            "error 90 % [cm]", "sink median [m/s]", "slide median [m/s]", "tilt median [°]", "slip median [cm]",
+            "time median [s]", "largest stick step [%]"]  # fmt: skip
+    rows = []
+    for pilot in pilots:
+        mine = [
+            (it, cell.scenario.rig.landing_square_m) for cell in cells if cell.pilot == pilot for it in cell.landings
+        ]
+        landings = [it for it, _ in mine]
+        touched = [it for it in landings if it.touched]
+        good, n = sum(it.good for it in landings), len(landings)
+        low, high = share_interval(good, n)
+        rows.append(
+            [
+                pilot,
+                str(n),
+                f"{good} ({100 * good / n:.1f} %)",
+                f"{100 * low:.1f}–{100 * high:.1f} %",
+                str(sum(rests_in_square(it, side_m) for it, side_m in mine)),
+                str(sum(it.landed for it in landings)),
+                _quantile([100 * it.error_m for it in touched], 0.5, 1),
+                _quantile([100 * it.error_m for it in touched], 0.9, 1),
+                _quantile([it.sink_mps for it in touched], 0.5, 2),
+                _quantile([it.slide_mps for it in touched], 0.5, 2),
+                _quantile([it.tilt_deg for it in touched], 0.5, 1),
+                _quantile([100 * it.slip_m for it in touched], 0.5, 1),
+                _quantile([it.time_s for it in touched], 0.5, 0),
+                _quantile([it.step_percent for it in landings], 1.0, 0),
+            ]
+        )
+    return _html_table(head, rows, first_number=1)
+
+
+def _quantile(values: Sequence[float], share: float, digits: int) -> str:
+    finite = [value for value in values if np.isfinite(value)]
+    return f"{np.quantile(finite, share):.{digits}f}" if finite else "–"
+
+
+def _cell_charts(cells: Sequence[CellResult], pilots: Sequence[str], ceilings: dict[str, Ceiling]) -> Iterator[str]:
+    """A chart a scenario, a column a cell."""
+    for name in dict.fromkeys(cell.scenario.name for cell in cells):
+        groups: dict[str, list[CellResult]] = {}
+        for cell in cells:
+            if cell.scenario.name == name:
+                groups.setdefault(cell.group, []).append(cell)
+        items = list(groups.items())
+        for at in range(0, len(items), 6):
+            yield share_chart(
+                [
+                    Column(
+                        (group.removeprefix(name).strip("_") or "as packaged")[:14],
+                        [_share(it.landings, pilots.index(it.pilot), f"{group}, {it.pilot}") for it in members],
+                        ceilings[group].share if group in ceilings else None,
+                    )
+                    for group, members in items[at : at + 6]
+                ],
+                name,
+                "",
+                joined=False,
+            )
+
+
+_CONDITIONS: tuple[tuple[str, str, Callable[[Landing], float | None], tuple[float, ...]], ...] = (
+    ("Wind", "mean wind [m/s]", lambda it: it.conditions.wind_mps, (0, 1, 2, 4, 6, 8, 10, 14)),
+    ("Wind off the bow", "[°]", lambda it: abs(it.conditions.wind_off_bow_deg), (0, 45, 90, 135, 180.1)),
+    ("Sea state", "", lambda it: it.conditions.sea_state, (2.5, 3.5, 4.5, 5.5, 6.5)),
+    ("Waves", "from, off the bow [°]", lambda it: it.conditions.waves_from_deg, (0, 30, 75, 105, 150, 180.1)),
+    ("Ship's speed", "[m/s]", lambda it: it.conditions.ship_mps, (0, 0.25, 1, 3, 6)),
+    ("Visibility", "[m]", lambda it: it.conditions.visibility_m, (0, 750, 2000, 10000, 1e6)),
+    ("Start", "distance [m]", lambda it: it.conditions.start_distance_m, (0, 20, 60, 120, 180, 300)),
+    ("Video latency", "[s]", lambda it: it.conditions.video_s, (0, 0.1, 0.2, 0.4, 1.0)),
+)
+"""Title, unit, value of a landing, edges of the bins."""
+
+
+def _against(cells: Sequence[CellResult], pilots: Sequence[str]) -> Iterator[str]:
+    by_pilot = {pilot: [it for cell in cells if cell.pilot == pilot for it in cell.landings] for pilot in pilots}
+    for title, unit, value_of, edges in _CONDITIONS:
+        columns = []
+        for low, high in pairwise(edges):
+            shares, met = [], []
+            for series, (pilot, landings) in enumerate(by_pilot.items()):
+                values = [(it, value_of(it)) for it in landings]
+                inside = [(it, value) for it, value in values if value is not None and low <= value < high]
+                met += [value for _, value in inside]
+                if inside:
+                    shares.append(_share([it for it, _ in inside], series, f"{pilot}, {title.lower()}"))
+            if shares:
+                columns.append(Column(_bin(min(met), max(met)), shares))
+        if len(columns) > 1:
+            yield share_chart(columns, title, unit, joined=True)
+
+
+def _bin(low: float, high: float) -> str:
+    texts = [f"{value:.0f}" if abs(value) >= 10 else f"{value:.2g}" for value in (low, high)]
+    return texts[0] if texts[0] == texts[1] else f"{texts[0]}–{texts[1]}"
+
+
+def _touchdowns(cells: Sequence[CellResult], pilots: Sequence[str]) -> Iterator[str]:
+    rig = cells[0].scenario.rig
+    by_pilot = {pilot: [it for cell in cells if cell.pilot == pilot for it in cell.landings] for pilot in pilots}
+
+    def points(series: int, place: Callable[[Landing], tuple[float, float]]) -> list[Points]:
+        touched = [it for it in by_pilot[pilots[series]] if it.touched]
+        return [Points(series, good, [place(it) for it in touched if it.good is good]) for good in (True, False)]
+
+    half_m = 0.65 * rig.deck_size_m
+    for series, pilot in enumerate(pilots):
+        yield point_chart(
+            points(series, lambda it: (it.starboard_m, it.forward_m)),
+            f"{pilot}: first contact",
+            ("starboard [m]", "forward [m]"),
+            (half_m, half_m),
+            (rig.landing_square_m, rig.deck_size_m),
+        )
+    everybody = range(len(pilots))
+    yield point_chart(
+        [kind for series in everybody for kind in points(series, lambda it: (it.deck_roll_deg, it.deck_pitch_deg))],
+        "The deck's attitude at contact",
+        ("roll [°]", "pitch [°]"),
+        (15.0, 8.0),
+        (),
+    )
+    yield point_chart(
+        [kind for series in everybody for kind in points(series, lambda it: (-it.deck_sink_mps, it.sink_mps))],
+        "Sink against the deck at contact",
+        ("deck's heave rate, up [m/s]", "sink [m/s]"),
+        (1.0, 2.0),
+        (),
+    )
+
+
+def _causes(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
+    counts = {
+        pilot: Counter(it.cause for cell in cells if cell.pilot == pilot for it in cell.landings if it.cause)
+        for pilot in pilots
+    }
+    causes = sum(counts.values(), Counter[str]())
+    if not causes:
+        return "<p>None.</p>"
+    rows = [[cause, *(str(counts[pilot][cause]) for pilot in pilots)] for cause, _ in causes.most_common()]
+    return _html_table(["cause", *pilots], rows, first_number=1)
+
+
+def _failures(cells: Sequence[CellResult], folder: Path) -> str:
+    failed = [(cell, it) for cell in cells for it in cell.landings if not it.good]
+    if not failed:
+        return ""
+    rows = []
+    for cell, it in failed[:_MOST_LISTED]:
+        log = cell.logs / f"{it.seed}.mcap"
+        link = "no log"
+        if log.is_file():
+            path = html.escape(Path(os.path.relpath(log, folder)).as_posix(), quote=True)
+            link = f'<a href="{path}">log</a> <code>shipland replay {path}</code>'
+        texts = [cell.name, str(it.seed), it.cause, it.reason, it.conditions.faults]
+        rows.append("".join(f"<td>{html.escape(text)}</td>" for text in texts) + f"<td>{link}</td>")
+    head = "".join(
+        f"<th>{name}</th>" for name in ("cell", "seed", "cause", "in words", "what was made to fail", "again")
+    )
+    more = f"<p>{len(failed) - _MOST_LISTED} more in flights.parquet.</p>" if len(failed) > _MOST_LISTED else ""
+    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    return (
+        f"<details><summary>{len(failed)} flights that did not land in the square</summary>"
+        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>{more}</details>'
+    )
+
+
+def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]], first_number: int) -> str:
+    """A table whose columns from `first_number` on are numbers."""
+
+    def line(tag: str, texts: Sequence[str]) -> str:
+        return "".join(
+            f"<{tag}{' class=number' if index >= first_number else ''}>{html.escape(text)}</{tag}>"
+            for index, text in enumerate(texts)
+        )
+
+    body = "".join(f"<tr>{line('td', row)}</tr>" for row in rows)
+    return f'<div class="wide"><table><thead><tr>{line("th", head)}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _table(markdown: Iterator[str]) -> str:
+    """HTML of a Markdown table, and of the paragraphs behind it."""
+    rows, words = [], []
+    for line in markdown:
+        if line.startswith("|---"):
+            continue
+        if line.startswith("|"):
+            rows.append([text.strip() for text in line.strip().strip("|").split("|")])
+        elif line:
+            words.append(f'<p class="dim">{html.escape(line)}</p>')
+    return _html_table(rows[0], rows[1:], first_number=len(rows[0])) + "".join(words)

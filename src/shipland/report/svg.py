@@ -1,0 +1,179 @@
+"""Small charts as SVG text, for pages that stand alone: shares with intervals, and points in a plane."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from shipland.report.palette import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Rgb
+
+SERIES: tuple[Rgb, ...] = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+"""Colours of the pilots, in their order; from the seventh on they repeat."""
+
+
+def colour_of(index: int) -> str:
+    """CSS colour of a series."""
+    return "rgb({},{},{})".format(*SERIES[index % len(SERIES)])
+
+
+@dataclass(frozen=True)
+class Share:
+    """One share with its interval.
+
+    Attributes:
+        series: index of its colour.
+        share, low, high: 0…1.
+        words: shown on pointing at it.
+    """
+
+    series: int
+    share: float
+    low: float
+    high: float
+    words: str
+
+
+@dataclass(frozen=True)
+class Column:
+    """What stands at one place of the horizontal axis.
+
+    Attributes:
+        label: under it.
+        shares: a mark each, side by side.
+        ceiling: 0…1, drawn as a line across; None where there is none.
+    """
+
+    label: str
+    shares: Sequence[Share]
+    ceiling: float | None = None
+
+
+def share_chart(columns: Sequence[Column], title: str, unit: str, joined: bool) -> str:
+    """Shares against a quantity in bins, or over categories.
+
+    Args:
+        columns: from left to right.
+        title: what is shown.
+        unit: under the axis.
+        joined: a line joins the marks of a series.
+    """
+    width, height, left, top, foot = max(320, 90 * len(columns) + 70), 240, 44, 30, 46
+    plot = height - top - foot
+    step = (width - left - 12) / len(columns)
+
+    def y(share: float) -> float:
+        return top + plot * (1.0 - share)
+
+    parts = [_text(0, 14, title, "title")]
+    for tick in (0.0, 0.25, 0.5, 0.75, 1.0):
+        parts.append(f'<line class="grid" x1="{left}" x2="{width - 8}" y1="{y(tick):.1f}" y2="{y(tick):.1f}"/>')
+        parts.append(_text(left - 6, y(tick) + 4, f"{100 * tick:.0f} %", "tick end"))
+    lines: dict[int, list[str]] = {}
+    marks: list[str] = []
+    for index, column in enumerate(columns):
+        middle = left + (index + 0.5) * step
+        parts.append(_text(middle, height - foot + 16, column.label, "tick middle"))
+        if column.ceiling is not None:
+            at, half = y(column.ceiling), 0.42 * step
+            words = html.escape(f"perfect aircraft {100 * column.ceiling:.1f} %")
+            parts.append(
+                f'<line class="ceiling" x1="{middle - half:.1f}" x2="{middle + half:.1f}" y1="{at:.1f}" y2="{at:.1f}">'
+                f"<title>{words}</title></line>"
+            )
+        for place, item in enumerate(column.shares):
+            x, colour = middle + 13.0 * (place - 0.5 * (len(column.shares) - 1)), colour_of(item.series)
+            lines.setdefault(item.series, []).append(f"{x:.1f},{y(item.share):.1f}")
+            marks.append(
+                f'<g><title>{html.escape(item.words)}</title><line stroke="{colour}" stroke-width="2" x1="{x:.1f}" '
+                f'x2="{x:.1f}" y1="{y(item.low):.1f}" y2="{y(item.high):.1f}"/>'
+                f'<circle class="dot" fill="{colour}" cx="{x:.1f}" cy="{y(item.share):.1f}" r="4.5"/></g>'
+            )
+    if joined:
+        parts += [
+            f'<polyline fill="none" stroke="{colour_of(series)}" stroke-width="2" stroke-opacity="0.5" '
+            f'points="{" ".join(points)}"/>'
+            for series, points in lines.items()
+        ]
+    parts += [*marks, _text(left + 0.5 * (width - left), height - 8, unit, "tick middle")]
+    return _svg(width, height, title, parts)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Points of one kind.
+
+    Attributes:
+        series: index of their colour.
+        good: drawn full; else as crosses.
+        places: (x, y), finite.
+    """
+
+    series: int
+    good: bool
+    places: Sequence[tuple[float, float]] = field(default_factory=tuple)
+
+
+def point_chart(
+    points: Sequence[Points], title: str, axes: tuple[str, str], half: tuple[float, float], squares: Sequence[float]
+) -> str:
+    """Points in a plane about zero.
+
+    Args:
+        points: drawn in order.
+        title: what is shown.
+        axes: names with units, horizontal and vertical (up).
+        half: the axes reach so far either side; points beyond are drawn at the edge.
+        squares: sides of squares about zero.
+    """
+    size, left, top, foot = 300, 50, 30, 40
+    width, height = left + size + 12, top + size + foot
+
+    def x(value: float) -> float:
+        return left + 0.5 * size * (1.0 + max(-1.0, min(1.0, value / half[0])))
+
+    def y(value: float) -> float:
+        return top + 0.5 * size * (1.0 - max(-1.0, min(1.0, value / half[1])))
+
+    parts = [_text(0, 14, title, "title"), f'<rect class="frame" x="{left}" y="{top}" width="{size}" height="{size}"/>']
+    for tick in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        across, up = x(tick * half[0]), y(tick * half[1])
+        parts.append(f'<line class="grid" x1="{across:.1f}" x2="{across:.1f}" y1="{top}" y2="{top + size}"/>')
+        parts.append(f'<line class="grid" x1="{left}" x2="{left + size}" y1="{up:.1f}" y2="{up:.1f}"/>')
+        parts.append(_text(across, top + size + 15, f"{tick * half[0]:g}", "tick middle"))
+        parts.append(_text(left - 6, up + 4, f"{tick * half[1]:g}", "tick end"))
+    for side in squares:
+        corner = (x(-0.5 * side), y(0.5 * side))
+        wide, high = x(0.5 * side) - corner[0], y(-0.5 * side) - corner[1]
+        parts.append(
+            f'<rect class="square" x="{corner[0]:.1f}" y="{corner[1]:.1f}" width="{wide:.1f}" height="{high:.1f}"/>'
+        )
+    for kind in points:
+        colour = colour_of(kind.series)
+        marks = []
+        for across, up in kind.places:
+            if math.isfinite(across) and math.isfinite(up):
+                a, b = x(across), y(up)
+                if kind.good:
+                    marks.append(f"M{a:.1f} {b:.1f}h0")
+                else:
+                    marks.append(f"M{a - 3:.1f} {b - 3:.1f}l6 6m0 -6l-6 6")
+        if marks:
+            stroke = (
+                'stroke-width="6" stroke-linecap="round" stroke-opacity="0.55"' if kind.good else 'stroke-width="2"'
+            )
+            parts.append(f'<path fill="none" stroke="{colour}" {stroke} d="{"".join(marks)}"/>')
+    parts.append(_text(left + 0.5 * size, height - 6, axes[0], "tick middle"))
+    turned = f'transform="rotate(-90 12 {top + 0.5 * size:.0f})"'
+    parts.append(f'<text class="tick middle" x="12" y="{top + 0.5 * size:.0f}" {turned}>{html.escape(axes[1])}</text>')
+    return _svg(width, height, title, parts)
+
+
+def _text(x: float, y: float, words: str, classes: str) -> str:
+    return f'<text class="{classes}" x="{x:.1f}" y="{y:.1f}">{html.escape(words)}</text>'
+
+
+def _svg(width: float, height: float, title: str, parts: Sequence[str]) -> str:
+    head = f'<svg viewBox="0 0 {width:.0f} {height:.0f}" width="{width:.0f}" height="{height:.0f}" role="img"'
+    return f'{head} aria-label="{html.escape(title, quote=True)}">{"".join(parts)}</svg>'

@@ -1,0 +1,108 @@
+"""The bench's page: stands alone, says what the tables say, and draws in a browser without a network."""
+
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_campaign import GOOD, NOWHERE
+
+from shipland.missions.bench import CellResult
+from shipland.missions.ceiling import Ceiling
+from shipland.missions.statistics import Interval
+from shipland.missions.suite import Asked, SuiteEntry, bench_cells
+from shipland.report.bench_page import bench_page
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+ABOUT = {"command": "shipland bench run made-up", "machine": {"processor": "p", "cores": 2, "platform": "Linux"}}
+
+
+def made_up(folder):
+    """Two scenarios, three winds, two pilots, 40 flights each, some of them missing."""
+    rng = np.random.default_rng(3)
+    entries = (SuiteEntry(("rig-natops", "ship-sea6"), ("wind.mean_mps=0,5,9",)),)
+    results = []
+    for cell in bench_cells(entries, Asked(("paper", "horizon"))):
+        wind_mps = float(dict(cell.settings)["wind.mean_mps"])
+        scatter_m = 0.04 + 0.012 * wind_mps * (2.0 if cell.pilot == "paper" else 0.7)
+        landings = []
+        for seed in range(1, 41):
+            forward_m, starboard_m = (float(value) for value in np.round(rng.normal(0.0, scatter_m, 2), 3))
+            good = max(abs(forward_m), abs(starboard_m)) <= 0.175
+            landing = replace(
+                GOOD, seed=seed, in_square=good, cause="" if good else "own error", reason="landed",
+                forward_m=forward_m, starboard_m=starboard_m, sink_mps=float(rng.uniform(0.3, 0.9)),
+                deck_roll_deg=float(rng.normal(0.0, 4.0)), deck_pitch_deg=float(rng.normal(0.0, 1.5)),
+                deck_sink_mps=float(rng.normal(0.0, 0.2)),
+                conditions=replace(GOOD.conditions, wind_mps=wind_mps, motion_seed=seed),
+            )  # fmt: skip
+            landings.append(replace(NOWHERE, seed=seed) if seed == 17 else landing)
+        logs = folder / cell.name / "flights"
+        results.append(
+            CellResult(
+                cell.name, cell.group, "made-up 1", cell.pilot, cell.vision, cell.settings, cell.scenario,
+                tuple(landings), logs,
+            )
+        )  # fmt: skip
+    logs = results[0].logs
+    logs.mkdir(parents=True)
+    (logs / "17.mcap").write_bytes(b"")
+    return results
+
+
+@pytest.fixture
+def page(tmp_path):
+    cells = made_up(tmp_path)
+    ceilings = {cells[0].group: Ceiling(0.97, Interval(0.9, 1.0), (0.1, 0.1), 0.1, 60)}
+    path = tmp_path / "report.html"
+    path.write_text(bench_page(cells, ABOUT, ceilings, tmp_path), encoding="utf-8")
+    return path
+
+
+def test_the_page_stands_alone(page):
+    text = page.read_text()
+    assert not re.findall(r"(?:src|href)=.?(?:https?:)?//", text)
+    assert "<script" not in text
+    assert "@import" not in text
+    assert "nan" not in re.sub(r"<style>.*?</style>", "", text, flags=re.DOTALL)
+
+
+def test_failures_link_to_their_logs(page):
+    text = page.read_text()
+    links = re.findall(r'<a href="([^"]+)">log</a>', text)
+    assert links == ["rig-natops_mean_mps=0_paper/flights/17.mcap"]
+    assert (page.parent / links[0]).is_file()
+
+
+def test_charts_hold_what_was_flown(page):
+    text = page.read_text()
+    assert "Against what was drawn" in text
+    assert ">Wind<" in text
+    assert ">Ship&#x27;s speed<" not in text  # one value of it
+    assert "perfect aircraft 97.0 %" in text
+    shares = re.findall(r"<title>rig-natops_mean_mps=0, horizon: (\d+) of 40", text)
+    assert shares == ["39"]
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="wants Chromium to open the page")
+def test_a_browser_draws_it(page):
+    shot = page.parent / "page.png"
+    command = [
+        CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1280,3600",
+        "--enable-logging=stderr", f"--user-data-dir={page.parent / 'browser'}",
+        "--host-resolver-rules=MAP * ~NOTFOUND",
+        f"--screenshot={shot}", page.as_uri(),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=180)
+    assert shot.is_file(), done.stderr
+    assert "CONSOLE" not in done.stderr  # nothing is missing, nothing is refused
+    import cv2
+
+    picture = cv2.imread(str(shot))
+    assert picture.shape[1] >= 1280
+    blue = (np.abs(picture.astype(int) - (178, 114, 0)) < 12).all(axis=2)  # the first pilot's marks
+    vermilion = (np.abs(picture.astype(int) - (0, 94, 213)) < 12).all(axis=2)
+    assert blue.sum() > 1000
+    assert vermilion.sum() > 1000
