@@ -29,6 +29,7 @@ PACKAGED: dict[str, dict[str, str]] = {
         "rendered": "shipland.missions.visions:rendered",
     },
     "vehicles": {
+        "anafi": "shipland.vehicles.anafi:anafi",
         "mavlink": "shipland.vehicles.mavlink_factory:mavlink",
         "replay": "shipland.missions.outside:replay",
     },

@@ -1,0 +1,141 @@
+"""An ANAFI before a stand-in of its far end, in a process of its own; under Olympe itself where it is installed."""
+
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shipland.camera import Camera
+from shipland.config import packaged_toml
+from shipland.errors import VehicleError
+from shipland.messages import Intent, PilotCommand, Telemetry
+from shipland.vehicles.address import Address, VehicleSetup
+from shipland.vehicles.anafi import AnafiVehicle, anafi, merged, sticks_of
+
+FAR_END = """
+import json, sys, threading, time
+log = open(sys.argv[1], "w")
+def say(record, data=b""):
+    head = json.dumps({**record, "t_s": time.monotonic(), "bytes": len(data)})
+    sys.stdout.buffer.write(head.encode() + b"\\n" + data)
+    sys.stdout.buffer.flush()
+mute, n = threading.Event(), 0
+def stream():
+    global n
+    while not mute.is_set():
+        n += 1
+        say({"kind": "picture", "stamp_s": n / 30.0, "shape": [36, 64, 3]}, bytes(36 * 64 * 3))
+        if n % 6 == 0:
+            say({"kind": "attitude", "values": {"roll": 0.1, "pitch": float("nan") if n % 12 else 0.2, "yaw": 3.5}})
+            say({"kind": "speed", "values": {"speedX": 0.0, "speedY": 0.0, "speedZ": 0.0}})
+        time.sleep(1 / 30)
+say({"kind": "connected"})
+sys.stdout.buffer.write(b"no record\\n")
+say({"kind": "battery", "values": {"percent": 77}})
+threading.Thread(target=stream, daemon=True).start()
+for line in sys.stdin:
+    log.write(line); log.flush()
+    asked = json.loads(line)
+    if "limits" in asked: say({"kind": "limits", "values": asked["limits"]})
+    if asked.get("take_off"): say({"kind": "flying", "values": {"state": "hovering"}})
+    if asked.get("land"): say({"kind": "flying", "values": {"state": "landed"}})
+    if asked.get("gimbal_deg", 0) > 80: mute.set()
+    if asked.get("gimbal_deg", 0) < -80: sys.exit()
+"""
+
+
+@contextmanager
+def vehicle(tmp_path: Path, **changes: float) -> Iterator[tuple[AnafiVehicle, Path]]:
+    script, log = tmp_path / "far_end.py", tmp_path / "asked.txt"
+    script.write_text(FAR_END)
+    table = packaged_toml("vehicles")
+    table["anafi"] |= {"connect_timeout_s": 5.0, "engage_timeout_s": 2.0, "video_timeout_s": 0.5} | changes
+    setup = VehicleSetup(Address.parse("anafi://127.0.0.1?takeoff=1"), Camera.from_fov(64, 36, 69.0), table)
+    made = anafi(setup)
+    assert isinstance(made, AnafiVehicle)
+    made._command = [sys.executable, str(script), str(log)]
+    try:
+        yield made, log
+    finally:
+        made.close()
+
+
+def asked(log: Path) -> list[dict]:
+    return [json.loads(line) for line in log.read_text().splitlines()]
+
+
+def test_it_takes_off_streams_and_lands(tmp_path: Path) -> None:
+    with vehicle(tmp_path) as (flown, log):
+        flown.connect()
+        time.sleep(0.3)
+        assert all(check.ok for check in flown.checks())
+        flown.open()
+        end_s, seen = time.monotonic() + 4.0, 0
+        while (pair := flown.read()) is not None and time.monotonic() < end_s:
+            seen += 1
+            frame, telemetry = pair
+            assert frame.image is not None
+            assert frame.image.shape == (36, 64, 3)
+            assert telemetry.t_s > frame.t_s
+            flown.send(PilotCommand(telemetry.t_s, 10.0, -20.0, -40.0, 0.0, -0.3, Intent.LAND))
+        assert flown.end_reason.startswith("landed")
+        assert seen > 20
+        assert flown.refused >= 1
+        lines = asked(log)
+        assert lines[0]["limits"]["tilt_deg"] == 15.0
+        assert {"sticks": [-20, 10, 0, -40]} in lines
+        assert sum("land" in line for line in lines) == 1
+        assert flown.telemetry_at(1.0).heading_rad == pytest.approx(3.5 - 2.0 * math.pi)
+
+
+@pytest.mark.parametrize(("gimbal_deg", "reason"), [(85.0, "video lost"), (-85.0, "has ended")])
+def test_lost_video_and_a_lost_process_end_the_flight(tmp_path: Path, gimbal_deg: float, reason: str) -> None:
+    with vehicle(tmp_path) as (flown, _):
+        flown.open()
+        end_s = time.monotonic() + 5.0
+        while (pair := flown.read()) is not None and time.monotonic() < end_s:
+            flown.send(PilotCommand(pair[1].t_s, 0.0, 0.0, 0.0, 0.0, math.radians(gimbal_deg)))
+        assert reason in flown.end_reason
+
+
+def test_nobody_there_is_one_line(tmp_path: Path) -> None:
+    with vehicle(tmp_path) as (flown, _):
+        flown._command = [str(tmp_path / "no-python"), "x"]
+        with pytest.raises(VehicleError, match="cannot be started"):
+            flown.open()
+
+
+def test_sticks_and_events() -> None:
+    command = PilotCommand(0.0, 10.4, -20.0, 5.0, 200.0, 0.0)
+    assert sticks_of(command) == [-20, 10, 100, 5]
+    assert sticks_of(replace(command, intent=Intent.HOLD)) == [0, 0, 0, 0]
+    assert sticks_of(replace(command, heave_percent=math.nan)) == [0, 0, 0, 0]
+    nothing = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
+    turned = merged(nothing, "attitude", {"roll": 0.0, "pitch": 0.0, "yaw": math.pi / 2}, 3.0)
+    moving = merged(turned, "speed", {"speedX": 0.0, "speedY": 2.0, "speedZ": -1.0}, 3.2)
+    assert moving.velocity_in_level_mps == pytest.approx(np.array([2.0, 0.0, -1.0]), abs=1e-9)
+    assert moving.velocity_t_s == 3.2
+    with pytest.raises(ValueError, match="not finite"):
+        merged(nothing, "altitude", {"altitude": math.inf}, 1.0)
+
+
+OLYMPE = os.environ.get("SHIPLAND_OLYMPE_PYTHON", "")
+
+
+@pytest.mark.skipif(not OLYMPE, reason="SHIPLAND_OLYMPE_PYTHON names no Python that has Olympe")
+def test_the_far_end_starts_under_olympe() -> None:
+    """Without an aircraft it says so in one line."""
+    table = packaged_toml("vehicles")
+    address = Address("anafi", "127.0.0.9", {"python": OLYMPE})
+    flown = anafi(VehicleSetup(address, Camera.from_fov(1280, 720, 69.0), table))
+    assert isinstance(flown, AnafiVehicle)
+    with pytest.raises(VehicleError, match=r"no ANAFI answers|does not answer"):
+        flown.connect()
