@@ -18,6 +18,7 @@ from shipland.commands.identify import Identify
 from shipland.commands.motion import Motion
 from shipland.commands.paper import Paper
 from shipland.commands.publish import Publish
+from shipland.commands.replay import Replay
 from shipland.commands.scenarios import Scenarios
 from shipland.commands.see import See
 from shipland.commands.serve_physics import ServePhysics
@@ -31,6 +32,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Campaign,
     Compare,
     Bench,
+    Replay,
     Paper,
     Motion,
     See,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -31,6 +32,7 @@ p,li{max-width:90ch}.dim{color:var(--dim)}.charts{display:flex;flex-wrap:wrap;ga
 .wide{overflow-x:auto}table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}
 th,td{padding:4px 9px;border-bottom:1px solid var(--line);text-align:left;vertical-align:top}
 th{color:var(--dim);font-weight:600}td.number,th.number{text-align:right;white-space:nowrap}
+td{white-space:nowrap}td:last-child{white-space:normal;min-width:12em}td.number{min-width:0}
 tbody tr:nth-child(even){background:var(--band)}code{font-size:12.5px}
 .key{display:inline-flex;align-items:center;gap:6px;margin-right:18px}.key i{width:12px;height:12px;border-radius:50%}
 svg{max-width:100%;height:auto}svg text{fill:var(--ink);font:12px system-ui,sans-serif}
@@ -207,7 +209,7 @@ def _touchdowns(cells: Sequence[CellResult], pilots: Sequence[str]) -> Iterator[
         touched = [it for it in by_pilot[pilots[series]] if it.touched]
         return [Points(series, good, [place(it) for it in touched if it.good is good]) for good in (True, False)]
 
-    half_m = 0.65 * rig.deck_size_m
+    half_m = math.ceil(6.5 * rig.deck_size_m) / 10.0
     for series, pilot in enumerate(pilots):
         yield point_chart(
             points(series, lambda it: (it.starboard_m, it.forward_m)),
@@ -230,6 +232,7 @@ def _touchdowns(cells: Sequence[CellResult], pilots: Sequence[str]) -> Iterator[
         ("deck's heave rate, up [m/s]", "sink [m/s]"),
         (1.0, 2.0),
         (),
+        low=0.0,
     )
 
 

@@ -116,7 +116,12 @@ class Points:
 
 
 def point_chart(
-    points: Sequence[Points], title: str, axes: tuple[str, str], half: tuple[float, float], squares: Sequence[float]
+    points: Sequence[Points],
+    title: str,
+    axes: tuple[str, str],
+    half: tuple[float, float],
+    squares: Sequence[float],
+    low: float = -1.0,
 ) -> str:
     """Points in a plane about zero.
 
@@ -126,6 +131,7 @@ def point_chart(
         axes: names with units, horizontal and vertical (up).
         half: the axes reach so far either side; points beyond are drawn at the edge.
         squares: sides of squares about zero.
+        low: where the vertical axis begins, in shares of its half: -1 or 0.
     """
     size, left, top, foot = 300, 50, 30, 40
     width, height = left + size + 12, top + size + foot
@@ -134,21 +140,16 @@ def point_chart(
         return left + 0.5 * size * (1.0 + max(-1.0, min(1.0, value / half[0])))
 
     def y(value: float) -> float:
-        return top + 0.5 * size * (1.0 - max(-1.0, min(1.0, value / half[1])))
+        return top + size * (1.0 - max(low, min(1.0, value / half[1]))) / (1.0 - low)
 
     parts = [_text(0, 14, title, "title"), f'<rect class="frame" x="{left}" y="{top}" width="{size}" height="{size}"/>']
     for tick in (-1.0, -0.5, 0.0, 0.5, 1.0):
-        across, up = x(tick * half[0]), y(tick * half[1])
+        upward = low + 0.5 * (1.0 - low) * (tick + 1.0)
+        across, up = x(tick * half[0]), y(upward * half[1])
         parts.append(f'<line class="grid" x1="{across:.1f}" x2="{across:.1f}" y1="{top}" y2="{top + size}"/>')
         parts.append(f'<line class="grid" x1="{left}" x2="{left + size}" y1="{up:.1f}" y2="{up:.1f}"/>')
         parts.append(_text(across, top + size + 15, f"{tick * half[0]:g}", "tick middle"))
-        parts.append(_text(left - 6, up + 4, f"{tick * half[1]:g}", "tick end"))
-    for side in squares:
-        corner = (x(-0.5 * side), y(0.5 * side))
-        wide, high = x(0.5 * side) - corner[0], y(-0.5 * side) - corner[1]
-        parts.append(
-            f'<rect class="square" x="{corner[0]:.1f}" y="{corner[1]:.1f}" width="{wide:.1f}" height="{high:.1f}"/>'
-        )
+        parts.append(_text(left - 6, up + 4, f"{upward * half[1]:g}", "tick end"))
     for kind in points:
         colour = colour_of(kind.series)
         marks = []
@@ -164,6 +165,12 @@ def point_chart(
                 'stroke-width="6" stroke-linecap="round" stroke-opacity="0.55"' if kind.good else 'stroke-width="2"'
             )
             parts.append(f'<path fill="none" stroke="{colour}" {stroke} d="{"".join(marks)}"/>')
+    for side in squares:
+        corner = (x(-0.5 * side), y(0.5 * side))
+        wide, high = x(0.5 * side) - corner[0], y(-0.5 * side) - corner[1]
+        parts.append(
+            f'<rect class="square" x="{corner[0]:.1f}" y="{corner[1]:.1f}" width="{wide:.1f}" height="{high:.1f}"/>'
+        )
     parts.append(_text(left + 0.5 * size, height - 6, axes[0], "tick middle"))
     turned = f'transform="rotate(-90 12 {top + 0.5 * size:.0f})"'
     parts.append(f'<text class="tick middle" x="12" y="{top + 0.5 * size:.0f}" {turned}>{html.escape(axes[1])}</text>')

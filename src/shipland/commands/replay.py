@@ -1,0 +1,77 @@
+"""`shipland replay`: vision and pilot again over a recorded flight or a video."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from shipland.commands.options import ScenarioOptions, command_line
+
+if TYPE_CHECKING:
+    from shipland.missions.replays import Recording, Replayed
+
+
+@dataclass(frozen=True)
+class Replay(ScenarioOptions):
+    """Run vision and pilot again over a recorded flight, and say where they differ from what was recorded.
+
+    Of a flight log, those that flew run again unless others are named, on the pictures that the log keeps, or with
+    `--vision geometric` on the recorded truth; of the options of a scenario only --set counts then, laid over what was
+    flown. Of a video there is nothing to compare with: what is seen and decided goes to --out and --viewer. The sticks
+    move nothing.
+
+    Example: shipland replay out/flight/flight.mcap --pilot horizon
+    """
+
+    recording: Annotated[Path, tyro.conf.Positional] = Path("out/flight/flight.mcap")
+    """A flight log, or a video."""
+    pilot: str = ""
+    """Who flies; not given: of a log who flew, of a video paper."""
+    vision: str = ""
+    """Who sees; not given: of a log who saw, of a video rendered."""
+    pitch_deg: float = 0.0
+    """Of a video: the camera against the horizon."""
+    out: Path | None = None
+    """Write the replay's log there, as shipland fly does."""
+    viewer: bool = False
+    """Show it in rerun (extra `viewer`); nothing leaves this machine."""
+    viewer_file: Path | None = None
+    """Write rerun's recording (.rrd) instead of opening its window."""
+
+    def run(self) -> int:
+        """Replay and print what differs."""
+        for line in self._replayed().words():
+            print(line)
+        return 0
+
+    def _replayed(self) -> Replayed:
+        from shipland.missions.fly import flight_log
+        from shipland.missions.replays import replay
+        from shipland.report.viewer import Viewer
+
+        recording = self._recording()
+        scenario = recording.scenario
+        with ExitStack() as stack:
+            sinks = []
+            if self.out is not None:
+                self.out.parent.mkdir(parents=True, exist_ok=True)
+                log = flight_log(self.out, scenario, recording.pilot, recording.vision, recording.seed, command_line())
+                sinks.append(stack.enter_context(log).append)
+            if self.viewer or self.viewer_file is not None:
+                viewer = Viewer(scenario.rig, self.viewer_file)
+                stack.callback(viewer.close)
+                sinks.append(viewer.show)
+            return replay(recording, lambda record: [sink(record) for sink in sinks])
+
+    def _recording(self) -> Recording:
+        from shipland.missions.replays import recorded_film, recorded_flight
+        from shipland.vision.pictures import is_video
+
+        if is_video(self.recording):
+            pilot, vision = self.pilot or "paper", self.vision or "rendered"
+            return recorded_film(self.recording, self.load(), pilot, vision, self.pitch_deg)
+        return recorded_flight(self.recording, self.pilot, self.vision, self.changes)

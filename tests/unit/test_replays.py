@@ -1,0 +1,80 @@
+"""Vision and pilot over a recording again: the same give the same, others differ and it is said by how much."""
+
+import sys
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from shipland.errors import ConfigError, DataError
+from shipland.missions.campaign import Flight, land_once
+from shipland.missions.replays import recorded_film, recorded_flight, replay
+from shipland.missions.scenarios import load_scenario
+from shipland.report.viewer import Viewer
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    path = tmp_path_factory.mktemp("log") / "flight.mcap"
+    land_once(Flight(load_scenario("rig-natops", time_limit_s=6.0), "horizon", "geometric", 4, path))
+    return path
+
+
+def test_the_same_crew_sees_and_decides_the_same(log):
+    recording = recorded_flight(log)
+    replayed = replay(recording)
+    assert len(replayed.pairs) == len(recording.records) > 80
+    assert sum(pair.after.observation.bar_pose is not None for pair in replayed.pairs) > 10
+    assert np.nanmax([pair.pose_m for pair in replayed.pairs]) < 1e-9
+    assert max(pair.stick_percent for pair in replayed.pairs) < 1e-9
+    assert "modes differ in 0 cycles" in list(replayed.words())
+
+
+def test_another_pilot_and_other_settings_differ(log):
+    other = replay(recorded_flight(log, "paper"))
+    assert max(pair.stick_percent for pair in other.pairs) > 5.0
+    assert not any("more than 5 % in 0 cycles" in line for line in other.words())
+    blind = replay(recorded_flight(log, changes=("geometric.max_range_m=1.0",)))
+    assert all(pair.after.observation.bar_pose is None for pair in blind.pairs)
+    (line,) = [line for line in blind.words() if "in one of the two only" in line]
+    assert int(line.rpartition(" ")[2]) > 10
+
+
+def test_a_vision_that_wants_pictures_says_that_there_are_none(log):
+    with pytest.raises(DataError, match="try --vision geometric"):
+        replay(recorded_flight(log, vision="rendered"))
+
+
+def test_a_film_is_seen_and_decided_on(tmp_path):
+    path = tmp_path / "film.mp4"
+    with av.open(str(path), "w") as film:
+        stream = film.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 1280, 720, "yuv420p"
+        for shade in range(5):
+            picture = np.full((720, 1280, 3), 20 * shade, np.uint8)
+            film.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="bgr24")))
+        film.mux(stream.encode())
+    rows = []
+    scenario = load_scenario("near", delays={"processing": "zero"})
+    replayed = replay(recorded_film(path, scenario, "paper", "rendered", -5.0), rows.append)
+    assert list(replayed.words()) == ["5 cycles; the bar's pose found in 0"]
+    assert len(rows) == 5
+    assert rows[0].frame.image is not None
+    assert replayed.pairs[0].after.frame.image is None  # a film is not kept in memory
+
+
+def test_the_viewer_writes_what_was_replayed(log, tmp_path):
+    pytest.importorskip("rerun", reason="wants rerun: pip install 'shipland[viewer]'")
+    recording = recorded_flight(log)
+    path = tmp_path / "flight.rrd"
+    viewer = Viewer(recording.scenario.rig, path)
+    replay(recording, viewer.show)
+    viewer.close()
+    assert path.stat().st_size > 10_000
+
+
+def test_without_rerun_one_line_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(ConfigError, match=r"shipland\[viewer\]"):
+        Viewer(load_scenario("near").rig, Path("nowhere.rrd"))
