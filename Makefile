@@ -2,7 +2,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-run demo test check bench docs train clean
+.PHONY: help setup setup-run demo test check bench docs wheel-test train clean
 
 BIN := .venv/bin
 ARGS ?=
@@ -13,7 +13,7 @@ test bench: export OPENBLAS_NUM_THREADS := 1
 test bench: export LP_NUM_THREADS := 1
 
 help: ## list what there is (default)
-	@sed -n 's/^\([a-z-]*\):[^#]*## /\1 @/p' $(MAKEFILE_LIST) | while IFS=@ read -r name what; do printf 'make %-7s %s\n' "$$name" "$$what"; done
+	@sed -n 's/^\([a-z-]*\):[^#]*## /\1 @/p' $(MAKEFILE_LIST) | while IFS=@ read -r name what; do printf 'make %-10s %s\n' "$$name" "$$what"; done
 
 setup: ## make .venv with everything that developing needs
 	@tools/setup.sh dev
@@ -47,6 +47,9 @@ train: setup ## make the far detectors' weights anew: pictures, training, rounds
 
 docs: setup ## build the documentation into site/; a warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+wheel-test: setup ## build the wheel, install it into an empty environment, fly from another folder
+	tools/wheel_test.sh
 
 clean: ## remove what was made, but for .venv
 	rm -rf out site build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis

@@ -289,7 +289,7 @@ class TouchdownVerdict:
         rest_in_deck_m: (2,) the same at rest (or at the end).
         relative_velocity_in_deck_mps: (3,) against the deck just before contact; down positive.
         tilt_rad: largest tilt of the aircraft's vertical against the deck's normal after contact.
-        slip_m: way over the deck from first contact to rest.
+        slip_m: distance that the aircraft slid over the deck between first contact and rest.
         peak_contact_force_n: largest summed normal force on the gear.
         reason: the verdict in words.
     """

@@ -62,8 +62,8 @@ class Target:
 
     Attributes:
         quad: the quadrilaterals.
-        made_to: what the corners may be off from the dimensions stated, root mean square, as a share of the cue's
-            diagonal. The default is that of the rig's bar; a file that does not say is taken for hand-cut tape.
+        made_to: root-mean-square error of the corners against the stated dimensions, as a share of the cue's
+            diagonal. The default is that of the rig's bar; a file without it gets that of hand-cut tape.
     """
 
     quad: tuple[Quad, ...]

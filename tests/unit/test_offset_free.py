@@ -62,7 +62,7 @@ def test_neither_wind_nor_the_ships_way_leaves_an_error(wind_mps2, ship_mps):
 
 
 def test_no_overshoot_in_still_air():
-    assert fly(30.0, 8.0).min() > -0.10  # m past the place wanted, of 8 m flown
+    assert fly(30.0, 8.0).min() > -0.10  # m past the reference point, of 8 m flown
 
 
 def test_noise_is_not_passed_on():
@@ -71,7 +71,7 @@ def test_noise_is_not_passed_on():
 
 
 def test_errors_of_a_pose_by_hand():
-    """2 m astern and 0.5 m left of the place wanted, nose 90° right of the bar: the place is to the left, behind."""
+    """2 m astern and 0.5 m left of the reference point, nose 90° right of the bar: the place is to the left, behind."""
     wanted_in_bar_m = np.array([-2.0, 0.0, -0.5])
     camera_in_body_m = np.array([0.1, 0.0, 0.0])
     yaw_rad = math.pi / 2

@@ -41,7 +41,7 @@ def texts() -> list[Path]:
 
 def test_one_version_everywhere():
     assert shipland.__version__ == PROJECT["version"] == importlib.metadata.version("shipland")
-    newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    newest = re.search(r"^## (\d\S*)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert newest
     assert newest[1] == shipland.__version__
 

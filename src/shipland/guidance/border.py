@@ -27,7 +27,7 @@ _STEEPEST_RAD = 0.6 * math.pi
 
 @dataclass(frozen=True)
 class Border:
-    """What the border remembers.
+    """State of the border between cycles.
 
     Attributes:
         now_s: the last good time; None before the first.

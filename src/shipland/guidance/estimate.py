@@ -64,7 +64,7 @@ def measure(t_s: float, pose: BarPose, wanted_in_bar_m: Array, camera_in_body_m:
 
 @dataclass(frozen=True)
 class NearEstimate:
-    """What near control believes: the errors to its reference point.
+    """Estimate of near control: the errors to its reference point.
 
     Attributes:
         t_s: exposure time of the newest picture in it [s].

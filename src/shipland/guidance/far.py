@@ -1,4 +1,4 @@
-"""What far control is: a box in, sticks out; the published exponential law, and the linear laws it is compared with."""
+"""Far control: a box in, sticks out. The published exponential law, and the linear laws that it is compared with."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ PUBLISHED_CAMERA = Camera.from_fov(1280, 720, 69.0)
 
 
 class FarTarget(enum.Enum):
-    """What a box is of."""
+    """The object in a box."""
 
     SHIP = "ship"
     BAR = "bar"
@@ -111,7 +111,7 @@ class FarBaselines:
 
 @dataclass(frozen=True)
 class FarSight:
-    """What far control is told in a cycle.
+    """Input of far control in one cycle.
 
     Attributes:
         box: of the target.
@@ -119,7 +119,7 @@ class FarSight:
         t_s: exposure time of the box's picture [s]; one no newer than the last adds nothing to sums.
         ready_s: when this cycle's command is ready [s].
         gimbal_pitch_rad: of the camera at exposure.
-        heading_error_deg: heading wanted minus the magnetometer's at `ready_s`; None where there is no magnetometer:
+        heading_error_deg: desired heading minus the magnetometer's at `ready_s`; None where there is no magnetometer:
             then the nose is turned to the box.
     """
 
@@ -138,7 +138,7 @@ class FarControl(Protocol):
         """The sticks for one box."""
 
     def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """What left the safety in the cycle before, in any mode, and when it was ready [s]."""
+        """The sticks of the previous cycle after safety, in any mode, and the time when they were ready [s]."""
 
     def reset(self) -> None:
         """The target changed or was lost: forget what does not outlast it."""

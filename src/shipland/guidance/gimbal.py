@@ -14,7 +14,7 @@ def box_elevation_rad(box: Box, observation: Observation, view: View) -> float:
 
 
 def smoothed_rad(pitch_rad: float, wanted_rad: float | None, step_s: float, time_constant_s: float) -> float:
-    """The camera pitch after `step_s`: a first-order lag towards the pitch wanted; unchanged where that is None."""
+    """The camera pitch after `step_s`: a first-order lag towards the desired pitch; unchanged where that is None."""
     if wanted_rad is None:
         return pitch_rad
     share = 1.0 - math.exp(-step_s / time_constant_s) if step_s > 0.0 else 1.0

@@ -94,7 +94,7 @@ class NearGains:
 
 @dataclass(frozen=True)
 class NearMemory:
-    """What the near law keeps of one axis: the last error, when it was, and the error's time integral."""
+    """State of the near law for one axis: the last error, its time, and the error's time integral."""
 
     error: float | None = None
     t_s: float = 0.0
@@ -176,7 +176,7 @@ class PidGains:
 
 @dataclass(frozen=True)
 class PidMemory:
-    """What the linear PID keeps of one axis: the last error, when it was, and the integral term [percent]."""
+    """State of the linear PID for one axis: the last error, its time, and the integral term [percent]."""
 
     error: float | None = None
     t_s: float = 0.0

@@ -28,7 +28,7 @@ from shipland.messages import Box, Decision, Estimate, Intent, Mode, Observation
 
 @dataclass(frozen=True)
 class PilotState:
-    """What the pilot remembers from cycle to cycle, besides the state of its two controls.
+    """State of the pilot between cycles, without that of its two controls.
 
     Attributes:
         now_s: time of the last decision; None before the first.
@@ -64,7 +64,7 @@ class ModePilot:
 
     Args:
         setup: parameters, rig, camera.
-        tables: Table 1 in the camera's pixels: larger boxes than it leads to are not flown on.
+        tables: Table 1 in the camera's pixels; much larger boxes than its setpoints are ignored.
         far: flies on boxes.
         near: flies on corners.
     """
@@ -183,7 +183,7 @@ class ModePilot:
         return self._references.heading_rad(belief.aircraft_in_bar_m, self._view, self._guidance.approach)
 
     def _descent_percent(self, belief: Belief) -> float:
-        """Down, but waiting above commit height while the error predicted `gate_s` ahead is too large."""
+        """Descent; it waits above commit height while the error predicted for `gate_s` later is too large."""
         approach, estimate = self._guidance.approach, belief.estimate
         if estimate is None or belief.aircraft_in_bar_m is None:
             return -approach.descent_percent
@@ -246,7 +246,7 @@ class ModePilot:
         return held_rad + off_rad - clamp(off_rad, math.radians(self._guidance.approach.max_bearing_deg))
 
     def _camera_pitch_rad(self, state: PilotState, observation: Observation, now_s: float) -> float | None:
-        """Camera pitch wanted: to the bar by its pose, to a box by its row, ahead and down in search; None as it is."""
+        """Desired camera pitch: to the bar by its pose, to a box by its row, down in search; None: unchanged."""
         mode, estimate = state.modes.mode, state.belief.estimate
         box = {Mode.TRACK_BAR: observation.bar_box, Mode.TRACK_SHIP: observation.ship_box}.get(mode)
         if mode in _NEAR_MODES and estimate is not None and now_s - estimate.t_s <= self._guidance.modes.memory_s:

@@ -19,7 +19,7 @@ class ModeParameters:
 
     Attributes:
         dwell_s: shortest stay in a mode.
-        confirm_s: evidence must have lasted this long to lead to a better mode.
+        confirm_s: a better mode begins when its evidence has lasted this long.
         lost_s: corners not renewed for this long are gone.
         lost_box_s: likewise a detector's box; longer than the detectors' cycle.
         memory_s: mode 5 flies on the data fed before for this long.
@@ -48,14 +48,14 @@ class ModeParameters:
 
 @dataclass(frozen=True)
 class Situation:
-    """What the mode depends on, besides its memory.
+    """Input of the mode function, besides its memory.
 
     Attributes:
         now_s: time of decision [s].
         observation: of the newest frame.
         landing_condition: why landing must not begin yet; empty when it may.
         committed: the aircraft is below the height at which a wave-off is riskier than the deck.
-        astray: why the landing must be broken off; empty when it need not.
+        astray: the reason to break off the landing; empty when there is none.
         near_ship: the last known distance to the bar is inside the climb-out radius.
         clear: after a climb-out, height and distance allow another try.
         flying: the vehicle's own word.
@@ -87,7 +87,7 @@ class Evidence:
 
 @dataclass(frozen=True)
 class ModeMemory:
-    """What the mode function keeps."""
+    """Memory of the mode function."""
 
     mode: Mode = Mode.SEARCH
     since_s: float = -math.inf

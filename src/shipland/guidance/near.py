@@ -1,4 +1,4 @@
-"""What near control is: errors in, sticks out; and the published form."""
+"""Near control: errors in, sticks out; and its published form."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ class NearControl(Protocol):
         """Take one picture's errors; `now_s` is when the command of this cycle will be ready."""
 
     def sticks(self, wanted_yaw_rad: float = 0.0) -> Sticks:
-        """The sticks for the newest estimate; the heading wanted is against the bar."""
+        """The sticks for the newest estimate; the desired heading is relative to the bar."""
 
     def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """What left the safety in the cycle before, in any mode, and when it was ready [s]."""
+        """The sticks of the previous cycle after safety, in any mode, and the time when they were ready [s]."""
 
     def reset(self) -> None:
         """After a gap in the pictures or a new reference: start place and speed anew."""

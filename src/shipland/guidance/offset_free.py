@@ -81,7 +81,7 @@ class _Axis:
         matrix = np.array([[1.0, -gain, -way], [0.0, keep, gain], [0.0, 0.0, 1.0]])
         return matrix, np.array([-way, gain, 0.0])
 
-    def ahead(self, state: Array, inputs: list[tuple[float, float]]) -> Array:
+    def predicted(self, state: Array, inputs: list[tuple[float, float]]) -> Array:
         """The state after a sequence of (step [s], input)."""
         for step_s, given in inputs:
             matrix, push = self.transition(step_s)
@@ -90,7 +90,7 @@ class _Axis:
 
     def advance(self, inputs: list[tuple[float, float]]) -> None:
         """Propagate state and covariance."""
-        self.state = self.ahead(self.state, inputs)
+        self.state = self.predicted(self.state, inputs)
         for step_s, _ in inputs:
             matrix, _ = self.transition(step_s)
             self.covariance = matrix @ self.covariance @ matrix.T + np.diag(self._noise * step_s)
@@ -103,22 +103,22 @@ class _Axis:
         self.covariance = 0.5 * (self.covariance + self.covariance.T)
 
     def widen(self) -> None:
-        """After a gap: place and speed are unknown, the disturbance is not."""
+        """After a gap: position and speed become unknown, the disturbance stays known."""
         drift = self.covariance[-1, -1]
         self.covariance = np.diag([1e4, 1.0, drift][: self._size] if self._size == 3 else [1e4, drift])
 
 
-class _Then(NamedTuple):
-    """The states predicted to a command's effect: of place along `bar`'s axes, of height, of heading."""
+class _Predicted(NamedTuple):
+    """Predicted states at the time when a command takes effect: position along `bar`'s axes, height, heading."""
 
-    ahead: Array
-    aside: Array
+    longitudinal: Array
+    lateral: Array
     up: Array
     turn: Array
 
 
-_Given = tuple[float, Sticks]
-"""For how long [s], and what."""
+_Applied = tuple[float, Sticks]
+"""Sticks and the time for which they acted [s]."""
 
 
 def _turned(forward: float, right: float, yaw_rad: float) -> tuple[float, float]:
@@ -142,31 +142,31 @@ class OffsetFreeNear:
         )
         self._sent: deque[_Sent] = deque([_Sent(-math.inf, Sticks(0.0, 0.0, 0.0, 0.0))])
         self._t_s: float | None = None
-        self._then = _Then(np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(2))
+        self._predicted = _Predicted(np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(2))
 
     def observe(self, measured: Measured, now_s: float) -> NearEstimate:
         """Filter at exposure, predict to the moment when this cycle's command takes effect."""
         effect_s = now_s + self._response.uplink_s + self._parameters.lag_s
         before_s = measured.t_s if self._t_s is None else self._t_s
         self._t_s = measured.t_s
-        self._filter(measured, self._given(before_s, measured.t_s))
-        self._then = then = self._predict(self._given(measured.t_s, effect_s))
+        self._filter(measured, self._applied(before_s, measured.t_s))
+        self._predicted = predicted = self._predict(self._applied(measured.t_s, effect_s))
         while len(self._sent) > 1 and self._sent[1].from_s < measured.t_s:
             self._sent.popleft()
-        yaw_rad = wrap_angle(-float(then.turn[0]))
-        error = np.array([*_turned(then.ahead[0], then.aside[0], -yaw_rad), then.up[0]])
-        climb_mps = self._climb_mps(self._at(effect_s)) + then.up[1]
-        rate = -np.array([*_turned(then.ahead[1], then.aside[1], -yaw_rad), climb_mps])
+        yaw_rad = wrap_angle(-float(predicted.turn[0]))
+        error = np.array([*_turned(predicted.longitudinal[0], predicted.lateral[0], -yaw_rad), predicted.up[0]])
+        climb_mps = self._climb_mps(self._at(effect_s)) + predicted.up[1]
+        rate = -np.array([*_turned(predicted.longitudinal[1], predicted.lateral[1], -yaw_rad), climb_mps])
         return NearEstimate(measured.t_s, error, rate, yaw_rad, measured.bar_elevation_rad, effect_s)
 
     def sticks(self, wanted_yaw_rad: float = 0.0) -> Sticks:
-        """Sticks for the state predicted; the heading wanted is against the bar."""
-        response, limits, then = self._response, self._parameters, self._then
-        climb_mps = clamp(limits.climb_per_s * float(then.up[0]), limits.max_climb_mps) - float(then.up[1])
-        off_rad = wrap_angle(float(then.turn[0]) + wanted_yaw_rad)
-        turn_rad_s = limits.turn_per_s * off_rad - float(then.turn[1])
-        ahead_mps2, aside_mps2 = self._push_mps2(then.ahead), self._push_mps2(then.aside)
-        pitch_mps2, roll_mps2 = _turned(ahead_mps2, aside_mps2, float(then.turn[0]))
+        """Sticks for the predicted state; the desired heading is relative to the bar."""
+        response, limits, predicted = self._response, self._parameters, self._predicted
+        climb_mps = clamp(limits.climb_per_s * float(predicted.up[0]), limits.max_climb_mps) - float(predicted.up[1])
+        off_rad = wrap_angle(float(predicted.turn[0]) + wanted_yaw_rad)
+        turn_rad_s = limits.turn_per_s * off_rad - float(predicted.turn[1])
+        longitudinal_mps2, lateral_mps2 = self._push_mps2(predicted.longitudinal), self._push_mps2(predicted.lateral)
+        pitch_mps2, roll_mps2 = _turned(longitudinal_mps2, lateral_mps2, float(predicted.turn[0]))
         return Sticks(
             self._tilt_percent(pitch_mps2),
             self._tilt_percent(roll_mps2),
@@ -175,7 +175,7 @@ class OffsetFreeNear:
         )
 
     def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """Remember what was given and when it acts."""
+        """Remember the sticks sent and when they act."""
         self._sent.append(_Sent(ready_s + self._response.uplink_s + self._parameters.lag_s, sticks))
 
     def reset(self) -> None:
@@ -183,9 +183,9 @@ class OffsetFreeNear:
         for axis in self._axes:
             axis.widen()
 
-    def _filter(self, measured: Measured, given: list[_Given]) -> None:
-        limits, (ahead, aside, up, turn) = self._parameters, self._axes
-        for axis, inputs in zip(self._axes, self._inputs(given), strict=True):
+    def _filter(self, measured: Measured, applied: list[_Applied]) -> None:
+        limits, (longitudinal, lateral, up, turn) = self._parameters, self._axes
+        for axis, inputs in zip(self._axes, self._inputs(applied), strict=True):
             axis.advance(inputs)
         off_rad = wrap_angle(-measured.yaw_rad - float(turn.state[0]))
         turn.correct(float(turn.state[0]) + off_rad, max(measured.yaw_variance_rad2, limits.floor_rad**2))
@@ -196,23 +196,28 @@ class OffsetFreeNear:
         errors_m = _turned(forward_m, right_m, yaw_rad)
         spread = np.abs(_turned(1.0, 0.0, yaw_rad)) ** 2
         variances = (spread @ measured.variance_in_level_m2[:2], spread @ measured.variance_in_level_m2[1::-1])
-        # What the heading errs by swings the place wanted about the aircraft.
-        for axis, error_m, variance, lever_m in zip((ahead, aside), errors_m, variances, errors_m[::-1], strict=True):
+        # A heading error moves the target point by heading error × distance, across the line of sight.
+        for axis, error_m, variance, lever_m in zip(
+            (longitudinal, lateral), errors_m, variances, errors_m[::-1], strict=True
+        ):
             axis.correct(error_m, max(float(variance), limits.floor_m**2) + yaw_variance * lever_m**2)
         up_variance = max(float(measured.variance_in_level_m2[2]), limits.floor_m**2)
         up.correct(up_m, up_variance)
 
-    def _predict(self, given: list[_Given]) -> _Then:
-        return _Then(
-            *(axis.ahead(axis.state, inputs) for axis, inputs in zip(self._axes, self._inputs(given), strict=True))
+    def _predict(self, applied: list[_Applied]) -> _Predicted:
+        return _Predicted(
+            *(
+                axis.predicted(axis.state, inputs)
+                for axis, inputs in zip(self._axes, self._inputs(applied), strict=True)
+            )
         )
 
-    def _inputs(self, given: list[_Given]) -> list[list[tuple[float, float]]]:
-        """Of each axis (duration [s], input): accelerations along `bar`'s axes, the nose turning meanwhile; speeds."""
+    def _inputs(self, applied: list[_Applied]) -> list[list[tuple[float, float]]]:
+        """(duration [s], input) for each axis: accelerations along `bar`'s axes at the yaw of that time; speeds."""
         turn = self._axes[3].state
         tilt_rad, yaw_rad, drift_rad_s = self._response.max_tilt_rad, -float(turn[0]), float(turn[1])
         inputs: list[list[tuple[float, float]]] = [[], [], [], []]
-        for step_s, sticks in given:
+        for step_s, sticks in applied:
             turn_rad_s = self._turn_rad_s(sticks)
             turned_rad = step_s * (turn_rad_s + drift_rad_s)
             pitch_mps2, roll_mps2 = (GRAVITY_MPS2 * math.tan(0.01 * stick * tilt_rad) for stick in sticks[:2])
@@ -223,7 +228,7 @@ class OffsetFreeNear:
         return inputs
 
     def _push_mps2(self, axis: Array) -> float:
-        """The acceleration wanted along an axis of `bar`."""
+        """The desired acceleration along an axis of `bar`."""
         limits, response = self._parameters, self._response
         error_m, speed_mps, disturbance_mps2 = (float(value) for value in axis)
         slope_per_s = limits.bandwidth_per_s / (2.0 * limits.damping)
@@ -251,7 +256,7 @@ class OffsetFreeNear:
             given = sent.sticks
         return given
 
-    def _given(self, from_s: float, to_s: float) -> list[_Given]:
+    def _applied(self, from_s: float, to_s: float) -> list[_Applied]:
         """The sticks that acted between two times."""
         found, t_s, sticks = [], from_s, self._at(from_s)
         for sent in self._sent:

@@ -81,7 +81,7 @@ class OffsetFreeFar:
         self._headings: deque[tuple[float, float]] = deque(maxlen=_HEADINGS)
 
     def sticks(self, sight: FarSight) -> Sticks:
-        """Sticks towards the place wanted."""
+        """Sticks towards the reference point."""
         if sight.heading_error_deg is None:
             self._headings.clear()
         else:
@@ -96,7 +96,7 @@ class OffsetFreeFar:
         return sticks._replace(yaw=clamp(100.0 * turn_rad_s / self._response.max_turn_rad_s, 100.0))
 
     def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """Remember what was given and when it acts."""
+        """Remember the sticks sent and when they act."""
         self._motion.sent(ready_s, sticks)
 
     def reset(self) -> None:
@@ -104,7 +104,7 @@ class OffsetFreeFar:
         self._motion.reset()
 
     def _measured(self, sight: FarSight) -> tuple[Measured, float]:
-        """The box as a place against the one wanted, and its bearing [rad]."""
+        """The box as a position relative to the reference point, and its bearing [rad]."""
         parameters, box = self._parameters, sight.box
         area_m2, gains = self._areas_m2[sight.target], self._tables.of(sight.target)
         range_m = self._focal_px * math.sqrt(area_m2 / max(box.area_px2, 1.0))
@@ -122,7 +122,7 @@ class OffsetFreeFar:
         return Measured(sight.t_s, error, variance, heading_rad, heading_variance, elevation_rad), math.atan(right)
 
     def _heading_at(self, t_s: float) -> tuple[float, float]:
-        """Against the heading wanted, by the compass, and its variance; without one the sticks tell more."""
+        """Compass heading relative to the desired one [rad] and its variance; 0 and 1 rad² without a compass."""
         if not self._headings:
             return 0.0, 1.0
         times_s, headings_rad = zip(*self._headings, strict=True)

@@ -17,18 +17,18 @@ from shipland.guidance.search import SearchParameters
 
 @dataclass(frozen=True)
 class ApproachParameters:
-    """`[guidance.approach]`: where the aircraft is led, and when it may land.
+    """`[guidance.approach]`: reference points, and the condition of landing.
 
     Attributes:
         hover_height_m: over the deck's neutral surface, before landing.
         square_margin: landing begins with the horizontal error within this share of half of `rig.landing_square_m`.
-        largest_box: boxes of more than so many times the setpoint's area are not flown on.
+        largest_box: boxes of more than this many times the setpoint's area are ignored.
         max_bearing_deg: the nose turns to the bar's axis only as far as the bar stays this near the picture's middle,
         bearing_margin_deg: and the cue this far from its sides.
         max_height_error_m, max_speed_mps, max_yaw_error_deg, max_data_age_s: of the landing condition.
         descent_percent: heave stick while landing.
-        gate_m, gate_s: above commit height the descent waits while the horizontal error, foreseen `gate_s` ahead at
-            its present rate, is larger than `gate_m`.
+        gate_m, gate_s: above commit height the descent waits while the horizontal error, predicted for `gate_s` later
+            at its present rate, is larger than `gate_m`.
         commit_height_m: below this height over the neutral deck the landing is no longer broken off.
         astray_m: horizontal error that breaks off a landing.
         climb_out_radius_m: nearer than this to the bar, loss of vision means climb-out.

@@ -1,4 +1,4 @@
-"""What a pilot is, and what one is made from."""
+"""The protocol of a pilot, and the arguments of its factory."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Pilot(Protocol):
 
 @dataclass(frozen=True)
 class PilotSetup:
-    """What a pilot's factory is given.
+    """Arguments of a pilot's factory.
 
     Attributes:
         guidance: the sections of `[guidance]`.

@@ -1,4 +1,4 @@
-"""References of near flight: points and headings in `bar` that a control is led to. No filter knows of them."""
+"""References of near flight: points and headings in `bar`. They are no part of a filter's state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from shipland.rig import Rig
 
 @dataclass(frozen=True)
 class References:
-    """Where the aircraft's centre of mass is led.
+    """Reference points of the aircraft's centre of mass.
 
     Attributes:
         hover_in_bar_m: (3,) over the deck's neutral point: approach and landing.
@@ -45,15 +45,15 @@ class References:
         )
 
     def point_in_bar_m(self, mode: Mode) -> Array:
-        """(3,) where a mode leads."""
+        """(3,) the reference point of a mode."""
         return self.retry_in_bar_m if mode is Mode.CLIMB_OUT else self.hover_in_bar_m
 
     def height_m(self, aircraft_in_bar_m: Array) -> float:
-        """Of a place over the deck's neutral surface."""
+        """Height of a point over the deck's neutral surface."""
         return self.deck_down_m - float(aircraft_in_bar_m[2])
 
     def is_clear(self, aircraft_in_bar_m: Array) -> bool:
-        """Whether a place is astern and high enough for another approach."""
+        """Whether a point is far enough astern and high enough for another approach."""
         return bool(
             aircraft_in_bar_m[0] < self.retry_in_bar_m[0] + 1.0 and aircraft_in_bar_m[2] < self.retry_in_bar_m[2] + 0.5
         )

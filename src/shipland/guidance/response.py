@@ -1,4 +1,4 @@
-"""What a vehicle makes of its sticks: the one description that a pilot's model and gains are built from."""
+"""A vehicle's response to its sticks: the one description from which a pilot's model and gains are built."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from shipland.frames import GRAVITY_MPS2
 
 @dataclass(frozen=True)
 class Response:
-    """What sticks mean on this vehicle, and how fast it answers.
+    """The meaning of the sticks on this vehicle, and its lags.
 
     Attributes:
         kind: `attitude`: pitch and roll sticks ask for a tilt against the horizon; `velocity`: for a speed over
@@ -75,7 +75,7 @@ class Response:
         return 0.01 * stick_percent * self.max_speed_mps
 
     def stick_of(self, wanted: float) -> float:
-        """The stick [percent, unclipped] whose input is `wanted`; the inverse of `input_of`."""
+        """The stick [percent, unclipped] that gives the input `wanted`; the inverse of `input_of`."""
         if self.kind == "attitude":
             return 100.0 * math.atan(wanted / GRAVITY_MPS2) / self.max_tilt_rad
         return 100.0 * wanted / self.max_speed_mps

@@ -1,4 +1,4 @@
-"""What stands between every pilot and the vehicle: bounds, slew, stale data, fence, floor.
+"""Safety between every pilot and the vehicle: bounds, slew, stale data, fence, floor.
 
 Outside every pilot: places come from its own estimate, what a command is for from its intent; the pilot's estimate and
 mode are never used.
@@ -78,7 +78,7 @@ class Safety:
 
     @property
     def estimate(self) -> SafetyEstimate:
-        """What the safety knows of the aircraft's place."""
+        """The safety's own estimate of the aircraft's position."""
         return self._estimate
 
     def check(self, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:

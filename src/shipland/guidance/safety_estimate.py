@@ -25,7 +25,7 @@ _LONGEST_STEP_S = 1.0
 
 @dataclass(frozen=True)
 class SafetyEstimate:
-    """What the safety knows.
+    """The safety's own estimate.
 
     Attributes:
         t_s: of the last telemetry; None before the first.

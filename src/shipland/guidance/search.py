@@ -1,4 +1,4 @@
-"""Looking for the ship: hold and look ahead and down, turn once around, climb, and again."""
+"""Search for the ship: hold and look forward and down, turn once around, climb, repeat."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class SearchParameters:
         camera_pitch_deg: camera pitches, up positive; each turn is flown with the next of them.
         turn_percent, turn_s: yaw stick, and how long a full turn takes with it.
         climb_percent, climb_s: heave stick and time of the climb after each turn.
-        turns: after so many turns the vehicle holds.
+        turns: after this number of turns the vehicle holds.
     """
 
     look_s: float

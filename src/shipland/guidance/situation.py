@@ -1,4 +1,4 @@
-"""What the modes are chosen by: the landing condition, the distance, whether a landing strays."""
+"""Input of the mode function: the landing condition, the distance, the error while landing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from shipland.messages import Box, Mode, Observation, Telemetry
 
 @dataclass(frozen=True)
 class Belief:
-    """What the pilot knows of its place.
+    """The pilot's estimate of its position.
 
     Attributes:
         estimate: errors to the present reference; None before the first picture and after a change of reference.

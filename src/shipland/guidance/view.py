@@ -14,7 +14,7 @@ _KEPT_S = 3.0
 
 @dataclass(frozen=True)
 class View:
-    """What guidance needs of the camera.
+    """The properties of the camera that guidance needs.
 
     Attributes:
         focal_px: mean focal length.

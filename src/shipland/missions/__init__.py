@@ -1,1 +1,1 @@
-"""What is flown and how it is judged: scenarios, one flight, campaigns, rules."""
+"""Missions and their verdicts: scenarios, single flights, campaigns, rules."""

@@ -24,13 +24,12 @@ Flown = dict[str, dict[int, Landing]]
 Keep = Callable[[Flight, Landing], None]
 Lose = Callable[[Flight, str], None]
 Crew = Callable[[Iterable[Flight], Keep, Lose], Iterator[tuple[Flight, Landing]]]
-"""Who flies flights: it yields each with what came of it, calls the first with each, the second with each that was
-lost and why."""
+"""Flies flights: yields each with its landing, calls `Keep` with each landing, `Lose` with each lost flight and why."""
 
 
 @dataclass(frozen=True)
 class BenchPlan:
-    """What is flown, and where it is kept.
+    """The flights to fly, and the folder of their results.
 
     Attributes:
         cells: lines of the table.
@@ -75,7 +74,7 @@ class Bench:
         }
 
     def missing(self) -> Iterator[Flight]:
-        """What is still to be flown, seed by seed over all cells."""
+        """The flights that are missing, seed by seed over all cells."""
         plan = self.plan
         for seed in plan.seeds:
             for cell in plan.cells:
@@ -169,7 +168,7 @@ def _processor() -> str:
 
 @dataclass(frozen=True)
 class CellResult:
-    """What a folder holds of one cell.
+    """The landings of one cell in a folder.
 
     Attributes:
         name, group, suite, pilot, vision: as of `BenchCell` and `BenchPlan`.

@@ -1,4 +1,4 @@
-"""What a perfect aircraft would score: zero error to the bar-defined point, level, down at a given instant.
+"""The score of a perfect aircraft: zero error to the bar-defined point, level, down at a given instant.
 
 The pilot knows the deck only through the bar: it lands at the point where a deck at rest would have its centre. Where
 the deck is at that instant is the ship's doing. The share of instants at which that point lies in the landing square is
@@ -96,7 +96,7 @@ def in_square(rig: Rig, point_m: Array) -> bool:
 
 @dataclass(frozen=True)
 class Ceiling:
-    """What a perfect aircraft scores over many motions.
+    """The score of a perfect aircraft over many motions.
 
     Attributes:
         share: of instants at which it lands in the square.

@@ -21,7 +21,7 @@ _WAITING_A_CORE = 2
 
 
 class _Answer(NamedTuple):
-    """What comes back from a machine: its code's digest, the landing, and the log where one is kept."""
+    """A machine's answer: the digest of its code, the landing, and the log where one is kept."""
 
     digest: str
     landing: Landing

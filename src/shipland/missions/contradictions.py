@@ -1,4 +1,4 @@
-"""What no single section can see: values of two sections that cannot both hold."""
+"""Contradictions between sections: two values that cannot both hold."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from shipland.missions.scenarios import Scenario
 
 _TOUCH_M = 1e-9
-"""What rounding may make of two lengths that are the same."""
+"""Rounding error of two equal lengths."""
 
 
 def contradictions(scenario: Scenario) -> Iterator[str]:

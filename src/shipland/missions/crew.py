@@ -1,4 +1,4 @@
-"""Who flies a scenario, and in what: the simulated vehicle, and vision, pilot and safety."""
+"""Builds the simulated vehicle of a scenario, and its vision, pilot and safety."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from shipland.vehicles.vehicle import Vehicle, Witness
 
 
 def build_scene(scenario: Scenario, seed: int) -> Scene:
-    """What the camera sees in the flight of `seed`; the caller closes it."""
+    """The drawn scene of the flight of `seed`; the caller closes it."""
     return Scene(scenario.rig, scenario.scene, generators_of(seed).scene)
 
 
@@ -67,8 +67,8 @@ def build_crew(
     """Vision, pilot and safety for one flight.
 
     Args:
-        scenario: what is flown.
-        vehicle: what it is flown in.
+        scenario: the flight's configuration.
+        vehicle: the vehicle that flies it.
         pilot: name or factory, as `factories.resolve` takes it.
         vision: likewise.
         seed: of the flight.
@@ -108,7 +108,7 @@ def drawn_wind_of(scenario: Scenario, seed: int) -> WindParameters:
 
 
 def response_of(scenario: Scenario) -> Response:
-    """What full sticks mean, from the settings of the simulated aircraft; lags are those of its step responses."""
+    """The response of the simulated aircraft, from its settings; lags are those of its step responses."""
     settings, loop = scenario.aircraft.settings, scenario.aircraft.loop
     velocity = loop.kind == "velocity"
     return Response(

@@ -36,7 +36,7 @@ class Flown:
 
     @property
     def reason(self) -> str:
-        """What became of the flight, in words."""
+        """The flight's result in words."""
         return self.verdict.reason if self.verdict is not None else f"no touchdown: {self.result.reason}"
 
     @property
@@ -68,7 +68,7 @@ def fly_quietly(
 def flight_info(
     scenario: Scenario, pilot: str | Factory, vision: str | Factory, seed: int, command: str = ""
 ) -> FlightInfo:
-    """What the log says of a flight: enough to fly it again."""
+    """The log's header: everything that is needed to fly the flight again."""
     airframe, detector, table = scenario.aircraft.airframe, scenario.detector, scenario.table()
     weights = ""
     if needs_pictures(factories.resolve("visions", vision)):

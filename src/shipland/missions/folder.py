@@ -37,7 +37,7 @@ _BOUND = {
     "own_code": "own pilot or vision code",
     "weights": "weights",
 }
-"""What a folder is bound to, and its name in words."""
+"""Keys that must be equal for all landings of a folder, with their names in words."""
 
 
 @cache
@@ -52,7 +52,7 @@ def source_digest() -> str:
 
 
 def campaign_key(scenario: Scenario, pilot: str, vision: str) -> dict[str, Any]:
-    """What landings must share to stand in one table, and what else is worth knowing of them.
+    """What landings of one table must have in common, with further facts for the reader.
 
     Raises:
         DataError: weights are missing.

@@ -49,7 +49,7 @@ class Way:
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a flight was dealt.
+    """The conditions drawn for a flight.
 
     Attributes:
         wind_mps: mean wind speed.
@@ -120,7 +120,7 @@ class Landing:
         sink_mps: vertical speed against the deck just before contact, down positive.
         slide_mps: horizontal speed against the deck just before contact.
         tilt_deg: largest tilt against the deck after contact.
-        slip_m: way over the deck until rest.
+        slip_m: distance slid over the deck between contact and rest.
         force_n: largest contact force.
         rest_forward_m, rest_starboard_m: where it came to rest, or ended, in `deck`.
         deck_roll_deg, deck_pitch_deg, deck_heave_m: the deck's motion at contact; heave down positive.
@@ -131,7 +131,7 @@ class Landing:
             again; infinite where it never was; None where no fault can be judged so.
         reason: the verdict in words.
         way: how the flight went before.
-        conditions: what it was dealt.
+        conditions: those drawn for it.
     """
 
     seed: int
@@ -188,7 +188,7 @@ class Landing:
 
 
 def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[FlightRecord]) -> Landing:
-    """What came of a flight of `seed`, from its end and its records (with truth)."""
+    """The result of the flight of `seed`, from its end and its records (with truth)."""
     ship, verdict = drawn_ship(scenario, seed), flown.verdict
     time_s = flown.result.t_s if verdict is None else verdict.t_s
     way, conditions = way_of(records, time_s), conditions_of(scenario, seed, ship, records)
@@ -324,7 +324,7 @@ def largest_steps(records: Sequence[FlightRecord], slew_percent_per_s: float) ->
 
 
 def conditions_of(scenario: Scenario, seed: int, ship: Ship, records: Sequence[FlightRecord]) -> Conditions:
-    """What the flight of `seed` was dealt; where it began is taken from its first record."""
+    """The conditions drawn for the flight of `seed`; its start is taken from its first record."""
     wind, in_waves = drawn_wind_of(scenario, seed), scenario.ship.motion == "sea"
     start = ship.at(0.0).course
     distance_m = bearing_deg = height_m = error_deg = NAN

@@ -1,4 +1,4 @@
-"""What counts as a landing, by several published rules, computed on the same flight."""
+"""Rules of success from several publications, computed on the same flight."""
 
 from __future__ import annotations
 

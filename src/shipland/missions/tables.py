@@ -68,10 +68,10 @@ def interval_text(low: float, high: float) -> str:
 
 
 def assumption(landings: Sequence[Landing]) -> str:
-    """What the interval takes for granted."""
+    """The assumption behind the interval."""
     if len({landing.conditions.motion_seed for landing in landings}) == len(landings):
         return "flights independent: each with its own motion, wind and start"
-    return "of this one record of motion only: flights share it, another record may differ by more"
+    return "flights share one record of motion: the interval holds for that record only, another may differ by more"
 
 
 def causes_table(landings: Sequence[Landing]) -> str:

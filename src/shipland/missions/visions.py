@@ -26,7 +26,7 @@ F = TypeVar("F", bound=Callable[..., object])
 
 @dataclass(frozen=True)
 class VisionSetup:
-    """What a vision is made from.
+    """Arguments of a vision's factory.
 
     Attributes:
         scenario: everything configured; `scenario.rig.target` is the cue.

@@ -1,4 +1,4 @@
-"""What a campaign leaves beside its rows: tables in words and pictures."""
+"""Tables and pictures of a campaign, beside its rows."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def load_outputs(path: Path | None = None) -> OutputParameters:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a stage of the flight cost by the wall clock."""
+    """Wall-clock time of a stage of the flight."""
 
     total_s: float
     per_cycle_ms: float

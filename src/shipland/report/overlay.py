@@ -1,4 +1,4 @@
-"""What is drawn into the flight's video: corners and boxes over the picture, and the strip of instruments below it."""
+"""Drawings of the flight's video: corners and boxes over the picture, and the strip of instruments below it."""
 
 from __future__ import annotations
 

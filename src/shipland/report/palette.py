@@ -1,4 +1,4 @@
-"""Names and colours of modes and curves, the same in pictures, plots and videos; told apart by the colour-blind."""
+"""Names and colours of modes and curves, the same in pictures, plots and videos; safe for the colour-blind."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ def draw_right(axes: Axes, columns: FlightColumns) -> None:
 
 def draw_up(axes: Axes, columns: FlightColumns) -> None:
     """Height over the neutral deck, and the deck's own."""
-    _draw_place(axes, columns, 2, "above it, were the deck still [m]")
+    _draw_place(axes, columns, 2, "height over the neutral deck [m]")
     deck_m = columns.deck_shift_m[:, 2]
     axes.plot(columns.t_s, deck_m, color=unit(GREY), label="deck's centre")
 

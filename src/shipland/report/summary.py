@@ -65,7 +65,7 @@ class FlightSummary:
         time_per_mode_s: by the mode's name; NONE without a mode.
         mode_changes: how often the mode changed.
         cycles_with_pose, cycles_with_bar_box, cycles_with_ship_box: what the vision gave.
-        refusals: cycles without a pose, by reason; figures in a reason are replaced by #.
+        refusals: cycles without a pose, by reason; figures in a reason are left out.
         camera_error: the vision's pose against truth.
         aircraft_error: the pilot's estimate against the truth of the estimate's own time, wherever it has one.
         max_right_m: largest sideways distance from the pad's middle line, on approach and landing.
@@ -164,8 +164,9 @@ def summarise(log: FlightLog, end: str = "") -> FlightSummary:
 
 
 def kind_of(reason: str) -> str:
-    """A reason without its figures, so that like refusals count together."""
-    return re.sub(r"[-+−]?\d+(?:[.,]\d+)?", "#", reason)
+    """A reason without its figures and what stands in brackets with them, so that like refusals count together."""
+    words = re.sub(r" ?\([^)]*\d[^)]*\)", "", reason)
+    return re.sub(r"[-+−]?\d+(?:[.,]\d+)?", "…", words)
 
 
 def write_json(path: Path, value: object) -> None:

@@ -39,7 +39,7 @@ class NearTrace:
 
     Attributes:
         t_s: (n,) exposure times.
-        right_m: (n,) true place right of the place wanted.
+        right_m: (n,) true position right of the landing point.
         seen_right_m: (n,) the same as the vision has it, noise and false estimate included; NaN without a pose.
         law_percent: (n,) roll stick of the law.
         sent_percent: (n,) roll stick after the safety's slew bound.
@@ -53,7 +53,7 @@ class NearTrace:
 
 
 class Spoiled:
-    """Eyes whose poses get noise, and once a false estimate."""
+    """Vision with noise added to its poses, and one false estimate."""
 
     def __init__(self, eyes: Vision, noise_m: float, false_m: float, rng: np.random.Generator) -> None:
         self._eyes, self._noise_m, self._false_m, self._rng = eyes, noise_m, false_m, rng
@@ -73,7 +73,7 @@ class Spoiled:
 
 
 class Tapped:
-    """A pilot whose roll stick is noted before the safety sees it."""
+    """A pilot with a record of its roll stick before safety."""
 
     def __init__(self, pilot: Pilot) -> None:
         self._pilot = pilot

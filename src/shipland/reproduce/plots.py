@@ -162,7 +162,7 @@ def plot_near(path: Path, traces: Mapping[str, NearTrace]) -> None:
         whole.set_title("roll stick of the law [%]")
         near.set_title("the same around zero")
         near.set_ylim(-15.0, 15.0)
-        place.set_title("right of the place wanted [cm]")
+        place.set_title("right of the landing point [cm]")
         place.set_xlabel("time [s]")
         for axes in (whole, near, place):
             axes.axvline(FALSE_AT_S, color="#888888", linestyle="--", linewidth=1.0, zorder=0)

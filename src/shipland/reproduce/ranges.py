@@ -52,7 +52,7 @@ class FarCase:
         noise_px: standard deviation of each edge of a box.
         approach: fly pitch and yaw too, and on the bar within its range; else these sticks stay zero, which holds.
         duration_s: of the flight.
-        below_deg: below the horizon the box is wanted (Table 1: on it): more lifts the place wanted off the sea.
+        below_deg: below the horizon the box is wanted (Table 1: on it): more lifts the reference point off the sea.
         seed: of aircraft, sensors and noise.
     """
 

@@ -27,7 +27,7 @@ _LEAST_CORNERS = 8
 """Of a ChArUco board that is seen in part."""
 
 _OUTLIER = 3.0
-"""A picture whose error is larger than this many times the median of all is left out."""
+"""A picture is left out when its error is larger than this many times the median."""
 
 _OUTLIER_PX = 0.3
 """And larger than this: what a sharp picture of a flat board reaches."""

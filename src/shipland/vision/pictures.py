@@ -82,7 +82,7 @@ def pictures_of(
 
     Args:
         paths: pictures, folders of pictures, videos, flight logs.
-        broken: is told of a picture or video that is missing or broken, and the rest follows; None raises.
+        broken: called with a picture or video that is missing or broken, before the rest follows; None raises.
 
     Raises:
         DataError: no path, an empty folder, or, without `broken`, a picture or video is missing or broken.

@@ -77,7 +77,7 @@ def detect_paths(
         paths: pictures, folders of pictures, videos.
         detector: what looks at them.
         confidence: least confidence of a box.
-        broken: is told of a picture or video that is missing or broken, and the rest follows; None raises.
+        broken: called with a picture or video that is missing or broken, before the rest follows; None raises.
 
     Raises:
         DataError: without `broken`, a picture or video is missing or broken.

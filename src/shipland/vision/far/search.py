@@ -81,23 +81,23 @@ class TargetSearch:
         return self._update_target(self._standing(found, frame.gimbal), frame)
 
     def reason(self) -> str:
-        """Why no box is told."""
+        """Why no box is reported."""
         if self.target is not None:
-            return f"{self.name}: missed for {self.target.misses} frames"
+            return f"{self.name}: missed ({self.target.misses} frames)"
         if not self.tracks:
             return f"{self.name}: not found"
         best = max(self.tracks, key=lambda track: track.evidence)
         parameters = self.confirmation
         return (
-            f"{self.name}: {sum(best.hits)} of {parameters.confirm_hits} sightings, "
-            f"evidence {best.evidence:.1f} of {parameters.believe_evidence:g}"
+            f"{self.name}: not confirmed ({sum(best.hits)} of {parameters.confirm_hits} sightings, "
+            f"evidence {best.evidence:.1f} of {parameters.believe_evidence:g})"
         )
 
     def _take(self, found: list[Box], frame: Frame) -> Box | None:
         """Give boxes to the target and the candidates, the surest first; the target's box."""
         boxes = self._standing(found, frame.gimbal)
-        told = self._update_target(boxes, frame)
-        rest = [box for box in boxes if box is not told]
+        reported = self._update_target(boxes, frame)
+        rest = [box for box in boxes if box is not reported]
         given: dict[int, Box] = {}
         predicted = [track.predicted_px(frame, self.camera.focal_px) for track in self.tracks]
         fresh = []
@@ -130,8 +130,8 @@ class TargetSearch:
             self.target is None or best.sureness > self.target.sureness + self.parameters.recheck_margin
         ):
             self.tracks = [track for track in self.tracks if track is not best]
-            self.target, told = best, boxes_of.get(id(best))
-        return told
+            self.target, reported = best, boxes_of.get(id(best))
+        return reported
 
     def _update_target(self, boxes: list[Box], frame: Frame) -> Box | None:
         target = self.target

@@ -17,7 +17,7 @@ from shipland.vision.near.pipeline import NearVision, VisionParameters
 from shipland.vision.pictures import FilePicture, pictures_of
 
 _UNKNOWN_GIMBAL = GimbalAttitude(0.0, 0.0)
-"""A file does not say how its camera was held; the near vision is told not to use it."""
+"""A placeholder: a file does not hold the camera's attitude, and the near vision is set not to use it."""
 
 COLUMNS = (
     "file", "t_s", "found", "reason", "distance_m", "forward_m", "right_m", "down_m", "yaw_deg", "forward_sd_m",
