@@ -82,7 +82,7 @@ def test_an_empty_flight_has_figures_too():
 
 
 def test_like_refusals_count_together(whole):
-    assert summarise(whole).refusals == {"bar is # px high, at least # px wanted": 26}
+    assert summarise(whole).refusals == {"bar is … px high, at least … px wanted": 26}
     assert kind_of("side −0.3 of 12,5 px") == kind_of("side +4 of 9 px") == "side … of … px"
     assert kind_of("ship: not confirmed (2 of 3 sightings, evidence 1.2 of 3)") == "ship: not confirmed"
     silent = dataclasses.replace(whole.records[0], observation=Observation(0.0, whole.records[0].frame.gimbal))
