@@ -16,14 +16,14 @@ from shipland.guidance.estimate import NearEstimate, measure
 from shipland.guidance.far import FarControl, FarSight, FarTables, FarTarget
 from shipland.guidance.gimbal import box_elevation_rad, smoothed_rad
 from shipland.guidance.laws import clamp
-from shipland.guidance.modes import ModeMemory, next_mode
+from shipland.guidance.modes import INTENTS, ModeMemory, next_mode
 from shipland.guidance.near import HOLD, NearControl, Sticks, sticks_of
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.references import References
 from shipland.guidance.search import search
 from shipland.guidance.situation import Belief, situation_of, without_large_boxes
 from shipland.guidance.view import HeadingHistory, View
-from shipland.messages import Box, Decision, Estimate, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.messages import Box, Decision, Estimate, Mode, Observation, PilotCommand, Telemetry
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class ModePilot:
         )
         self._state = state = replace(state, gimbal_pitch_rad=pitch_rad)
         mode = state.modes.mode
-        command = PilotCommand(telemetry.t_s, *state.sticks, pitch_rad, _INTENTS[mode])
+        command = PilotCommand(telemetry.t_s, *state.sticks, pitch_rad, INTENTS[mode])
         return Decision(command, mode, state.modes.reason, _estimate_of(state.belief) if mode in _NEAR_MODES else None)
 
     def _with_direction(self, state: PilotState, observation: Observation, telemetry: Telemetry) -> PilotState:
@@ -272,13 +272,3 @@ def _estimate_of(belief: Belief) -> Estimate | None:
 _DECAY = 6.0
 """Time constants within the memory of mode 5: at its end the data fed before count for nothing."""
 _NEAR_MODES = (Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
-_INTENTS = {
-    Mode.LAND: Intent.LAND,
-    Mode.APPROACH: Intent.FLY,
-    Mode.TRACK_BAR: Intent.FLY,
-    Mode.TRACK_SHIP: Intent.FLY,
-    Mode.NO_VISION: Intent.FLY,
-    Mode.SEARCH: Intent.HOLD,
-    Mode.CLIMB_OUT: Intent.CLIMB_OUT,
-    Mode.DONE: Intent.HOLD,
-}

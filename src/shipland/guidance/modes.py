@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 from shipland.config import require
-from shipland.messages import Mode, Observation
+from shipland.messages import Intent, Mode, Observation
 
 
 @dataclass(frozen=True)
@@ -172,3 +172,16 @@ def _wanted_source(situation: Situation, memory: ModeMemory, parameters: ModePar
     if memory.mode is Mode.CLIMB_OUT:
         return Mode.SEARCH, "clear of the ship; searching"
     return memory.mode, memory.reason
+
+
+INTENTS = {
+    Mode.LAND: Intent.LAND,
+    Mode.APPROACH: Intent.FLY,
+    Mode.TRACK_BAR: Intent.FLY,
+    Mode.TRACK_SHIP: Intent.FLY,
+    Mode.NO_VISION: Intent.FLY,
+    Mode.SEARCH: Intent.HOLD,
+    Mode.CLIMB_OUT: Intent.CLIMB_OUT,
+    Mode.DONE: Intent.HOLD,
+}
+"""The intent of each mode."""

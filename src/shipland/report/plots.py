@@ -83,6 +83,14 @@ def save_figure(figure: Figure, path: Path, dpi: int) -> None:
         raise DataError(f"plot {path} cannot be written: {error.strerror}") from None
 
 
+def write_title(figure: Figure, log: FlightLog) -> None:
+    """Scenario, seed, pilot and verdict above a figure of one flight."""
+    info, verdict = log.header.info, log.verdict
+    seed = "" if info.seed is None else f", seed {info.seed}"
+    end = "no touchdown" if verdict is None else verdict.reason
+    figure.suptitle(f"{info.scenario}{seed}, pilot {info.pilot}:  {end}", fontsize=13, fontweight="bold")
+
+
 def plot_flight(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
     """Write the picture of one flight; DataError when the log has no rows or the file cannot be written."""
     import matplotlib as mpl
@@ -92,9 +100,7 @@ def plot_flight(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
     columns, info, verdict = log.columns(), log.header.info, log.verdict
     with mpl.rc_context(PLOT_STYLE):
         figure = new_figure(10.4, 11.6)
-        seed = "" if info.seed is None else f", seed {info.seed}"
-        end = "no touchdown" if verdict is None else verdict.reason
-        figure.suptitle(f"{info.scenario}{seed}, pilot {info.pilot}:  {end}", fontsize=13, fontweight="bold")
+        write_title(figure, log)
         grid = figure.add_gridspec(6, 2, height_ratios=[0.16, 1, 1, 1, 1, 1])
         band = figure.add_subplot(grid[0, :])
         draw_mode_key(band, columns)

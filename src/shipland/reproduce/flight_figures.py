@@ -25,6 +25,7 @@ from shipland.report.plots import (
     finish_time_axes,
     new_figure,
     save_figure,
+    write_title,
 )
 
 if TYPE_CHECKING:
@@ -192,12 +193,10 @@ def plot_commands(path: Path, log: FlightLog, parameters: PlotParameters) -> Non
 
     if not log.records:
         raise DataError("the flight log has no rows: nothing to plot")
-    columns, info, verdict = log.columns(), log.header.info, log.verdict
+    columns = log.columns()
     with mpl.rc_context(PLOT_STYLE):
         figure = new_figure(9.0, 11.0)
-        seed = "" if info.seed is None else f", seed {info.seed}"
-        end = "no touchdown" if verdict is None else verdict.reason
-        figure.suptitle(f"{info.scenario}{seed}, pilot {info.pilot}:  {end}", fontsize=13, fontweight="bold")
+        write_title(figure, log)
         band, *panels = figure.subplots(7, 1, height_ratios=[0.16, 1, 1, 1, 1, 1, 1])
         draw_mode_key(band, columns)
         for axes, names in zip(panels, (("pitch", "roll"), ("heave", "yaw")), strict=False):
@@ -206,5 +205,5 @@ def plot_commands(path: Path, log: FlightLog, parameters: PlotParameters) -> Non
         for draw, axes in zip((draw_forward, draw_right, draw_up, draw_heading), panels[2:], strict=True):
             draw(axes, columns)
         for axes in panels:
-            finish_time_axes(axes, columns, verdict, last=axes is panels[-1])
+            finish_time_axes(axes, columns, log.verdict, last=axes is panels[-1])
         save_figure(figure, path, parameters.dpi)
