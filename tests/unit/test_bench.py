@@ -1,6 +1,7 @@
 """The bench: suites name flights completely, what was flown is kept, every flight counts once."""
 
 import json
+import tracemalloc
 from contextlib import closing
 from dataclasses import replace
 
@@ -82,7 +83,7 @@ def test_a_result_that_comes_twice_counts_once(plan):
 
     with open_bench(plan) as bench:
         list(bench.fly(stutters))
-        assert all(len(landings) == 3 for landings in bench.flown.values())
+    assert all(len(cell.landings) == 3 for cell in read_bench([plan.out]))
     assert len((plan.out / plan.cells[0].name / "landings.csv").read_text().splitlines()) == 4
 
 
@@ -100,6 +101,27 @@ def test_a_flight_that_is_lost_is_named_and_flown_again(plan, monkeypatch):
         assert {(seed, why) for _, seed, why in bench.lost} == {(3, "ValueError: no such thing")}
     monkeypatch.setattr(benches, "land_once", land)
     assert fly(plan) == 4
+
+
+def test_memory_does_not_grow_with_the_flights(plan):
+    many = replace(plan, cells=plan.cells[:1], seeds=range(1, 3001))
+
+    def crew(flights, keep, _):
+        for flight in flights:
+            keep(flight, seeded(GOOD, flight.seed))
+            yield flight, GOOD
+
+    with open_bench(many) as bench, closing(bench.fly(crew)) as flights:
+        for _ in range(200):
+            next(flights)
+        tracemalloc.start()
+        try:
+            for _ in flights:
+                pass
+            grown = tracemalloc.get_traced_memory()[0]
+        finally:
+            tracemalloc.stop()
+    assert grown < 2800 * 200  # bytes: a seed in a set, not a landing (kilobytes each)
 
 
 def test_tables_say_what_was_flown(plan):

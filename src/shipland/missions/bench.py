@@ -19,8 +19,6 @@ from shipland.missions.scenarios import Scenario, load_scenario
 from shipland.missions.suite import BenchCell
 from shipland.missions.workers import run_jobs, stoppable
 
-Flown = dict[str, dict[int, Landing]]
-"""Landings by the cell's name and the seed."""
 Keep = Callable[[Flight, Landing], None]
 Lose = Callable[[Flight, str], None]
 Crew = Callable[[Iterable[Flight], Keep, Lose], Iterator[tuple[Flight, Landing]]]
@@ -52,7 +50,6 @@ class Bench:
 
     Attributes:
         plan: as asked for.
-        flown: all that is there, by cell and seed, seeds of the plan only.
         lost: (cell, seed, reason) of flights whose process died or that raised; they are flown again next time.
     """
 
@@ -65,20 +62,12 @@ class Bench:
         self.lost: list[tuple[str, int, str]] = []
         _write_beside(plan)
 
-    @property
-    def flown(self) -> Flown:
-        """Landings there are, of the plan's seeds."""
-        return {
-            name: {seed: folder.done[seed] for seed in self.plan.seeds if seed in folder.done}
-            for name, folder in self._folders.items()
-        }
-
     def missing(self) -> Iterator[Flight]:
         """The flights that are missing, seed by seed over all cells."""
         plan = self.plan
         for seed in plan.seeds:
             for cell in plan.cells:
-                if seed not in self._folders[cell.name].done:
+                if seed not in self._folders[cell.name].seeds:
                     log = plan.out / cell.name / "flights" / f"{seed}.mcap"
                     yield Flight(cell.scenario, cell.pilot, cell.vision, seed, log, True, cell.name, plan.command)
 
@@ -86,7 +75,7 @@ class Bench:
         """Fly what is missing and yield it as it is kept; closing the generator stops in order."""
 
         def keep(flight: Flight, landing: Landing) -> None:
-            if flight.seed not in self._folders[flight.cell].done:  # a flight that comes twice counts once
+            if flight.seed not in self._folders[flight.cell].seeds:  # a flight that comes twice counts once
                 self._folders[flight.cell].append(landing)
 
         def lose(flight: Flight, reason: str) -> None:

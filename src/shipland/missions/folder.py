@@ -94,6 +94,7 @@ class CampaignFolder:
 
     Attributes:
         done: landings found in it, by seed.
+        seeds: of all that are in it now; their landings are on disk alone, so that memory does not grow with them.
     """
 
     def __init__(self, out: Path, key: dict[str, Any]) -> None:
@@ -103,6 +104,7 @@ class CampaignFolder:
         else:
             beside.write_text(json.dumps(key, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         self.done = _read_done(self._path) if self._path.exists() else {}
+        self.seeds = set(self.done)
         if not self._path.exists():
             self._path.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
 
@@ -113,7 +115,7 @@ class CampaignFolder:
                 csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(row_of(landing))
         except OSError as error:
             raise DataError(f"{self._path} cannot be written: {error.strerror}") from None
-        self.done[landing.seed] = landing
+        self.seeds.add(landing.seed)
 
 
 @contextmanager
