@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 
 from shipland.camera import Camera
@@ -211,10 +212,7 @@ class MavlinkVehicle:
         if engagement.take or engagement.take_off_m > 0.0:
             # PX4 wants set-points before it gives OFFBOARD
             time.sleep(1.0 if session.state.autopilot == PX4 else 0.0)
-            result = session.ask_guided()
-            if result != 0:
-                said = "; ".join(session.state.texts[-3:])
-                raise VehicleError(f"the autopilot refuses its guided mode (MAV_RESULT {result}): {said}")
+            self._insist(session.ask_guided, "the autopilot refuses its guided mode")
         session.wait(
             session.is_ours, parameters.engage_timeout_s, f"the mode was not given to us (it is {session.mode_name})"
         )
@@ -225,10 +223,20 @@ class MavlinkVehicle:
         self._sticks_us = session.state.sticks_us
         self._engaged = True
 
+    def _insist(self, ask: Callable[[], int], otherwise: str) -> None:
+        """Ask every second until it is granted: an autopilot that has just booted refuses until it knows its place."""
+        until_s = time.monotonic() + self._parameters.engage_timeout_s
+        while (result := ask()) != 0:
+            if time.monotonic() > until_s:
+                said = "; ".join(self.session.state.texts[-3:])
+                raise VehicleError(f"{otherwise} (MAV_RESULT {result}): {said}")
+            time.sleep(1.0)
+
     def _take_off(self, height_m: float) -> None:
         session = self.session
-        if not session.state.armed and session.ask(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0, timeout_s=30.0) != 0:
-            raise VehicleError(f"the autopilot does not arm: {'; '.join(session.state.texts[-3:])}")
+        if not session.state.armed:
+            arm = dialect.MAV_CMD_COMPONENT_ARM_DISARM
+            self._insist(lambda: session.ask(arm, 1, 0), "the autopilot does not arm")
         session.wait(lambda state: state.armed, 5.0, "the motors did not start")
         self._taking_off = True
         try:
