@@ -1,6 +1,7 @@
 """The bench: suites name flights completely, what was flown is kept, every flight counts once."""
 
 import json
+import logging
 import tracemalloc
 from contextlib import closing
 from dataclasses import replace
@@ -122,6 +123,18 @@ def test_memory_does_not_grow_with_the_flights(plan):
         finally:
             tracemalloc.stop()
     assert grown < 2800 * 200  # bytes: a seed in a set, not a landing (kilobytes each)
+
+
+def test_a_pilot_that_raises_does_not_fill_the_terminal(plan, monkeypatch, caplog):
+    def loud(flight):
+        logging.getLogger("shipland.flight").error("traceback")
+        return seeded(GOOD, flight.seed)
+
+    monkeypatch.setattr(benches, "land_once", loud)
+    fly(plan)
+    assert not caplog.records
+    logging.getLogger("shipland.flight").error("heard again")
+    assert caplog.records
 
 
 def test_tables_say_what_was_flown(plan):

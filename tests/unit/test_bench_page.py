@@ -42,7 +42,8 @@ def made_up(folder):
         logs = folder / cell.name / "flights"
         results.append(
             CellResult(
-                cell.name, cell.group, "made-up 1", cell.pilot, cell.vision, cell.settings, cell.scenario,
+                cell.name, cell.group, "made-up 1", cell.pilot, cell.vision, cell.settings, cell.scenario.name,
+                cell.scenario.rig, cell.scenario.ship, cell.scenario.aircraft.airframe,
                 tuple(landings), logs,
             )
         )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import platform
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -11,13 +12,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from shipland.config import build
 from shipland.errors import DataError
 from shipland.missions.campaign import Flight, land_once
 from shipland.missions.folder import campaign_key, claimed, folder_in, read_campaign
 from shipland.missions.landing import Landing
-from shipland.missions.scenarios import Scenario, load_scenario
 from shipland.missions.suite import BenchCell
 from shipland.missions.workers import run_jobs, stoppable
+from shipland.rig import Rig
+from shipland.sim.aircraft.parameters import AirframeParameters
+from shipland.sim.ship.ship import ShipParameters
 
 Keep = Callable[[Flight, Landing], None]
 Lose = Callable[[Flight, str], None]
@@ -100,9 +104,22 @@ def processes(count: int) -> Crew:
     """Flights in `count` processes of this machine."""
 
     def crew(flights: Iterable[Flight], keep: Keep, lose: Lose) -> Iterator[tuple[Flight, Landing]]:
-        return run_jobs(land_once, flights, count, keep, lose)
+        return run_jobs(land_quietly, flights, count, keep, lose)
 
     return crew
+
+
+def land_quietly(flight: Flight) -> Landing:
+    """Fly one seed; what visions and pilots raise stands in the reasons of its log, and not on the terminal too."""
+    loggers = [logging.getLogger(name) for name in ("shipland.flight", "shipland.vision.vision")]
+    before = [logger.disabled for logger in loggers]
+    try:
+        for logger in loggers:
+            logger.disabled = True
+        return land_once(flight)
+    finally:
+        for logger, disabled in zip(loggers, before, strict=True):
+            logger.disabled = disabled
 
 
 def _write_beside(plan: BenchPlan) -> None:
@@ -162,7 +179,8 @@ class CellResult:
     Attributes:
         name, group, suite, pilot, vision: as of `BenchCell` and `BenchPlan`.
         settings: (key, value) pairs.
-        scenario: what was flown.
+        scenario: its name.
+        rig, ship, airframe: what a landing is judged by, read back from what was flown.
         landings: in order of their seeds.
         logs: the folder with the logs of failures, for links.
     """
@@ -173,7 +191,10 @@ class CellResult:
     pilot: str
     vision: str
     settings: tuple[tuple[str, str], ...]
-    scenario: Scenario
+    scenario: str
+    rig: Rig
+    ship: ShipParameters
+    airframe: AirframeParameters
     landings: tuple[Landing, ...]
     logs: Path
 
@@ -193,7 +214,7 @@ def read_bench(folders: Sequence[Path]) -> list[CellResult]:
             bound = {word: key[word] for word in ("source", "configuration", "weights", "own_code")}
             if keys.setdefault(name, bound) != bound:
                 raise DataError(f"{name}: flown with other code, configuration or weights in {folder} than before")
-            landings = {it.seed: it for it in read_campaign(folder / name)}
+            flown, landings = key["scenario"], {it.seed: it for it in read_campaign(folder / name)}
             if name in found:
                 landings = {it.seed: it for it in found[name].landings} | landings
             found[name] = CellResult(
@@ -203,7 +224,10 @@ def read_bench(folders: Sequence[Path]) -> list[CellResult]:
                 pilot=about["pilot"],
                 vision=about["vision"],
                 settings=tuple(about["settings"].items()),
-                scenario=load_scenario(key["scenario"]),
+                scenario=about["scenario"],
+                rig=build(Rig, flown["rig"], "rig"),
+                ship=build(ShipParameters, flown["ship"], "ship"),
+                airframe=build(AirframeParameters, flown["aircraft"]["airframe"], "aircraft.airframe"),
                 landings=tuple(landings[seed] for seed in sorted(landings)),
                 logs=folder / name / "flights",
             )

@@ -22,7 +22,7 @@ def write_rows(path: Path, cells: Sequence[CellResult]) -> None:
         head: dict[str, Any] = {
             "suite": cell.suite,
             "cell": cell.name,
-            "scenario": cell.scenario.name,
+            "scenario": cell.scenario,
             "pilot": cell.pilot,
         }
         head |= {"vision": cell.vision} | {key: settings.get(key) for key in keys}

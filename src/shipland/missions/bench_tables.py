@@ -54,14 +54,14 @@ def leaderboard(cells: Sequence[CellResult], ceilings: dict[str, Ceiling]) -> It
         if not n:
             continue
         low, high = share_interval(good, n)
-        rests = sum(rests_in_square(it, cell.scenario.rig.landing_square_m) for it in landings)
+        rests = sum(rests_in_square(it, cell.rig.landing_square_m) for it in landings)
         errors_cm = 100.0 * np.array([it.error_m for it in touched])
         own_cm = 100.0 * np.array([np.hypot(it.own_forward_m, it.own_starboard_m) for it in touched])
         causes = Counter(it.cause for it in landings if it.cause)
         perfect = cell.group in ceilings
         yield " | ".join(
             [
-                f"| {cell.scenario.name}",
+                f"| {cell.scenario}",
                 *(dict(cell.settings).get(key, "") for key in keys),
                 cell.pilot,
                 str(n),
@@ -114,11 +114,11 @@ def pairs(cells: Sequence[CellResult]) -> Iterator[str]:
 
 def rivals(cells: Sequence[CellResult]) -> Iterator[str]:
     """Markdown: how many of each cell's flights every published rule counts."""
-    names = list(rules(cells[0].scenario.rig))
+    names = list(rules(cells[0].rig))
     yield " | ".join(["| scenario and settings", "pilot", "flights", *names]) + " |"
     yield "|---|---|---:|" + "---:|" * len(names)
     for cell in cells:
-        counts = [str(sum(map(rule, cell.landings))) for rule in rules(cell.scenario.rig).values()]
+        counts = [str(sum(map(rule, cell.landings))) for rule in rules(cell.rig).values()]
         yield " | ".join([f"| {cell.group}", cell.pilot, str(len(cell.landings)), *counts]) + " |"
 
 
@@ -157,7 +157,7 @@ def ceilings_of(cells: Sequence[CellResult], motions: int, cache: Path) -> dict[
         kept = {}
     found: dict[str, Ceiling] = {}
     for cell in cells:
-        ship, rig, airframe = cell.scenario.ship, cell.scenario.rig, cell.scenario.aircraft.airframe
+        ship, rig, airframe = cell.ship, cell.rig, cell.airframe
         key = hashlib.sha256(repr((ship, rig, airframe, motions)).encode()).hexdigest()[:16]
         if key not in kept:
             drawn = ceiling(ship, rig, airframe, motions, np.random.default_rng(1))

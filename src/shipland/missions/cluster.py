@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from shipland.errors import ConfigError, DataError
-from shipland.missions.bench import Crew, Keep, Lose
-from shipland.missions.campaign import Flight, land_once
+from shipland.missions.bench import Crew, Keep, Lose, land_quietly
+from shipland.missions.campaign import Flight
 from shipland.missions.folder import source_digest
 from shipland.missions.landing import Landing
 
@@ -80,5 +80,5 @@ def _fly_there(flight: Flight) -> _Answer:
     """On a machine of the cluster: its folders are not ours, so the log comes back with the landing."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight.mcap"
-        landing = land_once(replace(flight, log=None if flight.log is None else path))
+        landing = land_quietly(replace(flight, log=None if flight.log is None else path))
         return _Answer(source_digest(), landing, path.read_bytes() if path.exists() else None)

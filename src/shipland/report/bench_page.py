@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import math
 import os
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
@@ -14,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from shipland.missions.bench import CellResult
-from shipland.missions.bench_tables import leaderboard, pairs, rests_in_square, rivals
+from shipland.missions.bench_tables import leaderboard, pairs, rests_in_square, rivals, swept_keys
 from shipland.missions.ceiling import Ceiling
 from shipland.missions.landing import Landing
 from shipland.missions.statistics import share_interval
@@ -108,9 +109,7 @@ def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
             "time median [s]", "largest stick step [%]"]  # fmt: skip
     rows = []
     for pilot in pilots:
-        mine = [
-            (it, cell.scenario.rig.landing_square_m) for cell in cells if cell.pilot == pilot for it in cell.landings
-        ]
+        mine = [(it, cell.rig.landing_square_m) for cell in cells if cell.pilot == pilot for it in cell.landings]
         landings = [it for it, _ in mine]
         touched = [it for it in landings if it.touched]
         good, n = sum(it.good for it in landings), len(landings)
@@ -143,26 +142,34 @@ def _quantile(values: Sequence[float], share: float, digits: int) -> str:
 
 def _cell_charts(cells: Sequence[CellResult], pilots: Sequence[str], ceilings: dict[str, Ceiling]) -> Iterator[str]:
     """A chart a scenario, a column a cell."""
-    for name in dict.fromkeys(cell.scenario.name for cell in cells):
+    for name in dict.fromkeys(cell.scenario for cell in cells):
         groups: dict[str, list[CellResult]] = {}
         for cell in cells:
-            if cell.scenario.name == name:
+            if cell.scenario == name:
                 groups.setdefault(cell.group, []).append(cell)
         items = list(groups.items())
+        keys = swept_keys([members[0] for members in groups.values()])
+        unit = ", ".join(key.split(".")[-1] for key in keys)
         for at in range(0, len(items), 6):
             yield share_chart(
                 [
                     Column(
-                        (group.removeprefix(name).strip("_") or "as packaged")[:14],
+                        _label(members[0], keys),
                         [_share(it.landings, pilots.index(it.pilot), f"{group}, {it.pilot}") for it in members],
                         ceilings[group].share if group in ceilings else None,
                     )
                     for group, members in items[at : at + 6]
                 ],
                 name,
-                "",
+                unit,
                 joined=False,
             )
+
+
+def _label(cell: CellResult, keys: Sequence[str]) -> str:
+    """The cell's values of what differs between cells; what it leaves as packaged is not said."""
+    values = [dict(cell.settings).get(key, "") for key in keys]
+    return " ".join(re.sub(r"[\[\]\"']", "", value) for value in values if value)[:16] or "as packaged"
 
 
 _CONDITIONS: tuple[tuple[str, str, Callable[[Landing], float | None], tuple[float, ...]], ...] = (
@@ -202,7 +209,7 @@ def _bin(low: float, high: float) -> str:
 
 
 def _touchdowns(cells: Sequence[CellResult], pilots: Sequence[str]) -> Iterator[str]:
-    rig = cells[0].scenario.rig
+    rig = cells[0].rig
     by_pilot = {pilot: [it for cell in cells if cell.pilot == pilot for it in cell.landings] for pilot in pilots}
 
     def points(series: int, place: Callable[[Landing], tuple[float, float]]) -> list[Points]:

@@ -59,7 +59,7 @@ def share_chart(columns: Sequence[Column], title: str, unit: str, joined: bool) 
         unit: under the axis.
         joined: a line joins the marks of a series.
     """
-    width, height, left, top, foot = max(320, 90 * len(columns) + 70), 240, 44, 30, 46
+    width, height, left, top, foot = max(320, 104 * len(columns) + 70), 240, 44, 30, 46
     plot = height - top - foot
     step = (width - left - 12) / len(columns)
 
