@@ -17,8 +17,8 @@ ARMED_FLAG = 128
 _NONE_U8, _NONE_U16 = 255, 65535
 _REBOOT_S = 1.0
 """The autopilot's clock went back by so much: it has started anew."""
-_WINDOW_S = 5.0
-"""A while in which the clocks' difference is constant."""
+_WINDOW_S = 1.0
+"""A while in which the clocks' difference is constant; short, because a simulated vehicle's clock may run slow."""
 _LONGEST_TRIP_S = 2.0
 """An answer later than this is none."""
 
