@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 
-from shipland.guidance.border import Border
+from shipland.guidance.border import Border, without_repeated
 from shipland.guidance.pilot import Pilot
 from shipland.guidance.safety import Safety
 from shipland.messages import Decision, FlightRecord, Frame, GroundTruth, Observation, PilotCommand, Telemetry
@@ -109,6 +109,7 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
     """
     witness = vehicle if isinstance(vehicle, Witness) else None
     sent: PilotCommand | None = None
+    before: Observation | None = None
     border = Border()
     vehicle.open()
     try:
@@ -123,7 +124,9 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
             if refused:
                 observation = Observation(frame.t_s, frame.gimbal, reason=refused)
             else:
-                observation = border.observation(see_or_degrade(crew.vision, frame), frame, vehicle.camera)
+                seen = see_or_degrade(crew.vision, frame)
+                observation = border.observation(without_repeated(seen, before), frame, vehicle.camera)
+                before = seen
             seen_s = clock()
             ready_s = now_s + crew.delays.processing_s(observation, seen_s - read_s)
             telemetry = vehicle.telemetry_at(ready_s)

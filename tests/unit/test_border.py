@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.guidance.border import Border
+from shipland.guidance.border import Border, without_repeated
 from shipland.messages import BarPose, Box, Frame, GimbalAttitude, Observation, Telemetry
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
@@ -87,3 +87,13 @@ def test_a_picture_from_the_past_or_the_future_is_not_looked_at():
         border, frame, refused = AT_10_S.frame(replace(FRAME, t_s=t_s))
         assert words in refused
         assert frame.t_s == border.exposure_s == 9.7
+
+
+def test_a_picture_that_comes_again_is_refused_and_its_twin_with_other_noise_is_not():
+    again = without_repeated(SEEN, SEEN)
+    assert again.bar_pose is None
+    assert again.reason == "picture repeated: the stream stands still"
+    other = replace(SEEN, bar_pose=replace(POSE, corners_px=POSE.corners_px + 1e-9))
+    assert without_repeated(other, SEEN) is other
+    assert without_repeated(SEEN, None) is SEEN
+    assert without_repeated(replace(SEEN, bar_pose=None), SEEN).reason == SEEN.reason

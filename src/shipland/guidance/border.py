@@ -137,6 +137,18 @@ class Border:
         return admitted, f"telemetry refused: {', '.join(refused)}" if refused else ""
 
 
+def without_repeated(observation: Observation, before: Observation | None) -> Observation:
+    """Without a pose whose corners are those of the picture before, to the last bit: the stream stands still.
+
+    No two pictures of a camera have the same noise; a decoder that has lost its stream shows the last one again, with
+    new time stamps, and the aircraft would seem to stand while it flies on.
+    """
+    pose, last = observation.bar_pose, None if before is None else before.bar_pose
+    if pose is None or last is None or not np.array_equal(pose.corners_px, last.corners_px):
+        return observation
+    return replace(observation, bar_pose=None, reason="picture repeated: the stream stands still")
+
+
 def _timely(t_s: float | None, now_s: float) -> bool:
     return t_s is None or (math.isfinite(t_s) and -_AHEAD_S <= now_s - t_s <= _LEAP_S)
 

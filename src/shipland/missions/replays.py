@@ -16,8 +16,8 @@ from shipland.camera import Camera
 from shipland.config import merge, settings
 from shipland.errors import DataError
 from shipland.flight import Crew, cycles, decide_or_degrade
-from shipland.guidance.border import Border
-from shipland.messages import FlightRecord, PilotCommand
+from shipland.guidance.border import Border, without_repeated
+from shipland.messages import FlightRecord, Observation, PilotCommand
 from shipland.missions.crew import build_crew
 from shipland.missions.outside import replayed_log
 from shipland.missions.scenarios import Scenario, load_scenario
@@ -167,12 +167,15 @@ def _again(recording: Recording, crew: Crew) -> Iterator[FlightRecord]:
     for earlier, record in zip((None, *records[:-1]), records, strict=True):
         before[record.frame.t_s] = None if earlier is None else earlier.decision.command
     rows = {record.frame.t_s: record for record in records}
+    last: Observation | None = None
     vehicle.open()
     try:
         while (pair := vehicle.read()) is not None:
             frame = pair[0]
             row = rows[frame.t_s]
-            observation = Border().observation(see_or_degrade(crew.vision, frame), frame, vehicle.camera)
+            seen = see_or_degrade(crew.vision, frame)
+            observation = Border().observation(without_repeated(seen, last), frame, vehicle.camera)
+            last = seen
             decision = decide_or_degrade(crew, observation, row.telemetry, before[frame.t_s])
             decision = crew.safety.check(decision, observation, row.telemetry)
             yield FlightRecord(frame, row.telemetry, observation, decision, row.truth)
