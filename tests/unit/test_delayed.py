@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from shipland.estimation.delayed import DelayedFilter, Inputs
+from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.relative_state import PLACE, SPEED, Disturbances, Model, Motion, Swing
 
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02, 0.0)
@@ -13,7 +13,7 @@ MODEL = Model(2, Motion(0.06, 0.4), NOISE, Swing(1e-3, 1.8, 0.1))
 
 
 def _filter(model=MODEL):
-    return DelayedFilter(model, velocity_gate=16.0, picture_gate=40.0, lag_s=0.6)
+    return DelayedFilter(model, DelayedParameters(16.0, 40.0, 0.05, 0.02, 0.5, 1.0, 0.0, 0.6))
 
 
 def test_inputs_are_averaged_over_their_times():
@@ -64,9 +64,9 @@ def test_velocity_between_pictures_counts_once_and_at_its_time():
     now, later = _filter(), _filter()
     for late in (now, later):
         late.start(0.0, np.zeros(2), 1e-4 * np.eye(2), 0.5)
-    now.velocity(0.5, np.array([0.3, 0.0]), 0.05)
+    now.velocity(0.5, np.array([0.3, 0.0]))
     now.picture(1.0, np.zeros(2), 1e-4 * np.eye(2), inputs)
-    later.velocity(0.5, np.array([0.3, 0.0]), 0.05)
+    later.velocity(0.5, np.array([0.3, 0.0]))
     before = later.ahead(1.0, inputs)
     again = later.ahead(1.0, inputs)
     np.testing.assert_allclose(before.mean, again.mean)

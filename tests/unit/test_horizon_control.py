@@ -21,7 +21,7 @@ from shipland.estimation.relative_state import (
 from shipland.guidance.horizon.descent import Descent, Over, Phase, next_descent
 from shipland.guidance.horizon.gains import INPUT, gains_of
 from shipland.guidance.horizon.parameters import HorizonParameters
-from shipland.guidance.horizon.reference import Pace, at_rest, leashed, moved
+from shipland.guidance.horizon.reference import Pace, at_rest, lost, moved
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.rig import packaged_table
 
@@ -80,7 +80,7 @@ def test_gains_to_contact_end_nearer_than_the_steady_ones():
     assert abs(gains.offset_to_contact[20] @ start) < abs(gains.offset[20] @ start)
 
 
-PACE = Pace(speed_mps=1.2, brake_mps2=0.4, acceleration_mps2=0.6, closing_per_s=0.7, leash_m=1.0)
+PACE = Pace(speed_mps=1.2, brake_mps2=0.4, acceleration_mps2=0.6, closing_per_s=0.7, leash_m=0.5, leash_mps=0.7)
 
 
 def _led(start_m, goal_m, goal_mps=(0.0, 0.0), seconds=30.0, step_s=0.033):
@@ -109,10 +109,11 @@ def test_a_reference_keeps_up_with_a_moving_goal():
     np.testing.assert_allclose(reference.speed_mps, (0.5, -0.3), atol=0.01)
 
 
-def test_a_reference_waits_for_its_aircraft():
+def test_an_aircraft_far_from_its_reference_is_led_anew():
     reference = at_rest(np.array([5.0, 0.0]), np.zeros(2))
-    assert leashed(reference, np.zeros(2), 1.0).place_m == pytest.approx((1.0, 0.0))
-    assert leashed(reference, np.array([4.5, 0.0]), 1.0) is reference
+    assert lost(reference, np.array([4.4, 0.0]), np.zeros(2), PACE)
+    assert lost(reference, np.array([4.9, 0.0]), np.array([0.0, 0.8]), PACE)
+    assert not lost(reference, np.array([4.6, 0.0]), np.array([0.3, 0.0]), PACE)
 
 
 def _over(t_s, height_m, offset_m=0.0, contact_m=0.0, lull=True):

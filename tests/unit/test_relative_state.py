@@ -149,3 +149,15 @@ def test_a_steady_push_is_learned():
         belief = updated(belief, model.seen(belief), truth[:1], 1e-4 * np.eye(1)).belief
     pushed = float(belief.of(PUSH)[0] + belief.mean[PUSH - 1])
     assert pushed == pytest.approx(1.2, abs=0.1)
+
+
+def test_a_model_of_another_swing_keeps_the_offset():
+    still = Model(1, TILT, NOISE, Swing(0.003, 1.8, 0.1))
+    ship = Model(1, TILT, NOISE, SWING_OF_SHIP)
+    belief = still.start(0.0, np.array([0.4]), 1e-4 * np.eye(1), 0.1)
+    adopted = ship.adopted(belief)
+    assert still.seen(belief)[0] == pytest.approx(ship.seen(adopted)[0])
+    shown = ship.seen(adopted)[1]
+    # What is seen is as certain as before, where the bar's mean is has become uncertain.
+    assert (shown @ adopted.covariance @ shown.T)[0, 0] == pytest.approx(1e-4, rel=0.2)
+    assert adopted.covariance[PLACE, PLACE] > 0.1**2

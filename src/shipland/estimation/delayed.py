@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,11 @@ from shipland.estimation.relative_state import REFERENCE, SPEED, STATES, Belief,
 from shipland.frames import Array
 
 _KEPT_S = 4.0
-_STRIDE_MS = 40
+_LATE_S = 0.1
+"""A velocity may be this much older than the belief."""
+_LEARNED = 0.08
+"""Share with which a velocity changes what its errors are taken for: two seconds of 5 Hz."""
+_STRIDE_MS = 80
 """Longest step of the mean: the input is averaged over it."""
 
 
@@ -62,22 +66,53 @@ class Inputs:
         return self._sums[index] + (t_s - self._times[index]) * self._values[index]
 
 
+@dataclass(frozen=True)
+class DelayedParameters:
+    """How a `DelayedFilter` takes measurements.
+
+    Attributes:
+        velocity_gate, picture_gate: largest normalised innovation squared that is taken.
+        velocity_mps: standard deviation of a velocity at first, and the range that it is then learned in.
+        velocity_least_mps, velocity_most_mps: that range.
+        velocity_repeats: readings err alike; so many times the variance seen is what one is given.
+        flow_settle_s: time in which the vehicle's fusion follows the motion of what its optical flow sees.
+        lag_s: without pictures the belief follows at most this far behind.
+    """
+
+    velocity_gate: float
+    picture_gate: float
+    velocity_mps: float
+    velocity_least_mps: float
+    velocity_most_mps: float
+    velocity_repeats: float
+    flow_settle_s: float
+    lag_s: float
+
+
+@dataclass(frozen=True)
+class _Velocity:
+    """A reading that waits for a picture: when it was true, and the share of ship in the view."""
+
+    t_s: float
+    measured_mps: Array
+    over_ship: float
+
+
 class DelayedFilter:
     """Belief at the newest picture, and a look ahead from it.
 
     Args:
-        model: of the motion; may be exchanged for one of other sizes at any time.
-        velocity_gate, picture_gate: largest normalised innovation squared that is taken.
-        lag_s: without pictures the belief follows at most this far behind.
+        model: of the motion.
+        parameters: of the measurements.
     """
 
-    def __init__(self, model: Model, velocity_gate: float, picture_gate: float, lag_s: float) -> None:
-        self.model = model
+    def __init__(self, model: Model, parameters: DelayedParameters) -> None:
+        self.model, self._parameters = model, parameters
         self.belief: Belief | None = None
         self.normalised = 1.0
         """Of the newest picture."""
-        self._gates, self._lag_s = (velocity_gate, picture_gate), lag_s
-        self._velocities: list[tuple[float, Array, float]] = []
+        self._velocities: list[_Velocity] = []
+        self._velocity_variance = parameters.velocity_mps**2 / parameters.velocity_repeats
         self._refused = 0
 
     def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float) -> None:
@@ -85,11 +120,16 @@ class DelayedFilter:
         self.belief = self.model.start(t_s, place_m, covariance_m2, speed_mps)
         self._refused = 0
 
-    def velocity(self, t_s: float, measured_mps: Array, deviation_mps: float) -> None:
-        """The vehicle's own velocity (axes,), true at `t_s`."""
-        if self._velocities and t_s <= self._velocities[-1][0] + 1e-6:
-            return
-        self._velocities.append((t_s, measured_mps, deviation_mps**2))
+    def adopt(self, model: Model) -> None:
+        """Go on with a model of another swing."""
+        self.model = model
+        if self.belief is not None:
+            self.belief = model.adopted(self.belief)
+
+    def velocity(self, t_s: float, measured_mps: Array, over_ship: float = 0.0) -> None:
+        """The vehicle's own velocity (axes,), true at `t_s`; `over_ship` as in `Model.velocity`."""
+        if not self._velocities or t_s > self._velocities[-1].t_s + 1e-6:
+            self._velocities.append(_Velocity(t_s, measured_mps, over_ship))
 
     def picture(
         self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0
@@ -97,9 +137,9 @@ class DelayedFilter:
         """A picture's place (axes,) of its exposure; False where it was refused as astray, or is too old."""
         if self.belief is None or t_s < self.belief.t_s - 1e-3:
             return False
-        self.belief = self._advanced(self.belief, t_s, inputs, turn_rad_s)
-        self._velocities = [item for item in self._velocities if item[0] > self.belief.t_s]
-        taken = updated(self.belief, self.model.seen(self.belief), place_m, covariance_m2, self._gates[1])
+        self._settle(t_s, inputs, turn_rad_s)
+        seen = self.model.seen(self.belief)
+        taken = updated(self.belief, seen, place_m, covariance_m2, self._parameters.picture_gate)
         self.belief, self.normalised = taken.belief, taken.normalised
         self._refused = 0 if taken.accepted else self._refused + 1
         return taken.accepted
@@ -111,21 +151,49 @@ class DelayedFilter:
 
     def follow(self, now_s: float, inputs: Inputs, turn_rad_s: float = 0.0) -> None:
         """Without pictures: keep the belief from falling further behind than `lag_s`."""
-        if self.belief is not None and self.belief.t_s < now_s - self._lag_s:
-            self.belief = self._advanced(self.belief, now_s - self._lag_s, inputs, turn_rad_s)
-            self._velocities = [item for item in self._velocities if item[0] > self.belief.t_s]
+        to_s = now_s - self._parameters.lag_s
+        if self.belief is not None and self.belief.t_s < to_s:
+            self._settle(to_s, inputs, turn_rad_s)
 
     def ahead(self, t_s: float, inputs: Inputs, turn_rad_s: float = 0.0) -> Belief | None:
         """The belief at a later time, through what is known to be commanded until then."""
-        return None if self.belief is None else self._advanced(self.belief, t_s, inputs, turn_rad_s)
+        belief = self.belief
+        if belief is None:
+            return None
+        for reading in self._velocities:
+            if reading.t_s <= t_s:
+                belief = self._with(self._moved(belief, reading.t_s, inputs, turn_rad_s), reading)
+        return self._moved(belief, t_s, inputs, turn_rad_s)
 
-    def _advanced(self, belief: Belief, to_s: float, inputs: Inputs, turn_rad_s: float) -> Belief:
-        for t_s, measured, variance in self._velocities:
-            if belief.t_s - 0.1 < t_s <= to_s:
-                belief = self._moved(belief, t_s, inputs, turn_rad_s)
-                noise = variance * np.eye(len(measured))
-                belief = updated(belief, self.model.velocity(belief), measured, noise, self._gates[0]).belief
-        return self._moved(belief, to_s, inputs, turn_rad_s)
+    def _settle(self, to_s: float, inputs: Inputs, turn_rad_s: float) -> None:
+        """Advance the belief for good, and learn from the velocities on the way how large their errors are."""
+        belief, waiting = self.belief, []
+        assert belief is not None
+        for reading in self._velocities:
+            if reading.t_s > to_s:
+                waiting.append(reading)
+            elif reading.t_s > belief.t_s - _LATE_S:
+                belief = self._moved(belief, reading.t_s, inputs, turn_rad_s)
+                self._learn(belief, reading)
+                belief = self._with(belief, reading)
+        self._velocities = waiting
+        self.belief = self._moved(belief, to_s, inputs, turn_rad_s)
+
+    def _learn(self, belief: Belief, reading: _Velocity) -> None:
+        expected, jacobian = self.model.velocity(belief, reading.over_ship, self._parameters.flow_settle_s)
+        innovation = reading.measured_mps - expected
+        known = np.einsum("ij,jk,ik->i", jacobian, belief.covariance, jacobian)
+        found = float(np.mean(np.minimum(innovation**2, self._parameters.velocity_most_mps**2) - known))
+        if math.isfinite(found):
+            self._velocity_variance += _LEARNED * (found - self._velocity_variance)
+
+    def _with(self, belief: Belief, reading: _Velocity) -> Belief:
+        limits = self._parameters
+        variance = limits.velocity_repeats * self._velocity_variance
+        variance = min(max(variance, limits.velocity_least_mps**2), limits.velocity_most_mps**2)
+        noise = variance * np.eye(len(reading.measured_mps))
+        expected = self.model.velocity(belief, reading.over_ship, self._parameters.flow_settle_s)
+        return updated(belief, expected, reading.measured_mps, noise, limits.velocity_gate).belief
 
     def _moved(self, belief: Belief, to_s: float, inputs: Inputs, turn_rad_s: float) -> Belief:
         """The mean in short strides, because the input changes; the covariance at once."""

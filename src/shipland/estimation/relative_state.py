@@ -196,6 +196,25 @@ class Model:
         covariance[np.ix_(places, places)] = covariance_m2
         return Belief(t_s, mean, covariance)
 
+    def adopted(self, belief: Belief) -> Belief:
+        """A belief of a model with another swing: the offset from the bar is kept, the swing is learned anew."""
+        mean, covariance = belief.mean.copy(), belief.covariance.copy()
+        keep = np.eye(len(mean))
+        fresh = np.zeros(len(mean))
+        for axis in range(self.axes):
+            first = STATES * axis
+            keep[first + PLACE, first + SWING] = keep[first + SPEED, first + SWING_RATE] = -1.0
+            keep[first + SWING, first + SWING] = keep[first + SWING_RATE, first + SWING_RATE] = 0.0
+            fresh[first + SWING] = self.swing.deviation_m
+            fresh[first + SWING_RATE] = self.swing.deviation_m * self.swing.frequency_rad_s
+        # The bar's mean place is as uncertain as its swing, and in step with it: their difference is what is seen.
+        shared = np.eye(len(mean))
+        for axis in range(self.axes):
+            first = STATES * axis
+            shared[first + PLACE, first + SWING] = shared[first + SPEED, first + SWING_RATE] = 1.0
+        spread = shared @ (keep @ covariance @ keep.T + np.diag(fresh**2)) @ shared.T
+        return Belief(belief.t_s, keep @ mean, spread)
+
     def predicted(self, belief: Belief, step_ms: int, given: Array) -> Belief:
         """The belief after a step through the input `given` (axes,), constant meanwhile."""
         transition, inputs, noise = self.step(step_ms)
@@ -218,13 +237,24 @@ class Model:
         jacobian[:, -1] = -rate
         return belief.of(PLACE) - belief.of(SWING) - latency_s * rate, jacobian
 
-    def velocity(self, belief: Belief) -> tuple[Array, Array]:
-        """What the vehicle measures of its own velocity: expected value (axes,) and its Jacobian (axes, n)."""
+    def velocity(self, belief: Belief, over_ship: float = 0.0, settle_s: float = 0.0) -> tuple[Array, Array]:
+        """What the vehicle measures of its own velocity: expected value (axes,) and its Jacobian (axes, n).
+
+        Args:
+            belief: at the measurement's time.
+            over_ship: share of the optical flow's view that is ship, and so swings with the bar.
+            settle_s: time in which the vehicle's fusion follows the motion of what is in view; the lag of a resonator
+                is a mixture of its two states.
+        """
         axes = np.arange(self.axes)
+        w = self.swing.frequency_rad_s
+        share = over_ship / (1.0 + (w * settle_s) ** 2)
         jacobian = np.zeros((self.axes, len(belief.mean)))
         jacobian[axes, STATES * axes + SPEED] = 1.0
-        jacobian[axes, STATES * axes + REFERENCE] = 1.0
-        return belief.of(SPEED) + belief.of(REFERENCE), jacobian
+        jacobian[axes, STATES * axes + REFERENCE] = 1.0 - over_ship
+        jacobian[axes, STATES * axes + SWING] = -share * settle_s * w * w
+        jacobian[axes, STATES * axes + SWING_RATE] = -share
+        return jacobian @ belief.mean, jacobian
 
 
 @dataclass(frozen=True)

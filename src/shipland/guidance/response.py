@@ -22,6 +22,7 @@ class Response:
         lag_s: time constant of the horizontal acceleration behind what is asked for.
         servo_per_s: gain from speed error to acceleration (velocity); 0 otherwise.
         drag_per_s: deceleration for a metre per second through the air, linear.
+        max_input_rate: most that the input may change by in a second and be followed: [m/s³] or [m/s²].
         max_climb_mps, climb_lag_s: vertical speed at full stick, and its time constant.
         max_turn_rad_s, turn_lag_s: yaw rate at full stick, and its time constant.
         uplink_s: from a command's being ready to its arrival.
@@ -36,6 +37,7 @@ class Response:
     lag_s: float
     servo_per_s: float
     drag_per_s: float
+    max_input_rate: float
     max_climb_mps: float
     climb_lag_s: float
     max_turn_rad_s: float
@@ -88,6 +90,7 @@ ANAFI_LIKE = Response(
     lag_s=0.16,
     servo_per_s=0.0,
     drag_per_s=0.3,
+    max_input_rate=15.0,
     max_climb_mps=1.0,
     climb_lag_s=0.3,
     max_turn_rad_s=math.radians(40.0),

@@ -13,7 +13,7 @@ from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import Crew
 from shipland.guidance.pilot import Pilot, PilotSetup
-from shipland.guidance.response import Response
+from shipland.guidance.response import GRAVITY_MPS2, Response
 from shipland.guidance.safety import Safety
 from shipland.missions.follower import DeckFollower
 from shipland.missions.scenarios import Scenario
@@ -111,6 +111,7 @@ def response_of(scenario: Scenario) -> Response:
     """The response of the simulated aircraft, from its settings; lags are those of its step responses."""
     settings, loop = scenario.aircraft.settings, scenario.aircraft.loop
     velocity = loop.kind == "velocity"
+    tilt_rate_mps3 = GRAVITY_MPS2 * math.radians(settings.max_tilt_rate_deg_s)
     return Response(
         kind="velocity" if velocity else "attitude",
         max_tilt_rad=math.radians(loop.tilt_limit_deg if velocity else settings.max_tilt_deg),
@@ -118,6 +119,7 @@ def response_of(scenario: Scenario) -> Response:
         lag_s=loop.tilt_time_s if velocity else _TILT_LAG_S,
         servo_per_s=1.0 / loop.velocity_time_s if velocity else 0.0,
         drag_per_s=0.0 if velocity else _DRAG_PER_S,
+        max_input_rate=loop.acceleration_mps2 / loop.velocity_time_s if velocity else tilt_rate_mps3,
         max_climb_mps=settings.max_vertical_speed_mps,
         climb_lag_s=loop.climb_time_s,
         max_turn_rad_s=math.radians(settings.max_yaw_rate_deg_s),
@@ -129,7 +131,7 @@ def response_of(scenario: Scenario) -> Response:
     )
 
 
-_TILT_LAG_S, _DEAD_TIME_S = 0.06, 0.07
+_TILT_LAG_S, _DEAD_TIME_S = 0.05, 0.075
 """Of the horizontal acceleration behind the sticks, fitted to the step response of tilts (docs/aircraft.md)."""
 _DRAG_PER_S = 0.4
 """Deceleration for a metre per second through the air, about 5 m/s of wind."""

@@ -11,17 +11,29 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.estimation.delayed import DelayedFilter, Inputs
-from shipland.estimation.heading import Headings, first_headings, headings_at, with_compass, with_pose
-from shipland.estimation.relative_state import SWING, SWING_RATE, Belief, Disturbances, Model, Motion, Swing
+from shipland.estimation.heading import HeadingNoise, Headings, first_headings, headings_at, with_compass, with_pose
+from shipland.estimation.relative_state import (
+    GUST,
+    PLACE,
+    PUSH,
+    SWING,
+    SWING_RATE,
+    Belief,
+    Disturbances,
+    Model,
+    Motion,
+    Swing,
+)
+from shipland.estimation.swing import SwingBank, SwingBelief
 from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.response import Response
 from shipland.messages import BarPose, Box, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
 
-_LAG_S = 0.6
-"""Without pictures the filters follow this far behind."""
 _COMPASS_KEPT = 64
+_LOW_M = 0.5
+"""Lower over the deck than this, heights do not tell the bar's heave."""
 
 
 @lru_cache(maxsize=64)
@@ -96,22 +108,41 @@ class Navigator:
         self._ship_m = math.sqrt(rig.platform_width_m * rig.superstructure_height_m)
         self._ship_below_m = 0.5 * rig.superstructure_height_m - (rig.superstructure_height_m - rig.bar_height_m)
         self._bar_m = math.sqrt(board_width_m * board_height_m)
+        self._low_m = float(rig.deck_in_bar_m[2]) - _LOW_M
         self.motion = Motion(response.lag_s, response.drag_per_s, response.servo_per_s)
         self._climb = Motion(0.05, 0.0, 1.0 / response.climb_lag_s)
-        swing = parameters.swing
-        self.swing = Swing(swing.deviation_m, swing.frequency_rad_s, swing.damping)
-        self._power = swing.deviation_m**2
-        gates = parameters.measured
-        self._across = DelayedFilter(self._across_model(), gates.velocity_gate, gates.picture_gate, _LAG_S)
-        self._down = DelayedFilter(self._down_model(), gates.velocity_gate, gates.picture_gate, _LAG_S)
+        self._bank = SwingBank(parameters.swing)
+        self._swings: SwingBelief | None = None
+        self.swing = self._bank.hypotheses[0]
+        self._gust_mps2 = parameters.gust_levels_mps2[-2]
+        self._across = DelayedFilter(self._across_model(), parameters.delayed)
+        self._down = DelayedFilter(self._down_model(), parameters.delayed)
+        stern_m = -float(rig.bar_in_ship_m[0]) - rig.deck_ahead_of_stern_m
+        self._hull_m = (stern_m, stern_m + rig.platform_length_m, 0.5 * rig.platform_width_m)
+        self._deck_down_m = float(rig.deck_in_bar_m[2])
         self._pushes, self._climbs, self._turns = Inputs(2), Inputs(1), Inputs(1)
         self._headings: Headings | None = None
+        self._turning: Headings | None = None
         self._compass: deque[tuple[float, float]] = deque(maxlen=_COMPASS_KEPT)
         self._velocity_s = -math.inf
         self._seen_s = -math.inf
+        self._sinking: tuple[float, float] | None = None
 
     def _across_model(self) -> Model:
-        return _model(2, self.motion, self._parameters.horizontal, self.swing)
+        return _model(2, self.motion, self._parameters.horizontal_at(self._gust_mps2), self.swing)
+
+    def _judge_wind(self) -> None:
+        """Turbulence grows with the mean wind, and that shows in the tilt that holds the place."""
+        belief, levels = self._across.belief, self._parameters.gust_levels_mps2
+        if belief is None or self._response.kind != "attitude":
+            return
+        push_mps2 = math.hypot(*(belief.of(PUSH) + belief.of(GUST)).tolist())
+        share = self._parameters.gust_share
+        wanted = min(levels, key=lambda level: abs(math.log(level / max(share * push_mps2, 1e-3))))
+        between = abs(math.log(share * max(push_mps2, 1e-3) / self._gust_mps2))
+        if wanted != self._gust_mps2 and between > 0.6 * math.log(levels[1] / levels[0]):
+            self._gust_mps2 = wanted
+            self._across.model = self._across_model()
 
     def _down_model(self) -> Model:
         return _model(1, self._climb, self._parameters.vertical, self.swing)
@@ -120,6 +151,11 @@ class Navigator:
     def seen_s(self) -> float:
         """When the newest picture that told a place was exposed."""
         return self._seen_s
+
+    @property
+    def velocity_s(self) -> float:
+        """When the newest velocity of the vehicle was true."""
+        return self._velocity_s
 
     def effect_s(self, now_s: float) -> float:
         """When a command that is ready now takes effect."""
@@ -156,7 +192,7 @@ class Navigator:
             self._compass.append((_time(telemetry, "heading_t_s"), heading_rad))
         t_s = observation.t_s
         if self._headings is None:
-            self._headings = first_headings(t_s, self._compass_at(t_s) or 0.0)
+            self._headings = self._turning = first_headings(t_s, self._compass_at(t_s) or 0.0)
         self._take_headings(observation)
         self._take_velocity(telemetry)
         pose = observation.bar_pose
@@ -167,6 +203,7 @@ class Navigator:
             box = observation.bar_box or observation.ship_box
             if box is not None and all(map(math.isfinite, (*box.centre_px, *box.size_px))):
                 self._take_box(observation, box, observation.bar_box is not None, turn_rad_s)
+        self._judge_wind()
         self._across.follow(telemetry.t_s, self._pushes, turn_rad_s)
         self._down.follow(telemetry.t_s, self._climbs)
 
@@ -180,16 +217,26 @@ class Navigator:
         return float(np.interp(t_s, times, np.unwrap(values)))
 
     def _take_headings(self, observation: Observation) -> None:
+        """Two filters: one for a ship that keeps its course, quiet, and one for a ship that turns."""
         assert self._headings is not None
-        noise, t_s = self._parameters.heading, observation.t_s
-        headings = headings_at(self._headings, t_s, self._turned_rad(self._headings.t_s, t_s), noise)
+        assert self._turning is not None
+        parameters = self._parameters
+        self._turning = self._with_news(self._turning, observation, parameters.heading_turning)
+        if self._turning.bar_known and abs(self._turning.turn_rad_s) > parameters.turn_from_rad_s:
+            self._headings = self._turning
+        else:
+            self._headings = self._with_news(self._headings, observation, parameters.heading)
+
+    def _with_news(self, headings: Headings, observation: Observation, noise: HeadingNoise) -> Headings:
+        t_s = observation.t_s
+        headings = headings_at(headings, t_s, self._turned_rad(headings.t_s, t_s), noise)
         compass_rad = self._compass_at(t_s)
         if compass_rad is not None:
             headings = with_compass(headings, compass_rad, noise)
         pose = observation.bar_pose
         if pose is not None and _finite(pose):
             headings = with_pose(headings, pose.yaw_rad, float(pose.covariance[3, 3]), noise)
-        self._headings = headings
+        return headings
 
     def _take_velocity(self, telemetry: Telemetry) -> None:
         velocity, measured = telemetry.velocity_in_level_mps, self._parameters.measured
@@ -199,8 +246,22 @@ class Navigator:
         if t_s < self._velocity_s + _VELOCITY_EVERY_S:
             return
         self._velocity_s = t_s
-        self._across.velocity(t_s, turned(velocity[:2], self._nose_at(t_s)), measured.velocity_mps)
-        self._down.velocity(t_s, velocity[2:], measured.velocity_mps)
+        self._across.velocity(t_s, turned(velocity[:2], self._nose_at(t_s)), self._over_ship())
+        self._down.velocity(t_s, velocity[2:])
+        if self._sinking is None or self._seen_s > self._sinking[0]:
+            self._sinking = (t_s, float(velocity[2]))
+
+    def _over_ship(self) -> float:
+        """Share of ship in a downward view, roughly: the platform against a square below the aircraft."""
+        across, down, headings = self._across.belief, self._down.belief, self._headings
+        if not self._parameters.measured.flow or across is None or down is None or headings is None:
+            return 0.0
+        ahead_m, right_m = turned(across.of(PLACE), -headings.bar_rad).tolist()
+        half_m = max(self._deck_down_m - float(down.of(PLACE)[0]), 0.05) * _FLOW_SLOPE
+        stern_m, bow_m, side_m = self._hull_m
+        along_m = min(ahead_m + half_m, bow_m) - max(ahead_m - half_m, stern_m)
+        aside_m = min(right_m + half_m, side_m) - max(right_m - half_m, -side_m)
+        return float(max(along_m, 0.0) * max(aside_m, 0.0) / (2.0 * half_m) ** 2)
 
     def _take_pose(self, t_s: float, pose: BarPose, turn_rad_s: float) -> None:
         headings = self._headings
@@ -214,13 +275,13 @@ class Navigator:
         floor = (measured.place_m + measured.place_share * range_m) ** 2 + (measured.picture_s * speed_mps) ** 2
         cosine, sine = math.cos(headings.bar_rad), math.sin(headings.bar_rad)
         rotation = np.array([[cosine, -sine], [sine, cosine]])
-        # Two ways to turn the place into the axes of the flight: by the bar's heading, which near the bar is the
-        # better known, and by the nose's and this picture's yaw, whose errors cancel in the bearing of the bar.
+        # Two ways to turn the place into the axes of the flight: by the bar's heading, or by the nose's and this
+        # picture's yaw, whose errors cancel in the bearing of the bar. A slow error of either heading turns place and
+        # landing point alike, and is no error of the offset between them.
         by_bar = pose.covariance[:2, :2]
         swung = np.array([-place_in_bar_m[1], place_in_bar_m[0]])
         crossed = np.outer(pose.covariance[:2, 3], swung)
-        nose_variance = float(headings.covariance[0, 0])
-        by_nose = by_bar - crossed - crossed.T + np.outer(swung, swung) * (pose.covariance[3, 3] + nose_variance)
+        by_nose = by_bar - crossed - crossed.T + np.outer(swung, swung) * (pose.covariance[3, 3] + _NOSE_RAD**2)
         if float(np.trace(by_nose)) < float(np.trace(by_bar)):
             angle_rad = headings.nose_rad - pose.yaw_rad
             cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
@@ -228,7 +289,28 @@ class Navigator:
         place_m = rotation @ place_in_bar_m
         covariance = rotation @ by_bar @ rotation.T + floor * np.eye(2)
         down_variance = float(pose.covariance[2, 2]) + floor
+        self._take_swing(t_s, down_m, down_variance)
         self._enter(t_s, place_m, covariance, down_m, down_variance, turn_rad_s)
+
+    def _take_swing(self, t_s: float, down_m: float, variance: float) -> None:
+        """Judge the bar's heave; another hypothesis changes the models of both filters."""
+        before = self._swings
+        if down_m > self._low_m:  # ground effect and contact are no heave
+            return
+        if before is None:
+            self._swings = self._bank.start(t_s, down_m)
+            return
+        lag_s = self._response.climb_lag_s
+        if self._sinking is not None and self._sinking[0] <= t_s:
+            asked_mps = float(self._climbs.mean(self._sinking[0] - lag_s, self._sinking[0] - lag_s)[0])
+            before = self._bank.told(before, self._sinking[1] - asked_mps, self._parameters.delayed.velocity_mps)
+            self._sinking = None
+        moved_m = float(self._climbs.mean(before.t_s - lag_s, t_s - lag_s)[0]) * max(t_s - before.t_s, 0.0)
+        self._swings = after = self._bank.seen(before, t_s, moved_m, down_m, variance)
+        if after.chosen != before.chosen:
+            self.swing = self._bank.hypotheses[after.chosen]
+            self._across.adopt(self._across_model())
+            self._down.adopt(self._down_model())
 
     def _take_box(self, observation: Observation, box: Box, is_bar: bool, turn_rad_s: float) -> None:
         """A box as a place: range from its area, bearing and elevation from its centre."""
@@ -282,6 +364,10 @@ class Navigator:
         return Estimated(t_s, across, down, nose_rad, wrap_angle(bar_rad), turn_rad_s, headings.bar_known)
 
 
+_FLOW_SLOPE = math.tan(math.radians(30.0))
+"""Half the view of an optical-flow camera, as a slope."""
+_NOSE_RAD = 0.003
+"""What the nose's heading errs by from picture to picture."""
 _VELOCITY_EVERY_S = 0.06
 """Its noise is coloured: readings that follow closer tell little more."""
 

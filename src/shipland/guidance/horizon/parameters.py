@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from shipland.config import require
+from shipland.estimation.delayed import DelayedParameters
 from shipland.estimation.heading import HeadingNoise
 from shipland.estimation.relative_state import Disturbances
+from shipland.estimation.swing import SwingParameters
 from shipland.guidance.horizon.descent import DescentParameters
 from shipland.guidance.horizon.gains import Weights
 
@@ -19,44 +21,22 @@ class MeasurementNoise:
     Attributes:
         place_m, place_share: of a pose's place, and what grows with range.
         picture_s: jitter of a picture's time; counts by the speed.
-        velocity_mps: of the vehicle's own velocity.
         area_share, centre_px: of a box's area and centre.
         repeated: boxes err alike in many frames; their variance counts so many times.
-        picture_gate, velocity_gate: largest normalised innovation squared.
         lost_refusals: so many poses refused in a row start the estimate anew.
         use_velocity: whether the vehicle's velocity is used at all.
+        flow: it comes from optical flow, and is relative to the ship where the ship is below.
     """
 
     place_m: float
     place_share: float
     picture_s: float
-    velocity_mps: float
     area_share: float
     centre_px: float
     repeated: float
-    picture_gate: float
-    velocity_gate: float
     lost_refusals: int
     use_velocity: bool
-
-
-@dataclass(frozen=True)
-class SwingParameters:
-    """`[guidance.horizon.swing]`: the bar's own oscillation on a ship.
-
-    Attributes:
-        deviation_m: at first; and the range that it is then learned in.
-        deviation_min_m, deviation_max_m: next to nothing where the bar stands still.
-        frequency_rad_s, damping: of the resonator.
-        memory_s: over which the swing seen is averaged.
-    """
-
-    deviation_m: float
-    deviation_min_m: float
-    deviation_max_m: float
-    frequency_rad_s: float
-    damping: float
-    memory_s: float
+    flow: bool
 
 
 @dataclass(frozen=True)
@@ -67,7 +47,7 @@ class PathParameters:
         near_mps, near_brake_mps2: pace of the approach to the hover.
         far_mps, far_brake_mps2: pace of the approach on boxes.
         near_m: nearer than this to the bar the pace is that of the approach.
-        acceleration_mps2, closing_per_s, leash_m: of every reference.
+        acceleration_mps2, closing_per_s, leash_m, leash_mps: of every reference.
         stand_off_m: of the point flown to while the bar's heading is not known.
         line_up: metres astern of the hover point for a metre to its side.
         far_above_m, glide_path_deg: height over the bar's centre far away, and the steepest way to it.
@@ -83,6 +63,7 @@ class PathParameters:
     acceleration_mps2: float
     closing_per_s: float
     leash_m: float
+    leash_mps: float
     stand_off_m: float
     line_up: float
     far_above_m: float
@@ -101,6 +82,10 @@ class HorizonParameters:
         lull_mps: what counts as one.
         land_offset_m: a landing may begin with at most this offset (held for `guidance.modes.settle_s`).
         astray_m: a landing is broken off with more.
+        gust_share: acceleration by gusts as a share of that by the mean wind; rounded to one of the levels.
+        gust_levels_mps2: ascending, in equal ratios.
+        heading, heading_turning: of a ship that keeps its course, and of one that turns.
+        turn_from_rad_s: a ship that turns faster than this is one that turns.
         unfit_m: a landing does not begin while the offset at contact is uncertain by more (standard deviation).
     """
 
@@ -109,15 +94,27 @@ class HorizonParameters:
     land_offset_m: float
     astray_m: float
     unfit_m: float
+    gust_share: float
+    gust_levels_mps2: tuple[float, ...]
     horizontal: Disturbances
     vertical: Disturbances
     heading: HeadingNoise
+    heading_turning: HeadingNoise
+    turn_from_rad_s: float
     measured: MeasurementNoise
+    delayed: DelayedParameters
     swing: SwingParameters
     weights: Weights
+    weights_blind: Weights
     path: PathParameters
     descent: DescentParameters
 
     def __post_init__(self) -> None:
         require(self.land_offset_m > 0.0, "land_offset_m must be positive")
         require(self.astray_m > self.land_offset_m, "astray_m must be above land_offset_m")
+
+    def horizontal_at(self, gust_mps2: float) -> Disturbances:
+        """The horizontal disturbances at one level of gusts; the acceleration without memory goes with them."""
+        share = gust_mps2 / self.horizontal.gust_mps2
+        noise = self.horizontal.speed_noise * share**2
+        return replace(self.horizontal, gust_mps2=gust_mps2, speed_noise=noise)

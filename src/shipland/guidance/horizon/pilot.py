@@ -11,7 +11,7 @@ from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.gains import INPUT, Gains, gains_of
 from shipland.guidance.horizon.navigator import Estimated, Navigator, turned
-from shipland.guidance.horizon.reference import Pace, Reference, at_rest, leashed, moved
+from shipland.guidance.horizon.reference import Pace, Reference, at_rest, lost, moved
 from shipland.guidance.laws import clamp
 from shipland.guidance.modes import ModeMemory, Situation, next_mode
 from shipland.guidance.near import Sticks
@@ -22,6 +22,10 @@ from shipland.messages import Decision, Estimate, Intent, Mode, Observation, Pil
 
 _STEPS_MS = (33, 67, 100, 200, 350, 530)
 """Cycles that gains are kept for; the nearest is taken."""
+_BLIND_S = 1.5
+"""Without a velocity of the vehicle for this long, gains are those for pictures alone."""
+_RATE_SHARE = 0.7
+"""Of the rate at which the vehicle can follow: an input beyond it is not what the model takes it for."""
 _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
 
 
@@ -147,11 +151,10 @@ class HorizonPilot:
     def _track(self, mode: Mode, estimate: Estimated, step_s: float) -> Sticks:
         goal_m, goal_mps = self._goal(mode, estimate)
         pace = self._pace(estimate, goal_m)
-        if self._reference is None:
-            self._reference = at_rest(estimate.place_m, estimate.speed_mps)
-        self._reference = leashed(
-            moved(self._reference, step_s, goal_m, goal_mps, pace), estimate.place_m, pace.leash_m
-        )
+        place_m, speed_mps = estimate.place_m, estimate.speed_mps
+        reference = moved(self._reference or at_rest(place_m, speed_mps), step_s, goal_m, goal_mps, pace)
+        # Far from its reference the aircraft is led anew from where it is: the gains are for small errors.
+        self._reference = at_rest(place_m, speed_mps) if lost(reference, place_m, speed_mps, pace) else reference
         gains = self._gains()
         heave_mps = self._heave_mps(mode, estimate, gains, step_s)
         wanted = self._wanted_input(estimate, gains)
@@ -159,10 +162,10 @@ class HorizonPilot:
 
     def _gains(self) -> Gains:
         step_ms = min(_STEPS_MS, key=lambda ms: abs(ms - 1e3 * self._step_s))
-        navigator = self._navigator
-        return gains_of(
-            navigator.motion, self._parameters.horizontal, navigator.swing, self._parameters.weights, step_ms
-        )
+        navigator, parameters = self._navigator, self._parameters
+        blind = self._now_s is None or self._now_s - navigator.velocity_s > _BLIND_S
+        weights = parameters.weights_blind if blind else parameters.weights
+        return gains_of(navigator.motion, parameters.horizontal, navigator.swing, weights, step_ms)
 
     def _goal(self, mode: Mode, estimate: Estimated) -> tuple[Array, Array]:
         """Where to, against the bar, and how fast that point moves by the bar's turning."""
@@ -191,7 +194,7 @@ class HorizonPilot:
         share = min(max((to_goal_m - path.near_m) / path.near_m, 0.0), 1.0)
         speed_mps = path.near_mps + share * (path.far_mps - path.near_mps)
         brake_mps2 = path.near_brake_mps2 + share * (path.far_brake_mps2 - path.near_brake_mps2)
-        return Pace(speed_mps, brake_mps2, path.acceleration_mps2, path.closing_per_s, path.leash_m)
+        return Pace(speed_mps, brake_mps2, path.acceleration_mps2, path.closing_per_s, path.leash_m, path.leash_mps)
 
     def _wanted_input(self, estimate: Estimated, gains: Gains) -> Array:
         """(2,) the input from now on, in the axes of the flight."""
@@ -201,8 +204,10 @@ class HorizonPilot:
             left = round(self._contact_in_s(estimate) / gains.step_s)
             if 1 <= left <= len(gains.to_contact):
                 rows = gains.to_contact[left - 1]
+        most = _RATE_SHARE * self._response.max_input_rate * gains.step_s
         for axis in range(2):
-            wanted[axis] = before[axis] - float(rows @ self._control_state(estimate, axis, before[axis]))
+            change = -float(rows @ self._control_state(estimate, axis, before[axis]))
+            wanted[axis] = before[axis] + clamp(change, most)
         return wanted
 
     def _control_state(self, estimate: Estimated, axis: int, before: float) -> Array:

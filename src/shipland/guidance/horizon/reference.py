@@ -34,7 +34,7 @@ class Pace:
         brake_mps2: deceleration that it plans to stop with.
         acceleration_mps2: greatest change of its speed.
         closing_per_s: near the goal the speed falls in proportion to the distance.
-        leash_m: farther than this from the aircraft it waits for it.
+        leash_m, leash_mps: an aircraft that is farther off, or this much faster or slower, is led anew.
     """
 
     speed_mps: float
@@ -42,6 +42,7 @@ class Pace:
     acceleration_mps2: float
     closing_per_s: float
     leash_m: float
+    leash_mps: float
 
 
 def moved(before: Reference, step_s: float, goal_m: Array, goal_mps: Array, pace: Pace) -> Reference:
@@ -62,15 +63,12 @@ def moved(before: Reference, step_s: float, goal_m: Array, goal_mps: Array, pace
     return Reference(place, speed, change / step_s)
 
 
-def leashed(reference: Reference, place_m: Array, leash_m: float) -> Reference:
-    """The reference brought back to `leash_m` of the aircraft's place (2,)."""
-    off_m = reference.place_m - place_m
-    distance_m = math.hypot(*off_m.tolist())
-    if distance_m <= leash_m:
-        return reference
-    return Reference(place_m + off_m * (leash_m / distance_m), reference.speed_mps, reference.rate_mps2)
+def lost(reference: Reference, place_m: Array, speed_mps: Array, pace: Pace) -> bool:
+    """Whether an aircraft at a place (2,) with a speed (2,) is too far from its reference to be led by it."""
+    off_m = math.hypot(*(reference.place_m - place_m).tolist())
+    return off_m > pace.leash_m or math.hypot(*(reference.speed_mps - speed_mps).tolist()) > pace.leash_mps
 
 
 def at_rest(place_m: Array, speed_mps: Array) -> Reference:
-    """A reference that begins where the aircraft is, with its speed."""
+    """A reference that begins where the aircraft is, with its speed, and brakes or goes on from there."""
     return Reference(place_m, speed_mps, np.zeros(2))

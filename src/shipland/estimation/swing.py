@@ -1,0 +1,162 @@
+"""Whether the bar swings, how far and how fast: a bank of hypotheses on its heave.
+
+A ship carries its bar. Downward the aircraft does what its climb sticks say and little else, so that what pictures
+show beyond that is the bar's heave. Each hypothesis is a small Kalman filter of height, drift and a resonator; all
+move at once as arrays. They are weighted by the likelihood of their innovations, with a fading memory.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import expm
+
+from shipland.config import require
+from shipland.estimation.relative_state import Swing
+from shipland.frames import Array
+
+
+@dataclass(frozen=True)
+class SwingParameters:
+    """`[guidance.horizon.swing]`.
+
+    Attributes:
+        still_m: deviation of a bar that does not move, as it is modelled.
+        deviations_m, frequencies_rad_s: of the hypotheses that it does, each with each.
+        damping: of every resonator.
+        memory_s: over which innovations count.
+        lead: log-likelihood by which a hypothesis must lead to be taken.
+        drift_mps, drift_time_s: of the height, other than by the sticks.
+        jitter_m: least standard deviation of a picture's height.
+    """
+
+    still_m: float
+    deviations_m: tuple[float, ...]
+    frequencies_rad_s: tuple[float, ...]
+    damping: float
+    memory_s: float
+    lead: float
+    drift_mps: float
+    drift_time_s: float
+    jitter_m: float
+
+    def __post_init__(self) -> None:
+        require(
+            len(self.deviations_m) * len(self.frequencies_rad_s) > 0, "at least one hypothesis of a swing is needed"
+        )
+
+    @property
+    def hypotheses(self) -> tuple[Swing, ...]:
+        """The bar at rest, and every swing."""
+        moving = [Swing(d, f, self.damping) for f in self.frequencies_rad_s for d in self.deviations_m]
+        return (Swing(self.still_m, 1.8, self.damping), *moving)
+
+
+_HEIGHT, _DRIFT, _SWING, _RATE = range(4)
+
+
+@dataclass(frozen=True)
+class SwingBelief:
+    """Of all k hypotheses at one time.
+
+    Attributes:
+        t_s: of the newest picture.
+        mean: (k, 4) height, drift, swing, its rate.
+        covariance: (k, 4, 4).
+        score: (k,) faded log-likelihood.
+        chosen: index of the hypothesis that is believed.
+    """
+
+    t_s: float
+    mean: Array
+    covariance: Array
+    score: Array
+    chosen: int = 0
+
+
+class SwingBank:
+    """Pure steps of a `SwingBelief`.
+
+    Args:
+        parameters: sizes.
+    """
+
+    def __init__(self, parameters: SwingParameters) -> None:
+        self._parameters = parameters
+        self.hypotheses = parameters.hypotheses
+        self._steps: dict[int, tuple[Array, Array]] = {}
+
+    def start(self, t_s: float, down_m: float) -> SwingBelief:
+        """From a first height."""
+        k = len(self.hypotheses)
+        mean = np.zeros((k, 4))
+        mean[:, _HEIGHT] = down_m
+        spread = [[0.3, 0.3, it.deviation_m, it.deviation_m * it.frequency_rad_s] for it in self.hypotheses]
+        covariance = np.array([np.diag(np.square(row)) for row in spread])
+        return SwingBelief(t_s, mean, covariance, np.zeros(k))
+
+    def _step(self, step_ms: int) -> tuple[Array, Array]:
+        found = self._steps.get(step_ms)
+        if found is None:
+            pairs = [_matrices(self._parameters, it, 1e-3 * step_ms) for it in self.hypotheses]
+            found = self._steps[step_ms] = (np.array([a for a, _ in pairs]), np.array([q for _, q in pairs]))
+        return found
+
+    def seen(self, before: SwingBelief, t_s: float, moved_m: float, down_m: float, variance_m2: float) -> SwingBelief:
+        """A picture's height below the bar.
+
+        Args:
+            before: the belief.
+            t_s: exposure.
+            moved_m: downward way since the picture before by what the sticks asked for.
+            down_m: height below the bar in the picture; not finite is refused.
+            variance_m2: of its error.
+        """
+        step_s = t_s - before.t_s
+        if not (math.isfinite(down_m) and math.isfinite(moved_m) and step_s > 0.0):
+            return before
+        if step_s > 2.0:
+            return replace(self.start(t_s, down_m), score=before.score, chosen=before.chosen)
+        transition, noise = self._step(max(1, round(1e3 * step_s)))
+        mean = (transition @ before.mean[:, :, None])[:, :, 0]
+        mean[:, _HEIGHT] += moved_m
+        covariance = transition @ before.covariance @ transition.transpose(0, 2, 1) + noise
+        crossed = covariance[:, :, _HEIGHT] - covariance[:, :, _SWING]
+        spread = crossed[:, _HEIGHT] - crossed[:, _SWING] + variance_m2 + self._parameters.jitter_m**2
+        innovation = down_m - (mean[:, _HEIGHT] - mean[:, _SWING])
+        gain = crossed / spread[:, None]
+        mean = mean + gain * innovation[:, None]
+        covariance = covariance - gain[:, :, None] * crossed[:, None, :]
+        normalised = np.minimum(innovation**2 / spread, 25.0)
+        score = math.exp(-step_s / self._parameters.memory_s) * before.score
+        score = score - 0.5 * (normalised + np.log(spread))
+        best = int(np.argmax(score))
+        leads = score[best] - score[before.chosen] > self._parameters.lead
+        return SwingBelief(t_s, mean, covariance, score, best if leads else before.chosen)
+
+    def told(self, before: SwingBelief, drift_mps: float, deviation_mps: float) -> SwingBelief:
+        """The aircraft's own vertical speed less what the sticks ask for, both downward; not finite is refused."""
+        if not math.isfinite(drift_mps):
+            return before
+        crossed = before.covariance[:, :, _DRIFT]
+        gain = crossed / (crossed[:, _DRIFT] + deviation_mps**2)[:, None]
+        innovation = drift_mps - before.mean[:, _DRIFT]
+        covariance = before.covariance - gain[:, :, None] * crossed[:, None, :]
+        return replace(before, mean=before.mean + gain * innovation[:, None], covariance=covariance)
+
+
+def _matrices(parameters: SwingParameters, swing: Swing, step_s: float) -> tuple[Array, Array]:
+    a, q = np.zeros((4, 4)), np.zeros(4)
+    w, z = swing.frequency_rad_s, swing.damping
+    a[_HEIGHT, _DRIFT] = a[_SWING, _RATE] = 1.0
+    a[_DRIFT, _DRIFT] = -1.0 / parameters.drift_time_s
+    a[_RATE, [_SWING, _RATE]] = -w * w, -2.0 * z * w
+    q[_DRIFT] = 2.0 * parameters.drift_mps**2 / parameters.drift_time_s
+    q[_RATE] = 4.0 * z * w**3 * swing.deviation_m**2
+    block = np.zeros((8, 8))
+    block[:4, :4], block[:4, 4:], block[4:, 4:] = -a, np.diag(q), a.T
+    result = expm(block * step_s)
+    transition = result[4:, 4:].T
+    return transition, transition @ result[:4, 4:]
