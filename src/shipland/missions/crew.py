@@ -12,8 +12,9 @@ from shipland.camera import Camera
 from shipland.errors import ConfigError
 from shipland.factories import Factory
 from shipland.flight import Crew
+from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.pilot import Pilot, PilotSetup
-from shipland.guidance.response import GRAVITY_MPS2, Response
+from shipland.guidance.response import Response
 from shipland.guidance.safety import Safety
 from shipland.missions.follower import DeckFollower
 from shipland.missions.scenarios import Scenario
