@@ -46,7 +46,8 @@ class CameraParameters:
         require(self.frame_rate_hz > 0.0, "frame_rate_hz must be positive")
         require(self.gimbal_rate_rad_s > 0.0, "gimbal_rate_rad_s must be positive")
         require(self.gimbal_min_rad < self.gimbal_max_rad, "gimbal_min_rad must be below gimbal_max_rad")
-        require(min(self.gimbal_noise_rad, self.gimbal_bias_rad) >= 0.0, "errors of the gimbal must not be negative")
+        for name in ("gimbal_noise_rad", "gimbal_bias_rad"):
+            require(getattr(self, name) >= 0.0, f"{name} must not be negative, got {getattr(self, name)}")
 
 
 _UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)

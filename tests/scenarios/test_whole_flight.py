@@ -60,9 +60,9 @@ def test_cycles_take_the_papers_time_far_and_near(ours):
     for record in records:
         waited_s = record.decision.command.t_s - record.frame.t_s
         learned = record.observation.learned
-        # video latency, processing, and at most one frame period of waiting
+        # video latency with its jitter and the clocks' offset, processing, and at most one frame period of waiting
         low_s = 0.28 + (0.5 if learned else 0.03)
-        assert low_s - 1e-6 <= waited_s <= low_s + 0.04
+        assert low_s - 0.03 <= waited_s <= low_s + 0.07
 
 
 @pytest.mark.parametrize("processing", ["zero", "measured"])
