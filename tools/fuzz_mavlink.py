@@ -15,9 +15,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as m
 
-from shipland.vehicles.mavlink_link import LinkCounts
-from shipland.vehicles.mavlink_session import Session
-from shipland.vehicles.mavlink_setpoints import AttitudeTarget, ClimbScale, Target, Wanted
+from shipland.vehicles.mavlink.link import LinkCounts
+from shipland.vehicles.mavlink.session import Session
+from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, Target, Wanted
 
 OURS, STRANGER = ("127.0.0.1", 5760), ("127.0.0.1", 6666)
 MOVING = {"SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED", "COMMAND_LONG", "COMMAND_INT", "MANUAL_CONTROL"}

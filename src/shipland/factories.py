@@ -30,7 +30,7 @@ PACKAGED: dict[str, dict[str, str]] = {
     },
     "vehicles": {
         "anafi": "shipland.vehicles.anafi:anafi",
-        "mavlink": "shipland.vehicles.mavlink_factory:mavlink",
+        "mavlink": "shipland.vehicles.mavlink.factory:mavlink",
         "replay": "shipland.missions.outside:replay",
     },
     "aircraft": {

@@ -17,9 +17,9 @@ from shipland.config import build, merge, packaged_toml
 from shipland.messages import GimbalAttitude, TouchdownVerdict
 from shipland.vehicles.camera_stream import Shot
 from shipland.vehicles.checks import PreflightParameters
-from shipland.vehicles.mavlink import MavlinkVehicle
-from shipland.vehicles.mavlink_parameters import MavlinkParameters
-from shipland.vehicles.mavlink_setup import Engagement, MavlinkSetup
+from shipland.vehicles.mavlink.parameters import MavlinkParameters
+from shipland.vehicles.mavlink.setup import Engagement, MavlinkSetup
+from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 from shipland.vehicles.touchdown import TouchdownParameters
 
 TABLE = packaged_toml("vehicles")

@@ -11,8 +11,8 @@ from mavlink_bench import bench
 
 from shipland.errors import VehicleError
 from shipland.messages import Intent, PilotCommand
-from shipland.vehicles.mavlink import MavlinkVehicle
-from shipland.vehicles.mavlink_setup import Engagement
+from shipland.vehicles.mavlink.setup import Engagement
+from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 
 
 def fly(vehicle: MavlinkVehicle, seconds: float, *sticks: float, intent: Intent = Intent.FLY) -> bool:

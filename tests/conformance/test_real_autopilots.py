@@ -29,8 +29,8 @@ def test_a_px4_is_understood() -> None:
     pytest.importorskip("pymavlink")
     from mavlink_bench import Blank, setup_for
 
-    from shipland.vehicles.mavlink import MavlinkVehicle
-    from shipland.vehicles.mavlink_setup import Engagement
+    from shipland.vehicles.mavlink.setup import Engagement
+    from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 
     setup = setup_for(1, Blank(), None, Engagement(), {})
     vehicle = MavlinkVehicle(setup.__class__(**{**vars(setup), "place": os.environ["SHIPLAND_PX4"]}))

@@ -14,12 +14,12 @@ from fuzz_mavlink import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
 
 from shipland.errors import ConfigError, VehicleError  # noqa: E402
 from shipland.vehicles.camera_stream import ExposureClock  # noqa: E402
-from shipland.vehicles.mavlink_link import open_port, read_key  # noqa: E402
-from shipland.vehicles.mavlink_parameters import VehicleLimits  # noqa: E402
-from shipland.vehicles.mavlink_session import Session  # noqa: E402
-from shipland.vehicles.mavlink_setpoints import AttitudeTarget, ClimbScale, Target, Wanted  # noqa: E402
-from shipland.vehicles.mavlink_state import ARDUPILOT  # noqa: E402
-from shipland.vehicles.mavlink_telemetry import gimbal_at, telemetry_of  # noqa: E402
+from shipland.vehicles.mavlink.link import open_port, read_key  # noqa: E402
+from shipland.vehicles.mavlink.parameters import VehicleLimits  # noqa: E402
+from shipland.vehicles.mavlink.session import Session  # noqa: E402
+from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, Target, Wanted  # noqa: E402
+from shipland.vehicles.mavlink.state import ARDUPILOT  # noqa: E402
+from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of  # noqa: E402
 from shipland.vehicles.touchdown import Touch, TouchdownParameters, TouchdownWatch  # noqa: E402
 
 

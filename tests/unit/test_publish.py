@@ -11,7 +11,7 @@ pytest.importorskip("pymavlink")
 from shipland.frames import rotation_from_euler
 from shipland.messages import BarPose
 from shipland.missions.publish import Mounting, landing_target, position_estimate
-from shipland.vehicles.mavlink_state import ARDUPILOT, PX4, AutopilotState
+from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState
 
 CAMERA_M = np.array([0.1, 0.0, 0.02])
 PAD_M = np.array([-2.0, 0.3, 0.8])

@@ -33,7 +33,7 @@ class Publish(ScenarioOptions):
         from shipland.errors import ConfigError
         from shipland.missions.outside import make_vehicle
         from shipland.missions.publish import Mounting, publish
-        from shipland.vehicles.mavlink import MavlinkVehicle
+        from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
         from shipland.vision.near.pipeline import NearVision
 
         scenario = self.load()

@@ -11,9 +11,9 @@ import numpy as np
 
 from shipland.frames import Array, rotation_from_euler
 from shipland.messages import BarPose, Observation
-from shipland.vehicles.mavlink import MavlinkVehicle
-from shipland.vehicles.mavlink_dialect import Message, dialect
-from shipland.vehicles.mavlink_state import PX4, AutopilotState
+from shipland.vehicles.mavlink.dialect import Message, dialect
+from shipland.vehicles.mavlink.state import PX4, AutopilotState
+from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 from shipland.vision.vision import Vision, see_or_degrade
 
 _LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01

@@ -7,10 +7,10 @@ import math
 from shipland.guidance.response import Response
 from shipland.vehicles.camera_stream import CameraStream
 from shipland.vehicles.checks import Check
-from shipland.vehicles.mavlink_parameters import VehicleLimits
-from shipland.vehicles.mavlink_session import Session
-from shipland.vehicles.mavlink_setup import MavlinkSetup
-from shipland.vehicles.mavlink_state import PX4
+from shipland.vehicles.mavlink.parameters import VehicleLimits
+from shipland.vehicles.mavlink.session import Session
+from shipland.vehicles.mavlink.setup import MavlinkSetup
+from shipland.vehicles.mavlink.state import PX4
 
 
 def link_checks(

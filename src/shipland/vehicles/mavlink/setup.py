@@ -14,10 +14,10 @@ from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.camera_stream import PictureSource, VideoSource
 from shipland.vehicles.checks import PreflightParameters
 from shipland.vehicles.frame_link import FrameSource
-from shipland.vehicles.mavlink_link import open_port, read_key
-from shipland.vehicles.mavlink_parameters import MavlinkParameters
-from shipland.vehicles.mavlink_session import Session
-from shipland.vehicles.mavlink_state import AutopilotState
+from shipland.vehicles.mavlink.link import open_port, read_key
+from shipland.vehicles.mavlink.parameters import MavlinkParameters
+from shipland.vehicles.mavlink.session import Session
+from shipland.vehicles.mavlink.state import AutopilotState
 from shipland.vehicles.touchdown import TouchdownParameters
 
 OPTIONS = ("camera", "latency_s", "mount_deg", "kind", "system", "key", "take", "takeoff")

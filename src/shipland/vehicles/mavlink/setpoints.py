@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from shipland.frames import wrap_angle
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand
-from shipland.vehicles.mavlink_dialect import Message, dialect
+from shipland.vehicles.mavlink.dialect import Message, dialect
 
 BODY_VELOCITY_MASK = 0b010111000111
 """Of SET_POSITION_TARGET_LOCAL_NED: velocity and yaw rate count, nothing else."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from shipland.frames import euler_from_rotation, rotation_from_euler
 from shipland.messages import GimbalAttitude, Telemetry
-from shipland.vehicles.mavlink_state import AutopilotState
+from shipland.vehicles.mavlink.state import AutopilotState
 
 History = Sequence[tuple[float, float, float]]
 """(time, roll, pitch), in order of time."""

@@ -10,8 +10,8 @@ from typing import Literal
 from shipland.config import build, require
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
-from shipland.vehicles.mavlink_setpoints import ClimbScale
-from shipland.vehicles.mavlink_state import PX4
+from shipland.vehicles.mavlink.setpoints import ClimbScale
+from shipland.vehicles.mavlink.state import PX4
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from typing import BinaryIO
 
 from shipland.errors import VehicleError
-from shipland.vehicles.mavlink_dialect import Message, dialect
-from shipland.vehicles.mavlink_link import MavlinkLink, Port
-from shipland.vehicles.mavlink_setpoints import Target
-from shipland.vehicles.mavlink_state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
+from shipland.vehicles.mavlink.dialect import Message, dialect
+from shipland.vehicles.mavlink.link import MavlinkLink, Port
+from shipland.vehicles.mavlink.setpoints import Target
+from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
 
 FORCE = 21196
 """Second parameter of a disarm command that is obeyed in the air."""

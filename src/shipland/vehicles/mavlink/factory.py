@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from shipland.vehicles.address import VehicleSetup
-from shipland.vehicles.mavlink import MavlinkVehicle
-from shipland.vehicles.mavlink_setup import MavlinkSetup
+from shipland.vehicles.mavlink.setup import MavlinkSetup
+from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 from shipland.vehicles.vehicle import Vehicle
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
 from shipland.errors import ConfigError, VehicleError
-from shipland.vehicles.mavlink_dialect import Message, dialect
+from shipland.vehicles.mavlink.dialect import Message, dialect
 
 LOOPBACK = "127.0.0.1"
 _RADIO_STATUS = 109

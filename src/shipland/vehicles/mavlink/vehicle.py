@@ -18,18 +18,18 @@ from shipland.guidance.response import Response
 from shipland.messages import Frame, GroundTruth, Intent, PilotCommand, Telemetry, TouchdownVerdict
 from shipland.vehicles.camera_stream import CameraStream, Shot
 from shipland.vehicles.checks import Check
-from shipland.vehicles.mavlink_dialect import dialect
-from shipland.vehicles.mavlink_parameters import (
+from shipland.vehicles.mavlink.dialect import dialect
+from shipland.vehicles.mavlink.parameters import (
     ARDUPILOT_NAMES,
     PX4_NAMES,
     VehicleLimits,
     response_within,
 )
-from shipland.vehicles.mavlink_session import FORCE, GUIDED_NOGPS, Session
-from shipland.vehicles.mavlink_setpoints import HOLD, AttitudeTarget, Wanted, velocity_message, wanted_of
-from shipland.vehicles.mavlink_setup import Engagement, MavlinkSetup, open_session
-from shipland.vehicles.mavlink_state import PX4, AutopilotState
-from shipland.vehicles.mavlink_telemetry import gimbal_at, telemetry_of
+from shipland.vehicles.mavlink.session import FORCE, GUIDED_NOGPS, Session
+from shipland.vehicles.mavlink.setpoints import HOLD, AttitudeTarget, Wanted, velocity_message, wanted_of
+from shipland.vehicles.mavlink.setup import Engagement, MavlinkSetup, open_session
+from shipland.vehicles.mavlink.state import PX4, AutopilotState
+from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of
 from shipland.vehicles.pace import Pace
 from shipland.vehicles.touchdown import Touch, TouchdownWatch
 
@@ -199,7 +199,7 @@ class MavlinkVehicle:
 
     def checks(self) -> list[Check]:
         """What of link, camera and vehicle is fit to fly; once connected."""
-        from shipland.vehicles.mavlink_checks import link_checks
+        from shipland.vehicles.mavlink.checks import link_checks
 
         assert self._limits is not None  # connected
         assert self._stream is not None

@@ -1,0 +1,1 @@
+"""ArduPilot and PX4 over MAVLink."""
