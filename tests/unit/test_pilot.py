@@ -12,7 +12,7 @@ from shipland.frames import rotation_from_euler
 from shipland.guidance.near import sticks_of
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.pilot import PilotSetup
-from shipland.guidance.pilots import paper
+from shipland.guidance.pilots import horizon, paper
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Mode, Observation, Telemetry
 from shipland.rig import default_rig, packaged_table
@@ -30,6 +30,10 @@ def paper_pilot(rig=RIG):
     response = ANAFI_LIKE
     guidance = replace(PARAMETERS, far_control="exponential", far_variant="growing")
     return paper(PilotSetup(guidance, rig, CAMERA, CAMERA_IN_BODY_M, response, np.random.default_rng(0)))
+
+
+def horizon_pilot():
+    return horizon(PilotSetup(PARAMETERS, RIG, CAMERA, CAMERA_IN_BODY_M, ANAFI_LIKE, np.random.default_rng(0)))
 
 
 def pose_of(aircraft_in_bar_m, yaw_rad=0.0):
@@ -237,12 +241,14 @@ def test_a_bearing_is_added_to_the_heading_of_its_own_picture():
     assert pilot._state.far_heading_rad == pytest.approx(0.0, abs=math.radians(0.5))  # 12° off with the newest heading
 
 
+# `horizon` steps its filters by whole milliseconds, so a rounding of the clock moves a stick by tenths of a percent.
+@pytest.mark.parametrize(("build_pilot", "off_percent"), [(paper_pilot, 1e-6), (horizon_pilot, 0.5)])
 @pytest.mark.parametrize("start_s", [5000.0, -20.0])
-def test_time_may_start_anywhere(start_s):
+def test_time_may_start_anywhere(start_s, build_pilot, off_percent):
     """Search, boxes, corners, landing: the same sticks whatever the vehicle's clock says at the start."""
 
     def sticks(offset_s):
-        pilot, rows, sent = paper_pilot(), [], None
+        pilot, rows, sent = build_pilot(), [], None
         for index in range(300):
             t_s = offset_s + index / 32.0  # a step that adds up without rounding: no change of mode comes a cycle later
             box = Box((660.0, 370.0), (20.0, 20.0), 0.9) if 100 <= index < 160 else None
@@ -253,4 +259,4 @@ def test_time_may_start_anywhere(start_s):
 
     at_zero = sticks(0.0)
     assert np.ptp(at_zero, axis=0).min() > 0.0
-    np.testing.assert_allclose(sticks(start_s), at_zero, atol=1e-6)
+    np.testing.assert_allclose(sticks(start_s), at_zero, atol=off_percent)

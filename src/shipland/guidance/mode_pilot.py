@@ -22,7 +22,7 @@ from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.references import References
 from shipland.guidance.search import search
 from shipland.guidance.situation import Belief, situation_of, without_large_boxes
-from shipland.guidance.view import HeadingHistory, View
+from shipland.guidance.view import HeadingHistory, View, target_column_px
 from shipland.messages import Box, Decision, Estimate, Mode, Observation, PilotCommand, Telemetry
 
 
@@ -121,12 +121,8 @@ class ModePilot:
         """Remember the compass, and the direction in which the target is seen."""
         heading_s = telemetry.t_s if telemetry.heading_t_s is None else telemetry.heading_t_s
         headings = state.headings.with_sample(heading_s, telemetry.heading_rad)
-        box = observation.bar_box or observation.ship_box
-        if observation.bar_pose is not None:
-            column_px = float(np.mean(observation.bar_pose.corners_px[:, 0]))
-        elif box is not None:
-            column_px = box.centre_px[0]
-        else:
+        column_px = target_column_px(observation)
+        if column_px is None:
             return replace(state, headings=headings)
         seen_rad = self._view.bearing_rad(column_px) + (headings.at(observation.t_s) or 0.0)
         return replace(state, headings=headings, seen_rad=seen_rad)

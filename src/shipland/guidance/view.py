@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from shipland.camera import Camera
 from shipland.frames import wrap_angle
+from shipland.messages import Observation
 
 _KEPT_S = 3.0
 """Headings are kept for longer than a picture takes from exposure to its command."""
@@ -39,6 +42,14 @@ class View:
     def depression_rad(self, row_px: float) -> float:
         """Of a row of the picture, below its middle."""
         return math.atan2(row_px - self.middle_px[1], self.focal_px)
+
+
+def target_column_px(observation: Observation) -> float | None:
+    """Column of the picture in which the target is seen: the cue's, else its box's; None where nothing is seen."""
+    box = observation.bar_box or observation.ship_box
+    if observation.bar_pose is not None:
+        return float(np.mean(observation.bar_pose.corners_px[:, 0]))
+    return None if box is None else box.centre_px[0]
 
 
 @dataclass(frozen=True)

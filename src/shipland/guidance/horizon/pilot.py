@@ -13,12 +13,13 @@ from shipland.guidance.horizon.gains import INPUT, Gains, gains_of
 from shipland.guidance.horizon.navigator import Estimated, Navigator, turned
 from shipland.guidance.horizon.reference import Pace, Reference, at_rest, lost, moved
 from shipland.guidance.laws import clamp
-from shipland.guidance.modes import ModeMemory, Situation, next_mode
+from shipland.guidance.modes import INTENTS, ModeMemory, Situation, next_mode
 from shipland.guidance.near import Sticks
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.response import Response
 from shipland.guidance.search import search
-from shipland.messages import Decision, Estimate, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.guidance.view import View, target_column_px
+from shipland.messages import Decision, Estimate, Mode, Observation, PilotCommand, Telemetry
 
 _STEPS_MS = (33, 67, 100, 200, 350, 530)
 """Cycles that gains are kept for; the nearest is taken."""
@@ -38,9 +39,7 @@ class HorizonPilot:
         self._approach, self._search = guidance.approach, guidance.search
         self._response = setup.response
         self._navigator = Navigator(guidance.horizon, setup.response, rig, camera, setup.camera_in_body_m)
-        self._focal_px = camera.focal_px
-        self._middle_px = (float(camera.matrix[0, 2]), float(camera.matrix[1, 2]))
-        self._half_view_rad = math.atan2(0.5 * camera.width_px, camera.focal_px)
+        self._view = View.of(camera)
         self._half_cue_m = float(np.max(np.abs(rig.target.points_in_bar_m[:, 1])))
         self._camera_in_body_m = np.asarray(setup.camera_in_body_m, dtype=float)
         self._deck_in_bar_m = rig.deck_in_bar_m
@@ -50,6 +49,7 @@ class HorizonPilot:
         self._sticks = Sticks(0.0, 0.0, 0.0, 0.0)
         self._gimbal_pitch_rad = math.radians(self._search.camera_pitch_deg[0])
         self._now_s: float | None = None
+        self._first_s = 0.0
         self._step_s = 1.0 / 30.0
         self._side_rad = 0.0
         self._contact_m = math.inf
@@ -57,6 +57,8 @@ class HorizonPilot:
     def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None = None) -> Decision:
         """One cycle; never raises."""
         now_s, navigator = telemetry.t_s, self._navigator
+        if self._now_s is None:
+            self._first_s = now_s
         step_s = 0.0 if self._now_s is None else now_s - self._now_s
         if step_s > 0.0:
             self._step_s += 0.3 * (step_s - self._step_s)
@@ -81,7 +83,7 @@ class HorizonPilot:
             sticks = self._without_estimate(mode, now_s)
         self._sticks = sticks
         self._point_camera(mode, observation, estimate if usable else None, step_s)
-        command = PilotCommand(now_s, *sticks, self._gimbal_pitch_rad, _INTENTS[mode])
+        command = PilotCommand(now_s, *sticks, self._gimbal_pitch_rad, INTENTS[mode])
         at_picture = navigator.estimate(observation.t_s) if usable else None
         return Decision(command, mode, self._modes.reason, _shown(at_picture))
 
@@ -295,7 +297,7 @@ class HorizonPilot:
         if not estimate.bar_known:
             return to_bar_rad
         cue_rad = math.atan2(self._half_cue_m, max(math.hypot(north, east), 0.1))
-        room_rad = self._half_view_rad - cue_rad - math.radians(self._approach.bearing_margin_deg)
+        room_rad = self._view.half_view_rad - cue_rad - math.radians(self._approach.bearing_margin_deg)
         widest_rad = max(clamp(room_rad, math.radians(self._approach.max_bearing_deg)), 0.0)
         off_rad = wrap_angle(to_bar_rad - estimate.bar_rad)
         return estimate.bar_rad + off_rad - clamp(off_rad, widest_rad)
@@ -303,33 +305,30 @@ class HorizonPilot:
     # --- without an estimate -----------------------------------------------------------------------------------
 
     def _without_estimate(self, mode: Mode, now_s: float) -> Sticks:
-        approach, since_s = self._approach, now_s - max(self._modes.since_s, 0.0)
+        approach, since_s = self._approach, self._in_mode_s(now_s)
         if mode is Mode.SEARCH:
             return search(since_s, self._search, self._side_rad)[0]
         if mode is Mode.CLIMB_OUT and since_s <= 4.0 * approach.climb_out_s:
             return Sticks(-approach.back_off_percent, 0.0, approach.climb_out_percent, 0.0)
         return Sticks(0.0, 0.0, 0.0, 0.0)
 
+    def _in_mode_s(self, now_s: float) -> float:
+        """How long the mode has lasted, or, in the first mode, the flight."""
+        return now_s - max(self._modes.since_s, self._first_s)
+
     def _remember_side(self, observation: Observation) -> None:
-        box = observation.bar_box or observation.ship_box
-        if observation.bar_pose is not None:
-            column_px = float(np.mean(observation.bar_pose.corners_px[:, 0]))
-        elif box is not None:
-            column_px = box.centre_px[0]
-        else:
-            return
-        self._side_rad = math.atan2(column_px - self._middle_px[0], self._focal_px)
+        column_px = target_column_px(observation)
+        if column_px is not None:
+            self._side_rad = self._view.bearing_rad(column_px)
 
     # --- camera ------------------------------------------------------------------------------------------------
 
     def _point_camera(self, mode: Mode, observation: Observation, estimate: Estimated | None, step_s: float) -> None:
         box = {Mode.TRACK_BAR: observation.bar_box, Mode.TRACK_SHIP: observation.ship_box}.get(mode)
         if mode is Mode.SEARCH and self._now_s is not None:
-            since_s = self._now_s - max(self._modes.since_s, 0.0)
-            wanted_rad = search(since_s, self._search)[1]
+            wanted_rad = search(self._in_mode_s(self._now_s), self._search)[1]
         elif box is not None:
-            below_rad = math.atan2(box.centre_px[1] - self._middle_px[1], self._focal_px)
-            wanted_rad = observation.gimbal.pitch_rad - below_rad
+            wanted_rad = observation.gimbal.pitch_rad - self._view.depression_rad(box.centre_px[1])
         elif estimate is not None:
             lens_m = estimate.down_m + float(self._camera_in_body_m[2])
             wanted_rad = math.atan2(lens_m, max(math.hypot(*estimate.place_m.tolist()) - 0.09, 0.3))
@@ -356,15 +355,3 @@ def _kept_moving(pitch: float, roll: float, response: Response) -> tuple[float, 
     if max(abs(pitch), abs(roll)) >= least:
         return pitch, roll
     return math.copysign(least, pitch), roll
-
-
-_INTENTS = {
-    Mode.LAND: Intent.LAND,
-    Mode.APPROACH: Intent.FLY,
-    Mode.TRACK_BAR: Intent.FLY,
-    Mode.TRACK_SHIP: Intent.FLY,
-    Mode.NO_VISION: Intent.FLY,
-    Mode.SEARCH: Intent.HOLD,
-    Mode.CLIMB_OUT: Intent.CLIMB_OUT,
-    Mode.DONE: Intent.HOLD,
-}
