@@ -317,6 +317,15 @@ def test_something_green_at_the_edge_is_not_the_rest_of_the_bar(yaw, rng):
     assert look_at(vision(), finish(canvas, rng, QUIET)).reason == Refusal.CUT_BY_FRAME.value
 
 
+def test_a_frame_that_the_edge_cuts_is_told_of(rng):
+    # What is left of a frame is a U, open where the edge is: far from its own hull, which is a quadrilateral.
+    canvas = plain_canvas(SMALL)
+    for left, right, bottom in ((250, 390, 280), (250, 280, 370), (360, 390, 370)):
+        paint(canvas, [(left, 250), (right, 250), (right, bottom), (left, bottom)], GREEN, 2)
+    observation = look_at(vision(rectangles((0.0, 0.0, 0.5, 0.7))), finish(canvas, rng, QUIET))
+    assert observation.reason == Refusal.CUT_BY_FRAME.value
+
+
 def test_a_lone_rectangle_is_used_only_when_it_was_followed(rng):
     # The left rectangle alone is in the picture.
     where, whole, part = place(3.0), -0.02, -0.3

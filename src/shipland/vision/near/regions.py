@@ -226,6 +226,11 @@ def quad_from_region(region: Region, min_side_px: float) -> Array | None:
     hull_px2 = cv2.contourArea(hull)
     if hull_px2 <= 0.0 or region.area_px2 < _LEAST_SOLIDITY * hull_px2:
         return None
+    return _quad_of_hull(hull, hull_px2, min_side_px)
+
+
+def _quad_of_hull(hull: cv2.typing.MatLike, hull_px2: float, min_side_px: float) -> Array | None:
+    """Four corners (4,2) [px] that fill as much as a convex hull of that area does; None when no four do."""
     corners = _four_corners(hull)
     if corners is None:
         return None
@@ -251,8 +256,13 @@ class Found:
 
 
 def is_cut_quad(region: Region) -> bool:
-    """Whether a region that the picture's edge cuts is still four-cornered, and not a speck, as a cue's part is."""
-    return quad_from_region(region, _CUT_SIDE_PX) is not None
+    """Whether a region that the picture's edge cuts is still four-cornered, and not a speck, as a cue's part is.
+
+    Its hull is: a frame that the edge cuts is open there, and its region a U.
+    """
+    hull = cv2.convexHull(region.contour_px)
+    hull_px2 = cv2.contourArea(hull)
+    return hull_px2 > 0.0 and _quad_of_hull(hull, hull_px2, _CUT_SIDE_PX) is not None
 
 
 def find_quads(image: Image, regions: list[Region], parameters: VisionParameters) -> Found:
