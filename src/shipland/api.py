@@ -28,9 +28,10 @@ from shipland.missions.fly import Flown, flight_info
 from shipland.missions.landing import COLUMNS, Landing, row_of
 from shipland.missions.outside import KeyedPilot, Keys
 from shipland.missions.scenarios import Scenario, load_scenario
+from shipland.missions.stopping import stop_requests
 from shipland.missions.tables import summary_of
 from shipland.missions.visions import needs_pictures, without_pictures
-from shipland.missions.workers import run_jobs, stoppable
+from shipland.missions.workers import run_jobs
 from shipland.record.columns import FlightColumns
 from shipland.report.chase import chase_view
 from shipland.report.outputs import Recorder, load_outputs
@@ -196,6 +197,6 @@ def campaign(
     factories.resolve("visions", vision)
     count = workers if workers is not None else len(os.sched_getaffinity(0))
     flights = [FlightJob(scenario, pilot, vision, seed) for seed in seeds]
-    with stoppable():
+    with stop_requests():
         landings = [landing for _, landing in run_jobs(land_once, flights, count, lambda *_: None)]
     return Campaign(tuple(sorted(landings, key=lambda landing: landing.seed)))

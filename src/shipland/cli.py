@@ -71,10 +71,10 @@ def main() -> None:
         prog="shipland",
         description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.",
     )
-    from shipland.missions.workers import stoppable
+    from shipland.missions.stopping import sigterm_interrupts
 
     try:
-        with stoppable():
+        with sigterm_interrupts():
             code = command.run()
     except ShiplandError as error:
         print(f"shipland: {' '.join(str(error).split())}", file=sys.stderr)

@@ -30,11 +30,11 @@ def rows(out):
     return sum(len(path.read_text().splitlines()) - 1 for path in out.glob("*/landings.csv"))
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
-def test_a_killed_run_resumed_gives_the_same_tables(tmp_path, how):
+@pytest.mark.parametrize(("how", "workers"), [(signal.SIGKILL, "2"), (signal.SIGTERM, "2"), (signal.SIGINT, "1")])
+def test_a_killed_run_resumed_gives_the_same_tables(tmp_path, how, workers):
     out, whole = tmp_path / "out", tmp_path / "whole"
     with subprocess.Popen(
-        bench(out, "--workers", "2"), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        bench(out, "--workers", workers), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as run:
         while rows(out) < 3:
             assert run.poll() is None, run.stderr.read()

@@ -17,8 +17,9 @@ from shipland.errors import DataError
 from shipland.missions.campaign import Flight, land_once
 from shipland.missions.folder import campaign_key, claimed, folder_in, read_campaign
 from shipland.missions.landing import Landing
+from shipland.missions.stopping import stop_requests
 from shipland.missions.suite import BenchCell
-from shipland.missions.workers import run_jobs, stoppable
+from shipland.missions.workers import run_jobs
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import AirframeParameters
 from shipland.sim.ship.ship import ShipParameters
@@ -90,13 +91,13 @@ class Bench:
 
 @contextmanager
 def open_bench(plan: BenchPlan) -> Iterator[Bench]:
-    """The plan's folder, made when missing, for this process alone; SIGTERM stops as Ctrl-C does.
+    """The plan's folder, made when missing, for this process alone; Ctrl-C and SIGTERM are requests within.
 
     Raises:
         DataError: it holds landings of other code, configuration or weights, another process flies in it, or it cannot
             be written.
     """
-    with stoppable(), claimed(plan.out):
+    with stop_requests(), claimed(plan.out):
         yield Bench(plan)
 
 

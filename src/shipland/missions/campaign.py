@@ -12,7 +12,8 @@ from shipland.missions.fly import flight_log, fly_quietly
 from shipland.missions.folder import campaign_key, open_folder
 from shipland.missions.landing import Landing, landing_of
 from shipland.missions.scenarios import Scenario
-from shipland.missions.workers import run_jobs, stoppable
+from shipland.missions.stopping import check_stop, stop_requests
+from shipland.missions.workers import run_jobs
 
 
 @dataclass(frozen=True)
@@ -64,11 +65,12 @@ class Flight:
 
 
 def land_once(flight: Flight) -> Landing:
-    """Fly one seed and leave nothing behind but, where asked for, its log."""
+    """Fly one seed and leave nothing behind but, where asked for, its log; a request to stop ends it in the air."""
     records: list[FlightRecord] = []
     scenario, pilot, vision, seed = flight.scenario, flight.pilot, flight.vision, flight.seed
 
     def remember(record: FlightRecord) -> None:
+        check_stop()
         records.append(replace(record, frame=replace(record.frame, image=None)))
 
     flown = fly_quietly(scenario, pilot, vision, seed, remember)
@@ -92,7 +94,7 @@ def run_campaign(plan: CampaignPlan) -> Generator[Landing, None, None]:
     """
     key = campaign_key(plan.scenario, plan.pilot, plan.vision)
     logs = plan.out / "flights" if plan.logs else None
-    with stoppable(), open_folder(plan.out, key) as folder:
+    with stop_requests(), open_folder(plan.out, key) as folder:
         missing = [seed for seed in plan.seeds if seed not in folder.done]
         yield from (folder.done[seed] for seed in plan.seeds if seed in folder.done)
         flights = [

@@ -13,6 +13,8 @@ from shipland.missions.bench import Crew, Keep, Lose, land_quietly
 from shipland.missions.campaign import Flight
 from shipland.missions.folder import source_digest
 from shipland.missions.landing import Landing
+from shipland.missions.stopping import check_stop
+from shipland.missions.workers import POLL_S
 
 _RETRIES = 3
 """Of a flight whose process or machine died; its result counts once."""
@@ -54,7 +56,8 @@ def cluster(address: str) -> Crew:
                     given[fly.remote(flight)] = flight
                 if not given:
                     return
-                for done in ray.wait(list(given), num_returns=1)[0]:
+                check_stop()
+                for done in ray.wait(list(given), num_returns=1, timeout=POLL_S)[0]:
                     flight = given.pop(done)
                     try:
                         answer = ray.get(done)

@@ -1,22 +1,23 @@
-"""Flights on several cores: processes that are stopped at once when asked, and whose finished flights are kept."""
+"""Flights on several cores: processes that are stopped when asked, and whose finished flights are kept."""
 
 from __future__ import annotations
 
 import itertools
 import multiprocessing
 import multiprocessing.connection
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
 from multiprocessing.process import BaseProcess
-from types import FrameType
 from typing import Any, Generic, TypeVar
 
 from shipland.errors import DataError
+from shipland.missions.stopping import check_stop
 
 Job = TypeVar("Job")
 Done = TypeVar("Done")
@@ -40,7 +41,7 @@ def run_jobs(
 
     With one worker the jobs run here. With more, each has a process of its own; no more jobs are taken from `jobs` than
     there are workers. When the iteration ends early for any reason, what has finished is still kept, and the processes
-    are killed.
+    are killed. Within `stop_requests` a request ends it.
 
     Args:
         do: the work; a function of a module, because it is pickled, and so are jobs and results.
@@ -57,6 +58,7 @@ def run_jobs(
     """
     if workers == 1:
         for job in jobs:
+            check_stop()
             try:
                 done = do(job)
             except Exception as error:
@@ -75,7 +77,8 @@ def run_jobs(
     try:
         crew.extend(_hire(context, do, job) for job in itertools.islice(waiting, workers))
         while busy := [worker for worker in crew if worker.job is not None]:
-            ready = multiprocessing.connection.wait([worker.link for worker in busy])
+            ready = multiprocessing.connection.wait([worker.link for worker in busy], POLL_S)
+            check_stop()
             for worker in busy:
                 if worker.link not in ready or worker.job is None:
                     continue
@@ -112,6 +115,8 @@ def run_jobs(
             worker.process.join()
 
 
+POLL_S = 0.2
+"""How often a loop that waits for results looks for a request to stop."""
 _DEATHS = 5
 """Worker processes that die one after another: it is not the flights."""
 
@@ -152,8 +157,9 @@ def _received(worker: _Worker[Any]) -> Any:  # noqa: ANN401 - what the job gave
 
 
 def _work(link: Connection, do: Callable[[Any], Any]) -> None:
-    """A worker process: jobs in, results out, until killed or the other end is gone."""
+    """A worker process: jobs in, results out, until killed or the parent is gone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
+    threading.Thread(target=_die_with_parent, daemon=True).start()
     try:
         while True:
             job = link.recv()
@@ -166,18 +172,9 @@ def _work(link: Connection, do: Callable[[Any], Any]) -> None:
         return
 
 
-@contextmanager
-def stoppable() -> Iterator[None]:
-    """SIGTERM interrupts as Ctrl-C does, within the block and in the main thread."""
-
-    def interrupt(_signal: int, _frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+def _die_with_parent() -> None:
+    """Without it a worker whose parent was killed flies its job to the end."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # this is a worker
+    multiprocessing.connection.wait([parent.sentinel])
+    os._exit(1)

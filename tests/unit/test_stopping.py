@@ -1,0 +1,116 @@
+"""Requests to stop: never lost, answered between two steps, and no worker outlives its parent."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from shipland.missions import stopping
+from shipland.missions.stopping import check_stop, stop_requests
+from shipland.missions.workers import run_jobs
+
+
+class Dying:
+    """Its finaliser is interrupted: Python drops a KeyboardInterrupt raised there."""
+
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.0)
+
+
+@pytest.fixture(autouse=True)
+def the_usual_handlers():
+    before = signal.getsignal(signal.SIGINT)
+    yield
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_request_that_falls_into_a_finaliser_is_kept():
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        dying = Dying()
+        del dying
+        reached = True
+        check_stop()
+        reached = False
+    assert reached
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_a_request_that_nobody_looked_for_is_answered_at_the_end(how):
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        os.kill(os.getpid(), how)
+        reached = True
+    assert reached
+    with stop_requests():
+        check_stop()  # the next block begins without one
+
+
+def test_an_answered_request_is_not_answered_again():
+    with stop_requests():
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)  # at once: the same request, passed on by a wrapper
+        with pytest.raises(KeyboardInterrupt):
+            check_stop()
+        check_stop()
+
+
+def test_a_second_signal_interrupts_where_it_falls(monkeypatch):
+    monkeypatch.setattr(stopping, "_GRACE_S", -1.0)
+    reached = False
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        os.kill(os.getpid(), signal.SIGINT)
+        reached = True
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.0)
+        reached = False
+    assert reached
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_request_ends_the_jobs_and_keeps_what_is_finished(workers):
+    kept = {}
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        for job, _ in run_jobs(abs, range(1000), workers, kept.__setitem__):
+            if job >= 3:
+                os.kill(os.getpid(), signal.SIGINT)
+    assert 4 <= len(kept) <= 10
+
+
+def test_workers_die_with_their_parent(tmp_path):
+    (tmp_path / "idle.py").write_text(
+        "import os, pathlib, time\n"
+        "from shipland.missions.workers import run_jobs\n"
+        "def idle(path):\n"
+        "    pathlib.Path(path).write_text(str(os.getpid()))\n"
+        "    time.sleep(600)\n"
+        "if __name__ == '__main__':\n"
+        f"    list(run_jobs(idle, [{str(tmp_path / 'a')!r}, {str(tmp_path / 'b')!r}], 2, print))\n"
+    )
+    files = [tmp_path / "a", tmp_path / "b"]
+    with subprocess.Popen([sys.executable, str(tmp_path / "idle.py")]) as parent:
+        try:
+            while not all(file.exists() and file.read_text() for file in files):
+                assert parent.poll() is None
+                time.sleep(0.05)
+        finally:
+            parent.kill()
+    workers = [int(file.read_text()) for file in files]
+    until_s = time.monotonic() + 60.0
+    while any(_runs(worker) for worker in workers) and time.monotonic() < until_s:
+        time.sleep(0.05)
+    for worker in workers:
+        if _runs(worker):
+            os.kill(worker, signal.SIGKILL)
+            pytest.fail("a worker outlived its parent")
+
+
+def _runs(process):
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
