@@ -7,11 +7,11 @@ picture waits, is used to look ahead, and enters for good when a younger picture
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from shipland.estimation.kernels import mean_after, mean_input, spread_after
 from shipland.estimation.relative_state import REFERENCE, SPEED, STATES, Belief, Model, updated
 from shipland.frames import Array
 
@@ -22,6 +22,8 @@ _LEARNED = 0.08
 """Share with which a velocity changes what its errors are taken for: two seconds of 5 Hz."""
 _STRIDE_MS = 80
 """Longest step of the mean: the input is averaged over it."""
+_ROWS = 512
+"""Of the inputs' history, at first."""
 
 
 class Inputs:
@@ -32,38 +34,36 @@ class Inputs:
     """
 
     def __init__(self, size: int) -> None:
-        self._times: list[float] = [-1e9]
-        self._values: list[Array] = [np.zeros(size)]
-        self._sums: list[Array] = [np.zeros(size)]
+        self._size, self.count = size, 1
+        self.history: Array = np.zeros((_ROWS, 1 + 2 * size))
+        """Rows of `kernels.mean_input`: since when, the value, the integral of all before it."""
+        self.history[0, 0] = -1e9
 
     def add(self, from_s: float, value: Array) -> None:
         """From `from_s` on, `value`; an earlier time than the last one's counts as the last one's."""
-        from_s = max(from_s, self._times[-1])
-        passed_s = from_s - self._times[-1] if len(self._times) > 1 else 0.0
-        self._sums.append(self._sums[-1] + passed_s * self._values[-1])
-        self._times.append(from_s)
-        self._values.append(value)
-        if self._times[1] < from_s - 2.0 * _KEPT_S:
-            first = bisect_right(self._times, from_s - _KEPT_S) - 1
-            self._times, self._values, self._sums = self._times[first:], self._values[first:], self._sums[first:]
+        history, last, size = self.history, self.count - 1, self._size
+        before_s = float(history[last, 0])
+        from_s = max(from_s, before_s)
+        row = history[self.count]
+        row[0], row[1 : 1 + size] = from_s, value
+        row[1 + size :] = history[last, 1 + size :]
+        if last > 0:
+            row[1 + size :] += (from_s - before_s) * history[last, 1 : 1 + size]
+        self.count += 1
+        if history[1, 0] < from_s - 2.0 * _KEPT_S:
+            first = int(np.argmax(history[: self.count, 0] > from_s - _KEPT_S)) - 1
+            self.count -= first
+            history[: self.count] = history[first : first + self.count].copy()
+        elif self.count == len(history):
+            self.history = np.vstack([history, np.zeros_like(history)])
 
     def mean(self, from_s: float, to_s: float) -> Array:
         """Average over an interval; the value at its begin where it is empty."""
-        if to_s - from_s < 1e-6:
-            return self._values[bisect_right(self._times, from_s) - 1]
-        return (self._sum(to_s) - self._sum(from_s)) / (to_s - from_s)
+        return mean_input(self.history, self.count, from_s, to_s)
 
     def latest(self) -> Array:
         """The newest command."""
-        return self._values[-1]
-
-    def _sum(self, t_s: float) -> Array:
-        index = bisect_right(self._times, t_s) - 1
-        if index <= 0:
-            # Before the first command nothing was given; the sentinel's own value is zero.
-            first_s = self._times[0] if self._times[0] > -1e8 else t_s
-            return self._sums[0] + (t_s - first_s) * self._values[0]
-        return self._sums[index] + (t_s - self._times[index]) * self._values[index]
+        return self.history[self.count - 1, 1 : 1 + self._size].copy()
 
 
 @dataclass(frozen=True)
@@ -180,7 +180,7 @@ class DelayedFilter:
         self.belief = self._moved(belief, to_s, inputs, turn_rad_s)
 
     def _learn(self, belief: Belief, reading: _Velocity) -> None:
-        expected, jacobian = self.model.velocity(belief, reading.over_ship, self._parameters.flow_settle_s)
+        expected, jacobian = self._expected(belief, reading)
         innovation = reading.measured_mps - expected
         known = np.einsum("ij,jk,ik->i", jacobian, belief.covariance, jacobian)
         found = float(np.mean(np.minimum(innovation**2, self._parameters.velocity_most_mps**2) - known))
@@ -192,39 +192,32 @@ class DelayedFilter:
         variance = limits.velocity_repeats * self._velocity_variance
         variance = min(max(variance, limits.velocity_least_mps**2), limits.velocity_most_mps**2)
         noise = variance * np.eye(len(reading.measured_mps))
-        expected = self.model.velocity(belief, reading.over_ship, self._parameters.flow_settle_s)
-        return updated(belief, expected, reading.measured_mps, noise, limits.velocity_gate).belief
+        return updated(
+            belief, self._expected(belief, reading), reading.measured_mps, noise, limits.velocity_gate
+        ).belief
+
+    def _expected(self, belief: Belief, reading: _Velocity) -> tuple[Array, Array]:
+        return self.model.velocity(belief, reading.over_ship, self._parameters.flow_settle_s)
 
     def _moved(self, belief: Belief, to_s: float, inputs: Inputs, turn_rad_s: float) -> Belief:
         """The mean in short strides, because the input changes; the covariance at once."""
-        left_ms = all_ms = round(1e3 * (to_s - belief.t_s))
+        all_ms = round(1e3 * (to_s - belief.t_s))
         if all_ms <= 0:
             return belief
-        transition, _, noise = self.model.step(all_ms)
-        covariance = transition @ belief.covariance @ transition.T + noise
-        mean, t_s = belief.mean, belief.t_s
-        while left_ms > 0:
-            step_ms = min(left_ms, _STRIDE_MS)
-            transition, push, _ = self.model.step(step_ms)
-            after_s = t_s + 1e-3 * step_ms
-            mean = transition @ mean + push @ inputs.mean(t_s, after_s)
-            if turn_rad_s != 0.0 and self.model.axes == 2:
-                mean = _turned(mean, turn_rad_s, 1e-3 * step_ms)
-            t_s, left_ms = after_s, left_ms - step_ms
-        return replace(belief, t_s=t_s, mean=mean, covariance=covariance)
-
-
-def _turned(mean: Array, turn_rad_s: float, step_s: float) -> Array:
-    """A ship that turns: its way, the velocity reference, turns with it, and the aircraft's own speed does not.
-
-    The mean wind's push, as seen over the ship's way, is left as it is.
-    """
-    ahead, aside = (float(mean[STATES * axis + REFERENCE]) for axis in range(2))
-    if not (math.isfinite(ahead) and math.isfinite(aside)):
-        return mean
-    change = (-turn_rad_s * aside * step_s, turn_rad_s * ahead * step_s)
-    mean = mean.copy()
-    for axis in range(2):
-        mean[STATES * axis + REFERENCE] += change[axis]
-        mean[STATES * axis + SPEED] -= change[axis]
-    return mean
+        model = self.model
+        transition, push, noise = model.step(all_ms)
+        covariance = spread_after(transition, belief.covariance, noise)
+        whole, rest_ms = divmod(all_ms, _STRIDE_MS)
+        if whole > 0:
+            transition, push, _ = model.step(_STRIDE_MS)
+        last_transition, last_push, _ = model.step(rest_ms) if whole > 0 and rest_ms > 0 else (transition, push, noise)
+        mean = mean_after(
+            belief.mean,
+            belief.t_s,
+            (transition, push, last_transition, last_push),
+            (whole, _STRIDE_MS, rest_ms),
+            inputs.history,
+            inputs.count,
+            (turn_rad_s if model.axes == 2 else 0.0, SPEED, REFERENCE, STATES),
+        )
+        return Belief(belief.t_s + 1e-3 * all_ms, mean, covariance)

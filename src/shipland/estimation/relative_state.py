@@ -30,7 +30,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
+from shipland.compiled import compiled
 from shipland.config import require
+from shipland.estimation.kernels import corrected, spread_after
 from shipland.frames import Array
 
 PLACE, SPEED, THRUST, GUST, PUSH, REFERENCE, SWING, SWING_RATE = range(8)
@@ -174,15 +176,23 @@ class Model:
         """Transition (n,n), input matrix (n, axes) and noise (n,n) over whole milliseconds."""
         found = self._steps.get(step_ms)
         if found is None:
-            one, push, noise = discretised(*self._continuous, 1e-3 * step_ms)
-            size = STATES * self.axes + 1
-            transition, covariance, inputs = np.eye(size), np.zeros((size, size)), np.zeros((size, self.axes))
-            for axis in range(self.axes):
-                rows = slice(STATES * axis, STATES * (axis + 1))
-                transition[rows, rows], covariance[rows, rows], inputs[rows, axis] = one, noise, push
-            covariance[-1, -1] = (self.noise.latency_s * 0.02) ** 2 * 1e-3 * step_ms
-            found = self._steps[step_ms] = transition, inputs, covariance
+            found = self._steps[step_ms] = self._solved(step_ms)
         return found
+
+    def _solved(self, step_ms: int) -> tuple[Array, Array, Array]:
+        longest_ms = 1 << (step_ms.bit_length() - 1)
+        if longest_ms < step_ms:  # of two steps: far cheaper than matrix exponentials
+            transition, inputs, noise = self.step(longest_ms)
+            then, then_inputs, then_noise = self.step(step_ms - longest_ms)
+            return then @ transition, then @ inputs + then_inputs, spread_after(then, noise, then_noise)
+        one, push, noise = discretised(*self._continuous, 1e-3 * step_ms)
+        size = STATES * self.axes + 1
+        transition, covariance, inputs = np.eye(size), np.zeros((size, size)), np.zeros((size, self.axes))
+        for axis in range(self.axes):
+            rows = slice(STATES * axis, STATES * (axis + 1))
+            transition[rows, rows], covariance[rows, rows], inputs[rows, axis] = one, noise, push
+        covariance[-1, -1] = (self.noise.latency_s * 0.02) ** 2 * 1e-3 * step_ms
+        return transition, inputs, covariance
 
     def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float) -> Belief:
         """A belief from a first place (axes,) with its covariance (axes, axes), and a spread of the speed."""
@@ -221,21 +231,12 @@ class Model:
         return Belief(
             belief.t_s + 1e-3 * step_ms,
             transition @ belief.mean + inputs @ given,
-            transition @ belief.covariance @ transition.T + noise,
+            spread_after(transition, belief.covariance, noise),
         )
 
     def seen(self, belief: Belief) -> tuple[Array, Array]:
         """What a picture shows of the place: expected value (axes,) and its Jacobian (axes, n)."""
-        mean, axes = belief.mean, np.arange(self.axes)
-        rate = belief.of(SPEED) - belief.of(SWING_RATE)
-        latency_s = float(mean[-1])
-        jacobian = np.zeros((self.axes, len(mean)))
-        jacobian[axes, STATES * axes + PLACE] = 1.0
-        jacobian[axes, STATES * axes + SWING] = -1.0
-        jacobian[axes, STATES * axes + SPEED] = -latency_s
-        jacobian[axes, STATES * axes + SWING_RATE] = latency_s
-        jacobian[:, -1] = -rate
-        return belief.of(PLACE) - belief.of(SWING) - latency_s * rate, jacobian
+        return _seen(belief.mean, self.axes)
 
     def velocity(self, belief: Belief, over_ship: float = 0.0, settle_s: float = 0.0) -> tuple[Array, Array]:
         """What the vehicle measures of its own velocity: expected value (axes,) and its Jacobian (axes, n).
@@ -246,15 +247,37 @@ class Model:
             settle_s: time in which the vehicle's fusion follows the motion of what is in view; the lag of a resonator
                 is a mixture of its two states.
         """
-        axes = np.arange(self.axes)
-        w = self.swing.frequency_rad_s
-        share = over_ship / (1.0 + (w * settle_s) ** 2)
-        jacobian = np.zeros((self.axes, len(belief.mean)))
-        jacobian[axes, STATES * axes + SPEED] = 1.0
-        jacobian[axes, STATES * axes + REFERENCE] = 1.0 - over_ship
-        jacobian[axes, STATES * axes + SWING] = -share * settle_s * w * w
-        jacobian[axes, STATES * axes + SWING_RATE] = -share
-        return jacobian @ belief.mean, jacobian
+        return _velocity(belief.mean, self.axes, over_ship, settle_s, self.swing.frequency_rad_s)
+
+
+@compiled
+def _seen(mean: Array, axes: int) -> tuple[Array, Array]:
+    latency_s = mean[-1]
+    expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
+    for axis in range(axes):
+        first = STATES * axis
+        rate = mean[first + SPEED] - mean[first + SWING_RATE]
+        expected[axis] = mean[first + PLACE] - mean[first + SWING] - latency_s * rate
+        jacobian[axis, first + PLACE], jacobian[axis, first + SWING] = 1.0, -1.0
+        jacobian[axis, first + SPEED], jacobian[axis, first + SWING_RATE] = -latency_s, latency_s
+        jacobian[axis, -1] = -rate
+    return expected, jacobian
+
+
+@compiled
+def _velocity(mean: Array, axes: int, over_ship: float, settle_s: float, w: float) -> tuple[Array, Array]:
+    share = over_ship / (1.0 + (w * settle_s) ** 2)
+    expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
+    for axis in range(axes):
+        for state, entry in (
+            (SPEED, 1.0),
+            (REFERENCE, 1.0 - over_ship),
+            (SWING, -share * settle_s * w * w),
+            (SWING_RATE, -share),
+        ):
+            jacobian[axis, STATES * axis + state] = entry
+            expected[axis] += entry * mean[STATES * axis + state]
+    return expected, jacobian
 
 
 @dataclass(frozen=True)
@@ -285,13 +308,7 @@ def updated(
         gate: largest normalised innovation squared that is taken.
     """
     predicted, jacobian = expected
-    innovation = measured - predicted
-    crossed = belief.covariance @ jacobian.T
-    spread = jacobian @ crossed + covariance
-    weighted = np.linalg.solve(spread, np.column_stack([innovation, crossed.T]))
-    normalised = float(innovation @ weighted[:, 0])
+    mean, after, normalised = corrected(belief.mean, belief.covariance, jacobian, measured - predicted, covariance)
     if not normalised <= gate:  # NaN too
         return Taken(belief, normalised, False)
-    mean = belief.mean + crossed @ weighted[:, 0]
-    after = belief.covariance - crossed @ weighted[:, 1:]
-    return Taken(Belief(belief.t_s, mean, 0.5 * (after + after.T)), normalised, True)
+    return Taken(Belief(belief.t_s, mean, after), normalised, True)

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import expm
 
 from shipland.config import require
+from shipland.estimation.kernels import bank_seen
 from shipland.estimation.relative_state import Swing
 from shipland.frames import Array
 
@@ -86,7 +88,6 @@ class SwingBank:
     def __init__(self, parameters: SwingParameters) -> None:
         self._parameters = parameters
         self.hypotheses = parameters.hypotheses
-        self._steps: dict[int, tuple[Array, Array]] = {}
 
     def start(self, t_s: float, down_m: float) -> SwingBelief:
         """From a first height."""
@@ -96,13 +97,6 @@ class SwingBank:
         spread = [[0.3, 0.3, it.deviation_m, it.deviation_m * it.frequency_rad_s] for it in self.hypotheses]
         covariance = np.array([np.diag(np.square(row)) for row in spread])
         return SwingBelief(t_s, mean, covariance, np.zeros(k))
-
-    def _step(self, step_ms: int) -> tuple[Array, Array]:
-        found = self._steps.get(step_ms)
-        if found is None:
-            pairs = [_matrices(self._parameters, it, 1e-3 * step_ms) for it in self.hypotheses]
-            found = self._steps[step_ms] = (np.array([a for a, _ in pairs]), np.array([q for _, q in pairs]))
-        return found
 
     def seen(self, before: SwingBelief, t_s: float, moved_m: float, down_m: float, variance_m2: float) -> SwingBelief:
         """A picture's height below the bar.
@@ -119,19 +113,12 @@ class SwingBank:
             return before
         if step_s > 2.0:
             return replace(self.start(t_s, down_m), score=before.score, chosen=before.chosen)
-        transition, noise = self._step(max(1, round(1e3 * step_s)))
-        mean = (transition @ before.mean[:, :, None])[:, :, 0]
-        mean[:, _HEIGHT] += moved_m
-        covariance = transition @ before.covariance @ transition.transpose(0, 2, 1) + noise
-        crossed = covariance[:, :, _HEIGHT] - covariance[:, :, _SWING]
-        spread = crossed[:, _HEIGHT] - crossed[:, _SWING] + variance_m2 + self._parameters.jitter_m**2
-        innovation = down_m - (mean[:, _HEIGHT] - mean[:, _SWING])
-        gain = crossed / spread[:, None]
-        mean = mean + gain * innovation[:, None]
-        covariance = covariance - gain[:, :, None] * crossed[:, None, :]
-        normalised = np.minimum(innovation**2 / spread, 25.0)
-        score = math.exp(-step_s / self._parameters.memory_s) * before.score
-        score = score - 0.5 * (normalised + np.log(spread))
+        transition, noise = _steps(self._parameters, max(1, round(1e3 * step_s)))
+        faded = math.exp(-step_s / self._parameters.memory_s) * before.score
+        variance = variance_m2 + self._parameters.jitter_m**2
+        mean, covariance, score = bank_seen(
+            before.mean, before.covariance, faded, transition, noise, moved_m, down_m, variance
+        )
         best = int(np.argmax(score))
         leads = score[best] - score[before.chosen] > self._parameters.lead
         return SwingBelief(t_s, mean, covariance, score, best if leads else before.chosen)
@@ -147,16 +134,19 @@ class SwingBank:
         return replace(before, mean=before.mean + gain * innovation[:, None], covariance=covariance)
 
 
-def _matrices(parameters: SwingParameters, swing: Swing, step_s: float) -> tuple[Array, Array]:
-    a, q = np.zeros((4, 4)), np.zeros(4)
-    w, z = swing.frequency_rad_s, swing.damping
-    a[_HEIGHT, _DRIFT] = a[_SWING, _RATE] = 1.0
-    a[_DRIFT, _DRIFT] = -1.0 / parameters.drift_time_s
-    a[_RATE, [_SWING, _RATE]] = -w * w, -2.0 * z * w
-    q[_DRIFT] = 2.0 * parameters.drift_mps**2 / parameters.drift_time_s
-    q[_RATE] = 4.0 * z * w**3 * swing.deviation_m**2
-    block = np.zeros((8, 8))
-    block[:4, :4], block[:4, 4:], block[4:, 4:] = -a, np.diag(q), a.T
-    result = expm(block * step_s)
-    transition = result[4:, 4:].T
-    return transition, transition @ result[:4, 4:]
+@lru_cache(maxsize=1024)
+def _steps(parameters: SwingParameters, step_ms: int) -> tuple[Array, Array]:
+    """Transitions (k,4,4) and noises (k,4,4) of all hypotheses over whole milliseconds."""
+    blocks = np.zeros((len(parameters.hypotheses), 8, 8))
+    for block, swing in zip(blocks, parameters.hypotheses, strict=True):
+        a, q = np.zeros((4, 4)), np.zeros(4)
+        w, z = swing.frequency_rad_s, swing.damping
+        a[_HEIGHT, _DRIFT] = a[_SWING, _RATE] = 1.0
+        a[_DRIFT, _DRIFT] = -1.0 / parameters.drift_time_s
+        a[_RATE, [_SWING, _RATE]] = -w * w, -2.0 * z * w
+        q[_DRIFT] = 2.0 * parameters.drift_mps**2 / parameters.drift_time_s
+        q[_RATE] = 4.0 * z * w**3 * swing.deviation_m**2
+        block[:4, :4], block[:4, 4:], block[4:, 4:] = -a, np.diag(q), a.T
+    result = expm(blocks * (1e-3 * step_ms))
+    transition = np.ascontiguousarray(result[:, 4:, 4:].transpose(0, 2, 1))
+    return transition, transition @ result[:, :4, 4:]
