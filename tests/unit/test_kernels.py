@@ -1,0 +1,107 @@
+"""The filters' compiled arithmetic against its textbook form in NumPy."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shipland.estimation.delayed import Inputs
+from shipland.estimation.kernels import bank_seen, corrected, mean_after, spread_after
+from shipland.estimation.relative_state import (
+    REFERENCE,
+    SPEED,
+    STATES,
+    Disturbances,
+    Model,
+    Motion,
+    Swing,
+    discretised,
+    dynamics,
+)
+
+NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02, 0.1)
+MOTION, SWING_OF_SHIP = Motion(0.06, 0.4), Swing(0.12, 1.8, 0.1)
+MODEL = Model(2, MOTION, NOISE, SWING_OF_SHIP)
+AXIS_KEPT = (SPEED, REFERENCE, STATES)
+
+
+def _spread(rng, size):
+    root = rng.standard_normal((size, size))
+    return root @ root.T + np.eye(size)
+
+
+@pytest.mark.parametrize("size", [4, 9, 17])
+def test_a_covariance_through_a_step(size):
+    rng = np.random.default_rng(size)
+    transition = rng.standard_normal((size, size)) * (rng.random((size, size)) < 0.4)
+    covariance, noise = _spread(rng, size), _spread(rng, size)
+    expected = transition @ covariance @ transition.T + noise
+    np.testing.assert_allclose(spread_after(transition, covariance, noise), expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("measured", [1, 2, 3])
+def test_a_measurement(measured):
+    rng = np.random.default_rng(measured)
+    mean, covariance = rng.standard_normal(9), _spread(rng, 9)
+    jacobian, innovation, noise = rng.standard_normal((measured, 9)), rng.standard_normal(measured), _spread(rng, 3)
+    noise = noise[:measured, :measured].copy()
+    spread = jacobian @ covariance @ jacobian.T + noise
+    gain = covariance @ jacobian.T @ np.linalg.inv(spread)
+    after, spread_left, normalised = corrected(mean, covariance, jacobian, innovation, noise)
+    np.testing.assert_allclose(after, mean + gain @ innovation, atol=1e-12)
+    np.testing.assert_allclose(spread_left, covariance - gain @ spread @ gain.T, atol=1e-11)
+    assert normalised == pytest.approx(float(innovation @ np.linalg.solve(spread, innovation)))
+    np.testing.assert_array_equal(spread_left, spread_left.T)
+
+
+def test_a_measurement_that_nothing_can_be_told_from_is_not_finite():
+    normalised = corrected(np.zeros(2), np.zeros((2, 2)), np.ones((1, 2)), np.ones(1), np.zeros((1, 1)))[2]
+    assert not math.isfinite(normalised)
+
+
+@pytest.mark.parametrize("turn_rad_s", [0.0, 0.2])
+def test_a_mean_through_inputs_that_change(turn_rad_s):
+    rng, inputs = np.random.default_rng(3), Inputs(2)
+    for k in range(20):
+        inputs.add(1.0 + 0.033 * k, rng.standard_normal(2))
+    mean = expected = rng.standard_normal(2 * STATES + 1)
+    t_s = 1.02
+    (first, push, _), (last, last_push, _) = MODEL.step(80), MODEL.step(37)
+    for transition, entry, step_s in ((first, push, 0.08), (first, push, 0.08), (last, last_push, 0.037)):
+        expected = transition @ expected + entry @ inputs.mean(t_s, t_s + step_s)
+        ahead, aside = expected[REFERENCE], expected[STATES + REFERENCE]
+        change = turn_rad_s * step_s * np.array([-aside, ahead])
+        expected[[REFERENCE, STATES + REFERENCE]] += change
+        expected[[SPEED, STATES + SPEED]] -= change
+        t_s += step_s
+    steps = (first, push, last, last_push)
+    found = mean_after(mean, 1.02, steps, (2, 80, 37), inputs.history, inputs.count, (turn_rad_s, *AXIS_KEPT))
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_a_bank_is_one_filter_for_each_hypothesis():
+    rng, count = np.random.default_rng(4), 3
+    mean, score = rng.standard_normal((count, 4)), rng.standard_normal(count)
+    covariance, noise = (np.array([_spread(rng, 4) for _ in range(count)]) for _ in range(2))
+    transition, row, variance = rng.standard_normal((count, 4, 4)), np.array([[1.0, 0.0, -1.0, 0.0]]), 0.3
+    found = bank_seen(mean, covariance, score, transition, noise, 0.2, -1.4, variance)
+    for k in range(count):
+        x = transition[k] @ mean[k] + np.array([0.2, 0.0, 0.0, 0.0])
+        p = transition[k] @ covariance[k] @ transition[k].T + noise[k]
+        after, spread, normalised = corrected(x, p, row, -1.4 - row @ x, np.array([[variance]]))
+        np.testing.assert_allclose(found[0][k], after, atol=1e-12)
+        np.testing.assert_allclose(found[1][k], spread, atol=1e-11)
+        logarithm = math.log((row @ p @ row.T)[0, 0] + variance)
+        assert found[2][k] == pytest.approx(score[k] - 0.5 * (min(normalised, 25.0) + logarithm))
+
+
+@pytest.mark.parametrize("step_ms", [1, 33, 255, 1023])
+def test_a_step_made_of_shorter_ones_is_the_step(step_ms):
+    transition, push, noise = discretised(*dynamics(MOTION, NOISE, SWING_OF_SHIP), 1e-3 * step_ms)
+    whole, inputs, spread = MODEL.step(step_ms)
+    for axis in range(2):
+        rows = slice(STATES * axis, STATES * (axis + 1))
+        np.testing.assert_allclose(whole[rows, rows], transition, atol=1e-11)
+        np.testing.assert_allclose(inputs[rows, axis], push, atol=1e-11)
+        np.testing.assert_allclose(spread[rows, rows], noise, atol=1e-11)
+    assert spread[-1, -1] == pytest.approx((0.02 * NOISE.latency_s) ** 2 * 1e-3 * step_ms)
