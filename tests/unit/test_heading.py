@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from shipland.estimation.heading import HeadingNoise, first_headings, headings_at, with_compass, with_pose
+from shipland.estimation.heading import Compass, HeadingNoise, first_headings, headings_at, with_compass, with_pose
 
 NOISE = HeadingNoise(0.03, 0.01, 0.05, 0.03, 0.01)
 
@@ -43,3 +43,14 @@ def test_what_is_not_finite_is_refused():
     headings = with_pose(first_headings(0.0, 0.1), 0.05, 1e-4, NOISE)
     assert with_compass(headings, math.nan, NOISE) is headings
     assert with_pose(headings, math.inf, 1e-4, NOISE) is headings
+
+
+def test_the_compass_is_read_between_its_readings_across_north():
+    compass = Compass()
+    assert compass.at(0.0) is None
+    for t_s, heading_rad in ((1.0, math.pi - 0.1), (1.2, -math.pi + 0.1), (1.1, 0.0), (1.3, math.nan)):
+        compass.add(t_s, heading_rad)  # the last two: old news, and none
+    assert compass.at(0.5) == pytest.approx(math.pi - 0.1)
+    assert compass.at(1.15) == pytest.approx(math.pi + 0.05)
+    assert compass.at(1.6) == pytest.approx(-math.pi + 0.1)
+    assert compass.at(1.75) is None

@@ -7,10 +7,13 @@ nose direction without one). A pose tells the difference of the two, the compass
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from shipland.estimation.kernels import corrected, spread_after
 from shipland.frames import Array, wrap_angle
 
 
@@ -75,18 +78,17 @@ def headings_at(before: Headings, t_s: float, turned_rad: float, noise: HeadingN
     nose, bar, turn = before.mean.tolist()
     turn = turn if before.bar_known else 0.0
     mean = np.array([nose + turned_rad, bar + turn * step_s, turn])
-    transition = np.eye(3)
-    transition[1, 2] = step_s
-    covariance = transition @ before.covariance @ transition.T
-    covariance[0, 0] += noise.nose_rad_per_sqrt_s**2 * step_s
-    covariance[1, 1] += noise.bar_rad_per_sqrt_s**2 * step_s
-    covariance[2, 2] += noise.turn_rad_s2**2 * step_s
-    return replace(before, t_s=t_s, mean=mean, covariance=covariance)
+    transition = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, step_s], [0.0, 0.0, 1.0]])
+    strayed = np.zeros((3, 3))
+    strayed[0, 0] = noise.nose_rad_per_sqrt_s**2 * step_s
+    strayed[1, 1] = noise.bar_rad_per_sqrt_s**2 * step_s
+    strayed[2, 2] = noise.turn_rad_s2**2 * step_s
+    return replace(before, t_s=t_s, mean=mean, covariance=spread_after(transition, before.covariance, strayed))
 
 
 def with_compass(before: Headings, heading_rad: float, noise: HeadingNoise) -> Headings:
     """A compass reading of its time; not finite is refused."""
-    return _corrected(before, np.array([1.0, 0.0, 0.0]), heading_rad, noise.compass_rad**2)
+    return _corrected(before, _NOSE, heading_rad, noise.compass_rad**2)
 
 
 def with_pose(before: Headings, yaw_rad: float, variance_rad2: float, noise: HeadingNoise) -> Headings:
@@ -99,15 +101,47 @@ def with_pose(before: Headings, yaw_rad: float, variance_rad2: float, noise: Hea
         covariance[1, 1] = covariance[0, 0] + variance_rad2
         covariance[0, 1] = covariance[1, 0] = covariance[0, 0]
         return replace(before, mean=mean, covariance=covariance, bar_known=True)
-    return _corrected(before, np.array([1.0, -1.0, 0.0]), yaw_rad, variance_rad2)
+    return _corrected(before, _NOSE_FROM_BAR, yaw_rad, variance_rad2)
+
+
+_NOSE = np.array([[1.0, 0.0, 0.0]])
+_NOSE_FROM_BAR = np.array([[1.0, -1.0, 0.0]])
 
 
 def _corrected(before: Headings, row: Array, measured_rad: float, variance: float) -> Headings:
-    innovation = measured_rad - float(row @ before.mean)
+    innovation = measured_rad - float(row[0] @ before.mean)
     if not (math.isfinite(innovation) and math.isfinite(variance)):
         return before
-    crossed = before.covariance @ row
-    spread = float(row @ crossed) + variance
-    mean = before.mean + crossed * (wrap_angle(innovation) / spread)
-    covariance = before.covariance - np.outer(crossed, crossed) / spread
-    return replace(before, mean=mean, covariance=0.5 * (covariance + covariance.T))
+    off, spread = np.array([wrap_angle(innovation)]), np.array([[variance]])
+    mean, covariance, _ = corrected(before.mean, before.covariance, row, off, spread)
+    return replace(before, mean=mean, covariance=covariance)
+
+
+class Compass:
+    """The newest readings of a compass."""
+
+    def __init__(self) -> None:
+        self._times: deque[float] = deque(maxlen=_READINGS_KEPT)
+        self._headings_rad: deque[float] = deque(maxlen=_READINGS_KEPT)
+
+    def add(self, t_s: float, heading_rad: float) -> None:
+        """A reading and its time; what is not finite or no news changes nothing."""
+        if math.isfinite(t_s) and math.isfinite(heading_rad) and not (self._times and t_s <= self._times[-1]):
+            self._times.append(t_s)
+            self._headings_rad.append(heading_rad)
+
+    def at(self, t_s: float) -> float | None:
+        """Between its readings, and a little beyond the last one."""
+        times, headings_rad = self._times, self._headings_rad
+        if not times or t_s > times[-1] + _LASTS_S:
+            return None
+        after = bisect_right(times, t_s)
+        if after in (0, len(times)):
+            return headings_rad[0 if after == 0 else -1]
+        begin_s, begin_rad = times[after - 1], headings_rad[after - 1]
+        share = (t_s - begin_s) / (times[after] - begin_s)
+        return begin_rad + share * wrap_angle(headings_rad[after] - begin_rad)
+
+
+_READINGS_KEPT = 64
+_LASTS_S = 0.5

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -11,7 +10,15 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.estimation.delayed import DelayedFilter, Inputs
-from shipland.estimation.heading import HeadingNoise, Headings, first_headings, headings_at, with_compass, with_pose
+from shipland.estimation.heading import (
+    Compass,
+    HeadingNoise,
+    Headings,
+    first_headings,
+    headings_at,
+    with_compass,
+    with_pose,
+)
 from shipland.estimation.relative_state import (
     GUST,
     PLACE,
@@ -31,7 +38,6 @@ from shipland.guidance.response import Response
 from shipland.messages import BarPose, Box, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
 
-_COMPASS_KEPT = 64
 _LOW_M = 0.5
 """Lower over the deck than this, heights do not tell the bar's heave."""
 
@@ -123,7 +129,7 @@ class Navigator:
         self._pushes, self._climbs, self._turns = Inputs(2), Inputs(1), Inputs(1)
         self._headings: Headings | None = None
         self._turning: Headings | None = None
-        self._compass: deque[tuple[float, float]] = deque(maxlen=_COMPASS_KEPT)
+        self._compass = Compass()
         self._velocity_s = -math.inf
         self._seen_s = -math.inf
         self._sinking: tuple[float, float] | None = None
@@ -188,11 +194,11 @@ class Navigator:
     def take(self, observation: Observation, telemetry: Telemetry) -> None:
         """One cycle's news."""
         heading_rad = telemetry.heading_rad
-        if heading_rad is not None and math.isfinite(heading_rad):
-            self._compass.append((_time(telemetry, "heading_t_s"), heading_rad))
+        if heading_rad is not None:
+            self._compass.add(_time(telemetry, "heading_t_s"), heading_rad)
         t_s = observation.t_s
         if self._headings is None:
-            self._headings = self._turning = first_headings(t_s, self._compass_at(t_s) or 0.0)
+            self._headings = self._turning = first_headings(t_s, self._compass.at(t_s) or 0.0)
         self._take_headings(observation)
         self._take_velocity(telemetry)
         pose = observation.bar_pose
@@ -206,15 +212,6 @@ class Navigator:
         self._judge_wind()
         self._across.follow(telemetry.t_s, self._pushes, turn_rad_s)
         self._down.follow(telemetry.t_s, self._climbs)
-
-    def _compass_at(self, t_s: float) -> float | None:
-        """The compass at a picture's time, between its readings."""
-        if not self._compass:
-            return None
-        times, values = zip(*self._compass, strict=True)
-        if t_s > times[-1] + 0.5:
-            return None
-        return float(np.interp(t_s, times, np.unwrap(values)))
 
     def _take_headings(self, observation: Observation) -> None:
         """Two filters: one for a ship that keeps its course, quiet, and one for a ship that turns."""
@@ -230,7 +227,7 @@ class Navigator:
     def _with_news(self, headings: Headings, observation: Observation, noise: HeadingNoise) -> Headings:
         t_s = observation.t_s
         headings = headings_at(headings, t_s, self._turned_rad(headings.t_s, t_s), noise)
-        compass_rad = self._compass_at(t_s)
+        compass_rad = self._compass.at(t_s)
         if compass_rad is not None:
             headings = with_compass(headings, compass_rad, noise)
         pose = observation.bar_pose
