@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.estimation.kernels import mean_after, mean_input, spread_after
+from shipland.estimation.kernels import add_input, mean_after, mean_input, spread_after
 from shipland.estimation.relative_state import REFERENCE, SPEED, STATES, Belief, Model, updated
 from shipland.frames import Array
 
@@ -41,14 +41,8 @@ class Inputs:
 
     def add(self, from_s: float, value: Array) -> None:
         """From `from_s` on, `value`; an earlier time than the last one's counts as the last one's."""
-        history, last, size = self.history, self.count - 1, self._size
-        before_s = float(history[last, 0])
-        from_s = max(from_s, before_s)
-        row = history[self.count]
-        row[0], row[1 : 1 + size] = from_s, value
-        row[1 + size :] = history[last, 1 + size :]
-        if last > 0:
-            row[1 + size :] += (from_s - before_s) * history[last, 1 : 1 + size]
+        history = self.history
+        from_s = add_input(history, self.count, from_s, value)
         self.count += 1
         if history[1, 0] < from_s - 2.0 * _KEPT_S:
             first = int(np.argmax(history[: self.count, 0] > from_s - _KEPT_S)) - 1
@@ -191,10 +185,8 @@ class DelayedFilter:
         limits = self._parameters
         variance = limits.velocity_repeats * self._velocity_variance
         variance = min(max(variance, limits.velocity_least_mps**2), limits.velocity_most_mps**2)
-        noise = variance * np.eye(len(reading.measured_mps))
-        return updated(
-            belief, self._expected(belief, reading), reading.measured_mps, noise, limits.velocity_gate
-        ).belief
+        noise, expected = variance * np.eye(self.model.axes), self._expected(belief, reading)
+        return updated(belief, expected, reading.measured_mps, noise, limits.velocity_gate).belief
 
     def _expected(self, belief: Belief, reading: _Velocity) -> tuple[Array, Array]:
         return self.model.velocity(belief, reading.over_ship, self._parameters.flow_settle_s)

@@ -83,7 +83,7 @@ def headings_at(before: Headings, t_s: float, turned_rad: float, noise: HeadingN
     strayed[0, 0] = noise.nose_rad_per_sqrt_s**2 * step_s
     strayed[1, 1] = noise.bar_rad_per_sqrt_s**2 * step_s
     strayed[2, 2] = noise.turn_rad_s2**2 * step_s
-    return replace(before, t_s=t_s, mean=mean, covariance=spread_after(transition, before.covariance, strayed))
+    return Headings(t_s, mean, spread_after(transition, before.covariance, strayed), before.bar_known)
 
 
 def with_compass(before: Headings, heading_rad: float, noise: HeadingNoise) -> Headings:
@@ -114,7 +114,7 @@ def _corrected(before: Headings, row: Array, measured_rad: float, variance: floa
         return before
     off, spread = np.array([wrap_angle(innovation)]), np.array([[variance]])
     mean, covariance, _ = corrected(before.mean, before.covariance, row, off, spread)
-    return replace(before, mean=mean, covariance=covariance)
+    return Headings(before.t_s, mean, covariance, before.bar_known)
 
 
 class Compass:

@@ -38,6 +38,20 @@ def _add_product(total: Array, matrix: Array, other: Array) -> None:
 
 
 @compiled
+def add_input(history: Array, count: int, from_s: float, value: Array) -> float:
+    """Fill the row after the last one of a history as `mean_input` reads it; since when it holds."""
+    size, last, row = len(value), history[count - 1], history[count]
+    from_s = max(from_s, last[0])
+    row[0] = from_s
+    for i in range(size):
+        row[1 + i] = value[i]
+        row[1 + size + i] = last[1 + size + i]
+        if count > 1:
+            row[1 + size + i] += (from_s - last[0]) * last[1 + i]
+    return from_s
+
+
+@compiled
 def mean_input(history: Array, count: int, from_s: float, to_s: float) -> Array:
     """(size,) average of what `Inputs` keeps over an interval; the value at its begin where it is empty.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -74,30 +74,31 @@ class Estimated:
     turn_rad_s: float
     bar_known: bool
 
-    @property
+    @cached_property
     def place_m(self) -> Array:
         """(2,) of the aircraft from the bar, in the axes of the flight."""
         return self.across.of(0) - self.across.of(SWING)
 
-    @property
+    @cached_property
     def speed_mps(self) -> Array:
         """(2,) its rate."""
         return self.across.of(1) - self.across.of(SWING_RATE)
 
-    @property
+    @cached_property
     def down_m(self) -> float:
         """Below the bar's centre."""
         return float(self.down.of(0)[0] - self.down.of(SWING)[0])
 
-    @property
+    @cached_property
     def down_mps(self) -> float:
         """Its rate."""
         return float(self.down.of(1)[0] - self.down.of(SWING_RATE)[0])
 
-    @property
+    @cached_property
     def aircraft_in_bar_m(self) -> Array:
         """(3,)."""
-        return np.append(turned(self.place_m, -self.bar_rad), self.down_m)
+        ahead_m, right_m = turned(self.place_m, -self.bar_rad).tolist()
+        return np.array([ahead_m, right_m, self.down_m])
 
 
 class Navigator:
@@ -270,21 +271,21 @@ class Navigator:
         range_m = math.hypot(*place_in_bar_m.tolist())
         speed_mps = 0.0 if self._across.belief is None else float(np.linalg.norm(self._across.belief.of(1)))
         floor = (measured.place_m + measured.place_share * range_m) ** 2 + (measured.picture_s * speed_mps) ** 2
-        cosine, sine = math.cos(headings.bar_rad), math.sin(headings.bar_rad)
-        rotation = np.array([[cosine, -sine], [sine, cosine]])
+        angle_rad, by_nose = headings.bar_rad, 0.0
         # Two ways to turn the place into the axes of the flight: by the bar's heading, or by the nose's and this
         # picture's yaw, whose errors cancel in the bearing of the bar. A slow error of either heading turns place and
         # landing point alike, and is no error of the offset between them.
-        by_bar = pose.covariance[:2, :2]
-        swung = np.array([-place_in_bar_m[1], place_in_bar_m[0]])
-        crossed = np.outer(pose.covariance[:2, 3], swung)
-        by_nose = by_bar - crossed - crossed.T + np.outer(swung, swung) * (pose.covariance[3, 3] + _NOSE_RAD**2)
-        if float(np.trace(by_nose)) < float(np.trace(by_bar)):
-            angle_rad = headings.nose_rad - pose.yaw_rad
-            cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
-            rotation, by_bar = np.array([[cosine, -sine], [sine, cosine]]), by_nose
-        place_m = rotation @ place_in_bar_m
-        covariance = rotation @ by_bar @ rotation.T + floor * np.eye(2)
+        x, y = place_in_bar_m.tolist()
+        by_yaw = pose.covariance[3].tolist()
+        if range_m**2 * (by_yaw[3] + _NOSE_RAD**2) < 2.0 * (x * by_yaw[1] - y * by_yaw[0]):
+            angle_rad, by_nose = headings.nose_rad - pose.yaw_rad, 1.0
+        cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+        north_m, east_m = cosine * x - sine * y, sine * x + cosine * y
+        # Of the place to forward, starboard, down and yaw in the pose.
+        jacobian = np.array([[cosine, -sine, 0.0, by_nose * east_m], [sine, cosine, 0.0, -by_nose * north_m]])
+        place_m = np.array([north_m, east_m])
+        covariance = jacobian @ pose.covariance @ jacobian.T + floor * _EYE
+        covariance += (_NOSE_RAD**2) * np.outer(jacobian[:, 3], jacobian[:, 3])
         down_variance = float(pose.covariance[2, 2]) + floor
         self._take_swing(t_s, down_m, down_variance)
         self._enter(t_s, place_m, covariance, down_m, down_variance, turn_rad_s)
@@ -361,6 +362,7 @@ class Navigator:
         return Estimated(t_s, across, down, nose_rad, wrap_angle(bar_rad), turn_rad_s, headings.bar_known)
 
 
+_EYE = np.eye(2)
 _FLOW_SLOPE = math.tan(math.radians(30.0))
 """Half the view of an optical-flow camera, as a slope."""
 _NOSE_RAD = 0.003

@@ -216,7 +216,8 @@ class HorizonPilot:
         """(9,) the state of an axis against the reference."""
         assert self._reference is not None
         reference, response = self._reference, self._response
-        state = np.append(estimate.across.mean[STATES * axis : STATES * (axis + 1)], before)
+        state = np.empty(STATES + 1)
+        state[:STATES], state[INPUT] = estimate.across.mean[STATES * axis : STATES * (axis + 1)], before
         thrust = float(reference.rate_mps2[axis]) + response.drag_per_s * float(reference.speed_mps[axis])
         state[PLACE] -= reference.place_m[axis]
         state[SPEED] -= reference.speed_mps[axis]
@@ -342,7 +343,7 @@ def _shown(estimate: Estimated | None) -> Estimate | None:
     """The estimate as others read it: in `bar`, once its heading is known."""
     if estimate is None or not estimate.bar_known:
         return None
-    velocity = np.append(turned(estimate.speed_mps, -estimate.bar_rad), estimate.down_mps)
+    velocity = np.array([*turned(estimate.speed_mps, -estimate.bar_rad).tolist(), estimate.down_mps])
     yaw_rad = wrap_angle(estimate.nose_rad - estimate.bar_rad)
     return Estimate(estimate.t_s, estimate.aircraft_in_bar_m, yaw_rad, velocity)
 
