@@ -44,7 +44,7 @@ class Cycle:
     """One cycle of the loop, after its command was sent.
 
     Attributes:
-        frame: the picture, and when it was exposed.
+        frame: the picture, and when it was exposed; without an image and at the last exposure where none came.
         telemetry: when the command was decided.
         observation: what the vision made of the frame.
         decision: the pilot's, its command as it left the safety.
@@ -71,7 +71,7 @@ class FlightResult:
 
     Attributes:
         reason: why it ended, in words.
-        cycles: frames seen.
+        cycles: how many were flown.
         t_s: vehicle time at the end [s].
         cost_s: time spent in each stage, by the clock that was passed in [s].
     """
@@ -94,7 +94,7 @@ def decide_or_degrade(
 
 
 def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generator[Cycle]:
-    """Fly cycle by cycle until the vehicle gives no more frames.
+    """Fly cycle by cycle until the vehicle gives no more.
 
     The vehicle is opened at the first step and closed at the end, whether it is the vehicle's, an error's or the
     caller's: closing the generator closes the vehicle.
@@ -154,7 +154,7 @@ def fly(
     clock: Callable[[], float],
     on_cycle: Callable[[FlightRecord], None],
 ) -> FlightResult:
-    """Fly until the vehicle gives no more frames or the time is up.
+    """Fly until the vehicle gives no more or the time is up.
 
     Args:
         vehicle: opened and closed here, also when interrupted.

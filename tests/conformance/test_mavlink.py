@@ -78,12 +78,24 @@ def test_stale_commands_become_a_hold() -> None:
         assert autopilot.report()["target"] == "tilt"
 
 
-def test_lost_video_holds_and_ends() -> None:
+@pytest.mark.parametrize("ended", [False, True])
+def test_lost_video_leaves_telemetry_and_ends_the_flight_in_time(ended: bool) -> None:
     with bench(stale_s=0.4, video_timeout_s=1.0) as (vehicle, autopilot, camera):
         vehicle.open()
         assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
-        camera.frozen = True
-        assert not fly(vehicle, 3.0, 60.0, 0.0, 0.0, 0.0)
+        camera.frozen, camera.closed = True, ended
+        dark = []
+        while (pair := vehicle.read()) is not None:
+            vehicle.send(PilotCommand(pair[1].t_s, 0.0, 60.0, 0.0, 0.0, -0.2))
+            if pair[0] is None:
+                dark.append(pair[1])
+                if len(dark) == 2:
+                    report = autopilot.report()
+                    assert report["target"] == "tilt"
+                    assert math.degrees(report["values"][0]) == pytest.approx(9.0, abs=0.01)
+        assert 3 <= len(dark) <= 7  # a cycle every 0.2 s, for a second
+        attitude_s = [telemetry.attitude_t_s for telemetry in dark if telemetry.attitude_t_s is not None]
+        assert attitude_s[-1] > attitude_s[0]
         assert "video lost" in vehicle.end_reason
         time.sleep(0.2)
         report = autopilot.report()

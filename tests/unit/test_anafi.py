@@ -101,9 +101,12 @@ def test_lost_video_and_a_lost_process_end_the_flight(tmp_path: Path, gimbal_deg
     with vehicle(tmp_path) as (flown, _):
         flown.open()
         end_s = time.monotonic() + 5.0
+        frames = []
         while (pair := flown.read()) is not None and time.monotonic() < end_s:
+            frames.append(pair[0])
             flown.send(PilotCommand(pair[1].t_s, 0.0, 0.0, 0.0, 0.0, math.radians(gimbal_deg)))
         assert reason in flown.end_reason
+        assert (None in frames) == (reason == "video lost")  # telemetry goes on where only the video is gone
 
 
 def test_nobody_there_is_one_line(tmp_path: Path) -> None:

@@ -55,7 +55,18 @@ def test_no_fault_stops_the_loop_or_breaks_the_slew_bound(kind):
 
 def test_dropped_and_lost_pictures_do_not_come():
     assert len(during(flown("dropped_frames", size=0.9)[0])) < 0.5 * len(during(clean()))
-    assert not during(flown("link_loss")[0])
+    for kind, telemetry_goes_on in (("dropped_frames", True), ("link_loss", False)):
+        dark = during(flown(kind, size=1.0)[0])
+        assert {it.observation.reason for it in dark} == {"no picture"}
+        assert np.max(np.diff([it.telemetry.t_s for it in dark])) < 0.3
+        assert (np.ptp([it.telemetry.attitude_t_s for it in dark]) > 1.0) == telemetry_goes_on
+
+
+def test_without_pictures_the_pilot_climbs_out_from_above_the_deck():
+    records, _ = flown("dropped_frames", 18.0, start_s=14.0, duration_s=4.0, size=1.0)
+    dark = [it for it in records if 15.0 < it.telemetry.t_s < 17.0]
+    assert {it.decision.command.intent for it in dark} == {Intent.CLIMB_OUT}
+    assert dark[-1].telemetry.height_m - dark[0].telemetry.height_m > 0.5
 
 
 @pytest.mark.parametrize("kind", ["wrong_size_frames", "occlusion"])

@@ -45,6 +45,16 @@ class Recorded:
         self.closed = True
 
 
+class Dark(Recorded):
+    """Its video stops after three frames; its telemetry goes on."""
+
+    def read(self):
+        frame, telemetry = super().read() or (None, None)
+        if frame is None or frame.t_s < self.start_s + 2.5 / 30.0:
+            return None if frame is None else (frame, telemetry)
+        return None, telemetry
+
+
 class Eyes:
     def see(self, frame):
         return Observation(frame.t_s, frame.gimbal, reason="dark")
@@ -103,6 +113,15 @@ def test_a_pilot_without_modes_flies():
     vehicle = Recorded(3)
     fly(vehicle, crew(pilot=Plain()), 10.0, lambda: 0.0, lambda _: None)
     assert vehicle.commands[-1].pitch_percent == 10.0
+
+
+def test_the_pilot_goes_on_deciding_without_pictures():
+    vehicle, rows = Dark(8, 5000.0), []
+    fly(vehicle, crew(), 10.0, lambda: 0.0, rows.append)
+    assert [row.observation.reason for row in rows] == ["dark"] * 3 + ["no picture"] * 5
+    assert {row.frame.t_s for row in rows[3:]} == {rows[2].frame.t_s}
+    assert len(vehicle.commands) == 8
+    assert np.all(np.diff([command.t_s for command in vehicle.commands]) > 0.0)
 
 
 def test_command_is_ready_a_processing_time_after_receipt():

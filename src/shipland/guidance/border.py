@@ -41,11 +41,12 @@ class Border:
     gimbal: GimbalAttitude = _LEVEL
     suspect_s: float | None = None
 
-    def at_receipt(self, frame: Frame, t_s: float) -> Border:
-        """After the receipt of a frame at `t_s` by the vehicle's clock."""
-        fits_frame = math.isfinite(t_s) and (not math.isfinite(frame.t_s) or abs(t_s - frame.t_s) <= 2.0 * _LEAP_S)
+    def at_receipt(self, frame: Frame | None, t_s: float) -> Border:
+        """After the receipt of a frame, or of telemetry without one, at `t_s` by the vehicle's clock."""
+        exposed_s = math.nan if frame is None else frame.t_s
+        fits_frame = math.isfinite(t_s) and (not math.isfinite(exposed_s) or abs(t_s - exposed_s) <= 2.0 * _LEAP_S)
         if self.now_s is None:
-            return replace(self, now_s=t_s) if fits_frame and math.isfinite(frame.t_s) else self
+            return replace(self, now_s=t_s) if fits_frame and math.isfinite(exposed_s) else self
         if math.isfinite(t_s) and 0.0 <= t_s - self.now_s <= _LEAP_S:
             return replace(self, now_s=t_s, suspect_s=None)
         if self.suspect_s is not None and fits_frame and 0.0 < t_s - self.suspect_s <= _LEAP_S:
@@ -57,9 +58,12 @@ class Border:
         good = math.isfinite(t_s) and self.now_s is not None and 0.0 <= t_s - self.now_s <= 2.0 * _LEAP_S
         return replace(self, now_s=t_s if good else asked_s)
 
-    def frame(self, frame: Frame) -> tuple[Border, Frame, str]:
+    def frame(self, frame: Frame | None) -> tuple[Border, Frame, str]:
         """The frame, and why it is not looked at; empty when it is. Of a refused one time and gimbal are the last's."""
         now_s = 0.0 if self.now_s is None else self.now_s
+        last_s = self.exposure_s if math.isfinite(self.exposure_s) else now_s
+        if frame is None:
+            return self, Frame(last_s, None, self.gimbal), "no picture"
         reason = ""
         if not math.isfinite(frame.t_s) or frame.t_s > now_s + _AHEAD_S:
             reason = "exposure time refused"
@@ -71,8 +75,7 @@ class Border:
             reason = "gimbal attitude refused"
         if not reason:
             return replace(self, exposure_s=frame.t_s, gimbal=frame.gimbal), frame, ""
-        t_s = self.exposure_s if math.isfinite(self.exposure_s) else now_s
-        return self, replace(frame, t_s=t_s, gimbal=self.gimbal), reason
+        return self, replace(frame, t_s=last_s, gimbal=self.gimbal), reason
 
     def observation(self, observation: Observation, frame: Frame, camera: Camera) -> Observation:
         """The observation without what is not finite or cannot be; its reason says what was refused."""

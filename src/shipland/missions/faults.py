@@ -19,6 +19,7 @@ from shipland.missions.fault_kinds import Fault, FaultKind
 from shipland.missions.scenarios import Scenario
 from shipland.missions.seeds import generators_of
 from shipland.vehicles.simulated import SimulatedVehicle
+from shipland.vehicles.vehicle import LONGEST_WAIT_S
 from shipland.vision.vision import Vision
 
 _HELD = 60
@@ -95,14 +96,17 @@ class FaultyVehicle:
         """The fault of this kind that is on."""
         return next((fault for fault in self._faults if fault.kind is kind and fault.covers(self.now_s)), None)
 
-    def read(self) -> tuple[Frame, Telemetry] | None:
-        """See `Vehicle`; what is lost on the way is waited through."""
+    def read(self) -> tuple[Frame | None, Telemetry] | None:
+        """See `Vehicle`; pictures that are lost on the way are waited for as on a link."""
+        begun_s = self.now_s
         while (pair := self._vehicle.read()) is not None:
             self.now_s = pair[1].t_s
             self._weaken()
             frame = self._delivered(pair[0])
             if frame is not None:
                 return self.spoiled(self._spoiled_image(frame)), self._telemetry(pair[1])
+            if self.now_s - begun_s >= LONGEST_WAIT_S:
+                return None, self._telemetry(pair[1])
         return None
 
     def telemetry_at(self, t_s: float) -> Telemetry:

@@ -24,7 +24,7 @@ from shipland.messages import Frame, GimbalAttitude, Intent, PilotCommand, Telem
 from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.camera_stream import ExposureClock, Shot
 from shipland.vehicles.checks import Check, PreflightParameters
-from shipland.vehicles.vehicle import Vehicle
+from shipland.vehicles.vehicle import LONGEST_WAIT_S, Vehicle
 
 _FLYING = ("hovering", "flying", "takingoff", "landing", "motor_ramping", "usertakeoff")
 _GIMBAL_S = 0.1
@@ -111,7 +111,7 @@ class AnafiVehicle:
         self._limits: dict[str, float | None] | None = None
         self._shot: Shot | None = None
         self._clock = ExposureClock(parameters.latency_s)
-        self._given_s, self._gimbal_s, self._still_s = -math.inf, -math.inf, -math.inf
+        self._given_s = self._pictured_s = self._gimbal_s = self._still_s = -math.inf
         self._connected = self._engaged = self._closed = self._asked_to_land = False
         self._end_reason = self._problem = ""
         self.refused = 0
@@ -124,7 +124,7 @@ class AnafiVehicle:
 
     @property
     def end_reason(self) -> str:
-        """Why there are no more frames, in words; empty in flight."""
+        """Why the flight is over, in words; empty in flight."""
         return self._end_reason
 
     def response(self) -> Response:
@@ -165,23 +165,27 @@ class AnafiVehicle:
         if self._take_off:
             self._say({"take_off": True})
         self._wait(lambda: self._telemetry.flying, "the ANAFI has not taken off", self._parameters.engage_timeout_s)
+        self._pictured_s = time.monotonic()
         self._engaged = True
 
-    def read(self) -> tuple[Frame, Telemetry] | None:
-        """The newest picture not given, waiting for it; None when the flight is over."""
+    def read(self) -> tuple[Frame | None, Telemetry] | None:
+        """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""
         if not self._engaged or self._closed or self._end_reason:
             return None
         with self._changed:
-            self._changed.wait_for(self._has_news, self._parameters.video_timeout_s)
-            shot, over = self._shot, bool(self._end_reason)
+            self._changed.wait_for(self._has_news, LONGEST_WAIT_S)
+            shot, over = self._shot, self._closed or bool(self._end_reason)
+        now_s = time.monotonic()
         if over:
             return None
         if shot is None or shot.exposed_s <= self._given_s:
+            if now_s - self._pictured_s <= self._parameters.video_timeout_s:
+                return None, self.telemetry_at(now_s)
             words = self._problem or f"no picture for {self._parameters.video_timeout_s:g} s"
-            self._end_reason = f"video lost: {words}; the ANAFI holds"
+            self._end(f"video lost: {words}; the ANAFI holds")
             return None
-        self._given_s = shot.exposed_s
-        return Frame(shot.exposed_s, shot.image, shot.gimbal or self._gimbal), self.telemetry_at(time.monotonic())
+        self._given_s, self._pictured_s = shot.exposed_s, now_s
+        return Frame(shot.exposed_s, shot.image, shot.gimbal or self._gimbal), self.telemetry_at(now_s)
 
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest that has come, stamped with `t_s`."""
@@ -235,7 +239,7 @@ class AnafiVehicle:
 
     def _has_news(self) -> bool:
         news = self._shot is not None and self._shot.exposed_s > self._given_s
-        return news or self._closed or bool(self._end_reason) or bool(self._problem)
+        return news or self._closed or bool(self._end_reason)
 
     def _land_when_down(self, command: PilotCommand, now_s: float) -> None:
         """While landing, no descent in spite of the sticks: it stands, and its own landing stops the motors."""

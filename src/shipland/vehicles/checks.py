@@ -69,7 +69,7 @@ class Real(Protocol):
 
 @runtime_checkable
 class Ending(Protocol):
-    """A vehicle that says why it gives no more frames."""
+    """A vehicle that says why its flight is over."""
 
     @property
     def end_reason(self) -> str:

@@ -7,11 +7,14 @@ from typing import Protocol, runtime_checkable
 from shipland.camera import Camera
 from shipland.messages import Frame, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
 
+LONGEST_WAIT_S = 0.2
+"""How long `read` waits for a picture before it gives telemetry alone: two periods of the slowest camera allowed."""
+
 
 class Vehicle(Protocol):
     """A camera-carrying aircraft.
 
-    `read` blocks for the next frame: a link waits, the simulator steps, a replay reads on.
+    `read` waits for the next frame: a link waits, the simulator steps, a replay reads on.
     """
 
     @property
@@ -21,8 +24,12 @@ class Vehicle(Protocol):
     def open(self) -> None:
         """Connect and make ready; raises VehicleError when that fails."""
 
-    def read(self) -> tuple[Frame, Telemetry] | None:
-        """The newest frame that the loop has not had, and the telemetry at its receipt; None at the end."""
+    def read(self) -> tuple[Frame | None, Telemetry] | None:
+        """The newest frame that the loop has not had, and the telemetry at its receipt; None at the end.
+
+        Where no picture comes within `LONGEST_WAIT_S` of the vehicle's time the frame is None: the loop goes on
+        deciding.
+        """
 
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest telemetry at `t_s`, when this cycle's command is decided [s].

@@ -32,6 +32,7 @@ from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of
 from shipland.vehicles.pace import Pace
 from shipland.vehicles.touchdown import Touch, TouchdownWatch
+from shipland.vehicles.vehicle import LONGEST_WAIT_S
 
 _REMEMBERED = 64
 """Given frames whose truth is kept."""
@@ -58,7 +59,7 @@ class MavlinkVehicle:
         self._end_reason = ""
         self._sticks_us: tuple[int, ...] = ()
         self._moved = 0
-        self._last_exposed_s = -math.inf
+        self._last_exposed_s = self._pictured_s = -math.inf
         self._truths: dict[float, GroundTruth] = {}
         self._disarm_s, self._disarms = -math.inf, 0
         self._beat_s = self._gimbal_s = -math.inf
@@ -74,7 +75,7 @@ class MavlinkVehicle:
 
     @property
     def end_reason(self) -> str:
-        """Why there are no more frames, in words; empty in flight."""
+        """Why the flight is over, in words; empty in flight."""
         return self._end_reason
 
     def response(self) -> Response:
@@ -141,19 +142,24 @@ class MavlinkVehicle:
             self.close()
             raise
 
-    def read(self) -> tuple[Frame, Telemetry] | None:
-        """The newest picture not given, waiting for it; None when the flight is over."""
+    def read(self) -> tuple[Frame | None, Telemetry] | None:
+        """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""
         stream = self._stream
         if stream is None or self._closed or not self._engaged:
             return None
-        waited_until_s = time.monotonic() + self._parameters.video_timeout_s
-        while not self._end_reason:
-            shot = stream.newest(self._last_exposed_s, 0.1)
+        if not self._end_reason:
+            until_s = time.monotonic() + LONGEST_WAIT_S
+            shot = stream.newest(self._last_exposed_s, LONGEST_WAIT_S)
             if shot is not None:
-                return self._frame(shot), self.telemetry_at(time.monotonic())
-            if time.monotonic() > waited_until_s or stream.problem:
-                words = stream.problem or f"no picture for {self._parameters.video_timeout_s:g} s"
-                self._end(f"video lost: {words}; the vehicle holds", hold=True)
+                self._pictured_s = time.monotonic()
+                return self._frame(shot), self.telemetry_at(self._pictured_s)
+            judged = bool(stream.problem) and stream.verdict() is not None
+            lost = time.monotonic() - self._pictured_s > self._parameters.video_timeout_s
+            if not judged and not lost:
+                time.sleep(max(0.0, until_s - time.monotonic()))  # a stream that has ended does not wait
+                return None, self.telemetry_at(time.monotonic())
+            words = stream.problem or f"no picture for {self._parameters.video_timeout_s:g} s"
+            self._end(f"video lost: {words}; the vehicle holds", hold=True)
         if self._truths:  # a simulator's camera; it gives its verdict when the aircraft has come to rest
             until_s = time.monotonic() + _VERDICT_S
             while stream.verdict() is None and not stream.problem and time.monotonic() < until_s:
@@ -221,6 +227,7 @@ class MavlinkVehicle:
         elif not session.state.armed:
             raise VehicleError("the vehicle is not armed; arm it and take off, or ask for it: takeoff=METRES")
         self._sticks_us = session.state.sticks_us
+        self._pictured_s = time.monotonic()
         self._engaged = True
 
     def _insist(self, ask: Callable[[], int], otherwise: str) -> None:
