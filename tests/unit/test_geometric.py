@@ -8,7 +8,7 @@ import pytest
 from shipland.camera import Camera, camera_pose, level_from_camera
 from shipland.frames import CAMERA_FROM_MOUNT, Pose
 from shipland.messages import GimbalAttitude
-from shipland.missions.drawn_pose import pose_from_truth, projected, relative_pose
+from shipland.missions.drawn_pose import Measured, pose_from_truth, projected, relative_pose
 from shipland.missions.geometric import _down_in_camera
 from shipland.rig import default_rig
 from shipland.vision.near.pose import Corners, LevelPrior, Solution, solve
@@ -66,9 +66,8 @@ def test_errors_and_covariance_are_the_solvers(range_m, bearing_deg, yaw_deg, le
         noise = rng.normal(size=PLANE_M.shape)
         corners_px = (projected(rotation, sight_m, PLANE_M, CAMERA.matrix) + sigma_px * noise).reshape(-1, 4, 2)
         down = _down_in_camera(GimbalAttitude(0.0, PITCH_RAD))
-        settled, turn, shift_m, chi2, covariance, residual_px = pose_from_truth(
-            rotation, sight_m, PLANE_M, CAMERA.matrix, corners_px.reshape(-1, 2), sigma_px, down, level_rad
-        )
+        measured = Measured(PLANE_M, CAMERA.matrix, corners_px.reshape(-1, 2), sigma_px, down, level_rad)
+        settled, turn, shift_m, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
         assert settled
         freedom = 16 - 6 + (2 if level_rad else 0)
         drawn = Solution(Pose(turn, shift_m), chi2, 0.0, covariance, 0.0, residual_px.reshape(-1, 4, 2), freedom)

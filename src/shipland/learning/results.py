@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,19 +20,34 @@ from shipland.vision.far.decode import DetectorSpec
 from shipland.vision.pictures import Picture
 
 
-def write_results(
-    arguments: TrainArguments,
-    parameters: TrainParameters,
-    network: Network,
-    spec: DetectorSpec,
-    progress: Progress,
-    fitting: Dataset,
-    held_out: Dataset,
-) -> Path:
+@dataclass(frozen=True)
+class Trained:
+    """A training run at its end.
+
+    Attributes:
+        arguments, parameters: what was asked for.
+        network: with the best weights.
+        spec: of the detector.
+        progress: figures over the steps.
+        fitting, held_out: pictures trained on, and those it was judged by.
+    """
+
+    arguments: TrainArguments
+    parameters: TrainParameters
+    network: Network
+    spec: DetectorSpec
+    progress: Progress
+    fitting: Dataset
+    held_out: Dataset
+
+
+def write_results(trained: Trained) -> Path:
     """Write `detector.onnx`, `detector-int8.onnx`, `curves.png` and `model-card.md`; the first one's path."""
+    arguments, parameters, network = trained.arguments, trained.parameters, trained.network
+    progress, fitting = trained.progress, trained.fitting
     out = arguments.out
     weights = weights_of(network)
-    noted = replace(spec, note=f"shipland train, step {progress.step}, {len(fitting.samples)} pictures")
+    noted = replace(trained.spec, note=f"shipland train, step {progress.step}, {len(fitting.samples)} pictures")
     detector = out / "detector.onnx"
     write_onnx(detector, network.layers, weights, noted, half=True)
     if parameters.calibration_pictures:
@@ -44,9 +59,7 @@ def write_results(
             lambda: calibration_windows(fitting, parameters, arguments.seed),
         )
     plot_curves(out / "curves.png", progress, parameters.match_iou)
-    write_atomically(
-        out / "model-card.md", model_card(arguments, parameters, network, spec, progress, fitting, held_out).encode()
-    )
+    write_atomically(out / "model-card.md", model_card(trained).encode())
     return detector
 
 
@@ -84,16 +97,10 @@ def plot_curves(path: Path, progress: Progress, match_iou: float) -> None:
     beside.replace(path)
 
 
-def model_card(
-    arguments: TrainArguments,
-    parameters: TrainParameters,
-    network: Network,
-    spec: DetectorSpec,
-    progress: Progress,
-    fitting: Dataset,
-    held_out: Dataset,
-) -> str:
+def model_card(trained: Trained) -> str:
     """Markdown: data, seed, command, figures, limits."""
+    arguments, parameters, network, spec = trained.arguments, trained.parameters, trained.network, trained.spec
+    progress, fitting, held_out = trained.progress, trained.fitting, trained.held_out
     best = max(progress.history, key=lambda row: row["average_precision"], default=None)
     folders = " ".join(path.name for path in arguments.data)
     lines = [

@@ -29,7 +29,7 @@ from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.loss import Anchors, fit_anchors
 from shipland.learning.network import Network, load_weights
 from shipland.learning.progress import followed
-from shipland.learning.results import write_results
+from shipland.learning.results import Trained, write_results
 from shipland.learning.run import BEST, LAST, Run, steps
 from shipland.learning.settings import TrainParameters, train_parameters
 from shipland.learning.windows import DiskWindows, ResidentWindows, Windows, decoded_bytes
@@ -77,7 +77,7 @@ def train(arguments: TrainArguments) -> Path:
     average = with_prefix("average", tensors)
     network.load_state_dict(average)
     save_checkpoint(arguments.out / AVERAGE, prefixed("average", average), spec, Progress(run=progress.run))
-    return write_results(arguments, parameters, network, spec, progress, fitting, held_out)
+    return write_results(Trained(arguments, parameters, network, spec, progress, fitting, held_out))
 
 
 def _parameters(arguments: TrainArguments) -> TrainParameters:

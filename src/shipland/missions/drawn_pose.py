@@ -8,6 +8,7 @@ test.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +17,26 @@ from shipland.frames import Array
 
 _STEPS = 3
 """Gauss-Newton steps: quadratic convergence from a true pose."""
+
+
+class Measured(NamedTuple):
+    """The cue's corners as a camera measured them, and the vertical as the gimbal has it.
+
+    Attributes:
+        plane_m: (n,2) corners, right and down in the plane.
+        matrix: (3,3) of an ideal camera.
+        corners_px: (n,2) measured.
+        sigma_px: their standard deviation.
+        down_in_camera: (3,) the plane's down axis as the gimbal has it, a unit vector.
+        level_rad: what that is known to; 0 for not at all.
+    """
+
+    plane_m: Array
+    matrix: Array
+    corners_px: Array
+    sigma_px: float
+    down_in_camera: Array
+    level_rad: float
 
 
 @compiled
@@ -54,26 +75,14 @@ def projected(rotation: Array, translation_m: Array, plane_m: Array, matrix: Arr
 
 @compiled
 def pose_from_truth(
-    rotation: Array,
-    translation_m: Array,
-    plane_m: Array,
-    matrix: Array,
-    corners_px: Array,
-    sigma_px: float,
-    down_in_camera: Array,
-    level_rad: float,
+    rotation: Array, translation_m: Array, measured: Measured
 ) -> tuple[bool, Array, Array, float, Array, Array]:
     """The pose that a solver would find: Gauss-Newton steps from the true one.
 
     Args:
         rotation: (3,3) of the true camera_from_plane.
         translation_m: (3,) of the same.
-        plane_m: (n,2) corners, right and down in the plane.
-        matrix: (3,3) of an ideal camera.
-        corners_px: (n,2) measured.
-        sigma_px: their standard deviation.
-        down_in_camera: (3,) the plane's down axis as the gimbal has it, a unit vector.
-        level_rad: what that is known to; 0 for not at all.
+        measured: see there.
 
     Returns:
         Whether the corners settle it; rotation and translation found; χ²; (6,6) covariance of the left rotation vector
@@ -81,9 +90,7 @@ def pose_from_truth(
     """
     covariance, settled = np.zeros((6, 6)), False
     for _ in range(_STEPS):
-        partial, residual = _linearised(
-            rotation, translation_m, plane_m, matrix, corners_px, sigma_px, down_in_camera, level_rad
-        )
+        partial, residual = _linearised(rotation, translation_m, measured)
         covariance, settled = _inverse_gram(partial)
         step = np.zeros(6)
         for k in range(len(residual)):
@@ -91,7 +98,7 @@ def pose_from_truth(
                 for j in range(6):
                     step[i] -= covariance[i, j] * partial[k, j] * residual[k]
         rotation, translation_m = turned(step[:3], rotation), translation_m + step[3:]
-    residual_px = projected(rotation, translation_m, plane_m, matrix) - corners_px
+    residual_px = projected(rotation, translation_m, measured.plane_m, measured.matrix) - measured.corners_px
     # The last step's χ² is that of its linear model: the next residual would cost a linearisation for the prior's sake.
     chi2 = 0.0
     for k in range(len(residual)):
@@ -103,17 +110,9 @@ def pose_from_truth(
 
 
 @compiled
-def _linearised(
-    rotation: Array,
-    translation_m: Array,
-    plane_m: Array,
-    matrix: Array,
-    corners_px: Array,
-    sigma_px: float,
-    down_in_camera: Array,
-    level_rad: float,
-) -> tuple[Array, Array]:
+def _linearised(rotation: Array, translation_m: Array, measured: Measured) -> tuple[Array, Array]:
     """Jacobian (2n+3,6) and residual (2n+3,) in standard deviations; the last three rows are the level prior's."""
+    plane_m, matrix, corners_px, sigma_px, down_in_camera, level_rad = measured
     count = len(plane_m)
     partial, residual = np.zeros((2 * count + 3, 6)), np.zeros(2 * count + 3)
     fx, skew, fy = matrix[0, 0] / sigma_px, matrix[0, 1] / sigma_px, matrix[1, 1] / sigma_px

@@ -16,7 +16,7 @@ from shipland.camera import Camera
 from shipland.config import require
 from shipland.frames import Array, Pose
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.missions.drawn_pose import pose_from_truth, projected, relative_pose
+from shipland.missions.drawn_pose import Measured, pose_from_truth, projected, relative_pose
 from shipland.missions.geometric_far import BoxErrors, BoxParameters
 from shipland.rig import Target
 from shipland.vehicles.vehicle import Witness
@@ -94,16 +94,9 @@ class GeometricVision:
         corners_px = projected(rotation, sight_m, self._plane_m, self._matrix) + sigma_px * noise
         if not ((corners_px >= self._low_px) & (corners_px <= self._high_px)).all():
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.CUT_BY_FRAME.value)
-        settled, *pose, chi2, covariance, residual_px = pose_from_truth(
-            rotation,
-            sight_m,
-            self._plane_m,
-            self._matrix,
-            corners_px,
-            sigma_px,
-            _down_in_camera(frame.gimbal),
-            self._gimbal_noise_rad,
-        )
+        down = _down_in_camera(frame.gimbal)
+        measured = Measured(self._plane_m, self._matrix, corners_px, sigma_px, down, self._gimbal_noise_rad)
+        settled, *pose, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
         if not settled:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_SOLUTION.value)
         freedom = residual_px.size - 6 + (2 if self._gimbal_noise_rad > 0.0 else 0)

@@ -14,6 +14,7 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.frames import GRAVITY_MPS2 as G
+from shipland.frames import rows_from_quaternion
 
 SAFE_UPRIGHT = 0.5
 """Cosine of the tilt under which the readable world takes over."""
@@ -277,21 +278,7 @@ def _turn_rotors(s: Any, k: Any, lift: float, roll_ref: float, pitch_ref: float)
     s.force_d = -k.mass * (drag * w + along * m[8]) - lifting * m[8]
 
 
-@compiled
-def _rows(
-    w: float, x: float, y: float, z: float
-) -> tuple[float, float, float, float, float, float, float, float, float]:
-    return (
-        1.0 - 2.0 * (y * y + z * z),
-        2.0 * (x * y - w * z),
-        2.0 * (x * z + w * y),
-        2.0 * (x * y + w * z),
-        1.0 - 2.0 * (x * x + z * z),
-        2.0 * (y * z - w * x),
-        2.0 * (x * z - w * y),
-        2.0 * (y * z + w * x),
-        1.0 - 2.0 * (x * x + y * y),
-    )
+_rows = compiled(rows_from_quaternion)
 
 
 @compiled
