@@ -48,11 +48,15 @@ class Motion:
         lag_s: of the acceleration behind what is asked for.
         drag_per_s: deceleration for a metre per second.
         servo_per_s: zero where the input is an acceleration; else the gain from speed error to acceleration.
+        over_ship: share of ship in the optical flow's view that the servo flies on; the rest does not swing.
+        settle_s: time in which the servo's own velocity follows the motion of what is in view.
     """
 
     lag_s: float
     drag_per_s: float
     servo_per_s: float = 0.0
+    over_ship: float = 0.0
+    settle_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -130,7 +134,8 @@ def dynamics(motion: Motion, noise: Disturbances, swing: Swing) -> tuple[Array, 
     gain = motion.servo_per_s if motion.servo_per_s > 0.0 else 1.0
     b[THRUST] = gain / motion.lag_s
     if motion.servo_per_s > 0.0:
-        a[THRUST, [SPEED, REFERENCE]] = -gain / motion.lag_s
+        _, own = _velocity(np.zeros(STATES), 1, motion.over_ship, motion.settle_s, swing.frequency_rad_s)
+        a[THRUST] -= gain / motion.lag_s * own[0]
     slow = ((GUST, noise.gust_mps2, noise.gust_time_s), (PUSH, noise.push_mps2, noise.push_time_s))
     for state, deviation, time_s in (*slow, (REFERENCE, noise.reference_mps, noise.reference_time_s)):
         a[state, state] = -1.0 / time_s

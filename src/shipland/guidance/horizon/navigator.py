@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -136,7 +136,14 @@ class Navigator:
         self._sinking: tuple[float, float] | None = None
 
     def _across_model(self) -> Model:
-        return _model(2, self.motion, self._parameters.horizontal_at(self._gust_mps2), self.swing)
+        return _model(2, self.motion, self.disturbances, self.swing)
+
+    @property
+    def disturbances(self) -> Disturbances:
+        """Horizontally, as they are taken for now."""
+        if self.motion.servo_per_s > 0.0:
+            return self._parameters.horizontal_servo
+        return self._parameters.horizontal_at(self._gust_mps2)
 
     def _judge_wind(self) -> None:
         """Turbulence grows with the mean wind, and that shows in the tilt that holds the place."""
@@ -149,6 +156,17 @@ class Navigator:
         between = abs(math.log(share * max(push_mps2, 1e-3) / self._gust_mps2))
         if wanted != self._gust_mps2 and between > 0.6 * math.log(levels[1] / levels[0]):
             self._gust_mps2 = wanted
+            self._across.model = self._across_model()
+
+    def _judge_view(self) -> None:
+        """A servo on optical flow follows the motion of the ship below it."""
+        if self.motion.servo_per_s <= 0.0:
+            return
+        share = self._over_ship()
+        if abs(share - self.motion.over_ship) > _VIEW_STEP:
+            share = _VIEW_STEP * round(share / _VIEW_STEP)
+            settle_s = self._parameters.delayed.flow_settle_s
+            self.motion = replace(self.motion, over_ship=share, settle_s=settle_s)
             self._across.model = self._across_model()
 
     def _down_model(self) -> Model:
@@ -211,6 +229,7 @@ class Navigator:
             if box is not None and all(map(math.isfinite, (*box.centre_px, *box.size_px))):
                 self._take_box(observation, box, observation.bar_box is not None, turn_rad_s)
         self._judge_wind()
+        self._judge_view()
         self._across.follow(telemetry.t_s, self._pushes, turn_rad_s)
         self._down.follow(telemetry.t_s, self._climbs)
 
@@ -365,6 +384,8 @@ class Navigator:
 _EYE = np.eye(2)
 _FLOW_SLOPE = math.tan(math.radians(30.0))
 """Half the view of an optical-flow camera, as a slope."""
+_VIEW_STEP = 0.25
+"""Shares of ship in view that models are kept for."""
 _NOSE_RAD = 0.003
 """What the nose's heading errs by from picture to picture."""
 _VELOCITY_EVERY_S = 0.06

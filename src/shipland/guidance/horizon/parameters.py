@@ -82,6 +82,8 @@ class HorizonParameters:
         lull_mps: what counts as one.
         land_offset_m: a landing may begin with at most this offset (held for `guidance.modes.settle_s`).
         astray_m: a landing is broken off with more.
+        horizontal, vertical: what is not known along an axis of a vehicle whose sticks mean a tilt, and downward.
+        horizontal_servo: likewise of one that tracks a velocity: its autopilot trims the mean wind away.
         gust_share: acceleration by gusts as a share of that by the mean wind; rounded to one of the levels.
         gust_levels_mps2: ascending, in equal ratios.
         heading, heading_turning: of a ship that keeps its course, and of one that turns.
@@ -97,6 +99,7 @@ class HorizonParameters:
     gust_share: float
     gust_levels_mps2: tuple[float, ...]
     horizontal: Disturbances
+    horizontal_servo: Disturbances
     vertical: Disturbances
     heading: HeadingNoise
     heading_turning: HeadingNoise

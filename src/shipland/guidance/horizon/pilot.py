@@ -167,7 +167,9 @@ class HorizonPilot:
         navigator, parameters = self._navigator, self._parameters
         blind = self._now_s is None or self._now_s - navigator.velocity_s > _BLIND_S
         weights = parameters.weights_blind if blind else parameters.weights
-        return gains_of(navigator.motion, parameters.horizontal, navigator.swing, weights, step_ms)
+        servo = navigator.motion.servo_per_s > 0.0
+        noise = parameters.horizontal_servo if servo else parameters.horizontal
+        return gains_of(navigator.motion, noise, navigator.swing, weights, step_ms)
 
     def _goal(self, mode: Mode, estimate: Estimated) -> tuple[Array, Array]:
         """Where to, against the bar, and how fast that point moves by the bar's turning."""
