@@ -113,6 +113,22 @@ def test_seen_has_the_jacobian_of_its_value():
         np.testing.assert_allclose((at(mean + step)[0] - value) / 1e-6, jacobian[:, index], atol=1e-5)
 
 
+def test_a_velocity_loop_over_a_ship_is_carried_along_by_its_optical_flow():
+    swing, settle_s, gain, lag_s = Swing(0.12, 1.8, 1e-9), 0.3, 2.0, 0.15
+    a, b, q = dynamics(Motion(lag_s, 0.0, gain, 1.0, settle_s), NOISE, swing)
+    transition, _, _ = discretised(a, b, q, 20.0)
+    start = np.zeros(STATES)
+    start[SWING] = 0.1
+
+    def servo(t_s, x):
+        speed, thrust, fused = x
+        deck_mps = -0.1 * 1.8 * math.sin(1.8 * t_s)
+        return thrust, (gain * (fused - speed) - thrust) / lag_s, (deck_mps - fused) / settle_s
+
+    exact = solve_ivp(servo, (0.0, 20.0), np.zeros(3), rtol=1e-9, atol=1e-11).y[0, -1]
+    assert (transition @ start)[SPEED] == pytest.approx(exact, abs=1e-4)
+
+
 def test_pictures_that_are_older_than_they_say_are_found_out():
     noise = Disturbances(0.02, 1.5, 0.05, 20.0, 0.01, 300.0, 1e-4, 0.05)
     model, rng = Model(1, TILT, noise, Swing(1e-4, 1.8, 0.1)), np.random.default_rng(3)

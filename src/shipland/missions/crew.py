@@ -113,6 +113,8 @@ def response_of(scenario: Scenario) -> Response:
     settings, loop = scenario.aircraft.settings, scenario.aircraft.loop
     velocity = loop.kind == "velocity"
     tilt_rate_mps3 = GRAVITY_MPS2 * math.radians(settings.max_tilt_rate_deg_s)
+    # A velocity's step from picture to picture, up to this one, stays below the autopilot's limit of acceleration.
+    step_mps = loop.acceleration_mps2 * loop.velocity_time_s
     return Response(
         kind="velocity" if velocity else "attitude",
         max_tilt_rad=math.radians(loop.tilt_limit_deg if velocity else settings.max_tilt_deg),
@@ -120,7 +122,7 @@ def response_of(scenario: Scenario) -> Response:
         lag_s=loop.tilt_time_s if velocity else _TILT_LAG_S,
         servo_per_s=1.0 / loop.velocity_time_s if velocity else 0.0,
         drag_per_s=0.0 if velocity else _DRAG_PER_S,
-        max_input_rate=5.0 * loop.acceleration_mps2 / loop.velocity_time_s if velocity else tilt_rate_mps3,
+        max_input_rate=step_mps * scenario.camera.frame_rate_hz if velocity else tilt_rate_mps3,
         max_climb_mps=settings.max_vertical_speed_mps,
         climb_lag_s=loop.climb_time_s,
         max_turn_rad_s=math.radians(settings.max_yaw_rate_deg_s),
