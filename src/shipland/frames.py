@@ -122,7 +122,8 @@ def euler_from_rotation(parent_from_child: Array) -> tuple[float, float, float]:
 
 def rotation_from_quaternion(quaternion_wxyz: Array) -> Array:
     """Rotation (3,3) of a quaternion (w, x, y, z) of any length."""
-    w, x, y, z = (np.asarray(quaternion_wxyz, dtype=float) / np.linalg.norm(quaternion_wxyz)).tolist()
+    quaternion = np.asarray(quaternion_wxyz, dtype=float)
+    w, x, y, z = (quaternion / math.sqrt(quaternion.dot(quaternion))).tolist()
     return np.array(rows_from_quaternion(w, x, y, z)).reshape(3, 3)
 
 
@@ -145,10 +146,10 @@ class Pose:
     translation_m: Array
 
     def __post_init__(self) -> None:
-        if np.shape(self.rotation) != (3, 3) or np.shape(self.translation_m) != (3,):
+        if self.rotation.shape != (3, 3) or self.translation_m.shape != (3,):
             raise ValueError(
-                f"Pose wants rotation (3, 3) and translation (3,), got {np.shape(self.rotation)} "
-                f"and {np.shape(self.translation_m)}"
+                f"Pose wants rotation (3, 3) and translation (3,), got {self.rotation.shape} "
+                f"and {self.translation_m.shape}"
             )
 
     @staticmethod

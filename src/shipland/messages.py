@@ -13,6 +13,8 @@ from shipland.frames import Array, Pose
 
 def _check_shape(owner: str, name: str, value: npt.NDArray[np.generic], shape: tuple[int | None, ...]) -> None:
     got = np.shape(value)
+    if got == shape:
+        return
     if len(got) != len(shape) or any(want is not None and want != have for want, have in zip(shape, got, strict=True)):
         wanted = str(tuple("n" if want is None else want for want in shape)).replace("'", "")
         raise ValueError(f"{owner}.{name} wants shape {wanted}, got {got}")

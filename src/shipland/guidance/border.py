@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shipland.camera import Camera
+from shipland.frames import Array
 from shipland.messages import BarPose, Box, Frame, GimbalAttitude, Observation, Telemetry
 
 _LEVEL = GimbalAttitude(0.0, 0.0)
@@ -118,7 +119,7 @@ class Border:
         refused = [
             name
             for name, (value, t_s, limit) in parts.items()
-            if value is not None and not (np.all(np.abs(value) <= limit) and _timely(t_s, now_s))
+            if value is not None and not (_within(value, limit) and _timely(t_s, now_s))
         ]
         if not refused and telemetry.t_s == now_s:
             return telemetry, ""
@@ -161,13 +162,18 @@ def _plausible_gimbal(gimbal: GimbalAttitude) -> bool:
 
 
 def _plausible_pose(pose: BarPose) -> bool:
-    return bool(
-        np.all(np.abs(pose.position_in_bar_m) <= _FARTHEST_M)
+    return (
+        _within(pose.position_in_bar_m, _FARTHEST_M)
         and abs(pose.yaw_rad) <= _WIDEST_RAD
-        and np.all(np.abs(pose.covariance) <= _FARTHEST_M**2)
-        and np.all(np.diag(pose.covariance) >= 0.0)
-        and np.all(np.abs(pose.corners_px) <= 1e5)
+        and _within(pose.covariance, _FARTHEST_M**2)
+        and min(np.diag(pose.covariance).tolist()) >= 0.0
+        and _within(pose.corners_px, 1e5)
     )
+
+
+def _within(value: float | Array, limit: float) -> bool:
+    """Whether no component is larger than a limit; what is no number is not within."""
+    return abs(value) <= limit if isinstance(value, float) else bool(np.abs(value).max(initial=0.0) <= limit)
 
 
 def _plausible_box(box: Box, camera: Camera) -> bool:

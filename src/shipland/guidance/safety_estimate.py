@@ -74,7 +74,7 @@ class SafetyEstimate:
         """Distance to the bar and the unit vector (2,) to it, forward and right; NaN distance where unknown."""
         if self.bar_from_aircraft_m is None:
             return math.nan, np.zeros(2)
-        distance_m = float(np.linalg.norm(self.bar_from_aircraft_m))
+        distance_m = math.hypot(*self.bar_from_aircraft_m.tolist())
         return distance_m, _turned(self.bar_from_aircraft_m, -self.heading_rad) / max(distance_m, 1e-9)
 
 

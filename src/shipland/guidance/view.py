@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from shipland.camera import Camera
 from shipland.frames import wrap_angle
 from shipland.messages import Observation
@@ -48,7 +46,8 @@ def target_column_px(observation: Observation) -> float | None:
     """Column of the picture in which the target is seen: the cue's, else its box's; None where nothing is seen."""
     box = observation.bar_box or observation.ship_box
     if observation.bar_pose is not None:
-        return float(np.mean(observation.bar_pose.corners_px[:, 0]))
+        columns_px = observation.bar_pose.corners_px[:, 0]
+        return float(columns_px.sum()) / max(len(columns_px), 1)
     return None if box is None else box.centre_px[0]
 
 

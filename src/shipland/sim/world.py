@@ -21,7 +21,7 @@ from shipland.sim.aircraft.parameters import AircraftParameters, Vector
 from shipland.sim.aircraft.sensors import Gimbal, Normals, Readings, Senses, Touchdown, read_instruments
 from shipland.sim.aircraft.weak_rotor import WeakRotor
 from shipland.sim.contact.body import Body
-from shipland.sim.contact.deck_drive import Stage, against_deck, deck_state
+from shipland.sim.contact.deck_drive import DeckState, Stage, against_deck, deck_state
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
 from shipland.sim.free import free_flight
@@ -140,6 +140,8 @@ class World:
         self._body = Body(rig, shape, model, self._data)
         self._foot_below_m = shape.foot_below_m
         self._stage = Stage(model, self._data)
+        self._unstaged_deck: DeckState | None = None
+        self._unstaged_hull: tuple[ShipState, DeckState] | None = None
         self._judge = Judge(verdict, rig.landing_square_m)
         ahead_m = max(rig.deck_ahead_of_stern_m, rig.platform_length_m - rig.deck_ahead_of_stern_m)
         ship_m = math.hypot(ahead_m, 0.5 * max(rig.platform_width_m, rig.board_width_m))
@@ -226,6 +228,7 @@ class World:
                 if self._judge.verdict is None and (phase == 0 or self._body.in_contact):
                     self._judge_now()
                 count = 1
+            self._set_stage()
             mujoco.mj_step(self._mj_model, self._data, count)
             self._steps += count
             self._look_for_crash()
@@ -304,10 +307,18 @@ class World:
     def _set_ship(self, hull: bool) -> ShipState:
         state = self._ship.at(self.t_s)
         self._deck = deck_state(state)
-        self._stage.set_deck(self._deck)
+        self._unstaged_deck = self._deck
         if hull:
-            self._stage.set_hull(state, self._deck)
+            self._unstaged_hull = (state, self._deck)
         return state
+
+    def _set_stage(self) -> None:
+        """Write the ship as it was set last, which MuJoCo needs for its steps alone."""
+        if self._unstaged_deck is not None:
+            self._stage.set_deck(self._unstaged_deck)
+        if self._unstaged_hull is not None:
+            self._stage.set_hull(*self._unstaged_hull)
+        self._unstaged_deck = self._unstaged_hull = None
 
     def _sample_air(self, state: ShipState, position_m: Vector) -> None:
         wind = self._wind.velocity_at(self.t_s, np.array(position_m), state.ned_from_ship)

@@ -351,8 +351,8 @@ def covariance_in_bar(solution: Solution) -> Array:
     bar_from_camera = CAMERA_FROM_MOUNT.T @ pose.rotation.T
     # R' = exp(w) R turns position −B Rᵀ t into −B Rᵀ (t + dt − w × t), and the optical axis into B Rᵀ (z − w × z).
     x, y, z = pose.translation_m.tolist()
-    right, down, forward = bar_from_camera.T
-    horizontal2 = max(float(forward[0] ** 2 + forward[1] ** 2), 1e-12)
+    right, down, forward = bar_from_camera.T.tolist()
+    horizontal2 = max(forward[0] * forward[0] + forward[1] * forward[1], 1e-12)
     jacobian = np.zeros((4, 6))
     jacobian[:3, :3] = -bar_from_camera @ [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
     jacobian[:3, 3:] = -bar_from_camera
