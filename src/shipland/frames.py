@@ -146,10 +146,10 @@ class Pose:
     translation_m: Array
 
     def __post_init__(self) -> None:
-        if self.rotation.shape != (3, 3) or self.translation_m.shape != (3,):
+        if np.shape(self.rotation) != (3, 3) or np.shape(self.translation_m) != (3,):
             raise ValueError(
-                f"Pose wants rotation (3, 3) and translation (3,), got {self.rotation.shape} "
-                f"and {self.translation_m.shape}"
+                f"Pose wants rotation (3, 3) and translation (3,), got {np.shape(self.rotation)} "
+                f"and {np.shape(self.translation_m)}"
             )
 
     @staticmethod
