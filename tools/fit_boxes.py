@@ -46,7 +46,7 @@ def main() -> None:
         for record in records:
             if int(np.abs(ranges_m - record.range_m).argmin()) != number:
                 continue
-            for (target, _), boxes in zip(record.told, record.frames, strict=True):
+            for (target, _), boxes in zip(record.believed, record.frames, strict=True):
                 if target is None:
                     continue
                 seen += 1

@@ -77,7 +77,7 @@ def replayed(
             if box is None:
                 continue
             row = (box.centre_px[0] + PIXEL_CENTRE, box.centre_px[1] + PIXEL_CENTRE, *box.size_px)
-            right = hits(row, record.told[number][0], min_iou)
+            right = hits(row, record.believed[number][0], min_iou)
             confirmed |= right
             false += not right
         targets += record.target is not None

@@ -16,26 +16,26 @@ from shipland.missions import campaign as campaigns
 from shipland.missions import folder as folders
 from shipland.missions.campaign import CampaignPlan, run_campaign
 from shipland.missions.folder import open_folder
-from shipland.missions.landing import COLUMNS, Conditions, Landing, Way, landing_from, row_of
+from shipland.missions.landing import COLUMNS, Conditions, Landing, Phases, landing_from, row_of
 from shipland.missions.rules import rules_table
 from shipland.missions.scenarios import load_scenario
 from shipland.missions.tables import causes_table, landings_table, modes_table, pair_up, summary_of
 from shipland.missions.workers import run_jobs
 from shipland.rig import default_rig
 
-WAY = Way(1.0, 0.0, 0.0, 20.0, 8.0, 0.5, 0.0, 0)
+PHASES = Phases(1.0, 0.0, 0.0, 20.0, 8.0, 0.5, 0.0, 0)
 CONDITIONS = Conditions(
     5.0, 10.0, 10.0, "land", 12.0, 3.0, 1.5, -2.0, "still", 0.0, "natops", False, None, None, 1, 0.0, 0.28, 0.025,
     "paper", 15.0, "attitude", "anafi", 40000.0, "",
 )  # fmt: skip
 GOOD = Landing(
-    1, True, True, "", 29.5, WAY, CONDITIONS, "landed", forward_m=0.03, starboard_m=-0.04, own_forward_m=0.03,
+    1, True, True, "", 29.5, PHASES, CONDITIONS, "landed", forward_m=0.03, starboard_m=-0.04, own_forward_m=0.03,
     own_starboard_m=-0.04, deck_forward_m=0.0, deck_starboard_m=0.0, perfect_forward_m=0.0, perfect_starboard_m=0.0,
     perfect_in_square=True, sink_mps=0.45, slide_mps=0.05, tilt_deg=6.0, slip_m=0.01, force_n=17.0, rest_forward_m=0.03,
     rest_starboard_m=-0.05, deck_roll_deg=2.0, deck_pitch_deg=-1.0, deck_heave_m=0.02, deck_sink_mps=0.01,
     step_percent=20.0, over_slew_percent=0.0,
 )  # fmt: skip
-NOWHERE = Landing(3, False, False, "never steady over the deck", 120.0, WAY, CONDITIONS, "no touchdown: time limit")
+NOWHERE = Landing(3, False, False, "never steady over the deck", 120.0, PHASES, CONDITIONS, "no touchdown: time limit")
 
 
 def seeded(landing, seed):

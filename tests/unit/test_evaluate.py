@@ -18,18 +18,18 @@ from shipland.vision.far.decode import Decoding, DetectorSpec
 TARGET = (100.0, 50.0, 10.0, 8.0)
 
 
-def scene(number, range_m, target, *boxes, told=(), visibility_m=20000.0):
-    return SceneRecord(number, range_m, visibility_m, 0, target, tuple(boxes), tuple(told))
+def scene(number, range_m, target, *boxes, believed=(), visibility_m=20000.0):
+    return SceneRecord(number, range_m, visibility_m, 0, target, tuple(boxes), tuple(believed))
 
 
 def test_counts_by_hand():
     """Three targets from 0 to 25 m: hit, hit but unsure, missed with a false box; one empty scene with a false box."""
     good, unsure, false = (101.0, 50.0, 10.0, 8.0, 0.9), (100.0, 50.0, 11.0, 8.0, 0.2), (300.0, 50.0, 10.0, 8.0, 0.8)
     records = [
-        scene(0, 10.0, TARGET, good, told=[(TARGET, None), (TARGET, good)]),
-        scene(1, 12.0, TARGET, unsure, told=[(TARGET, None), (TARGET, None)]),
-        scene(2, 24.0, TARGET, false, told=[(TARGET, None), (TARGET, false)]),
-        scene(3, 30.0, None, false, told=[(None, None), (None, None)]),
+        scene(0, 10.0, TARGET, good, believed=[(TARGET, None), (TARGET, good)]),
+        scene(1, 12.0, TARGET, unsure, believed=[(TARGET, None), (TARGET, None)]),
+        scene(2, 24.0, TARGET, false, believed=[(TARGET, None), (TARGET, false)]),
+        scene(3, 30.0, None, false, believed=[(None, None), (None, None)]),
         scene(4, 60.0, TARGET, good),
     ]
     table = range_table(records, [0.0, 25.0, 50.0, 75.0], 0.4, 0.3)
@@ -42,7 +42,7 @@ def test_counts_by_hand():
     assert near.area_bias == pytest.approx(0.0)
     assert np.isnan(middle.recall) and np.isnan(far.confirmed)
     assert table.false_per_frame == pytest.approx(2 / 5)
-    assert (table.frames, table.false_told_per_1000) == (8, pytest.approx(125.0))
+    assert (table.frames, table.false_believed_per_1000) == (8, pytest.approx(125.0))
     assert table.empty == 1
     assert "0–25 | 3 | 10 | 0.333" in markdown(table)
 
@@ -69,7 +69,7 @@ def test_one_miss_in_a_bin_does_not_end_the_range():
 
 def test_record_survives_its_line():
     record = scene(
-        7, 33.25, TARGET, (1.0, 2.0, 3.0, 4.0, 0.5), told=[(None, None), (TARGET, (1.0, 2.0, 3.0, 4.0, 0.5))]
+        7, 33.25, TARGET, (1.0, 2.0, 3.0, 4.0, 0.5), believed=[(None, None), (TARGET, (1.0, 2.0, 3.0, 4.0, 0.5))]
     )
     assert SceneRecord.from_json(record.to_json(), "here") == record
     with pytest.raises(DataError, match="here: no scene"):
@@ -108,7 +108,7 @@ def test_labelled_set_with_ranges(weights, tmp_path):
     result = evaluate(EvaluateArguments(weights, "ship", data=folder, out=tmp_path / "out", threads=1))
     assert result.pictures == 4
     assert result.tables["all"].scenes == 4
-    assert np.isnan(result.tables["all"].false_told_per_1000)
+    assert np.isnan(result.tables["all"].false_believed_per_1000)
     assert len(result.missed) <= 4
     (folder / "classes.txt").write_text("ship\nbuoy\n")
     with pytest.raises(DataError, match="ship, buoy"):

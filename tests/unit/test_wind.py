@@ -81,8 +81,8 @@ def test_turbulence_below_ten_feet_is_that_of_ten_feet() -> None:
 @given(st.floats(1e-5, 3.0), st.floats(1e-5, 3.0))
 def test_two_steps_are_one_long_step(first: float, second: float) -> None:
     # exact discretisation: Q(a + b) = Φ(b) Q(a) Φ(b)ᵀ + Q(b)
-    def covariance(way: float) -> np.ndarray:
-        q11, q12, q22 = step_covariance(way)
+    def covariance(distance: float) -> np.ndarray:
+        q11, q12, q22 = step_covariance(distance)
         return np.array([[q11, q12], [q12, q22]])
 
     phi = np.exp(-second) * np.array([[1.0, second], [0.0, 1.0]])
@@ -94,10 +94,10 @@ def test_a_long_step_ends_in_the_stationary_state() -> None:
     np.testing.assert_allclose(step_covariance(40.0), [0.25, 0.25, 0.5], atol=1e-12)
 
 
-def turbulence(way_m: float, count: int, seed: int = 1) -> np.ndarray:
+def turbulence(distance_m: float, count: int, seed: int = 1) -> np.ndarray:
     dryden = Dryden(np.random.default_rng(seed))
     scales = land_scales(parameters().turbulence, 30.48, 10.0)
-    return np.array([dryden.step(way_m, scales) for _ in range(count)])
+    return np.array([dryden.step(distance_m, scales) for _ in range(count)])
 
 
 def test_turbulence_is_stationary_from_the_first_moment() -> None:
@@ -108,13 +108,13 @@ def test_turbulence_is_stationary_from_the_first_moment() -> None:
     np.testing.assert_allclose(first.std(axis=0), wanted, rtol=0.07)
 
 
-@pytest.mark.parametrize("way_m", [0.5, 20.0, 400.0])
-def test_variance_does_not_depend_on_the_step(way_m: float) -> None:
+@pytest.mark.parametrize("distance_m", [0.5, 20.0, 400.0])
+def test_variance_does_not_depend_on_the_step(distance_m: float) -> None:
     scales = land_scales(parameters().turbulence, 30.48, 10.0)
-    series = turbulence(way_m, 40000 if way_m < 1.0 else 8000)
+    series = turbulence(distance_m, 40000 if distance_m < 1.0 else 8000)
     wanted = np.array(scales.deviations_mps)
     # 0.5 m steps: 20 km over a 154 m scale are 65 independent pairs, 10 % of standard error
-    np.testing.assert_allclose(series.std(axis=0), wanted, rtol=0.25 if way_m < 1.0 else 0.06)
+    np.testing.assert_allclose(series.std(axis=0), wanted, rtol=0.25 if distance_m < 1.0 else 0.06)
 
 
 def test_the_spectrum_is_drydens() -> None:

@@ -334,7 +334,7 @@ def _look(
     quality = jpeg_quality(shot, synth)
     first: BoxRow | None = None
     boxes: tuple[SureBox, ...] = ()
-    told: list[tuple[BoxRow | None, SureBox | None]] = []
+    believed: list[tuple[BoxRow | None, SureBox | None]] = []
     kept: list[tuple[SureBox, ...]] = []
     frames = arguments.frames
     for number in range(max(frames, 1)):
@@ -357,7 +357,7 @@ def _look(
             seen = far.see(Frame(t_s, picture, gimbal))
             box = seen.ship_box if shot.kind == "ship" else seen.bar_box
             row = None if box is None else _rows([box])[0]
-            told.append((target, None if row is None or _over(row, partly) else row))
+            believed.append((target, None if row is None or _over(row, partly) else row))
     return SceneRecord(
         shot.number,
         shot.range_m,
@@ -365,7 +365,7 @@ def _look(
         len(shot.decoys),
         first,
         boxes,
-        tuple(told),
+        tuple(believed),
         (shot.roll_rad, shot.pitch_rad),
         tuple(kept),
     )
@@ -417,8 +417,8 @@ def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
             centre.plot(middle, [item.precision for item in bins], color=colour, label=f"{name}, one frame")
             if tracked:
                 left.plot(middle, [item.confirmed for item in bins], ":", color=colour, label=f"{name}, believed")
-                told = [item.told_precision for item in bins]
-                centre.plot(middle, told, ":", color=colour, label=f"{name}, believed")
+                believed = [item.believed_precision for item in bins]
+                centre.plot(middle, believed, ":", color=colour, label=f"{name}, believed")
         elif name == "all":
             right.plot(middle, [item.centre_px for item in bins], color="#1f77b4", label="centre, median [px]")
             right.plot(middle, [item.centre_95_px for item in bins], "--", color="#1f77b4", label="centre, 95 % [px]")

@@ -33,7 +33,7 @@ class SceneRecord:
         decoys: number of things in sight that are not the target.
         target: the target's box in the first frame; None where it is not to be seen.
         boxes: all boxes of the first frame, down to a low confidence.
-        told: for each frame the target's box and the box that a believed track gave.
+        believed: for each frame the target's box and the box that a believed track gave.
         gimbal_rad: roll and pitch of the camera.
         frames: all boxes of every frame, down to a low confidence, where they were kept.
     """
@@ -44,7 +44,7 @@ class SceneRecord:
     decoys: int
     target: BoxRow | None
     boxes: tuple[SureBox, ...]
-    told: tuple[tuple[BoxRow | None, SureBox | None], ...] = ()
+    believed: tuple[tuple[BoxRow | None, SureBox | None], ...] = ()
     gimbal_rad: tuple[float, float] = (0.0, 0.0)
     frames: tuple[tuple[SureBox, ...], ...] = ()
 
@@ -72,7 +72,7 @@ class RangeBin:
         precision: hits over boxes, single frames; NaN without boxes.
         confirmed: part of the scenes whose target a believed track gave in some frame; NaN when not measured.
         confirmed_low, confirmed_high: Wilson's 95 % interval.
-        told_precision: hits over boxes that a believed track gave, all frames; NaN without boxes.
+        believed_precision: hits over boxes that a believed track gave, all frames; NaN without boxes.
         width_px: median width of the target.
         centre_px, centre_95_px: median and 95th percentile of the distance between box and target; NaN without hits.
         area_bias, area_spread: median of the boxes' area over the target's, less one, and half the width of its
@@ -89,7 +89,7 @@ class RangeBin:
     confirmed: float
     confirmed_low: float
     confirmed_high: float
-    told_precision: float
+    believed_precision: float
     width_px: float
     centre_px: float
     centre_95_px: float
@@ -105,8 +105,8 @@ class RangeTable:
         bins: from near to far.
         scenes, empty: scenes in all, and those without a target in sight.
         false_per_frame: boxes that hit nothing, a single frame, over all scenes.
-        false_told_per_1000: believed boxes that hit nothing, in 1,000 frames; NaN when not measured.
-        frames: frames that `false_told_per_1000` was counted on.
+        false_believed_per_1000: believed boxes that hit nothing, in 1,000 frames; NaN when not measured.
+        frames: frames that `false_believed_per_1000` was counted on.
         recall, confirmed: as in a bin, over all scenes with the target in sight.
         average_precision: over all single frames.
         range_99_m: upper edge of the farthest bin up to which all scenes together have a recall of 99 %.
@@ -117,7 +117,7 @@ class RangeTable:
     scenes: int
     empty: int
     false_per_frame: float
-    false_told_per_1000: float
+    false_believed_per_1000: float
     frames: int
     recall: float
     confirmed: float
@@ -149,8 +149,8 @@ def range_table(
         boxes = np.array(record.boxes, np.float32).reshape(-1, 5)
         targets = np.array([] if record.target is None else [(0.0, *record.target)], np.float32).reshape(-1, 5)
         tally.add(boxes[:, :4], boxes[:, 4], targets)
-    told = [(target, box) for record in records for target, box in record.told]
-    false_told = sum(box is not None and not hits(box, target, min_iou) for target, box in told)
+    believed = [(target, box) for record in records for target, box in record.believed]
+    false_believed = sum(box is not None and not hits(box, target, min_iou) for target, box in believed)
     everything = _bin(edges_m[0], edges_m[-1], list(records), confidence, min_iou)
     bins = tuple(
         _bin(low_m, high_m, [item for item in records if low_m <= item.range_m < high_m], confidence, min_iou)
@@ -161,8 +161,8 @@ def range_table(
         scenes=len(records),
         empty=sum(record.target is None for record in records),
         false_per_frame=tally.false_per_picture(confidence),
-        false_told_per_1000=1000.0 * false_told / len(told) if told else float("nan"),
-        frames=len(told),
+        false_believed_per_1000=1000.0 * false_believed / len(believed) if believed else float("nan"),
+        frames=len(believed),
         recall=everything.recall,
         confirmed=everything.confirmed,
         average_precision=tally.average_precision(),
@@ -181,12 +181,12 @@ def _bin(low_m: float, high_m: float, records: list[SceneRecord], confidence: fl
         if good and record.target is not None:
             found.append((record.target, max(good, key=lambda box: box[4])))
         false += len(sure) - (1 if good else 0)
-    tracked = [record for record in seen if record.told]
+    tracked = [record for record in seen if record.believed]
     confirmed = sum(
-        any(box is not None and hits(box, target, min_iou) for target, box in record.told) for record in tracked
+        any(box is not None and hits(box, target, min_iou) for target, box in record.believed) for record in tracked
     )
-    told = [(target, box) for record in records for target, box in record.told if box is not None]
-    right = sum(hits(box, target, min_iou) for target, box in told)
+    believed = [(target, box) for record in records for target, box in record.believed if box is not None]
+    right = sum(hits(box, target, min_iou) for target, box in believed)
     off = np.array([np.hypot(box[0] - target[0], box[1] - target[1]) for target, box in found])
     ratio = np.array([box[2] * box[3] / (target[2] * target[3]) - 1.0 for target, box in found])
     nan = float("nan")
@@ -200,7 +200,7 @@ def _bin(low_m: float, high_m: float, records: list[SceneRecord], confidence: fl
         confirmed=confirmed / len(tracked) if tracked else nan,
         confirmed_low=wilson_interval(confirmed, len(tracked))[0],
         confirmed_high=wilson_interval(confirmed, len(tracked))[1],
-        told_precision=right / len(told) if told else nan,
+        believed_precision=right / len(believed) if believed else nan,
         width_px=float(np.median([record.target[2] for record in seen if record.target])) if seen else nan,
         centre_px=float(np.median(off)) if len(off) else nan,
         centre_95_px=float(np.percentile(off, 95)) if len(off) else nan,
@@ -245,7 +245,7 @@ def summary(tables: Mapping[str, RangeTable]) -> str:
         lines.append(
             f"| {name} | {table.scenes} ({table.empty}) | {table.average_precision:.3f} | "
             f"{_number(table.recall, '.3f')} | {_number(table.confirmed, '.3f')} | "
-            f"{1000.0 * table.false_per_frame:.0f} | {_number(table.false_told_per_1000, '.1f')} | "
+            f"{1000.0 * table.false_per_frame:.0f} | {_number(table.false_believed_per_1000, '.1f')} | "
             f"{table.range_99_m:g} | {table.range_50_m:g} |"
         )
     return "\n".join(lines)
@@ -264,7 +264,7 @@ def markdown(table: RangeTable) -> str:
         lines.append(
             f"| {item.low_m:g}–{item.high_m:g} | {item.scenes} | {item.width_px:.0f} | "
             f"{item.recall:.3f} ({item.recall_low:.2f}–{item.recall_high:.2f}) | {_number(item.precision, '.3f')} | "
-            f"{_confirmed(item)} | {_number(item.told_precision, '.3f')} | "
+            f"{_confirmed(item)} | {_number(item.believed_precision, '.3f')} | "
             f"{_number(item.centre_px, '.2f')} / {_number(item.centre_95_px, '.2f')} | "
             f"{_number(100.0 * item.area_bias, '+.0f')} ± {_number(100.0 * item.area_spread, '.0f')} % |"
         )
@@ -272,7 +272,7 @@ def markdown(table: RangeTable) -> str:
         "",
         f"{table.scenes} scenes, {table.empty} of them without the target in sight; average precision "
         f"{table.average_precision:.3f}; {1000.0 * table.false_per_frame:.1f} false boxes in 1,000 single frames; "
-        f"{_number(table.false_told_per_1000, '.2f')} in 1,000 frames after confirmation ({table.frames} frames). "
+        f"{_number(table.false_believed_per_1000, '.2f')} in 1,000 frames after confirmation ({table.frames} frames). "
         f"Recall {_number(table.recall, '.3f')}, confirmed {_number(table.confirmed, '.3f')}. "
         f"99 % of single frames to {table.range_99_m:g} m, 50 % to {table.range_50_m:g} m.",
     ]

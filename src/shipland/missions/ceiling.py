@@ -46,10 +46,10 @@ class Touchdown(NamedTuple):
 
 def height_at_contact_m(ship: ShipState, airframe: AirframeParameters) -> float:
     """Height of a level aircraft's centre over the deck, along the deck's normal, when its first foot touches."""
-    ahead, aside, down = (float(value) for value in ship.ned_from_deck.rotation[2])
+    forward, right, down = (float(value) for value in ship.ned_from_deck.rotation[2])
     return (
-        abs(ahead) * airframe.foot_forward_m
-        + abs(aside) * airframe.foot_right_m
+        abs(forward) * airframe.foot_forward_m
+        + abs(right) * airframe.foot_right_m
         + down * (airframe.foot_below_m - airframe.foot_radius_m)
         + airframe.foot_radius_m
     )

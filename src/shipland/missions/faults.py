@@ -229,8 +229,8 @@ class _FaultyVision:
             seen = self._without_picture(frame, seen)
         pose, decoy, mirror = seen.bar_pose, now(FaultKind.FALSE_POSE), now(FaultKind.REFLECTION)
         if pose is not None and decoy is not None:
-            aside_m = np.array([0.0, decoy.amount, 0.0])
-            seen = replace(seen, bar_pose=replace(pose, position_in_bar_m=pose.position_in_bar_m + aside_m))
+            offset_m = np.array([0.0, decoy.amount, 0.0])
+            seen = replace(seen, bar_pose=replace(pose, position_in_bar_m=pose.position_in_bar_m + offset_m))
         elif pose is not None and mirror is not None:
             mirrored = np.array([1.0, 1.0, -1.0]) * pose.position_in_bar_m - np.array([0, 0, 2.0 * mirror.amount])
             seen = replace(seen, bar_pose=replace(pose, position_in_bar_m=mirrored))

@@ -48,11 +48,11 @@ class DeckFollower:
             return decision
         heading_rad = euler_from_rotation(truth.ned_from_body.rotation)[2]
         normal = truth.ned_from_deck.rotation[:, 2]
-        ahead = math.cos(heading_rad) * normal[0] + math.sin(heading_rad) * normal[1]
-        aside = math.cos(heading_rad) * normal[1] - math.sin(heading_rad) * normal[0]
+        forward = math.cos(heading_rad) * normal[0] + math.sin(heading_rad) * normal[1]
+        right = math.cos(heading_rad) * normal[1] - math.sin(heading_rad) * normal[0]
         # Upright on the deck, the aircraft's down axis is the deck's: its forward part is the tangent of pitch.
-        pitch = -100.0 * math.atan2(ahead, normal[2]) / self._max_tilt_rad
-        roll = -100.0 * math.atan2(aside, normal[2]) / self._max_tilt_rad
+        pitch = -100.0 * math.atan2(forward, normal[2]) / self._max_tilt_rad
+        roll = -100.0 * math.atan2(right, normal[2]) / self._max_tilt_rad
         command = decision.command
         return replace(
             decision,

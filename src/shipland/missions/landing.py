@@ -29,7 +29,7 @@ _DIGITS = 4
 
 
 @dataclass(frozen=True)
-class Way:
+class Phases:
     """How a flight went before contact.
 
     Attributes:
@@ -130,7 +130,7 @@ class Landing:
         recovery_s: longest time from the first clear sight of the bar after a fault until the pilot's place was true
             again; infinite where it never was; None where no fault can be judged so.
         reason: the verdict in words.
-        way: how the flight went before.
+        phases: how the flight went before.
         conditions: those drawn for it.
     """
 
@@ -139,7 +139,7 @@ class Landing:
     in_square: bool
     cause: str
     time_s: float
-    way: Way
+    phases: Phases
     conditions: Conditions
     reason: str
     forward_m: float = NAN
@@ -191,12 +191,12 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
     """The result of the flight of `seed`, from its end and its records (with truth)."""
     ship, verdict = drawn_ship(scenario, seed), flown.verdict
     time_s = flown.result.t_s if verdict is None else verdict.t_s
-    way, conditions = way_of(records, time_s), conditions_of(scenario, seed, ship, records)
+    phases, conditions = phases_of(records, time_s), conditions_of(scenario, seed, ship, records)
     recovery_s = _recovery_s(records, faults_of(scenario, seed))
     step_percent, over_percent = largest_steps(records, scenario.safety.slew_percent_per_s)
     if verdict is None or not verdict.touched:
         reason = flown.reason
-        cause = _never_down(way) if verdict is None else reason
+        cause = _never_down(phases) if verdict is None else reason
         return rounded(
             Landing(
                 seed,
@@ -204,7 +204,7 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
                 False,
                 cause,
                 time_s,
-                way,
+                phases,
                 conditions,
                 reason,
                 step_percent=step_percent,
@@ -223,7 +223,7 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
             in_square=verdict.in_square,
             cause=cause,
             time_s=time_s,
-            way=way,
+            phases=phases,
             conditions=conditions,
             reason=verdict.reason,
             forward_m=float(verdict.touchdown_in_deck_m[0]),
@@ -269,18 +269,18 @@ def _cause(scenario: Scenario, verdict: TouchdownVerdict, perfect_in_square: boo
     return DECK if own_in_square else EITHER
 
 
-def _never_down(way: Way) -> str:
+def _never_down(phases: Phases) -> str:
     """Of a flight that ended in the air: how far it got."""
-    if way.tries:
+    if phases.tries:
         return "landings broken off"
-    if way.land_s > 0.0:
+    if phases.land_s > 0.0:
         return "not down in time"
-    if way.approach_s > 0.0:
+    if phases.approach_s > 0.0:
         return "never steady over the deck"
-    return "never near the bar" if way.bar_s > 0.0 or way.ship_s > 0.0 else "never found the ship"
+    return "never near the bar" if phases.bar_s > 0.0 or phases.ship_s > 0.0 else "never found the ship"
 
 
-def way_of(records: Sequence[FlightRecord], end_s: float) -> Way:
+def phases_of(records: Sequence[FlightRecord], end_s: float) -> Phases:
     """From the flight's records up to the time of contact or of the end [s]."""
     spent_s: dict[Mode | None, float] = dict.fromkeys(Mode, 0.0) | {None: 0.0}
     tries = 0
@@ -290,7 +290,7 @@ def way_of(records: Sequence[FlightRecord], end_s: float) -> Way:
         mode, after = record.decision.mode, following.decision.mode
         spent_s[mode] += min(following.telemetry.t_s, end_s) - record.telemetry.t_s
         tries += after is Mode.CLIMB_OUT and mode is not Mode.CLIMB_OUT
-    return Way(
+    return Phases(
         search_s=spent_s[Mode.SEARCH],
         ship_s=spent_s[Mode.TRACK_SHIP],
         bar_s=spent_s[Mode.TRACK_BAR],
@@ -363,13 +363,13 @@ def conditions_of(scenario: Scenario, seed: int, ship: Ship, records: Sequence[F
     )
 
 
-Part = TypeVar("Part", Landing, Way, Conditions)
+Part = TypeVar("Part", Landing, Phases, Conditions)
 
 
 def rounded(landing: Landing) -> Landing:
     """With every float at the digits that a row keeps, so that a landing read back is the landing written."""
-    way, conditions = _rounded(landing.way), _rounded(landing.conditions)
-    return dataclasses.replace(_rounded(landing), way=way, conditions=conditions)
+    phases, conditions = _rounded(landing.phases), _rounded(landing.conditions)
+    return dataclasses.replace(_rounded(landing), phases=phases, conditions=conditions)
 
 
 def _rounded(values: Part) -> Part:
@@ -388,7 +388,7 @@ _PARSERS: dict[str, Callable[[str], Any]] = {
 
 
 def row_of(landing: Landing) -> dict[str, Any]:
-    """One flat row: the landing, its way and its conditions; None is an empty text."""
+    """One flat row: the landing, its phases and its conditions; None is an empty text."""
     row: dict[str, Any] = {}
     for each in dataclasses.fields(landing):
         value = getattr(landing, each.name)
@@ -398,8 +398,8 @@ def row_of(landing: Landing) -> dict[str, Any]:
 
 def landing_from(row: dict[str, str]) -> Landing:
     """A landing from the texts of a row; KeyError, TypeError or ValueError when it is none."""
-    way, conditions = Way(**_parsed(Way, row)), Conditions(**_parsed(Conditions, row))
-    return Landing(**_parsed(Landing, row), way=way, conditions=conditions)
+    phases, conditions = Phases(**_parsed(Phases, row)), Conditions(**_parsed(Conditions, row))
+    return Landing(**_parsed(Landing, row), phases=phases, conditions=conditions)
 
 
 def _parsed(cls: type, row: dict[str, str]) -> dict[str, Any]:
@@ -416,7 +416,7 @@ COLUMNS = [
     name
     for each in dataclasses.fields(Landing)
     for name in {
-        "way": [one.name for one in dataclasses.fields(Way)],
+        "phases": [one.name for one in dataclasses.fields(Phases)],
         "conditions": [one.name for one in dataclasses.fields(Conditions)],
     }.get(each.name, [each.name])
 ]

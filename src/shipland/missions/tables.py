@@ -10,7 +10,7 @@ import numpy as np
 from shipland.missions.landing import Landing
 from shipland.missions.statistics import Pairing, compare, share_interval
 
-_WAY_NAMES = {
+_PHASE_NAMES = {
     "search_s": "searching",
     "ship_s": "4 track ship",
     "bar_s": "3 track bar",
@@ -85,17 +85,17 @@ def causes_table(landings: Sequence[Landing]) -> str:
 
 def modes_table(landings: Sequence[Landing]) -> str:
     """Time in each mode, its share of all flight time, and how many flights were ever in it."""
-    total_s = sum(getattr(landing.way, name) for landing in landings for name in _WAY_NAMES)
+    total_s = sum(getattr(landing.phases, name) for landing in landings for name in _PHASE_NAMES)
     lines = ["| mode | median [s] | longest [s] | share of all time | flights |", "|---|---:|---:|---:|---:|"]
-    for name, words in _WAY_NAMES.items():
-        times_s = np.array([getattr(landing.way, name) for landing in landings])
+    for name, words in _PHASE_NAMES.items():
+        times_s = np.array([getattr(landing.phases, name) for landing in landings])
         share = times_s.sum() / total_s if total_s > 0.0 else 0.0
         lines.append(
             f"| {words} | {np.median(times_s):.1f} | {times_s.max():.1f} | {100.0 * share:.0f} % | "
             f"{int((times_s > 0.0).sum())} |"
         )
-    broken_off = sum(landing.way.tries for landing in landings)
-    flights = sum(landing.way.tries > 0 for landing in landings)
+    broken_off = sum(landing.phases.tries for landing in landings)
+    flights = sum(landing.phases.tries > 0 for landing in landings)
     return "\n".join([*lines, "", f"{broken_off} landings were broken off, in {flights} of {len(landings)} flights."])
 
 

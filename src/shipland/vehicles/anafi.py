@@ -220,8 +220,8 @@ class AnafiVehicle:
         """What of it is fit to fly; once connected."""
         wanted, parameters = self._preflight, self._parameters
         asked = (parameters.max_tilt_deg, parameters.max_climb_mps, parameters.max_turn_deg_s)
-        told = self._limits or {}
-        read = tuple(told.get(key) for key in ("tilt_deg", "climb_mps", "turn_deg_s"))
+        accepted = self._limits or {}
+        read = tuple(accepted.get(key) for key in ("tilt_deg", "climb_mps", "turn_deg_s"))
         same = all(
             value is not None and abs(value - want) < 0.05 * want for value, want in zip(read, asked, strict=True)
         )

@@ -1,8 +1,8 @@
 """Dryden turbulence: the filters, and the scales of MIL-F-8785C §3.7 at low altitude.
 
 The turbulence is a frozen field that drifts with the mean wind, as the specification's spectra suppose: the filters
-are driven by the way flown through the air mass, so that a hovering aircraft meets it at the wind's speed and a flying
-one at its airspeed. Discretisation is exact for any step.
+are driven by the distance flown through the air mass, so that a hovering aircraft meets it at the wind's speed and a
+flying one at its airspeed. Discretisation is exact for any step.
 """
 
 from __future__ import annotations
@@ -84,14 +84,14 @@ class Dryden:
         self._v = self._stationary()
         self._w = self._stationary()
 
-    def step(self, way_m: float, scales: Scales) -> tuple[float, float, float]:
+    def step(self, distance_m: float, scales: Scales) -> tuple[float, float, float]:
         """Turbulence [m/s] along the wind, to its right, and downward.
 
         Args:
-            way_m: way through the air mass since the last call.
+            distance_m: distance flown through the air mass since the last call.
             scales: of the place.
         """
-        horizontal, vertical = way_m / scales.length_horizontal_m, way_m / scales.length_vertical_m
+        horizontal, vertical = distance_m / scales.length_horizontal_m, distance_m / scales.length_vertical_m
         keep = math.exp(-horizontal)
         self._u = keep * self._u + math.sqrt(-math.expm1(-2.0 * horizontal)) * next(self._normal)
         self._v = self._advance(self._v, horizontal)
@@ -104,28 +104,32 @@ class Dryden:
         first, second = next(self._normal), next(self._normal)
         return 0.5 * first, 0.5 * first + 0.5 * second
 
-    def _advance(self, state: Pair, way: float) -> Pair:
-        """One exact step of (p + 1)² x₁ = noise, x₂ = (p + 1) x₁, over `way` scale lengths."""
-        keep = math.exp(-way)
-        noise = step_covariance(way)
+    def _advance(self, state: Pair, length: float) -> Pair:
+        """One exact step of (p + 1)² x₁ = noise, x₂ = (p + 1) x₁, over `length` scale lengths."""
+        keep = math.exp(-length)
+        noise = step_covariance(length)
         first, second = next(self._normal), next(self._normal)
         spread = math.sqrt(noise[2])
         shared = noise[1] / spread if spread > 0.0 else 0.0
         own = math.sqrt(max(noise[0] - shared * shared, 0.0))
         return (
-            keep * (state[0] + way * state[1]) + shared * first + own * second,
+            keep * (state[0] + length * state[1]) + shared * first + own * second,
             keep * state[1] + spread * first,
         )
 
 
-def step_covariance(way: float) -> tuple[float, float, float]:
-    """Covariance (x₁x₁, x₁x₂, x₂x₂) that white noise adds over a step of `way` scale lengths."""
-    if way < 1e-3:  # the closed form loses its digits; the first terms left out are below 1e-6 of the result
-        return way**3 / 3.0 - way**4 / 2.0, way**2 / 2.0 - 2.0 * way**3 / 3.0, way - way**2 + 2.0 * way**3 / 3.0
-    fade = math.exp(-2.0 * way)
+def step_covariance(length: float) -> tuple[float, float, float]:
+    """Covariance (x₁x₁, x₁x₂, x₂x₂) that white noise adds over a step of `length` scale lengths."""
+    if length < 1e-3:  # the closed form loses its digits; the first terms left out are below 1e-6 of the result
+        return (
+            length**3 / 3.0 - length**4 / 2.0,
+            length**2 / 2.0 - 2.0 * length**3 / 3.0,
+            length - length**2 + 2.0 * length**3 / 3.0,
+        )
+    fade = math.exp(-2.0 * length)
     return (
-        0.25 - fade * (0.5 * way * way + 0.5 * way + 0.25),
-        0.25 - fade * (0.5 * way + 0.25),
+        0.25 - fade * (0.5 * length * length + 0.5 * length + 0.25),
+        0.25 - fade * (0.5 * length + 0.25),
         0.5 * (1.0 - fade),
     )
 

@@ -165,8 +165,8 @@ class NaturalWind:
         step_s = t_s - self._last[0] if self._last is not None else 0.0
         along, right, sinking = self._free_stream(t_s, -down)
         if self._dryden is not None:
-            way_m = self._way((north, east, down), step_s, self._parameters.mean_at(-down))
-            gust = self._dryden.step(way_m, self._parameters.turbulence_at(-down))
+            distance_m = self._distance((north, east, down), step_s, self._parameters.mean_at(-down))
+            gust = self._dryden.step(distance_m, self._parameters.turbulence_at(-down))
             along, right, sinking = along + gust[0], right + gust[1], sinking + gust[2]
         velocity = [along * self._cos - right * self._sin, along * self._sin + right * self._cos, sinking]
         if self._airwake is not None:
@@ -185,8 +185,8 @@ class NaturalWind:
                 along, right, down = along + strength * a, right + strength * r, down + strength * d
         return along, right, down
 
-    def _way(self, position: tuple[float, float, float], step_s: float, mean_mps: float) -> float:
-        """Way through the air mass, which drifts with the mean wind, since the last call [m]."""
+    def _distance(self, position: tuple[float, float, float], step_s: float, mean_mps: float) -> float:
+        """Distance flown through the air mass, which drifts with the mean wind, since the last call [m]."""
         if self._last is None:
             return 0.0
         north, east, down = (a - b for a, b in zip(position, self._last[1], strict=True))
