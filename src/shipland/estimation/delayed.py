@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.estimation.kernels import add_input, mean_after, mean_input, spread_after
+from shipland.estimation.kernels import add_input, mean_input, moved
 from shipland.estimation.relative_state import REFERENCE, SPEED, STATES, Belief, Model, updated
 from shipland.frames import Array
 
@@ -197,15 +197,17 @@ class DelayedFilter:
         if all_ms <= 0:
             return belief
         model = self.model
-        transition, push, noise = model.step(all_ms)
-        covariance = spread_after(transition, belief.covariance, noise)
+        all_of_it, push, noise = model.step(all_ms)
+        transition = all_of_it
         whole, rest_ms = divmod(all_ms, _STRIDE_MS)
         if whole > 0:
             transition, push, _ = model.step(_STRIDE_MS)
         last_transition, last_push, _ = model.step(rest_ms) if whole > 0 and rest_ms > 0 else (transition, push, noise)
-        mean = mean_after(
+        mean, covariance = moved(
             belief.mean,
+            belief.covariance,
             belief.t_s,
+            (all_of_it, noise),
             (transition, push, last_transition, last_push),
             (whole, _STRIDE_MS, rest_ms),
             inputs.history,

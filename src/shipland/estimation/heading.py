@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from shipland.compiled import compiled
 from shipland.estimation.kernels import corrected, spread_after
 from shipland.frames import Array, wrap_angle
 
@@ -75,20 +76,27 @@ def headings_at(before: Headings, t_s: float, turned_rad: float, noise: HeadingN
     step_s = t_s - before.t_s
     if step_s <= 0.0:
         return before
-    nose, bar, turn = before.mean.tolist()
-    turn = turn if before.bar_known else 0.0
-    mean = np.array([nose + turned_rad, bar + turn * step_s, turn])
-    transition = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, step_s], [0.0, 0.0, 1.0]])
-    strayed = np.zeros((3, 3))
-    strayed[0, 0] = noise.nose_rad_per_sqrt_s**2 * step_s
-    strayed[1, 1] = noise.bar_rad_per_sqrt_s**2 * step_s
-    strayed[2, 2] = noise.turn_rad_s2**2 * step_s
-    return Headings(t_s, mean, spread_after(transition, before.covariance, strayed), before.bar_known)
+    turn = before.turn_rad_s if before.bar_known else 0.0
+    strayed = (noise.nose_rad_per_sqrt_s**2, noise.bar_rad_per_sqrt_s**2, noise.turn_rad_s2**2)
+    mean, covariance = _carried(before.mean, before.covariance, step_s, turned_rad, turn, strayed)
+    return Headings(t_s, mean, covariance, before.bar_known)
+
+
+@compiled
+def _carried(
+    mean: Array, covariance: Array, step_s: float, turned_rad: float, turn: float, strayed: tuple[float, float, float]
+) -> tuple[Array, Array]:
+    transition, noise = np.eye(3), np.zeros((3, 3))
+    transition[1, 2] = step_s
+    for i in range(3):
+        noise[i, i] = strayed[i] * step_s
+    after = np.array([mean[0] + turned_rad, mean[1] + turn * step_s, turn])
+    return after, spread_after(transition, covariance, noise)
 
 
 def with_compass(before: Headings, heading_rad: float, noise: HeadingNoise) -> Headings:
     """A compass reading of its time; not finite is refused."""
-    return _corrected(before, _NOSE, heading_rad, noise.compass_rad**2)
+    return _with(before, 0.0, heading_rad - before.nose_rad, noise.compass_rad**2)
 
 
 def with_pose(before: Headings, yaw_rad: float, variance_rad2: float, noise: HeadingNoise) -> Headings:
@@ -101,20 +109,24 @@ def with_pose(before: Headings, yaw_rad: float, variance_rad2: float, noise: Hea
         covariance[1, 1] = covariance[0, 0] + variance_rad2
         covariance[0, 1] = covariance[1, 0] = covariance[0, 0]
         return replace(before, mean=mean, covariance=covariance, bar_known=True)
-    return _corrected(before, _NOSE_FROM_BAR, yaw_rad, variance_rad2)
+    return _with(before, -1.0, yaw_rad - (before.nose_rad - before.bar_rad), variance_rad2)
 
 
-_NOSE = np.array([[1.0, 0.0, 0.0]])
-_NOSE_FROM_BAR = np.array([[1.0, -1.0, 0.0]])
-
-
-def _corrected(before: Headings, row: Array, measured_rad: float, variance: float) -> Headings:
-    innovation = measured_rad - float(row[0] @ before.mean)
-    if not (math.isfinite(innovation) and math.isfinite(variance)):
+def _with(before: Headings, bar: float, innovation_rad: float, variance: float) -> Headings:
+    """With a reading of the nose's heading plus `bar` times the bar's."""
+    if not (math.isfinite(innovation_rad) and math.isfinite(variance)):
         return before
-    off, spread = np.array([wrap_angle(innovation)]), np.array([[variance]])
-    mean, covariance, _ = corrected(before.mean, before.covariance, row, off, spread)
+    mean, covariance = _corrected(before.mean, before.covariance, bar, wrap_angle(innovation_rad), variance)
     return Headings(before.t_s, mean, covariance, before.bar_known)
+
+
+@compiled
+def _corrected(
+    mean: Array, covariance: Array, bar: float, innovation_rad: float, variance: float
+) -> tuple[Array, Array]:
+    row, off, noise = np.array([[1.0, bar, 0.0]]), np.array([innovation_rad]), np.array([[variance]])
+    after, spread, _ = corrected(mean, covariance, row, off, noise)
+    return after, spread
 
 
 class Compass:

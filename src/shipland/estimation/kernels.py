@@ -92,6 +92,23 @@ def _integral(history: Array, count: int, t_s: float) -> Array:
 
 
 @compiled
+def moved(
+    mean: Array,
+    covariance: Array,
+    t_s: float,
+    whole: tuple[Array, Array],
+    strides: Strides,
+    milliseconds: tuple[int, int, int],
+    history: Array,
+    count: int,
+    turn: Turn,
+) -> tuple[Array, Array]:
+    """Both: `mean_after`, and `spread_after` by the transition and the noise of the `whole` way."""
+    after = mean_after(mean, t_s, strides, milliseconds, history, count, turn)
+    return after, spread_after(whole[0], covariance, whole[1])
+
+
+@compiled
 def mean_after(
     mean: Array,
     t_s: float,
