@@ -1,4 +1,4 @@
-"""Where the compiled free flight and the readable world meet: state is carried in, flown on, and carried back."""
+"""Where the compiled free flight and the readable world meet: state is carried in, flown on, and given back."""
 
 from __future__ import annotations
 
@@ -10,7 +10,18 @@ from shipland.camera import CameraParameters
 from shipland.sim.aircraft.aircraft import Aircraft, Motion, Quadrotor, Wrench
 from shipland.sim.aircraft.attitude_loop import AttitudeLoop
 from shipland.sim.aircraft.autopilot import Sensed, Sticks
-from shipland.sim.aircraft.free_flight import GIMBAL, LOOP, MOTION, SENSED, STATE, STATE_TYPE, THRUSTS, WRENCH, fly_free
+from shipland.sim.aircraft.free_flight import (
+    GIMBAL,
+    LOOP,
+    MOTION,
+    SENSED,
+    SENSES,
+    STATE,
+    STATE_TYPE,
+    THRUSTS,
+    WRENCH,
+    fly_free,
+)
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
 from shipland.sim.aircraft.sensors import Gimbal, Senses
 from shipland.sim.aircraft.velocity_loop import HOLD_MPS, VelocityLoop
@@ -22,7 +33,7 @@ def _places(first: str, last: str) -> slice:
     return slice(STATE.index(first), STATE.index(last) + 1)
 
 
-_BODY = _places(MOTION[0], WRENCH[-1])
+_MOTION, _WRENCH, _SENSES = (_places(names[0], names[-1]) for names in (MOTION, WRENCH, SENSES))
 _THRUSTS, _GIMBAL, _STRAY = (
     _places(THRUSTS[0], THRUSTS[-1]),
     _places(GIMBAL[0], GIMBAL[-1]),
@@ -128,38 +139,20 @@ class FreeFlight:
         self._constants = np.array([tuple(constants.values())], dtype=[(name, float) for name in constants])
         self._states = np.zeros(1, STATE_TYPE)
         self._values = self._states.view(float)
+        self._flying = False
 
-    def fly(
-        self,
-        motion: Motion,
-        wrench: Wrench,
-        sensed: Sensed,
-        sticks: Sticks,
-        gimbal_wanted_rad: float,
-        wind_mps: Vector,
-        deck: DeckState,
-        deck_age_s: float,
-        phase: int,
-        count: int,
-    ) -> tuple[int, Motion, Wrench, Sensed]:
-        """Fly on for `count` physics steps, fewer if it gets low or tilts.
+    def take(self, motion: Motion, wrench: Wrench, sensed: Sensed) -> None:
+        """Carry the aircraft's state in, unless it is here already.
 
         Args:
             motion: now.
             wrench: held since the last control tick.
             sensed: at the last control tick.
-            sticks: piloted.
-            gimbal_wanted_rad: pitch asked for.
-            wind_mps: in `ned`, held.
-            deck: `deck_age_s` ago.
-            deck_age_s: it moves on by its velocity and acceleration.
-            phase: physics steps since the last control tick.
-            count: physics steps.
-
-        Returns:
-            Steps flown; motion and wrench then; sensed at the last control tick.
         """
-        self._values[:] = (
+        if self._flying:
+            return
+        self._flying = True
+        self._values[: len(STATE)] = (
             *motion.position_m,
             *motion.quaternion,
             *motion.velocity_mps,
@@ -171,6 +164,45 @@ class FreeFlight:
             *self._senses.state,
             *sensed,
             *self._loop.state,
+        )
+
+    def give_back(self) -> Wrench | None:
+        """Carry rotors and loop out and give the wrench held; None where nothing was carried in."""
+        if not self._flying:
+            return None
+        self._flying = False
+        after = self._values[: len(STATE)].tolist()
+        self._flier.thrusts_n = tuple(after[_THRUSTS])
+        self._loop.state = tuple(after[_LOOP])
+        a, b, c, d, e, f = after[_WRENCH]
+        return Wrench((a, b, c), (d, e, f))
+
+    def fly(
+        self,
+        sticks: Sticks,
+        gimbal_wanted_rad: float,
+        wind_mps: Vector,
+        deck: DeckState,
+        deck_age_s: float,
+        phase: int,
+        count: int,
+    ) -> tuple[int, Motion, Sensed]:
+        """Fly on what `take` carried in for `count` physics steps, fewer if it gets low or tilts.
+
+        Args:
+            sticks: piloted.
+            gimbal_wanted_rad: pitch asked for.
+            wind_mps: in `ned`, held.
+            deck: `deck_age_s` ago.
+            deck_age_s: it moves on by its velocity and acceleration.
+            phase: physics steps since the last control tick.
+            count: physics steps.
+
+        Returns:
+            Steps flown; motion then; sensed at the last control tick. Gimbal and senses are carried out.
+        """
+        self._values[_SENSES] = self._senses.state  # a look around changes its errors
+        self._values[len(STATE) :] = (
             *sticks,
             gimbal_wanted_rad,
             *wind_mps,
@@ -184,15 +216,11 @@ class FreeFlight:
         )
         ticks = (phase + count + 1) // 2 - (phase + 1) // 2
         steps = fly_free(self._states, self._constants, self._gimbal.draw(2 * ticks), phase, count)
-        after = self._values.tolist()
-        self._flier.thrusts_n = tuple(after[_THRUSTS])
+        after = self._values[: len(STATE)].tolist()
         self._gimbal.state = tuple(after[_GIMBAL])
         self._senses.stray_m = tuple(after[_STRAY])
-        self._loop.state = tuple(after[_LOOP])
-        x, y, z, qw, qx, qy, qz, u, v, w, p, q, r, *forces = after[_BODY]
-        motion = Motion((x, y, z), (qw, qx, qy, qz), (u, v, w), (p, q, r))
-        a, b, c, d, e, f = forces
-        return steps, motion, Wrench((a, b, c), (d, e, f)), Sensed(*after[_SENSED])
+        x, y, z, qw, qx, qy, qz, u, v, w, p, q, r = after[_MOTION]
+        return steps, Motion((x, y, z), (qw, qx, qy, qz), (u, v, w), (p, q, r)), Sensed(*after[_SENSED])
 
 
 def free_flight(

@@ -219,6 +219,7 @@ class World:
             phase = self._steps % self._control_every
             if self._clear and self._motors_run and self._fly_free(phase, end):
                 continue
+            self._leave_free()
             if phase == 0:
                 self._control()
             count = min(self._control_every - phase, end - self._steps)
@@ -270,12 +271,12 @@ class World:
             )
             count = max(min(count, stale - self._steps), 1)
         deck_age_s, wanted_rad = self.t_s - self._looked_s, self._gimbal_wanted_rad
-        aboard = (self._body.motion(), self._body.wrench, self._sensed, self._sticks if fresh else CENTRED, wanted_rad)
-        steps, motion, wrench, self._sensed = self._free.fly(
-            *aboard, self._wind_mps, self._deck, deck_age_s, phase, count
+        sticks = self._sticks if fresh else CENTRED
+        self._free.take(self._body.motion(), self._body.wrench, self._sensed)
+        steps, motion, self._sensed = self._free.fly(
+            sticks, wanted_rad, self._wind_mps, self._deck, deck_age_s, phase, count
         )
         self._body.move(motion)
-        self._body.apply(wrench)
         last_tick = (self._steps + steps - 1) // self._control_every * self._control_every
         if steps and last_tick >= self._steps:
             self._sensed_s = last_tick * self._step_s
@@ -284,6 +285,12 @@ class World:
         self._steps += steps
         self._clear = steps == count
         return steps > 0
+
+    def _leave_free(self) -> None:
+        """Back to the readable world."""
+        wrench = self._free.give_back() if self._free is not None else None
+        if wrench is not None:
+            self._body.apply(wrench)
 
     def _fresh(self) -> bool:
         return self.t_s - self._command_s < self._aircraft.settings.command_timeout_s - 1e-9
@@ -388,6 +395,7 @@ class World:
         """
         sound = self._flier.sound if isinstance(self._flier, WeakRotor) else self._flier
         if isinstance(sound, Quadrotor):
+            self._leave_free()
             self._flier = WeakRotor(sound, rotor, missing)
             self._free, self._clear = None, False  # what is compiled flies sound rotors
 
