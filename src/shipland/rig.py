@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -141,7 +142,7 @@ class Rig:
         require(self.landing_square_m <= self.deck_size_m, "landing_square_m must fit on the deck")
         require(self.bar_ahead_of_stern_m > self.deck_ahead_of_stern_m, "the bar must be ahead of the deck")
 
-    @property
+    @cached_property
     def target(self) -> Target:
         """The cue: the rig's own quadrilaterals where it has some, else the two green rectangles."""
         if self.quad:
@@ -153,7 +154,7 @@ class Rig:
         )
         return Target(rectangles, self.made_to)
 
-    @property
+    @cached_property
     def board_size_m(self) -> tuple[float, float]:
         """Width and height of the board around the bar's centre: as stated, or as the cue needs."""
         right_m, down_m = np.abs(self.target.points_in_bar_m[:, 1:]).max(axis=0).tolist()
@@ -162,7 +163,7 @@ class Rig:
             max(self.board_height_m, 2.0 * (down_m + _BOARD_MARGIN_M)),
         )
 
-    @property
+    @cached_property
     def bar_in_ship_m(self) -> Array:
         """(3,) the bar's centre in `ship` [m]."""
         return np.array(
@@ -173,12 +174,12 @@ class Rig:
             ]
         )
 
-    @property
+    @cached_property
     def ship_from_bar(self) -> Pose:
         """The bar in `ship`, in rig mode (the bar moves with the platform alone)."""
         return Pose(np.eye(3), self.bar_in_ship_m)
 
-    @property
+    @cached_property
     def deck_in_bar_m(self) -> Array:
         """(3,) the deck centre's neutral point in `bar` [m]."""
         return -self.bar_in_ship_m

@@ -49,7 +49,7 @@ class Border:
         if self.now_s is None:
             return replace(self, now_s=t_s) if fits_frame and math.isfinite(exposed_s) else self
         if math.isfinite(t_s) and 0.0 <= t_s - self.now_s <= _LEAP_S:
-            return replace(self, now_s=t_s, suspect_s=None)
+            return Border(t_s, self.exposure_s, self.gimbal)
         if self.suspect_s is not None and fits_frame and 0.0 < t_s - self.suspect_s <= _LEAP_S:
             return Border(now_s=t_s, gimbal=self.gimbal)
         return replace(self, suspect_s=t_s if math.isfinite(t_s) else self.suspect_s)
@@ -57,7 +57,7 @@ class Border:
     def at_decision(self, t_s: float, asked_s: float) -> Border:
         """When the command is decided, at `t_s` by the vehicle's clock; `asked_s` [s] where that is no good time."""
         good = math.isfinite(t_s) and self.now_s is not None and 0.0 <= t_s - self.now_s <= 2.0 * _LEAP_S
-        return replace(self, now_s=t_s if good else asked_s)
+        return Border(t_s if good else asked_s, self.exposure_s, self.gimbal, self.suspect_s)
 
     def frame(self, frame: Frame | None) -> tuple[Border, Frame, str]:
         """The frame, and why it is not looked at; empty when it is. Of a refused one time and gimbal are the last's."""
@@ -75,7 +75,7 @@ class Border:
         elif not _plausible_gimbal(frame.gimbal):
             reason = "gimbal attitude refused"
         if not reason:
-            return replace(self, exposure_s=frame.t_s, gimbal=frame.gimbal), frame, ""
+            return Border(self.now_s, frame.t_s, frame.gimbal, self.suspect_s), frame, ""
         return self, replace(frame, t_s=last_s, gimbal=self.gimbal), reason
 
     def observation(self, observation: Observation, frame: Frame, camera: Camera) -> Observation:

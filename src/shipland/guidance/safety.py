@@ -168,7 +168,7 @@ class Safety:
                 for stick, before in zip(sticks, _sticks(self._last), strict=True)
             ]
         pitch, roll, heave, yaw = sticks
-        return replace(command, pitch_percent=pitch, roll_percent=roll, heave_percent=heave, yaw_percent=yaw)
+        return PilotCommand(command.t_s, pitch, roll, heave, yaw, command.gimbal_pitch_rad, command.intent)
 
 
 def _without(command: PilotCommand, direction: Array, note: str, notes: list[str]) -> PilotCommand:

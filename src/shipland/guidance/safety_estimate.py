@@ -90,7 +90,7 @@ class SafetyEstimator:
 
     def updated(self, estimate: SafetyEstimate, observation: Observation, telemetry: Telemetry) -> SafetyEstimate:
         """After one cycle; what is None or not finite changes nothing."""
-        estimate = self._with_telemetry(replace(estimate, deck_down_m=self._deck_down_m), telemetry)
+        estimate = self._with_telemetry(estimate, telemetry)
         pose, bar, ship = observation.bar_pose, observation.bar_box, observation.ship_box
         if pose is not None and np.isfinite(pose.position_in_bar_m).all() and math.isfinite(pose.yaw_rad):
             return self._with_pose(estimate, pose, observation.t_s)
@@ -120,6 +120,7 @@ class SafetyEstimator:
             height_m=height_m,
             height_s=height_s,
             bar_from_aircraft_m=way_m,
+            deck_down_m=self._deck_down_m,
             sink_mps=sink_mps,
         )
 

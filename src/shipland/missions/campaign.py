@@ -71,7 +71,9 @@ def land_once(flight: Flight) -> Landing:
 
     def remember(record: FlightRecord) -> None:
         check_stop()
-        records.append(replace(record, frame=replace(record.frame, image=None)))
+        if record.frame.image is not None:
+            record = replace(record, frame=replace(record.frame, image=None))
+        records.append(record)
 
     flown = fly_quietly(scenario, pilot, vision, seed, remember)
     landing = landing_of(scenario, seed, flown, records)

@@ -96,13 +96,11 @@ class TelemetryFeed:
         self._count = dict.fromkeys(self._parts, 0)
         self._waiting: dict[str, deque[tuple[float, Readings]]] = {name: deque() for name in self._parts}
         self._newest: dict[str, Readings] = {}
-
-    @property
-    def next_s(self) -> float:
+        self.next_s = self._next()
         """When the next reading is due [s]; infinite where readings come with the pictures or not at all."""
-        if self._with_frames or not self._parts:
-            return math.inf
-        return min(self._due_s(name) for name in self._parts)
+
+    def _next(self) -> float:
+        return math.inf if self._with_frames else min(map(self._due_s, self._parts), default=math.inf)
 
     def take(self, readings: Readings, now_s: float) -> None:
         """Send off what is due at `now_s`."""
@@ -110,6 +108,7 @@ class TelemetryFeed:
             if self._due_s(name) <= now_s + 1e-9:
                 self._count[name] += 1
                 self._waiting[name].append((now_s + part.latency_s, readings))
+        self.next_s = self._next()
 
     def take_with_frame(self, readings: Readings, arrives_s: float) -> None:
         """Send off a picture's metadata."""

@@ -132,7 +132,10 @@ class Stage:
         course = ship.course
         if ship.full_ship:
             place, (roll, pitch, yaw) = deck.origin_m, deck.angles_rad
-            bar_place, bar_yaw = ship.ned_from_bar.translation_m.tolist(), yaw
+            x, y, z = ship.rig.bar_in_ship_m.tolist()
+            m = deck.ned_from_deck
+            arm = (m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z, m[6] * x + m[7] * y + m[8] * z)
+            bar_place, bar_yaw = (place[0] + arm[0], place[1] + arm[1], place[2] + arm[2]), yaw
         else:
             north, east = course.position_in_ned_m.tolist()
             place, roll, pitch, yaw = (north, east, -ship.rig.deck_height_m), 0.0, 0.0, course.course_rad
