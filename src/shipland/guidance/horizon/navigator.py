@@ -212,6 +212,8 @@ class Navigator:
 
     def take(self, observation: Observation, telemetry: Telemetry) -> None:
         """One cycle's news."""
+        if observation.bar_pose is not None and not _finite(observation.bar_pose):
+            observation = replace(observation, bar_pose=None)
         heading_rad = telemetry.heading_rad
         if heading_rad is not None:
             self._compass.add(_time(telemetry, "heading_t_s"), heading_rad)
@@ -222,7 +224,7 @@ class Navigator:
         self._take_velocity(telemetry)
         pose = observation.bar_pose
         turn_rad_s = self._headings.turn_rad_s if self._headings.bar_known else 0.0
-        if pose is not None and _finite(pose):
+        if pose is not None:
             self._take_pose(t_s, pose, turn_rad_s)
         else:
             box = observation.bar_box or observation.ship_box
@@ -251,7 +253,7 @@ class Navigator:
         if compass_rad is not None:
             headings = with_compass(headings, compass_rad, noise)
         pose = observation.bar_pose
-        if pose is not None and _finite(pose):
+        if pose is not None:
             headings = with_pose(headings, pose.yaw_rad, float(pose.covariance[3, 3]), noise)
         return headings
 

@@ -61,13 +61,13 @@ class ShipState:
     @cached_property
     def ned_from_ship(self) -> Pose:
         """Course and position only; origin at the deck centre's neutral point, `deck_height_m` above the sea plane."""
-        north_m, east_m = self.course.position_in_ned_m
+        north_m, east_m = self.course.position_in_ned_m.tolist()
         return Pose.from_euler((north_m, east_m, -self.rig.deck_height_m), 0.0, 0.0, self.course.course_rad)
 
     @cached_property
     def ned_from_deck(self) -> Pose:
         """The deck with all its motions."""
-        x, y, z, roll, pitch, yaw = self.deck.displacement
+        x, y, z, roll, pitch, yaw = self.deck.displacement.tolist()
         return self.ned_from_ship @ Pose.from_euler((x, y, z), roll, pitch, yaw)
 
     @cached_property

@@ -120,7 +120,8 @@ def bar_pose_of(solutions: list[Solution], corners_px: Array) -> BarPose:
     taken = solutions[0]
     position_in_bar_m, yaw_rad = position_and_yaw(taken.camera_from_plane)
     excess = taken.excess
-    covariance = excess * (covariance_in_bar(taken) + excess * _bend(taken))
+    here = np.append(position_in_bar_m, yaw_rad)
+    covariance = excess * (covariance_in_bar(taken) + excess * _bend(taken, here))
     for other in solutions[1:]:
         share = 1.0 / (1.0 + math.exp(min(max(0.5 * (other.chi2 - taken.chi2) / excess, -50.0), 50.0)))
         if share < _LEAST_SHARE:
@@ -133,11 +134,12 @@ def bar_pose_of(solutions: list[Solution], corners_px: Array) -> BarPose:
     return BarPose(position_in_bar_m, yaw_rad, covariance, taken.reprojection_px, corners_px.reshape(-1, 2))
 
 
-def _bend(solution: Solution) -> Array:
+def _bend(solution: Solution, here: Array) -> Array:
     """(4,4) what the covariance of (position in `bar` [m], yaw [rad]) lacks since the camera errs along an arc.
 
-    From afar the angle about the cue's vertical is what is known least; along it position and yaw change together, and
-    bend away from the covariance's straight line by h per squared standard deviation, on average of the square √3 h.
+    `here` (4,) is that position and yaw. From afar the angle about the cue's vertical is what is known least; along
+    it position and yaw change together, and bend away from the covariance's straight line by h per squared standard
+    deviation, on average of the square √3 h.
     """
     pose, down = solution.camera_from_plane, solution.camera_from_plane.rotation[:, 1]
     along = solution.covariance[:, :3] @ down
@@ -145,10 +147,10 @@ def _bend(solution: Solution) -> Array:
     if not spread_rad > _BENT_RAD:
         return np.zeros((4, 4))
     step = along / spread_rad
-    here, ahead, behind = (
-        np.append(*position_and_yaw(Pose(cv2.Rodrigues(s[:3])[0] @ pose.rotation, pose.translation_m + s[3:])))
-        for s in (np.zeros(6), step, -step)
-    )
+    turn, way_m = cv2.Rodrigues(step[:3])[0], step[3:]
+    back = np.ascontiguousarray(turn.T)
+    ahead = np.append(*position_and_yaw(Pose(turn @ pose.rotation, pose.translation_m + way_m)))
+    behind = np.append(*position_and_yaw(Pose(back @ pose.rotation, pose.translation_m - way_m)))
     bend = 0.5 * (ahead + behind) - here
     bend[3] = math.remainder(bend[3], math.pi)
     return 3.0 * np.outer(bend, bend)
