@@ -5,6 +5,7 @@ import logging
 import tracemalloc
 from contextlib import closing
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet
@@ -18,7 +19,7 @@ from shipland.missions.bench import BenchPlan, open_bench, processes, read_bench
 from shipland.missions.bench_rows import write_rows
 from shipland.missions.bench_tables import ceilings_of, leaderboard, paired, pairs, rests_in_square, rivals, swept_keys
 from shipland.missions.statistics import quantile_interval
-from shipland.missions.suite import Asked, SuiteEntry, bench_cells, load_suite
+from shipland.missions.suite import Asked, Suite, SuiteEntry, bench_cells, load_suite, task_digest
 
 GRID = (SuiteEntry(("rig-natops", "ship-sea6")),)
 
@@ -50,6 +51,30 @@ def test_every_cell_of_a_suite_can_be_flown_and_is_called_differently(name):
     cells = bench_cells(load_suite(name).cells, Asked(("paper",)))
     assert len({cell.name for cell in cells}) == len(cells) > 5
     assert all(len(cell.name) < 200 for cell in cells)
+
+
+FROZEN = json.loads(Path(__file__).with_name("suite_digests.json").read_text())
+"""Digest of each version of a packaged suite, as it was flown."""
+
+
+@pytest.mark.parametrize("name", packaged_names("suites"))
+def test_a_suite_keeps_its_version_only_while_its_flights_stay(name):
+    suite = load_suite(name)
+    digest, frozen = task_digest(suite), FROZEN.get(name, {}).get(str(suite.version))
+    assert digest == frozen, (
+        f"suite {name} {suite.version} sets other flights than it did ({frozen} before, {digest} now): results of that "
+        f"version are on record. Take the change back, or count `version` up in configs/suites/{name}.toml and write "
+        f'"{suite.version + 1}": "{digest}" into tests/unit/suite_digests.json.'
+    )
+
+
+def test_what_a_flight_meets_is_in_the_digest_and_who_flies_is_not():
+    def digest(*changes):
+        return task_digest(Suite("made-up", 1, "", (SuiteEntry(("rig-natops",), changes),)))
+
+    assert digest("wind.mean_mps=6") != digest("wind.mean_mps=5")
+    assert digest("geometric.miss_rate=0.5") != digest("geometric.miss_rate=0.1")
+    assert digest("safety.stale_s=0.7") == digest("guidance.search.climb_s=4.0") == digest()
 
 
 def test_a_stopped_run_goes_on_and_gives_the_same_table(plan, tmp_path):

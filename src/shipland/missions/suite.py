@@ -13,6 +13,7 @@ from shipland.config import build, packaged_names, packaged_toml, read_toml, req
 from shipland.errors import ConfigError
 from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
 from shipland.missions.sweep import cells as combinations
+from shipland.record.info import config_digest
 
 
 @dataclass(frozen=True)
@@ -32,11 +33,11 @@ class SuiteEntry:
 
 @dataclass(frozen=True)
 class Suite:
-    """What a TOML file in `configs/suites` holds. Name, version, cell and seed fix a flight completely.
+    """What a TOML file in `configs/suites` holds. Name, version, cell and seed fix what a flight meets.
 
     Attributes:
         name: the file's.
-        version: counts up when a cell's flights change.
+        version: counts up when `task_digest` changes.
         description: one line for people.
         cells: what is flown.
     """
@@ -87,6 +88,19 @@ def load_suite(source: str) -> Suite:
         known = ", ".join(packaged_names("suites"))
         raise ConfigError(f"no suite {source!r}; there are: {known}, or give a path that ends in .toml")
     return build(Suite, {"name": Path(source).stem} | table, "suite")
+
+
+_OF_THE_FLIER = ("description", "vision", "detector", "eyes", "guidance", "safety")
+"""Sections of a scenario that say how it is seen and flown: what a suite compares, not what it sets."""
+
+
+def task_digest(suite: Suite) -> str:
+    """Digest of what every flight of a suite meets: its cells' configurations without those who see and fly."""
+    tasks = []
+    for cell in bench_cells(suite.cells, Asked(("paper",))):
+        task = {key: value for key, value in cell.scenario.table().items() if key not in _OF_THE_FLIER}
+        tasks.append(config_digest(task | {"by": cell.vision}))
+    return config_digest({"tasks": sorted(tasks)})
 
 
 @dataclass(frozen=True)
