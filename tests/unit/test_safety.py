@@ -151,8 +151,13 @@ def test_floor_lets_a_landing_through_over_the_deck_only():
     assert "floor" in beside.reason
 
 
-def test_low_battery_is_said():
-    assert "battery" in check(decision(0.0), battery_percent=5.0).reason
+@pytest.mark.parametrize("intent", [Intent.FLY, Intent.LAND])
+def test_low_battery_is_said_and_breaks_nothing_off(intent):
+    landing = decision(0.0, heave=-50.0, mode=None, intent=intent)
+    low, full = (check(landing, seen(0.0, (-2.09, 0.0, 0.6)), battery_percent=percent) for percent in (5.0, 90.0))
+    assert "battery at 5 %" in low.reason
+    assert "battery" not in full.reason
+    assert low.command == full.command
 
 
 def test_the_command_bears_the_time_of_its_decision():

@@ -38,7 +38,8 @@ class SafetyParameters:
         bar_clearance_m: least distance of the aircraft's centre to the bar's plane.
         fence_distance_m: greatest distance to the bar.
         fence_height_m: greatest height over the take-off point.
-        low_battery_percent: below this a warning stands in the reason.
+        low_battery_percent: below this a warning stands in the reason; nothing is broken off, because the deck is the
+            only place to land and any other course spends what is left.
     """
 
     max_percent: float
