@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from shipland.config import build
+from shipland.estimation.delayed import Inputs
 from shipland.estimation.relative_state import (
     GUST,
     PLACE,
@@ -13,6 +15,7 @@ from shipland.estimation.relative_state import (
     SPEED,
     STATES,
     SWING,
+    Model,
     Motion,
     Swing,
     discretised,
@@ -22,6 +25,7 @@ from shipland.guidance.horizon.descent import Descent, Over, Phase, next_descent
 from shipland.guidance.horizon.gains import INPUT, gains_of
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.reference import Pace, at_rest, lost, moved
+from shipland.guidance.horizon.servo import ShapedSpeed
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.rig import packaged_table
 
@@ -35,6 +39,7 @@ def _closed(motion, swing, true_motion=None):
     """The loop's matrix when the gains of one motion fly another."""
     a, b, q = dynamics(true_motion or motion, NOISE, swing)
     transition, push, _ = discretised(a, b, q, 0.033)
+    push = push[:, 0]
     big = np.zeros((STATES + 1, STATES + 1))
     big[:STATES, :STATES], big[:STATES, INPUT], big[INPUT, INPUT] = transition, push, 1.0
     return big - np.outer(np.append(push, 1.0), gains_of(motion, NOISE, swing, PARAMETERS.weights, 33).steady)
@@ -59,6 +64,40 @@ def test_a_steady_push_leaves_no_steady_offset(motion):
     assert abs(state[SPEED]) < 1e-3
 
 
+def test_the_model_of_a_servo_with_an_integral_is_that_of_its_loop_and_its_gains_hold_the_place():
+    motion = Motion(0.125, 0.0, 2.0, integral_per_s2=1.0, approach_per_s=2.0, smoothing_s=0.15)
+    steady = gains_of(motion, NOISE, STILL, PARAMETERS.weights, 33).steady
+
+    def servo(_, x, asked_mps, wind_mps2):
+        _, speed, thrust, integral, tracked, rate = x
+        pushed = rate + 2.0 * (tracked - speed) + integral
+        return (
+            *(speed, thrust + wind_mps2, (pushed - thrust) / 0.125),
+            *(tracked - speed, rate, (2.0 * (asked_mps - tracked) - rate) / 0.15),
+        )
+
+    inputs, state, x, asked_mps, wind_mps2 = Inputs(4), np.zeros(STATES), np.zeros(6), 0.0, 0.6
+    x[0] = state[PLACE] = 0.3
+    state[PUSH] = wind_mps2  # what the wind pushes and the integral does not yet hold
+    shaped, model = ShapedSpeed(motion), Model(2, motion, NOISE, STILL)
+    mean = np.zeros(2 * STATES + 1)
+    for k in range(300):
+        mean[:STATES] = state
+        full = np.concatenate([state, [asked_mps], shaped.state[:, 0]])
+        asked_mps -= float(steady @ full)
+        t_s = 0.033 * k
+        shaped.ask(t_s, np.array([asked_mps, 0.0]), inputs)
+        shaped.advance(t_s + 0.033, inputs)
+        transition, push, _ = model.step(33)
+        state = (transition @ mean + push @ inputs.mean(t_s, t_s + 0.033))[:STATES]
+        x = solve_ivp(servo, (0.0, 0.033), x, args=(asked_mps, wind_mps2), rtol=1e-8, atol=1e-10).y[:, -1]
+        if k < 90:
+            assert state[PLACE] == pytest.approx(x[0], abs=0.02)  # the model has the integral act at once
+            assert state[SPEED] == pytest.approx(x[1], abs=0.03)
+    assert abs(x[0]) < 0.01
+    assert abs(x[1]) < 0.01
+
+
 def test_the_offset_at_contact_is_that_of_the_loop_flown_step_by_step():
     gains = gains_of(TILT, NOISE, SHIP, PARAMETERS.weights, 33)
     a, b, q = dynamics(TILT, NOISE, SHIP)
@@ -68,7 +107,7 @@ def test_the_offset_at_contact_is_that_of_the_loop_flown_step_by_step():
         state = start.copy()
         for remaining in range(left, 0, -1):
             given = state[INPUT] - gains.to_contact[remaining - 1] @ state
-            state = np.append(transition @ state[:STATES] + push * given, given)
+            state = np.append(transition @ state[:STATES] + push[:, 0] * given, given)
         offset = state[PLACE] - state[SWING]
         assert gains.offset_to_contact[left] @ start == pytest.approx(offset, abs=1e-9)
 

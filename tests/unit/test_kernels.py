@@ -102,6 +102,6 @@ def test_a_step_made_of_shorter_ones_is_the_step(step_ms):
     for axis in range(2):
         rows = slice(STATES * axis, STATES * (axis + 1))
         np.testing.assert_allclose(whole[rows, rows], transition, atol=1e-11)
-        np.testing.assert_allclose(inputs[rows, axis], push, atol=1e-11)
+        np.testing.assert_allclose(inputs[rows, axis], push[:, 0], atol=1e-11)
         np.testing.assert_allclose(spread[rows, rows], noise, atol=1e-11)
     assert spread[-1, -1] == pytest.approx((0.02 * NOISE.latency_s) ** 2 * 1e-3 * step_ms)

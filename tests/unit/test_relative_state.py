@@ -33,8 +33,8 @@ def test_a_step_is_the_integral_of_the_motion(motion):
     a, b, q = dynamics(motion, NOISE, SWING_OF_SHIP)
     state, given = np.linspace(-1.0, 1.0, STATES), 0.7
     transition, push, _ = discretised(a, b, q, 0.25)
-    exact = solve_ivp(lambda _, x: a @ x + b * given, (0.0, 0.25), state, rtol=1e-10, atol=1e-12).y[:, -1]
-    np.testing.assert_allclose(transition @ state + push * given, exact, atol=1e-8)
+    exact = solve_ivp(lambda _, x: a @ x + b[:, 0] * given, (0.0, 0.25), state, rtol=1e-10, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(transition @ state + push[:, 0] * given, exact, atol=1e-8)
 
 
 def test_noise_of_two_steps_is_that_of_one():

@@ -50,6 +50,8 @@ class Motion:
         servo_per_s: zero where the input is an acceleration; else the gain from speed error to acceleration.
         over_ship: share of ship in the optical flow's view that the servo flies on; the rest does not swing.
         settle_s: time in which the servo's own velocity follows the motion of what is in view.
+        integral_per_s2: gain from the integral of the servo's speed error to acceleration; zero where it has none.
+        approach_per_s, smoothing_s: of the speed that a servo with an integral tracks, behind the one asked for.
     """
 
     lag_s: float
@@ -57,6 +59,14 @@ class Motion:
     servo_per_s: float = 0.0
     over_ship: float = 0.0
     settle_s: float = 0.0
+    integral_per_s2: float = 0.0
+    approach_per_s: float = 0.0
+    smoothing_s: float = 0.0
+
+    @property
+    def inputs(self) -> int:
+        """Of one axis: the input; for a servo with an integral its tracked speed r, first as r + ṙ/κ, then alone."""
+        return 2 if self.integral_per_s2 > 0.0 else 1
 
 
 @dataclass(frozen=True)
@@ -126,19 +136,21 @@ class Belief:
 
 
 def dynamics(motion: Motion, noise: Disturbances, swing: Swing) -> tuple[Array, Array, Array]:
-    """Continuous time, one axis: matrix (8,8), input vector (8,), noise densities (8,)."""
-    a, b, q = np.zeros((STATES, STATES)), np.zeros(STATES), np.zeros(STATES)
+    """Continuous time, one axis: matrix (8,8), input matrix (8, inputs), noise densities (8,)."""
+    a, b, q = np.zeros((STATES, STATES)), np.zeros((STATES, motion.inputs)), np.zeros(STATES)
     a[PLACE, SPEED] = 1.0
     a[SPEED, [SPEED, THRUST, GUST, PUSH]] = -motion.drag_per_s, 1.0, 1.0, 1.0
     a[THRUST, THRUST] = -1.0 / motion.lag_s
     gain = motion.servo_per_s if motion.servo_per_s > 0.0 else 1.0
-    b[THRUST] = gain / motion.lag_s
+    b[THRUST, 0] = gain / motion.lag_s
     if motion.servo_per_s > 0.0:
         _, own = _velocity(np.zeros(STATES), 1, motion.over_ship, motion.settle_s, swing.frequency_rad_s)
         a[THRUST] -= gain / motion.lag_s * own[0]
+        a[PUSH] -= motion.integral_per_s2 * own[0]
+        b[PUSH, 1:] = motion.integral_per_s2
     slow = ((GUST, noise.gust_mps2, noise.gust_time_s), (PUSH, noise.push_mps2, noise.push_time_s))
     for state, deviation, time_s in (*slow, (REFERENCE, noise.reference_mps, noise.reference_time_s)):
-        a[state, state] = -1.0 / time_s
+        a[state, state] -= 1.0 / time_s
         q[state] = 2.0 * deviation**2 / time_s
     w, z = swing.frequency_rad_s, swing.damping
     a[SWING, SWING_RATE] = 1.0
@@ -148,18 +160,24 @@ def dynamics(motion: Motion, noise: Disturbances, swing: Swing) -> tuple[Array, 
     return a, b, q
 
 
+def shaping(motion: Motion) -> tuple[Array, Array]:
+    """Continuous time, of a servo's tracked speed and its rate: matrix (2,2), input vector (2,)."""
+    a = np.array([[0.0, 1.0], [-motion.approach_per_s / motion.smoothing_s, -1.0 / motion.smoothing_s]])
+    return a, np.array([0.0, motion.approach_per_s / motion.smoothing_s])
+
+
 def discretised(a: Array, b: Array, q: Array, step_s: float) -> tuple[Array, Array, Array]:
-    """Transition (n,n), input (n,) and noise covariance (n,n) of a step (C. Van Loan, 1978)."""
-    n = len(b)
-    with_input = np.zeros((n + 1, n + 1))
-    with_input[:n, :n], with_input[:n, n] = a, b
+    """Transition (n,n), input (n,m) and noise covariance (n,n) of a step (C. Van Loan, 1978)."""
+    n, m = b.shape
+    with_input = np.zeros((n + m, n + m))
+    with_input[:n, :n], with_input[:n, n:] = a, b
     moved = expm(with_input * step_s)
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:], block[n:, n:] = -a, np.diag(q), a.T
     result = expm(block * step_s)
     transition = result[n:, n:].T
     covariance = transition @ result[:n, n:]
-    return moved[:n, :n], moved[:n, n], 0.5 * (covariance + covariance.T)
+    return moved[:n, :n], moved[:n, n:], 0.5 * (covariance + covariance.T)
 
 
 class Model:
@@ -192,10 +210,11 @@ class Model:
             return then @ transition, then @ inputs + then_inputs, spread_after(then, noise, then_noise)
         one, push, noise = discretised(*self._continuous, 1e-3 * step_ms)
         size = STATES * self.axes + 1
-        transition, covariance, inputs = np.eye(size), np.zeros((size, size)), np.zeros((size, self.axes))
+        transition, covariance = np.eye(size), np.zeros((size, size))
+        inputs = np.zeros((size, self.axes * self.motion.inputs))
         for axis in range(self.axes):
             rows = slice(STATES * axis, STATES * (axis + 1))
-            transition[rows, rows], covariance[rows, rows], inputs[rows, axis] = one, noise, push
+            transition[rows, rows], covariance[rows, rows], inputs[rows, axis :: self.axes] = one, noise, push
         covariance[-1, -1] = (self.noise.latency_s * 0.02) ** 2 * 1e-3 * step_ms
         return transition, inputs, covariance
 

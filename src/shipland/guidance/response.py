@@ -28,6 +28,9 @@ class Response:
         uplink_s: from a command's being ready to its arrival.
         dead_time_s: from its arrival to the first reaction.
         hold_below_percent: pitch and roll sticks both below this make the vehicle brake and hold its place.
+        integral_per_s2: gain from the integral of the speed error to acceleration (velocity); 0 where it is not known,
+            and then the lags below belong to the speed asked for, else to the tilt alone.
+        approach_per_s, smoothing_s: with an integral: how the speed that is tracked follows the one asked for.
         stick_step_percent: sticks travel in steps of this; 0 where they are continuous.
     """
 
@@ -46,6 +49,9 @@ class Response:
     dead_time_s: float
     hold_below_percent: float
     stick_step_percent: float = 0.0
+    integral_per_s2: float = 0.0
+    approach_per_s: float = 0.0
+    smoothing_s: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("max_tilt_rad", "lag_s", "max_climb_mps", "climb_lag_s", "max_turn_rad_s", "turn_lag_s"):
@@ -54,6 +60,10 @@ class Response:
             require(getattr(self, name) >= 0.0, f"{name} must not be negative, got {getattr(self, name)}")
         if self.kind == "velocity":
             require(self.max_speed_mps > 0.0, "a velocity response needs max_speed_mps above zero")
+            shaped = self.approach_per_s > 0.0 and self.smoothing_s > 0.0
+            require(
+                self.integral_per_s2 <= 0.0 or shaped, "an integral needs approach_per_s and smoothing_s above zero"
+            )
             require(self.servo_per_s > 0.0, "a velocity response needs servo_per_s above zero")
 
     @property

@@ -26,11 +26,12 @@ from shipland.estimation.relative_state import (
     Swing,
     discretised,
     dynamics,
+    shaping,
 )
 from shipland.frames import Array
 
-INPUT = STATES
-"""Index of the input before in the control's state."""
+INPUT, TRACKED, TRACKED_RATE = STATES, STATES + 1, STATES + 2
+"""Index of the input before in the control's state; of the speed that a servo with an integral tracks, and its rate."""
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,10 @@ class Gains:
 
     Attributes:
         step_s: the cycle.
-        steady: (9,) the change of the input is −steady · (state − reference).
-        to_contact: (k, 9) the same, by whole cycles left to contact.
-        offset: (k + 1, 9) the offset from the bar after so many cycles under `steady`.
-        offset_to_contact: (k + 1, 9) the offset at contact, so many cycles away, under `to_contact`.
+        steady: (9,), or (11,) with a tracked speed: the change of the input is −steady · (state − reference).
+        to_contact: (k, 9 or 11) the same, by whole cycles left to contact.
+        offset: (k + 1, 9 or 11) the offset from the bar after so many cycles under `steady`.
+        offset_to_contact: (k + 1, 9 or 11) the offset at contact, so many cycles away, under `to_contact`.
     """
 
     step_s: float
@@ -88,30 +89,46 @@ def gains_of(motion: Motion, noise: Disturbances, swing: Swing, weights: Weights
     """Solve for one vehicle, sea and cycle."""
     step_s = 1e-3 * step_ms
     a, b, q = dynamics(motion, noise, swing)
+    tracked = [] if motion.inputs == 1 else [TRACKED, TRACKED_RATE]
+    moving = [*range(STATES), *tracked]
+    size = STATES + 1 + len(tracked)
+    to_bar, rate, acceleration = np.zeros(size), np.zeros(size), np.zeros(size)
+    to_bar[: STATES + 1], rate[: STATES + 1], acceleration[:STATES] = _OFFSET, _RATE, a[SPEED]
+    if tracked:
+        a, b, q = _with_tracked(motion, a, b, q)
     transition, push, _ = discretised(a, b, q, step_s)
-    big = np.zeros((STATES + 1, STATES + 1))
-    big[:STATES, :STATES], big[:STATES, INPUT], big[INPUT, INPUT] = transition, push, 1.0
-    entry = np.append(push, 1.0)
-    acceleration = np.append(a[SPEED], 0.0)
-    cost = np.outer(_OFFSET, _OFFSET) + weights.speed * np.outer(_RATE, _RATE)
+    big, entry = np.zeros((size, size)), np.zeros(size)
+    big[np.ix_(moving, moving)], big[moving, INPUT], big[INPUT, INPUT] = transition, push[:, 0], 1.0
+    entry[moving], entry[INPUT] = push[:, 0], 1.0
+    cost = np.outer(to_bar, to_bar) + weights.speed * np.outer(rate, rate)
     cost = step_s * (cost + weights.acceleration * np.outer(acceleration, acceleration))
     effort = weights.input_rate / step_s
     # SciPy wants no eigenvalue on the unit circle: the input before has one, and is reached by the control.
     value = solve_discrete_are(big, entry[:, None], cost, np.array([[effort]]))
     steady = _gain(big, entry, value, effort)
     count = max(1, round(weights.horizon_s / step_s))
-    final = weights.final_place * np.outer(_OFFSET, _OFFSET) + weights.final_speed * np.outer(_RATE, _RATE)
-    rows, offsets = [], [_OFFSET]
+    final = weights.final_place * np.outer(to_bar, to_bar) + weights.final_speed * np.outer(rate, rate)
+    rows, offsets = [], [to_bar]
     for _ in range(count):
         gain = _gain(big, entry, final, effort)
         closed = big - np.outer(entry, gain)
         final = cost + effort * np.outer(gain, gain) + closed.T @ final @ closed
         rows.append(gain)
         offsets.append(offsets[-1] @ closed)
-    closed, steady_offsets = big - np.outer(entry, steady), [_OFFSET]
+    closed, steady_offsets = big - np.outer(entry, steady), [to_bar]
     for _ in range(count):
         steady_offsets.append(steady_offsets[-1] @ closed)
     return Gains(step_s, steady, np.array(rows), np.array(steady_offsets), np.array(offsets))
+
+
+def _with_tracked(motion: Motion, a: Array, b: Array, q: Array) -> tuple[Array, Array, Array]:
+    """The dynamics with the tracked speed and its rate as two more states (10,), driven by the speed asked for."""
+    n = STATES + 2
+    own, asked = shaping(motion)
+    wide, entry = np.zeros((n, n)), np.zeros((n, 1))
+    wide[:STATES, :STATES], wide[STATES:, STATES:], entry[STATES:, 0] = a, own, asked
+    wide[:STATES, STATES], wide[:STATES, STATES + 1] = b.sum(axis=1), b[:, 0] / motion.servo_per_s
+    return wide, entry, np.append(q, np.zeros(2))
 
 
 def _gain(big: Array, entry: Array, value: Array, effort: float) -> Array:

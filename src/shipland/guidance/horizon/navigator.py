@@ -34,6 +34,7 @@ from shipland.estimation.relative_state import (
 from shipland.estimation.swing import SwingBank, SwingBelief
 from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.parameters import HorizonParameters
+from shipland.guidance.horizon.servo import ShapedSpeed
 from shipland.guidance.response import Response
 from shipland.messages import BarPose, Box, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
@@ -101,6 +102,18 @@ class Estimated:
         return np.array([ahead_m, right_m, self.down_m])
 
 
+def motion_of(response: Response) -> Motion:
+    """The horizontal motion of a vehicle, nothing in view."""
+    return Motion(
+        response.lag_s,
+        response.drag_per_s,
+        response.servo_per_s,
+        integral_per_s2=response.integral_per_s2,
+        approach_per_s=response.approach_per_s,
+        smoothing_s=response.smoothing_s,
+    )
+
+
 class Navigator:
     """Keeps the filters; every input of the flight passes through here once."""
 
@@ -116,7 +129,8 @@ class Navigator:
         self._ship_below_m = 0.5 * rig.superstructure_height_m - (rig.superstructure_height_m - rig.bar_height_m)
         self._bar_m = math.sqrt(board_width_m * board_height_m)
         self._low_m = float(rig.deck_in_bar_m[2]) - _LOW_M
-        self.motion = Motion(response.lag_s, response.drag_per_s, response.servo_per_s)
+        self.motion = motion_of(response)
+        self.servo = ShapedSpeed(self.motion) if self.motion.inputs > 1 else None
         self._climb = Motion(0.05, 0.0, 1.0 / response.climb_lag_s)
         self._bank = SwingBank(parameters.swing)
         self._swings: SwingBelief | None = None
@@ -127,7 +141,7 @@ class Navigator:
         stern_m = -float(rig.bar_in_ship_m[0]) - rig.deck_ahead_of_stern_m
         self._hull_m = (stern_m, stern_m + rig.platform_length_m, 0.5 * rig.platform_width_m)
         self._deck_down_m = float(rig.deck_in_bar_m[2])
-        self._pushes, self._climbs, self._turns = Inputs(2), Inputs(1), Inputs(1)
+        self._pushes, self._climbs, self._turns = Inputs(2 * self.motion.inputs), Inputs(1), Inputs(1)
         self._headings: Headings | None = None
         self._turning: Headings | None = None
         self._compass = Compass()
@@ -195,11 +209,14 @@ class Navigator:
         self._turns.add(effect_s + self._response.turn_lag_s, np.array([turn]))
         self._climbs.add(effect_s, np.array([-climb]))
         nose_rad = self._nose_at(effect_s)
-        self._pushes.add(effect_s, turned(push, nose_rad))
+        if self.servo is None:
+            self._pushes.add(effect_s, turned(push, nose_rad))
+        else:
+            self.servo.ask(effect_s, turned(push, nose_rad), self._pushes)
 
     def input_before(self) -> Array:
         """(2,) the newest input sent, in the axes of the flight."""
-        return self._pushes.latest()
+        return self._pushes.latest() if self.servo is None else self.servo.asked_mps
 
     def _nose_at(self, t_s: float) -> float:
         headings = self._headings
@@ -373,6 +390,8 @@ class Navigator:
         if headings is None:
             return None
         turn_rad_s = headings.turn_rad_s if headings.bar_known else 0.0
+        if self.servo is not None:
+            self.servo.advance(t_s, self._pushes)
         across = self._across.ahead(t_s, self._pushes, turn_rad_s)
         down = self._down.ahead(t_s, self._climbs)
         if across is None or down is None or not np.isfinite(across.mean).all():

@@ -9,7 +9,7 @@ import numpy as np
 from shipland.estimation.relative_state import PLACE, SPEED, STATES, SWING, THRUST
 from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
-from shipland.guidance.horizon.gains import INPUT, Gains, gains_of
+from shipland.guidance.horizon.gains import INPUT, TRACKED, TRACKED_RATE, Gains, gains_of
 from shipland.guidance.horizon.navigator import Estimated, Navigator, turned
 from shipland.guidance.horizon.reference import Pace, Reference, at_rest, lost, moved
 from shipland.guidance.laws import clamp
@@ -215,7 +215,7 @@ class HorizonPilot:
         return wanted
 
     def _control_state(self, estimate: Estimated, axis: int, before: float) -> Array:
-        """(9,) the state of an axis against the reference."""
+        """(9,), or (11,), the state of an axis against the reference."""
         assert self._reference is not None
         reference, response = self._reference, self._response
         state = np.empty(STATES + 1)
@@ -225,7 +225,15 @@ class HorizonPilot:
         state[SPEED] -= reference.speed_mps[axis]
         state[THRUST] -= thrust
         servo = response.servo_per_s
-        state[INPUT] -= float(reference.speed_mps[axis]) + thrust / servo if servo > 0.0 else thrust
+        tracked = self._navigator.servo
+        if tracked is not None:
+            approach_per_s = response.approach_per_s
+            state = np.append(state, tracked.state[:, axis])
+            state[TRACKED] -= reference.speed_mps[axis]
+            state[TRACKED_RATE] -= reference.rate_mps2[axis]
+            state[INPUT] -= float(reference.speed_mps[axis]) + float(reference.rate_mps2[axis]) / approach_per_s
+        else:
+            state[INPUT] -= float(reference.speed_mps[axis]) + thrust / servo if servo > 0.0 else thrust
         return state
 
     def _offset_at_contact_m(self, estimate: Estimated, gains: Gains) -> float:
