@@ -46,23 +46,25 @@ class VideoParameters:
     Attributes:
         rate_hz: frames a second of flight.
         chase_rate_hz: renderings of the chase view a second of flight, moved between cycles by interpolation.
-        crf: constant rate factor of H.264; lower is better and larger.
+        crf: constant rate factor of H.264 (High profile); lower is better and larger.
         preset: of x264; faster is larger.
+        tune: of x264: what kind of picture it is.
         verdict_hold_s: the last picture, with the verdict, is shown for so long.
         trace_s: span of the traces of the deck's motion.
     """
 
     rate_hz: float
     chase_rate_hz: float
-    crf: int
+    crf: float
     preset: str
+    tune: str
     verdict_hold_s: float
     trace_s: float
 
     def __post_init__(self) -> None:
         require(1.0 <= self.rate_hz <= 120.0, "rate_hz must be in 1 … 120")
         require(0.0 < self.chase_rate_hz <= self.rate_hz, "chase_rate_hz must be in 0 … rate_hz")
-        require(0 <= self.crf <= 51, "crf must be in 0 … 51")
+        require(1.0 <= self.crf <= 51.0, "crf must be in 1 … 51: the High profile has nothing without loss")
         require(self.verdict_hold_s >= 0.0 and self.trace_s > 0.0, "verdict_hold_s ≥ 0 and trace_s > 0 must hold")
 
 
@@ -120,7 +122,8 @@ def _add_stream(container: Any, parameters: VideoParameters, rate_millihertz: in
 
     rate = Fraction(rate_millihertz, 1000)
     if "libx264" in av.codec.codecs_available:
-        options = {"preset": parameters.preset, "crf": str(parameters.crf), "threads": "1"}
+        choices = {"profile": "high", "preset": parameters.preset, "tune": parameters.tune}
+        options = {**choices, "crf": str(parameters.crf), "threads": "1"}
         return container.add_stream("libx264", rate=rate, options=options)  # type: ignore[no-any-return]
     stream = container.add_stream("mpeg4", rate=rate)
     stream.bit_rate = 6_000_000
