@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated, Any, Protocol, Union
 
@@ -64,6 +65,8 @@ def name_of(command: type[Command]) -> str:
 
 def main() -> None:
     """Entry point. An error prints one line, exit 2; after Ctrl-C or SIGTERM the files are complete, exit 130."""
+    # Matrices here are small: threads of their own would only spin. Before NumPy is imported; workers inherit it.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     subcommands: Any = tuple(Annotated[it, tyro.conf.subcommand(name_of(it))] for it in COMMANDS)
     any_command: Any = Union[subcommands]  # noqa: UP007 - made at run time
     command: Command = tyro.cli(
