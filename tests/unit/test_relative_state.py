@@ -171,9 +171,26 @@ def test_a_model_of_another_swing_keeps_the_offset():
     still = Model(1, TILT, NOISE, Swing(0.003, 1.8, 0.1))
     ship = Model(1, TILT, NOISE, SWING_OF_SHIP)
     belief = still.start(0.0, np.array([0.4]), 1e-4 * np.eye(1), 0.1)
-    adopted = ship.adopted(belief)
+    adopted = ship.adopted(belief, still.swing)
     assert still.seen(belief)[0] == pytest.approx(ship.seen(adopted)[0])
     shown = ship.seen(adopted)[1]
     # What is seen is as certain as before, where the bar's mean is has become uncertain.
     assert (shown @ adopted.covariance @ shown.T)[0, 0] == pytest.approx(1e-4, rel=0.2)
     assert adopted.covariance[PLACE, PLACE] > 0.1**2
+
+
+def test_a_deck_below_a_still_bar_takes_the_flow_that_pictures_deny():
+    # Pictures hold the place against a bar that stands still; the flow over the deck says that the vehicle moves.
+    deck = Model(1, TILT, NOISE, Swing(0.1, 1.8, 0.2, carries_bar=False))
+    none = Model(1, TILT, NOISE, Swing(0.003, 1.8, 0.2, carries_bar=False))
+    speeds = []
+    for model in (deck, none):
+        belief = model.start(0.0, np.zeros(1), 1e-6 * np.eye(1), 0.1)
+        for step in range(60):
+            belief = model.predicted(belief, 33, np.zeros(1))
+            belief = updated(belief, model.seen(belief), np.zeros(1), 1e-5 * np.eye(1)).belief
+            if step % 6 == 0:
+                flow = model.velocity(belief, over_ship=1.0)
+                belief = updated(belief, flow, np.array([0.3]), 0.05**2 * np.eye(1)).belief
+        speeds.append(belief.of(SPEED)[0])
+    assert abs(speeds[0]) < 0.5 * abs(speeds[1])

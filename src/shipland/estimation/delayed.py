@@ -116,9 +116,9 @@ class DelayedFilter:
 
     def adopt(self, model: Model) -> None:
         """Go on with a model of another swing."""
-        self.model = model
+        before, self.model = self.model.swing, model
         if self.belief is not None:
-            self.belief = model.adopted(self.belief)
+            self.belief = model.adopted(self.belief, before)
 
     def velocity(self, t_s: float, measured_mps: Array, over_ship: float = 0.0) -> None:
         """The vehicle's own velocity (axes,), true at `t_s`; `over_ship` as in `Model.velocity`."""

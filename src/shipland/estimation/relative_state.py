@@ -13,13 +13,13 @@ The states of an axis, in the order of the indices below:
 | `GUST` | acceleration by turbulence, coloured | m/s² |
 | `PUSH` | acceleration by the mean wind and by what is not modelled, slow | m/s² |
 | `REFERENCE` | the vehicle's own velocity less `SPEED`: the ship's way, optical flow's bias; slow | m/s |
-| `SWING` | of the bar about its mean place, on a ship that moves | m |
+| `SWING` | of the deck, and on a ship of the bar, about its mean place | m |
 | `SWING_RATE` | its rate | m/s |
 
 With u the input, k the drag and T the lag: ṗ = v; v̇ = a + g + s − k v; ȧ = (U − a)/T, where U = u for a vehicle whose
 sticks mean a tilt, and U = κ (u − v − c) for one that tracks a velocity over its own reference. The swing is a damped
-resonator. The last state of all, `LATENCY`, is shared by the axes: by how much pictures are older than they say; a
-picture then shows p − o − (v − ȯ) δ.
+resonator. The last state of all, the latency δ, is shared by the axes: by how much pictures are older than they say; a
+picture of a bar that the ship carries shows p − o − (v − ȯ) δ, and one of a bar that stands still p − v δ.
 """
 
 from __future__ import annotations
@@ -98,17 +98,25 @@ class Disturbances:
 
 @dataclass(frozen=True)
 class Swing:
-    """The bar's own oscillation on a ship, as a damped resonator driven by noise.
+    """The deck's own oscillation, as a damped resonator driven by noise.
 
     Attributes:
-        deviation_m: standard deviation; next to nothing where the bar stands still.
+        deviation_m: standard deviation.
         frequency_rad_s: natural frequency.
         damping: ratio.
+        carries_bar: on a ship the bar swings with the deck; on a motion base it stands still, and the deck's swing
+            shows in nothing but the optical flow over it.
     """
 
     deviation_m: float
     frequency_rad_s: float
     damping: float
+    carries_bar: bool = True
+
+    @property
+    def shown(self) -> float:
+        """Share of the swing that the bar has: 1 or 0."""
+        return float(self.carries_bar)
 
 
 @dataclass(frozen=True)
@@ -230,24 +238,20 @@ class Model:
         covariance[np.ix_(places, places)] = covariance_m2
         return Belief(t_s, mean, covariance)
 
-    def adopted(self, belief: Belief) -> Belief:
-        """A belief of a model with another swing: the offset from the bar is kept, the swing is learned anew."""
-        mean, covariance = belief.mean.copy(), belief.covariance.copy()
-        keep = np.eye(len(mean))
-        fresh = np.zeros(len(mean))
+    def adopted(self, belief: Belief, before: Swing) -> Belief:
+        """A belief of a model with the swing `before`: the offset from the bar is kept, the swing is learned anew."""
+        n = len(belief.mean)
+        fresh, forget, share = np.zeros(n), np.eye(n), np.eye(n)
         for axis in range(self.axes):
             first = STATES * axis
-            keep[first + PLACE, first + SWING] = keep[first + SPEED, first + SWING_RATE] = -1.0
-            keep[first + SWING, first + SWING] = keep[first + SWING_RATE, first + SWING_RATE] = 0.0
+            forget[first + PLACE, first + SWING] = forget[first + SPEED, first + SWING_RATE] = -before.shown
+            forget[first + SWING, first + SWING] = forget[first + SWING_RATE, first + SWING_RATE] = 0.0
+            # The bar's mean place is as uncertain as its swing, and in step with it: their difference is what is seen.
+            share[first + PLACE, first + SWING] = share[first + SPEED, first + SWING_RATE] = self.swing.shown
             fresh[first + SWING] = self.swing.deviation_m
             fresh[first + SWING_RATE] = self.swing.deviation_m * self.swing.frequency_rad_s
-        # The bar's mean place is as uncertain as its swing, and in step with it: their difference is what is seen.
-        shared = np.eye(len(mean))
-        for axis in range(self.axes):
-            first = STATES * axis
-            shared[first + PLACE, first + SWING] = shared[first + SPEED, first + SWING_RATE] = 1.0
-        spread = shared @ (keep @ covariance @ keep.T + np.diag(fresh**2)) @ shared.T
-        return Belief(belief.t_s, keep @ mean, spread)
+        spread = share @ (forget @ belief.covariance @ forget.T + np.diag(fresh**2)) @ share.T
+        return Belief(belief.t_s, forget @ belief.mean, spread)
 
     def predicted(self, belief: Belief, step_ms: int, given: Array) -> Belief:
         """The belief after a step through the input `given` (axes,), constant meanwhile."""
@@ -260,7 +264,7 @@ class Model:
 
     def seen(self, belief: Belief) -> tuple[Array, Array]:
         """What a picture shows of the place: expected value (axes,) and its Jacobian (axes, n)."""
-        return _seen(belief.mean, self.axes)
+        return _seen(belief.mean, self.axes, self.swing.shown)
 
     def velocity(self, belief: Belief, over_ship: float = 0.0, settle_s: float = 0.0) -> tuple[Array, Array]:
         """What the vehicle measures of its own velocity: expected value (axes,) and its Jacobian (axes, n).
@@ -275,15 +279,15 @@ class Model:
 
 
 @compiled
-def _seen(mean: Array, axes: int) -> tuple[Array, Array]:
+def _seen(mean: Array, axes: int, shown: float) -> tuple[Array, Array]:
     latency_s = mean[-1]
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):
         first = STATES * axis
-        rate = mean[first + SPEED] - mean[first + SWING_RATE]
-        expected[axis] = mean[first + PLACE] - mean[first + SWING] - latency_s * rate
-        jacobian[axis, first + PLACE], jacobian[axis, first + SWING] = 1.0, -1.0
-        jacobian[axis, first + SPEED], jacobian[axis, first + SWING_RATE] = -latency_s, latency_s
+        rate = mean[first + SPEED] - shown * mean[first + SWING_RATE]
+        expected[axis] = mean[first + PLACE] - shown * mean[first + SWING] - latency_s * rate
+        jacobian[axis, first + PLACE], jacobian[axis, first + SWING] = 1.0, -shown
+        jacobian[axis, first + SPEED], jacobian[axis, first + SWING_RATE] = -latency_s, shown * latency_s
         jacobian[axis, -1] = -rate
     return expected, jacobian
 

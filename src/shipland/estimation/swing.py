@@ -25,7 +25,8 @@ class SwingParameters:
     """`[guidance.horizon.swing]`.
 
     Attributes:
-        still_m: deviation of a bar that does not move, as it is modelled.
+        still_m: deviation of a bar that does not move, as the hypothesis has it.
+        deck: the swing of a deck below such a bar.
         deviations_m, frequencies_rad_s: of the hypotheses that it does, each with each.
         damping: of every resonator.
         memory_s: over which innovations count.
@@ -35,6 +36,7 @@ class SwingParameters:
     """
 
     still_m: float
+    deck: Swing
     deviations_m: tuple[float, ...]
     frequencies_rad_s: tuple[float, ...]
     damping: float
@@ -50,8 +52,13 @@ class SwingParameters:
         )
 
     @property
+    def believed(self) -> tuple[Swing, ...]:
+        """What the relative state takes for the deck's swing under each hypothesis."""
+        return (self.deck, *self.hypotheses[1:])
+
+    @property
     def hypotheses(self) -> tuple[Swing, ...]:
-        """The bar at rest, and every swing."""
+        """The bar's heave: at rest, and every swing."""
         moving = [Swing(d, f, self.damping) for f in self.frequencies_rad_s for d in self.deviations_m]
         return (Swing(self.still_m, 1.8, self.damping), *moving)
 

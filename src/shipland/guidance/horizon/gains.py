@@ -78,12 +78,6 @@ class Gains:
     offset_to_contact: Array
 
 
-_OFFSET = np.zeros(STATES + 1)
-_OFFSET[[PLACE, SWING]] = 1.0, -1.0
-_RATE = np.zeros(STATES + 1)
-_RATE[[SPEED, SWING_RATE]] = 1.0, -1.0
-
-
 @lru_cache(maxsize=256)
 def gains_of(motion: Motion, noise: Disturbances, swing: Swing, weights: Weights, step_ms: int) -> Gains:
     """Solve for one vehicle, sea and cycle."""
@@ -93,7 +87,9 @@ def gains_of(motion: Motion, noise: Disturbances, swing: Swing, weights: Weights
     moving = [*range(STATES), *tracked]
     size = STATES + 1 + len(tracked)
     to_bar, rate, acceleration = np.zeros(size), np.zeros(size), np.zeros(size)
-    to_bar[: STATES + 1], rate[: STATES + 1], acceleration[:STATES] = _OFFSET, _RATE, a[SPEED]
+    to_bar[[PLACE, SWING]] = 1.0, -swing.shown
+    rate[[SPEED, SWING_RATE]] = 1.0, -swing.shown
+    acceleration[:STATES] = a[SPEED]
     if tracked:
         a, b, q = _with_tracked(motion, a, b, q)
     transition, push, _ = discretised(a, b, q, step_s)

@@ -23,6 +23,7 @@ from shipland.estimation.relative_state import (
     GUST,
     PLACE,
     PUSH,
+    SPEED,
     SWING,
     SWING_RATE,
     Belief,
@@ -62,6 +63,7 @@ class Estimated:
         t_s: the time that it holds for.
         across: place and motion against the bar, horizontally; downward.
         down: likewise, downward.
+        swing: what both take the deck's and the bar's swing for.
         nose_rad, bar_rad: headings in the axes of the flight.
         turn_rad_s: of the bar.
         bar_known: the bar's heading has been seen.
@@ -70,6 +72,7 @@ class Estimated:
     t_s: float
     across: Belief
     down: Belief
+    swing: Swing
     nose_rad: float
     bar_rad: float
     turn_rad_s: float
@@ -78,22 +81,22 @@ class Estimated:
     @cached_property
     def place_m(self) -> Array:
         """(2,) of the aircraft from the bar, in the axes of the flight."""
-        return self.across.of(0) - self.across.of(SWING)
+        return self.across.of(PLACE) - self.swing.shown * self.across.of(SWING)
 
     @cached_property
     def speed_mps(self) -> Array:
         """(2,) its rate."""
-        return self.across.of(1) - self.across.of(SWING_RATE)
+        return self.across.of(SPEED) - self.swing.shown * self.across.of(SWING_RATE)
 
     @cached_property
     def down_m(self) -> float:
         """Below the bar's centre."""
-        return float(self.down.of(0)[0] - self.down.of(SWING)[0])
+        return float(self.down.of(PLACE)[0] - self.swing.shown * self.down.of(SWING)[0])
 
     @cached_property
     def down_mps(self) -> float:
         """Its rate."""
-        return float(self.down.of(1)[0] - self.down.of(SWING_RATE)[0])
+        return float(self.down.of(SPEED)[0] - self.swing.shown * self.down.of(SWING_RATE)[0])
 
     @cached_property
     def aircraft_in_bar_m(self) -> Array:
@@ -134,7 +137,7 @@ class Navigator:
         self._climb = Motion(0.05, 0.0, 1.0 / response.climb_lag_s)
         self._bank = SwingBank(parameters.swing)
         self._swings: SwingBelief | None = None
-        self.swing = self._bank.hypotheses[0]
+        self.swing = parameters.swing.believed[0]
         self._gust_mps2 = parameters.gust_levels_mps2[-2]
         self._across = DelayedFilter(self._across_model(), parameters.delayed)
         self._down = DelayedFilter(self._down_model(), parameters.delayed)
@@ -344,7 +347,7 @@ class Navigator:
         moved_m = float(self._climbs.mean(before.t_s - lag_s, t_s - lag_s)[0]) * max(t_s - before.t_s, 0.0)
         self._swings = after = self._bank.seen(before, t_s, moved_m, down_m, variance)
         if after.chosen != before.chosen:
-            self.swing = self._bank.hypotheses[after.chosen]
+            self.swing = self._parameters.swing.believed[after.chosen]
             self._across.adopt(self._across_model())
             self._down.adopt(self._down_model())
 
@@ -399,7 +402,7 @@ class Navigator:
         passed_s = t_s - headings.t_s
         nose_rad = self._nose_at(t_s)
         bar_rad = headings.bar_rad + turn_rad_s * passed_s
-        return Estimated(t_s, across, down, nose_rad, wrap_angle(bar_rad), turn_rad_s, headings.bar_known)
+        return Estimated(t_s, across, down, self.swing, nose_rad, wrap_angle(bar_rad), turn_rad_s, headings.bar_known)
 
 
 _EYE = np.eye(2)

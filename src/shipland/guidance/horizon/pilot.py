@@ -131,9 +131,9 @@ class HorizonPilot:
 
     def _unfit_m(self, estimate: Estimated) -> float:
         """Standard deviation of the place at the command's effect, the worse axis."""
-        covariance = estimate.across.covariance
+        covariance, shown = estimate.across.covariance, estimate.swing.shown
         spread = [
-            covariance[i, i] + covariance[i + SWING, i + SWING] - 2.0 * covariance[i, i + SWING]
+            covariance[i, i] + shown * (covariance[i + SWING, i + SWING] - 2.0 * covariance[i, i + SWING])
             for i in (PLACE, STATES + PLACE)
         ]
         return math.sqrt(max(*spread, 0.0))
@@ -279,7 +279,7 @@ class HorizonPilot:
         return rate_mps + climb_mps
 
     def _lull(self, estimate: Estimated) -> bool:
-        if self._parameters.moment == "any":
+        if self._parameters.moment == "any" or not estimate.swing.carries_bar:
             return True
         return math.hypot(*estimate.across.of(SWING + 1).tolist()) < self._parameters.lull_mps
 
