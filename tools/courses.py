@@ -31,7 +31,7 @@ SPEEDS_MPS = tuple(0.5 * step for step in range(10))
 PRINTED = Path(__file__).parent.parent / "examples" / "near_printed.toml"
 NEAR = {"distance_m": 10.0, "distance_spread_m": 2.0, "height_m": 2.0, "height_spread_m": 0.5}
 FLIERS: dict[str, tuple[str, Path | None, dict[str, float]]] = {
-    "offset_free": ("offset_free", None, {}),
+    "horizon": ("horizon", None, {}),
     "paper": ("paper", None, {}),
     "paper, from 10 m": ("paper", None, NEAR),
     "paper as printed, from 10 m": ("paper", PRINTED, NEAR),
