@@ -1,0 +1,108 @@
+"""Pilots that fly an agent's actions: the sticks themselves, or a bounded residual on another pilot's."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Protocol
+
+import numpy as np
+
+from shipland.frames import Array
+from shipland.guidance.gimbal import box_elevation_rad, smoothed_rad
+from shipland.guidance.pilot import Pilot, PilotSetup
+from shipland.guidance.search import search
+from shipland.guidance.view import View
+from shipland.messages import Decision, Intent, Observation, PilotCommand, Telemetry
+
+STICKS = 4
+"""Pitch (forward positive), roll (right), heave (up), yaw (clockwise), in this order, each -1 … 1 of the full stick."""
+
+
+class ActionPilot(Pilot, Protocol):
+    """A pilot that flies what `action` says, an array (4,)."""
+
+    action: Array
+
+
+class StickPilot:
+    """Flies the action as it is, and adds what four sticks do not say: the camera's pitch and the command's intent.
+
+    The camera follows what is seen: the bar by its pose, else the bar's or the ship's box; when nothing has been seen
+    for `stale_s` it looks around as the packaged search does. The intent is LAND while the heave stick is down, so
+    that the safety lets the aircraft through the floor over the deck, else FLY. When nothing has been seen for
+    `stale_s`, where the safety would hold every stick, yaw and a climb alone are flown, to look for the ship.
+
+    Args:
+        setup: of the flight.
+        stale_s: `safety.stale_s`.
+    """
+
+    def __init__(self, setup: PilotSetup, stale_s: float) -> None:
+        self.action: Array = np.zeros(STICKS)
+        self._view = View.of(setup.camera)
+        self._search, self._lag_s = setup.guidance.search, setup.guidance.approach.gimbal_time_constant_s
+        self._pitch_rad = math.radians(self._search.camera_pitch_deg[0])
+        self._stale_s = stale_s
+        self._seen_s = -math.inf
+        self._first_s: float | None = None
+        self._now_s = 0.0
+
+    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:  # noqa: ARG002
+        """See `Pilot`."""
+        now_s = telemetry.t_s
+        step_s = 0.0 if self._first_s is None else now_s - self._now_s
+        self._first_s, self._now_s = now_s if self._first_s is None else self._first_s, now_s
+        wanted_rad = self._elevation_rad(observation)
+        if wanted_rad is not None:
+            self._seen_s = observation.t_s
+        blind = now_s - self._seen_s > self._stale_s
+        if blind:
+            searching_s = now_s - max(self._seen_s + self._stale_s, self._first_s)
+            wanted_rad = search(searching_s, self._search)[1]
+        self._pitch_rad = smoothed_rad(self._pitch_rad, wanted_rad, step_s, self._lag_s)
+        pitch, roll, heave, yaw = (100.0 * self.action).tolist()
+        intent, reason = Intent.LAND if heave < 0.0 else Intent.FLY, "action"
+        if blind:
+            pitch, roll, heave, intent, reason = 0.0, 0.0, max(heave, 0.0), Intent.HOLD, "action: nothing seen"
+        command = PilotCommand(now_s, pitch, roll, heave, yaw, self._pitch_rad, intent)
+        return Decision(command, None, reason)
+
+    def _elevation_rad(self, observation: Observation) -> float | None:
+        """Of what is seen, above the horizon; None where nothing is."""
+        if observation.bar_pose is not None:
+            ahead_m, right_m, down_m = observation.bar_pose.position_in_bar_m.tolist()
+            return math.atan2(down_m, max(math.hypot(ahead_m, right_m), 0.1))
+        box = observation.bar_box or observation.ship_box
+        return None if box is None else box_elevation_rad(box, observation, self._view)
+
+
+class ResidualPilot:
+    """Another pilot's sticks plus the action times a bound; camera, mode and intent are the other's.
+
+    Added while the other flies or lands; while it searches, holds or climbs out it flies alone.
+
+    Args:
+        inner: the other pilot.
+        bound: (4,) shares of the full stick.
+    """
+
+    def __init__(self, inner: Pilot, bound: Array) -> None:
+        self.action: Array = np.zeros(STICKS)
+        self._inner, self._bound_percent = inner, 100.0 * bound
+
+    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
+        """See `Pilot`."""
+        decision = self._inner.decide(observation, telemetry, sent)
+        command = decision.command
+        if command.intent not in (Intent.FLY, Intent.LAND):
+            return decision
+        pitch, roll, heave, yaw = (self._bound_percent * self.action).tolist()
+        command = replace(
+            command,
+            pitch_percent=command.pitch_percent + pitch,
+            roll_percent=command.roll_percent + roll,
+            heave_percent=command.heave_percent + heave,
+            yaw_percent=command.yaw_percent + yaw,
+        )
+        return replace(decision, command=command)

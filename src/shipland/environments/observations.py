@@ -1,0 +1,119 @@
+"""What an agent sees: what a pilot gets in its cycle, as arrays that are always finite."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from shipland.camera import Camera
+from shipland.frames import wrap_angle
+from shipland.messages import Box, GimbalAttitude, Observation, PilotCommand, Telemetry
+
+Arrays = dict[str, npt.NDArray[np.float32]]
+
+OLDEST_S = 10.0
+"""Ages end here; what never came has this age, and zeros for its values."""
+
+_FARTHEST_M, _HIGHEST_M, _FASTEST_MPS = 200.0, 10_000.0, 100.0
+"""The border of the loop refuses what is beyond."""
+_UPPER = np.triu_indices(4)
+_BOX = [2.0, 2.0, 2.0, 2.0, 1.0]
+
+
+def _bounds() -> dict[str, tuple[list[float], list[float]]]:
+    """Lowest and highest value of each entry; its length is the entry's."""
+    high: dict[str, list[float]] = {
+        "pose": [_FARTHEST_M, _FARTHEST_M, _FARTHEST_M, math.pi],
+        "pose_covariance": [_FARTHEST_M**2] * 10,
+        "bar_box": _BOX,
+        "ship_box": _BOX,
+        "gimbal": [math.pi] * 3,
+        "attitude": [math.pi] * 2,
+        "heading": [1.0, 1.0],
+        "height": [_HIGHEST_M],
+        "velocity": [_FASTEST_MPS] * 3,
+        "sent": [1.0] * 4,
+    }
+    bounds = {name: ([-value for value in values], values) for name, values in high.items()}
+    for name in ("picture", "pose", "bar_box", "ship_box", "attitude", "heading", "height", "velocity"):
+        bounds[f"{name}_age"] = ([0.0], [OLDEST_S])
+    bounds["flying"] = ([0.0], [1.0])
+    return bounds
+
+
+_BOUNDS = {
+    name: (np.array(low, np.float32), np.array(high, np.float32)) for name, (low, high) in sorted(_bounds().items())
+}
+
+
+def observation_space() -> spaces.Dict:
+    """The space of `Observer.take`; flattened, its entries follow each other in the order of the alphabet."""
+    return spaces.Dict({name: spaces.Box(low, high, dtype=np.float32) for name, (low, high) in _BOUNDS.items()})
+
+
+class Observer:
+    """Keeps the newest of everything and tells its age.
+
+    Args:
+        camera: intrinsics of the pictures; boxes are given in shares of half their width and height.
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        self._half_px = 0.5 * np.array([camera.width_px, camera.height_px])
+        self._newest: dict[str, tuple[float, list[float]]] = {}
+
+    def take(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Arrays:
+        """The arrays of one cycle, as `Pilot.decide` gets it."""
+        now_s, newest = telemetry.t_s, self._newest
+        pose = observation.bar_pose
+        if pose is not None:
+            position_m = pose.position_in_bar_m.tolist()
+            newest["pose"] = observation.t_s, [*position_m, wrap_angle(pose.yaw_rad)]
+            newest["pose_covariance"] = observation.t_s, pose.covariance[_UPPER].tolist()
+        if observation.bar_box is not None:
+            newest["bar_box"] = observation.t_s, self._box(observation.bar_box)
+        if observation.ship_box is not None:
+            newest["ship_box"] = observation.t_s, self._box(observation.ship_box)
+        newest["picture"] = observation.t_s, []
+        newest["gimbal"] = observation.t_s, _angles(observation.gimbal)
+        self._take_telemetry(telemetry)
+        newest["flying"] = now_s, [float(telemetry.flying)]
+        if sent is not None:
+            sticks = (sent.pitch_percent, sent.roll_percent, sent.heave_percent, sent.yaw_percent)
+            newest["sent"] = sent.t_s, [0.01 * percent for percent in sticks]
+        return {name: self._entry(name, now_s) for name in _BOUNDS}
+
+    def _take_telemetry(self, telemetry: Telemetry) -> None:
+        def keep(name: str, t_s: float | None, values: list[float]) -> None:
+            self._newest[name] = telemetry.t_s if t_s is None else t_s, values
+
+        if telemetry.roll_rad is not None and telemetry.pitch_rad is not None:
+            keep("attitude", telemetry.attitude_t_s, [wrap_angle(telemetry.roll_rad), wrap_angle(telemetry.pitch_rad)])
+        if telemetry.heading_rad is not None:
+            north_east = [math.cos(telemetry.heading_rad), math.sin(telemetry.heading_rad)]
+            keep("heading", telemetry.heading_t_s, north_east)
+        if telemetry.height_m is not None:
+            keep("height", telemetry.height_t_s, [telemetry.height_m])
+        if telemetry.velocity_in_level_mps is not None:
+            keep("velocity", telemetry.velocity_t_s, telemetry.velocity_in_level_mps.tolist())
+
+    def _entry(self, name: str, now_s: float) -> npt.NDArray[np.float32]:
+        low, high = _BOUNDS[name]
+        source = name.removesuffix("_age")
+        t_s, values = self._newest.get(source, (-math.inf, [0.0] * len(low)))
+        if source != name:
+            values = [now_s - t_s]
+        clipped: npt.NDArray[np.float32] = np.clip(np.array(values, np.float32), low, high)
+        return clipped
+
+    def _box(self, box: Box) -> list[float]:
+        centre = np.array(box.centre_px) / self._half_px - 1.0
+        size = np.array(box.size_px) / (2.0 * self._half_px)
+        return [*centre.tolist(), *size.tolist(), box.confidence]
+
+
+def _angles(gimbal: GimbalAttitude) -> list[float]:
+    return [wrap_angle(gimbal.roll_rad), wrap_angle(gimbal.pitch_rad), wrap_angle(gimbal.yaw_rad)]
