@@ -1,0 +1,262 @@
+"""The Gymnasium environment: it conforms, repeats, flies the real loop, and its safety stays in it."""
+
+import importlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import shipland
+from shipland.errors import ShiplandError
+from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Observation, PilotCommand, Telemetry
+from shipland.missions.scenarios import load_scenario
+
+gymnasium = pytest.importorskip("gymnasium", reason="the extra rl is not installed")
+env_checker = pytest.importorskip("gymnasium.utils.env_checker", reason="the extra rl is not installed")
+
+from shipland.environments import LANDING  # noqa: E402
+from shipland.environments.landing import LandingEnv  # noqa: E402
+from shipland.environments.observations import OLDEST_S, Observer, observation_space  # noqa: E402
+from shipland.environments.stepped import SteppedFlight  # noqa: E402
+from shipland.guidance.pilots import horizon  # noqa: E402
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+ZERO = np.zeros(4, np.float32)
+LEVEL = GimbalAttitude(0.0, 0.0)
+
+
+def make(**settings):
+    return gymnasium.make(LANDING, **settings)
+
+
+def flown(env, seed, actions):
+    """Observations, rewards and the last info of a flight that ends with its actions or before."""
+    seen, info = env.reset(seed=seed)
+    observations, rewards = [seen], []
+    for action in actions:
+        seen, reward, terminated, truncated, info = env.step(action)
+        observations.append(seen)
+        rewards.append(reward)
+        if terminated or truncated:
+            break
+    return observations, rewards, info
+
+
+def drawn(count):
+    return np.random.default_rng(5).uniform(-1.0, 1.0, (count, 4)).astype(np.float32)
+
+
+@pytest.mark.parametrize("settings", [{}, {"observation": "flat", "action": "residual", "bound": [0.1, 0.1, 0.0, 0.0]}])
+def test_it_conforms_to_gymnasium(settings):
+    env_checker.check_env(make(**settings).unwrapped)
+
+
+@pytest.mark.parametrize("observation", ["dict", "flat"])
+def test_it_conforms_to_stable_baselines(observation):
+    checker = pytest.importorskip("stable_baselines3.common.env_checker", reason="stable-baselines3 is not installed")
+    env = make(observation=observation)
+    checker.check_env(env.unwrapped)
+    env.close()
+
+
+def test_the_same_seed_and_actions_give_the_same_flight_flat_or_not():
+    entries = observation_space()
+    first, second, flat = (flown(make(observation=kind), 4, drawn(60)) for kind in ("dict", "dict", "flat"))
+    other = flown(make(), 5, drawn(60))
+    assert first[1] == second[1] == flat[1] != other[1]
+    for one, same, row in zip(first[0], second[0], flat[0], strict=True):
+        assert one in entries
+        for name, value in gymnasium.spaces.unflatten(entries, row).items():
+            assert np.array_equal(value, one[name])
+            assert np.array_equal(one[name], same[name])
+
+
+def test_flights_after_the_first_are_drawn_from_its_seed():
+    env = make()
+    seeds = [[env.reset(seed=seed)[1]["seed"], env.reset()[1]["seed"], env.reset()[1]["seed"]] for seed in (7, 7, 8)]
+    env.close()
+    assert seeds[0] == seeds[1]
+    assert seeds[0][0] == 7
+    assert len({*seeds[0], *seeds[2]}) == 6
+
+
+FAULTS = {
+    "time_limit_s": 9.0,
+    "fault": [
+        {"kind": "link_loss", "start_s": 2.0, "duration_s": 1.0},
+        {"kind": "pilot_stalls", "start_s": 5.0, "duration_s": 0.7},
+        {"kind": "nan_telemetry", "start_s": 6.5, "duration_s": 0.5},
+    ],
+}
+
+
+def test_a_stepped_flight_is_the_flight_of_the_loop_whatever_fails():
+    scenario = load_scenario("near", **FAULTS)
+    records = shipland.fly(scenario, seed=3).records
+    flight = SteppedFlight(scenario, horizon, "geometric", 3)
+    for record in records:
+        cycle = flight.advance()
+        assert cycle.telemetry.t_s == record.telemetry.t_s
+        assert flight.decide(cycle).command == record.decision.command
+    flight.close()
+    assert len(records) > 200
+
+
+def test_a_zero_residual_lands_as_the_pilot_alone():
+    alone = shipland.fly("near", seed=3)
+    _, rewards, info = flown(make(action="residual"), 3, [ZERO] * 2000)
+    assert len(rewards) == len(alone.records)
+    assert alone.landed
+    assert info["in_square"] is info["is_success"] is info["landed"] is True
+    assert (info["reason"], info["error_m"], info["slip_m"]) == (alone.reason, alone.error_m, alone.verdict.slip_m)
+    # From about 12 m away to the middle of the deck in about 17 s, and 10 for the landing.
+    start_m = np.linalg.norm(alone.records[0].truth.aircraft_in_deck_m)
+    assert sum(rewards) == pytest.approx(10.0 + start_m - 0.05 * info["t_s"], abs=0.5)
+
+
+def test_a_residual_is_bounded_and_sent():
+    residual = np.array([1.0, -1.0, 0.0, 0.0], np.float32)
+    env, alone = make(action="residual", bound=0.1), make(action="residual")
+    both = [flown(each, 3, [action] * 40)[0] for each, action in ((env, residual), (alone, ZERO))]
+    apart = np.array([seen["sent"] - same["sent"] for seen, same in zip(*both, strict=True)])
+    # A pilot answers the first differences late; before, they are the bound.
+    begun = int(np.flatnonzero(np.abs(apart).max(axis=1))[0])
+    assert apart[begun + 1] == pytest.approx([0.1, -0.1, 0.0, 0.0], abs=0.02)
+
+
+def test_sticks_have_the_signs_of_the_project_and_the_safety_stands_behind_them():
+    forward, down = np.array([1.0, 0.0, 0.0, 0.0], np.float32), np.array([0.0, 0.0, -1.0, 0.0], np.float32)
+    env = make()
+    start = flown(env, 3, [ZERO])[2]["aircraft_in_deck_m"]
+    seen, rewards, ahead = flown(env, 3, [forward] * 60)
+    assert ahead["aircraft_in_deck_m"][0] > start[0] + 1.0
+    assert sum(rewards) > 1.0
+    assert seen[-1]["sent"].tolist() == [1.0, 0.0, 0.0, 0.0]
+    _, _, info = flown(env, 3, [down] * 150)
+    env.close()
+    assert "floor" in info["reason"]
+    # The floor is 0.75 m over the deck; 1 m/s brakes within some decimetres.
+    assert -1.2 < info["aircraft_in_deck_m"][2] < -0.3
+
+
+def test_without_sight_only_yaw_and_climb_are_flown():
+    env = make()
+    env.reset(seed=3)
+    pilot = env.unwrapped._pilot
+    pilot.action = np.array([1.0, 1.0, -1.0, 0.5])
+    nothing, seen = Observation(100.0, LEVEL), Observation(100.0, LEVEL, bar_box=Box((640.0, 100.0), (60.0, 20.0), 0.9))
+    blind = pilot.decide(nothing, told(100.0), None).command
+    sees = pilot.decide(seen, told(100.1), None).command
+    env.close()
+    assert (blind.pitch_percent, blind.roll_percent, blind.heave_percent, blind.yaw_percent) == (0.0, 0.0, 0.0, 50.0)
+    assert (sees.pitch_percent, sees.heave_percent, sees.intent) == (100.0, -100.0, Intent.LAND)
+    assert blind.intent is Intent.HOLD
+
+
+def test_the_time_limit_truncates():
+    env = make(overrides={"time_limit_s": 1.0})
+    _, rewards, info = flown(env, 3, [ZERO] * 200)
+    assert 20 < len(rewards) < 40
+    assert "time limit" in info["reason"]
+    assert (info["in_square"], info["landed"]) == (False, False)
+    assert np.isnan(info["error_m"])
+    assert min(rewards) > -1.0  # no penalty
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.unwrapped.step(ZERO)
+
+
+def told(t_s, **values):
+    known = dict.fromkeys(
+        ("roll_rad", "pitch_rad", "heading_rad", "height_m", "velocity_in_level_mps", "battery_percent", "link_percent")
+    )
+    return Telemetry(t_s, **(known | values), flying=True)
+
+
+def test_what_is_missing_has_an_age_and_is_finite(camera):
+    observer, entries = Observer(camera), observation_space()
+    first = observer.take(Observation(9.7, LEVEL, reason="nothing"), told(10.0), None)
+    assert first in entries
+    assert first["picture_age"] == pytest.approx(0.3, abs=1e-6)
+    for name in ("pose", "bar_box", "ship_box", "attitude", "heading", "height", "velocity"):
+        assert first[f"{name}_age"] == OLDEST_S
+        assert not first[name].any()
+    pose = BarPose(np.array([-5.0, 0.5, -1.0]), 7.0, np.diag([1.0, 2.0, 3.0, 4.0]), 0.1, np.zeros((8, 2)))
+    box = Box((639.5, 359.5), (128.0, 72.0), 0.8)
+    velocity = {"velocity_in_level_mps": np.array([1.0, 2.0, 3.0]), "velocity_t_s": 10.9}
+    sent = PilotCommand(10.0, 10.0, -20.0, 30.0, -40.0, 0.0)
+    observer.take(Observation(10.7, LEVEL, bar_pose=pose, ship_box=box), told(11.0, **velocity), sent)
+    later = observer.take(Observation(11.7, LEVEL), told(12.0), sent)
+    assert later in entries
+    assert later["pose"] == pytest.approx([-5.0, 0.5, -1.0, 7.0 - 2.0 * np.pi])
+    assert later["pose_covariance"].tolist() == [1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 3.0, 0.0, 4.0]
+    assert later["pose_age"] == pytest.approx(1.3, abs=1e-6)
+    assert later["ship_box"] == pytest.approx([0.0, 0.0, 0.1, 0.1, 0.8], abs=0.001)  # half a pixel of the middle
+    assert later["velocity"].tolist() == [1.0, 2.0, 3.0]
+    assert later["velocity_age"] == pytest.approx(1.1, abs=1e-6)
+    assert later["sent"] == pytest.approx([0.1, -0.2, 0.3, -0.4])
+    assert observer.take(Observation(90.0, LEVEL), told(90.3), sent)["pose_age"] == OLDEST_S
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"action": "stick"}, "stick.*residual"),
+        ({"observation": "list"}, "list.*flat"),
+        ({"bound": 2.0}, "bound=2.0"),
+        ({"bound": [0.1, 0.2]}, "or four"),
+        ({"vision": "none"}, "none"),
+        ({"action": "residual", "pilot": "nobody"}, "nobody"),
+        ({"scenario": "nowhere"}, "nowhere"),
+        ({"overrides": {"wind": {"mean": 1.0}}}, "mean_mps"),
+        ({"render_mode": "human"}, "human"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(wrong, words):
+    with pytest.raises(ShiplandError, match=words) as found:
+        LandingEnv(**wrong)
+    assert "\n" not in str(found.value)
+
+
+@pytest.fixture
+def example(monkeypatch):
+    """Imports an example, or skips where what it needs is not installed."""
+    monkeypatch.syspath_prepend(EXAMPLES)
+
+    def load(name, *needed):
+        for package in needed:
+            pytest.importorskip(package, reason=f"{package} is not installed")
+        return importlib.import_module(name)
+
+    return load
+
+
+@pytest.fixture
+def short(tmp_path):
+    """A scenario of two seconds."""
+    path = tmp_path / "short.toml"
+    path.write_text("time_limit_s = 2.0\n")
+    return str(path)
+
+
+@pytest.mark.parametrize("algorithm", ["sac", "td3"])
+def test_the_example_with_stable_baselines_runs(example, short, tmp_path, algorithm):
+    train = example("train_sb3", "stable_baselines3")
+    out = tmp_path / "policy.zip"
+    found = train.main(
+        train.Arguments(steps=110, algorithm=algorithm, scenario=short, action="sticks", flights=1, out=out)
+    )
+    assert found == {"agent": 0, "zero action": 0}  # in two seconds nobody is down
+    assert out.is_file()
+
+
+def test_the_example_in_one_file_runs_and_repeats(example, short, tmp_path):
+    train = example("train_td3", "torch")
+    out = tmp_path / "actor.pt"
+    arguments = train.Arguments(steps=130, scenario=short, begin=40, batch=16, out=out)
+    first, second = train.main(arguments), train.main(arguments)
+    assert len(first) == 2
+    assert all("time limit" in info["reason"] for info in first)
+    assert [info["aircraft_in_deck_m"].tolist() for info in first] == [
+        info["aircraft_in_deck_m"].tolist() for info in second
+    ]
+    assert out.is_file()
