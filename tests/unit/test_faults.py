@@ -10,7 +10,7 @@ import pytest
 from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.flight import fly
-from shipland.messages import Intent
+from shipland.messages import Intent, PilotCommand
 from shipland.missions.campaign import Flight, land_once
 from shipland.missions.crew import build_crew, build_vehicle
 from shipland.missions.fault_kinds import Fault, FaultDraw, FaultKind
@@ -19,6 +19,7 @@ from shipland.missions.recovery import recoveries
 from shipland.missions.scenarios import load_scenario
 
 START_S, LONG_S = 2.0, 2.0
+HOVER = PilotCommand(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def flown(kind, length_s=6.0, pilot="horizon", **fault):
@@ -72,6 +73,20 @@ def test_without_pictures_the_pilot_climbs_out_from_above_the_deck():
 @pytest.mark.parametrize("kind", ["wrong_size_frames", "occlusion"])
 def test_pictures_without_content_give_no_pose(kind):
     assert all(it.observation.bar_pose is None for it in during(flown(kind)[0]))
+
+
+def test_a_spoiled_clock_does_not_let_hours_pass():
+    scenario = load_scenario("rig-natops", fault=[{"kind": "spoiled_values", "start_s": 0.0, "duration_s": 9.0}])
+    vehicle = build_vehicle(scenario, 3, None)
+    faulty, _ = with_faults(scenario, vehicle, build_crew(scenario, vehicle, "horizon", "geometric", 3), 3)
+    faulty.open()
+    _, telemetry = faulty.read()
+    true_s = faulty.now_s
+    assert faulty.telemetry_at(telemetry.t_s + 1e6).t_s is not None
+    faulty.send(replace(HOVER, t_s=telemetry.t_s + 1e6))
+    assert faulty.now_s - true_s < 0.1
+    assert faulty.read() is not None
+    assert faulty.now_s - true_s < 1.0
 
 
 def test_a_frozen_picture_is_recognised():

@@ -22,6 +22,8 @@ from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import LONGEST_WAIT_S
 from shipland.vision.vision import Vision
 
+_LONGEST_ASKED_S = 1.0
+"""Time that one call lets pass at most. By a clock that was spoiled the loop may ask for hours: the world has not leapt."""
 _HELD = 60
 """Pictures kept for one that comes late: two seconds."""
 _BLOCK_PX = 32
@@ -55,7 +57,7 @@ class FaultyVehicle:
 
     def __init__(self, vehicle: SimulatedVehicle, faults: tuple[Fault, ...], rng: np.random.Generator) -> None:
         self._vehicle, self._faults, self.rng = vehicle, faults, rng
-        self.now_s = 0.0
+        self.now_s = self._told_s = 0.0
         """The vehicle's time, not spoiled [s]."""
         self.spoiler = Spoiler(rng)
         self._held: deque[Frame] = deque(maxlen=_HELD)
@@ -111,7 +113,7 @@ class FaultyVehicle:
 
     def telemetry_at(self, t_s: float) -> Telemetry:
         """See `Vehicle`; a process that stands still asks later."""
-        telemetry = self._vehicle.telemetry_at(t_s + self._stall_s(FaultKind.PROCESS_STALL))
+        telemetry = self._vehicle.telemetry_at(self._own_time(t_s) + self._stall_s(FaultKind.PROCESS_STALL))
         self.now_s = telemetry.t_s
         self._weaken()
         return self._telemetry(telemetry)
@@ -122,7 +124,14 @@ class FaultyVehicle:
         if stall_s > 0.0:
             self.now_s = self._vehicle.telemetry_at(self.now_s + stall_s).t_s
         if self.now(FaultKind.LINK_LOSS) is None:
-            self._vehicle.send(command)
+            self._vehicle.send(replace(command, t_s=self._own_time(command.t_s)))
+
+    def _own_time(self, t_s: float) -> float:
+        """A time of the loop, which knows the vehicle's clock from spoiled telemetry, by that clock as it is."""
+        passed_s = t_s - self._told_s
+        if passed_s <= _LONGEST_ASKED_S and self._told_s == self.now_s:
+            return t_s
+        return self.now_s + passed_s if 0.0 <= passed_s <= _LONGEST_ASKED_S else self.now_s
 
     def spoiled(self, value: Any) -> Any:  # noqa: ANN401 - a message of any type
         """A message as it is, or with spoiled values."""
@@ -177,6 +186,11 @@ class FaultyVehicle:
         return replace(frame, image=image)
 
     def _telemetry(self, telemetry: Telemetry) -> Telemetry:
+        given = self._altered(telemetry)
+        self._told_s = given.t_s
+        return given
+
+    def _altered(self, telemetry: Telemetry) -> Telemetry:
         last = self._last
         if last is not None and (self.now(FaultKind.STALE_TELEMETRY) or self.now(FaultKind.LINK_LOSS)):
             return replace(last, t_s=telemetry.t_s)
