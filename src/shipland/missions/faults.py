@@ -23,7 +23,7 @@ from shipland.vehicles.vehicle import LONGEST_WAIT_S
 from shipland.vision.vision import Vision
 
 _LONGEST_ASKED_S = 1.0
-"""Time that one call lets pass at most. By a clock that was spoiled the loop may ask for hours: the world has not leapt."""
+"""Time that one call lets pass at most: by a spoiled clock the loop may ask for hours, and the world has not leapt."""
 _HELD = 60
 """Pictures kept for one that comes late: two seconds."""
 _BLOCK_PX = 32
