@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import logging
+import math
 from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -18,6 +19,9 @@ from shipland.vehicles.vehicle import Vehicle, Witness
 from shipland.vision.vision import Vision, see_or_degrade
 
 _log = logging.getLogger(__name__)
+
+_LEAP_S = 10.0
+"""Time between two cycles beyond which, or before which, a vehicle's clock has leapt."""
 
 
 class Stage(enum.Enum):
@@ -166,18 +170,22 @@ def fly(
     Returns:
         How it ended.
     """
-    result, first_s = FlightResult(), None
+    result, first_s = FlightResult(), math.nan
     with closing(cycles(vehicle, crew, clock)) as flight:
         for cycle in flight:
             decided_s = clock()
             on_cycle(cycle.record)
+            passed_s, t_s = cycle.telemetry.t_s - result.t_s, cycle.telemetry.t_s
+            if result.cycles == 0:
+                first_s = cycle.frame.t_s if abs(t_s - cycle.frame.t_s) <= _LEAP_S else t_s
+            elif not 0.0 <= passed_s <= _LEAP_S:
+                first_s += passed_s  # the clock has leapt, and no time has passed
             result.cycles += 1
-            result.t_s = cycle.telemetry.t_s
+            result.t_s = t_s
             for stage, cost_s in cycle.cost_s.items():
                 result.cost_s[stage] += cost_s
             result.cost_s[Stage.RECORD] += clock() - decided_s
-            first_s = cycle.frame.t_s if first_s is None else first_s
-            if cycle.telemetry.t_s - first_s >= time_limit_s:
+            if t_s - first_s >= time_limit_s:
                 result.reason = f"time limit of {time_limit_s:g} s"
                 return result
     if isinstance(vehicle, Ending) and vehicle.end_reason:

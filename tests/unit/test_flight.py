@@ -139,6 +139,22 @@ def test_time_limit_counts_from_the_first_frame(start_s):
     assert vehicle.closed
 
 
+class Leaping(Recorded):
+    """Its clock is wrong by a million seconds in the first frames."""
+
+    def read(self):
+        frame, telemetry = super().read()
+        if frame.t_s < 0.1:
+            telemetry = replace(telemetry, t_s=telemetry.t_s + 1e6)
+        return frame, telemetry
+
+
+def test_time_limit_holds_though_the_clock_leaps():
+    result = fly(Leaping(1000), crew(), 2.0, lambda: 0.0, lambda _: None)
+    assert result.reason == "time limit of 2 s"
+    assert result.cycles < 150
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
 def test_vehicle_is_closed_when_the_loop_is_broken_off(error):
     vehicle = Recorded(10)
