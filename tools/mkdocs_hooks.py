@@ -19,15 +19,17 @@ CONFIGS = ROOT / "src" / "shipland" / "configs"
 NO_BREAK_SPACE = "\u00a0"
 FILE = re.compile(r"<!-- file ([\w/]+\.(\w+)) -->")
 HELP = re.compile(r"<!-- help of ([\w -]+) -->")
+COLUMNS = re.compile(r"<!-- columns of (\w+) -->")
 TABLES = re.compile(r"<!-- tables of (\w+\.toml) -->")
 SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:  # noqa: ANN401 - MkDocs passes its own objects by name
-    """Puts in what a page asks for: `<!-- tables of F.toml -->`, `<!-- help of fly -->`, `<!-- file PATH -->`."""
+    """Puts in what a page asks for: the comments that `FILE`, `HELP`, `COLUMNS` and `TABLES` match."""
     markdown = FILE.sub(lambda match: f"```{match[2]}\n{(ROOT / match[1]).read_text(encoding='utf-8')}```", markdown)
     markdown = HELP.sub(lambda match: f"```text\n{help_of(match[1])}\n```", markdown)
+    markdown = COLUMNS.sub(lambda match: column_table(match[1]), markdown)
     return TABLES.sub(lambda match: configuration_tables((CONFIGS / match[1]).read_text(encoding="utf-8")), markdown)
 
 
@@ -37,6 +39,29 @@ def help_of(command: str) -> str:
     words = [sys.executable, "-m", "shipland.cli", *command.split(), "--help"]
     done = subprocess.run(words, capture_output=True, text=True, check=True, env=environment)
     return "\n".join(line.rstrip() for line in done.stdout.splitlines()).strip()
+
+
+def column_table(what: str) -> str:
+    """Markdown: column, unit and meaning of `landings` (rows of campaigns) or `flight` (rows of the log)."""
+    from shipland.messages import FlightRecord
+    from shipland.missions.landing import COLUMNS, Conditions, Landing, Phases
+    from shipland.record.columns import Derived
+    from shipland.record.descriptions import descriptions, unit_of
+    from shipland.record.rows import json_schema
+
+    if what == "landings":
+        said = descriptions(Landing) | descriptions(Phases) | descriptions(Conditions)
+        meanings = {name: said[name] for name in COLUMNS}
+    else:
+        rows = {"": FlightRecord, "derived_": Derived}
+        schemas = {prefix: json_schema(cls, "")["properties"] for prefix, cls in rows.items()}
+        meanings = {
+            f"{prefix}{name}": column["description"]
+            for prefix, columns in schemas.items()
+            for name, column in columns.items()
+        }
+    lines = [f"| `{name}` | {unit_of(name)} | {meaning.rstrip('.')} |" for name, meaning in meanings.items()]
+    return "\n".join(["| column | unit | meaning |", "|---|---|---|", *lines])
 
 
 def on_page_content(content: str, **_: Any) -> str:  # noqa: ANN401

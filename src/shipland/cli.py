@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import sys
 from typing import Annotated, Any, Protocol, Union
@@ -63,16 +64,24 @@ def name_of(command: type[Command]) -> str:
     return "".join(f"-{letter.lower()}" if letter.isupper() else letter for letter in command.__name__).lstrip("-")
 
 
+def subcommand(command: type[Command], *, brief: bool) -> Any:  # noqa: ANN401 - tyro reads annotations of any form
+    """What tyro makes a subcommand of; `brief` shows the first sentence of its help alone."""
+    text = inspect.cleandoc(command.__doc__ or "").partition("\n\n")[0] if brief else None
+    return Annotated[command, tyro.conf.subcommand(name_of(command), description=text)]
+
+
 def main() -> None:
     """Entry point. An error prints one line, exit 2; after Ctrl-C or SIGTERM the files are complete, exit 130."""
     # Matrices here are small: threads of their own would only spin. Before NumPy is imported; workers inherit it.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    subcommands: Any = tuple(Annotated[it, tyro.conf.subcommand(name_of(it))] for it in COMMANDS)
+    brief = not any(word in map(name_of, COMMANDS) for word in sys.argv[1:2])  # the list of all commands
+    subcommands: Any = tuple(subcommand(it, brief=brief) for it in COMMANDS)
     any_command: Any = Union[subcommands]  # noqa: UP007 - made at run time
     command: Command = tyro.cli(
         any_command,
         prog="shipland",
-        description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.",
+        description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.\n\n"
+        "`shipland COMMAND --help` tells of one command with an example. A first flight: shipland fly --out out/first",
     )
     from shipland.missions.stopping import sigterm_interrupts
 

@@ -22,7 +22,13 @@ def _check_shape(owner: str, name: str, value: npt.NDArray[np.generic], shape: t
 
 @dataclass(frozen=True)
 class GimbalAttitude:
-    """Attitude of the camera mount against the aircraft's `level` frame [rad]; pitch is positive upward."""
+    """Attitude of the camera mount against the aircraft's `level` frame.
+
+    Attributes:
+        roll_rad: right side down positive.
+        pitch_rad: upward positive.
+        yaw_rad: clockwise from above positive.
+    """
 
     roll_rad: float
     pitch_rad: float
@@ -87,7 +93,13 @@ class Telemetry:
 
 @dataclass(frozen=True)
 class Box:
-    """A detector's axis-aligned box: centre (column, row) and size (width, height) [px], confidence 0 … 1."""
+    """A detector's axis-aligned box.
+
+    Attributes:
+        centre_px: column, row.
+        size_px: width, height.
+        confidence: 0 … 1.
+    """
 
     centre_px: tuple[float, float]
     size_px: tuple[float, float]
@@ -246,7 +258,7 @@ class GroundTruth:
     Attributes:
         t_s: time [s].
         ned_from_body: the aircraft.
-        velocity_in_ned_mps: (3,).
+        velocity_in_ned_mps: (3,) of the aircraft, over ground.
         ned_from_ship: ship's position and course, without deck motion.
         ned_from_deck: the deck with all motions.
         ned_from_bar: the bar (level).

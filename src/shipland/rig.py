@@ -64,7 +64,7 @@ class Target:
     Attributes:
         quad: the quadrilaterals.
         made_to: root-mean-square error of the corners against the stated dimensions, as a share of the cue's
-            diagonal. The default is that of the rig's bar; a file without it gets that of hand-cut tape.
+            diagonal. The default is that of the rig's bar; a file without it gets that of tape cut by hand.
     """
 
     quad: tuple[Quad, ...]

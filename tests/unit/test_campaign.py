@@ -166,6 +166,9 @@ def test_tables_count_right():
     assert "a perfect aircraft would have landed 2 of the 2" in summary_of(landings)
     assert landings_table(landings).count("\n| ") == 3
     assert "nan" not in landings_table(landings)
+    beside = replace(missed, landed=False, reason="came down beside the deck", cause="came down beside the deck")
+    assert "| came down beside the deck |" in landings_table([beside])
+    assert "| landed outside; own error |" in landings_table(landings)
     assert causes_table(landings).count("\n| ") == 2
     assert "| 1 land | 8.0 | 8.0 |" in modes_table(landings)
     rules = rules_table(landings, default_rig())

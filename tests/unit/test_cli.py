@@ -37,6 +37,26 @@ def test_help_teaches(command):
     assert len(done.stdout) > 200
 
 
+def test_the_list_of_commands_fits_two_screens_and_each_command_tells_all():
+    every, fly = shipland("--help").stdout, shipland("fly", "--help").stdout
+    assert len(every.splitlines()) < 60
+    assert "Fly one landing" in every and "Example:" not in every
+    assert len([line for line in fly.splitlines() if line.startswith("Example: ")]) == 2
+    assert "Exit code: 0 landed" in fly
+
+
+def test_of_many_landings_the_terminal_shows_the_sums(tmp_path):
+    code = "from shipland.commands import campaign; campaign._ROWS_SHOWN = 1; from shipland.cli import main; main()"
+    words = ["campaign", "--set", "time_limit_s=1", "--count", "2", "--workers", "1", "--out", str(tmp_path / "out")]
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=120)
+    assert done.stdout.startswith("0 of 2 landed in the square")
+    assert "| seed |" in (tmp_path / "out" / "table.md").read_text()
+    assert "out: pilot horizon, 2 landings" in done.stderr
+    compared = shipland("compare", tmp_path, tmp_path)
+    assert compared.returncode == 2
+    assert f"give one of {tmp_path / 'out'}" in compared.stderr
+
+
 def test_version_and_scenarios():
     assert shipland("version").stdout.strip()
     assert "near" in shipland("scenarios").stdout

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from shipland.cli import COMMANDS, name_of
+from shipland.missions.landing import COLUMNS
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -94,6 +95,17 @@ def test_files_that_pages_show_are_there():
     assert all((ROOT / name).is_file() for name in shown)
     page = hooks.on_page_markdown("<!-- file examples/own_pilot.py -->")
     assert page.startswith("```py\n") and page.endswith("\n```")
+
+
+def test_the_columns_of_files_are_shown_with_unit_and_meaning():
+    hooks, page = load(ROOT / "tools" / "mkdocs_hooks.py"), ROOT / "docs" / "outputs.md"
+    assert hooks.COLUMNS.findall(page.read_text(encoding="utf-8")) == ["flight", "landings"]
+    landings = hooks.column_table("landings").splitlines()
+    assert re.findall(r"^\| `(\w+)` \|", "\n".join(landings), flags=re.MULTILINE) == COLUMNS
+    assert "| `wind_off_bow_deg` | ° | the same clockwise from the bow at the start, within ±180 |" in landings
+    assert "| `force_n` | N | largest contact force |" in landings
+    flight = hooks.column_table("flight")
+    assert "| `decision_command_roll_percent` | % |" in flight and "| `derived_truth_in_pad_m` | m |" in flight
 
 
 def test_configuration_tables_by_hand():

@@ -30,7 +30,7 @@ from shipland.messages import (
     PilotCommand,
     TouchdownVerdict,
 )
-from shipland.record.columns import FlightColumns, derive
+from shipland.record.columns import Derived, FlightColumns, derive
 from shipland.record.info import FlightInfo, LogHeader, config_digest
 from shipland.record.reader import read_log
 from shipland.record.rows import from_row, json_schema, to_row
@@ -113,6 +113,21 @@ def test_columns_of_numbers_carry_their_unit():
     }
     # A rotation and a confidence have no unit; the covariance has four, said in BarPose.
     assert all(name.endswith(("_rotation", "_confidence", "_covariance")) for name in without), without
+
+
+@pytest.mark.parametrize("cls", [FlightRecord, TouchdownVerdict, Derived, LogHeader])
+def test_every_column_says_what_it_means(cls):
+    columns = json_schema(cls, "row")["properties"]
+    assert not [name for name, what in columns.items() if len(what.get("description", "")) < 3]
+
+
+def test_a_nested_column_says_whose_it_is():
+    columns = json_schema(FlightRecord, "row")["properties"]
+    said = {name: what["description"] for name, what in columns.items()}
+    assert said["telemetry_roll_rad"] == said["telemetry_pitch_rad"] == "attitude of `body` against `level`"
+    assert said["truth_ned_from_deck_translation_m"].startswith("the deck with all motions: (3,), the child's origin")
+    # of several lines in the docstring
+    assert said["telemetry_velocity_t_s"].endswith("on the vehicle's clock [s]; None means `t_s`")
 
 
 def test_numbers_that_json_lacks_become_nan():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,10 +22,13 @@ class Campaign(ScenarioOptions):
     """Fly many seeds of one scenario and sum them up; what was flown before is kept and not flown again.
 
     Leaves landings.csv, campaign.json, table.md and landings.png in the output folder. Several values
-    (`--set wind.mean_mps=0,3,6`) or several pilots (`--pilot paper,offset_free`) make one campaign each, in a folder
-    of its own, and sweep.md and sweep.png with all side by side.
+    (`--set wind.mean_mps=0,3,6`) or several pilots (`--pilot paper,horizon`) make one campaign each, in a folder
+    of its own, and sweep.md and sweep.png with all side by side. Exit code: 0 all landed in the square, 1 not, 2 bad
+    input, 130 stopped by Ctrl-C; the same command goes on.
 
     Example: shipland campaign --scenario near --count 20 --out out/near20
+
+    Example: shipland campaign --scenario near --set wind.mean_mps=0,3,6 --pilot paper,horizon --out out/wind
     """
 
     pilot: str = "horizon"
@@ -71,6 +75,9 @@ class Campaign(ScenarioOptions):
 _PROGRESS_S = 10.0
 """Between two lines of progress where there is no terminal."""
 
+_ROWS_SHOWN = 20
+"""Landings that are shown one by one; of more, the sums alone: table.md has every row."""
+
 
 def _fly(plan: CampaignPlan) -> list[Landing]:
     from contextlib import closing
@@ -80,10 +87,11 @@ def _fly(plan: CampaignPlan) -> list[Landing]:
 
     from shipland.missions.campaign import run_campaign
     from shipland.missions.rules import rules_table
-    from shipland.missions.tables import landings_table
+    from shipland.missions.tables import landings_table, summary_of
     from shipland.report.campaign import write_campaign
 
-    console = Console(stderr=True, highlight=False)
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print(f"{plan.out}: pilot {plan.pilot}, {len(plan.seeds)} landings")
     landings: list[Landing] = []
     columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     said_s = time.monotonic()
@@ -98,7 +106,8 @@ def _fly(plan: CampaignPlan) -> list[Landing]:
                     said_s = time.monotonic()
                     console.print(f"{len(landings)} of {len(plan.seeds)} flown, {good} in the square")
     write_campaign(plan, landings)
-    print(f"{landings_table(landings)}\n\n{rules_table(landings, plan.scenario.rig)}")
+    rows = landings_table(landings) if len(landings) <= _ROWS_SHOWN else summary_of(landings)
+    print(f"{rows}\n\n{rules_table(landings, plan.scenario.rig)}")
     console.print(f"{plan.out}: landings.csv, campaign.json, table.md, landings.png")
     return landings
 
@@ -113,3 +122,4 @@ def _write_sweep(command: Campaign, done: list[tuple[Cell, list[Landing]]]) -> N
     title = f"{command.scenario}, vision {command.vision}, {command.count} landings each"
     plot_sweep(command.out / "sweep.png", done, title, load_outputs().plots)
     print(f"\n{text}")
+    print(f"{command.out}: sweep.md, sweep.png, and a folder for each of {len(done)} campaigns", file=sys.stderr)

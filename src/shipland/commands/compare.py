@@ -15,7 +15,7 @@ class Compare:
 
     Prints McNemar's exact test and a paired bootstrap of the difference of the median errors.
 
-    Example: shipland compare out/campaign/paper out/campaign/offset_free
+    Example: shipland compare out/campaign/paper out/campaign/horizon
     """
 
     first: Annotated[Path, tyro.conf.Positional]

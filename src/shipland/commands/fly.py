@@ -30,6 +30,7 @@ class Fly(ScenarioOptions):
     command. In flight, in a terminal: h holds, c climbs out, r gives the vehicle back to the pilot.
 
     Example: shipland fly --scenario near --seed 7 --out out/seven
+
     Example: shipland fly --vehicle "mavlink://udp:127.0.0.1:14550?camera=rtsp://192.168.1.5/live"
         --calibration camera.yaml --pilot horizon
     """
@@ -64,7 +65,7 @@ class Fly(ScenarioOptions):
         from shipland.missions.crew import response_of
         from shipland.missions.outside import Keys, identified
 
-        console = Console(stderr=True, highlight=False)
+        console = Console(stderr=True, highlight=False, soft_wrap=True)
         scenario, vehicle = self.load(), None
         response = None
         if self.vehicle is None and self.vehicle_config is not None:
@@ -104,6 +105,7 @@ class Fly(ScenarioOptions):
         vehicle = make_vehicle(address, scenario, self.calibration, self.vehicle_config, self.out / "link.tlog")
         if not isinstance(vehicle, Real):
             return vehicle
+        console.print(f"connecting to {address}", markup=False)
         vehicle.connect()
         try:
             time.sleep(_LISTENING_S)

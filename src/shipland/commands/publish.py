@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +41,7 @@ class Publish(ScenarioOptions):
         vehicle = make_vehicle(self.vehicle, scenario, self.calibration, self.vehicle_config)
         if not isinstance(vehicle, MavlinkVehicle):
             raise ConfigError(f"--vehicle {self.vehicle}: only a mavlink:// vehicle takes these messages")
+        print(f"connecting to {self.vehicle}", file=sys.stderr, flush=True)
         vehicle.connect()
         try:
             vision = NearVision(scenario.rig.target, vehicle.camera, scenario.vision)

@@ -173,7 +173,9 @@ def read_campaign(folder: Path) -> list[Landing]:
     """The landings in a campaign's folder; DataError when there are none or the table is broken."""
     path = folder / "landings.csv"
     if not path.is_file():
-        raise DataError(f"{folder} holds no campaign: {path} does not exist")
+        within = ", ".join(str(each.parent) for each in sorted(folder.glob("*/landings.csv")))
+        hint = f"; give one of {within}" if within else ""
+        raise DataError(f"{folder} holds no campaign: {path} does not exist{hint}")
     return list(_read_done(path).values())
 
 

@@ -129,6 +129,7 @@ class Landing:
         over_slew_percent: the most that such a step was beyond the slew bound.
         recovery_s: longest time from the first clear sight of the bar after a fault until the pilot's place was true
             again; infinite where it never was; None where no fault can be judged so.
+        error_m: distance of the touchdown point from the deck's centre.
         reason: the verdict in words.
         phases: how the flight went before.
         conditions: those drawn for it.
@@ -166,7 +167,6 @@ class Landing:
     over_slew_percent: float = NAN
     recovery_s: float | None = None
     error_m: float = field(init=False)
-    """Distance of the touchdown point from the deck's centre."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "error_m", round(math.hypot(self.forward_m, self.starboard_m), _DIGITS))

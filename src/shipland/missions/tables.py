@@ -36,7 +36,7 @@ def landings_table(landings: Sequence[Landing]) -> str:
         perfect = {True: "yes", False: "no", None: ""}[it.perfect_in_square]
         places = f"{it.error_m:.3f} | {it.forward_m:.3f} | {it.starboard_m:.3f} | {own_m:.3f} | {deck_m:.3f}"
         rest = f"{it.sink_mps:.3f} | {it.slide_mps:.3f} | {it.slip_m:.3f} | {it.tilt_deg:.1f} | {it.time_s:.1f}"
-        words = it.reason if it.good or not it.touched else f"{it.reason}; {it.cause}"
+        words = it.reason if it.cause in ("", it.reason) else f"{it.reason}; {it.cause}"
         lines.append(f"| {it.seed} | {places} | {perfect} | {rest} | {words} |")
     return "\n".join([*lines, "", summary_of(landings)]).replace("nan", "")
 

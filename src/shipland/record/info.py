@@ -53,7 +53,14 @@ class FlightInfo:
 
 @dataclass(frozen=True)
 class LogHeader:
-    """First message of a log: with it the log alone is enough to remake every picture and figure."""
+    """First message of a log: with it the log alone is enough to remake every picture and figure.
+
+    Attributes:
+        format_version: `FORMAT_VERSION` of the code that wrote it.
+        info: which flight.
+        rig: ship platform, deck and cue.
+        camera: intrinsics.
+    """
 
     format_version: int
     info: FlightInfo

@@ -22,6 +22,7 @@ import numpy as np
 
 from shipland.config import build
 from shipland.errors import DataError
+from shipland.record.descriptions import descriptions
 
 T = TypeVar("T")
 Row = dict[str, Any]
@@ -43,6 +44,7 @@ class _Part:
     field: str
     kind: Any
     optional: bool
+    meaning: str
     parts: tuple[_Part, ...] = ()
 
 
@@ -71,10 +73,10 @@ def from_row(cls: type[T], row: Row) -> T:
 
 
 def json_schema(cls: type, title: str) -> Row:
-    """JSON Schema of the rows of dataclass `cls`."""
+    """JSON Schema of the rows of dataclass `cls`; a column's description is what the docstrings say of the field."""
     properties: Row = {}
     for part in _parts(cls, ""):
-        _describe(properties, part)
+        _describe(properties, part, "")
     return {"title": title, "type": "object", "properties": properties}
 
 
@@ -84,7 +86,7 @@ def _parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401 - mypy h
 
 @functools.cache
 def _cached_parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401
-    hints = typing.get_type_hints(cls)
+    hints, meanings = typing.get_type_hints(cls), descriptions(cls)
     parts = []
     for field in dataclasses.fields(cls):
         hint, optional = hints[field.name], False
@@ -96,7 +98,7 @@ def _cached_parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401
         if _is_picture(hint):
             hint = _PICTURE
         children = _parts(hint, f"{column}_") if dataclasses.is_dataclass(hint) else ()
-        parts.append(_Part(column, field.name, hint, optional, children))
+        parts.append(_Part(column, field.name, hint, optional, meanings.get(field.name, ""), children))
     return tuple(parts)
 
 
@@ -179,14 +181,16 @@ def _columns(part: _Part) -> list[str]:
     return [] if part.kind is _PICTURE else [part.column]
 
 
-def _describe(properties: Row, part: _Part) -> None:
+def _describe(properties: Row, part: _Part, owner: str) -> None:
+    meaning = ": ".join(text.rstrip(".") for text in (owner, part.meaning) if text)
     for child in part.parts:
-        _describe(properties, child)
+        _describe(properties, child, meaning)
     if part.parts or part.kind is _PICTURE:
         return
     if (isinstance(part.kind, type) and issubclass(part.kind, enum.Enum)) or _item(part) is not None:
-        properties[part.column] = {"type": "string"}
+        schema: Row = {"type": "string"}
     elif typing.get_origin(part.kind) in (np.ndarray, tuple):
-        properties[part.column] = {"type": "array", "items": {"type": "number"}}
+        schema = {"type": "array", "items": {"type": "number"}}
     else:
-        properties[part.column] = {"type": _JSON_TYPES[part.kind]}
+        schema = {"type": _JSON_TYPES[part.kind]}
+    properties[part.column] = schema | ({"description": meaning} if meaning else {})
