@@ -91,7 +91,6 @@ def _fly(plan: CampaignPlan) -> list[Landing]:
     from shipland.report.campaign import write_campaign
 
     console = Console(stderr=True, highlight=False, soft_wrap=True)
-    console.print(f"{plan.out}: pilot {plan.pilot}, {len(plan.seeds)} landings")
     landings: list[Landing] = []
     columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     said_s = time.monotonic()
@@ -99,6 +98,8 @@ def _fly(plan: CampaignPlan) -> list[Landing]:
         task = progress.add_task("landings", total=len(plan.seeds))
         with closing(run_campaign(plan)) as flown:
             for landing in flown:
+                if not landings:
+                    console.print(f"{plan.out}: pilot {plan.pilot}, {len(plan.seeds)} landings")
                 landings.append(landing)
                 good = sum(each.good for each in landings)
                 progress.update(task, advance=1, description=f"{good} of {len(landings)} in the square")
