@@ -31,6 +31,7 @@ from shipland.messages import (
     TouchdownVerdict,
 )
 from shipland.record.columns import Derived, FlightColumns, derive
+from shipland.record.foxglove_scene import nanoseconds, timestamp
 from shipland.record.info import FlightInfo, LogHeader, config_digest
 from shipland.record.reader import read_log
 from shipland.record.rows import from_row, json_schema, to_row
@@ -452,3 +453,9 @@ def test_an_own_cue_survives_the_header():
     again = from_row(LogHeader, json.loads(json.dumps(to_row(header))))
     assert again.rig == own
     assert again.info == header.info
+
+
+@pytest.mark.parametrize("t_s", [-5.0, 1e12, 1e300])
+def test_a_time_beyond_the_format_is_written_as_its_bound(t_s):
+    stamp = timestamp(nanoseconds(t_s))
+    assert (stamp.sec, stamp.nsec) == ((0, 0) if t_s < 0.0 else (2**32 - 1, 999_999_999))

@@ -37,9 +37,13 @@ _BLUE = Color(r=0.34, g=0.71, b=0.91, a=1.0)
 _THIN_M = 0.02
 
 
+_MOST_NS = 2**32 * 1_000_000_000 - 1
+"""Seconds are 32 bits wide; a clock that leaps may say more."""
+
+
 def nanoseconds(t_s: float) -> int:
-    """A vehicle time as the log counts it: whole nanoseconds, never negative."""
-    return max(0, round(t_s * 1e9))
+    """A vehicle time as the log counts it: whole nanoseconds, never negative, at most what the format holds."""
+    return max(0, min(round(min(t_s, 2.0**32) * 1e9), _MOST_NS))
 
 
 def timestamp(time_ns: int) -> Timestamp:
