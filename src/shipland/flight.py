@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import enum
 import logging
-import math
 from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -19,9 +18,6 @@ from shipland.vehicles.vehicle import Vehicle, Witness
 from shipland.vision.vision import Vision, see_or_degrade
 
 _log = logging.getLogger(__name__)
-
-_LEAP_S = 10.0
-"""Time between two cycles beyond which, or before which, a vehicle's clock has leapt."""
 
 
 class Stage(enum.Enum):
@@ -46,6 +42,8 @@ class Crew:
 @dataclass(frozen=True)
 class Cycle:
     """One cycle of the loop, after its command was sent.
+
+    Its times are the flight's: the vehicle's until its clock leaps, and then they go on as before.
 
     Attributes:
         frame: the picture, and when it was exposed; without an image and at the last exposure where none came.
@@ -76,7 +74,7 @@ class FlightResult:
     Attributes:
         reason: why it ended, in words.
         cycles: how many were flown.
-        t_s: vehicle time at the end [s].
+        t_s: time of the flight at the end [s].
         cost_s: time spent in each stage, by the clock that was passed in [s].
     """
 
@@ -133,7 +131,7 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
                 before = seen
             seen_s = clock()
             ready_s = now_s + crew.delays.processing_s(observation, seen_s - read_s)
-            telemetry = vehicle.telemetry_at(ready_s)
+            telemetry = vehicle.telemetry_at(border.vehicle_s(ready_s))
             border = border.at_decision(telemetry.t_s, ready_s)
             telemetry, refused = border.telemetry(telemetry)
             decision = decide_or_degrade(crew, observation, telemetry, sent)
@@ -141,8 +139,8 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
             if refused:
                 decision = replace(decision, reason=f"{decision.reason}; {refused}")
             sent = decision.command
-            vehicle.send(sent)
-            truth = witness.truth_at(frame.t_s) if witness is not None else None
+            vehicle.send(replace(sent, t_s=border.vehicle_s(sent.t_s)))
+            truth = witness.truth_at(border.vehicle_s(frame.t_s)) if witness is not None else None
             decided_s = clock()
             cost_s = {Stage.READ: read_s - started_s, Stage.SEE: seen_s - read_s, Stage.DECIDE: decided_s - seen_s}
             yield Cycle(frame, telemetry, observation, decision, truth, cost_s)
@@ -170,22 +168,18 @@ def fly(
     Returns:
         How it ended.
     """
-    result, first_s = FlightResult(), math.nan
+    result, first_s = FlightResult(), None
     with closing(cycles(vehicle, crew, clock)) as flight:
         for cycle in flight:
             decided_s = clock()
             on_cycle(cycle.record)
-            passed_s, t_s = cycle.telemetry.t_s - result.t_s, cycle.telemetry.t_s
-            if result.cycles == 0:
-                first_s = cycle.frame.t_s if abs(t_s - cycle.frame.t_s) <= _LEAP_S else t_s
-            elif not 0.0 <= passed_s <= _LEAP_S:
-                first_s += passed_s  # the clock has leapt, and no time has passed
+            first_s = cycle.frame.t_s if first_s is None else first_s
             result.cycles += 1
-            result.t_s = t_s
+            result.t_s = cycle.telemetry.t_s
             for stage, cost_s in cycle.cost_s.items():
                 result.cost_s[stage] += cost_s
             result.cost_s[Stage.RECORD] += clock() - decided_s
-            if t_s - first_s >= time_limit_s:
+            if result.t_s - first_s >= time_limit_s:
                 result.reason = f"time limit of {time_limit_s:g} s"
                 return result
     if isinstance(vehicle, Ending) and vehicle.end_reason:

@@ -78,8 +78,27 @@ def test_a_time_that_leaps_alone_is_refused_and_a_clock_that_goes_on_from_there_
     assert once.at_receipt(FRAME, value).now_s == 10.0  # the same number twice is no clock
     if math.isfinite(value):
         moved = once.at_receipt(replace(FRAME, t_s=value - 0.2), value + 0.1)
-        assert moved.now_s == value + 0.1
-        assert moved.frame(replace(FRAME, t_s=value - 0.1))[2] == ""
+        assert moved.vehicle_s(moved.now_s) == pytest.approx(value + 0.1)
+        moved, frame, refused = moved.frame(replace(FRAME, t_s=value + 0.1))
+        assert (frame.t_s, refused) == (pytest.approx(moved.now_s), "")
+
+
+@pytest.mark.parametrize("leap_s", [-9.0, 1e5, 1.7e9])
+def test_a_leap_takes_no_time_of_the_flight_and_a_clock_that_comes_back_is_believed(leap_s):
+    border = AT_10_S
+    for t_s in (10.1, 10.2, 10.3):
+        border = border.at_receipt(replace(FRAME, t_s=t_s + leap_s - 0.1), t_s + leap_s)
+    assert border.now_s == pytest.approx(10.2)  # of the first, refused, nobody knew yet
+    told, refused = border.telemetry(replace(TELEMETRY, t_s=10.3 + leap_s, heading_t_s=10.25 + leap_s))
+    assert (told.t_s, told.heading_t_s, refused) == (border.now_s, pytest.approx(10.15), "")
+    for t_s in (10.4, 10.5):
+        border = border.at_receipt(replace(FRAME, t_s=t_s - 0.1), t_s)
+    assert (border.now_s, border.leapt_s) == (10.5, 0.0)
+
+
+def test_a_vehicle_that_was_silent_has_flown_on():
+    border = AT_10_S.at_receipt(replace(FRAME, t_s=29.9), 30.0).at_receipt(replace(FRAME, t_s=30.0), 30.1)
+    assert (border.now_s, border.leapt_s) == (30.1, 0.0)
 
 
 def test_a_picture_from_the_past_or_the_future_is_not_looked_at():

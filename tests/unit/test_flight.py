@@ -150,9 +150,12 @@ class Leaping(Recorded):
 
 
 def test_time_limit_holds_though_the_clock_leaps():
-    result = fly(Leaping(1000), crew(), 2.0, lambda: 0.0, lambda _: None)
+    rows = []
+    result = fly(Leaping(1000), crew(), 2.0, lambda: 0.0, rows.append)
     assert result.reason == "time limit of 2 s"
     assert result.cycles < 150
+    steps_s = np.diff([row.telemetry.t_s for row in rows])
+    assert np.min(steps_s) >= 0.0 and np.max(steps_s) < 1.0
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])

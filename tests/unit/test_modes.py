@@ -131,10 +131,3 @@ def test_no_two_modes_flicker_within_a_second(stretches):
             memory, now_s = after, now_s + STEP_S
     for (first_s, a, _), (second_s, _, c) in itertools.pairwise(changes):
         assert not (a is c and second_s - first_s < PARAMETERS.dwell_s - 1e-9)
-
-
-def test_a_clock_that_is_set_back_does_not_hold_a_mode():
-    memory, _ = run(ModeMemory(), 1e6, 2.0, ship=True)
-    memory, now_s = run(memory, 0.0, PARAMETERS.dwell_s + 1.0, bar=True)
-    assert memory.since_s <= now_s
-    assert memory.mode is Mode.TRACK_BAR

@@ -14,7 +14,6 @@ from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.pilots import horizon, paper
 from shipland.guidance.response import ANAFI_LIKE
-from shipland.guidance.search import search
 from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Mode, Observation, Telemetry
 from shipland.rig import default_rig, packaged_table
 
@@ -261,7 +260,3 @@ def test_time_may_start_anywhere(start_s, build_pilot, off_percent):
     at_zero = sticks(0.0)
     assert np.ptp(at_zero, axis=0).min() > 0.0
     np.testing.assert_allclose(sticks(start_s), at_zero, atol=off_percent)
-
-
-def test_a_search_that_has_yet_to_begin_holds():
-    assert search(-5.0, PARAMETERS.search) == search(0.0, PARAMETERS.search)

@@ -1,7 +1,8 @@
 """The border of the loop: what comes from vehicle and vision is finite, plausible and in order of time, or refused.
 
 Refusing never stops a flight: a value becomes None, a picture an observation without content, a time the last good
-one, and the reason says so. What is within range and wrong is for filters and gates behind this border.
+one, and the reason says so. What is within range and wrong is for filters and gates behind this border. Behind it runs
+the flight's time: the vehicle's, less what its clock has leapt. It never goes back, and on by a minute at most.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from shipland.messages import BarPose, Box, Frame, GimbalAttitude, Observation, 
 _LEVEL = GimbalAttitude(0.0, 0.0)
 _LEAP_S = 5.0
 """A clock that goes further between two readings has leapt; a picture older than this is not flown on."""
+_SILENCE_S = 60.0
+"""A clock that goes on from later than this, or from before, has leapt; up to this the vehicle was silent so long."""
 _AHEAD_S = 0.1
 """Nothing was true later than it was received, but for rounding and clocks a little apart."""
 _FARTHEST_M = 200.0
@@ -31,16 +34,22 @@ class Border:
     """State of the border between cycles.
 
     Attributes:
-        now_s: the last good time; None before the first.
-        exposure_s: the newest exposure that was admitted.
+        now_s: the last good time of the flight; None before the first.
+        exposure_s: the newest exposure that was admitted, by the same time.
         gimbal: its camera attitude.
-        suspect_s: a time that was refused last: a clock that goes on from there has really leapt.
+        leapt_s: the vehicle's clock is ahead of the flight's time by this much.
+        suspect_s: a time of the vehicle that was refused last: a clock that goes on from there has really leapt.
     """
 
     now_s: float | None = None
     exposure_s: float = -math.inf
     gimbal: GimbalAttitude = _LEVEL
+    leapt_s: float = 0.0
     suspect_s: float | None = None
+
+    def vehicle_s(self, t_s: float) -> float:
+        """A time of the flight by the vehicle's clock."""
+        return t_s + self.leapt_s
 
     def at_receipt(self, frame: Frame | None, t_s: float) -> Border:
         """After the receipt of a frame, or of telemetry without one, at `t_s` by the vehicle's clock."""
@@ -48,23 +57,38 @@ class Border:
         fits_frame = math.isfinite(t_s) and (not math.isfinite(exposed_s) or abs(t_s - exposed_s) <= 2.0 * _LEAP_S)
         if self.now_s is None:
             return replace(self, now_s=t_s) if fits_frame and math.isfinite(exposed_s) else self
-        if math.isfinite(t_s) and 0.0 <= t_s - self.now_s <= _LEAP_S:
-            return Border(t_s, self.exposure_s, self.gimbal)
+        if math.isfinite(t_s) and 0.0 <= t_s - self.leapt_s - self.now_s <= _LEAP_S:
+            return replace(self, now_s=t_s - self.leapt_s, suspect_s=None)
         if self.suspect_s is not None and fits_frame and 0.0 < t_s - self.suspect_s <= _LEAP_S:
-            return Border(now_s=t_s, gimbal=self.gimbal)
+            return self._leapt(self.now_s, t_s, self.suspect_s)
         return replace(self, suspect_s=t_s if math.isfinite(t_s) else self.suspect_s)
+
+    def _leapt(self, now_s: float, t_s: float, suspect_s: float) -> Border:
+        """After the vehicle's clock went on from a time that was refused: silent, come back from a leap, or leapt.
+
+        A leap takes no time of the flight.
+        """
+        known = (leapt_s for leapt_s in (self.leapt_s, 0.0) if 0.0 <= t_s - leapt_s - now_s <= _SILENCE_S)
+        leapt_s = max(known, default=suspect_s - now_s)
+        return replace(self, now_s=t_s - leapt_s, leapt_s=leapt_s, suspect_s=None)
 
     def at_decision(self, t_s: float, asked_s: float) -> Border:
         """When the command is decided, at `t_s` by the vehicle's clock; `asked_s` [s] where that is no good time."""
-        good = math.isfinite(t_s) and self.now_s is not None and 0.0 <= t_s - self.now_s <= 2.0 * _LEAP_S
-        return Border(t_s if good else asked_s, self.exposure_s, self.gimbal, self.suspect_s)
+        told_s = t_s - self.leapt_s
+        good = math.isfinite(told_s) and self.now_s is not None and 0.0 <= told_s - self.now_s <= 2.0 * _LEAP_S
+        return replace(self, now_s=told_s if good else asked_s)
 
     def frame(self, frame: Frame | None) -> tuple[Border, Frame, str]:
-        """The frame, and why it is not looked at; empty when it is. Of a refused one time and gimbal are the last's."""
+        """The frame at the flight's time, and why it is not looked at; empty when it is.
+
+        Of a refused one time and gimbal are the last's.
+        """
         now_s = 0.0 if self.now_s is None else self.now_s
         last_s = self.exposure_s if math.isfinite(self.exposure_s) else now_s
         if frame is None:
             return self, Frame(last_s, None, self.gimbal), "no picture"
+        if self.leapt_s:
+            frame = replace(frame, t_s=frame.t_s - self.leapt_s)
         reason = ""
         if not math.isfinite(frame.t_s) or frame.t_s > now_s + _AHEAD_S:
             reason = "exposure time refused"
@@ -75,7 +99,7 @@ class Border:
         elif not _plausible_gimbal(frame.gimbal):
             reason = "gimbal attitude refused"
         if not reason:
-            return Border(self.now_s, frame.t_s, frame.gimbal, self.suspect_s), frame, ""
+            return replace(self, exposure_s=frame.t_s, gimbal=frame.gimbal), frame, ""
         return self, replace(frame, t_s=last_s, gimbal=self.gimbal), reason
 
     def observation(self, observation: Observation, frame: Frame, camera: Camera) -> Observation:
@@ -105,8 +129,10 @@ class Border:
         return replace(observation, bar_pose=pose, bar_box=bar, ship_box=ship, reason=reason)
 
     def telemetry(self, telemetry: Telemetry) -> tuple[Telemetry, str]:
-        """The telemetry at the border's time, None for what is refused, and what that is."""
+        """The telemetry at the flight's time, None for what is refused, and what that is."""
         now_s = telemetry.t_s if self.now_s is None else self.now_s
+        if self.leapt_s:
+            telemetry = _earlier(telemetry, self.leapt_s)
         parts = {
             "roll": (telemetry.roll_rad, telemetry.attitude_t_s, _WIDEST_RAD),
             "pitch": (telemetry.pitch_rad, telemetry.attitude_t_s, _WIDEST_RAD),
@@ -151,6 +177,17 @@ def without_repeated(observation: Observation, before: Observation | None) -> Ob
     if pose is None or last is None or not np.array_equal(pose.corners_px, last.corners_px):
         return observation
     return replace(observation, bar_pose=None, reason="picture repeated: the stream stands still")
+
+
+def _earlier(telemetry: Telemetry, leapt_s: float) -> Telemetry:
+    return replace(
+        telemetry,
+        t_s=telemetry.t_s - leapt_s,
+        attitude_t_s=None if telemetry.attitude_t_s is None else telemetry.attitude_t_s - leapt_s,
+        heading_t_s=None if telemetry.heading_t_s is None else telemetry.heading_t_s - leapt_s,
+        height_t_s=None if telemetry.height_t_s is None else telemetry.height_t_s - leapt_s,
+        velocity_t_s=None if telemetry.velocity_t_s is None else telemetry.velocity_t_s - leapt_s,
+    )
 
 
 def _timely(t_s: float | None, now_s: float) -> bool:

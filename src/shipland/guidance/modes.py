@@ -108,10 +108,9 @@ def next_mode(situation: Situation, memory: ModeMemory, parameters: ModeParamete
     """The mode for this cycle, with the reason for the last change in words."""
     now_s, seen = situation.now_s, situation.observation
     held = situation.landing_condition == ""
-    since_s = min(memory.condition_since_s, now_s) if memory.condition_since_s is not None else now_s
+    since_s = memory.condition_since_s if memory.condition_since_s is not None else now_s
     memory = replace(
         memory,
-        since_s=min(memory.since_s, now_s),  # a clock that was set back
         corners=memory.corners.update(seen.bar_pose is not None, now_s, parameters.lost_s),
         bar=memory.bar.update(seen.bar_box is not None, now_s, parameters.lost_box_s),
         ship=memory.ship.update(seen.ship_box is not None, now_s, parameters.lost_box_s),

@@ -37,11 +37,8 @@ class SearchParameters:
 
 
 def search(searching_s: float, parameters: SearchParameters, side: float = 1.0) -> tuple[Sticks, float]:
-    """The sticks and the camera pitch [rad] after `searching_s` of search; a negative `side` turns to the left.
-
-    A negative time, of a clock that was set back, counts as none.
-    """
-    hold, searching_s = Sticks(0.0, 0.0, 0.0, 0.0), max(searching_s, 0.0)
+    """The sticks and the camera pitch [rad] after `searching_s` of search; a negative `side` turns to the left."""
+    hold = Sticks(0.0, 0.0, 0.0, 0.0)
     pitches_rad = [math.radians(pitch_deg) for pitch_deg in parameters.camera_pitch_deg]
     turning_s = searching_s - parameters.look_s * len(pitches_rad)
     if turning_s < 0.0:

@@ -319,7 +319,7 @@ def largest_steps(records: Sequence[FlightRecord], slew_percent_per_s: float) ->
     commands = [record.decision.command for record in records]
     sticks = np.array([[it.pitch_percent, it.roll_percent, it.heave_percent, it.yaw_percent] for it in commands])
     steps = np.max(np.abs(np.diff(sticks, axis=0)), axis=1)
-    allowed = slew_percent_per_s * np.maximum(np.diff([command.t_s for command in commands]), 0.0)
+    allowed = slew_percent_per_s * np.diff([command.t_s for command in commands])
     return float(np.max(steps)), max(0.0, float(np.max(steps - allowed)))
 
 
