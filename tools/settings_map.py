@@ -1,7 +1,7 @@
 """Draw where a pilot lands over MaxTilt, wind, the ship's way and what a stick means.
 
     shipland bench run settings --pilot paper --runs 5 --workers 2 --out out/settings
-    python tools/settings_map.py out/settings --picture out/settings/map.png
+    python tools/settings_map.py --results out/settings --picture out/settings/map.png
 
 Prints the shares by inner loop and wind; each number in the picture is of the flights of one cell.
 """
@@ -53,7 +53,7 @@ def main(results: Path, picture: Path = Path("out/settings-map.png")) -> None:
                     square, deck = (sum(bool(row[key]) for row in rows) for key in ("in_square", "landed"))
                     share[y, x] = square / len(rows)
                     axis.text(x, y, f"{square} ({deck})", ha="center", va="center", fontsize=7)
-            axis.imshow(share, vmin=0.0, vmax=1.0, cmap="RdYlGn", origin="lower", aspect="auto")
+            axis.imshow(share, vmin=0.0, vmax=1.2, cmap="YlGn", origin="lower", aspect="auto")
             axis.set_xticks(range(len(winds)), [f"{wind:g}" for wind in winds])
             axis.set_yticks(range(len(tilts)), [f"{tilt:g}" for tilt in tilts])
             if line == 0:
