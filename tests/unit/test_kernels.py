@@ -14,10 +14,10 @@ from shipland.estimation.relative_state import (
     Disturbances,
     Model,
     Motion,
-    Swing,
     discretised,
     dynamics,
 )
+from shipland.estimation.swing import Swing
 
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02, 0.1)
 MOTION, SWING_OF_SHIP = Motion(0.06, 0.4), Swing(0.12, 1.8, 0.1)

@@ -1,45 +1,48 @@
-"""The bank of swings: a still bar stays still, a heaving one is found with its frequency."""
-
-import math
+"""The swing: its size, its band, and how it spreads over the axes of a ship."""
 
 import numpy as np
 import pytest
 
-from shipland.config import build
-from shipland.estimation.swing import SwingBank, SwingParameters
-from shipland.rig import packaged_table
+from shipland.estimation.relative_state import STATES, SWING, Disturbances, Model, Motion, Spread
+from shipland.estimation.swing import Swing
 
-PARAMETERS = build(SwingParameters, packaged_table("guidance")["horizon"]["swing"])
-BANK = SwingBank(PARAMETERS)
-
-
-def _believed(heave_at, seconds=20.0, seed=0):
-    """The hypothesis after a hover under a heaving bar; the aircraft strays by itself, and says how fast."""
-    rng, down_m, drift = np.random.default_rng(seed), -1.5, 0.0
-    belief = BANK.start(0.0, down_m - heave_at(0.0))
-    for k in range(1, round(30 * seconds)):
-        drift += (-drift / 0.7) / 30.0 + 0.05 * rng.standard_normal() * math.sqrt(2.0 / 0.7 / 30.0)
-        down_m += drift / 30.0
-        belief = BANK.seen(belief, k / 30.0, 0.0, down_m - heave_at(k / 30.0) + 0.003 * rng.standard_normal(), 1e-5)
-        if k % 6 == 0:
-            belief = BANK.told(belief, drift + 0.02 * rng.standard_normal(), 0.05)
-    return BANK.hypotheses[belief.chosen]
+SHIP = Swing(0.12, 2.0, 0.2)
+NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02, 0.0)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_still_bar_is_believed_still(seed):
-    assert _believed(lambda _: 0.0, seed=seed).deviation_m == PARAMETERS.still_m
+def _density(swing, frequency_rad_s):
+    """Power spectral density of the swing, but for a constant."""
+    answer = np.linalg.solve(1j * frequency_rad_s * np.eye(4) - swing.matrix, np.sqrt(np.diag(swing.noise)))
+    return float(np.sum(np.abs(answer[0]) ** 2))
 
 
-@pytest.mark.parametrize(("amplitude_m", "frequency_rad_s"), [(0.15, 1.0), (0.2, 1.8), (0.12, 2.4)])
-def test_a_heaving_bar_is_found(amplitude_m, frequency_rad_s):
-    found = _believed(lambda t: amplitude_m * math.sin(frequency_rad_s * t))
-    assert found.deviation_m >= 0.05
-    assert found.frequency_rad_s == pytest.approx(frequency_rad_s, rel=0.35)
+def test_its_deviation_is_what_it_says_and_lasts():
+    assert SHIP.spread[0, 0] == pytest.approx(0.12**2)
+    rest = SHIP.matrix @ SHIP.spread + SHIP.spread @ SHIP.matrix.T + np.diag(SHIP.noise)
+    np.testing.assert_allclose(rest, 0.0, atol=1e-12)
 
 
-def test_what_is_not_finite_changes_nothing():
-    belief = BANK.start(0.0, -1.5)
-    assert BANK.seen(belief, 0.1, 0.0, math.nan, 1e-4) is belief
-    assert BANK.seen(belief, 0.1, math.inf, -1.5, 1e-4) is belief
-    assert BANK.told(belief, math.nan, 0.05) is belief
+def test_it_lies_in_a_band_and_has_neither_long_waves_nor_ripples():
+    peak = max(_density(SHIP, f) for f in np.linspace(1.4, 2.8, 29))
+    assert _density(SHIP, 0.2) < 0.01 * peak
+    assert _density(SHIP, 6.0) < 0.001 * peak
+    assert _density(SHIP, 40.0) / _density(SHIP, 20.0) == pytest.approx(2.0**-6, rel=0.05)
+
+
+@pytest.mark.parametrize(("carries_bar", "aimed"), [(True, 0.7), (False, 0.0)])
+def test_only_a_bar_that_swings_is_followed_and_not_all_the_way(carries_bar, aimed):
+    assert Swing(0.12, 2.0, 0.2, carries_bar, 0.7).aimed == aimed
+
+
+@pytest.mark.parametrize("along_rad", [0.0, 0.7])
+def test_a_ship_sways_more_than_it_surges_whatever_its_heading(along_rad):
+    model = Model(2, Motion(0.06, 0.4), NOISE, SHIP, Spread(0.25, 1.0, along_rad))
+    belief = model.start(0.0, np.zeros(2), np.eye(2), 0.5)
+    ahead, aside = np.zeros((2, len(belief.mean)))
+    ahead[[SWING, STATES + SWING]] = np.cos(along_rad), np.sin(along_rad)
+    aside[[SWING, STATES + SWING]] = -np.sin(along_rad), np.cos(along_rad)
+    for _ in range(3):
+        assert ahead @ belief.covariance @ ahead == pytest.approx((0.25 * 0.12) ** 2)
+        assert aside @ belief.covariance @ aside == pytest.approx(0.12**2)
+        assert ahead @ belief.covariance @ aside == pytest.approx(0.0, abs=1e-12)
+        belief = model.predicted(belief, 700, np.zeros(2))

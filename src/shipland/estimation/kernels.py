@@ -245,11 +245,11 @@ def bank_seen(
     """All hypotheses of a `SwingBank` through a step and a picture's height, which is height less swing.
 
     Args:
-        mean: (k,4) height, drift, swing and its rate.
-        covariance: (k,4,4).
+        mean: (k,n) height, drift, swing, and what else moves.
+        covariance: (k,n,n).
         score: (k,) log-likelihoods, faded already.
-        transition: (k,4,4) of the step.
-        noise: (k,4,4) likewise.
+        transition: (k,n,n) of the step.
+        noise: (k,n,n) likewise.
         moved_m: downward way by the sticks.
         down_m: the height in the picture.
         variance: of its error [m²].
@@ -262,10 +262,10 @@ def bank_seen(
         crossed = p[:, 0] - p[:, 2]
         spread = crossed[0] - crossed[2] + variance
         innovation = down_m - (x[0] - x[2])
-        for i in range(4):
+        for i in range(mean.shape[1]):
             gain = crossed[i] / spread
             mean_after[h, i] = x[i] + gain * innovation
-            for j in range(4):
+            for j in range(mean.shape[1]):
                 covariance_after[h, i, j] = p[i, j] - gain * crossed[j]
         score_after[h] = score[h] - 0.5 * (min(innovation**2 / spread, 25.0) + math.log(spread))
     return mean_after, covariance_after, score_after

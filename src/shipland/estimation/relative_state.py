@@ -15,17 +15,19 @@ The states of an axis, in the order of the indices below:
 | `REFERENCE` | the vehicle's own velocity less `SPEED`: the ship's way, optical flow's bias; slow | m/s |
 | `SWING` | of the deck, and on a ship of the bar, about its mean place | m |
 | `SWING_RATE` | its rate | m/s |
+| | and the two of the waves that drive it (`Swing`) | |
 
 With u the input, k the drag and T the lag: ṗ = v; v̇ = a + g + s − k v; ȧ = (U − a)/T, where U = u for a vehicle whose
-sticks mean a tilt, and U = κ (u − v − c) for one that tracks a velocity over its own reference. The swing is a damped
-resonator. The last state of all, the latency δ, is shared by the axes: by how much pictures are older than they say; a
-picture of a bar that the ship carries shows p − o − (v − ȯ) δ, and one of a bar that stands still p − v δ.
+sticks mean a tilt, and U = κ (u − v − c) for one that tracks a velocity over its own reference. The last state of all,
+the latency δ, is shared by the axes: by how much pictures are older than they say; a picture of a bar that the ship
+carries shows p − o − (v − ȯ) δ, and one of a bar that stands still p − v δ.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import expm
@@ -33,10 +35,11 @@ from scipy.linalg import expm
 from shipland.compiled import compiled
 from shipland.config import require
 from shipland.estimation.kernels import corrected, spread_after
+from shipland.estimation.swing import SWING_STATES, Swing
 from shipland.frames import Array
 
 PLACE, SPEED, THRUST, GUST, PUSH, REFERENCE, SWING, SWING_RATE = range(8)
-STATES = 8
+STATES = SWING + SWING_STATES
 """Of one axis."""
 
 
@@ -97,35 +100,12 @@ class Disturbances:
 
 
 @dataclass(frozen=True)
-class Swing:
-    """The deck's own oscillation, as a damped resonator driven by noise.
-
-    Attributes:
-        deviation_m: standard deviation.
-        frequency_rad_s: natural frequency.
-        damping: ratio.
-        carries_bar: on a ship the bar swings with the deck; on a motion base it stands still, and the deck's swing
-            shows in nothing but the optical flow over it.
-    """
-
-    deviation_m: float
-    frequency_rad_s: float
-    damping: float
-    carries_bar: bool = True
-
-    @property
-    def shown(self) -> float:
-        """Share of the swing that the bar has: 1 or 0."""
-        return float(self.carries_bar)
-
-
-@dataclass(frozen=True)
 class Belief:
     """The state of all axes and its covariance at one time.
 
     Attributes:
         t_s: the time that it holds for.
-        mean: (8 × axes + 1,) axis by axis, then the latency.
+        mean: (10 × axes + 1,) axis by axis, then the latency.
         covariance: square of that size.
     """
 
@@ -144,7 +124,7 @@ class Belief:
 
 
 def dynamics(motion: Motion, noise: Disturbances, swing: Swing) -> tuple[Array, Array, Array]:
-    """Continuous time, one axis: matrix (8,8), input matrix (8, inputs), noise densities (8,)."""
+    """Continuous time, one axis: matrix (10,10), input matrix (10, inputs), noise densities (10,)."""
     a, b, q = np.zeros((STATES, STATES)), np.zeros((STATES, motion.inputs)), np.zeros(STATES)
     a[PLACE, SPEED] = 1.0
     a[SPEED, [SPEED, THRUST, GUST, PUSH]] = -motion.drag_per_s, 1.0, 1.0, 1.0
@@ -160,10 +140,7 @@ def dynamics(motion: Motion, noise: Disturbances, swing: Swing) -> tuple[Array, 
     for state, deviation, time_s in (*slow, (REFERENCE, noise.reference_mps, noise.reference_time_s)):
         a[state, state] -= 1.0 / time_s
         q[state] = 2.0 * deviation**2 / time_s
-    w, z = swing.frequency_rad_s, swing.damping
-    a[SWING, SWING_RATE] = 1.0
-    a[SWING_RATE, [SWING, SWING_RATE]] = -w * w, -2.0 * z * w
-    q[SWING_RATE] = 4.0 * z * w**3 * swing.deviation_m**2
+    a[SWING:, SWING:], q[SWING:] = swing.matrix, swing.noise
     q[SPEED] = noise.speed_noise
     return a, b, q
 
@@ -188,6 +165,27 @@ def discretised(a: Array, b: Array, q: Array, step_s: float) -> tuple[Array, Arr
     return moved[:n, :n], moved[:n, n:], 0.5 * (covariance + covariance.T)
 
 
+@dataclass(frozen=True)
+class Spread:
+    """How a swing spreads over the axes of the ship, as shares of the heave that it was judged by.
+
+    Attributes:
+        along, across: of the ship: surge and sway.
+        along_rad: direction of the ship's axis in the axes of the flight.
+    """
+
+    along: float
+    across: float
+    along_rad: float = 0.0
+
+    @property
+    def shape(self) -> Array:
+        """(2,2) squared shares, in the axes of the flight."""
+        ahead = np.array([math.cos(self.along_rad), math.sin(self.along_rad)])
+        aside = np.array([-ahead[1], ahead[0]])
+        return self.along**2 * np.outer(ahead, ahead) + self.across**2 * np.outer(aside, aside)
+
+
 class Model:
     """Steps of any length over one or more equal axes; matrices are kept, by whole milliseconds.
 
@@ -196,11 +194,14 @@ class Model:
         motion: of the vehicle.
         noise: what is not known.
         swing: of the bar.
+        spread: of the swing over two axes; None where it is alike on every axis.
     """
 
-    def __init__(self, axes: int, motion: Motion, noise: Disturbances, swing: Swing) -> None:
-        self.axes, self.motion, self.noise, self.swing = axes, motion, noise, swing
-        self._continuous = dynamics(motion, noise, swing)
+    def __init__(
+        self, axes: int, motion: Motion, noise: Disturbances, swing: Swing, spread: Spread | None = None
+    ) -> None:
+        self.axes, self.motion, self.noise, self.swing, self.spread = axes, motion, noise, swing, spread
+        self._shape = np.eye(axes) if spread is None else spread.shape
         self._steps: dict[int, tuple[Array, Array, Array]] = {}
 
     def step(self, step_ms: int) -> tuple[Array, Array, Array]:
@@ -211,46 +212,55 @@ class Model:
         return found
 
     def _solved(self, step_ms: int) -> tuple[Array, Array, Array]:
-        longest_ms = 1 << (step_ms.bit_length() - 1)
-        if longest_ms < step_ms:  # of two steps: far cheaper than matrix exponentials
-            transition, inputs, noise = self.step(longest_ms)
-            then, then_inputs, then_noise = self.step(step_ms - longest_ms)
-            return then @ transition, then @ inputs + then_inputs, spread_after(then, noise, then_noise)
-        one, push, noise = discretised(*self._continuous, 1e-3 * step_ms)
+        one, push, noise, swing_noise = _axis_step(self.motion, self.noise, self.swing, step_ms)
         size = STATES * self.axes + 1
         transition, covariance = np.eye(size), np.zeros((size, size))
         inputs = np.zeros((size, self.axes * self.motion.inputs))
         for axis in range(self.axes):
-            rows = slice(STATES * axis, STATES * (axis + 1))
+            rows = _rows(axis)
             transition[rows, rows], covariance[rows, rows], inputs[rows, axis :: self.axes] = one, noise, push
+            for other in range(self.axes):
+                covariance[rows, _rows(other)] += self._shape[axis, other] * swing_noise
         covariance[-1, -1] = (self.noise.latency_s * 0.02) ** 2 * 1e-3 * step_ms
         return transition, inputs, covariance
 
+    def _swing_spread(self) -> Array:
+        """(n,n) covariance of the swing while nothing is known of it; zero for all else."""
+        size = STATES * self.axes + 1
+        covariance = np.zeros((size, size))
+        for axis in range(self.axes):
+            for other in range(self.axes):
+                covariance[_swing(axis), _swing(other)] = self._shape[axis, other] * self.swing.spread
+        return covariance
+
     def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float) -> Belief:
         """A belief from a first place (axes,) with its covariance (axes, axes), and a spread of the speed."""
-        noise, swing, n = self.noise, self.swing, STATES * self.axes + 1
-        swing_rate = swing.deviation_m * swing.frequency_rad_s
+        noise, n = self.noise, STATES * self.axes + 1
         spreads = [0.0, speed_mps, 0.5, noise.gust_mps2, noise.push_mps2, noise.reference_mps]
-        deviation = np.array([*[*spreads, swing.deviation_m, swing_rate] * self.axes, noise.latency_s])
-        mean, covariance = np.zeros(n), np.diag(deviation**2)
+        deviation = np.array([*[*spreads, *[0.0] * (STATES - SWING)] * self.axes, noise.latency_s])
+        mean, covariance = np.zeros(n), np.diag(deviation**2) + self._swing_spread()
         mean[PLACE:-1:STATES] = place_m
         places = np.arange(PLACE, n - 1, STATES)
         covariance[np.ix_(places, places)] = covariance_m2
         return Belief(t_s, mean, covariance)
 
     def adopted(self, belief: Belief, before: Swing) -> Belief:
-        """A belief of a model with the swing `before`: the offset from the bar is kept, the swing is learned anew."""
+        """A belief of a model with the swing `before`.
+
+        Where the bar swings by both the belief is kept. Else the offset from the bar is kept, and the swing is learned
+        anew.
+        """
+        if before.carries_bar and self.swing.carries_bar:
+            return belief
         n = len(belief.mean)
-        fresh, forget, share = np.zeros(n), np.eye(n), np.eye(n)
+        forget, share = np.eye(n), np.eye(n)
         for axis in range(self.axes):
             first = STATES * axis
             forget[first + PLACE, first + SWING] = forget[first + SPEED, first + SWING_RATE] = -before.shown
-            forget[first + SWING, first + SWING] = forget[first + SWING_RATE, first + SWING_RATE] = 0.0
+            forget[_swing(axis), _swing(axis)] = 0.0
             # The bar's mean place is as uncertain as its swing, and in step with it: their difference is what is seen.
             share[first + PLACE, first + SWING] = share[first + SPEED, first + SWING_RATE] = self.swing.shown
-            fresh[first + SWING] = self.swing.deviation_m
-            fresh[first + SWING_RATE] = self.swing.deviation_m * self.swing.frequency_rad_s
-        spread = share @ (forget @ belief.covariance @ forget.T + np.diag(fresh**2)) @ share.T
+        spread = share @ (forget @ belief.covariance @ forget.T + self._swing_spread()) @ share.T
         return Belief(belief.t_s, forget @ belief.mean, spread)
 
     def predicted(self, belief: Belief, step_ms: int, given: Array) -> Belief:
@@ -276,6 +286,32 @@ class Model:
                 is a mixture of its two states.
         """
         return _velocity(belief.mean, self.axes, over_ship, settle_s, self.swing.frequency_rad_s)
+
+
+@lru_cache(maxsize=4096)
+def _axis_step(motion: Motion, noise: Disturbances, swing: Swing, step_ms: int) -> tuple[Array, Array, Array, Array]:
+    """Of one axis over whole milliseconds: transition, inputs, noise but for the swing's, and the swing's."""
+    longest_ms = 1 << (step_ms.bit_length() - 1)
+    if longest_ms < step_ms:  # of two steps: far cheaper than matrix exponentials
+        first, push, rest, swung = _axis_step(motion, noise, swing, longest_ms)
+        then, then_push, then_rest, then_swung = _axis_step(motion, noise, swing, step_ms - longest_ms)
+        spread = spread_after(then, rest, then_rest), spread_after(then, swung, then_swung)
+        return then @ first, then @ push + then_push, *spread
+    a, b, q = dynamics(motion, noise, swing)
+    swing_q = np.zeros(STATES)
+    swing_q[SWING:] = q[SWING:]
+    transition, push, swung = discretised(a, b, swing_q, 1e-3 * step_ms)
+    return transition, push, discretised(a, b, q - swing_q, 1e-3 * step_ms)[2], swung
+
+
+def _rows(axis: int) -> slice:
+    """The states of an axis."""
+    return slice(STATES * axis, STATES * (axis + 1))
+
+
+def _swing(axis: int) -> slice:
+    """The swing's states of an axis."""
+    return slice(STATES * axis + SWING, STATES * (axis + 1))
 
 
 @compiled

@@ -1,159 +1,92 @@
-"""Whether the bar swings, how far and how fast: a bank of hypotheses on its heave.
+"""The swing of a deck, and of a bar that a ship carries, about its mean place: a resonator that waves drive.
 
-A ship carries its bar. Downward the aircraft does what its climb sticks say and little else, so that what pictures
-show beyond that is the bar's heave. Each hypothesis is a small Kalman filter of height, drift and a resonator; all
-move at once as arrays. They are weighted by the likelihood of their innovations, with a fading memory.
+Waves are no white noise: what they push with swings itself, within a band. With o the swing and d the waves' own
+
+    ö + 2 ζ ω₁ ȯ + ω₁² o = ḋ,    d̈ + 2 ζ ω₂ ḋ + ω₂² d = white noise,
+
+the spectrum of o vanishes with ω towards long waves and with ω⁻⁶ towards short ones, as that of a hull's heave and
+sway does. ω₁ and ω₂ lie either side of the frequency that the swing is named by.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import expm
+from scipy.linalg import expm, solve_continuous_lyapunov
 
-from shipland.config import require
-from shipland.estimation.kernels import bank_seen
-from shipland.estimation.relative_state import Swing
 from shipland.frames import Array
 
+SWING_STATES = 4
+"""The swing, its rate, the waves' own resonator, its rate."""
+_OWN, _WAVES = 0.8, 1.3
+"""ω₁ and ω₂ over the frequency: fitted to sway and heave of the frigate in sea states 5 and 6."""
+
 
 @dataclass(frozen=True)
-class SwingParameters:
-    """`[guidance.horizon.swing]`.
+class Swing:
+    """The deck's own oscillation.
 
     Attributes:
-        still_m: deviation of a bar that does not move, as the hypothesis has it.
-        deck: the swing of a deck below such a bar.
-        deviations_m, frequencies_rad_s: of the hypotheses that it does, each with each.
-        damping: of every resonator.
-        memory_s: over which innovations count.
-        lead: log-likelihood by which a hypothesis must lead to be taken.
-        drift_mps, drift_time_s: of the height, other than by the sticks.
-        jitter_m: least standard deviation of a picture's height.
+        deviation_m: standard deviation.
+        frequency_rad_s: of the middle of its band.
+        damping: ratio, of both resonators.
+        carries_bar: on a ship the bar swings with the deck; on a motion base it stands still, and the deck's swing
+            shows in nothing but the optical flow over it.
+        followed: share of the bar's swing that the aircraft follows: the bar stands above the deck, and a ship that
+            rolls moves it farther.
     """
 
-    still_m: float
-    deck: Swing
-    deviations_m: tuple[float, ...]
-    frequencies_rad_s: tuple[float, ...]
+    deviation_m: float
+    frequency_rad_s: float
     damping: float
-    memory_s: float
-    lead: float
-    drift_mps: float
-    drift_time_s: float
-    jitter_m: float
-
-    def __post_init__(self) -> None:
-        require(
-            len(self.deviations_m) * len(self.frequencies_rad_s) > 0, "at least one hypothesis of a swing is needed"
-        )
+    carries_bar: bool = True
+    followed: float = 1.0
 
     @property
-    def believed(self) -> tuple[Swing, ...]:
-        """What the relative state takes for the deck's swing under each hypothesis."""
-        return (self.deck, *self.hypotheses[1:])
+    def shown(self) -> float:
+        """Share of the swing that the bar has: 1 or 0."""
+        return float(self.carries_bar)
 
     @property
-    def hypotheses(self) -> tuple[Swing, ...]:
-        """The bar's heave: at rest, and every swing."""
-        moving = [Swing(d, f, self.damping) for f in self.frequencies_rad_s for d in self.deviations_m]
-        return (Swing(self.still_m, 1.8, self.damping), *moving)
+    def aimed(self) -> float:
+        """Share of the swing that the point to land on has."""
+        return self.followed if self.carries_bar else 0.0
+
+    @property
+    def matrix(self) -> Array:
+        """(4,4) of its states in continuous time."""
+        return _solved(self)[0]
+
+    @property
+    def noise(self) -> Array:
+        """(4,) power densities."""
+        return _solved(self)[1]
+
+    @property
+    def spread(self) -> Array:
+        """(4,4) covariance of its states while nothing is seen of it."""
+        return _solved(self)[2]
+
+    def later(self, states: Array, passed_s: float) -> Array:
+        """(4,) its states a while later, or earlier."""
+        return np.asarray(_passed(self, round(1e3 * passed_s)) @ states)
 
 
-_HEIGHT, _DRIFT, _SWING, _RATE = range(4)
+@lru_cache(maxsize=4096)
+def _passed(swing: Swing, passed_ms: int) -> Array:
+    return np.asarray(expm(1e-3 * passed_ms * swing.matrix))
 
 
-@dataclass(frozen=True)
-class SwingBelief:
-    """Of all k hypotheses at one time.
-
-    Attributes:
-        t_s: of the newest picture.
-        mean: (k, 4) height, drift, swing, its rate.
-        covariance: (k, 4, 4).
-        score: (k,) faded log-likelihood.
-        chosen: index of the hypothesis that is believed.
-    """
-
-    t_s: float
-    mean: Array
-    covariance: Array
-    score: Array
-    chosen: int = 0
-
-
-class SwingBank:
-    """Pure steps of a `SwingBelief`.
-
-    Args:
-        parameters: sizes.
-    """
-
-    def __init__(self, parameters: SwingParameters) -> None:
-        self._parameters = parameters
-        self.hypotheses = parameters.hypotheses
-
-    def start(self, t_s: float, down_m: float) -> SwingBelief:
-        """From a first height."""
-        k = len(self.hypotheses)
-        mean = np.zeros((k, 4))
-        mean[:, _HEIGHT] = down_m
-        spread = [[0.3, 0.3, it.deviation_m, it.deviation_m * it.frequency_rad_s] for it in self.hypotheses]
-        covariance = np.array([np.diag(np.square(row)) for row in spread])
-        return SwingBelief(t_s, mean, covariance, np.zeros(k))
-
-    def seen(self, before: SwingBelief, t_s: float, moved_m: float, down_m: float, variance_m2: float) -> SwingBelief:
-        """A picture's height below the bar.
-
-        Args:
-            before: the belief.
-            t_s: exposure.
-            moved_m: downward way since the picture before by what the sticks asked for.
-            down_m: height below the bar in the picture; not finite is refused.
-            variance_m2: of its error.
-        """
-        step_s = t_s - before.t_s
-        if not (math.isfinite(down_m) and math.isfinite(moved_m) and step_s > 0.0):
-            return before
-        if step_s > 2.0:
-            return replace(self.start(t_s, down_m), score=before.score, chosen=before.chosen)
-        transition, noise = _steps(self._parameters, max(1, round(1e3 * step_s)))
-        faded = math.exp(-step_s / self._parameters.memory_s) * before.score
-        variance = variance_m2 + self._parameters.jitter_m**2
-        mean, covariance, score = bank_seen(
-            before.mean, before.covariance, faded, transition, noise, moved_m, down_m, variance
-        )
-        best = int(np.argmax(score))
-        leads = score[best] - score[before.chosen] > self._parameters.lead
-        return SwingBelief(t_s, mean, covariance, score, best if leads else before.chosen)
-
-    def told(self, before: SwingBelief, drift_mps: float, deviation_mps: float) -> SwingBelief:
-        """The aircraft's own vertical speed less what the sticks ask for, both downward; not finite is refused."""
-        if not math.isfinite(drift_mps):
-            return before
-        crossed = before.covariance[:, :, _DRIFT]
-        gain = crossed / (crossed[:, _DRIFT] + deviation_mps**2)[:, None]
-        innovation = drift_mps - before.mean[:, _DRIFT]
-        covariance = before.covariance - gain[:, :, None] * crossed[:, None, :]
-        return replace(before, mean=before.mean + gain * innovation[:, None], covariance=covariance)
-
-
-@lru_cache(maxsize=1024)
-def _steps(parameters: SwingParameters, step_ms: int) -> tuple[Array, Array]:
-    """Transitions (k,4,4) and noises (k,4,4) of all hypotheses over whole milliseconds."""
-    blocks = np.zeros((len(parameters.hypotheses), 8, 8))
-    for block, swing in zip(blocks, parameters.hypotheses, strict=True):
-        a, q = np.zeros((4, 4)), np.zeros(4)
-        w, z = swing.frequency_rad_s, swing.damping
-        a[_HEIGHT, _DRIFT] = a[_SWING, _RATE] = 1.0
-        a[_DRIFT, _DRIFT] = -1.0 / parameters.drift_time_s
-        a[_RATE, [_SWING, _RATE]] = -w * w, -2.0 * z * w
-        q[_DRIFT] = 2.0 * parameters.drift_mps**2 / parameters.drift_time_s
-        q[_RATE] = 4.0 * z * w**3 * swing.deviation_m**2
-        block[:4, :4], block[:4, 4:], block[4:, 4:] = -a, np.diag(q), a.T
-    result = expm(blocks * (1e-3 * step_ms))
-    transition = np.ascontiguousarray(result[:, 4:, 4:].transpose(0, 2, 1))
-    return transition, transition @ result[:, :4, 4:]
+@lru_cache(maxsize=64)
+def _solved(swing: Swing) -> tuple[Array, Array, Array]:
+    own, waves, damping = _OWN * swing.frequency_rad_s, _WAVES * swing.frequency_rad_s, swing.damping
+    matrix = np.zeros((SWING_STATES, SWING_STATES))
+    matrix[0, 1] = matrix[1, 3] = matrix[2, 3] = 1.0
+    matrix[1, :2] = -own * own, -2.0 * damping * own
+    matrix[3, 2:] = -waves * waves, -2.0 * damping * waves
+    noise = np.array([0.0, 0.0, 0.0, 1.0])
+    spread = solve_continuous_lyapunov(matrix, -np.diag(noise))
+    scale = swing.deviation_m**2 / spread[0, 0]
+    return matrix, scale * noise, scale * spread

@@ -23,11 +23,11 @@ from shipland.estimation.relative_state import (
     SWING_RATE,
     Disturbances,
     Motion,
-    Swing,
     discretised,
     dynamics,
     shaping,
 )
+from shipland.estimation.swing import Swing
 from shipland.frames import Array
 
 INPUT, TRACKED, TRACKED_RATE = STATES, STATES + 1, STATES + 2
@@ -65,10 +65,10 @@ class Gains:
 
     Attributes:
         step_s: the cycle.
-        steady: (9,), or (11,) with a tracked speed: the change of the input is −steady · (state − reference).
-        to_contact: (k, 9 or 11) the same, by whole cycles left to contact.
-        offset: (k + 1, 9 or 11) the offset from the bar after so many cycles under `steady`.
-        offset_to_contact: (k + 1, 9 or 11) the offset at contact, so many cycles away, under `to_contact`.
+        steady: (11,), or (13,) with a tracked speed: the change of the input is −steady · (state − reference).
+        to_contact: (k, 11 or 13) the same, by whole cycles left to contact.
+        offset: (k + 1, 11 or 13) the offset from the bar after so many cycles under `steady`.
+        offset_to_contact: (k + 1, 11 or 13) the offset at contact, so many cycles away, under `to_contact`.
     """
 
     step_s: float
@@ -87,8 +87,8 @@ def gains_of(motion: Motion, noise: Disturbances, swing: Swing, weights: Weights
     moving = [*range(STATES), *tracked]
     size = STATES + 1 + len(tracked)
     to_bar, rate, acceleration = np.zeros(size), np.zeros(size), np.zeros(size)
-    to_bar[[PLACE, SWING]] = 1.0, -swing.shown
-    rate[[SPEED, SWING_RATE]] = 1.0, -swing.shown
+    to_bar[[PLACE, SWING]] = 1.0, -swing.aimed
+    rate[[SPEED, SWING_RATE]] = 1.0, -swing.aimed
     acceleration[:STATES] = a[SPEED]
     if tracked:
         a, b, q = _with_tracked(motion, a, b, q)
@@ -118,7 +118,7 @@ def gains_of(motion: Motion, noise: Disturbances, swing: Swing, weights: Weights
 
 
 def _with_tracked(motion: Motion, a: Array, b: Array, q: Array) -> tuple[Array, Array, Array]:
-    """The dynamics with the tracked speed and its rate as two more states (10,), driven by the speed asked for."""
+    """The dynamics with the tracked speed and its rate as two more states (12,), driven by the speed asked for."""
     n = STATES + 2
     own, asked = shaping(motion)
     wide, entry = np.zeros((n, n)), np.zeros((n, 1))

@@ -30,10 +30,11 @@ from shipland.estimation.relative_state import (
     Disturbances,
     Model,
     Motion,
-    Swing,
+    Spread,
 )
-from shipland.estimation.swing import SwingBank, SwingBelief
-from shipland.frames import Array, wrap_angle
+from shipland.estimation.swing import Swing
+from shipland.estimation.swing_bank import SwingBank, SwingBelief
+from shipland.frames import GRAVITY_MPS2, Array, wrap_angle
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.servo import ShapedSpeed
 from shipland.guidance.response import Response
@@ -45,8 +46,8 @@ _LOW_M = 0.5
 
 
 @lru_cache(maxsize=64)
-def _model(axes: int, motion: Motion, noise: Disturbances, swing: Swing) -> Model:
-    return Model(axes, motion, noise, swing)
+def _model(axes: int, motion: Motion, noise: Disturbances, swing: Swing, spread: Spread | None = None) -> Model:
+    return Model(axes, motion, noise, swing, spread)
 
 
 def turned(vector: Array, angle_rad: float) -> Array:
@@ -87,6 +88,16 @@ class Estimated:
     def speed_mps(self) -> Array:
         """(2,) its rate."""
         return self.across.of(SPEED) - self.swing.shown * self.across.of(SWING_RATE)
+
+    @cached_property
+    def followed_m(self) -> Array:
+        """(2,) of the aircraft from what it follows of the bar: the place that errs over the deck."""
+        return self.across.of(PLACE) - self.swing.aimed * self.across.of(SWING)
+
+    @cached_property
+    def followed_mps(self) -> Array:
+        """(2,) its rate."""
+        return self.across.of(SPEED) - self.swing.aimed * self.across.of(SWING_RATE)
 
     @cached_property
     def down_m(self) -> float:
@@ -137,10 +148,12 @@ class Navigator:
         self._climb = Motion(0.05, 0.0, 1.0 / response.climb_lag_s)
         self._bank = SwingBank(parameters.swing)
         self._swings: SwingBelief | None = None
-        self.swing = parameters.swing.believed[0]
+        self._along_rad: float | None = None
+        self.swing = parameters.swing.believed[parameters.swing.first]
         self._gust_mps2 = parameters.gust_levels_mps2[-2]
-        self._across = DelayedFilter(self._across_model(), parameters.delayed)
-        self._down = DelayedFilter(self._down_model(), parameters.delayed)
+        tracked = replace(parameters.delayed, velocity_least_mps=parameters.delayed.velocity_servo_mps)
+        self._across = DelayedFilter(self._across_model(), parameters.delayed if self.servo is None else tracked)
+        self._down = DelayedFilter(self._down_model(), tracked)
         stern_m = -float(rig.bar_in_ship_m[0]) - rig.deck_ahead_of_stern_m
         self._hull_m = (stern_m, stern_m + rig.platform_length_m, 0.5 * rig.platform_width_m)
         self._deck_down_m = float(rig.deck_in_bar_m[2])
@@ -151,9 +164,25 @@ class Navigator:
         self._velocity_s = -math.inf
         self._seen_s = -math.inf
         self._sinking: tuple[float, float] | None = None
+        self._tilted_mps2: Array = np.zeros(2)
 
     def _across_model(self) -> Model:
-        return _model(2, self.motion, self.disturbances, self.swing)
+        return _model(2, self.motion, self.disturbances, self.swing, self._spread())
+
+    def _spread(self) -> Spread | None:
+        """A ship's sway is larger than its surge, and goes with its heave."""
+        if not self.swing.carries_bar or self._along_rad is None:
+            return None
+        return replace(self._parameters.swing.spread, along_rad=self._along_rad)
+
+    def _judge_axis(self) -> None:
+        """The directions of surge and sway turn with the ship."""
+        headings = self._headings
+        if headings is None or not headings.bar_known:
+            return
+        if self._along_rad is None or abs(wrap_angle(headings.bar_rad - self._along_rad)) > _AXIS_STEP_RAD:
+            self._along_rad = _AXIS_STEP_RAD * round(headings.bar_rad / _AXIS_STEP_RAD)
+            self._across.model = self._across_model()
 
     @property
     def disturbances(self) -> Disturbances:
@@ -168,7 +197,7 @@ class Navigator:
         if belief is None or self._response.kind != "attitude":
             return
         push_mps2 = math.hypot(*(belief.of(PUSH) + belief.of(GUST)).tolist())
-        share = self._parameters.gust_share
+        share = self._parameters.gust_share_at_sea if self.swing.carries_bar else self._parameters.gust_share
         wanted = min(levels, key=lambda level: abs(math.log(level / max(share * push_mps2, 1e-3))))
         between = abs(math.log(share * max(push_mps2, 1e-3) / self._gust_mps2))
         if wanted != self._gust_mps2 and between > 0.6 * math.log(levels[1] / levels[0]):
@@ -208,7 +237,10 @@ class Navigator:
         effect_s = self.effect_s(command.t_s)
         turn = 0.01 * command.yaw_percent * self._response.max_turn_rad_s
         climb = 0.01 * command.heave_percent * self._response.max_climb_mps
-        push = np.array([self._response.input_of(command.pitch_percent), self._response.input_of(command.roll_percent)])
+        sticks = command.pitch_percent, command.roll_percent
+        push = np.array([self._response.input_of(stick) for stick in sticks])
+        if self.servo is None and max(map(abs, sticks)) < self._response.hold_below_percent:
+            push = self._tilted_mps2  # the vehicle holds its place by itself, against the wind
         self._turns.add(effect_s + self._response.turn_lag_s, np.array([turn]))
         self._climbs.add(effect_s, np.array([-climb]))
         nose_rad = self._nose_at(effect_s)
@@ -237,10 +269,14 @@ class Navigator:
         heading_rad = telemetry.heading_rad
         if heading_rad is not None:
             self._compass.add(_time(telemetry, "heading_t_s"), heading_rad)
+        roll_rad, pitch_rad = telemetry.roll_rad, telemetry.pitch_rad
+        if roll_rad is not None and pitch_rad is not None and max(abs(roll_rad), abs(pitch_rad)) < _STEEPEST_RAD:
+            self._tilted_mps2 = GRAVITY_MPS2 * np.array([-math.tan(pitch_rad), math.tan(roll_rad)])
         t_s = observation.t_s
         if self._headings is None:
             self._headings = self._turning = first_headings(t_s, self._compass.at(t_s) or 0.0)
         self._take_headings(observation)
+        self._judge_axis()
         self._take_velocity(telemetry)
         pose = observation.bar_pose
         turn_rad_s = self._headings.turn_rad_s if self._headings.bar_known else 0.0
@@ -383,9 +419,9 @@ class Navigator:
             self._down.start(t_s, down, spread, 0.5)
             self._seen_s = t_s
             return
+        self._down.picture(t_s, down, spread, self._climbs)
         if self._across.picture(t_s, place_m, covariance, self._pushes, turn_rad_s):
             self._seen_s = t_s
-        self._down.picture(t_s, down, spread, self._climbs)
 
     def estimate(self, t_s: float) -> Estimated | None:
         """The estimate at a time that is not before the newest picture."""
@@ -408,8 +444,12 @@ class Navigator:
 _EYE = np.eye(2)
 _FLOW_SLOPE = math.tan(math.radians(30.0))
 """Half the view of an optical-flow camera, as a slope."""
+_AXIS_STEP_RAD = 0.2
+"""Directions of the ship's axis that models are kept for."""
 _VIEW_STEP = 0.25
 """Shares of ship in view that models are kept for."""
+_STEEPEST_RAD = 1.0
+"""A tilt beyond this is none that a vehicle holds its place with."""
 _NOSE_RAD = 0.003
 """What the nose's heading errs by from picture to picture."""
 _VELOCITY_EVERY_S = 0.06

@@ -9,7 +9,7 @@ from shipland.config import require
 from shipland.estimation.delayed import DelayedParameters
 from shipland.estimation.heading import HeadingNoise
 from shipland.estimation.relative_state import Disturbances
-from shipland.estimation.swing import SwingParameters
+from shipland.estimation.swing_bank import SwingParameters
 from shipland.guidance.horizon.descent import DescentParameters
 from shipland.guidance.horizon.gains import Weights
 
@@ -84,7 +84,8 @@ class HorizonParameters:
         astray_m: a landing is broken off with more.
         horizontal, vertical: what is not known along an axis of a vehicle whose sticks mean a tilt, and downward.
         horizontal_servo: likewise of one that tracks a velocity: its autopilot trims the mean wind away.
-        gust_share: acceleration by gusts as a share of that by the mean wind; rounded to one of the levels.
+        gust_share, gust_share_at_sea: acceleration by gusts as a share of that by the mean wind, over land and over
+            the sea, where a bar swings; rounded to one of the levels.
         gust_levels_mps2: ascending, in equal ratios.
         heading, heading_turning: of a ship that keeps its course, and of one that turns.
         turn_from_rad_s: a ship that turns faster than this is one that turns.
@@ -97,6 +98,7 @@ class HorizonParameters:
     astray_m: float
     unfit_m: float
     gust_share: float
+    gust_share_at_sea: float
     gust_levels_mps2: tuple[float, ...]
     horizontal: Disturbances
     horizontal_servo: Disturbances

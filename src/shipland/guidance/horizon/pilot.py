@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from shipland.estimation.relative_state import PLACE, SPEED, STATES, SWING, THRUST
+from shipland.estimation.swing import SWING_STATES
 from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.gains import INPUT, TRACKED, TRACKED_RATE, Gains, gains_of
@@ -25,6 +26,7 @@ _STEPS_MS = (33, 67, 100, 200, 350, 530)
 """Cycles that gains are kept for; the nearest is taken."""
 _BLIND_S = 1.5
 """Without a velocity of the vehicle for this long, gains are those for pictures alone."""
+_FAR_M = 1.5
 _RATE_SHARE = 0.7
 """Of the rate at which the vehicle can follow: an input beyond it is not what the model takes it for."""
 _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
@@ -131,7 +133,7 @@ class HorizonPilot:
 
     def _unfit_m(self, estimate: Estimated) -> float:
         """Standard deviation of the place at the command's effect, the worse axis."""
-        covariance, shown = estimate.across.covariance, estimate.swing.shown
+        covariance, shown = estimate.across.covariance, estimate.swing.aimed
         spread = [
             covariance[i, i] + shown * (covariance[i + SWING, i + SWING] - 2.0 * covariance[i, i + SWING])
             for i in (PLACE, STATES + PLACE)
@@ -146,27 +148,27 @@ class HorizonPilot:
 
     def _offset(self, estimate: Estimated) -> Array:
         """(2,) from the landing point, in the axes of the flight."""
-        return estimate.place_m - turned(self._deck_in_bar_m[:2], estimate.bar_rad)
+        return estimate.followed_m - turned(self._deck_in_bar_m[:2], estimate.bar_rad)
 
     # --- references and control --------------------------------------------------------------------------------
 
     def _track(self, mode: Mode, estimate: Estimated, step_s: float) -> Sticks:
         goal_m, goal_mps = self._goal(mode, estimate)
         pace = self._pace(estimate, goal_m)
-        place_m, speed_mps = estimate.place_m, estimate.speed_mps
+        place_m, speed_mps = estimate.followed_m, estimate.followed_mps
         reference = moved(self._reference or at_rest(place_m, speed_mps), step_s, goal_m, goal_mps, pace)
         # Far from its reference the aircraft is led anew from where it is: the gains are for small errors.
         self._reference = at_rest(place_m, speed_mps) if lost(reference, place_m, speed_mps, pace) else reference
-        gains = self._gains()
+        gains = self._gains(gentle=math.hypot(*self._offset(estimate).tolist()) > _FAR_M)
         heave_mps = self._heave_mps(mode, estimate, gains, step_s)
         wanted = self._wanted_input(estimate, gains)
         return self._sticks_of(estimate, wanted, heave_mps)
 
-    def _gains(self) -> Gains:
+    def _gains(self, gentle: bool) -> Gains:
         step_ms = min(_STEPS_MS, key=lambda ms: abs(ms - 1e3 * self._step_s))
         navigator, parameters = self._navigator, self._parameters
         blind = self._now_s is None or self._now_s - navigator.velocity_s > _BLIND_S
-        weights = parameters.weights_blind if blind else parameters.weights
+        weights = parameters.weights_blind if blind or gentle else parameters.weights
         servo = navigator.motion.servo_per_s > 0.0
         noise = parameters.horizontal_servo if servo else parameters.horizontal
         return gains_of(navigator.motion, noise, navigator.swing, weights, step_ms)
@@ -215,7 +217,7 @@ class HorizonPilot:
         return wanted
 
     def _control_state(self, estimate: Estimated, axis: int, before: float) -> Array:
-        """(9,), or (11,), the state of an axis against the reference."""
+        """(11,), or (13,), the state of an axis against the reference."""
         assert self._reference is not None
         reference, response = self._reference, self._response
         state = np.empty(STATES + 1)
@@ -261,11 +263,12 @@ class HorizonPilot:
             over = Over(estimate.t_s, step_s, height_m, offset_m, self._contact_m, self._lull(estimate))
             before = self._descent
             self._descent = descent = next_descent(before, over, self._parameters.descent)
+            rate_mps = self._deck_mps(estimate)
             if descent.phase is Phase.DROP:
-                return -self._parameters.descent.drop_mps
+                return rate_mps - self._parameters.descent.drop_mps
             wanted_m = descent.height_m
             if before is not None and step_s > 0.0:
-                rate_mps = (descent.height_m - before.height_m) / step_s
+                rate_mps += (descent.height_m - before.height_m) / step_s
         elif mode is Mode.CLIMB_OUT:
             wanted_m = approach.climb_out_height_m
         elif not estimate.bar_known:
@@ -277,6 +280,12 @@ class HorizonPilot:
             wanted_m = min(hover_m + 0.15 * max(distance_m - 2.0, 0.0), max(far_m, hover_m))
         climb_mps = clamp(path.climb_per_s * (wanted_m - height_m), path.climb_mps)
         return rate_mps + climb_mps
+
+    def _deck_mps(self, estimate: Estimated) -> float:
+        """Upward speed of the deck when a climb that is asked for now has come about."""
+        swing = estimate.swing
+        states = estimate.down.mean[SWING : SWING + SWING_STATES]
+        return -swing.shown * float(swing.later(states, self._response.climb_lag_s)[1])
 
     def _lull(self, estimate: Estimated) -> bool:
         if self._parameters.moment == "any" or not estimate.swing.carries_bar:

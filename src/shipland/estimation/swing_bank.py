@@ -1,0 +1,173 @@
+"""Whether the bar swings, how far and how fast: a bank of hypotheses on its heave.
+
+A ship carries its bar. Downward the aircraft does what its climb sticks say and little else, so that what pictures
+show beyond that is the bar's heave. Each hypothesis is a small Kalman filter of height, drift and swing; all
+move at once as arrays. They are weighted by the likelihood of their innovations, with a fading memory.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from scipy.linalg import expm
+
+from shipland.config import require
+from shipland.estimation.kernels import bank_seen
+from shipland.estimation.relative_state import Spread
+from shipland.estimation.swing import SWING_STATES, Swing
+from shipland.frames import Array
+
+
+@dataclass(frozen=True)
+class SwingParameters:
+    """`[guidance.horizon.swing]`.
+
+    Attributes:
+        still_m: deviation of a bar that does not move, as the hypothesis has it.
+        first: index of the hypothesis that is believed at first.
+        followed: share of the bar's swing that the aircraft follows over the deck.
+        deck: the swing of a deck below such a bar.
+        spread: of a ship's swing over its axes.
+        deviations_m, frequencies_rad_s: of the hypotheses that it does, each with each.
+        damping: of every resonator.
+        memory_s: over which innovations count.
+        lead: log-likelihood by which a hypothesis must lead to be taken.
+        drift_mps, drift_time_s: of the height, other than by the sticks.
+        jitter_m: least standard deviation of a picture's height.
+    """
+
+    still_m: float
+    first: int
+    followed: float
+    deck: Swing
+    spread: Spread
+    deviations_m: tuple[float, ...]
+    frequencies_rad_s: tuple[float, ...]
+    damping: float
+    memory_s: float
+    lead: float
+    drift_mps: float
+    drift_time_s: float
+    jitter_m: float
+
+    def __post_init__(self) -> None:
+        require(
+            len(self.deviations_m) * len(self.frequencies_rad_s) > 0, "at least one hypothesis of a swing is needed"
+        )
+        count = len(self.hypotheses)
+        require(
+            0 <= self.first < count, f"first must be one of the {count} hypotheses, 0 a bar at rest, got {self.first}"
+        )
+        require(0.0 <= self.followed <= 1.0, f"followed must be a share, got {self.followed}")
+
+    @property
+    def believed(self) -> tuple[Swing, ...]:
+        """What the relative state takes for the deck's swing under each hypothesis."""
+        return (self.deck, *self.hypotheses[1:])
+
+    @property
+    def hypotheses(self) -> tuple[Swing, ...]:
+        """The bar's heave: at rest, and every swing."""
+        moving = [
+            Swing(d, f, self.damping, followed=self.followed) for f in self.frequencies_rad_s for d in self.deviations_m
+        ]
+        return (Swing(self.still_m, 1.8, self.damping), *moving)
+
+
+_HEIGHT, _DRIFT, _SWING = range(3)
+_STATES = _SWING + SWING_STATES
+
+
+@dataclass(frozen=True)
+class SwingBelief:
+    """Of all k hypotheses at one time.
+
+    Attributes:
+        t_s: of the newest picture.
+        mean: (k, 6) height, drift, and the states of a `Swing`.
+        covariance: (k, 6, 6).
+        score: (k,) faded log-likelihood.
+        chosen: index of the hypothesis that is believed.
+    """
+
+    t_s: float
+    mean: Array
+    covariance: Array
+    score: Array
+    chosen: int = 0
+
+
+class SwingBank:
+    """Pure steps of a `SwingBelief`.
+
+    Args:
+        parameters: sizes.
+    """
+
+    def __init__(self, parameters: SwingParameters) -> None:
+        self._parameters = parameters
+        self.hypotheses = parameters.hypotheses
+
+    def start(self, t_s: float, down_m: float) -> SwingBelief:
+        """From a first height."""
+        k = len(self.hypotheses)
+        mean, covariance = np.zeros((k, _STATES)), np.zeros((k, _STATES, _STATES))
+        mean[:, _HEIGHT] = down_m
+        covariance[:, _HEIGHT, _HEIGHT] = covariance[:, _DRIFT, _DRIFT] = 0.3**2
+        covariance[:, _SWING:, _SWING:] = [it.spread for it in self.hypotheses]
+        return SwingBelief(t_s, mean, covariance, np.zeros(k), self._parameters.first)
+
+    def seen(self, before: SwingBelief, t_s: float, moved_m: float, down_m: float, variance_m2: float) -> SwingBelief:
+        """A picture's height below the bar.
+
+        Args:
+            before: the belief.
+            t_s: exposure.
+            moved_m: downward way since the picture before by what the sticks asked for.
+            down_m: height below the bar in the picture; not finite is refused.
+            variance_m2: of its error.
+        """
+        step_s = t_s - before.t_s
+        if not (math.isfinite(down_m) and math.isfinite(moved_m) and step_s > 0.0):
+            return before
+        if step_s > 2.0:
+            return replace(self.start(t_s, down_m), score=before.score, chosen=before.chosen)
+        transition, noise = _steps(self._parameters, max(1, round(1e3 * step_s)))
+        faded = math.exp(-step_s / self._parameters.memory_s) * before.score
+        variance = variance_m2 + self._parameters.jitter_m**2
+        mean, covariance, score = bank_seen(
+            before.mean, before.covariance, faded, transition, noise, moved_m, down_m, variance
+        )
+        best = int(np.argmax(score))
+        leads = score[best] - score[before.chosen] > self._parameters.lead
+        return SwingBelief(t_s, mean, covariance, score, best if leads else before.chosen)
+
+    def told(self, before: SwingBelief, drift_mps: float, deviation_mps: float) -> SwingBelief:
+        """The aircraft's own vertical speed less what the sticks ask for, both downward; not finite is refused."""
+        if not math.isfinite(drift_mps):
+            return before
+        crossed = before.covariance[:, :, _DRIFT]
+        gain = crossed / (crossed[:, _DRIFT] + deviation_mps**2)[:, None]
+        innovation = drift_mps - before.mean[:, _DRIFT]
+        covariance = before.covariance - gain[:, :, None] * crossed[:, None, :]
+        return replace(before, mean=before.mean + gain * innovation[:, None], covariance=covariance)
+
+
+@lru_cache(maxsize=1024)
+def _steps(parameters: SwingParameters, step_ms: int) -> tuple[Array, Array]:
+    """Transitions (k,6,6) and noises (k,6,6) of all hypotheses over whole milliseconds."""
+    n = _STATES
+    blocks = np.zeros((len(parameters.hypotheses), 2 * n, 2 * n))
+    for block, swing in zip(blocks, parameters.hypotheses, strict=True):
+        a, q = np.zeros((n, n)), np.zeros(n)
+        a[_HEIGHT, _DRIFT] = 1.0
+        a[_DRIFT, _DRIFT] = -1.0 / parameters.drift_time_s
+        a[_SWING:, _SWING:], q[_SWING:] = swing.matrix, swing.noise
+        q[_DRIFT] = 2.0 * parameters.drift_mps**2 / parameters.drift_time_s
+        block[:n, :n], block[:n, n:], block[n:, n:] = -a, np.diag(q), a.T
+    result = expm(blocks * (1e-3 * step_ms))
+    transition = np.ascontiguousarray(result[:, n:, n:].transpose(0, 2, 1))
+    return transition, transition @ result[:, :n, n:]

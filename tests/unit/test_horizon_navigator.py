@@ -1,0 +1,48 @@
+"""The navigator of the pilot `horizon`: what it makes of the wind that a vehicle holds against, and of a ship."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shipland.camera import Camera
+from shipland.config import build
+from shipland.estimation.relative_state import GUST, PUSH
+from shipland.frames import GRAVITY_MPS2
+from shipland.guidance.horizon.navigator import Navigator
+from shipland.guidance.parameters import GuidanceParameters
+from shipland.guidance.response import ANAFI_LIKE
+from shipland.messages import BarPose, GimbalAttitude, Observation, PilotCommand, Telemetry
+from shipland.rig import default_rig, packaged_table
+
+PARAMETERS = build(GuidanceParameters, packaged_table("guidance"))
+RIG = default_rig()
+CAMERA = Camera.from_fov(1280, 720, 69.0)
+CAMERA_IN_BODY_M = np.array([0.09, 0.0, 0.0])
+HOVER_IN_BAR_M = RIG.deck_in_bar_m - np.array([0.0, 0.0, 1.2])
+
+
+def _flown(bar_down_m=lambda _: 0.0, tilt_rad=0.0, seconds=3.0):
+    """A navigator after a hover with released sticks that the vehicle holds by a roll."""
+    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    for index in range(round(30 * seconds)):
+        t_s = index / 30.0
+        place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M - np.array([0.0, 0.0, bar_down_m(t_s)])
+        pose = BarPose(place, 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
+        telemetry = Telemetry(t_s + 0.3, tilt_rad, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
+        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+        navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return navigator
+
+
+def test_the_wind_that_a_vehicle_holds_against_by_itself_shows_in_its_tilt():
+    across = _flown(tilt_rad=0.15).estimate(3.3).across
+    push_mps2 = across.of(PUSH) + across.of(GUST)
+    assert push_mps2[1] == pytest.approx(-GRAVITY_MPS2 * math.tan(0.15), abs=0.3)
+    assert push_mps2[0] == pytest.approx(0.0, abs=0.2)
+
+
+def test_a_bar_swings_until_it_is_seen_to_stand_still():
+    assert _flown(seconds=0.2).swing.carries_bar
+    assert not _flown(seconds=5.0).swing.carries_bar
+    assert _flown(lambda t_s: 0.15 * math.sin(1.8 * t_s), seconds=5.0).swing.carries_bar

@@ -1,0 +1,45 @@
+"""The bank of swings: a still bar stays still, a heaving one is found with its frequency."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shipland.config import build
+from shipland.estimation.swing_bank import SwingBank, SwingParameters
+from shipland.rig import packaged_table
+
+PARAMETERS = build(SwingParameters, packaged_table("guidance")["horizon"]["swing"])
+BANK = SwingBank(PARAMETERS)
+
+
+def _believed(heave_at, seconds=20.0, seed=0):
+    """The hypothesis after a hover under a heaving bar; the aircraft strays by itself, and says how fast."""
+    rng, down_m, drift = np.random.default_rng(seed), -1.5, 0.0
+    belief = BANK.start(0.0, down_m - heave_at(0.0))
+    for k in range(1, round(30 * seconds)):
+        drift += (-drift / 0.7) / 30.0 + 0.05 * rng.standard_normal() * math.sqrt(2.0 / 0.7 / 30.0)
+        down_m += drift / 30.0
+        belief = BANK.seen(belief, k / 30.0, 0.0, down_m - heave_at(k / 30.0) + 0.003 * rng.standard_normal(), 1e-5)
+        if k % 6 == 0:
+            belief = BANK.told(belief, drift + 0.02 * rng.standard_normal(), 0.05)
+    return BANK.hypotheses[belief.chosen]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_still_bar_is_believed_still(seed):
+    assert _believed(lambda _: 0.0, seed=seed).deviation_m == PARAMETERS.still_m
+
+
+@pytest.mark.parametrize(("amplitude_m", "frequency_rad_s"), [(0.15, 1.0), (0.2, 1.8), (0.12, 2.4)])
+def test_a_heaving_bar_is_found(amplitude_m, frequency_rad_s):
+    found = _believed(lambda t: amplitude_m * math.sin(frequency_rad_s * t))
+    assert found.deviation_m >= 0.05
+    assert found.frequency_rad_s == pytest.approx(frequency_rad_s, rel=0.35)
+
+
+def test_what_is_not_finite_changes_nothing():
+    belief = BANK.start(0.0, -1.5)
+    assert BANK.seen(belief, 0.1, 0.0, math.nan, 1e-4) is belief
+    assert BANK.seen(belief, 0.1, math.inf, -1.5, 1e-4) is belief
+    assert BANK.told(belief, math.nan, 0.05) is belief
