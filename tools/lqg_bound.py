@@ -99,9 +99,7 @@ def main(scenario: str = "ship-sea6") -> None:
     loaded = load_scenario(scenario)
     horizon, response, delays = loaded.guidance.horizon, response_of(loaded), loaded.delays
     delay_s = delays.video_s + delays.near_s + response.uplink_s + response.dead_time_s
-    print(
-        f"Offset from the deck's centre along one axis, standard deviation [cm]; {delay_s:.2f} s from picture to answer\n"
-    )
+    print(f"Offset from the deck's centre along one axis [cm]; {delay_s:.2f} s from picture to answer\n")
     print("| | the pilot's gains | no caution | no caution, half the delay |")
     print("|---|---:|---:|---:|")
     for case in CASES:
