@@ -54,7 +54,8 @@ class SteppedFlight:
             crew = build_crew(scenario, self._simulated, pilot, vision, seed)
             self._vehicle, self._crew = with_faults(scenario, self._simulated, crew, seed)
             undecided = replace(self._crew, pilot=_Undecided(), safety=_Unchecked())
-            flight = cycles(_Unsent(self._vehicle), undecided, time.perf_counter)
+            self._unsent = _Unsent(self._vehicle)
+            flight = cycles(self._unsent, undecided, time.perf_counter)
             self._cycles = stack.enter_context(closing(flight))
             self._stack = stack.pop_all()
         self._sent: PilotCommand | None = None
@@ -68,7 +69,8 @@ class SteppedFlight:
         decision = decide_or_degrade(self._crew, cycle.observation, cycle.telemetry, self._sent)
         decision = self._crew.safety.check(decision, cycle.observation, cycle.telemetry)
         self._sent = decision.command
-        self._vehicle.send(self._sent)
+        ahead_s = self._unsent.due_s - cycle.telemetry.t_s  # what the vehicle's clock has leapt
+        self._vehicle.send(replace(self._sent, t_s=self._sent.t_s + ahead_s))
         return decision
 
     def truth(self) -> GroundTruth:
@@ -85,10 +87,10 @@ class SteppedFlight:
 
 
 class _Unsent:
-    """A vehicle whose commands are sent by another: `send` does nothing."""
+    """A vehicle whose commands are sent by another: `send` tells only when one is due, by the vehicle's clock."""
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
+        self._vehicle, self.due_s = vehicle, 0.0
 
     @property
     def camera(self) -> Camera:
@@ -104,7 +106,7 @@ class _Unsent:
         return self._vehicle.telemetry_at(t_s)
 
     def send(self, command: PilotCommand) -> None:
-        pass
+        self.due_s = command.t_s
 
     def close(self) -> None:
         self._vehicle.close()

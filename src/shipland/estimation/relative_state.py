@@ -200,7 +200,7 @@ class Model:
     def __init__(
         self, axes: int, motion: Motion, noise: Disturbances, swing: Swing, spread: Spread | None = None
     ) -> None:
-        self.axes, self.motion, self.noise, self.swing, self.spread = axes, motion, noise, swing, spread
+        self.axes, self.motion, self.noise, self.swing = axes, motion, noise, swing
         self._shape = np.eye(axes) if spread is None else spread.shape
         self._steps: dict[int, tuple[Array, Array, Array]] = {}
 

@@ -82,22 +82,25 @@ class Estimated:
     @cached_property
     def place_m(self) -> Array:
         """(2,) of the aircraft from the bar, in the axes of the flight."""
-        return self.across.of(PLACE) - self.swing.shown * self.across.of(SWING)
+        return self._less_swing(PLACE, SWING, self.swing.shown)
 
     @cached_property
     def speed_mps(self) -> Array:
         """(2,) its rate."""
-        return self.across.of(SPEED) - self.swing.shown * self.across.of(SWING_RATE)
+        return self._less_swing(SPEED, SWING_RATE, self.swing.shown)
 
     @cached_property
     def followed_m(self) -> Array:
         """(2,) of the aircraft from what it follows of the bar: the place that errs over the deck."""
-        return self.across.of(PLACE) - self.swing.aimed * self.across.of(SWING)
+        return self._less_swing(PLACE, SWING, self.swing.aimed)
 
     @cached_property
     def followed_mps(self) -> Array:
         """(2,) its rate."""
-        return self.across.of(SPEED) - self.swing.aimed * self.across.of(SWING_RATE)
+        return self._less_swing(SPEED, SWING_RATE, self.swing.aimed)
+
+    def _less_swing(self, state: int, of_swing: int, share: float) -> Array:
+        return self.across.of(state) - share * self.across.of(of_swing)
 
     @cached_property
     def down_m(self) -> float:
