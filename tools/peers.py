@@ -1,4 +1,4 @@
-"""Two peers of the near vision on the same places: `cv2.aruco`'s board and `pupil-apriltags`, two tags each.
+"""Two peers of the near vision on the same places: `cv2.aruco`'s board and `pyapriltags`, two tags each.
 
 The tags together have the area of the bar's two green rectangles and hang where these do, on a white board as wide as
 the bar's. They are put into the rendered picture by their homography, supersampled as the ship is, before the sensor's
@@ -155,8 +155,8 @@ def aruco(rig: Rig, *, refined: bool = True) -> Peer:
 
 
 def apriltag(rig: Rig, decimate: float = 2.0) -> Peer:
-    """The AprilTag 3 library through `pupil-apriltags`, family 36h11, one thread; `decimate` 2 is its default."""
-    from pupil_apriltags import Detector
+    """The AprilTag 3 library through `pyapriltags`, family 36h11, one thread; `decimate` 2 is its default."""
+    from pyapriltags import Detector
 
     detector = Detector(families="tag36h11", nthreads=1, quad_decimate=decimate)
 
@@ -168,5 +168,5 @@ def apriltag(rig: Rig, decimate: float = 2.0) -> Peer:
             found[int(tag.tag_id)] = np.roll(quad, -int(np.argmin(quad.sum(axis=1))), axis=0)
         return found
 
-    name = f"pupil-apriltags, decimate {decimate:.0f}"
+    name = f"pyapriltags, decimate {decimate:.0f}"
     return Peer(name, Board.of(cv2.aruco.DICT_APRILTAG_36h11, rig), find)
