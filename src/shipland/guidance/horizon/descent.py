@@ -26,6 +26,7 @@ class DescentParameters:
     Attributes:
         sink_mps: speed of the way down to `wait_height_m`.
         wait_height_m: over the neutral deck, of the aircraft's centre; 0 goes down without waiting.
+        wait_band_m: this much above it the way down has ended.
         pause_m: with a larger offset the way down waits.
         drop_mps: speed of the last part.
         drop_m: predicted offset at contact at which it begins.
@@ -36,6 +37,7 @@ class DescentParameters:
 
     sink_mps: float
     wait_height_m: float
+    wait_band_m: float
     pause_m: float
     drop_mps: float
     drop_m: float
@@ -101,7 +103,7 @@ def next_descent(before: Descent | None, over: Over, parameters: DescentParamete
         lower_m = before.height_m
         if over.offset_m <= parameters.pause_m:
             lower_m = max(lower_m - parameters.sink_mps * over.step_s, parameters.wait_height_m)
-        low = over.height_m <= parameters.wait_height_m + 0.1
+        low = over.height_m <= parameters.wait_height_m + parameters.wait_band_m
         if not low or lower_m > parameters.wait_height_m:
             return replace(before, height_m=lower_m)
         before = Descent(Phase.WAIT, over.now_s, parameters.wait_height_m)

@@ -41,9 +41,6 @@ from shipland.guidance.response import Response
 from shipland.messages import BarPose, Box, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
 
-_LOW_M = 0.5
-"""Lower over the deck than this, heights do not tell the bar's heave."""
-
 
 @lru_cache(maxsize=64)
 def _model(axes: int, motion: Motion, noise: Disturbances, swing: Swing, spread: Spread | None = None) -> Model:
@@ -145,7 +142,7 @@ class Navigator:
         self._ship_m = math.sqrt(rig.platform_width_m * rig.superstructure_height_m)
         self._ship_below_m = 0.5 * rig.superstructure_height_m - (rig.superstructure_height_m - rig.bar_height_m)
         self._bar_m = math.sqrt(board_width_m * board_height_m)
-        self._low_m = float(rig.deck_in_bar_m[2]) - _LOW_M
+        self._low_m = float(rig.deck_in_bar_m[2]) - parameters.margins.low_m
         self.motion = motion_of(response)
         self.servo = ShapedSpeed(self.motion) if self.motion.inputs > 1 else None
         self._climb = Motion(0.05, 0.0, 1.0 / response.climb_lag_s)
@@ -403,7 +400,7 @@ class Navigator:
         nose_rad = self._headings.nose_rad
         along, across = turned(np.array([1.0, right]), nose_rad), turned(np.array([-right, 1.0]), nose_rad)
         along_m = 0.5 * measured.area_share * range_m
-        across_m = range_m * measured.centre_px / self._focal_px + 0.3
+        across_m = range_m * measured.centre_px / self._focal_px + measured.box_m
         across_variance = across_m**2 + range_m**2 * float(self._headings.covariance[0, 0])
         covariance = measured.repeated * (
             along_m**2 * np.outer(along, along) + across_variance * np.outer(across, across)
@@ -418,8 +415,9 @@ class Navigator:
         down, spread = np.array([down_m]), np.array([[down_variance]])
         lost = self._across.refused >= self._parameters.measured.lost_refusals
         if self._across.belief is None or lost:
-            self._across.start(t_s, place_m, covariance, 1.5)
-            self._down.start(t_s, down, spread, 0.5)
+            measured = self._parameters.measured
+            self._across.start(t_s, place_m, covariance, measured.first_mps)
+            self._down.start(t_s, down, spread, measured.first_climb_mps)
             self._seen_s = t_s
             return
         self._down.picture(t_s, down, spread, self._climbs)

@@ -23,6 +23,8 @@ class MeasurementNoise:
         picture_s: jitter of a picture's time; counts by the speed.
         area_share, centre_px: of a box's area and centre.
         repeated: boxes err alike in many frames; their variance counts so many times.
+        box_m: least error of a box's place across the line of sight, and of its height.
+        first_mps, first_climb_mps: standard deviation of the speed against the bar when it is first seen.
         lost_refusals: so many poses refused in a row start the estimate anew.
         use_velocity: whether the vehicle's velocity is used at all.
         flow: it comes from optical flow, and is relative to the ship where the ship is below.
@@ -34,9 +36,36 @@ class MeasurementNoise:
     area_share: float
     centre_px: float
     repeated: float
+    box_m: float
+    first_mps: float
+    first_climb_mps: float
     lost_refusals: int
     use_velocity: bool
     flow: bool
+
+
+@dataclass(frozen=True)
+class Margins:
+    """`[guidance.horizon.margins]`: lengths that go with the ship's size and the aircraft's way of stopping.
+
+    Attributes:
+        gentle_m: farther than this from the landing point the gentle gains fly.
+        on_axis_m: this near to the bar's axis the aircraft is lined up.
+        above_path_m: this much above the glide path counts as on it.
+        overhead_m: within this distance of the landing point the height wanted is that of the hover.
+        low_m: lower over the deck than this, heights do not tell the bar's heave.
+        committed_m: lower over the deck than this a landing is no longer broken off.
+        clear_ahead_m, clear_below_m: a climb-out has ended this near to its end.
+    """
+
+    gentle_m: float
+    on_axis_m: float
+    above_path_m: float
+    overhead_m: float
+    low_m: float
+    committed_m: float
+    clear_ahead_m: float
+    clear_below_m: float
 
 
 @dataclass(frozen=True)
@@ -111,6 +140,7 @@ class HorizonParameters:
     swing: SwingParameters
     weights: Weights
     weights_blind: Weights
+    margins: Margins
     path: PathParameters
     descent: DescentParameters
 

@@ -26,7 +26,6 @@ _STEPS_MS = (33, 67, 100, 200, 350, 530)
 """Cycles that gains are kept for; the nearest is taken."""
 _BLIND_S = 1.5
 """Without a velocity of the vehicle for this long, gains are those for pictures alone."""
-_FAR_M = 1.5
 _RATE_SHARE = 0.7
 """Of the rate at which the vehicle can follow: an input beyond it is not what the model takes it for."""
 _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
@@ -38,6 +37,7 @@ class HorizonPilot:
     def __init__(self, setup: PilotSetup) -> None:
         guidance, rig, camera = setup.guidance, setup.rig, setup.camera
         self._parameters, self._mode_parameters = guidance.horizon, guidance.modes
+        self._margins = guidance.horizon.margins
         self._approach, self._search = guidance.approach, guidance.search
         self._response = setup.response
         self._navigator = Navigator(guidance.horizon, setup.response, rig, camera, setup.camera_in_body_m)
@@ -100,13 +100,14 @@ class HorizonPilot:
             height_m = float(self._deck_in_bar_m[2] - place[2])
             distance_m = float(np.linalg.norm(place))
             back_m = float(self._deck_in_bar_m[0]) - approach.climb_out_back_m
-            clear = bool(place[0] < back_m + 1.0 and height_m > approach.climb_out_height_m - 0.5)
+            high = height_m > approach.climb_out_height_m - self._margins.clear_below_m
+            clear = bool(place[0] < back_m + self._margins.clear_ahead_m and high)
         dropping = self._descent is not None and self._descent.phase is Phase.DROP
         return Situation(
             now_s=telemetry.t_s,
             observation=observation,
             landing_condition=self._landing_condition(estimate),
-            committed=dropping or height_m < 0.35,
+            committed=dropping or height_m < self._margins.committed_m,
             astray=self._astray(estimate),
             near_ship=distance_m < approach.climb_out_radius_m,
             clear=climbing_s >= approach.climb_out_s and (clear or climbing_s >= 4.0 * approach.climb_out_s),
@@ -159,7 +160,7 @@ class HorizonPilot:
         reference = moved(self._reference or at_rest(place_m, speed_mps), step_s, goal_m, goal_mps, pace)
         # Far from its reference the aircraft is led anew from where it is: the gains are for small errors.
         self._reference = at_rest(place_m, speed_mps) if lost(reference, place_m, speed_mps, pace) else reference
-        gains = self._gains(gentle=math.hypot(*self._offset(estimate).tolist()) > _FAR_M)
+        gains = self._gains(gentle=math.hypot(*self._offset(estimate).tolist()) > self._margins.gentle_m)
         heave_mps = self._heave_mps(mode, estimate, gains, step_s)
         wanted = self._wanted_input(estimate, gains)
         return self._sticks_of(estimate, wanted, heave_mps)
@@ -186,9 +187,10 @@ class HorizonPilot:
             ahead_m -= approach.climb_out_back_m
         else:
             off_axis_m = abs(float(estimate.aircraft_in_bar_m[1]))
-            above_m = max(-estimate.down_m - path.far_above_m - 1.0, 0.0)
+            above_m = max(-estimate.down_m - path.far_above_m - self._margins.above_path_m, 0.0)
             short_m = max(
-                path.line_up * max(off_axis_m - 0.5, 0.0), above_m / math.tan(math.radians(path.glide_path_deg))
+                path.line_up * max(off_axis_m - self._margins.on_axis_m, 0.0),
+                above_m / math.tan(math.radians(path.glide_path_deg)),
             )
             ahead_m -= short_m if mode is not Mode.LAND else 0.0
         goal_m = turned(np.array([ahead_m, 0.0]), estimate.bar_rad)
@@ -277,7 +279,8 @@ class HorizonPilot:
             hover_m = approach.hover_height_m
             distance_m = math.hypot(*self._offset(estimate).tolist())
             far_m = float(self._deck_in_bar_m[2]) + path.far_above_m
-            wanted_m = min(hover_m + 0.15 * max(distance_m - 2.0, 0.0), max(far_m, hover_m))
+            higher_m = 0.15 * max(distance_m - self._margins.overhead_m, 0.0)
+            wanted_m = min(hover_m + higher_m, max(far_m, hover_m))
         climb_mps = clamp(path.climb_per_s * (wanted_m - height_m), path.climb_mps)
         return rate_mps + climb_mps
 
@@ -351,7 +354,8 @@ class HorizonPilot:
             wanted_rad = observation.gimbal.pitch_rad - self._view.depression_rad(box.centre_px[1])
         elif estimate is not None:
             lens_m = estimate.down_m + float(self._camera_in_body_m[2])
-            wanted_rad = math.atan2(lens_m, max(math.hypot(*estimate.place_m.tolist()) - 0.09, 0.3))
+            ahead_m = math.hypot(*estimate.place_m.tolist()) - float(self._camera_in_body_m[0])
+            wanted_rad = math.atan2(lens_m, max(ahead_m, 0.3))
         else:
             return
         share = 1.0 - math.exp(-step_s / self._approach.gimbal_time_constant_s) if step_s > 0.0 else 1.0
