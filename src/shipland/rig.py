@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -91,6 +92,17 @@ class Target:
         return build(Target, {"made_to": _HAND_CUT, **read_toml(path)}, str(path))
 
 
+def in_area(area: str, size_m: float, forward_m: float, starboard_m: float) -> bool:
+    """Whether a point lies in a `square` of this side, or in a `circle` of this diameter; NaN does not.
+
+    >>> in_area("square", 2.0, 0.9, 0.9), in_area("circle", 2.0, 0.9, 0.9)
+    (True, False)
+    """
+    if area == "circle":
+        return math.hypot(forward_m, starboard_m) <= 0.5 * size_m
+    return abs(forward_m) <= 0.5 * size_m and abs(starboard_m) <= 0.5 * size_m
+
+
 @dataclass(frozen=True)
 class Rig:
     """The ship platform [Lee2022, §Experimental Setup] and this project's choices where the paper gives none.
@@ -101,7 +113,7 @@ class Rig:
         deck_size_m: side of the square deck.
         deck_ahead_of_stern_m: deck centre ahead of the stern.
         deck_height_m: neutral deck surface above ground.
-        landing_square_m: side of the landing square.
+        landing_square_m: side of the landing square, or diameter of the landing circle.
         bar_ahead_of_stern_m: the bar's plane ahead of the stern.
         bar_height_m: the bar's centre above ground.
         board_width_m, board_height_m: grey board behind the rectangles.
@@ -109,6 +121,9 @@ class Rig:
         surge_limit_m … yaw_limit_deg: motion base's limits, either side.
         quad: another cue in place of the two rectangles, in `bar`; one `[[rig.quad]]` a quadrilateral.
         made_to: how exactly the cue is made, as in `Target`.
+        landing_area: what a touchdown must lie in.
+        hull: a platform with a motion base, or a ship whose flight deck is part of the hull.
+        house_length_m: of the superstructure ahead of the bar; without one it reaches to the bow.
     """
 
     platform_length_m: float
@@ -133,6 +148,9 @@ class Rig:
     yaw_limit_deg: float
     quad: tuple[Quad, ...] = ()
     made_to: float = _MADE_TO
+    landing_area: Literal["square", "circle"] = "square"
+    hull: Literal["platform", "frigate"] = "platform"
+    house_length_m: float | None = None
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -141,6 +159,10 @@ class Rig:
                 require(value > 0.0, f"{each.name} must be positive, got {value}")
         require(self.landing_square_m <= self.deck_size_m, "landing_square_m must fit on the deck")
         require(self.bar_ahead_of_stern_m > self.deck_ahead_of_stern_m, "the bar must be ahead of the deck")
+
+    def in_landing_area(self, forward_m: float, starboard_m: float) -> bool:
+        """Whether a point of the deck, from its centre, lies in the landing square or circle."""
+        return in_area(self.landing_area, self.landing_square_m, forward_m, starboard_m)
 
     @cached_property
     def target(self) -> Target:
@@ -215,6 +237,8 @@ def layout(rig: Rig) -> Layout:
     The motion base stands on a low hull, so that the deck has room below; the superstructure stands ahead of
     the bar's plane.
     """
+    if rig.hull == "frigate":
+        return _frigate(rig)
     stern, half = -rig.deck_ahead_of_stern_m, 0.5 * rig.platform_width_m
     bow, ground = stern + rig.platform_length_m, rig.deck_height_m
     tilt = float(np.sin(np.radians(rig.roll_limit_deg + rig.pitch_limit_deg)))
@@ -227,6 +251,25 @@ def layout(rig: Rig) -> Layout:
     return Layout(
         hull=Solid((stern, -half, ground - freeboard), (bow, half, ground)),
         house=Solid((face, -half, ground - rig.superstructure_height_m), (bow, half, ground - freeboard)),
+        deck=Solid((-size, -size, 0.0), (size, size, 0.05)),
+        board=Solid((0.0, -wide, -tall), (0.02, wide, tall)),
+    )
+
+
+_DECK_PLATE_M = 0.1
+"""Of a flight deck over the hull below it: as thick as the deck of the contacts."""
+
+
+def _frigate(rig: Rig) -> Layout:
+    """A ship's boxes: the hull reaches up to the flight deck, the hangar stands on it."""
+    stern, half, size = -rig.deck_ahead_of_stern_m, 0.5 * rig.platform_width_m, 0.5 * rig.deck_size_m
+    bow, ground = stern + rig.platform_length_m, rig.deck_height_m
+    face = float(rig.bar_in_ship_m[0]) + 0.05
+    fore = bow if rig.house_length_m is None else min(bow, face + rig.house_length_m)
+    wide, tall = (0.5 * side_m for side_m in rig.board_size_m)
+    return Layout(
+        hull=Solid((stern, -half, _DECK_PLATE_M), (bow, half, ground)),
+        house=Solid((face, -half, ground - rig.superstructure_height_m), (fore, half, _DECK_PLATE_M)),
         deck=Solid((-size, -size, 0.0), (size, size, 0.05)),
         board=Solid((0.0, -wide, -tall), (0.02, wide, tall)),
     )

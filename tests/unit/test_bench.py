@@ -21,6 +21,7 @@ from shipland.missions.bench_rows import write_rows
 from shipland.missions.bench_tables import ceilings_of, leaderboard, paired, pairs, rests_in_square, rivals, swept_keys
 from shipland.missions.statistics import quantile_interval
 from shipland.missions.suite import Asked, Suite, SuiteEntry, bench_cells, load_suite, task_digest
+from shipland.rig import default_rig
 
 GRID = (SuiteEntry(("rig-natops", "ship-sea6")),)
 
@@ -210,9 +211,13 @@ def test_cells_are_chosen_by_pattern_and_a_wrong_one_is_named():
 
 
 def test_rest_in_the_square():
-    assert rests_in_square(GOOD, 0.35)
-    assert not rests_in_square(replace(GOOD, rest_starboard_m=-0.2), 0.35)
-    assert not rests_in_square(replace(GOOD, landed=False), 0.35)
+    rig = default_rig()
+    assert rests_in_square(GOOD, rig)
+    assert not rests_in_square(replace(GOOD, rest_starboard_m=-0.2), rig)
+    assert not rests_in_square(replace(GOOD, landed=False), rig)
+    corner = replace(GOOD, rest_forward_m=0.15, rest_starboard_m=0.15)
+    assert rests_in_square(corner, rig)
+    assert not rests_in_square(corner, replace(rig, landing_area="circle"))
 
 
 def test_a_median_lies_in_its_interval_as_often_as_said():

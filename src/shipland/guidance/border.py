@@ -23,8 +23,8 @@ _SILENCE_S = 60.0
 """A clock that goes on from later than this, or from before, has leapt; up to this the vehicle was silent so long."""
 _AHEAD_S = 0.1
 """Nothing was true later than it was received, but for rounding and clocks a little apart."""
-_FARTHEST_M = 200.0
-"""Corners cannot be measured from farther away."""
+_FARTHEST_M = 2000.0
+"""Corners cannot be measured from farther away: a ship's bar of 10 m has 5 px a metre there in no camera."""
 _HIGHEST_M, _FASTEST_MPS, _WIDEST_RAD = 10_000.0, 100.0, 4.0 * math.pi
 _STEEPEST_RAD = 0.6 * math.pi
 

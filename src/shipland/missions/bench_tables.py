@@ -19,6 +19,7 @@ from shipland.missions.rules import rules
 from shipland.missions.statistics import Interval, Pairing, quantile_interval, share_interval
 from shipland.missions.sweep import median
 from shipland.missions.tables import pair_up
+from shipland.rig import Rig
 
 
 def swept_keys(cells: Sequence[CellResult]) -> list[str]:
@@ -27,9 +28,9 @@ def swept_keys(cells: Sequence[CellResult]) -> list[str]:
     return [key for key in keys if len({dict(cell.settings).get(key) for cell in cells}) > 1]
 
 
-def rests_in_square(landing: Landing, side_m: float) -> bool:
-    """Whether it came to rest on its feet with its centre in the landing square."""
-    return landing.landed and max(abs(landing.rest_forward_m), abs(landing.rest_starboard_m)) <= 0.5 * side_m
+def rests_in_square(landing: Landing, rig: Rig) -> bool:
+    """Whether it came to rest on its feet with its centre in the landing square, or circle."""
+    return landing.landed and rig.in_landing_area(landing.rest_forward_m, landing.rest_starboard_m)
 
 
 def leaderboard(cells: Sequence[CellResult], ceilings: dict[str, Ceiling]) -> Iterator[str]:
@@ -54,7 +55,7 @@ def leaderboard(cells: Sequence[CellResult], ceilings: dict[str, Ceiling]) -> It
         if not n:
             continue
         low, high = share_interval(good, n)
-        rests = sum(rests_in_square(it, cell.rig.landing_square_m) for it in landings)
+        rests = sum(rests_in_square(it, cell.rig) for it in landings)
         errors_cm = 100.0 * np.array([it.error_m for it in touched])
         own_cm = 100.0 * np.array([np.hypot(it.own_forward_m, it.own_starboard_m) for it in touched])
         causes = Counter(it.cause for it in landings if it.cause)

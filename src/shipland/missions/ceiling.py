@@ -91,7 +91,7 @@ def take_apart(ship: ShipState, airframe: AirframeParameters, touchdown_in_deck_
 
 def in_square(rig: Rig, point_m: Array) -> bool:
     """Whether (2,) forward, starboard from the square's centre lies in the landing square."""
-    return bool(np.max(np.abs(point_m)) <= 0.5 * rig.landing_square_m)
+    return rig.in_landing_area(*point_m.tolist())
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def ceiling(
         drawn = build_ship(ship, rig, motion_rng)
         states = [drawn.at(float(t_s)) for t_s in np.arange(0.0, LENGTH_S, STEP_S)]
         points_m = np.array([perfect_in_deck_m(state, airframe) for state in states])
-        shares.append(float(np.mean(np.max(np.abs(points_m), axis=1) <= 0.5 * rig.landing_square_m)))
+        shares.append(float(np.mean([in_square(rig, point_m) for point_m in points_m])))
         squared_m.append(np.mean(points_m**2, axis=0))
         sway_m2.append(float(np.mean([state.deck.displacement[1] ** 2 for state in states])))
     forward_m, starboard_m = np.sqrt(np.mean(squared_m, axis=0)).tolist()

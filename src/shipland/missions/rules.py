@@ -10,14 +10,14 @@ from shipland.rig import Rig
 
 def rules(rig: Rig) -> dict[str, Callable[[Landing], bool]]:
     """By name; a comparison with NaN is false, so a flight without contact is no landing by any rule."""
-    square_m, deck_m = rig.landing_square_m, rig.deck_size_m
+    deck_m, area = rig.deck_size_m, f"{rig.landing_square_m:g} m {rig.landing_area}"
 
     def within(landing: Landing, side_m: float) -> bool:
         return max(abs(landing.forward_m), abs(landing.starboard_m)) <= 0.5 * side_m
 
     return {
-        f"ours: at rest on its feet in the {square_m:g} m square, within every limit": lambda it: it.good,
-        f"first contact in the {square_m:g} m square": lambda it: within(it, square_m),
+        f"ours: at rest on its feet in the {area}, within every limit": lambda it: it.good,
+        f"first contact in the {area}": lambda it: rig.in_landing_area(it.forward_m, it.starboard_m),
         "first contact within 0.2 m of the centre": lambda it: it.error_m <= 0.2,
         "first contact within 0.5 m of the centre": lambda it: it.error_m <= 0.5,
         "under 1 m horizontally, tilt under 10°, sink under 1.5 m/s": lambda it: (

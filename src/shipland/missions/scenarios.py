@@ -86,9 +86,9 @@ def scenario_table(source: str | Path, config: Path | None = None, changes: Iter
         ConfigError: no such scenario, or a file or a text is missing or broken.
     """
     if str(source).endswith(".toml"):
-        overlay = read_toml(Path(source))
+        overlay = _with_parts(read_toml(Path(source)))
     elif str(source) in packaged_names("scenarios"):
-        overlay = packaged_toml(f"scenarios/{source}")
+        overlay = _with_parts(packaged_toml(f"scenarios/{source}"))
     else:
         known = ", ".join(packaged_names("scenarios"))
         raise ConfigError(f"no scenario {str(source)!r}; there are: {known}, or give a path that ends in .toml")
@@ -96,8 +96,20 @@ def scenario_table(source: str | Path, config: Path | None = None, changes: Iter
     detector = packaged_toml("learning")["detector"] | {"threads": 1}
     table = merge(merge(packaged_toml("default"), {"name": Path(source).stem, "detector": detector}), overlay)
     if config is not None:
-        table = merge(table, read_toml(config))
+        table = merge(table, _with_parts(read_toml(config)))
     return merge(table, settings(changes))
+
+
+def _with_parts(overlay: Table) -> Table:
+    """A file's table laid over the packaged parts (ships, aircraft) that its key `parts` names, in their order."""
+    rest = {key: value for key, value in overlay.items() if key != "parts"}
+    parts = overlay.get("parts", [])
+    if not isinstance(parts, list):
+        raise ConfigError(f"parts must be a list of names, got {parts!r}")
+    table: Table = {}
+    for part in parts:
+        table = merge(table, packaged_toml(f"parts/{part}"))
+    return merge(table, rest)
 
 
 def load_scenario(source: str | Path | Mapping[str, Any], /, **overrides: Any) -> Scenario:  # noqa: ANN401

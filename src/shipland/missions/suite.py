@@ -94,11 +94,16 @@ _OF_THE_FLIER = ("description", "vision", "detector", "eyes", "guidance", "safet
 """Sections of a scenario that say how it is seen and flown: what a suite compares, not what it sets."""
 
 
+_ADDED_TO_RIG = (("landing_area", "square"), ("hull", "platform"), ("house_length_m", None))
+"""Keys younger than the digests on record, with the values that leave a flight as it was."""
+
+
 def task_digest(suite: Suite) -> str:
     """Digest of what every flight of a suite meets: its cells' configurations without those who see and fly."""
     tasks = []
     for cell in bench_cells(suite.cells, Asked(("paper",))):
         task = {key: value for key, value in cell.scenario.table().items() if key not in _OF_THE_FLIER}
+        task["rig"] = {key: value for key, value in task["rig"].items() if (key, value) not in _ADDED_TO_RIG}
         tasks.append(config_digest(task | {"by": cell.vision}))
     return config_digest({"tasks": sorted(tasks)})
 

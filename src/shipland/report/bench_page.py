@@ -109,7 +109,7 @@ def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
             "time median [s]", "largest stick step [%]"]  # fmt: skip
     rows = []
     for pilot in pilots:
-        mine = [(it, cell.rig.landing_square_m) for cell in cells if cell.pilot == pilot for it in cell.landings]
+        mine = [(it, cell.rig) for cell in cells if cell.pilot == pilot for it in cell.landings]
         landings = [it for it, _ in mine]
         touched = [it for it in landings if it.touched]
         good, n = sum(it.good for it in landings), len(landings)
@@ -120,7 +120,7 @@ def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
                 str(n),
                 f"{good} ({100 * good / n:.1f} %)",
                 f"{100 * low:.1f}–{100 * high:.1f} %",
-                str(sum(rests_in_square(it, side_m) for it, side_m in mine)),
+                str(sum(rests_in_square(it, rig) for it, rig in mine)),
                 str(sum(it.landed for it in landings)),
                 _quantile([100 * it.error_m for it in touched], 0.5, 1),
                 _quantile([100 * it.error_m for it in touched], 0.9, 1),

@@ -56,7 +56,7 @@ class Grid:
 GRID = Grid()
 """What simulated flights run on."""
 NEAR_DECK_M = 2.0
-"""From the deck's centre: nearer, the deck is set every physics step and contacts are judged."""
+"""From the deck's centre, at least: nearer, the deck is set every physics step and contacts are judged."""
 SHIP_MARGIN_M = 0.5
 """Nearer than this to where the ship ends, it is set every control step."""
 CLEAR_M = 0.1
@@ -142,10 +142,12 @@ class World:
         self._stage = Stage(model, self._data)
         self._unstaged_deck: DeckState | None = None
         self._unstaged_hull: tuple[ShipState, DeckState] | None = None
-        self._judge = Judge(verdict, rig.landing_square_m)
+        self._judge = Judge(verdict, rig.landing_square_m, rig.landing_area)
+        on_deck_m = math.hypot(math.sqrt(0.5) * rig.deck_size_m + shape.reach_m, shape.reach_m)
+        self._near_deck_m = max(NEAR_DECK_M, on_deck_m)
         ahead_m = max(rig.deck_ahead_of_stern_m, rig.platform_length_m - rig.deck_ahead_of_stern_m)
         ship_m = math.hypot(ahead_m, 0.5 * max(rig.platform_width_m, rig.board_width_m))
-        self._near_ship_m = max(ship_m + SHIP_MARGIN_M, NEAR_DECK_M)
+        self._near_ship_m = max(ship_m + SHIP_MARGIN_M, self._near_deck_m)
         self._rig = rig
         self._front_m = float(rig.bar_in_ship_m[0])
         self._radius_m = shape.reach_m
@@ -171,7 +173,7 @@ class World:
         self._flier.begin(self._sensed)
         free = (aircraft, self._flier, self._senses, self._gimbal, camera_parameters)
         two = grid.control_every == 2  # what is compiled has no other
-        self._free = free_flight(*free, rig.deck_size_m, NEAR_DECK_M, grid.step_s) if two else None
+        self._free = free_flight(*free, rig.deck_size_m, self._near_deck_m, grid.step_s) if two else None
         self._clear, self._looked_s = False, 0.0
 
     def _draw_start(self, start: StartParameters, rng: np.random.Generator) -> tuple[Vector, float]:
@@ -223,7 +225,7 @@ class World:
             if phase == 0:
                 self._control()
             count = min(self._control_every - phase, end - self._steps)
-            if self._reach_m < NEAR_DECK_M:
+            if self._reach_m < self._near_deck_m:
                 if phase:
                     self._set_ship(hull=False)
                 if self._judge.verdict is None and (phase == 0 or self._body.in_contact):
@@ -304,7 +306,7 @@ class World:
         self._sensed, self._sensed_s = self._senses.sense(motion), self.t_s
         fresh = self._fresh()
         sticks = (self._sticks if fresh else CENTRED) if self._motors_run else None
-        over_deck = self._body.over_deck(motion, self._deck) if self._reach_m < NEAR_DECK_M else None
+        over_deck = self._body.over_deck(motion, self._deck) if self._reach_m < self._near_deck_m else None
         self._body.apply(self._flier.step(motion, self._sensed, sticks, self._wind_mps, over_deck))
         if self._motors_run:
             self._feel_deck(motion, self._land and fresh)
@@ -335,7 +337,7 @@ class World:
         """Stop the motors once the aircraft takes itself for landed."""
         jolt_mps2 = (self._down_mps - motion.velocity_mps[2]) / self._tick_s
         self._down_mps = motion.velocity_mps[2]
-        near = landing and self._reach_m < NEAR_DECK_M
+        near = landing and self._reach_m < self._near_deck_m
         range_m = self._body.range_m(motion, self._deck) if near else math.inf
         if self._touchdown.landed(range_m, jolt_mps2 > IMPACT_MPS2):
             self._motors_run = False
@@ -356,7 +358,7 @@ class World:
         """Faults away from the deck: the sea, and the ship's far end."""
         if self._body.down_m > -self._foot_below_m:
             self._crash("fell into the sea")
-        elif self._body.in_contact and self._reach_m >= NEAR_DECK_M:
+        elif self._body.in_contact and self._reach_m >= self._near_deck_m:
             self._crash(self._body.touch().fault)
 
     def _crash(self, fault: str) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from shipland.config import require
 from shipland.frames import Array
 from shipland.messages import TouchdownVerdict
+from shipland.rig import in_area
 from shipland.sim.aircraft.parameters import Vector
 
 
@@ -138,12 +139,13 @@ class Judge:
 
     Args:
         parameters: limits.
-        landing_square_m: side of the square.
+        landing_square_m: side of the square, or diameter of the circle.
+        landing_area: square or circle.
     """
 
-    def __init__(self, parameters: VerdictParameters, landing_square_m: float) -> None:
+    def __init__(self, parameters: VerdictParameters, landing_square_m: float, landing_area: str = "square") -> None:
         self._limits = parameters
-        self._half_m = 0.5 * landing_square_m
+        self._area, self._size_m = landing_area, landing_square_m
         self._contact: _Contact | None = None
         self._before: OnDeck | None = None
         self._still_since_s: float | None = None
@@ -198,10 +200,10 @@ class Judge:
         velocity_mps = np.array(contact.at.velocity_mps)
         if self._contact is None:
             touchdown_m, rest_m, velocity_mps = np.full(2, np.nan), np.full(2, np.nan), np.full(3, np.nan)
-        inside = bool(np.max(np.abs(touchdown_m)) <= self._half_m)
+        inside = in_area(self._area, self._size_m, *touchdown_m.tolist())
         reason = fault
         if landed:
-            where = "in the square" if inside else "outside the square"
+            where = f"in the {self._area}" if inside else f"outside the {self._area}"
             reason = f"landed {where}, {100 * np.hypot(*touchdown_m):.0f} cm from its centre"
         return TouchdownVerdict(
             t_s=contact.t_s,

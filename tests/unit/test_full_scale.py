@@ -1,0 +1,89 @@
+"""At full scale: a frigate's flight deck, parts of scenarios, contacts anywhere on a large deck."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shipland.config import ConfigError
+from shipland.messages import Intent, PilotCommand
+from shipland.missions.crew import build_world, response_of
+from shipland.missions.fly import fly_quietly
+from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.rig import layout
+from shipland.sim.ship.ship import build_ship
+
+SEA5 = load_scenario("frigate-sea5")
+QUIET = {"ship.motion": "still", "ship.course.kind": "still", "wind.mean_mps": 0.0}
+
+
+def test_parts_lie_under_the_scenario_that_names_them(tmp_path):
+    assert (SEA5.aircraft.airframe.mass_kg, SEA5.rig.platform_length_m, SEA5.wind.mean_mps) == (25.0, 136.0, 10.0)
+    path = tmp_path / "tug.toml"
+    path.write_text('parts = ["octo25"]\n[aircraft.settings]\nmax_speed_mps = 12.0\n')
+    tug = load_scenario(path)
+    assert (tug.aircraft.airframe.mass_kg, tug.aircraft.settings.max_speed_mps) == (25.0, 12.0)
+    path.write_text('parts = ["octo24"]\n')
+    with pytest.raises(ConfigError, match="parts/octo24.*frigate, octo25"):
+        scenario_table(path)
+    path.write_text('parts = "octo25"\n')
+    with pytest.raises(ConfigError, match="parts must be a list"):
+        scenario_table(path)
+
+
+def test_the_deck_is_part_of_a_hull_that_floats():
+    boxes = layout(SEA5.rig)
+    assert boxes.hull.low_m[2] == pytest.approx(0.1)  # up to the underside of the deck
+    assert boxes.hull.high_m[2] == SEA5.rig.deck_height_m  # down to the sea
+    assert boxes.house.low_m[2] == -6.0
+    assert boxes.house.low_m[0] > 0.5 * SEA5.rig.deck_size_m
+
+
+def test_waves_move_the_deck_at_full_scale():
+    """Sway and heave, significant single amplitudes, of docs/ship-motion.md for sea state 5 off the bow."""
+    ships = [build_ship(SEA5.ship, SEA5.rig, np.random.default_rng(seed)) for seed in range(12)]
+    rows = np.array([ship.at(float(t_s)).deck.displacement for ship in ships for t_s in range(0, 400, 2)])
+    assert 2.0 * np.std(rows[:, 1:3], axis=0) == pytest.approx([1.19, 1.63], rel=0.12)
+    assert float(ships[0].at(1.0).course.velocity_in_ned_mps[0]) == pytest.approx(5.14)
+
+
+def test_a_touchdown_far_from_the_deck_centre_is_judged():
+    start = {
+        "start.distance_m": 5.0,
+        "start.bearing_spread_deg": 0.0,
+        "start.height_m": 1.2,
+        "start.height_spread_m": 0,
+    }
+    changes = {**QUIET, **start, "start.bearing_deg": 50.0}
+    world = build_world(load_scenario(scenario_table("frigate-sea3"), **changes), 1)
+    while not world.over() and world.t_s < 15.0:
+        world.command(PilotCommand(world.t_s, 0.0, 0.0, -20.0, 0.0, 0.0, Intent.LAND))
+        world.advance(world.t_s + 0.1)
+    verdict = world.verdict()
+    assert verdict is not None
+    assert verdict.landed, verdict.reason
+    assert verdict.reason.startswith("landed outside the circle")
+    assert math.hypot(*verdict.touchdown_in_deck_m) == pytest.approx(5.0, abs=0.3)
+
+
+def test_octo25_answers_its_sticks_as_its_response_says():
+    world, response = build_world(load_scenario(scenario_table("frigate-sea3"), **QUIET), 2), response_of(SEA5)
+    assert response.kind == "velocity"
+    speeds = []
+    for _ in range(120):
+        world.command(PilotCommand(world.t_s, 20.0, 0.0, 0.0, 0.0, 0.0))
+        world.advance(world.t_s + 0.1)
+        speeds.append(math.hypot(*world.truth().velocity_in_ned_mps[:2]))
+    assert np.mean(speeds[-30:]) == pytest.approx(0.2 * response.max_speed_mps, abs=0.3)
+    assert max(speeds) < 0.25 * response.max_speed_mps
+
+
+def test_it_lands_on_the_frigate():
+    near = load_scenario(
+        scenario_table("frigate-sea4"),
+        **{"start.distance_m": 110.0, "start.height_m": 18.0, "start.height_spread_m": 1.0},
+    )
+    flown = fly_quietly(near, "horizon", "geometric", 3)
+    assert flown.verdict is not None, flown.reason
+    assert flown.verdict.landed, flown.reason
+    assert flown.verdict.in_square, flown.reason
