@@ -1,4 +1,4 @@
-"""Another airframe and another inner loop: the packaged 25 kg `octo25`, flown by tilts, answering a little stick softly.
+"""Another airframe and inner loop: the packaged 25 kg `octo25`, flown by tilts, that answers a little stick softly.
 
 Flown by name, from this folder: `shipland fly near --set aircraft.kind=own_aircraft:octocopter`. To fly `octo25` as it
 is, a scenario says `parts = ["octo25"]`.

@@ -24,7 +24,7 @@ def test_parts_lie_under_the_scenario_that_names_them(tmp_path):
     tug = load_scenario(path)
     assert (tug.aircraft.airframe.mass_kg, tug.aircraft.settings.max_speed_mps) == (25.0, 12.0)
     path.write_text('parts = ["octo24"]\n')
-    with pytest.raises(ConfigError, match="parts/octo24.*frigate, octo25"):
+    with pytest.raises(ConfigError, match=r"parts/octo24.*frigate, octo25"):
         scenario_table(path)
     path.write_text('parts = "octo25"\n')
     with pytest.raises(ConfigError, match="parts must be a list"):
