@@ -16,15 +16,17 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from shipland.version import __version__
-
 if TYPE_CHECKING:
     from shipland.api import Campaign, Flight, campaign, fly, load_scenario, without_pictures
+
+    __version__: str
 
 __all__ = ["Campaign", "Flight", "__version__", "campaign", "fly", "load_scenario", "without_pictures"]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
+    if name == "__version__":
+        return importlib.import_module("shipland.version").code_version()
     if name in __all__:
         return getattr(importlib.import_module("shipland.api"), name)
     raise AttributeError(f"module 'shipland' has no attribute {name!r}; it has: {', '.join(__all__)}")

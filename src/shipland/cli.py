@@ -77,15 +77,16 @@ def main() -> None:
     brief = not any(word in map(name_of, COMMANDS) for word in sys.argv[1:2])  # the list of all commands
     subcommands: Any = tuple(subcommand(it, brief=brief) for it in COMMANDS)
     any_command: Any = Union[subcommands]  # noqa: UP007 - made at run time
-    command: Command = tyro.cli(
-        any_command,
-        prog="shipland",
-        description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.\n\n"
-        "`shipland COMMAND --help` tells of one command with an example. A first flight: shipland fly --out out/first",
-    )
-    from shipland.missions.stopping import sigterm_interrupts
-
     try:
+        command: Command = tyro.cli(
+            any_command,
+            prog="shipland",
+            description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.\n\n"
+            "`shipland COMMAND --help` tells of one command with an example. A first flight: "
+            "shipland fly --out out/first",
+        )
+        from shipland.missions.stopping import sigterm_interrupts
+
         with sigterm_interrupts():
             code = command.run()
     except ShiplandError as error:

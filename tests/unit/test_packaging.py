@@ -3,6 +3,7 @@
 import importlib.metadata
 import importlib.resources
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import shipland
+from shipland import version
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -40,10 +42,61 @@ def texts() -> list[Path]:
 
 
 def test_one_version_everywhere():
-    assert shipland.__version__ == PROJECT["version"] == importlib.metadata.version("shipland")
     newest = re.search(r"^## (\d\S*)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert newest
-    assert newest[1] == shipland.__version__
+    assert newest[1] == version.RELEASE
+    assert shipland.__version__ == version.code_version()
+    assert "version" in PROJECT["dynamic"]
+
+
+@pytest.mark.parametrize(
+    ("described", "expected"),
+    [
+        ("v0.3.0-0-g4748a7e", "0.3.0"),
+        ("v0.3.0-0-g4748a7e-dirty", "0.3.0+g4748a7e.dirty"),
+        ("v0.3.0-12-g4748a7e", "0.3.0.post12+g4748a7e"),
+        ("v1.0rc1-1-g4748a7e", "1.0rc1.post1+g4748a7e"),
+        ("4748a7e-dirty", f"{version.RELEASE}+g4748a7e.dirty"),
+        ("neither tag nor commit", version.RELEASE),
+    ],
+)
+def test_version_of_what_git_describes(described, expected):
+    assert version.version_of(described) == expected
+
+
+def git(root, *arguments):
+    names = ("-c", "user.name=nobody", "-c", "user.email=nobody@example.org", "-c", "commit.gpgsign=false")
+    subprocess.run(["git", "-C", str(root), *names, *arguments], check=True, capture_output=True)
+
+
+def version_in(root):
+    """What the build takes as the version of the tree at `root`: its own version.py, beside no other package."""
+    code = f"import runpy; print(runpy.run_path({str(root / 'src/shipland/version.py')!r})['code_version']())"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_a_tag_is_the_version_and_a_tree_without_git_falls_back(tmp_path):
+    package = tmp_path / "src" / "shipland"
+    package.mkdir(parents=True)
+    shutil.copy(version.__file__, package)
+    assert version_in(tmp_path) == version.RELEASE
+    git(tmp_path, "init")
+    git(tmp_path, "add", ".")
+    git(tmp_path, "commit", "--message", "first")
+    assert re.fullmatch(rf"{version.RELEASE}\+g[0-9a-f]+", version_in(tmp_path))
+    git(tmp_path, "tag", "v9.1.0")
+    assert version_in(tmp_path) == "9.1.0"
+    git(tmp_path, "commit", "--allow-empty", "--message", "second")
+    assert re.fullmatch(r"9\.1\.0\.post1\+g[0-9a-f]+", version_in(tmp_path))
+    installed = tmp_path / "src" / "shipland-8.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: shipland\nVersion: 8.0\n")
+    assert version_in(tmp_path) == "8.0"
+
+
+def test_python_m_shipland_is_the_command_line():
+    done = subprocess.run([sys.executable, "-m", "shipland", "version"], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == version.code_version()
 
 
 def test_licence_is_the_whole_apache_licence():

@@ -325,3 +325,15 @@ def test_photographs_of_cyan_tape_are_refused(taped, feet):
     result = taped(f"peg_1ftH{feet}ftD0.jpg", "peg2017", "lifecam_640x480")
     assert not result.found
     assert result.observation.reason
+
+
+def test_what_cannot_be_looked_at_does_not_end_the_rest(tmp_path, bar_image, capsys):
+    good, tall = write(tmp_path / "good.png", bar_image), write(tmp_path / "tall.png", bar_image[:, :600])
+    (tmp_path / "torn.png").write_bytes(b"no picture")
+    options = See((tmp_path / "torn.png", tall, good), json=True)
+    assert options.run() == 1
+    out, err = capsys.readouterr()
+    assert [json.loads(line)["file"] for line in out.splitlines()] == [str(good)]
+    assert "torn.png is not a whole picture" in err
+    assert "tall.png is 600 × 720 px" in err
+    assert See((tmp_path / "torn.png", tall)).run() == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -39,4 +40,5 @@ class Calibrate:
 
         board = Board(self.board, self.square_m, self.charuco, self.marker_m, self.dictionary)
         print(calibrate(self.paths, board, self.out).to_text())
+        print(f"{self.out}; where the corners lay: {self.out.with_suffix('.png')}", file=sys.stderr)
         return 0

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from shipland.commands.pictures import PictureOptions, Results
-from shipland.errors import DataError
 
 
 @dataclass(frozen=True)
@@ -16,8 +14,9 @@ class Detect(PictureOptions):
     """Look for the ship or the bar with a learned detector in pictures, videos or a flight log.
 
     One JSON line a picture: file, t_s (time in its video), boxes: [{x, y, w, h, confidence}] in pixels, x and y
-    the left and top edge. What cannot be read is named on standard error, the rest is looked at, and the exit code
-    is 1.
+    the left and top edge.
+    What cannot be read is named on standard error and the rest is looked at; the exit code is then 1, and 2 when
+    nothing could be read.
 
     Example: shipland detect harbour.jpg film.mp4 --kind ship --json --out out/drawn
     """
@@ -40,13 +39,7 @@ class Detect(PictureOptions):
         settings = detector_parameters(self.config)
         detector = Detector.load(self.kind if self.weights is None else str(self.weights), settings)
         confidence = settings.acquire_confidence if self.confidence is None else self.confidence
-        failed: list[Path] = []
-
-        def broken(path: Path, error: DataError) -> None:
-            failed.append(path)
-            print(f"shipland: {error}", file=sys.stderr, flush=True)
-
         with Results(self, COLUMNS) as results:
-            for result in detect_paths(self.paths, detector, confidence, broken):
+            for result in detect_paths(self.paths, detector, confidence, results.broken):
                 results.add(result, lambda it=result: draw_boxes(it.picture.image, it.boxes))  # type: ignore[misc]
-        return 1 if failed else 0
+        return results.exit_code

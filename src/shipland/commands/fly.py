@@ -136,7 +136,7 @@ def _report(console: Console, command: Fly, flight: Flight) -> None:
             f"{verdict.t_s:.1f} s, {sink_mps:.2f} m/s down against the deck, slip {verdict.slip_m:.3f} m"
         )
     names = ", ".join(sorted(path.name for path in command.out.iterdir() if path.is_file()))
-    console.print(f"{command.out}: {names}")
+    console.print(f"{command.out}: {names or 'nothing could be written'}")
 
 
 class ProgressLine:

@@ -7,7 +7,7 @@ import json
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol
 import tyro
 
 if TYPE_CHECKING:
+    from shipland.errors import DataError
     from shipland.vision.pictures import FilePicture, Picture
 
 _PROGRESS_S = 5.0
@@ -63,11 +64,14 @@ class Results:
         self._table: csv.DictWriter[str] | None = None
         self._drawings: Any = None
         self._said_s = time.monotonic()
+        self._looked_at = self._failed = 0
 
     def __enter__(self) -> Results:
         from shipland.report.drawings import Drawings
 
         if self._options.csv is not None:
+            with suppress(OSError):  # open says why not
+                self._options.csv.parent.mkdir(parents=True, exist_ok=True)
             file = self._stack.enter_context(self._options.csv.open("w", newline="", encoding="utf-8"))
             self._table = csv.DictWriter(file, self._columns, lineterminator="\n")
             self._table.writeheader()
@@ -78,8 +82,19 @@ class Results:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
+    def broken(self, path: Path, error: DataError) -> None:  # noqa: ARG002 - the error names it
+        """Name what cannot be looked at."""
+        self._failed += 1
+        print(f"shipland: {error}", file=sys.stderr, flush=True)
+
+    @property
+    def exit_code(self) -> int:
+        """0; 1 when something could not be looked at, 2 when nothing could."""
+        return 0 if not self._failed else 1 if self._looked_at else 2
+
     def add(self, result: Result, drawn: Callable[[], Picture]) -> None:
         """Print, tabulate and draw one; `drawn` is called where drawings are asked for."""
+        self._looked_at += 1
         print(json.dumps(result.to_json()) if self._options.json else result.to_line(), flush=True)
         if self._table is not None:
             self._table.writerows(result.to_rows())

@@ -19,6 +19,8 @@ class See(PictureOptions):
 
     One JSON line a picture: file, t_s (time in its video), found, reason, distance_m, position_in_bar_m, yaw_deg,
     covariance (4 × 4 of forward, right, down [m] and yaw [rad]), reprojection_px, corners_px.
+    What cannot be read is named on standard error and the rest is looked at; the exit code is then 1, and 2 when
+    nothing could be read.
 
     Example: shipland see film.mp4 --target bar.toml --camera calibration.yaml --csv poses.csv --out out/drawn
     """
@@ -38,12 +40,12 @@ class See(PictureOptions):
         target = default_rig().target if self.target is None else Target.from_file(self.target)
         camera, whose = self._camera()
         with Results(self, COLUMNS) as results:
-            for number, result in enumerate(see_paths(self.paths, target, camera)):
+            for number, result in enumerate(see_paths(self.paths, target, camera, results.broken)):
                 if number == 0:
                     size = f"{camera.width_px} × {camera.height_px} px, focal length {camera.focal_px:.0f} px"
                     print(f"camera: {size}, {whose}", file=sys.stderr)
                 results.add(result, lambda it=result: draw_observation(it.picture.image, it.observation))  # type: ignore[misc]
-        return 0
+        return results.exit_code
 
     def _camera(self) -> tuple[Camera, str]:
         """The camera that is assumed, and where it comes from."""

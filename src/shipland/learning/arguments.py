@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
+
+from shipland.errors import ConfigError
 
 Kind = Literal["ship", "bar"]
 Profile = Literal["far", "photos"]
@@ -36,6 +39,11 @@ class SynthArguments:
     coco: bool = False
     workers: int = 1
     minutes: float | None = None
+
+    def __post_init__(self) -> None:
+        _at_least(0, seed=self.seed, crop_px=self.crop_px)
+        _at_least(1, count=self.count, workers=self.workers)
+        _positive(minutes=self.minutes)
 
 
 @dataclass(frozen=True)
@@ -79,6 +87,11 @@ class TrainArguments:
     seed: int = 0
     config: Path | None = None
 
+    def __post_init__(self) -> None:
+        _at_least(0, seed=self.seed)
+        _at_least(1, steps=self.steps, batch=self.batch, threads=self.threads)
+        _positive(minutes=self.minutes, width=self.width)
+
 
 @dataclass(frozen=True)
 class EvaluateArguments:
@@ -115,3 +128,19 @@ class EvaluateArguments:
     workers: int = 1
     keep_boxes: bool = False
     config: Path | None = None
+
+    def __post_init__(self) -> None:
+        _at_least(0, seed=self.seed, threads=self.threads)
+        _at_least(1, scenes=self.scenes, frames=self.frames, workers=self.workers)
+
+
+def _at_least(least: int, **options: int | None) -> None:
+    for name, value in options.items():
+        if value is not None and value < least:
+            raise ConfigError(f"--{name.replace('_', '-')} must be {least} or more, got {value}")
+
+
+def _positive(**options: float | None) -> None:
+    for name, value in options.items():
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise ConfigError(f"--{name.replace('_', '-')} must be positive, got {value}")

@@ -23,7 +23,7 @@ from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import needs_pictures
 from shipland.record.info import FlightInfo, config_digest, file_digest
 from shipland.record.writer import LogParameters, LogWriter
-from shipland.version import __version__, code_version
+from shipland.version import code_version
 from shipland.vision.far.detector import weights_path
 
 
@@ -80,7 +80,7 @@ def flight_info(
         scenario=scenario.name,
         seed=seed,
         pilot=factories.name_of(pilot),
-        software_version=__version__,
+        software_version=code_version().partition("+")[0],
         config_digest=config_digest(table),
         aircraft_diagonal_m=2.0 * float(np.hypot(airframe.motor_forward_m, airframe.motor_right_m)),
         vision=factories.name_of(vision),

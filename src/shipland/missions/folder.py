@@ -1,4 +1,4 @@
-"""A campaign's folder: rows of one code version, configuration and set of weights, and of one process at a time."""
+"""A campaign's folder: rows of one code, configuration and set of weights, and of one process at a time."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import importlib.util
 import json
 import os
 import platform
+import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,13 +24,12 @@ from shipland.missions.landing import COLUMNS, Landing, landing_from, row_of
 from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import needs_pictures
 from shipland.record.info import config_digest, file_digest
-from shipland.version import __version__
+from shipland.version import code_version
 from shipland.vision.far.detector import weights_path
 
 _SOURCES = {".py", ".toml", ".frag", ".vert", ".glsl", ".npz"}
 _LIBRARIES = ("numpy", "scipy", "mujoco", "opencv-python-headless", "openvino")
 _BOUND = {
-    "version": "code version",
     "source": "code (its files differ)",
     "configuration": "configuration",
     "pilot": "pilot",
@@ -62,7 +62,7 @@ def campaign_key(scenario: Scenario, pilot: str, vision: str) -> dict[str, Any]:
         for kind, name in (("ship", detector.ship_weights), ("bar", detector.bar_weights)):
             weights[kind] = file_digest(weights_path(name, detector.precision))
     return {
-        "version": __version__,
+        "version": code_version(),
         "source": source_digest(),
         "configuration": config_digest(table),
         "pilot": pilot,
@@ -71,9 +71,14 @@ def campaign_key(scenario: Scenario, pilot: str, vision: str) -> dict[str, Any]:
         "weights": weights,
         "python": platform.python_version(),
         "libraries": {name: _version_of(name) for name in _LIBRARIES},
-        "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+        "command": _command(),
         "scenario": table,
     }
+
+
+def _command() -> str:
+    program = Path(sys.argv[0]).name
+    return shlex.join(["shipland" if program == "__main__.py" else program, *sys.argv[1:]])
 
 
 def _own_code_digest(name: str) -> str:
@@ -102,7 +107,9 @@ class CampaignFolder:
         if self._path.exists() or beside.exists():
             _check_key(beside, key)
         else:
-            beside.write_text(json.dumps(key, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+            part = beside.with_suffix(".part")  # a full disk leaves no half of it
+            part.write_text(json.dumps(key, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+            part.replace(beside)
         self.done = _read_done(self._path) if self._path.exists() else {}
         self.seeds = set(self.done)
         if not self._path.exists():

@@ -25,11 +25,11 @@ class FlightInfo:
         scenario: name of the scenario, or of the place and day for a real vehicle.
         seed: of every random number; None for a real vehicle.
         pilot: name of the pilot.
-        software_version: version of this package.
+        software_version: release of this package that flew, or that it comes after.
         config_digest: `config_digest` of the merged configuration.
         aircraft_diagonal_m: distance between opposite motors, for drawing.
         vision: name of the vision.
-        code_version: release and, from a checkout, commit.
+        code_version: version of this package; between releases with its commit, and `dirty` where files differ from it.
         weights_digest: `file_digest` of the detectors' weights; empty where no detector flies.
         command: command line; empty where the flight was flown from Python.
         configuration: the whole merged configuration, as JSON.

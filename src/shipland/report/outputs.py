@@ -50,6 +50,12 @@ class Cost:
     per_cycle_ms: float
 
 
+def _words(error: Exception) -> str:
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename} cannot be written: {error.strerror}" if error.filename else error.strerror
+    return str(error) or type(error).__name__
+
+
 class Recorder:
     """Takes a flight cycle by cycle and leaves it in a folder.
 
@@ -151,7 +157,7 @@ class Recorder:
         try:
             act()
         except Exception as error:
-            self._note(name, str(error) or type(error).__name__)
+            self._note(name, _words(error))
             output = self._outputs.pop(name, None)
             if output is not None:
                 with suppress(Exception):  # what stopped it is noted

@@ -157,8 +157,10 @@ def calibrate(paths: Sequence[Path], board: Board, out: Path) -> Calibration:
         DataError: a picture is missing or broken, the board is described wrongly or found too rarely, the views do
             not settle a camera, or the output cannot be written.
     """
-    if not out.absolute().parent.is_dir():
-        raise DataError(f"calibration file {out} cannot be written: its folder does not exist")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataError(f"calibration file {out} cannot be written: {error.strerror}") from None
     finder = _finder(board)
     found: list[tuple[str, tuple[int, int], View | None]] = []
     for path in _pictures(paths):

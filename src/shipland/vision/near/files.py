@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target, packaged_table
 from shipland.vision.near.pipeline import NearVision, VisionParameters
-from shipland.vision.pictures import FilePicture, pictures_of
+from shipland.vision.pictures import FilePicture, is_film, pictures_of
 
 _UNKNOWN_GIMBAL = GimbalAttitude(0.0, 0.0)
 """A placeholder: a file does not hold the camera's attitude, and the near vision is set not to use it."""
@@ -87,20 +87,37 @@ class SeeResult:
         )
 
 
-def see_paths(paths: Sequence[Path], target: Target, camera: Camera) -> Iterator[SeeResult]:
+def see_paths(
+    paths: Sequence[Path],
+    target: Target,
+    camera: Camera,
+    broken: Callable[[Path, DataError], None] | None = None,
+) -> Iterator[SeeResult]:
     """One result a picture, in the order of `pictures_of`.
 
     Args:
         paths: pictures, folders of pictures, videos.
         target: the cue.
         camera: of pictures of its size, and of others of the same aspect.
+        broken: called with a picture or video that is missing or broken or of another aspect than the camera's, before
+            the rest follows; None raises.
 
     Raises:
-        DataError: a picture or video is missing or broken, or of another aspect than the camera's.
+        DataError: without `broken`, what it would be called with.
     """
     eyes = _Eyes(target, camera)
-    for picture in pictures_of(paths):
-        yield eyes.see(picture)
+    for some in [[path] for path in paths] or [[]]:
+        for picture in pictures_of(some, broken):
+            try:
+                result = eyes.see(picture)
+            except DataError as error:
+                if broken is None:
+                    raise
+                broken(picture.source, error)
+                if is_film(picture.source):
+                    break  # all of its pictures have that aspect
+            else:
+                yield result
 
 
 def default_camera() -> Camera:
