@@ -157,7 +157,8 @@ def report_case(case: Case, sampling: Sampling, out: Path, console: Console) -> 
     plot_case(out / "motion.png", traces.t_s, traces.deck, traces.wind_in_ned_mps)
     columns: dict[str, tuple[Statistics, ...]] = {case.ship.motion: stats}
     _write_table(out / "motion_table.csv", columns)
-    console.print(_table(f"deck motion over {sampling.statistics_s:g} s", columns))
+    console.print(f"deck motion over {sampling.statistics_s:g} s{_MEASURES}", soft_wrap=True)
+    console.print(_table(columns))
     for line in traces.limit_bites:
         console.print(line)
     console.print(f"written: motion.csv, wind.csv, motion_table.csv, motion.png in {out}", soft_wrap=True)
@@ -182,22 +183,30 @@ def report_headings(case: Case, sampling: Sampling, out: Path, console: Console)
     plot_headings(out / "motion_headings.png", traces, rig_limits(case.rig) * DEGREES)
     _write_table(out / "motion_headings.csv", columns)
     title = f"Hs {sea.height_m:g} m, Tp {sea.period_s:g} s, {sea.speed_kn:g} kn, length scale {scale.length:g}"
-    console.print(_amplitudes(f"significant single amplitudes at full scale: {title}", full_scale))
-    console.print(_table(f"on the rig: {title}, {sampling.statistics_s:g} s", columns))
+    console.print(f"significant single amplitudes at full scale: {title}", soft_wrap=True)
+    console.print(_amplitudes(full_scale))
+    console.print(f"on the rig: {title}, {sampling.statistics_s:g} s{_MEASURES}", soft_wrap=True)
+    console.print(_table(columns))
     console.print(f"written: motion_headings.csv, motion_headings.png in {out}", soft_wrap=True)
 
 
-def _amplitudes(title: str, values: dict[str, Array]) -> Table:
-    table = Table("", *values, title=title, title_justify="left")
+_MEASURES = ": significant amplitude / mean period"
+
+
+def _amplitudes(values: dict[str, Array]) -> Table:
+    table = Table("", *values)
     for index, name in enumerate(DOF_NAMES):
         table.add_row(f"{name}, {UNITS[index]}", *(f"{value[index]:.2f}" for value in values.values()))
     return table
 
 
-def _table(title: str, columns: dict[str, tuple[Statistics, ...]]) -> Table:
-    table = Table("", *columns, title=f"{title}: significant amplitude / mean period", title_justify="left")
+def _table(columns: dict[str, tuple[Statistics, ...]]) -> Table:
+    table = Table("", *columns)
     for index, name in enumerate(DOF_NAMES):
-        cells = (f"{s[index].significant:.3g} / {s[index].period_s:.1f} s" for s in columns.values())
+        cells = (
+            f"{s[index].significant:.3g} / {s[index].period_s:.1f} s" if s[index].significant else "–"
+            for s in columns.values()
+        )
         table.add_row(f"{name}, {UNITS[index]}", *cells)
     return table
 
