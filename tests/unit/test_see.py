@@ -336,4 +336,14 @@ def test_what_cannot_be_looked_at_does_not_end_the_rest(tmp_path, bar_image, cap
     assert [json.loads(line)["file"] for line in out.splitlines()] == [str(good)]
     assert "torn.png is not a whole picture" in err
     assert "tall.png is 600 × 720 px" in err
+    assert "found in" not in err  # of one picture its own line says it
     assert See((tmp_path / "torn.png", tall)).run() == 2
+
+
+def test_the_end_says_how_much_was_found_and_what_was_written(tmp_path, bar_image, capsys):
+    write(tmp_path / "a.png", bar_image)
+    write(tmp_path / "b.png", np.zeros_like(bar_image))
+    table = tmp_path / "new folder" / "poses.csv"
+    assert See((tmp_path,), csv=table).run() == 0
+    assert capsys.readouterr().err.splitlines()[-1] == f"found in 1 of 2 pictures; written: {table}"
+    assert len(list(csv.DictReader(table.read_text().splitlines()))) == 2

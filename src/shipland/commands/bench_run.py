@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import time
 from contextlib import closing
@@ -97,6 +98,11 @@ class BenchRun:
         text = "\n\n".join(parts)
         print(text)
         (plan.out / "tables.md").write_text(text + "\n", encoding="utf-8")
+        print(
+            f"{plan.out}: tables.md, flights.parquet, and for each cell a folder with landings.csv and the logs of "
+            f"failures; one page of all: shipland bench report {shlex.quote(str(plan.out))}",
+            file=sys.stderr,
+        )
         return 0 if left == 0 else 1
 
     def _plan(self) -> BenchPlan:
@@ -142,7 +148,8 @@ class BenchRun:
         flown = good = 0
         begun_s = said_s = time.monotonic()
         console = Console(stderr=True, highlight=False)
-        console.print(f"{len(bench.plan.cells)} cells, {left} of {len(bench.plan.cells) * self.runs} flights to fly")
+        cells = len(bench.plan.cells)
+        console.print(f"{cells} cell{'s' * (cells > 1)}, {left} of {cells * self.runs} flights to fly")
         columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
         try:
             with (

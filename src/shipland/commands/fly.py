@@ -126,7 +126,8 @@ _LISTENING_S = 3.0
 
 
 def _report(console: Console, command: Fly, flight: Flight) -> None:
-    console.print(f"{flight.reason} (seed {command.seed}, {flight.result.t_s:.1f} s of flight)")
+    which = f"seed {command.seed}, " if command.vehicle is None else ""
+    console.print(f"{flight.reason} ({which}{flight.result.t_s:.1f} s of flight)")
     verdict = flight.verdict
     if verdict is not None and verdict.touched:
         forward_m, starboard_m = verdict.touchdown_in_deck_m

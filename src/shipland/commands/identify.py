@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -34,7 +36,9 @@ class Identify:
         found = identify(read_log(self.log).records)
         print(found.table())
         try:
+            self.out.parent.mkdir(parents=True, exist_ok=True)
             self.out.write_text(f"# shipland identify {self.log.name}\n{found.toml(self.uplink_s)}", encoding="utf-8")
         except OSError as error:
             raise DataError(f"{self.out} cannot be written: {error.strerror}") from None
+        print(f"written: {self.out}; fly with --vehicle-config {shlex.quote(str(self.out))}", file=sys.stderr)
         return 0

@@ -42,6 +42,10 @@ class Result(Protocol):
     def picture(self) -> FilePicture:
         """Where."""
 
+    @property
+    def found(self) -> bool:
+        """Whether there is anything."""
+
     def to_json(self) -> dict[str, object]:
         """For a JSON line."""
 
@@ -55,7 +59,8 @@ class Result(Protocol):
 class Results:
     """Takes results one by one; a context manager.
 
-    Where standard output is no terminal, standard error says every few seconds how far it is.
+    Standard error says at the end how much was found, and every few seconds how far it is where standard output is no
+    terminal.
     """
 
     def __init__(self, options: PictureOptions, columns: Sequence[str]) -> None:
@@ -64,7 +69,7 @@ class Results:
         self._table: csv.DictWriter[str] | None = None
         self._drawings: Any = None
         self._said_s = time.monotonic()
-        self._looked_at = self._failed = 0
+        self._looked_at = self._found = self._failed = 0
 
     def __enter__(self) -> Results:
         from shipland.report.drawings import Drawings
@@ -79,8 +84,12 @@ class Results:
             self._drawings = self._stack.enter_context(Drawings(self._options.out))
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._stack.close()
+        if kind is None and self._looked_at > 1:
+            written = [str(path) for path in (self._options.csv, self._options.out) if path is not None]
+            files = f"; written: {', '.join(written)}" if written else ""
+            print(f"found in {self._found} of {self._looked_at} pictures{files}", file=sys.stderr)
 
     def broken(self, path: Path, error: DataError) -> None:  # noqa: ARG002 - the error names it
         """Name what cannot be looked at."""
@@ -95,6 +104,7 @@ class Results:
     def add(self, result: Result, drawn: Callable[[], Picture]) -> None:
         """Print, tabulate and draw one; `drawn` is called where drawings are asked for."""
         self._looked_at += 1
+        self._found += result.found
         print(json.dumps(result.to_json()) if self._options.json else result.to_line(), flush=True)
         if self._table is not None:
             self._table.writerows(result.to_rows())

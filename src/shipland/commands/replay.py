@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,6 +47,9 @@ class Replay(ScenarioOptions):
         """Replay and print what differs."""
         for line in self._replayed().words():
             print(line)
+        written = [str(path) for path in (self.out, self.viewer_file) if path is not None]
+        if written:
+            print(f"written: {', '.join(written)}", file=sys.stderr)
         return 0
 
     def _replayed(self) -> Replayed:

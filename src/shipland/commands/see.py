@@ -11,6 +11,7 @@ from shipland.commands.pictures import PictureOptions, Results
 
 if TYPE_CHECKING:
     from shipland.camera import Camera
+    from shipland.vision.pictures import Picture
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,7 @@ class See(PictureOptions):
         with Results(self, COLUMNS) as results:
             for number, result in enumerate(see_paths(self.paths, target, camera, results.broken)):
                 if number == 0:
-                    size = f"{camera.width_px} × {camera.height_px} px, focal length {camera.focal_px:.0f} px"
-                    print(f"camera: {size}, {whose}", file=sys.stderr)
+                    print(f"camera: {_words(camera, result.picture.image)}, {whose}", file=sys.stderr)
                 results.add(result, lambda it=result: draw_observation(it.picture.image, it.observation))  # type: ignore[misc]
         return results.exit_code
 
@@ -60,3 +60,9 @@ class See(PictureOptions):
             if is_log(path):
                 return read_log(path).header.camera, f"as {path} has it"
         return default_camera(), "that of the packaged configuration; --camera gives another"
+
+
+def _words(camera: Camera, picture: Picture) -> str:
+    height_px, width_px = picture.shape[:2]
+    scaled = "" if width_px == camera.width_px else f" scaled to the picture's {width_px} × {height_px} px"
+    return f"{camera.width_px} × {camera.height_px} px, focal length {camera.focal_px:.0f} px{scaled}"

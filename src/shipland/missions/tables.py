@@ -55,7 +55,7 @@ def summary_of(landings: Sequence[Landing]) -> str:
     sinks = [landing.sink_mps for landing in touched]
     times = [landing.time_s for landing in touched]
     return (
-        f"{line}; a perfect aircraft would have landed {perfect} of the {len(touched)} instants of contact in it; "
+        f"{line}; at {perfect} of the {len(touched)} instants of contact a perfect aircraft would have landed in it; "
         f"touchdown error median {np.median(errors):.3f} m, largest {max(errors):.3f} m, own error median "
         f"{np.median(own):.3f} m; sink speed median {np.median(sinks):.2f} m/s, largest {max(sinks):.2f} m/s; time to "
         f"land median {np.median(times):.1f} s."

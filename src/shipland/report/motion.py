@@ -204,7 +204,7 @@ def _table(columns: dict[str, tuple[Statistics, ...]]) -> Table:
     table = Table("", *columns)
     for index, name in enumerate(DOF_NAMES):
         cells = (
-            f"{s[index].significant:.3g} / {s[index].period_s:.1f} s" if s[index].significant else "–"
+            f"{s[index].significant:.3g} / {s[index].period_s:.1f} s" if np.isfinite(s[index].period_s) else "0"
             for s in columns.values()
         )
         table.add_row(f"{name}, {UNITS[index]}", *cells)

@@ -80,7 +80,7 @@ class FarVision:
         if search.target is None and self._bar is not None:
             self._ships_turn = not self._ships_turn
             if self._ships_turn:
-                return None, "ship: the bar's turn to search", False
+                return None, "ship: not searched, the bar was", False
         if not search.search_due:
             box = search.follow(frame, picture)
             return box, "" if box else search.reason(), False

@@ -28,6 +28,11 @@ class DetectResult:
     picture: FilePicture
     boxes: tuple[tuple[Box, str], ...]
 
+    @property
+    def found(self) -> bool:
+        """Whether there is a box."""
+        return bool(self.boxes)
+
     def to_json(self) -> dict[str, object]:
         """For a JSON line: x and y are a box's left and top edge, w and h its size [px], edges at whole numbers."""
         return {"file": self.picture.name, "t_s": self.picture.stamp_s, "boxes": self._boxes()}
