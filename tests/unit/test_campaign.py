@@ -163,7 +163,7 @@ def test_tables_count_right():
     missed = replace(seeded(GOOD, 2), in_square=False, forward_m=0.4, reason="landed outside", cause="own error")
     landings = [GOOD, missed, seeded(NOWHERE, 3)]
     assert "1 of 3 landed in the square" in summary_of(landings)
-    assert "a perfect aircraft would have landed 2 of the 2" in summary_of(landings)
+    assert "at 2 of the 2 instants of contact a perfect aircraft would have landed" in summary_of(landings)
     assert landings_table(landings).count("\n| ") == 3
     assert "nan" not in landings_table(landings)
     beside = replace(missed, landed=False, reason="came down beside the deck", cause="came down beside the deck")
