@@ -102,10 +102,11 @@ def platform_corners_in_ship_m(rig: Rig) -> Array:
     stern, half, ground = -rig.deck_ahead_of_stern_m, 0.5 * rig.platform_width_m, rig.deck_height_m
     bow, face = stern + rig.platform_length_m, stern + rig.bar_ahead_of_stern_m
     roof = ground - rig.superstructure_height_m
+    fore = bow if rig.house_length_m is None else min(bow, face + rig.house_length_m)
     return np.array(
         [
             (forward, side, down)
-            for ends, down in (((stern, bow), ground), ((face, bow), roof), ((face, bow), ground))
+            for ends, down in (((stern, bow), ground), ((face, fore), roof), ((face, fore), ground))
             for forward in ends
             for side in (-half, half)
         ]
