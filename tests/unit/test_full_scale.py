@@ -1,17 +1,24 @@
 """At full scale: a frigate's flight deck, parts of scenarios, contacts anywhere on a large deck."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from shipland.camera import Camera
 from shipland.config import ConfigError
+from shipland.frames import Pose
 from shipland.messages import Intent, PilotCommand
-from shipland.missions.crew import build_world, response_of
+from shipland.missions.crew import build_world, drawn_ship, response_of
 from shipland.missions.fly import fly_quietly
 from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.report.chase import look_at
 from shipland.rig import layout
+from shipland.sim.scene import frigate, mesh
+from shipland.sim.scene.scene import Scene
 from shipland.sim.ship.ship import build_ship
+from shipland.sim.state import SceneState
 
 SEA5 = load_scenario("frigate-sea5")
 QUIET = {"ship.motion": "still", "ship.course.kind": "still", "wind.mean_mps": 0.0}
@@ -87,3 +94,43 @@ def test_it_lands_on_the_frigate():
     assert flown.verdict is not None, flown.reason
     assert flown.verdict.landed, flown.reason
     assert flown.verdict.in_square, flown.reason
+
+
+def test_the_frigate_is_drawn_outside_out_and_higher_than_its_boxes():
+    parts = layout(SEA5.rig)
+    hull, works = frigate.hull(parts), frigate.upperworks(SEA5.rig, parts)
+    for made in (hull, works):
+        corners = made[:, 0:3].reshape(-1, 3, 3).astype(float)
+        facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        assert (np.sum(facing * made[::3, 3:6], axis=1) > -1e-6).all()  # counter-clockwise, seen from outside
+    around = mesh.bounds(hull)
+    assert (around.low_m[0], around.high_m[0]) == pytest.approx((-14.0, 122.0))
+    assert around.low_m[2] == pytest.approx(parts.hull.low_m[2] - 3.6)  # the stem
+    assert mesh.bounds(works).low_m[2] < parts.house.low_m[2] - 10.0  # the mast
+    middle = hull[np.abs(hull[:, 1]) < 0.5]
+    assert middle[:, 0].max() > 121.0  # both sides meet at the stem
+
+
+def test_a_ship_under_way_leaves_a_wake():
+    place = SEA5.start.height_m
+    camera = Camera.from_fov(640, 360, 69.0)
+    ship = drawn_ship(SEA5, 1).at(3.0)
+    eye_m = ship.ned_from_ship.apply(np.array([-160.0, 0.0, -place]))
+    state = SceneState(
+        t_s=3.0,
+        ned_from_camera=look_at(eye_m, ship.ned_from_ship.apply(np.array([-60.0, 0.0, 0.0]))),
+        ned_from_ship=ship.ned_from_hull,
+        ned_from_deck=ship.ned_from_deck,
+        ned_from_bar=ship.ned_from_bar,
+        ned_from_body=Pose(np.eye(3), eye_m),
+        camera_velocity_in_ned_mps=np.zeros(3),
+        camera_rate_in_camera_rad_s=np.zeros(3),
+    )
+    water = state.ned_from_camera.inverse().apply(ship.ned_from_ship.apply(np.array([[-40.0, 0.0, 6.0]])))
+    column, row = np.rint(camera.project(water)[0]).astype(int)
+    bright = []
+    for strength in (0.0, 1.0):
+        scene = Scene(SEA5.rig, replace(SEA5.scene, wake=strength), np.random.default_rng(1))
+        bright.append(float(scene.render(state, camera)[row - 4 : row + 5, column - 4 : column + 5].mean()))
+        scene.close()
+    assert bright[1] > bright[0] + 40.0

@@ -7,6 +7,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from shipland import factories
 from shipland.config import build, packaged_names, packaged_toml, read_toml, require
@@ -94,7 +95,10 @@ _OF_THE_FLIER = ("description", "vision", "detector", "eyes", "guidance", "safet
 """Sections of a scenario that say how it is seen and flown: what a suite compares, not what it sets."""
 
 
-_ADDED_TO_RIG = (("landing_area", "square"), ("hull", "platform"), ("house_length_m", None))
+_ADDED: dict[str, tuple[tuple[str, Any], ...]] = {
+    "rig": (("landing_area", "square"), ("hull", "platform"), ("house_length_m", None)),
+    "scene": (("wake", 0.0),),
+}
 """Keys younger than the digests on record, with the values that leave a flight as it was."""
 
 
@@ -103,7 +107,8 @@ def task_digest(suite: Suite) -> str:
     tasks = []
     for cell in bench_cells(suite.cells, Asked(("paper",))):
         task = {key: value for key, value in cell.scenario.table().items() if key not in _OF_THE_FLIER}
-        task["rig"] = {key: value for key, value in task["rig"].items() if (key, value) not in _ADDED_TO_RIG}
+        for section, added in _ADDED.items():
+            task[section] = {key: value for key, value in task[section].items() if (key, value) not in added}
         tasks.append(config_digest(task | {"by": cell.vision}))
     return config_digest({"tasks": sorted(tasks)})
 

@@ -28,13 +28,19 @@ _RAREST_FACET = 4.2
 class Background:
     """Sky, sea, and the water around the ship. The uniform block must be bound and written before a draw."""
 
-    def __init__(self, context: moderngl.Context, waves: WaveTiles, light: Light, rng: np.random.Generator) -> None:
+    def __init__(
+        self, context: moderngl.Context, waves: WaveTiles, light: Light, rng: np.random.Generator, wake: float = 0.0
+    ) -> None:
         self._context, self._waves, self._light = context, waves, light
         self._targets: dict[tuple[int, int], gl.Target] = {}
         self._sky = gl.program(context, "background.vert", ("sky.frag",))
         sea = ("waves.glsl", "sea.frag")
         self._sea, self._around = (
-            [gl.program(context, "background.vert", sea, GLITTER=on, SHIP=ship) for on in (0, 1)] for ship in (0, 1)
+            [
+                gl.program(context, "background.vert", sea, GLITTER=on, SHIP=ship, WAKE=int(ship and wake > 0.0))
+                for on in (0, 1)
+            ]
+            for ship in (0, 1)
         )
         self._long = gl.mipmapped(context, waves.long_texels(0.0))
         self._textures = (
@@ -51,6 +57,8 @@ class Background:
             program["long_waves"], program["short_waves"] = gl.LONG_WAVES_UNIT, gl.SHORT_WAVES_UNIT
         for program in self._around:
             program["mirrored_ship"] = gl.MIRROR_UNIT
+            if wake > 0.0:
+                program["wake"] = wake
         self._corners = context.buffer(reserve=8 * 8, dynamic=True)
         self._areas = {
             program: context.vertex_array(program, [(self._corners, "2f", "in_ndc")])

@@ -30,7 +30,8 @@ _DRAUGHT_M = 0.4
 _FACES = ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0))
 
 
-def _quad(corners: Array, normal: Array, uv: Array, albedo: Colour, layer: int) -> Mesh:
+def quad(corners: Array, normal: Array, uv: Array, albedo: Colour, layer: int) -> Mesh:
+    """A flat quadrilateral (4,3) with its outward normal and texture coordinates (4,2)."""
     rows = np.zeros((4, 13))
     rows[:, 0:3], rows[:, 3:6], rows[:, 6:8], rows[:, 8:11], rows[:, 11] = corners, normal, uv, albedo, layer
     rows[:, 12] = 1.0
@@ -74,7 +75,7 @@ def box(
                 corners[:, axis] = high[axis] if side > 0 else low[axis]
                 corners[:, [u, v]] = low[[u, v]] + share * (high - low)[[u, v]]
                 uv = corners[:, [u, v]] if own is None else share
-                parts.append(_quad(corners, normal, uv, albedo, layer if own is None else own))
+                parts.append(quad(corners, normal, uv, albedo, layer if own is None else own))
     return np.concatenate(parts)
 
 
@@ -86,7 +87,7 @@ def prism(triangle: Array, thickness_m: float, albedo: Colour) -> Mesh:
     parts = []
     for face, side in ((near, -1.0), (far, 1.0)):
         corners = np.concatenate([face, face[2:]])
-        parts.append(_quad(corners, np.array([0.0, side, 0.0]), corners[:, [0, 2]], albedo, PLAIN)[:3])
+        parts.append(quad(corners, np.array([0.0, side, 0.0]), corners[:, [0, 2]], albedo, PLAIN)[:3])
         if np.dot(np.cross(parts[-1][1, :3] - parts[-1][0, :3], parts[-1][2, :3] - parts[-1][0, :3]), [0, side, 0]) < 0:
             parts[-1] = parts[-1][::-1]
     for index in range(3):
@@ -95,7 +96,7 @@ def prism(triangle: Array, thickness_m: float, albedo: Colour) -> Mesh:
         normal = np.cross(near[after] - near[index], [0.0, 1.0, 0.0])
         normal /= np.linalg.norm(normal)
         normal *= np.sign(np.dot(normal, corners.mean(axis=0) - middle))
-        parts.append(_quad(corners, normal, corners[:, [0, 2]], albedo, PLAIN))
+        parts.append(quad(corners, normal, corners[:, [0, 2]], albedo, PLAIN))
     return np.concatenate(parts)
 
 
@@ -167,7 +168,8 @@ def open_sky(points_m: Array, normals: Array, boxes: list[tuple[Solid, Pose]], r
     return np.asarray(1.0 - blocked.mean(axis=1))
 
 
-def _shade(mesh: Mesh, boxes: list[tuple[Solid, Pose]]) -> Mesh:
+def shaded(mesh: Mesh, boxes: list[tuple[Solid, Pose]]) -> Mesh:
+    """The mesh with the share of the sky that boxes leave open at its corners."""
     mesh[:, 12] = 0.03 + 0.97 * open_sky(mesh[:, 0:3].astype(float), mesh[:, 3:6].astype(float), boxes)
     return mesh
 
@@ -178,18 +180,18 @@ def hull(parts: Layout) -> Mesh:
     floor = box(Solid((low[0], low[1], low[2]), (high[0], high[1], low[2] + 0.02)), DARK, cells={5: 10}, skip=(4,))
     keel = (high[0], high[1], high[2] + _DRAUGHT_M)  # what is under water is cut off when drawn
     side = box(Solid((low[0], low[1], low[2] + 0.02), keel), GREY, layer=HULL, skip=(4, 5))
-    return np.concatenate([_shade(floor, [(parts.deck, Pose.identity()), (parts.house, Pose.identity())]), side])
+    return np.concatenate([shaded(floor, [(parts.deck, Pose.identity()), (parts.house, Pose.identity())]), side])
 
 
 def house(rig: Rig, parts: Layout) -> Mesh:
     """The superstructure with its knees and the bar's posts, in `ship`."""
     wall, floor = parts.house, parts.hull.low_m[2]
     bar = Pose(np.eye(3), rig.bar_in_ship_m)
-    shaded = _shade(
+    wall_mesh = shaded(
         box(wall, GREY, {1: HANGAR}, cells={1: 10}, skip=(4,)),
         [(parts.board, bar), (parts.deck, Pose.identity()), (parts.hull, Pose.identity())],
     )
-    meshes = [shaded]
+    meshes = [wall_mesh]
     face, half = wall.low_m[0], wall.high_m[1]
     for y in (-half, half - 0.03):
         top = floor + 0.55 * (wall.low_m[2] - floor)
@@ -202,6 +204,12 @@ def house(rig: Rig, parts: Layout) -> Mesh:
     return np.concatenate(meshes)
 
 
+def bounds(mesh: Mesh) -> Solid:
+    """The upright box around a mesh, in its frame."""
+    low, high = mesh[:, 0:3].min(axis=0).tolist(), mesh[:, 0:3].max(axis=0).tolist()
+    return Solid((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
 def at_height(mesh: Mesh, down_m: float) -> tuple[Mesh, Mesh]:
     """A mesh's triangles that reach below a height, `down_m` in its frame, and the rest."""
     low = np.repeat(mesh[:, 2].reshape(-1, 3).max(axis=1) > down_m, 3)
@@ -211,7 +219,7 @@ def at_height(mesh: Mesh, down_m: float) -> tuple[Mesh, Mesh]:
 def deck(rig: Rig, parts: Layout) -> Mesh:
     """The motion deck, in `deck`; its upper face is at z = 0, and shaded as with the deck at rest."""
     around = [(parts.house, Pose.identity()), (parts.board, rig.ship_from_bar), (parts.hull, Pose.identity())]
-    return _shade(box(parts.deck, GREY, {5: DECK}, cells={4: 4, 5: 8}), around)
+    return shaded(box(parts.deck, GREY, {5: DECK}, cells={4: 4, 5: 8}), around)
 
 
 def board(parts: Layout) -> tuple[Mesh, Mesh]:

@@ -20,6 +20,8 @@ _BEYOND = 0.3
 _MOST_SAMPLES_A_PX = 4.0
 _WATER_M = 2.0
 """Around the hull: foam, shadow."""
+_WAKE_WIDENS = 0.08
+"""Of the wake's length, either side."""
 _STRETCH = 1.7
 """How much longer waves draw the image towards the eye."""
 
@@ -71,7 +73,13 @@ class AroundShip:
 
 
 def around_ship(
-    camera: Camera, eye: Pose, corners_in_ned_m: Array, hull: Solid, ned_from_ship: Pose, near_m: float
+    camera: Camera,
+    eye: Pose,
+    corners_in_ned_m: Array,
+    hull: Solid,
+    ned_from_ship: Pose,
+    near_m: float,
+    wake_m: float = 0.0,
 ) -> AroundShip | None:
     """Where the water shows the ship; None where neither is in the picture.
 
@@ -82,12 +90,16 @@ def around_ship(
         hull: box of the hull in `ship`.
         ned_from_ship: its pose.
         near_m: near plane.
+        wake_m: length of the wake astern.
     """
     camera_from_ned = eye.inverse()
     mirrored = corners_in_ned_m * [1.0, 1.0, -1.0]
     image = screen_box(camera, camera_from_ned.apply(mirrored), near_m, 4.0, beyond=_BEYOND)
     plan = np.array([[x, y, hull.high_m[2]] for x in (-1, 1) for y in (-1, 1)], dtype=float)
     low, high = np.array(hull.low_m) - _WATER_M, np.array(hull.high_m) + _WATER_M
+    if wake_m > 0.0:
+        low -= [wake_m, _WAKE_WIDENS * wake_m, 0.0]
+        high += [0.0, _WAKE_WIDENS * wake_m, 0.0]
     plan[:, :2] = np.where(plan[:, :2] < 0.0, low[:2], high[:2])
     on_water = ned_from_ship.apply(plan) * [1.0, 1.0, 0.0]
     stretched = mirrored * [1.0, 1.0, _STRETCH]

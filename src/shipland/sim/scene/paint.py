@@ -62,6 +62,34 @@ def _deck(rng: np.random.Generator, rig: Rig) -> npt.NDArray[np.float32]:
     return picture * (0.9 + 0.1 * _three(_stained(rng, 0.5)))
 
 
+def _flight_deck(rng: np.random.Generator, rig: Rig) -> npt.NDArray[np.float32]:
+    """Seen from above with u forward and v starboard: dark non-skid, touchdown circle, landing circle, lines."""
+    picture = _three(0.30 * _stained(rng, 0.10))
+    scale = _SIZE / rig.deck_size_m
+    half = int(0.5 * _SIZE)
+    white, yellow = (1.5, 1.5, 1.5), (1.45, 1.05, 0.12)
+
+    def line(start: tuple[float, float], end: tuple[float, float], width_m: float) -> None:
+        a, b = (tuple(half + round(value * scale) for value in place) for place in (start, end))
+        cv2.line(picture, (a[0], a[1]), (b[0], b[1]), white, max(2, round(width_m * scale)), cv2.LINE_AA)
+
+    edge = 0.5 * rig.deck_size_m
+    inner, outer = 0.5 * rig.landing_square_m, _TOUCHDOWN_SHARE * rig.deck_size_m
+    cv2.circle(picture, (half, half), round(outer * scale), yellow, round(0.5 * scale), cv2.LINE_AA)
+    cv2.circle(picture, (half, half), round(inner * scale), white, round(0.2 * scale), cv2.LINE_AA)
+    line((-edge, 0.0), (-inner, 0.0), 0.3)  # the line-up line and the one abeam of the circle
+    line((inner, 0.0), (edge, 0.0), 0.3)
+    line((0.0, -edge), (0.0, -inner), 0.3)
+    line((0.0, inner), (0.0, edge), 0.3)
+    for side in (-1.0, 1.0):
+        line((-edge, side * (edge - 0.3)), (edge, side * (edge - 0.3)), 0.15)
+    return picture * (0.9 + 0.1 * _three(_stained(rng, 0.5)))
+
+
+_TOUCHDOWN_SHARE = 0.366
+"""Radius of the touchdown circle over the deck's side: 0.5 D across for D = 19.8 m, an SH-60B's length (CAP 437)."""
+
+
 def _hangar(rng: np.random.Generator) -> npt.NDArray[np.float32]:
     """The superstructure's face towards the deck: u to starboard, v down; a roller door and panel lines."""
     picture = _three(_stained(rng, 0.05))
@@ -92,6 +120,7 @@ def paints(rng: np.random.Generator, rig: Rig) -> Picture:
     hull = _three(_stained(rng, 0.09))
     hull[:: _SIZE // 8] *= 0.75
     hull[:, :: _SIZE // 4] *= 0.75
-    layers = [plain, _deck(rng, rig), _hangar(rng), hull]
+    deck = _flight_deck if rig.hull == "frigate" else _deck
+    layers = [plain, deck(rng, rig), _hangar(rng), hull]
     # Half of full scale is a factor of 1: white lines on grey paint need factors above it.
     return np.stack([np.asarray(255.0 * np.sqrt(np.clip(layer, 0.0, 4.0) / 4.0), np.uint8) for layer in layers])

@@ -28,6 +28,7 @@ class SceneParameters:
         sensor_noise: standard deviation of a display value 0 … 255 in daylight; grows as light is amplified.
         spray: of waves along the hull, 0 … 1.
         lens_drops: water on the lens, 0 … 1; 1 is some forty drops.
+        wake: bow wave and wake of a ship under way, 0 … 1; the water around the rig's platform has neither.
         lamp: luminous green of the bar, in radiance of sunlit white; dimmed as the light goes.
     """
 
@@ -51,6 +52,7 @@ class SceneParameters:
     spray: float
     lens_drops: float
     lamp: float
+    wake: float = 0.0
 
     @property
     def tone(self) -> Tone:
@@ -61,7 +63,7 @@ class SceneParameters:
         _ = self.tone  # checks its numbers
         require(-12.0 <= self.sun_elevation_deg <= 90.0, "sun_elevation_deg must be between -12 and 90")
         require(self.visibility_m >= 5.0, "visibility_m must be at least 5")
-        for name in ("cloud_cover", "auto_exposure", "spray", "lens_drops"):
+        for name in ("cloud_cover", "auto_exposure", "spray", "lens_drops", "wake"):
             require(0.0 <= getattr(self, name) <= 1.0, f"{name} must be between 0 and 1")
         strengths = ("rain_mm_h", "significant_wave_height_m", "wind_speed_mps", "glare", "sensor_noise", "lamp")
         for name in (*strengths, "shutter_s"):

@@ -46,6 +46,8 @@ __all__ = ["Label", "Labels", "Scene", "SceneParameters"]
 
 _LABEL_SAMPLES = 512
 _LAYER_SIZE = (2048, 1280)
+_WAKE_M = 400.0
+"""Where the wake has faded to a twentieth: as in `sea.frag`."""
 _LAYER_SAMPLES = 600_000
 """What the ship may cost in samples before it is multisampled instead of supersampled."""
 
@@ -69,7 +71,7 @@ class Scene:
         self._waves = WaveTiles(p.significant_wave_height_m, p.wind_speed_mps, np.radians(p.wave_direction_deg), rng)
         self._context = gl.open_context()
         self._block = self._context.buffer(reserve=BLOCK_BYTES, dynamic=True)
-        self._background = Background(self._context, self._waves, self._light, rng)
+        self._background = Background(self._context, self._waves, self._light, rng, p.wake)
         self._ship = ShipLayer(self._context, rig, p.lamp * self._light.dimming, rng)
         self._spray = Spray(self._context, self._hull, p.spray, rng.spawn(1)[0]) if p.spray > 0.0 else None
         self._rain = Rain(p.rain_mm_h, rng) if p.rain_mm_h > 0.0 else None
@@ -171,7 +173,8 @@ class Scene:
         placed = self._ship.place(state, draw_aircraft)
         near_m, far_m = clip_range(placed, eye)
         solid_m = corners_in_ned_m(placed)
-        around = mirror.around_ship(camera, eye, solid_m, self._hull, state.ned_from_ship, near_m)
+        wake_m = _WAKE_M if self._parameters.wake > 0.0 else 0.0
+        around = mirror.around_ship(camera, eye, solid_m, self._hull, state.ned_from_ship, near_m, wake_m)
         if around is not None:
             self._draw_mirror(around, placed, state, camera, (near_m, far_m))
         corners = eye.inverse().apply(solid_m)

@@ -9,8 +9,8 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.frames import Array, Pose
-from shipland.rig import Rig, Solid, layout
-from shipland.sim.scene import gl, mesh
+from shipland.rig import Layout, Rig, Solid, layout
+from shipland.sim.scene import frigate, gl, mesh
 from shipland.sim.scene.mesh import Mesh
 from shipland.sim.scene.paint import paints
 from shipland.sim.scene.view import Crop, edge_lines
@@ -73,10 +73,14 @@ class ShipLayer:
         self._flat_program = gl.program(context, "solid.vert", ("identity.frag",), SHADOWS=0, WATER=0)
         parts = self._layout
         face, board = mesh.board(parts)
-        self._hull = self._part(mesh.hull(parts), HOUSE | DECK | BOARD | AIRCRAFT, afloat=True)
-        wet, dry = mesh.at_height(mesh.house(rig, parts), parts.hull.high_m[2] - _HIGHEST_WAVE_M)
+        ship = rig.hull == "frigate"
+        hull, house = (frigate.hull(parts), frigate.upperworks(rig, parts)) if ship else platform(rig, parts)
+        self._hull = self._part(hull, HOUSE | DECK | BOARD | AIRCRAFT, afloat=True)
+        self._hull_bounds = mesh.bounds(hull) if ship else parts.hull
+        self._house_bounds = mesh.bounds(house) if ship else parts.house
+        wet, dry = mesh.at_height(house, parts.hull.high_m[2] - _HIGHEST_WAVE_M)
         self._house = self._part(dry, DECK | BOARD | AIRCRAFT)
-        self._house_foot = self._part(wet, DECK | BOARD | AIRCRAFT, afloat=True)
+        self._house_foot = self._part(wet, DECK | BOARD | AIRCRAFT, afloat=True) if len(wet) else None
         self._deck = self._part(mesh.deck(rig, parts), HOUSE | BOARD | AIRCRAFT)
         self._board = self._part(board, 0, ID_BAR)
         self._aircraft = self._part(mesh.quadrotor(), HOUSE, ID_AIRCRAFT)
@@ -84,8 +88,10 @@ class ShipLayer:
         veil["paints"] = _PAINT_UNIT
         self._rotors = self._part_of(context.buffer(mesh.rotors().tobytes()), veil, ID_AIRCRAFT)
         self._face = self._part_of(context.buffer(face.tobytes()), self._face_program, ID_BAR)
-        self._leg_buffer = context.buffer(mesh.legs(parts, Pose.identity()).tobytes(), dynamic=True)
-        self._legs = self._part_of(self._leg_buffer, self._solid(DECK, True), ID_SHIP)
+        self._legs: _Part | None = None
+        if not ship:  # of a motion base
+            self._leg_buffer = context.buffer(mesh.legs(parts, Pose.identity()).tobytes(), dynamic=True)
+            self._legs = self._part_of(self._leg_buffer, self._solid(DECK, True), ID_SHIP)
 
     def _solid(self, shadows: int, afloat: bool) -> moderngl.Program:
         """The program of faces under these shadows; waves stand before what is `afloat`."""
@@ -121,17 +127,19 @@ class ShipLayer:
     def place(self, state: SceneState, draw_aircraft: bool) -> list[Placed]:
         """What there is to draw, front to back as seen from the approach, as hidden pixels cost nothing; veils last."""
         parts = self._layout
-        ship_from_deck = state.ned_from_ship.inverse() @ state.ned_from_deck
-        self._leg_buffer.write(mesh.legs(parts, ship_from_deck).tobytes())
         placed = [
             Placed(self._face, state.ned_from_bar, parts.board),
             Placed(self._board, state.ned_from_bar, parts.board),
             Placed(self._deck, state.ned_from_deck, parts.deck),
-            Placed(self._legs, state.ned_from_ship, parts.hull),
-            Placed(self._house, state.ned_from_ship, parts.house),
-            Placed(self._house_foot, state.ned_from_ship, parts.house),
-            Placed(self._hull, state.ned_from_ship, parts.hull),
         ]
+        if self._legs is not None:
+            ship_from_deck = state.ned_from_ship.inverse() @ state.ned_from_deck
+            self._leg_buffer.write(mesh.legs(parts, ship_from_deck).tobytes())
+            placed.append(Placed(self._legs, state.ned_from_ship, parts.hull))
+        placed.append(Placed(self._house, state.ned_from_ship, self._house_bounds))
+        if self._house_foot is not None:
+            placed.append(Placed(self._house_foot, state.ned_from_ship, self._house_bounds))
+        placed.append(Placed(self._hull, state.ned_from_ship, self._hull_bounds))
         if draw_aircraft:
             placed.insert(0, Placed(self._aircraft, state.ned_from_body, mesh.AIRCRAFT))
             placed.append(Placed(self._rotors, state.ned_from_body, mesh.AIRCRAFT))
@@ -179,6 +187,11 @@ class ShipLayer:
         gl.write_depth(self._context, True)
         self._context.enable_only(moderngl.NOTHING)
         self._context.disable_direct(_CLIP_DISTANCE_0)
+
+
+def platform(rig: Rig, parts: Layout) -> tuple[Mesh, Mesh]:
+    """Hull and superstructure of the rig's platform."""
+    return mesh.hull(parts), mesh.house(rig, parts)
 
 
 def _relative(item: Placed, eye: Pose) -> Array:

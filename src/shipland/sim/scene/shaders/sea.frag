@@ -39,6 +39,26 @@ vec4 ship_in_facet(vec3 rel, vec3 direction, vec2 slope, float lod) {
     vec2 at = (px + 0.5 - mirror_area.xy) * mirror_area.zw;
     return textureLod(mirrored_ship, clamp(at, vec2(0.0), mirror_used), lod);
 }
+#if WAKE
+// White water of a ship under way, 0 … 1, at a place on its plan: bow wave, wash along the sides, wake astern.
+uniform float wake;
+
+float white_water(vec2 plan) {
+    float along = plan.x - hull_plan.x + hull_plan.z, length_m = 2.0 * hull_plan.z, across = abs(plan.y - hull_plan.y);
+    float coarse = texture(short_waves, 0.021 * plan).w - 0.5, fine = texture(short_waves, TURN * plan * 0.11).w - 0.5;
+    float grain = 1.6 * coarse + 1.2 * fine;
+    float aft = max(-along, 0.0), churned = 0.95 * hull_plan.w + 0.07 * aft;
+    float cover = along < 0.0 ? smoothstep(1.15, 0.5, across / churned) * exp(-aft / 140.0) : 0.0;
+    float share = clamp(along / length_m, 0.0, 1.0), taper = clamp((share - 0.45) / 0.52, 0.0, 1.0);
+    float half_m = hull_plan.w * (1.0 - pow(taper, 1.7)) * mix(0.86, 0.97, min(share / 0.3, 1.0));
+    if (along > 0.0 && along < length_m + 1.0) // as the hull's waterline in frigate.py
+        cover = max(cover, (0.45 + 0.5 * share * share) * smoothstep(1.0 + 2.5 * share, 0.0, across - half_m));
+    float behind = length_m - along, arm = across - 0.354 * behind; // Kelvin's 19.5 degrees
+    if (behind > 0.0)
+        cover = max(cover, 0.9 * exp(-behind / 45.0) * smoothstep(1.0, 0.0, abs(arm) / (1.2 + 0.04 * behind)));
+    return wake * smoothstep(0.22, 0.75, cover * (0.8 + grain));
+}
+#endif
 #endif
 
 void main() {
@@ -101,7 +121,9 @@ void main() {
     foam = mix(foam, eye.z, smoothstep(60.0, 250.0, distance_m));
     vec3 white = 0.55 * (sunny * sun_rgb.rgb * max(-sun.z, 0.0) + 0.6 * zenith_rgb.rgb + 0.4 * horizon_rgb.rgb);
     radiance = mix(radiance, white, foam * sea.grain);
-#if SHIP
+#if WAKE
+    radiance = mix(radiance, white, 0.85 * white_water(plan));
+#elif SHIP
     float lap = 0.5 + 0.5 * sin(2.2 * eye.w + 3.0 * plan.x + 4.0 * plan.y);
     float grain = texture(short_waves, 2.7 * TURN * (plan * sea_scale.z)).w - 0.5;
     float wash = sea_offset_b.w * exp(-off_m * (5.0 - 2.0 * lap)) * (0.75 + 0.8 * sea.crest) + 1.5 * grain;
