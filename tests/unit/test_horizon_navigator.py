@@ -1,13 +1,14 @@
 """The navigator of the pilot `horizon`: what it makes of the wind that a vehicle holds against, and of a ship."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from shipland.camera import Camera
 from shipland.config import build
-from shipland.estimation.relative_state import GUST, PUSH
+from shipland.estimation.relative_state import GUST, PUSH, STATES
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.horizon.navigator import Navigator
 from shipland.guidance.parameters import GuidanceParameters
@@ -46,3 +47,14 @@ def test_a_bar_swings_until_it_is_seen_to_stand_still():
     assert _flown(seconds=0.2).swing.carries_bar
     assert not _flown(seconds=5.0).swing.carries_bar
     assert _flown(lambda t_s: 0.15 * math.sin(1.8 * t_s), seconds=5.0).swing.carries_bar
+
+
+def test_the_covariance_turns_with_the_bar_and_shrinks_with_what_is_seen():
+    early, late = _flown(seconds=0.1).estimate(0.5), _flown(seconds=3.0).estimate(3.3)
+    for estimate in (early, late):
+        assert estimate.covariance == pytest.approx(estimate.covariance.T)
+        assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0
+    assert (np.diag(late.covariance) < np.diag(early.covariance)).all()
+    wide = replace(late.across, covariance=np.diag([9.0, *[1e-6] * (STATES - 1), 1.0, *[1e-6] * (STATES - 1), 1e-6]))
+    turned = replace(late, across=wide, bar_rad=0.5 * math.pi)  # the flight's first axis is the bar's left
+    assert np.diag(turned.covariance)[:2] == pytest.approx([1.0, 9.0], abs=1e-3)

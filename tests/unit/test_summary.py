@@ -14,7 +14,7 @@ from shipland.messages import Estimate, Observation
 from shipland.record.info import FORMAT_VERSION, LogHeader
 from shipland.record.reader import FlightLog, read_log
 from shipland.report.outputs import OutputParameters, Recorder, load_outputs
-from shipland.report.summary import kind_of, summarise, write_json
+from shipland.report.summary import kinds_of, summarise, write_json
 
 PACKAGED = load_outputs()
 QUICK = OutputParameters(
@@ -83,8 +83,9 @@ def test_an_empty_flight_has_figures_too():
 
 def test_like_refusals_count_together(whole):
     assert summarise(whole).refusals == {"bar is … px high, at least … px wanted": 26}
-    assert kind_of("side −0.3 of 12,5 px") == kind_of("side +4 of 9 px") == "side … of … px"
-    assert kind_of("ship: not confirmed (2 of 3 sightings, evidence 1.2 of 3)") == "ship: not confirmed"
+    assert kinds_of("side −0.3 of 12,5 px") == kinds_of("side +4 of 9 px") == ["side … of … px"]
+    assert kinds_of("ship: not confirmed (2 of 3 sightings; evidence 1.2 of 3)") == ["ship: not confirmed"]
+    assert kinds_of("cut off; ship: not found; cut off") == ["cut off", "ship: not found"]
     silent = dataclasses.replace(whole.records[0], observation=Observation(0.0, whole.records[0].frame.gimbal))
     assert summarise(FlightLog(HEADER, (silent,), None, complete=True)).refusals == {"nothing seen": 1}
 

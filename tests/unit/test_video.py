@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import av
 import cv2
@@ -19,7 +20,7 @@ from shipland.report.chase import chase_camera, chase_state, look_at
 from shipland.report.lettering import put_text, text_width, wrap_text
 from shipland.report.moments import Moments, between
 from shipland.report.outputs import load_outputs
-from shipland.report.overlay import STRIP_HEIGHT_PX, draw_sight, draw_zoom
+from shipland.report.overlay import STRIP_HEIGHT_PX, Instruments, draw_sight, draw_zoom
 from shipland.report.video import FlightVideo, VideoWriter
 
 PARAMETERS = dataclasses.replace(load_outputs().video, verdict_hold_s=0.5)
@@ -181,6 +182,21 @@ def test_between_is_exact_at_its_ends_and_holds_beyond():
             want.ned_from_camera.matrix(), abs=1e-12
         )
     assert between(first, first, 20.0).t_s == first.t_s
+
+
+def test_traces_of_the_deck_are_smooth_between_slow_cycles():
+    instruments, period_s = Instruments(with_traces=True, trace_s=10.0), 3.0
+
+    def heave_m(t_s):
+        return 0.5 * np.sin(2.0 * np.pi * t_s / period_s)
+
+    for t_s in np.arange(0.0, 12.01, 0.5):  # a detector's cycles
+        deck = SimpleNamespace(deck_turn_rad=np.zeros(3), deck_shift_m=np.array([0.0, 0.0, heave_m(t_s)]))
+        instruments.note(t_s, deck)
+        instruments.note(t_s, deck)  # once more changes nothing
+    times_s = np.linspace(3.0, 11.0, 81)
+    # A straight line between them is off by up to 6 cm.
+    assert instruments._deck_at(times_s)[:, 2] == pytest.approx(heave_m(times_s), abs=0.01)
 
 
 # The outside view

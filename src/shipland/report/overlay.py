@@ -8,7 +8,9 @@ from collections import deque
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import CubicSpline
 
+from shipland.frames import Array
 from shipland.messages import Box, FlightRecord, Observation, TouchdownVerdict
 from shipland.record.columns import Derived
 from shipland.report.lettering import Bgr, Image, put_text, text_width, wrap_text
@@ -34,6 +36,11 @@ _FAINT: Bgr = (150, 150, 150)
 _GROUND: Bgr = (32, 30, 28)
 _RAIL: Bgr = (70, 66, 62)
 _SUBPIXEL_BITS = 4
+
+_TRACE_POINTS = 200
+"""One a pixel."""
+_SPARE_S = 2.0
+"""Instants that are kept beyond a trace's begin: the newest is ahead of what is drawn by up to a detector's cycle."""
 
 _ZOOM_SIZE_PX = (280, 140)
 _LEAST_ZOOM, _LARGEST_ZOOM = 2.0, 12.0
@@ -107,19 +114,35 @@ class Instruments:
     def __init__(self, with_traces: bool, trace_s: float) -> None:
         self._trace_s = trace_s
         self._deck: deque[tuple[float, float, float, float]] = deque()
+        self._curve: CubicSpline | None = None
         width_px = STRIP_WIDTH_PX + (TRACES_WIDTH_PX if with_traces else 0)
         self._blank = np.full((STRIP_HEIGHT_PX, width_px, 3), _GROUND, np.uint8)
         self._with_traces = with_traces
         self._draw_frame()
 
     def note(self, t_s: float, derived: Derived) -> None:
-        """Take the deck's motion at one instant into the traces."""
+        """Take the deck's motion at one instant into the traces; an instant already taken changes nothing.
+
+        Between instants, half a second apart while a detector runs, the traces are cubic splines.
+        """
+        if self._deck and t_s <= self._deck[-1][0]:
+            return
         roll_rad, pitch_rad, _ = derived.deck_turn_rad
         heave_m = float(derived.deck_shift_m[2])
         if math.isfinite(heave_m):
             self._deck.append((t_s, math.degrees(roll_rad), math.degrees(pitch_rad), heave_m))
-        while self._deck and self._deck[0][0] < t_s - self._trace_s:
+            self._curve = None
+        while self._deck and self._deck[0][0] < t_s - self._trace_s - _SPARE_S:
             self._deck.popleft()
+
+    def _deck_at(self, t_s: Array) -> Array:
+        """(n,3) roll [°], pitch [°] and heave [m]; before the first instant and after the last what they were then."""
+        samples = np.array(self._deck)
+        if len(samples) == 1:
+            return np.repeat(samples[:, 1:], len(t_s), axis=0)
+        if self._curve is None:
+            self._curve = CubicSpline(samples[:, 0], samples[:, 1:])
+        return np.asarray(self._curve(np.clip(t_s, samples[0, 0], samples[-1, 0])))
 
     def draw(self, record: FlightRecord, places: Derived, t_s: float) -> Image:
         """The strip (STRIP_HEIGHT_PX, width, 3) at `t_s`.
@@ -193,18 +216,20 @@ class Instruments:
             put_text(strip, _signed(percent, 0), (right_px + 8, row + 5), 13, _INK)
 
     def _draw_traces(self, strip: Image, t_s: float) -> None:
-        samples = np.array([sample for sample in self._deck if sample[0] <= t_s + 1e-9])
+        times_s = np.linspace(t_s - self._trace_s, t_s, _TRACE_POINTS)
+        times_s = times_s[times_s >= self._deck[0][0] - 1e-9] if self._deck else times_s[:0]
+        samples = self._deck_at(times_s) if len(times_s) else np.empty((0, 3))
         for lane, (name, suffix, span, colour) in enumerate(_TRACES):
             left = STRIP_WIDTH_PX + 6 + 211 * lane
             if not len(samples):
                 put_text(strip, f"deck {name}  –", (left, 22), 14, _FAINT)
                 continue
-            value = samples[-1, lane + 1]
+            value = samples[-1, lane]
             digits = _signed(float(value), 2 if suffix == " m" else 1)
             put_text(strip, f"deck {name}", (left, 22), 14, _FAINT)
             put_text(strip, digits + suffix, (left + 100, 22), 15, _INK)
-            columns = left + 199.0 * (1.0 - (t_s - samples[:, 0]) / self._trace_s)
-            rows = 61.0 - 30.0 * np.clip(samples[:, lane + 1] / span, -1.0, 1.0)
+            columns = left + 199.0 * (1.0 - (t_s - times_s) / self._trace_s)
+            rows = 61.0 - 30.0 * np.clip(samples[:, lane] / span, -1.0, 1.0)
             points = np.round(np.column_stack([columns, rows]) * (1 << _SUBPIXEL_BITS)).astype(np.int32)
             lighter = tuple((value + 255) // 2 for value in bgr(colour))
             cv2.polylines(strip, [points[:, None]], False, lighter, 2, cv2.LINE_AA, _SUBPIXEL_BITS)

@@ -65,7 +65,8 @@ class FlightSummary:
         time_per_mode_s: by the mode's name; NONE without a mode.
         mode_changes: how often the mode changed.
         cycles_with_pose, cycles_with_bar_box, cycles_with_ship_box: what the vision gave.
-        refusals: cycles without a pose, by reason; figures in a reason are left out.
+        refusals: cycles without a pose, by reason; figures in a reason are left out, and a cycle with several reasons
+            (of near vision, of the ship's detector, of the bar's) counts for each.
         camera_error: the vision's pose against truth.
         aircraft_error: the pilot's estimate against the truth of the estimate's own time, wherever it has one.
         max_right_m: largest sideways distance from the pad's middle line, on approach and landing.
@@ -119,7 +120,7 @@ def summarise(log: FlightLog, end: str = "") -> FlightSummary:
         name = "NONE" if mode is None else mode.name
         time_per_mode_s[name] = time_per_mode_s.get(name, 0.0) + to_s - from_s
     observations = [record.observation for record in log.records]
-    refused = Counter(kind_of(one.reason or "nothing seen") for one in observations if one.bar_pose is None)
+    refused = Counter(kind for one in observations if one.bar_pose is None for kind in kinds_of(one.reason))
     landing = columns.mode_number == Mode.LAND.value
     near = landing | (columns.mode_number == Mode.APPROACH.value)
     place_m = columns.place_in_pad_m
@@ -163,10 +164,15 @@ def summarise(log: FlightLog, end: str = "") -> FlightSummary:
     )
 
 
-def kind_of(reason: str) -> str:
-    """A reason without its figures and what stands in brackets with them, so that like refusals count together."""
+def kinds_of(reason: str) -> list[str]:
+    """The parts of a reason, each without its figures and what stands in brackets with them.
+
+    >>> kinds_of("too far for corners; bar: not confirmed (1 of 3 sightings)")
+    ['too far for corners', 'bar: not confirmed']
+    """
     words = re.sub(r" ?\([^)]*\d[^)]*\)", "", reason)
-    return re.sub(r"[-+−]?\d+(?:[.,]\d+)?", "…", words)
+    words = re.sub(r"[-+−]?\d+(?:[.,]\d+)?", "…", words)
+    return sorted(set(words.split("; ")) - {""}) or ["nothing seen"]
 
 
 def write_json(path: Path, value: object) -> None:

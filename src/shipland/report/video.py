@@ -189,8 +189,10 @@ class FlightVideo:
     def _write_until(self, end_s: float, next_truth: GroundTruth | None) -> None:
         """Write the frames due before `end_s`, moving the chase view towards the next truth."""
         newest = self._newest
-        if next_truth is not None:
-            self._moments.note_truth(next_truth)
+        for truth in (None if newest is None else newest.truth, next_truth):
+            if newest is not None and truth is not None:
+                self._moments.note_truth(truth)
+                self._instruments.note(truth.t_s, derive(replace(newest, truth=truth), self._rig))
         while newest is not None and (t_s := self._start_s + self._ticks / self._parameters.rate_hz) < end_s - 1e-6:
             due = t_s >= self._chase_due_s - 1e-6
             moment = newest.truth
@@ -231,7 +233,6 @@ class FlightVideo:
         view[:, 0] = 0
 
     def _draw_instruments(self, record: FlightRecord, t_s: float) -> None:
-        self._instruments.note(t_s, derive(record, self._rig))
         estimate, truth = self._moments.at(t_s, record.truth)
         places = derive(replace(record, decision=replace(record.decision, estimate=estimate), truth=truth), self._rig)
         self._canvas[self._picture_height_px :] = self._instruments.draw(record, places, t_s)

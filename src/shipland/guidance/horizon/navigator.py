@@ -24,6 +24,7 @@ from shipland.estimation.relative_state import (
     PLACE,
     PUSH,
     SPEED,
+    STATES,
     SWING,
     SWING_RATE,
     Belief,
@@ -65,6 +66,7 @@ class Estimated:
         nose_rad, bar_rad: headings in the axes of the flight.
         turn_rad_s: of the bar.
         bar_known: the bar's heading has been seen.
+        yaw_variance: of the difference of the two headings [rad²].
     """
 
     t_s: float
@@ -75,6 +77,7 @@ class Estimated:
     bar_rad: float
     turn_rad_s: float
     bar_known: bool
+    yaw_variance: float
 
     @cached_property
     def place_m(self) -> Array:
@@ -114,6 +117,29 @@ class Estimated:
         """(3,)."""
         ahead_m, right_m = turned(self.place_m, -self.bar_rad).tolist()
         return np.array([ahead_m, right_m, self.down_m])
+
+    @property
+    def covariance(self) -> Array:
+        """(4,4) of `aircraft_in_bar_m` and yaw [m, m, m, rad].
+
+        Poses enter turned by the bar's heading and leave turned back by it, so that its error cancels in the place;
+        place and yaw come from filters of their own, so that what they share is not known and stands as zero.
+        """
+        ahead, right = turned(np.array([1.0, 0.0]), self.bar_rad), turned(np.array([0.0, 1.0]), self.bar_rad)
+        axes = np.array([ahead, right])
+        covariance = np.zeros((4, 4))
+        covariance[:2, :2] = axes @ self._place_covariance(self.across) @ axes.T
+        covariance[2, 2] = self._place_covariance(self.down)[0, 0]
+        covariance[3, 3] = self.yaw_variance
+        return covariance
+
+    def _place_covariance(self, belief: Belief) -> Array:
+        """(axes, axes) of a place less the shown share of the swing."""
+        place, swing = slice(PLACE, -1, STATES), slice(SWING, -1, STATES)
+        crossed = belief.covariance[place, swing]
+        share = self.swing.shown
+        both = belief.covariance[place, place] + share**2 * belief.covariance[swing, swing]
+        return np.asarray(both - share * (crossed + crossed.T))
 
 
 def motion_of(response: Response) -> Motion:
@@ -439,7 +465,18 @@ class Navigator:
         passed_s = t_s - headings.t_s
         nose_rad = self._nose_at(t_s)
         bar_rad = headings.bar_rad + turn_rad_s * passed_s
-        return Estimated(t_s, across, down, self.swing, nose_rad, wrap_angle(bar_rad), turn_rad_s, headings.bar_known)
+        nose, bar, both = headings.covariance[[0, 1, 0], [0, 1, 1]].tolist()
+        return Estimated(
+            t_s,
+            across,
+            down,
+            self.swing,
+            nose_rad,
+            wrap_angle(bar_rad),
+            turn_rad_s,
+            headings.bar_known,
+            nose + bar - 2.0 * both,
+        )
 
 
 _EYE = np.eye(2)

@@ -368,7 +368,7 @@ def _shown(estimate: Estimated | None) -> Estimate | None:
         return None
     velocity = np.array([*turned(estimate.speed_mps, -estimate.bar_rad).tolist(), estimate.down_mps])
     yaw_rad = wrap_angle(estimate.nose_rad - estimate.bar_rad)
-    return Estimate(estimate.t_s, estimate.aircraft_in_bar_m, yaw_rad, velocity)
+    return Estimate(estimate.t_s, estimate.aircraft_in_bar_m, yaw_rad, velocity, estimate.covariance)
 
 
 def _kept_moving(pitch: float, roll: float, response: Response) -> tuple[float, float]:
