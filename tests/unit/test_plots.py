@@ -13,6 +13,7 @@ from shipland.errors import ConfigError, DataError
 from shipland.messages import Mode
 from shipland.record.info import FORMAT_VERSION, LogHeader
 from shipland.record.reader import FlightLog
+from shipland.report.curves import smooth
 from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
 from shipland.report.outputs import load_outputs
 from shipland.report.palette import BLUE, MODE_COLOURS, MODE_NAMES, VERMILION, unit
@@ -132,3 +133,12 @@ def test_the_packaged_resolution_suits_a_readme():
     assert 1600 <= round(10.4 * load_outputs().plots.dpi) <= 2000  # twice a README's 830 px
     with pytest.raises(ConfigError, match="dpi must be in"):
         build(PlotParameters, {"dpi": 5}, "plots")
+
+
+def test_the_deck_is_drawn_smooth_between_slow_cycles_and_as_it_is_between_quick_ones():
+    slow_s, quick_s = np.arange(0.0, 9.01, 0.5), np.arange(0.0, 1.0, 1.0 / 30.0)
+    t_s, heave_m = smooth(slow_s, np.sin(2.0 * slow_s))
+    assert np.isin(slow_s, t_s).all()
+    assert heave_m[5:-5] == pytest.approx(np.sin(2.0 * t_s)[5:-5], abs=0.03)  # straight lines are off by 0.12
+    for times_s, values in ((quick_s, np.sin(quick_s)), (slow_s, np.where(slow_s > 4.0, np.nan, 1.0))):
+        assert smooth(times_s, values)[1] is values

@@ -14,6 +14,7 @@ from shipland.frames import Array
 from shipland.messages import Mode, TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.reader import FlightLog
+from shipland.report.curves import smooth
 from shipland.report.palette import (
     BLACK,
     BLUE,
@@ -195,8 +196,7 @@ def draw_right(axes: Axes, columns: FlightColumns) -> None:
 def draw_up(axes: Axes, columns: FlightColumns) -> None:
     """Height over the neutral deck, and the deck's own."""
     _draw_place(axes, columns, 2, "height over the neutral deck [m]")
-    deck_m = columns.deck_shift_m[:, 2]
-    axes.plot(columns.t_s, deck_m, color=unit(GREY), label="deck's centre")
+    axes.plot(*smooth(columns.t_s, columns.deck_shift_m[:, 2]), color=unit(GREY), label="deck's centre")
 
 
 def _draw_place(axes: Axes, columns: FlightColumns, axis: int, title: str) -> None:
@@ -243,13 +243,14 @@ def draw_sticks(axes: Axes, columns: FlightColumns, names: tuple[str, ...] = STI
 def _draw_deck_turn(axes: Axes, columns: FlightColumns) -> None:
     axes.set_title("deck's roll and pitch [°]")
     for index, (name, colour) in enumerate((("roll", BLUE), ("pitch", VERMILION))):
-        axes.plot(columns.t_s, np.degrees(columns.deck_turn_rad[:, index]), color=unit(colour), label=name)
+        turn_deg = np.degrees(columns.deck_turn_rad[:, index])
+        axes.plot(*smooth(columns.t_s, turn_deg), color=unit(colour), label=name)
     _show_at_least(axes, 4.0)
 
 
 def _draw_deck_heave(axes: Axes, columns: FlightColumns) -> None:
     axes.set_title("deck's heave, up [m]")
-    axes.plot(columns.t_s, columns.deck_shift_m[:, 2], color=unit(GREEN))
+    axes.plot(*smooth(columns.t_s, columns.deck_shift_m[:, 2]), color=unit(GREEN))
     _show_at_least(axes, 0.2)
 
 
