@@ -151,6 +151,18 @@ def test_a_full_disk_is_one_line(tmp_path):
             folder.append(GOOD)
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="wants a device that is always full")
+def test_after_a_full_disk_the_folder_can_be_used(tmp_path):
+    key = dict.fromkeys(("version", "source", "configuration", "pilot", "vision", "own_code", "weights"), "")
+    (tmp_path / "campaign.part").symlink_to("/dev/full")
+    with pytest.raises(DataError, match="No space left on device"), open_folder(tmp_path, key):
+        pass
+    assert not (tmp_path / "campaign.json").exists()
+    (tmp_path / "campaign.part").unlink()  # there is space again
+    with open_folder(tmp_path, key) as folder:
+        assert not folder.seeds
+
+
 def test_a_row_holds_everything():
     for landing in (GOOD, NOWHERE):
         texts = {name: str(value) for name, value in row_of(landing).items()}
