@@ -22,7 +22,7 @@ from shipland.guidance.response import Response
 from shipland.messages import FlightRecord
 from shipland.missions.campaign import Flight as FlightJob
 from shipland.missions.campaign import land_once
-from shipland.missions.crew import build_crew, build_scene, build_vehicle
+from shipland.missions.crew import aircraft_scale, build_crew, build_scene, build_vehicle
 from shipland.missions.faults import with_faults
 from shipland.missions.fly import Flown, flight_info
 from shipland.missions.landing import COLUMNS, Landing, row_of
@@ -136,7 +136,9 @@ def fly(
         recorder = None
         if out is not None:
             info = flight_info(scenario, pilot, vision, seed, command)
-            chase = chase_view(scene, flown.camera) if scene is not None and video else None
+            chase = None
+            if scene is not None and video:
+                chase = chase_view(scene, flown.camera, aircraft_scale(scenario), scenario.ship.full_ship)
             recorder = stack.enter_context(
                 Recorder(Path(out), info, scenario.rig, flown.camera, load_outputs(), chase, video)
             )

@@ -21,6 +21,7 @@ from shipland.missions.scenarios import Scenario
 from shipland.missions.seeds import generators_of
 from shipland.missions.visions import VisionSetup
 from shipland.sim.air.wind import WindParameters, build_wind, drawn_wind
+from shipland.sim.scene.mesh import MOTOR_DIAGONAL_M
 from shipland.sim.scene.scene import Scene
 from shipland.sim.ship.ship import Ship, build_ship
 from shipland.sim.world import GRID, Grid, World
@@ -31,7 +32,13 @@ from shipland.vehicles.vehicle import Vehicle, Witness
 
 def build_scene(scenario: Scenario, seed: int) -> Scene:
     """The drawn scene of the flight of `seed`; the caller closes it."""
-    return Scene(scenario.rig, scenario.scene, generators_of(seed).scene)
+    return Scene(scenario.rig, scenario.scene, generators_of(seed).scene, aircraft_scale(scenario))
+
+
+def aircraft_scale(scenario: Scenario) -> float:
+    """Of the drawn aircraft, by its motors' diagonal."""
+    airframe = scenario.aircraft.airframe
+    return round(2.0 * math.hypot(airframe.motor_forward_m, airframe.motor_right_m) / MOTOR_DIAGONAL_M, 1)
 
 
 def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> SimulatedVehicle:

@@ -28,23 +28,28 @@ def chase_camera(camera: Camera) -> Camera:
     return Camera.from_fov(CHASE_WIDTH_PX, height_px, _HORIZONTAL_FOV_DEG)
 
 
-def chase_state(truth: GroundTruth) -> SceneState:
+def chase_state(truth: GroundTruth, scale: float = 1.0, full_ship: bool = False) -> SceneState:
     """The scene as seen from astern, to the right and above the aircraft, at least half a metre above the sea.
+
+    Args:
+        truth: of a moment.
+        scale: of the aircraft; the view stands as many times farther away.
+        full_ship: the hull moves with the deck.
 
     The view keeps the ship's heading and is aimed between the aircraft and the deck, so it is steady by itself.
     """
     level = truth.ned_from_ship.rotation  # the ship frame turns with the course only
     aircraft_m = truth.ned_from_body.translation_m
-    eye_m = aircraft_m + level @ (_BEHIND_RIGHT_UP_M * [1.0, 1.0, -1.0])
+    eye_m = aircraft_m + level @ (scale * _BEHIND_RIGHT_UP_M * [1.0, 1.0, -1.0])
     eye_m[2] = min(eye_m[2], -_LOWEST_M)
     way_m = truth.ned_from_ship.translation_m - aircraft_m
     distance_m = float(np.linalg.norm(way_m))
-    aim_m = aircraft_m + way_m * min(0.5, _LOOK_AHEAD_M / max(distance_m, 1e-9))
+    aim_m = aircraft_m + way_m * min(0.5, scale * _LOOK_AHEAD_M / max(distance_m, 1e-9))
     zero = np.zeros(3)
     return SceneState(
         t_s=truth.t_s,
         ned_from_camera=look_at(eye_m, aim_m),
-        ned_from_ship=truth.ned_from_ship,
+        ned_from_ship=truth.ned_from_deck if full_ship else truth.ned_from_ship,
         ned_from_deck=truth.ned_from_deck,
         ned_from_bar=truth.ned_from_bar,
         ned_from_body=truth.ned_from_body,
@@ -62,7 +67,7 @@ def look_at(eye_in_ned_m: Array, aim_in_ned_m: Array) -> Pose:
     return Pose(np.column_stack([right, np.cross(forward, right), forward]), eye_in_ned_m)
 
 
-def chase_view(scene: Scene, camera: Camera) -> Chase:
-    """Renders the outside view with `scene`, sized to stand beside the pictures of `camera`."""
+def chase_view(scene: Scene, camera: Camera, scale: float = 1.0, full_ship: bool = False) -> Chase:
+    """Renders the outside view with `scene`, sized to stand beside the pictures of `camera`; see `chase_state`."""
     outside = chase_camera(camera)
-    return lambda truth: scene.render(chase_state(truth), outside, draw_aircraft=True)
+    return lambda truth: scene.render(chase_state(truth, scale, full_ship), outside, draw_aircraft=True)

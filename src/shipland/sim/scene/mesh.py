@@ -204,6 +204,12 @@ def house(rig: Rig, parts: Layout) -> Mesh:
     return np.concatenate(meshes)
 
 
+def scaled(solid: Solid, scale: float) -> Solid:
+    """A box, larger about its frame's origin."""
+    low, high = (tuple(scale * value for value in ends) for ends in (solid.low_m, solid.high_m))
+    return Solid((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
 def bounds(mesh: Mesh) -> Solid:
     """The upright box around a mesh, in its frame."""
     low, high = mesh[:, 0:3].min(axis=0).tolist(), mesh[:, 0:3].max(axis=0).tolist()
@@ -248,6 +254,9 @@ def legs(parts: Layout, ship_from_deck: Pose) -> Mesh:
     return mesh
 
 
+MOTOR_DIAGONAL_M = 0.24
+"""Of the aircraft as it is drawn at scale 1."""
+
 AIRCRAFT = Solid((-0.17, -0.17, -0.05), (0.17, 0.17, 0.06))
 """Bounds of the aircraft in `body`."""
 
@@ -257,8 +266,8 @@ AIRCRAFT_SHADE = Solid((-0.10, -0.07, -0.03), (0.11, 0.07, 0.02))
 _MOTORS_M = [(x, y) for x in (-0.085, 0.085) for y in (-0.085, 0.085)]
 
 
-def quadrotor() -> Mesh:
-    """A small quadrotor in `body` without its rotors, 0.24 m across the motors, as the rig's aircraft is."""
+def quadrotor(scale: float = 1.0) -> Mesh:
+    """A small quadrotor in `body` without its rotors, 0.24 m across the motors, as the rig's aircraft is; or larger."""
     shell: Colour = (0.10, 0.10, 0.11)
     meshes = [
         box(Solid((-0.080, -0.030, -0.020), (0.080, 0.030, 0.020)), shell),
@@ -272,10 +281,12 @@ def quadrotor() -> Mesh:
             cylinder((x, y, 0.012), (x, y, -0.030), 0.011, (0.05, 0.05, 0.055), 10, caps=True),
             cylinder((x, y, 0.008), (1.04 * x, 1.04 * y, 0.050), 0.0045, shell),
         ]
-    return np.concatenate(meshes)
+    mesh = np.concatenate(meshes)
+    mesh[:, 0:3] *= scale
+    return mesh
 
 
-def rotors() -> Mesh:
+def rotors(scale: float = 1.0) -> Mesh:
     """The four turning rotors in `body`: discs seen from both sides, with texture coordinates over the unit disc."""
     meshes = []
     for x, y in _MOTORS_M:
@@ -283,4 +294,6 @@ def rotors() -> Mesh:
         disc = disc[np.abs(disc[:, 5]) > 0.5]
         disc[:, 6:8] = (disc[:, 0:2] - [x, y]) / 0.072
         meshes.append(disc)
-    return np.concatenate(meshes)
+    mesh = np.concatenate(meshes)
+    mesh[:, 0:3] *= scale
+    return mesh

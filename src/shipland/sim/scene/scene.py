@@ -59,12 +59,15 @@ class Scene:
         rig: dimensions.
         parameters: light and weather.
         rng: of waves, clouds, stains, drops and spray.
+        aircraft_scale: of the drawn aircraft, 1 for one of 0.24 m across the motors.
 
     Raises:
         SystemLibraryError: EGL or OpenGL is missing.
     """
 
-    def __init__(self, rig: Rig, parameters: SceneParameters, rng: np.random.Generator) -> None:
+    def __init__(
+        self, rig: Rig, parameters: SceneParameters, rng: np.random.Generator, aircraft_scale: float = 1.0
+    ) -> None:
         p = self._parameters = parameters
         self._light = light(p)
         self._hull = layout(rig).hull
@@ -72,7 +75,7 @@ class Scene:
         self._context = gl.open_context()
         self._block = self._context.buffer(reserve=BLOCK_BYTES, dynamic=True)
         self._background = Background(self._context, self._waves, self._light, rng, p.wake)
-        self._ship = ShipLayer(self._context, rig, p.lamp * self._light.dimming, rng)
+        self._ship = ShipLayer(self._context, rig, p.lamp * self._light.dimming, rng, aircraft_scale)
         self._spray = Spray(self._context, self._hull, p.spray, rng.spawn(1)[0]) if p.spray > 0.0 else None
         self._rain = Rain(p.rain_mm_h, rng) if p.rain_mm_h > 0.0 else None
         self._drops = LensDrops(p.lens_drops, rng) if p.lens_drops > 0.0 else None

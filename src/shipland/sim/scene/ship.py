@@ -58,10 +58,15 @@ class ShipLayer:
         rig: dimensions and cue.
         lamp: luminous green of the cue, in radiance of sunlit white.
         rng: stains.
+        aircraft_scale: of the drawn aircraft.
     """
 
-    def __init__(self, context: moderngl.Context, rig: Rig, lamp: float, rng: np.random.Generator) -> None:
+    def __init__(
+        self, context: moderngl.Context, rig: Rig, lamp: float, rng: np.random.Generator, aircraft_scale: float = 1.0
+    ) -> None:
         self._context, self._layout = context, layout(rig)
+        self._aircraft_bounds = mesh.scaled(mesh.AIRCRAFT, aircraft_scale)
+        self._aircraft_shade = mesh.scaled(mesh.AIRCRAFT_SHADE, aircraft_scale)
         self._quads_m = rig.target.points_in_bar_m[:, 1:].reshape(-1, 4, 2)
         self._solids: dict[tuple[int, bool], moderngl.Program] = {}
         self._paints = gl.mipmapped(context, paints(rng, rig), layers=True)
@@ -83,10 +88,10 @@ class ShipLayer:
         self._house_foot = self._part(wet, DECK | BOARD | AIRCRAFT, afloat=True) if len(wet) else None
         self._deck = self._part(mesh.deck(rig, parts), HOUSE | BOARD | AIRCRAFT)
         self._board = self._part(board, 0, ID_BAR)
-        self._aircraft = self._part(mesh.quadrotor(), HOUSE, ID_AIRCRAFT)
+        self._aircraft = self._part(mesh.quadrotor(aircraft_scale), HOUSE, ID_AIRCRAFT)
         veil = gl.program(context, "solid.vert", ("paint.glsl", "rotor.frag"), SHADOWS=HOUSE, WATER=0)
         veil["paints"] = _PAINT_UNIT
-        self._rotors = self._part_of(context.buffer(mesh.rotors().tobytes()), veil, ID_AIRCRAFT)
+        self._rotors = self._part_of(context.buffer(mesh.rotors(aircraft_scale).tobytes()), veil, ID_AIRCRAFT)
         self._face = self._part_of(context.buffer(face.tobytes()), self._face_program, ID_BAR)
         self._legs: _Part | None = None
         if not ship:  # of a motion base
@@ -121,7 +126,7 @@ class ShipLayer:
             (parts.house, state.ned_from_ship),
             (parts.deck, state.ned_from_deck),
             (parts.board, state.ned_from_bar),
-            (mesh.AIRCRAFT_SHADE, state.ned_from_body),
+            (self._aircraft_shade, state.ned_from_body),
         ]
 
     def place(self, state: SceneState, draw_aircraft: bool) -> list[Placed]:
@@ -141,8 +146,8 @@ class ShipLayer:
             placed.append(Placed(self._house_foot, state.ned_from_ship, self._house_bounds))
         placed.append(Placed(self._hull, state.ned_from_ship, self._hull_bounds))
         if draw_aircraft:
-            placed.insert(0, Placed(self._aircraft, state.ned_from_body, mesh.AIRCRAFT))
-            placed.append(Placed(self._rotors, state.ned_from_body, mesh.AIRCRAFT))
+            placed.insert(0, Placed(self._aircraft, state.ned_from_body, self._aircraft_bounds))
+            placed.append(Placed(self._rotors, state.ned_from_body, self._aircraft_bounds))
         return placed
 
     def aim(self, camera: Camera, state: SceneState, *, mirrored: bool = False) -> None:
