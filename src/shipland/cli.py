@@ -82,7 +82,7 @@ def main() -> None:
             any_command,
             prog="shipland",
             description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.\n\n"
-            "`shipland COMMAND --help` tells of one command with an example. A first flight: "
+            "`shipland COMMAND --help` explains one command, with an example. A first flight: "
             "shipland fly --out out/first",
         )
         from shipland.missions.stopping import sigterm_interrupts

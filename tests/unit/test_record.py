@@ -459,3 +459,16 @@ def test_an_own_cue_survives_the_header():
 def test_a_time_beyond_the_format_is_written_as_its_bound(t_s):
     stamp = timestamp(nanoseconds(t_s))
     assert (stamp.sec, stamp.nsec) == ((0, 0) if t_s < 0.0 else (2**32 - 1, 999_999_999))
+
+
+def test_a_log_from_before_a_field_was_added_is_read():
+    header = LogHeader(1, INFO, RIG, CAMERA)
+    row = to_row(header)
+    assert row.pop("info_weights_digest") == INFO.weights_digest
+    assert row.pop("rig_landing_area") == RIG.landing_area
+    again = from_row(LogHeader, row)
+    assert again.info == dataclasses.replace(INFO, weights_digest="")
+    assert again.rig.landing_area == "square"
+    del row["info_seed"]  # a field without a default
+    with pytest.raises(DataError, match="lacks the column 'info_seed'"):
+        from_row(LogHeader, row)

@@ -78,3 +78,12 @@ def test_without_rerun_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(ConfigError, match=r"shipland\[viewer\]"):
         Viewer(load_scenario("near").rig, Path("nowhere.rrd"))
+
+
+def test_a_log_of_another_version_says_so_where_its_configuration_is_none_today(log, monkeypatch):
+    changes = ("geometric.max_rnge_m=1.0",)
+    with pytest.raises(ConfigError, match=r"^configuration.geometric: unknown key 'max_rnge_m'"):
+        recorded_flight(log, changes=changes)
+    monkeypatch.setattr("shipland.missions.replays.code_version", lambda: "9.9")
+    with pytest.raises(ConfigError, match=r"was flown by version .*, this is 9\.9: configuration.geometric: unknown"):
+        recorded_flight(log, changes=changes)

@@ -43,7 +43,7 @@ class Fly(ScenarioOptions):
     seed: int = 1
     """Seed of everything random; the same seed gives the same flight."""
     out: Path = Path("out/flight")
-    """Output folder; made when missing."""
+    """Output folder; made when missing. An earlier flight's files in it are written over."""
     video: bool = True
     """Write flight.mp4 (costs a second picture a frame, for the chase view)."""
     vehicle: str | None = None

@@ -14,7 +14,7 @@ import numpy as np
 from shipland import factories
 from shipland.camera import Camera
 from shipland.config import merge, settings
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.flight import Crew, cycles, decide_or_degrade
 from shipland.guidance.border import Border, without_repeated
 from shipland.messages import FlightRecord, Observation, PilotCommand
@@ -24,6 +24,7 @@ from shipland.missions.scenarios import Scenario, load_scenario
 from shipland.missions.visions import needs_pictures
 from shipland.record.reader import read_log
 from shipland.vehicles.replay import ReplayVehicle, recorded_video
+from shipland.version import code_version
 from shipland.vision.vision import see_or_degrade
 
 POSE_M, STICK_PERCENT = 0.05, 5.0
@@ -117,7 +118,13 @@ def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequ
     """
     log = read_log(path)
     info = log.header.info
-    scenario = load_scenario(merge(json.loads(info.configuration), settings(changes)))
+    try:
+        scenario = load_scenario(merge(json.loads(info.configuration), settings(changes)))
+    except ConfigError as error:
+        if info.code_version == code_version():
+            raise
+        flown_by, here = info.code_version or info.software_version, code_version()
+        raise ConfigError(f"{path} was flown by version {flown_by}, this is {here}: {error}") from None
     vehicle = replayed_log(path)
     return Recording(vehicle, scenario, pilot or info.pilot, vision or info.vision, info.seed or 0, log.records)
 

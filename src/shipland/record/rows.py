@@ -45,6 +45,7 @@ class _Part:
     kind: Any
     optional: bool
     meaning: str
+    has_default: bool
     parts: tuple[_Part, ...] = ()
 
 
@@ -57,13 +58,16 @@ def to_row(value: object) -> Row:
 
 
 def from_row(cls: type[T], row: Row) -> T:
-    """The instance of dataclass `cls` that `to_row` flattened; columns that it does not know are passed over.
+    """The instance of dataclass `cls` that `to_row` flattened.
+
+    Columns that it does not know are passed over, and fields with a default need none: a log from before the field
+    was added is read all the same.
 
     Raises:
-        DataError: a column is missing or holds the wrong type.
+        DataError: another column is missing, or one holds the wrong type.
     """
     try:
-        return cls(**{part.field: _read(row, part) for part in _parts(cls, "")})
+        return cls(**_values(row, _parts(cls, "")))
     except KeyError as error:
         raise DataError(
             f"a row of {cls.__name__} lacks the column {error}; was it written by another version?"
@@ -98,7 +102,8 @@ def _cached_parts(cls: Any, prefix: str) -> tuple[_Part, ...]:  # noqa: ANN401
         if _is_picture(hint):
             hint = _PICTURE
         children = _parts(hint, f"{column}_") if dataclasses.is_dataclass(hint) else ()
-        parts.append(_Part(column, field.name, hint, optional, meanings.get(field.name, ""), children))
+        has_default = (field.default, field.default_factory) != (dataclasses.MISSING, dataclasses.MISSING)
+        parts.append(_Part(column, field.name, hint, optional, meanings.get(field.name, ""), has_default, children))
     return tuple(parts)
 
 
@@ -142,11 +147,20 @@ def _plain(value: Any) -> Any:  # noqa: ANN401
     return int(value) if isinstance(value, np.integer) else value
 
 
+def _values(row: Row, parts: tuple[_Part, ...]) -> Row:
+    """By field; without those that have a default and no column."""
+    return {part.field: _read(row, part) for part in parts if not (part.has_default and _absent(row, part))}
+
+
+def _absent(row: Row, part: _Part) -> bool:
+    return part.kind is not _PICTURE and not any(column in row for column in _columns(part))
+
+
 def _read(row: Row, part: _Part) -> Any:  # noqa: ANN401
     if part.parts:
-        if part.optional and all(row[column] is None for column in _columns(part)):
+        if part.optional and not _absent(row, part) and all(row.get(column) is None for column in _columns(part)):
             return None
-        return part.kind(**{child.field: _read(row, child) for child in part.parts})
+        return part.kind(**_values(row, part.parts))
     if part.kind is _PICTURE:
         return None
     value = row[part.column]
