@@ -28,7 +28,7 @@ PLACES = {  # forward, starboard, down of the deck's centre [m]
     "hover": (0.0, 0.0, -6.0),
     "quarter": (-120.0, -110.0, -30.0),
 }
-TILE_PX = (640, 360)
+TILE_PX = (576, 324)
 
 
 def state_at(ship: ShipState, place_in_ship_m: tuple[float, float, float], t_s: float) -> SceneState:
@@ -78,7 +78,7 @@ def main() -> None:
     scene.close()
     rows = [np.hstack(tiles[index : index + 2]) for index in range(0, len(tiles), 2)]
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    cv2.imwrite(str(arguments.out), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 82])
+    cv2.imwrite(str(arguments.out), np.vstack(rows), [cv2.IMWRITE_JPEG_QUALITY, 75])
 
 
 if __name__ == "__main__":

@@ -27,8 +27,8 @@ from shipland.sim.ship.ship import ShipState
 from shipland.sim.state import SceneState
 from shipland.vision.far.detector import Detector
 
-RANGES_M = (300.0, 500.0, 1000.0, 1500.0, 2000.0, 3000.0, 4000.0, 5000.0)
-VISIBILITIES_M = (1000.0, 3000.0, 5000.0, 10000.0, 20000.0)
+RANGES_KM = (0.3, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
+VISIBILITIES_KM = (1.0, 3.0, 5.0, 10.0, 20.0)
 BAR_TO_M = 1000.0
 LEAST_IOU = 0.25
 
@@ -78,14 +78,18 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=12)
     parser.add_argument("--ship-weights", default="ship")
     parser.add_argument("--bar-weights", default="bar")
+    parser.add_argument("--ranges", type=float, nargs="+", default=RANGES_KM, help="km")
+    parser.add_argument("--visibilities", type=float, nargs="+", default=VISIBILITIES_KM, help="km")
     arguments = parser.parse_args()
+    ranges_m = [1000.0 * range_km for range_km in arguments.ranges]
+    visibilities_m = [1000.0 * visibility_km for visibility_km in arguments.visibilities]
     scenario = load_scenario(scenario_table(arguments.scenario, None, arguments.set))
     camera, parameters = Camera.from_parameters(scenario.camera), scenario.detector
     ship_detector = Detector.load(arguments.ship_weights, parameters)
     bar_detector = Detector.load(arguments.bar_weights, parameters)
-    shape = (len(VISIBILITIES_M), len(RANGES_M))
+    shape = (len(visibilities_m), len(ranges_m))
     looked, ships, bars, false_ships, sizes_px = (np.zeros(shape) for _ in range(5))
-    for row, visibility_m in enumerate(VISIBILITIES_M):
+    for row, visibility_m in enumerate(visibilities_m):
         for number in range(arguments.scenes):
             rng = np.random.default_rng([7, row, number])
             light = replace(
@@ -96,7 +100,7 @@ def main() -> None:
             )
             scene = Scene(scenario.rig, light, rng)
             ship = drawn_ship(scenario, number).at(float(rng.uniform(0.0, 60.0)))
-            for column, range_m in enumerate(RANGES_M):
+            for column, range_m in enumerate(ranges_m):
                 aspect_rad = math.radians(rng.uniform(-30.0, 30.0))
                 away = np.array([-math.cos(aspect_rad), math.sin(aspect_rad), 0.0])
                 eye_m = ship.ned_from_ship.apply(range_m * away - [0.0, 0.0, rng.uniform(15.0, 60.0)])
@@ -116,18 +120,18 @@ def main() -> None:
                     found = bar_detector.detect(picture, parameters.acquire_confidence)
                     bars[row, column] += any(overlap(box, labels.bar) >= LEAST_IOU for box in found)
             scene.close()
-    head = " | ".join(f"{range_m / 1000.0:g} km" for range_m in RANGES_M)
-    print(f"| visibility | {head} |\n|---|{'---:|' * len(RANGES_M)}")
-    for row, visibility_m in enumerate(VISIBILITIES_M):
+    head = " | ".join(f"{range_m / 1000.0:g} km" for range_m in ranges_m)
+    print(f"| visibility | {head} |\n|---|{'---:|' * len(ranges_m)}")
+    for row, visibility_m in enumerate(visibilities_m):
         cells = []
-        for column, range_m in enumerate(RANGES_M):
+        for column, range_m in enumerate(ranges_m):
             count = looked[row, column]
             bar = f" / {bars[row, column]:.0f}" if range_m <= BAR_TO_M else ""
             cells.append(f"{ships[row, column]:.0f}{bar} of {count:.0f} ({false_ships[row, column]:.0f})")
         print(f"| {visibility_m / 1000.0:g} km | {' | '.join(cells)} |", flush=True)
     print("| size [px] | " + " | ".join(f"{size:.0f}" for size in sizes_px[-1]) + " |")
-    for visibility_m in VISIBILITIES_M:
-        left = " | ".join(f"{math.exp(math.log(0.05) * range_m / visibility_m):.2g}" for range_m in RANGES_M)
+    for visibility_m in visibilities_m:
+        left = " | ".join(f"{math.exp(math.log(0.05) * range_m / visibility_m):.2g}" for range_m in ranges_m)
         print(f"| contrast left, {visibility_m / 1000.0:g} km | {left} |")
 
 

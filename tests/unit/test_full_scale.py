@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from shipland.sim.scene.scene import Scene
 from shipland.sim.ship.ship import build_ship
 from shipland.sim.state import SceneState
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SEA5 = load_scenario("frigate-sea5")
 QUIET = {"ship.motion": "still", "ship.course.kind": "still", "wind.mean_mps": 0.0}
 
@@ -83,6 +85,12 @@ def test_octo25_answers_its_sticks_as_its_response_says():
         speeds.append(math.hypot(*world.truth().velocity_in_ned_mps[:2]))
     assert np.mean(speeds[-30:]) == pytest.approx(0.2 * response.max_speed_mps, abs=0.3)
     assert max(speeds) < 0.25 * response.max_speed_mps
+
+
+def test_a_shorter_bar_is_a_file_laid_over_it():
+    scenario = load_scenario(scenario_table("frigate-sea3", EXAMPLES / "short_bar.toml"))
+    assert scenario.rig.board_size_m == (3.0, 0.65)
+    assert scenario.geometric.max_range_m == 0.5 * SEA5.geometric.max_range_m
 
 
 def test_it_lands_on_the_frigate():
