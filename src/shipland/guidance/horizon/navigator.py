@@ -165,6 +165,7 @@ class Navigator:
         self._middle_px = (float(camera.matrix[0, 2]), float(camera.matrix[1, 2]))
         self._camera_in_body_m = np.asarray(camera_in_body_m, dtype=float)
         board_width_m, board_height_m = rig.board_size_m
+        self._stern_ratio = rig.platform_width_m / rig.superstructure_height_m
         self._ship_m = math.sqrt(rig.platform_width_m * rig.superstructure_height_m)
         self._ship_below_m = 0.5 * rig.superstructure_height_m - (rig.superstructure_height_m - rig.bar_height_m)
         self._bar_m = math.sqrt(board_width_m * board_height_m)
@@ -417,7 +418,10 @@ class Navigator:
         """A box as a place: range from its area, bearing and elevation from its centre."""
         assert self._headings is not None
         measured, size_m = self._parameters.measured, self._bar_m if is_bar else self._ship_m
-        range_m = self._focal_px * size_m / math.sqrt(max(box.area_px2, 1.0))
+        area_px2 = box.area_px2
+        if measured.ship_as_stern and not is_bar:
+            area_px2 = min(area_px2, self._stern_ratio * box.size_px[1] ** 2)
+        range_m = self._focal_px * size_m / math.sqrt(max(area_px2, 1.0))
         right = (box.centre_px[0] - self._middle_px[0]) / self._focal_px
         elevation_rad = observation.gimbal.pitch_rad - math.atan2(box.centre_px[1] - self._middle_px[1], self._focal_px)
         if not (math.isfinite(elevation_rad) and abs(elevation_rad) < 1.4):

@@ -23,6 +23,8 @@ class MeasurementNoise:
         picture_s: jitter of a picture's time; counts by the speed.
         area_share, centre_px: of a box's area and centre.
         repeated: boxes err alike in many frames; their variance counts so many times.
+        ship_as_stern: for its range a ship's box counts as no wider than a stern of its height: from the quarter a long
+            hull is wide.
         box_m: least error of a box's place across the line of sight, and of its height.
         first_mps, first_climb_mps: standard deviation of the speed against the bar when it is first seen.
         lost_refusals: so many poses refused in a row start the estimate anew.
@@ -36,6 +38,7 @@ class MeasurementNoise:
     area_share: float
     centre_px: float
     repeated: float
+    ship_as_stern: bool
     box_m: float
     first_mps: float
     first_climb_mps: float
