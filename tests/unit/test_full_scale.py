@@ -10,7 +10,8 @@ import pytest
 from shipland.camera import Camera
 from shipland.config import ConfigError
 from shipland.frames import Pose
-from shipland.messages import Intent, PilotCommand
+from shipland.guidance.horizon.navigator import Navigator
+from shipland.messages import Box, GimbalAttitude, Intent, Observation, PilotCommand, Telemetry
 from shipland.missions.crew import build_world, drawn_ship, response_of
 from shipland.missions.fly import fly_quietly
 from shipland.missions.scenarios import load_scenario, scenario_table
@@ -91,6 +92,21 @@ def test_a_shorter_bar_is_a_file_laid_over_it():
     scenario = load_scenario(scenario_table("frigate-sea3", EXAMPLES / "short_bar.toml"))
     assert scenario.rig.board_size_m == (3.0, 0.65)
     assert scenario.geometric.max_range_m == 0.5 * SEA5.geometric.max_range_m
+
+
+def test_from_the_quarter_a_ship_counts_as_no_wider_than_its_stern():
+    """A frigate 15° off astern, 3 km away: 49 m of it show."""
+    camera, rig, horizon = Camera.from_parameters(SEA5.camera), SEA5.rig, SEA5.guidance.horizon
+    px_per_m = camera.focal_px / 3000.0
+    box = Box((959.5, 545.0), (49.0 * px_per_m, 12.0 * px_per_m), 0.9)
+    seen = Observation(0.0, GimbalAttitude(0.0, 0.0), None, None, box)
+    for as_stern, expected_m in ((True, 3000.0), (False, 3000.0 * math.sqrt(14.0 / 49.0))):
+        measured = replace(horizon.measured, ship_as_stern=as_stern)
+        navigator = Navigator(replace(horizon, measured=measured), response_of(SEA5), rig, camera, np.zeros(3))
+        navigator.take(seen, Telemetry(0.1, None, None, None, None, None, None, None, True))
+        estimate = navigator.estimate(0.1)
+        assert estimate is not None
+        assert math.hypot(*estimate.place_m) == pytest.approx(expected_m, rel=0.01)
 
 
 def test_it_lands_on_the_frigate():
