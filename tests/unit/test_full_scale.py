@@ -92,6 +92,8 @@ def test_a_shorter_bar_is_a_file_laid_over_it():
     scenario = load_scenario(scenario_table("frigate-sea3", EXAMPLES / "short_bar.toml"))
     assert scenario.rig.board_size_m == (3.0, 0.65)
     assert scenario.geometric.max_range_m == 0.5 * SEA5.geometric.max_range_m
+    for each in (SEA5, scenario):  # farther off the ship's heading would never be known
+        assert each.guidance.horizon.path.stand_off_m < 0.7 * each.geometric.max_range_m
 
 
 def test_from_the_quarter_a_ship_counts_as_no_wider_than_its_stern():
