@@ -132,7 +132,7 @@ def dynamics(motion: Motion, noise: Disturbances, swing: Swing) -> tuple[Array, 
     gain = motion.servo_per_s if motion.servo_per_s > 0.0 else 1.0
     b[THRUST, 0] = gain / motion.lag_s
     if motion.servo_per_s > 0.0:
-        _, own = _velocity(np.zeros(STATES), 1, motion.over_ship, motion.settle_s, swing.frequency_rad_s)
+        _, own = _velocity(np.zeros(STATES), 1, motion.over_ship, motion.settle_s, swing.frequency_rad_s, swing.below)
         a[THRUST] -= gain / motion.lag_s * own[0]
         a[PUSH] -= motion.integral_per_s2 * own[0]
         b[PUSH, 1:] = motion.integral_per_s2
@@ -285,7 +285,7 @@ class Model:
             settle_s: time in which the vehicle's fusion follows the motion of what is in view; the lag of a resonator
                 is a mixture of its two states.
         """
-        return _velocity(belief.mean, self.axes, over_ship, settle_s, self.swing.frequency_rad_s)
+        return _velocity(belief.mean, self.axes, over_ship, settle_s, self.swing.frequency_rad_s, self.swing.below)
 
 
 @lru_cache(maxsize=4096)
@@ -329,8 +329,10 @@ def _seen(mean: Array, axes: int, shown: float) -> tuple[Array, Array]:
 
 
 @compiled
-def _velocity(mean: Array, axes: int, over_ship: float, settle_s: float, w: float) -> tuple[Array, Array]:
-    share = over_ship / (1.0 + (w * settle_s) ** 2)
+def _velocity(
+    mean: Array, axes: int, over_ship: float, settle_s: float, w: float, below: float
+) -> tuple[Array, Array]:
+    share = below * over_ship / (1.0 + (w * settle_s) ** 2)
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):
         for state, entry in (

@@ -55,6 +55,11 @@ class Swing:
         return self.followed if self.carries_bar else 0.0
 
     @property
+    def below(self) -> float:
+        """Share of the swing that the ship below the aircraft has: what lies as low as the deck."""
+        return self.followed if self.carries_bar else 1.0
+
+    @property
     def matrix(self) -> Array:
         """(4,4) of its states in continuous time."""
         return _solved(self)[0]

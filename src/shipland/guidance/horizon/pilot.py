@@ -134,9 +134,9 @@ class HorizonPilot:
 
     def _unfit_m(self, estimate: Estimated) -> float:
         """Standard deviation of the place at the command's effect, the worse axis."""
-        covariance, shown = estimate.across.covariance, estimate.swing.aimed
+        covariance, share = estimate.across.covariance, estimate.swing.aimed
         spread = [
-            covariance[i, i] + shown * (covariance[i + SWING, i + SWING] - 2.0 * covariance[i, i + SWING])
+            covariance[i, i] + share * (share * covariance[i + SWING, i + SWING] - 2.0 * covariance[i, i + SWING])
             for i in (PLACE, STATES + PLACE)
         ]
         return math.sqrt(max(*spread, 0.0))
