@@ -103,6 +103,12 @@ class Estimated:
         return self.across.of(state) - share * self.across.of(of_swing)
 
     @cached_property
+    def spread_m(self) -> float:
+        """Standard deviation of the place along the worse axis."""
+        covariance = self.across.covariance
+        return math.sqrt(max(covariance[PLACE, PLACE], covariance[STATES + PLACE, STATES + PLACE], 0.0))
+
+    @cached_property
     def down_m(self) -> float:
         """Below the bar's centre."""
         return float(self.down.of(PLACE)[0] - self.swing.shown * self.down.of(SWING)[0])

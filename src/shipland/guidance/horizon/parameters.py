@@ -121,6 +121,7 @@ class HorizonParameters:
         gust_levels_mps2: ascending, in equal ratios.
         heading, heading_turning: of a ship that keeps its course, and of one that turns.
         turn_from_rad_s: a ship that turns faster than this is one that turns.
+        known_m: without pictures the place is taken for known while it is no more uncertain (standard deviation).
         unfit_m: a landing does not begin while the offset at contact is uncertain by more (standard deviation).
     """
 
@@ -129,6 +130,7 @@ class HorizonParameters:
     land_offset_m: float
     astray_m: float
     unfit_m: float
+    known_m: float
     gust_share: float
     gust_share_at_sea: float
     gust_levels_mps2: tuple[float, ...]

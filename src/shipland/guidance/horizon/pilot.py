@@ -71,7 +71,9 @@ class HorizonPilot:
         self._remember_side(observation)
         estimate = navigator.estimate(navigator.effect_s(now_s))
         fresh_s = now_s - navigator.seen_s
-        usable = estimate is not None and fresh_s <= self._mode_parameters.memory_s + 1.0
+        usable = estimate is not None and (
+            fresh_s <= self._mode_parameters.memory_s + 1.0 or estimate.spread_m <= self._parameters.known_m
+        )
         self._modes = next_mode(
             self._situation(observation, telemetry, estimate if usable else None), self._modes, self._mode_parameters
         )
