@@ -74,10 +74,10 @@ def test_geometric_camera_errs_as_the_rendered_one(distance_m):
         scene = build_scene(scenario, seed)
         vehicle = build_vehicle(scenario, seed, scene)
         target, camera = scenario.rig.target, vehicle.camera
-        noise_rad, rng = scenario.vision.gimbal_noise_rad, np.random.default_rng(seed)
+        rng = np.random.default_rng(seed)
         eyes = {
             "rendered": NearVision(target, camera, scenario.vision),
-            "geometric": GeometricVision(vehicle, target, camera, scenario.geometric, noise_rad, rng),
+            "geometric": GeometricVision(vehicle, target, camera, scenario.geometric, scenario.vision, rng),
         }
         vehicle.open()
         try:

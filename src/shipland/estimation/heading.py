@@ -142,6 +142,13 @@ class Compass:
             self._times.append(t_s)
             self._headings_rad.append(heading_rad)
 
+    def since(self, before_s: float, t_s: float) -> tuple[float, float] | None:
+        """The newest reading after `before_s` and not after `t_s`: its time and heading; None without one."""
+        last = bisect_right(self._times, t_s) - 1
+        if last < 0 or self._times[last] <= before_s:
+            return None
+        return self._times[last], self._headings_rad[last]
+
     def at(self, t_s: float) -> float | None:
         """Between its readings, and a little beyond the last one."""
         times, headings_rad = self._times, self._headings_rad

@@ -20,6 +20,7 @@ from shipland.missions.drawn_pose import Measured, pose_from_truth, projected, r
 from shipland.missions.geometric_far import BoxErrors, BoxParameters
 from shipland.rig import Target
 from shipland.vehicles.vehicle import Witness
+from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pose import Solution
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.sighting import bar_pose_of
@@ -64,13 +65,14 @@ class GeometricVision:
         target: Target,
         camera: Camera,
         parameters: GeometricParameters,
-        gimbal_noise_rad: float,
+        near: VisionParameters,
         rng: np.random.Generator,
     ) -> None:
         self._witness = witness
         self._matrix = np.ascontiguousarray(camera.matrix)
         self._parameters = parameters
-        self._gimbal_noise_rad = gimbal_noise_rad
+        self._gimbal_noise_rad = near.gimbal_noise_rad
+        self._least_facing = math.cos(math.radians(near.max_obliquity_deg))
         self._rng = rng
         self._plane_m = np.ascontiguousarray(target.points_in_bar_m[:, 1:])
         border_px = parameters.border_px
@@ -90,6 +92,8 @@ class GeometricVision:
         range_m = math.hypot(*sight_m.tolist())
         if missed or range_m > self._parameters.max_range_m:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NOTHING_GREEN.value)
+        if float(rotation[:, 2] @ sight_m) < self._least_facing * range_m:  # the board has no cue on its back
+            return Observation(frame.t_s, frame.gimbal, reason=Refusal.OUT_OF_REACH.value)
         sigma_px = self._parameters.corner_noise_px + self._parameters.corner_noise_px_per_m * range_m
         corners_px = projected(rotation, sight_m, self._plane_m, self._matrix) + sigma_px * noise
         if not ((corners_px >= self._low_px) & (corners_px <= self._high_px)).all():

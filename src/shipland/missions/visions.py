@@ -74,7 +74,6 @@ def geometric(setup: VisionSetup) -> Vision:
     if not isinstance(vehicle, Witness):
         raise ConfigError("--vision geometric needs the truth, which only a simulated world knows")
     scenes = vehicle if isinstance(vehicle, SimulatedVehicle) else SceneFromTruth(vehicle)
-    noise_rad = scenario.vision.gimbal_noise_rad
-    near = GeometricVision(vehicle, scenario.rig.target, camera, model, noise_rad, setup.near_rng)
+    near = GeometricVision(vehicle, scenario.rig.target, camera, model, scenario.vision, setup.near_rng)
     far = GeometricFar(scenes, camera, scenario.rig, model.ship, model.bar, model.boxes, setup.far_rng)
     return Eyes(near, far, scenario.eyes)

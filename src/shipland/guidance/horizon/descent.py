@@ -11,6 +11,10 @@ from dataclasses import dataclass, replace
 from shipland.config import require
 
 
+_SLOWEST_MPS = 0.1
+"""Of the way down, at its end."""
+
+
 class Phase(enum.Enum):
     """Of a landing."""
 
@@ -27,6 +31,7 @@ class DescentParameters:
         sink_mps: speed of the way down to `wait_height_m`.
         wait_height_m: over the neutral deck, of the aircraft's centre; 0 goes down without waiting.
         wait_band_m: this much above it the way down has ended.
+        slow_per_s: the way down slows by this rate towards it, so that the aircraft does not sink through.
         pause_m: with a larger offset the way down waits.
         drop_mps: speed of the last part.
         drop_m: predicted offset at contact at which it begins.
@@ -38,6 +43,7 @@ class DescentParameters:
     sink_mps: float
     wait_height_m: float
     wait_band_m: float
+    slow_per_s: float
     pause_m: float
     drop_mps: float
     drop_m: float
@@ -102,7 +108,9 @@ def next_descent(before: Descent | None, over: Over, parameters: DescentParamete
     if before.phase is Phase.SINK:
         lower_m = before.height_m
         if over.offset_m <= parameters.pause_m:
-            lower_m = max(lower_m - parameters.sink_mps * over.step_s, parameters.wait_height_m)
+            above_m = lower_m - parameters.wait_height_m
+            sink_mps = min(parameters.sink_mps, _SLOWEST_MPS + parameters.slow_per_s * above_m)
+            lower_m = max(lower_m - sink_mps * over.step_s, parameters.wait_height_m)
         low = over.height_m <= parameters.wait_height_m + parameters.wait_band_m
         if not low or lower_m > parameters.wait_height_m:
             return replace(before, height_m=lower_m)

@@ -337,10 +337,12 @@ class Navigator:
 
     def _with_news(self, headings: Headings, observation: Observation, noise: HeadingNoise) -> Headings:
         t_s = observation.t_s
+        # A reading counts once: between readings the nose may swing, and an interpolation knows nothing of that.
+        reading = self._compass.since(headings.t_s, t_s)
         headings = headings_at(headings, t_s, self._turned_rad(headings.t_s, t_s), noise)
-        compass_rad = self._compass.at(t_s)
-        if compass_rad is not None:
-            headings = with_compass(headings, compass_rad, noise)
+        if reading is not None:
+            read_s, heading_rad = reading
+            headings = with_compass(headings, heading_rad + self._turned_rad(read_s, t_s), noise)
         pose = observation.bar_pose
         if pose is not None:
             headings = with_pose(headings, pose.yaw_rad, float(pose.covariance[3, 3]), noise)

@@ -146,7 +146,8 @@ class HorizonPilot:
     def _astray(self, estimate: Estimated | None) -> str:
         if self._modes.mode is not Mode.LAND or estimate is None:
             return ""
-        off_m = math.hypot(*self._offset(estimate).tolist())
+        # From the bar as it is seen: which part of a motion is the bar's own swing is far less certain.
+        off_m = math.hypot(*(estimate.place_m - turned(self._deck_in_bar_m[:2], estimate.bar_rad)).tolist())
         return f"{off_m:.2f} m off the landing point" if off_m > self._parameters.astray_m else ""
 
     def _offset(self, estimate: Estimated) -> Array:
