@@ -1,17 +1,21 @@
 """The geometric camera's pose is the solver's: the same errors, and a covariance that says how large they are."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from shipland.camera import Camera, camera_pose, level_from_camera
+from shipland.config import build
 from shipland.frames import CAMERA_FROM_MOUNT, Pose
-from shipland.messages import GimbalAttitude
+from shipland.messages import Frame, GimbalAttitude
 from shipland.missions.drawn_pose import Measured, pose_from_truth, projected, relative_pose
-from shipland.missions.geometric import _down_in_camera
-from shipland.rig import default_rig
+from shipland.missions.geometric import GeometricParameters, GeometricVision, _down_in_camera
+from shipland.rig import default_rig, packaged_table
+from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pose import Corners, LevelPrior, Solution, solve
+from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.sighting import bar_pose_of
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
@@ -40,6 +44,30 @@ def test_relative_pose_and_projection_are_the_frame_tables(rng):
     np.testing.assert_allclose(pixels, CAMERA.project(camera_from_bar.apply(target.points_in_bar_m)), atol=1e-9)
     behind = projected(rotation, -sight_m, PLANE_M, CAMERA.matrix)
     assert np.isnan(behind).all()
+
+
+class _Still:
+    """A world that does not move, the camera where it is put."""
+
+    def __init__(self, bar_from_camera):
+        self._camera = bar_from_camera
+
+    def truth_at(self, _):
+        return SimpleNamespace(ned_from_camera=self._camera, ned_from_bar=Pose.from_euler(np.zeros(3), 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("off_deg", "seen"), [(0.0, True), (45.0, True), (55.0, False), (80.0, False), (180.0, False)])
+def test_the_cue_is_seen_as_obliquely_as_near_vision_sees_it_and_never_from_behind(off_deg, seen):
+    rig, vision = default_rig(), build(VisionParameters, packaged_table("vision"))
+    off_rad, gimbal = math.radians(off_deg), GimbalAttitude(0.0, 0.0)
+    place_m = np.array([-6.0 * math.cos(off_rad), 6.0 * math.sin(off_rad), 0.0])
+    facing = Pose.from_euler(place_m, 0.0, 0.0, -off_rad)
+    world = _Still(camera_pose(facing, -off_rad, gimbal, np.zeros(3)))
+    parameters = build(GeometricParameters, packaged_table("geometric"))
+    eyes = GeometricVision(world, rig.target, CAMERA, parameters, vision, np.random.default_rng(1))
+    observation = eyes.see(Frame(0.0, np.zeros((1, 1, 3), np.uint8), gimbal))
+    assert (observation.bar_pose is not None) == seen
+    assert seen or observation.reason == Refusal.OUT_OF_REACH.value
 
 
 def test_the_vertical_is_the_gimbals():

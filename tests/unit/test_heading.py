@@ -54,3 +54,13 @@ def test_the_compass_is_read_between_its_readings_across_north():
     assert compass.at(1.15) == pytest.approx(math.pi + 0.05)
     assert compass.at(1.6) == pytest.approx(-math.pi + 0.1)
     assert compass.at(1.75) is None
+
+
+def test_a_reading_is_news_once():
+    compass = Compass()
+    assert compass.since(-math.inf, 9.0) is None
+    for t_s, heading_rad in ((1.0, 0.1), (1.2, 0.2)):
+        compass.add(t_s, heading_rad)
+    assert compass.since(0.9, 1.1) == (1.0, 0.1)
+    assert compass.since(1.0, 1.19) is None
+    assert compass.since(0.9, 1.3) == (1.2, 0.2)  # the newer of two

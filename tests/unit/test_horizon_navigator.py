@@ -58,3 +58,40 @@ def test_the_covariance_turns_with_the_bar_and_shrinks_with_what_is_seen():
     wide = replace(late.across, covariance=np.diag([9.0, *[1e-6] * (STATES - 1), 1.0, *[1e-6] * (STATES - 1), 1e-6]))
     turned = replace(late, across=wide, bar_rad=0.5 * math.pi)  # the flight's first axis is the bar's left
     assert np.diag(turned.covariance)[:2] == pytest.approx([1.0, 9.0], abs=1e-3)
+
+
+def _wagging(turn_rad_s, seconds=12.0):
+    """A navigator whose vehicle's nose wags by itself under a compass of 5 Hz, and the bar's last heading."""
+    navigator, reading = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M), None
+    for index in range(round(30 * seconds)):
+        t_s = index / 30.0
+        nose_rad, bar_rad = 0.09 * math.sin(2.0 * math.pi * t_s / 1.2), turn_rad_s * t_s
+        if index % 6 == 0:
+            reading = t_s, nose_rad
+        pose = BarPose(HOVER_IN_BAR_M + CAMERA_IN_BODY_M, nose_rad - bar_rad, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
+        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, reading[1], 3.0, None, 90.0, 90.0, True, heading_t_s=reading[0])
+        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+        navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return navigator, bar_rad
+
+
+@pytest.mark.parametrize("turn_rad_s", [0.0, 0.2])
+def test_a_nose_that_wags_between_compass_readings_is_no_turn_of_the_ship(turn_rad_s):
+    navigator, bar_rad = _wagging(turn_rad_s)
+    estimate = navigator.estimate(12.0)
+    assert estimate.turn_rad_s == pytest.approx(turn_rad_s, abs=0.05)
+    assert estimate.bar_rad == pytest.approx(bar_rad, abs=0.05)
+
+
+def test_the_place_stays_known_by_the_vehicles_velocity_and_only_by_it():
+    spread_m = {}
+    for with_velocity in (True, False):
+        navigator = _flown()
+        for index in range(180):
+            t_s = 3.0 + index / 30.0
+            velocity = np.zeros(3) if with_velocity else None
+            telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, velocity, 90.0, 90.0, True)
+            navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), reason="not found"), telemetry)
+            navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+        spread_m[with_velocity] = navigator.estimate(9.3).spread_m
+    assert spread_m[True] < PARAMETERS.horizon.known_m < spread_m[False]

@@ -122,6 +122,16 @@ def test_what_a_flow_over_a_ship_tells_follows_the_ship_late():
     assert model.velocity(belief, 1.0, settle_s)[0] == pytest.approx(0.7 - fused, abs=1e-4)
 
 
+def test_a_flow_over_a_ship_sees_the_deck_which_swings_less_than_the_bar():
+    told_mps = {}
+    for followed in (1.0, 0.5):
+        model = Model(1, TILT, NOISE, Swing(0.12, 1.8, 0.1, followed=followed))
+        belief = model.start(0.0, np.zeros(1), np.eye(1), 0.1)
+        belief.mean[[SPEED, SWING_RATE]] = 0.7, 0.2
+        told_mps[followed] = model.velocity(belief, 1.0)[0][0]
+    assert told_mps == pytest.approx({1.0: 0.5, 0.5: 0.6})
+
+
 def test_an_autopilot_on_optical_flow_is_carried_along_by_the_ship():
     servo, state = Motion(0.15, 0.0, 2.0, 1.0, 0.3), np.zeros(STATES)
     state[SWING_RATE] = 0.2
