@@ -329,9 +329,7 @@ def _seen(mean: Array, axes: int, shown: float) -> tuple[Array, Array]:
 
 
 @compiled
-def _velocity(
-    mean: Array, axes: int, over_ship: float, settle_s: float, w: float, below: float
-) -> tuple[Array, Array]:
+def _velocity(mean: Array, axes: int, over_ship: float, settle_s: float, w: float, below: float) -> tuple[Array, Array]:
     share = below * over_ship / (1.0 + (w * settle_s) ** 2)
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):

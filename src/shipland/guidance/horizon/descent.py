@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 
 from shipland.config import require
 
-
 _SLOWEST_MPS = 0.1
 """Of the way down, at its end."""
 
