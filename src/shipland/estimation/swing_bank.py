@@ -28,7 +28,8 @@ class SwingParameters:
     Attributes:
         still_m: deviation of a bar that does not move, as the hypothesis has it.
         first: index of the hypothesis that is believed at first.
-        followed: share of the bar's swing that the aircraft follows over the deck.
+        followed: share of the bar's swing that a vehicle follows over the deck whose sticks mean a tilt.
+        followed_servo: likewise of one that tracks a velocity.
         deck: the swing of a deck below such a bar.
         spread: of a ship's swing over its axes.
         deviations_m, frequencies_rad_s: of the hypotheses that it does, each with each.
@@ -42,6 +43,7 @@ class SwingParameters:
     still_m: float
     first: int
     followed: float
+    followed_servo: float
     deck: Swing
     spread: Spread
     deviations_m: tuple[float, ...]
@@ -61,7 +63,8 @@ class SwingParameters:
         require(
             0 <= self.first < count, f"first must be one of the {count} hypotheses, 0 a bar at rest, got {self.first}"
         )
-        require(0.0 <= self.followed <= 1.0, f"followed must be a share, got {self.followed}")
+        for share in (self.followed, self.followed_servo):
+            require(0.0 <= share <= 1.0, f"followed and followed_servo must be shares, got {share}")
 
     @property
     def believed(self) -> tuple[Swing, ...]:

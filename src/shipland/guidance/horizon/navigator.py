@@ -179,10 +179,12 @@ class Navigator:
         self.motion = motion_of(response)
         self.servo = ShapedSpeed(self.motion) if self.motion.inputs > 1 else None
         self._climb = Motion(0.05, 0.0, 1.0 / response.climb_lag_s)
-        self._bank = SwingBank(parameters.swing)
+        swing = parameters.swing
+        self._swing = swing if self.servo is None else replace(swing, followed=swing.followed_servo)
+        self._bank = SwingBank(self._swing)
         self._swings: SwingBelief | None = None
         self._along_rad: float | None = None
-        self.swing = parameters.swing.believed[parameters.swing.first]
+        self.swing = self._swing.believed[self._swing.first]
         self._gust_mps2 = parameters.gust_levels_mps2[-2]
         tracked = replace(parameters.delayed, velocity_least_mps=parameters.delayed.velocity_servo_mps)
         self._across = DelayedFilter(self._across_model(), parameters.delayed if self.servo is None else tracked)
@@ -206,7 +208,7 @@ class Navigator:
         """A ship's sway is larger than its surge, and goes with its heave."""
         if not self.swing.carries_bar or self._along_rad is None:
             return None
-        return replace(self._parameters.swing.spread, along_rad=self._along_rad)
+        return replace(self._swing.spread, along_rad=self._along_rad)
 
     def _judge_axis(self) -> None:
         """The directions of surge and sway turn with the ship."""
@@ -418,7 +420,7 @@ class Navigator:
         moved_m = float(self._climbs.mean(before.t_s - lag_s, t_s - lag_s)[0]) * max(t_s - before.t_s, 0.0)
         self._swings = after = self._bank.seen(before, t_s, moved_m, down_m, variance)
         if after.chosen != before.chosen:
-            self.swing = self._parameters.swing.believed[after.chosen]
+            self.swing = self._swing.believed[after.chosen]
             self._across.adopt(self._across_model())
             self._down.adopt(self._down_model())
 
