@@ -69,6 +69,7 @@ class DelayedParameters:
         velocity_mps: standard deviation of a velocity at first.
         velocity_least_mps, velocity_most_mps: the range that it is then learned in.
         velocity_servo_mps: the least of one that the autopilot itself tracks: what errs there is flown.
+        velocity_down_mps: likewise downward.
         velocity_repeats: readings err alike; so many times the variance seen is what one is given.
         flow_settle_s: time in which the vehicle's fusion follows the motion of what its optical flow sees.
         lag_s: without pictures the belief follows at most this far behind.
@@ -79,6 +80,7 @@ class DelayedParameters:
     velocity_mps: float
     velocity_least_mps: float
     velocity_servo_mps: float
+    velocity_down_mps: float
     velocity_most_mps: float
     velocity_repeats: float
     flow_settle_s: float
