@@ -147,7 +147,7 @@ def test_two_processes_make_the_same_set_and_a_spent_time_makes_none(tmp_path):
     synth(replace(one, out=tmp_path / "two", workers=2))
     for file in sorted((tmp_path / "one").rglob("*.*")):
         assert file.read_bytes() == (tmp_path / "two" / file.relative_to(tmp_path / "one")).read_bytes()
-    synth(replace(one, out=tmp_path / "none", minutes=0.0))
+    synth(replace(one, out=tmp_path / "none", minutes=1e-9))
     assert not list((tmp_path / "none" / "images").iterdir())
 
 
