@@ -24,7 +24,7 @@ from shipland.estimation.swing import Swing
 from shipland.guidance.horizon.descent import Descent, Over, Phase, next_descent
 from shipland.guidance.horizon.gains import INPUT, gains_of
 from shipland.guidance.horizon.parameters import HorizonParameters
-from shipland.guidance.horizon.reference import Pace, at_rest, lost, moved
+from shipland.guidance.horizon.reference import Pace, at_rest, led_anew, moved
 from shipland.guidance.horizon.servo import ShapedSpeed
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.rig import packaged_table
@@ -150,9 +150,21 @@ def test_a_reference_keeps_up_with_a_moving_goal():
 
 def test_an_aircraft_far_from_its_reference_is_led_anew():
     reference = at_rest(np.array([5.0, 0.0]), np.zeros(2))
-    assert lost(reference, np.array([4.4, 0.0]), np.zeros(2), PACE)
-    assert lost(reference, np.array([4.9, 0.0]), np.array([0.0, 0.8]), PACE)
-    assert not lost(reference, np.array([4.6, 0.0]), np.array([0.3, 0.0]), PACE)
+    assert led_anew(reference, np.array([4.6, 0.0]), np.array([0.3, 0.0]), PACE) is reference
+    too_far, too_fast = np.array([4.4, 0.0]), np.array([0.0, 0.8])
+    np.testing.assert_allclose(led_anew(reference, too_far, np.zeros(2), PACE).place_m, too_far)
+    led = led_anew(reference, np.array([4.9, 0.0]), too_fast, PACE)
+    assert math.hypot(*(led.speed_mps - too_fast)) == pytest.approx(PACE.leash_mps)
+
+
+def test_an_estimate_that_leaps_in_every_picture_does_not_take_the_speed_wanted_away():
+    reference, drift_mps = at_rest(np.zeros(2), np.array([0.0, 0.4])), np.array([0.0, 0.4])
+    for leap in range(60):
+        place_m = np.array([0.0, 2.0 * (leap % 2)])
+        reference = moved(reference, 1.0 / 30.0, np.array([60.0, 1.0]), np.zeros(2), PACE)
+        reference = led_anew(reference, place_m, drift_mps, PACE)
+    assert reference.speed_mps[0] > 0.5 * PACE.leash_mps
+    assert abs(reference.speed_mps[1]) < 0.2
 
 
 def _over(t_s, height_m, offset_m=0.0, contact_m=0.0, lull=True):

@@ -12,7 +12,7 @@ from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.gains import INPUT, TRACKED, TRACKED_RATE, Gains, gains_of
 from shipland.guidance.horizon.navigator import Estimated, Navigator, turned
-from shipland.guidance.horizon.reference import Pace, Reference, at_rest, lost, moved
+from shipland.guidance.horizon.reference import Pace, Reference, at_rest, led_anew, moved
 from shipland.guidance.laws import clamp
 from shipland.guidance.modes import INTENTS, ModeMemory, Situation, next_mode
 from shipland.guidance.near import Sticks
@@ -162,7 +162,7 @@ class HorizonPilot:
         place_m, speed_mps = estimate.followed_m, estimate.followed_mps
         reference = moved(self._reference or at_rest(place_m, speed_mps), step_s, goal_m, goal_mps, pace)
         # Far from its reference the aircraft is led anew from where it is: the gains are for small errors.
-        self._reference = at_rest(place_m, speed_mps) if lost(reference, place_m, speed_mps, pace) else reference
+        self._reference = led_anew(reference, place_m, speed_mps, pace)
         gains = self._gains(gentle=math.hypot(*self._offset(estimate).tolist()) > self._margins.gentle_m)
         heave_mps = self._heave_mps(mode, estimate, gains, step_s)
         wanted = self._wanted_input(estimate, gains)

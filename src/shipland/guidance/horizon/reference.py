@@ -63,10 +63,16 @@ def moved(before: Reference, step_s: float, goal_m: Array, goal_mps: Array, pace
     return Reference(place, speed, change / step_s)
 
 
-def lost(reference: Reference, place_m: Array, speed_mps: Array, pace: Pace) -> bool:
-    """Whether an aircraft at a place (2,) with a speed (2,) is too far from its reference to be led by it."""
-    off_m = math.hypot(*(reference.place_m - place_m).tolist())
-    return off_m > pace.leash_m or math.hypot(*(reference.speed_mps - speed_mps).tolist()) > pace.leash_mps
+def led_anew(reference: Reference, place_m: Array, speed_mps: Array, pace: Pace) -> Reference:
+    """The reference as it is, or, too far from an aircraft at a place (2,) with a speed (2,), at that place.
+
+    It keeps the speed that it had reached, within the leash: an estimate that leaps says nothing of the speed wanted.
+    """
+    ahead_mps = reference.speed_mps - speed_mps
+    apart_mps = math.hypot(*ahead_mps.tolist())
+    if math.hypot(*(reference.place_m - place_m).tolist()) <= pace.leash_m and apart_mps <= pace.leash_mps:
+        return reference
+    return at_rest(place_m, speed_mps + ahead_mps * min(pace.leash_mps / max(apart_mps, 1e-9), 1.0))
 
 
 def at_rest(place_m: Array, speed_mps: Array) -> Reference:
