@@ -72,11 +72,11 @@ def main() -> None:
     print("| camera | pilot | physics [ms] | picture [ms] | vision [ms] | control [ms] | × real time |")
     print("|---|---|---:|---:|---:|---:|---:|")
     for camera in ("rendered", "geometric"):
-        for pilot in ("paper", "offset_free"):
+        for pilot in ("paper", "horizon"):
             print(measure(camera, pilot, 1), flush=True)
     scenario = load_scenario(scenario_table("near"))
     started_s = time.perf_counter()
-    flights = [fly_quietly(scenario, "offset_free", "geometric", seed) for seed in range(1, 6)]
+    flights = [fly_quietly(scenario, "horizon", "geometric", seed) for seed in range(1, 6)]
     wall_s = time.perf_counter() - started_s
     flown_s = sum(flown.result.t_s for flown in flights)
     print(

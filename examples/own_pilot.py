@@ -1,13 +1,13 @@
 """A pilot of one's own in twenty lines: it stays up for a while before the packaged pilot may go down.
 
 shipland fly --pilot own_pilot:patient --vision geometric --out out/patient      # in this folder
-shipland campaign --pilot offset_free,own_pilot:patient --count 100                    # side by side with another
+shipland campaign --pilot horizon,own_pilot:patient --count 100                    # side by side with another
 """
 
 from dataclasses import replace
 
 from shipland.guidance.pilot import Pilot, PilotSetup
-from shipland.guidance.pilots import offset_free
+from shipland.guidance.pilots import horizon
 from shipland.messages import Decision, Observation, PilotCommand, Telemetry
 
 CALM_S = 5.0
@@ -31,4 +31,4 @@ class Patient:
 
 def patient(setup: PilotSetup) -> Pilot:
     """The factory: called once a flight."""
-    return Patient(offset_free(setup))
+    return Patient(horizon(setup))

@@ -4,7 +4,7 @@
 import shipland
 
 scenario = shipland.load_scenario("near", wind={"mean_mps": 3.0})
-flight = shipland.fly(scenario, pilot="offset_free", seed=7)
+flight = shipland.fly(scenario, pilot="horizon", seed=7)
 print(flight.reason, flight.error_m)
 ```
 

@@ -21,7 +21,6 @@ Factory = Callable[..., Any]
 PACKAGED: dict[str, dict[str, str]] = {
     "pilots": {
         "horizon": "shipland.guidance.pilots:horizon",
-        "offset_free": "shipland.guidance.pilots:offset_free",
         "paper": "shipland.guidance.pilots:paper",
     },
     "visions": {

@@ -15,8 +15,8 @@ from shipland.missions.scenarios import load_scenario
 @pytest.mark.parametrize(("how", "workers"), [(signal.SIGINT, 2), (signal.SIGTERM, 2), (signal.SIGINT, 1)])
 def test_a_stopped_campaign_keeps_what_was_flown(tmp_path, how, workers):
     out = tmp_path / "out"
-    request = CampaignPlan(load_scenario("near"), "offset_free", "geometric", range(1, 61), out, workers, False)
-    words = ["campaign", "--scenario", "near", "--pilot", "offset_free", "--count", "60", "--workers", str(workers)]
+    request = CampaignPlan(load_scenario("near"), "paper", "geometric", range(1, 61), out, workers, False)
+    words = ["campaign", "--scenario", "near", "--pilot", "paper", "--count", "60", "--workers", str(workers)]
     command = [sys.executable, "-m", "shipland.cli", *words, "--out", str(request.out)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         try:

@@ -51,7 +51,7 @@ def test_own_vision_gives_a_box_where_corners_are_too_small():
 
 
 def test_own_cue_flies_to_a_landing():
-    flight = shipland.fly("own_cue.toml", pilot="offset_free", seed=2)
+    flight = shipland.fly("own_cue.toml", pilot="horizon", seed=2)
     assert flight.scenario.rig.target.count == 3
     assert flight.landed, flight.reason
 

@@ -18,7 +18,7 @@ def near(**overlay):
     return load_scenario(merge(scenario_table("near"), overlay))
 
 
-@pytest.mark.parametrize(("pilot", "kind"), [("paper", "velocity"), ("offset_free", "attitude")])
+@pytest.mark.parametrize(("pilot", "kind"), [("paper", "velocity"), ("horizon", "attitude")])
 def test_near_landing_is_inside_the_square(pilot, kind):
     """The published gains do not balance a wind with a tilt: they land where a stick is a velocity."""
     rows = []

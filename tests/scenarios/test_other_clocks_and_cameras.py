@@ -58,7 +58,7 @@ def sticks(offset_s, pilot):
     )
 
 
-@pytest.mark.parametrize("pilot", ["paper", "offset_free"])
+@pytest.mark.parametrize("pilot", ["paper", "horizon"])
 def test_a_vehicle_clock_at_5000_s_flies_the_same_flight(pilot):
     at_zero, late = sticks(0.0, pilot), sticks(5000.0, pilot)
     assert at_zero.shape == late.shape
@@ -76,5 +76,5 @@ def test_a_full_hd_camera_of_60_degrees_lands_too():
         "start.distance_m": 80.0,
         "start.height_m": 8.0,
     }
-    flown = fly_quietly(load_scenario("near", **overlay), "offset_free", "geometric", 1)
+    flown = fly_quietly(load_scenario("near", **overlay), "horizon", "geometric", 1)
     assert flown.succeeded, flown.reason

@@ -14,7 +14,7 @@ START = {"distance_m": 110.0, "distance_spread_m": 5.0, "bearing_spread_deg": 30
 CALM = {"mean_mps": 2.0, "mean_spread_mps": 0.0, "turbulence": {"enabled": False}, "airwake": {"enabled": False}}
 
 
-def flight(pilot="offset_free", camera="geometric", seed=1, **changes):
+def flight(pilot="horizon", camera="geometric", seed=1, **changes):
     """What a flight left: the verdict, and the records."""
     table = merge(scenario_table("far"), {"start": START | {"height_spread_m": 1.0}, "wind": CALM})
     records = []

@@ -76,7 +76,7 @@ def test_the_table_is_plain_csv_and_the_rest_stands_beside_it(request_):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"pilot": "offset_free"}, "another pilot"),
+        ({"pilot": "horizon"}, "another pilot"),
         ({"scenario": load_scenario("near", wind={"mean_mps": 7.0})}, "another configuration"),
         ({"scenario": load_scenario("rig-natops")}, "another configuration"),
     ],

@@ -35,7 +35,7 @@ SLOW = PidGains(k_p=0.5, t_i_s=4.0, t_d_s=1.0)
 
 
 def sight(box: Box, t_s: float, heading_error_deg: float | None, target=FarTarget.SHIP) -> FarSight:
-    return FarSight(box, target, t_s, t_s + 0.5, 0.0, heading_error_deg)
+    return FarSight(box, target, t_s, 0.0, heading_error_deg)
 
 
 def box(right_px=0.0, below_px=0.0, area_px2=400.0):

@@ -9,7 +9,7 @@ import pytest
 from shipland.camera import Camera
 from shipland.config import build
 from shipland.frames import rotation_from_euler
-from shipland.guidance.near import sticks_of
+from shipland.guidance.estimate import measure
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.pilots import horizon, paper
@@ -93,6 +93,12 @@ def test_error_is_flown_in_the_aircrafts_own_axes():
     command = settled(HOVER_IN_BAR_M + np.array([-2.0, 0.0, 0.0]), yaw_rad=math.pi / 2).command
     assert command.roll_percent < -10.0
     assert abs(command.pitch_percent) < 1e-6
+
+
+def test_errors_of_a_pose_by_hand():
+    """2 m astern and 0.5 m left of the reference point, nose 90° right of the bar: the place is to the left, behind."""
+    measured = measure(1.0, pose_of((-4.0, -0.5, 0.0), math.pi / 2), np.array([-2.0, 0.0, -0.5]), CAMERA_IN_BODY_M)
+    np.testing.assert_allclose(measured.error_in_level_m, [0.5, -2.0, 0.5], atol=1e-12)
 
 
 def test_camera_looks_at_the_bar():
@@ -254,7 +260,8 @@ def test_time_may_start_anywhere(start_s, build_pilot, off_percent):
             box = Box((660.0, 370.0), (20.0, 20.0), 0.9) if 100 <= index < 160 else None
             pose = pose_of(HOVER_IN_BAR_M + np.array([-0.05, 0.02, 0.0])) if index >= 160 else None
             sent = pilot.decide(Observation(t_s - 0.25, LEVEL, pose, ship_box=box), telemetry(t_s), sent).command
-            rows.append((*sticks_of(sent), sent.gimbal_pitch_rad))
+            names = ("pitch_percent", "roll_percent", "heave_percent", "yaw_percent", "gimbal_pitch_rad")
+            rows.append([getattr(sent, name) for name in names])
         return np.array(rows)
 
     at_zero = sticks(0.0)

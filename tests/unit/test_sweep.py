@@ -16,10 +16,10 @@ CHANGES = ("wind.mean_mps=0,3.5", "ship.motion=sea", "vision.hue=[35, 85]")
 
 
 def test_every_combination_once():
-    found = cells(CHANGES, ["paper", "offset_free"])
+    found = cells(CHANGES, ["paper", "horizon"])
     assert [cell.name for cell in found] == [
         "paper-wind.mean_mps=0", "paper-wind.mean_mps=3.5",
-        "offset_free-wind.mean_mps=0", "offset_free-wind.mean_mps=3.5",
+        "horizon-wind.mean_mps=0", "horizon-wind.mean_mps=3.5",
     ]  # fmt: skip
     scenario = load_scenario(scenario_table("near", None, found[1].changes))
     assert (scenario.wind.mean_mps, scenario.ship.motion, scenario.vision.hue) == (3.5, "sea", (35, 85))

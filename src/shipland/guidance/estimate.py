@@ -18,17 +18,13 @@ class Measured:
     Attributes:
         t_s: exposure time [s].
         error_in_level_m: (3,) forward, right, up to the reference point.
-        variance_in_level_m2: (3,) of it.
         yaw_rad: heading against the bar.
-        yaw_variance_rad2: of it.
         bar_elevation_rad: the bar's centre above the horizon, from the camera.
     """
 
     t_s: float
     error_in_level_m: Array
-    variance_in_level_m2: Array
     yaw_rad: float
-    yaw_variance_rad2: float
     bar_elevation_rad: float
 
 
@@ -47,19 +43,9 @@ def measure(t_s: float, pose: BarPose, wanted_in_bar_m: Array, camera_in_body_m:
     level_from_bar = rotation_from_euler(0.0, 0.0, pose.yaw_rad).T
     bar_in_level_m = level_from_bar @ -pose.position_in_bar_m
     wanted_in_level_m = camera_in_body_m + bar_in_level_m + level_from_bar @ wanted_in_bar_m
-    # Derivative by yaw of the error in `level`.
-    by_yaw = level_from_bar @ np.array(
-        [
-            wanted_in_bar_m[1] - pose.position_in_bar_m[1],
-            pose.position_in_bar_m[0] - wanted_in_bar_m[0],
-            0.0,
-        ]
-    )
-    jacobian = np.column_stack([-level_from_bar, by_yaw])
-    variance = np.diag(jacobian @ pose.covariance @ jacobian.T)
     elevation_rad = math.atan2(-bar_in_level_m[2], float(np.hypot(bar_in_level_m[0], bar_in_level_m[1])))
     error = wanted_in_level_m * np.array([1.0, 1.0, -1.0])
-    return Measured(t_s, error, variance, pose.yaw_rad, float(pose.covariance[3, 3]), elevation_rad)
+    return Measured(t_s, error, pose.yaw_rad, elevation_rad)
 
 
 @dataclass(frozen=True)
@@ -72,7 +58,6 @@ class NearEstimate:
         rate_in_level_mps: (3,) its time derivative.
         yaw_rad: heading against the bar.
         bar_elevation_rad: the bar's centre above the horizon, from the camera.
-        valid_s: the time that error, rate and heading are valid for: later than `t_s` where they are predicted [s].
     """
 
     t_s: float
@@ -80,7 +65,6 @@ class NearEstimate:
     rate_in_level_mps: Array
     yaw_rad: float
     bar_elevation_rad: float
-    valid_s: float
 
     def aircraft_in_bar_m(self, wanted_in_bar_m: Array) -> Array:
         """(3,) the aircraft's centre of mass in `bar`."""

@@ -117,16 +117,14 @@ class FarSight:
         box: of the target.
         target: what the box is of.
         t_s: exposure time of the box's picture [s]; one no newer than the last adds nothing to sums.
-        ready_s: when this cycle's command is ready [s].
         gimbal_pitch_rad: of the camera at exposure.
-        heading_error_deg: desired heading minus the magnetometer's at `ready_s`; None where there is no magnetometer:
-            then the nose is turned to the box.
+        heading_error_deg: desired heading minus the magnetometer's newest; None where there is no magnetometer: then
+            the nose is turned to the box.
     """
 
     box: Box
     target: FarTarget
     t_s: float
-    ready_s: float
     gimbal_pitch_rad: float
     heading_error_deg: float | None
 
@@ -136,9 +134,6 @@ class FarControl(Protocol):
 
     def sticks(self, sight: FarSight) -> Sticks:
         """The sticks for one box."""
-
-    def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """The sticks of the previous cycle after safety, in any mode, and the time when they were ready [s]."""
 
     def reset(self) -> None:
         """The target changed or was lost: forget what does not outlast it."""
@@ -190,9 +185,6 @@ class PublishedFar:
             self._yaw.stick_percent(right_px, sight.t_s, sight.heading_error_deg),
         )
 
-    def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """Not used: the law does not depend on earlier sticks."""
-
     def reset(self) -> None:
         """Forget the last heading error."""
         self._yaw.reset()
@@ -214,9 +206,6 @@ class LinearFar:
             clamp(-self._k_p(gains.heave) * below_px, 100.0),
             self._yaw.stick_percent(right_px, sight.t_s, sight.heading_error_deg),
         )
-
-    def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """Not used: the law does not depend on earlier sticks."""
 
     def reset(self) -> None:
         """Forget the last heading error."""
@@ -245,9 +234,6 @@ class PidFar:
             heave,
             self._yaw.stick_percent(right_px, sight.t_s, sight.heading_error_deg),
         )
-
-    def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """Not used: the law does not depend on earlier sticks."""
 
     def reset(self) -> None:
         """Forget the last errors; the integrals stay."""

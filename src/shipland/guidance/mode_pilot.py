@@ -1,7 +1,7 @@
 """The pilot of five modes [Lee2022, flowchart]: estimate → mode → reference → control → gimbal.
 
 The aircraft is led over the deck's neutral point, as the level bar shows it; the deck's motion is neither measured nor
-followed. Which pilot it is, its far control and its near control say.
+followed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from shipland.guidance.far import FarControl, FarSight, FarTables, FarTarget
 from shipland.guidance.gimbal import box_elevation_rad, smoothed_rad
 from shipland.guidance.laws import clamp
 from shipland.guidance.modes import INTENTS, ModeMemory, next_mode
-from shipland.guidance.near import HOLD, NearControl, Sticks, sticks_of
+from shipland.guidance.near import HOLD, PublishedNear, Sticks
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.references import References
 from shipland.guidance.search import search
@@ -69,7 +69,7 @@ class ModePilot:
         near: flies on corners.
     """
 
-    def __init__(self, setup: PilotSetup, tables: FarTables, far: FarControl, near: NearControl) -> None:
+    def __init__(self, setup: PilotSetup, tables: FarTables, far: FarControl, near: PublishedNear) -> None:
         self._guidance, self._tables, self._far, self._near = setup.guidance, tables, far, near
         self._view = View.of(setup.camera)
         self._camera_in_body_m = np.asarray(setup.camera_in_body_m, dtype=float)
@@ -89,11 +89,13 @@ class ModePilot:
             sticks=HOLD,
         )
 
-    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
+    def decide(
+        self,
+        observation: Observation,
+        telemetry: Telemetry,
+        sent: PilotCommand | None,  # noqa: ARG002 - its laws do not depend on earlier sticks
+    ) -> Decision:
         """One cycle: estimate, choose the mode, fly its law; never raises."""
-        if sent is not None:
-            self._far.sent(sent.t_s, sticks_of(sent))
-            self._near.sent(sent.t_s, sticks_of(sent))
         state = self._state
         step_s = 0.0 if state.now_s is None else telemetry.t_s - state.now_s
         if state.now_s is None:
@@ -101,7 +103,7 @@ class ModePilot:
         state = replace(state, now_s=telemetry.t_s)
         state = self._with_direction(state, observation, telemetry)
         observation = without_large_boxes(observation, self._tables, self._guidance.approach.largest_box)
-        state = replace(state, belief=self._with_picture(state.belief, observation, telemetry.t_s))
+        state = replace(state, belief=self._with_picture(state.belief, observation))
         situation = situation_of(
             observation, telemetry, state.belief, state.modes, self._references, self._guidance.approach
         )
@@ -127,7 +129,7 @@ class ModePilot:
         seen_rad = self._view.bearing_rad(column_px) + (headings.at(observation.t_s) or 0.0)
         return replace(state, headings=headings, seen_rad=seen_rad)
 
-    def _with_picture(self, belief: Belief, observation: Observation, ready_s: float) -> Belief:
+    def _with_picture(self, belief: Belief, observation: Observation) -> Belief:
         """Filter the picture's errors to the present reference."""
         pose = observation.bar_pose
         if pose is None:
@@ -136,7 +138,7 @@ class ModePilot:
         before = belief.estimate
         if before is not None and measured.t_s - before.t_s > self._guidance.modes.lost_s:
             self._near.reset()
-        estimate = self._near.observe(measured, ready_s)
+        estimate = self._near.observe(measured)
         return Belief(estimate, estimate.aircraft_in_bar_m(self._reference_in_bar_m))
 
     def _led_to(self, belief: Belief, mode: Mode) -> Belief:
@@ -227,7 +229,7 @@ class ModePilot:
         error_deg = None
         if held_rad is not None and telemetry.heading_rad is not None:
             error_deg = math.degrees(wrap_angle(held_rad - telemetry.heading_rad))
-        sight = FarSight(box, target, observation.t_s, telemetry.t_s, observation.gimbal.pitch_rad, error_deg)
+        sight = FarSight(box, target, observation.t_s, observation.gimbal.pitch_rad, error_deg)
         return replace(state, sticks=self._far.sticks(sight), far_heading_rad=held_rad)
 
     def _held_heading_rad(self, state: PilotState, box: Box, exposure_s: float) -> float | None:
@@ -262,7 +264,7 @@ def _estimate_of(belief: Belief) -> Estimate | None:
     estimate: NearEstimate | None = belief.estimate
     if estimate is None or belief.aircraft_in_bar_m is None:
         return None
-    return Estimate(estimate.valid_s, belief.aircraft_in_bar_m, estimate.yaw_rad)
+    return Estimate(estimate.t_s, belief.aircraft_in_bar_m, estimate.yaw_rad)
 
 
 _DECAY = 6.0

@@ -1,10 +1,10 @@
-"""Near control: errors in, sticks out; and its published form."""
+"""Near control in its published form: errors in, sticks out."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from shipland.estimation.kalman import ScalarKalman
 from shipland.frames import wrap_angle
 from shipland.guidance.estimate import Measured, NearEstimate
 from shipland.guidance.laws import PUBLISHED_STEP_S, DerivativeVariant, NearGains, NearMemory, near_law
-from shipland.messages import PilotCommand
 
 
 class Sticks(NamedTuple):
@@ -25,27 +24,6 @@ class Sticks(NamedTuple):
 
 
 HOLD = Sticks(0.0, 0.0, 0.0, 0.0)
-
-
-def sticks_of(command: PilotCommand) -> Sticks:
-    """The sticks of a command."""
-    return Sticks(command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent)
-
-
-class NearControl(Protocol):
-    """Flies modes 1 and 2; a pilot has one."""
-
-    def observe(self, measured: Measured, now_s: float) -> NearEstimate:
-        """Take one picture's errors; `now_s` is when the command of this cycle will be ready."""
-
-    def sticks(self, wanted_yaw_rad: float = 0.0) -> Sticks:
-        """The sticks for the newest estimate; the desired heading is relative to the bar."""
-
-    def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """The sticks of the previous cycle after safety, in any mode, and the time when they were ready [s]."""
-
-    def reset(self) -> None:
-        """After a gap in the pictures or a new reference: start place and speed anew."""
 
 
 FilterKind = Literal["kalman", "none"]
@@ -81,7 +59,7 @@ class PublishedNear:
         self._laws = [NearMemory() for _ in range(4)]
         self._estimate: NearEstimate | None = None
 
-    def observe(self, measured: Measured, now_s: float) -> NearEstimate:  # noqa: ARG002 - it models no delay
+    def observe(self, measured: Measured) -> NearEstimate:
         """Filter the errors."""
         before = self._estimate
         gap_s = 0.0 if before is None else measured.t_s - before.t_s
@@ -94,11 +72,11 @@ class PublishedNear:
         if before is not None and gap_s > 0.0:
             rate = before.rate_in_level_mps
             rate = rate + 0.2 * ((error - before.error_in_level_m) / gap_s - rate)
-        self._estimate = NearEstimate(measured.t_s, error, rate, yaw_rad, measured.bar_elevation_rad, measured.t_s)
+        self._estimate = NearEstimate(measured.t_s, error, rate, yaw_rad, measured.bar_elevation_rad)
         return self._estimate
 
-    def sticks(self, wanted_yaw_rad: float = 0.0) -> Sticks:
-        """The near law on each axis; zero before the first picture."""
+    def sticks(self, wanted_yaw_rad: float) -> Sticks:
+        """The near law on each axis, the heading wanted relative to the bar; zero before the first picture."""
         estimate, near = self._estimate, self._parameters
         if estimate is None:
             return HOLD
@@ -109,9 +87,6 @@ class PublishedNear:
             terms, self._laws[index] = near_law(error, estimate.t_s, self._laws[index], gains, near.derivative)
             sticks.append(terms.stick_percent)
         return Sticks(*sticks)
-
-    def sent(self, ready_s: float, sticks: Sticks) -> None:
-        """Not used: the law does not depend on earlier sticks."""
 
     def reset(self) -> None:
         """Forget filters and last errors; the integrals stay."""

@@ -10,8 +10,6 @@ from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.laws import FarVariant
 from shipland.guidance.modes import ModeParameters
 from shipland.guidance.near import NearParameters
-from shipland.guidance.offset_free import OffsetFreeParameters
-from shipland.guidance.offset_free_far import OffsetFreeFarParameters
 from shipland.guidance.search import SearchParameters
 
 
@@ -74,8 +72,6 @@ class GuidanceParameters:
 
     near: NearParameters
     horizon: HorizonParameters
-    offset_free: OffsetFreeParameters
-    offset_free_far: OffsetFreeFarParameters
     ship: FarParameters
     bar: FarParameters
     far_control: FarKind

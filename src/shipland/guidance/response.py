@@ -71,11 +71,6 @@ class Response:
         """Input of the motion model at full stick: an acceleration [m/s²] or a speed [m/s]."""
         return GRAVITY_MPS2 * math.tan(self.max_tilt_rad) if self.kind == "attitude" else self.max_speed_mps
 
-    @property
-    def speed_time_s(self) -> float:
-        """Time constant with which a tilt becomes a speed."""
-        return 1.0 / max(self.drag_per_s, 0.35)
-
     def input_of(self, stick_percent: float) -> float:
         """Input of the motion model for a pitch or roll stick: [m/s²] (attitude) or [m/s] (velocity).
 
