@@ -130,7 +130,7 @@ def _corrected(
 
 
 class Compass:
-    """The newest readings of a compass."""
+    """The newest readings of a compass, so that a picture is taken with the heading of its own exposure."""
 
     def __init__(self) -> None:
         self._times: deque[float] = deque(maxlen=_READINGS_KEPT)
@@ -150,9 +150,9 @@ class Compass:
         return self._times[last], self._headings_rad[last]
 
     def at(self, t_s: float) -> float | None:
-        """Between its readings, and a little beyond the last one."""
+        """Heading [rad] by line between readings, the nearest one outside them; None without a reading."""
         times, headings_rad = self._times, self._headings_rad
-        if not times or t_s > times[-1] + _LASTS_S:
+        if not times:
             return None
         after = bisect_right(times, t_s)
         if after in (0, len(times)):
@@ -163,4 +163,3 @@ class Compass:
 
 
 _READINGS_KEPT = 64
-_LASTS_S = 0.5

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from shipland.estimation.heading import Compass
 from shipland.frames import wrap_angle
 from shipland.guidance.estimate import NearEstimate, measure
 from shipland.guidance.far import FarControl, FarSight, FarTables, FarTarget
@@ -22,20 +23,19 @@ from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.references import References
 from shipland.guidance.search import search
 from shipland.guidance.situation import Belief, situation_of, without_large_boxes
-from shipland.guidance.view import HeadingHistory, View, target_column_px
+from shipland.guidance.view import View, target_column_px
 from shipland.messages import Box, Decision, Estimate, Mode, Observation, PilotCommand, Telemetry
 
 
 @dataclass(frozen=True)
 class PilotState:
-    """State of the pilot between cycles, without that of its two controls.
+    """State of the pilot between cycles, without that of its two controls and its compass.
 
     Attributes:
         now_s: time of the last decision; None before the first.
         first_s: exposure of the first frame: the first search begins there.
         modes: memory of the mode function.
         belief: place against the bar.
-        headings: compass of the last seconds.
         seen_rad: compass heading at which the target was seen last; without a compass its bearing then.
         far_heading_rad: compass heading held in the far modes; None until a box is flown on.
         search_side_rad: bearing of the side that the search turns to first.
@@ -48,7 +48,6 @@ class PilotState:
     first_s: float
     modes: ModeMemory
     belief: Belief
-    headings: HeadingHistory
     seen_rad: float
     far_heading_rad: float | None
     search_side_rad: float
@@ -71,7 +70,7 @@ class ModePilot:
 
     def __init__(self, setup: PilotSetup, tables: FarTables, far: FarControl, near: PublishedNear) -> None:
         self._guidance, self._tables, self._far, self._near = setup.guidance, tables, far, near
-        self._view = View.of(setup.camera)
+        self._view, self._compass = View.of(setup.camera), Compass()
         self._camera_in_body_m = np.asarray(setup.camera_in_body_m, dtype=float)
         self._references = References.of(setup.rig, setup.guidance.approach)
         self._reference_in_bar_m = self._references.hover_in_bar_m
@@ -80,7 +79,6 @@ class ModePilot:
             first_s=0.0,
             modes=ModeMemory(),
             belief=Belief(),
-            headings=HeadingHistory(),
             seen_rad=0.0,
             far_heading_rad=None,
             search_side_rad=0.0,
@@ -121,13 +119,15 @@ class ModePilot:
 
     def _with_direction(self, state: PilotState, observation: Observation, telemetry: Telemetry) -> PilotState:
         """Remember the compass, and the direction in which the target is seen."""
-        heading_s = telemetry.t_s if telemetry.heading_t_s is None else telemetry.heading_t_s
-        headings = state.headings.with_sample(heading_s, telemetry.heading_rad)
+        if telemetry.heading_rad is None:
+            self._compass = Compass()
+        else:
+            heading_s = telemetry.t_s if telemetry.heading_t_s is None else telemetry.heading_t_s
+            self._compass.add(heading_s, telemetry.heading_rad)
         column_px = target_column_px(observation)
         if column_px is None:
-            return replace(state, headings=headings)
-        seen_rad = self._view.bearing_rad(column_px) + (headings.at(observation.t_s) or 0.0)
-        return replace(state, headings=headings, seen_rad=seen_rad)
+            return state
+        return replace(state, seen_rad=self._view.bearing_rad(column_px) + (self._compass.at(observation.t_s) or 0.0))
 
     def _with_picture(self, belief: Belief, observation: Observation) -> Belief:
         """Filter the picture's errors to the present reference."""
@@ -234,7 +234,7 @@ class ModePilot:
 
     def _held_heading_rad(self, state: PilotState, box: Box, exposure_s: float) -> float | None:
         """The compass heading to hold: that of the first box, moved so that the target stays in the picture."""
-        heading_rad = state.headings.at(exposure_s)
+        heading_rad = self._compass.at(exposure_s)
         if heading_rad is None:
             return state.far_heading_rad
         held_rad = state.far_heading_rad
