@@ -85,13 +85,8 @@ def take_apart(ship: ShipState, airframe: AirframeParameters, touchdown_in_deck_
     own_m = (bar_from_ned.apply(aircraft_in_ned_m) - point_in_bar_m)[:2]
     deck_m = (bar_from_ned.apply(ship.ned_from_deck.translation_m) - point_in_bar_m)[:2]
     perfect_m = _in_deck_m(ship, ship.ned_from_bar.apply(point_in_bar_m), height_m)
-    rig = ship.rig
-    return Touchdown(own_m, deck_m, perfect_m, in_square(rig, perfect_m), in_square(rig, own_m))
-
-
-def in_square(rig: Rig, point_m: Array) -> bool:
-    """Whether (2,) forward, starboard from the square's centre lies in the landing square."""
-    return rig.in_landing_area(*point_m.tolist())
+    inside, own_inside = (ship.rig.in_landing_area(*point_m.tolist()) for point_m in (perfect_m, own_m))
+    return Touchdown(own_m, deck_m, perfect_m, inside, own_inside)
 
 
 @dataclass(frozen=True)
@@ -135,7 +130,7 @@ def ceiling(
         drawn = build_ship(ship, rig, motion_rng)
         states = [drawn.at(float(t_s)) for t_s in np.arange(0.0, LENGTH_S, STEP_S)]
         points_m = np.array([perfect_in_deck_m(state, airframe) for state in states])
-        shares.append(float(np.mean([in_square(rig, point_m) for point_m in points_m])))
+        shares.append(float(np.mean([rig.in_landing_area(*point_m) for point_m in points_m.tolist()])))
         squared_m.append(np.mean(points_m**2, axis=0))
         sway_m2.append(float(np.mean([state.deck.displacement[1] ** 2 for state in states])))
     forward_m, starboard_m = np.sqrt(np.mean(squared_m, axis=0)).tolist()
