@@ -9,6 +9,7 @@ import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.config import build, merge
+from shipland.messages import Intent, PilotCommand
 from shipland.rig import default_rig, packaged_table
 from shipland.sim.air.wind import SteadyWind, Wind
 from shipland.sim.aircraft.parameters import AircraftParameters
@@ -74,6 +75,13 @@ def world(
         np.random.default_rng(seed),
         water,
     )
+
+
+def come_down(flown: World, *, percent: float = -50.0, intent: Intent = Intent.LAND, most_s: float = 15.0) -> None:
+    """Descend with the other sticks centred until there is a verdict."""
+    while not flown.over() and flown.t_s < most_s:
+        flown.command(PilotCommand(flown.t_s, 0.0, 0.0, percent, 0.0, 0.0, intent))
+        flown.advance(flown.t_s + 0.1)
 
 
 class CircleCourse:

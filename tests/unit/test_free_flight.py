@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from shipland.messages import PilotCommand
+from shipland.messages import Intent, PilotCommand
 from shipland.sim import world as world_module
 from shipland.sim.aircraft.attitude_loop import AttitudeLoop
-from worlds import world
+from worlds import come_down, world
 
 STICKS = [(0.0, 0.0, 0.0, 0.0), (40.0, -15.0, 10.0, 30.0), (-30.0, 20.0, -20.0, -60.0), (0.0, 0.0, -10.0, 5.0)]
 
@@ -72,9 +72,7 @@ def test_it_does_not_depend_on_how_it_is_cut():
 
 def test_low_over_the_sea_the_readable_world_takes_over():
     low = world(height_m=0.3, water=True)
-    while not low.over() and low.t_s < 20.0:
-        low.command(PilotCommand(low.t_s, 0.0, 0.0, -60.0, 0.0, 0.0))
-        low.advance(low.t_s + 0.1)
+    come_down(low, percent=-60.0, intent=Intent.FLY, most_s=20.0)
     assert low.verdict() is not None
     assert low.verdict().reason == "fell into the sea"
 

@@ -11,7 +11,7 @@ from shipland.camera import Camera
 from shipland.config import ConfigError
 from shipland.frames import Pose
 from shipland.guidance.horizon.navigator import Navigator
-from shipland.messages import Box, GimbalAttitude, Intent, Observation, PilotCommand, Telemetry
+from shipland.messages import Box, GimbalAttitude, Observation, PilotCommand, Telemetry
 from shipland.missions.crew import build_world, drawn_ship, response_of
 from shipland.missions.fly import fly_quietly
 from shipland.missions.scenarios import load_scenario, scenario_table
@@ -21,6 +21,7 @@ from shipland.sim.scene import frigate, mesh
 from shipland.sim.scene.scene import Scene
 from shipland.sim.ship.ship import build_ship
 from shipland.sim.state import SceneState
+from worlds import come_down
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SEA5 = load_scenario("frigate-sea5")
@@ -66,9 +67,7 @@ def test_a_touchdown_far_from_the_deck_centre_is_judged():
     }
     changes = {**QUIET, **start, "start.bearing_deg": 50.0}
     world = build_world(load_scenario(scenario_table("frigate-sea3"), **changes), 1)
-    while not world.over() and world.t_s < 15.0:
-        world.command(PilotCommand(world.t_s, 0.0, 0.0, -20.0, 0.0, 0.0, Intent.LAND))
-        world.advance(world.t_s + 0.1)
+    come_down(world, percent=-20.0)
     verdict = world.verdict()
     assert verdict is not None
     assert verdict.landed, verdict.reason

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from shipland.config import ConfigError
-from shipland.messages import Intent, PilotCommand
-from worlds import QUIET, world
+from shipland.messages import PilotCommand
+from worlds import QUIET, come_down, world
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -35,9 +35,7 @@ def test_the_octocopter_flies_what_its_own_loop_makes_of_the_stick() -> None:
 
 def test_its_own_feet_stand_on_the_deck() -> None:
     flown = own(distance_m=0.0, height_m=1.0)
-    while not flown.over() and flown.t_s < 10.0:
-        flown.command(PilotCommand(flown.t_s, 0.0, 0.0, -50.0, 0.0, 0.0, Intent.LAND))
-        flown.advance(flown.t_s + 0.1)
+    come_down(flown, most_s=10.0)
     verdict = flown.verdict()
     assert verdict is not None
     assert verdict.landed, verdict.reason

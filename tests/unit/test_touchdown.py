@@ -11,16 +11,9 @@ from shipland.rig import Rig, packaged_table
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, Touch, VerdictParameters
 from shipland.sim.ship.ship import Ship, ShipParameters, StillCourse, StraightCourse, build_ship
 from shipland.sim.world import World
-from worlds import QUIET, CircleCourse, natops, six_sinusoids, world
+from worlds import QUIET, CircleCourse, come_down, natops, six_sinusoids, world
 
 LIMITS = build(VerdictParameters, packaged_table("verdict"), "verdict")
-
-
-def come_down(flown: World, *, percent: float = -50.0, intent: Intent = Intent.LAND, most_s: float = 15.0) -> None:
-    """Descend with the other sticks centred until there is a verdict."""
-    while not flown.over() and flown.t_s < most_s:
-        flown.command(PilotCommand(flown.t_s, 0.0, 0.0, percent, 0.0, 0.0, intent))
-        flown.advance(flown.t_s + 0.1)
 
 
 def verdict_of(flown: World) -> TouchdownVerdict:
