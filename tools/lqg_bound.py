@@ -71,7 +71,7 @@ def hover_m(case: Case, horizon: HorizonParameters, response: Response, delay_s:
         belief = updated(belief, model.seen(belief), np.zeros(1), PLACE_M**2 * np.eye(1)).belief
         if index % VELOCITY_EVERY == 0:
             velocity = model.velocity(belief, 0.5, horizon.delayed.flow_settle_s)
-            belief = updated(belief, velocity, np.zeros(1), horizon.delayed.velocity_least_mps**2 * np.eye(1)).belief
+            belief = updated(belief, velocity, np.zeros(1), horizon.measured.velocity_mps**2 * np.eye(1)).belief
     error = model.predicted(belief, round(1e3 * delay_s), np.zeros(model.motion.inputs)).covariance[:STATES, :STATES]
     transition, inputs, spread = (it[:STATES] for it in model.step(STEP_MS))
     weights = replace(horizon.weights, **FREE) if free else horizon.weights

@@ -14,7 +14,7 @@ MODEL = Model(2, Motion(0.06, 0.4), NOISE, Swing(1e-3, 1.8, 0.1))
 
 
 def _filter(model=MODEL):
-    return DelayedFilter(model, DelayedParameters(16.0, 40.0, 0.05, 0.02, 0.02, 0.02, 0.5, 1.0, 0.0, 0.6))
+    return DelayedFilter(model, DelayedParameters(16.0, 40.0, 0.05, 0.5, 1.0, 0.0, 0.6), 0.02)
 
 
 def test_inputs_are_averaged_over_their_times():

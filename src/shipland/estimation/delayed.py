@@ -67,9 +67,7 @@ class DelayedParameters:
     Attributes:
         velocity_gate, picture_gate: largest normalised innovation squared that is taken.
         velocity_mps: standard deviation of a velocity at first.
-        velocity_least_mps, velocity_most_mps: the range that it is then learned in.
-        velocity_servo_mps: the least of one that the autopilot itself tracks: what errs there is flown.
-        velocity_down_mps: likewise downward.
+        velocity_most_mps: the most that it is then learned to be.
         velocity_repeats: readings err alike; so many times the variance seen is what one is given.
         flow_settle_s: time in which the vehicle's fusion follows the motion of what its optical flow sees.
         lag_s: without pictures the belief follows at most this far behind.
@@ -78,9 +76,6 @@ class DelayedParameters:
     velocity_gate: float
     picture_gate: float
     velocity_mps: float
-    velocity_least_mps: float
-    velocity_servo_mps: float
-    velocity_down_mps: float
     velocity_most_mps: float
     velocity_repeats: float
     flow_settle_s: float
@@ -102,10 +97,11 @@ class DelayedFilter:
     Args:
         model: of the motion.
         parameters: of the measurements.
+        velocity_least_mps: the least standard deviation that a velocity is given.
     """
 
-    def __init__(self, model: Model, parameters: DelayedParameters) -> None:
-        self.model, self._parameters = model, parameters
+    def __init__(self, model: Model, parameters: DelayedParameters, velocity_least_mps: float) -> None:
+        self.model, self._parameters, self._velocity_least_mps = model, parameters, velocity_least_mps
         self.belief: Belief | None = None
         self.normalised = 1.0
         """Of the newest picture."""
@@ -188,7 +184,7 @@ class DelayedFilter:
     def _with(self, belief: Belief, reading: _Velocity) -> Belief:
         limits = self._parameters
         variance = limits.velocity_repeats * self._velocity_variance
-        variance = min(max(variance, limits.velocity_least_mps**2), limits.velocity_most_mps**2)
+        variance = min(max(variance, self._velocity_least_mps**2), limits.velocity_most_mps**2)
         noise, expected = variance * np.eye(self.model.axes), self._expected(belief, reading)
         return updated(belief, expected, reading.measured_mps, noise, limits.velocity_gate).belief
 

@@ -186,11 +186,10 @@ class Navigator:
         self._along_rad: float | None = None
         self.swing = self._swing.believed[self._swing.first]
         self._gust_mps2 = parameters.gust_levels_mps2[-2]
-        delayed = parameters.delayed
-        tracked = replace(delayed, velocity_least_mps=delayed.velocity_servo_mps)
-        downward = replace(delayed, velocity_least_mps=delayed.velocity_down_mps)
-        self._across = DelayedFilter(self._across_model(), delayed if self.servo is None else tracked)
-        self._down = DelayedFilter(self._down_model(), downward)
+        delayed, measured = parameters.delayed, parameters.measured
+        least_mps = measured.velocity_mps if self.servo is None else measured.velocity_tracked_mps
+        self._across = DelayedFilter(self._across_model(), delayed, least_mps)
+        self._down = DelayedFilter(self._down_model(), delayed, measured.velocity_down_mps)
         stern_m = -float(rig.bar_in_ship_m[0]) - rig.deck_ahead_of_stern_m
         self._hull_m = (stern_m, stern_m + rig.platform_length_m, 0.5 * rig.platform_width_m)
         self._deck_down_m = float(rig.deck_in_bar_m[2])

@@ -28,7 +28,9 @@ class MeasurementNoise:
         box_m: least error of a box's place across the line of sight, and of its height.
         first_mps, first_climb_mps: standard deviation of the speed against the bar when it is first seen.
         lost_refusals: so many poses refused in a row start the estimate anew.
-        use_velocity: whether the vehicle's velocity is used at all.
+        velocity_mps, velocity_down_mps: of the vehicle's velocity, horizontally and downward.
+        velocity_tracked_mps: horizontally, of one that the autopilot itself tracks: its errors are flown.
+        use_velocity: whether it is used at all.
         flow: it comes from optical flow, and is relative to the ship where the ship is below.
     """
 
@@ -43,6 +45,9 @@ class MeasurementNoise:
     first_mps: float
     first_climb_mps: float
     lost_refusals: int
+    velocity_mps: float
+    velocity_down_mps: float
+    velocity_tracked_mps: float
     use_velocity: bool
     flow: bool
 
