@@ -199,6 +199,23 @@ def test_traces_of_the_deck_are_smooth_between_slow_cycles():
     assert instruments._deck_at(times_s)[:, 2] == pytest.approx(heave_m(times_s), abs=0.01)
 
 
+def test_traces_of_a_large_ship_are_not_cut_off():
+    """A frigate heaves by metres: the trace keeps its crests, which a fixed range of 0.7 m would flatten."""
+    rows_px = []
+    for heave_m in (0.5, 2.5):
+        instruments = Instruments(with_traces=True, trace_s=10.0)
+        for t_s in np.arange(0.0, 10.01, 0.1):
+            lift_m = heave_m * np.sin(2.0 * np.pi * t_s / 5.0)
+            instruments.note(t_s, SimpleNamespace(deck_turn_rad=np.zeros(3), deck_shift_m=np.array([0, 0, lift_m])))
+        strip = np.zeros((STRIP_HEIGHT_PX, 1600, 3), np.uint8)
+        instruments._draw_traces(strip, 10.0)
+        drawn = strip[28:, 1389:1588].any(axis=2)
+        rows_px.append(drawn.argmax(axis=0).astype(float))
+    for row_px in rows_px:  # a sine is within 5 % of its crest for a fifth of the time, a cut one for far longer
+        assert 0.1 < np.mean(row_px < row_px.min() + 1.5) < 0.3
+        assert row_px.max() - row_px.min() > 25.0
+
+
 # The outside view
 
 

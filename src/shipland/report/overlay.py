@@ -48,6 +48,7 @@ _LEAST_ZOOM, _LARGEST_ZOOM = 2.0, 12.0
 _PLACE_COLUMNS_PX = (396, 478, 560, 642)
 _STICKS_PX = (722, 776, 910)  # names, left and right end of the rails
 _TRACES = (("roll", "°", 15.0, BLUE), ("pitch", "°", 15.0, VERMILION), ("heave", " m", 0.7, GREEN))
+"""Name, unit, half the range shown at first, colour; the range doubles when a ship moves by more."""
 
 
 def draw_sight(image: Image, observation: Observation, scale: float) -> None:
@@ -115,6 +116,7 @@ class Instruments:
         self._trace_s = trace_s
         self._deck: deque[tuple[float, float, float, float]] = deque()
         self._curve: CubicSpline | None = None
+        self._spans = [span for _, _, span, _ in _TRACES]
         width_px = STRIP_WIDTH_PX + (TRACES_WIDTH_PX if with_traces else 0)
         self._blank = np.full((STRIP_HEIGHT_PX, width_px, 3), _GROUND, np.uint8)
         self._with_traces = with_traces
@@ -130,8 +132,12 @@ class Instruments:
         roll_rad, pitch_rad, _ = derived.deck_turn_rad
         heave_m = float(derived.deck_shift_m[2])
         if math.isfinite(heave_m):
-            self._deck.append((t_s, math.degrees(roll_rad), math.degrees(pitch_rad), heave_m))
+            values = (math.degrees(roll_rad), math.degrees(pitch_rad), heave_m)
+            self._deck.append((t_s, *values))
             self._curve = None
+            for lane, value in enumerate(values):
+                while abs(value) > self._spans[lane]:
+                    self._spans[lane] *= 2.0
         while self._deck and self._deck[0][0] < t_s - self._trace_s - _SPARE_S:
             self._deck.popleft()
 
@@ -219,7 +225,7 @@ class Instruments:
         times_s = np.linspace(t_s - self._trace_s, t_s, _TRACE_POINTS)
         times_s = times_s[times_s >= self._deck[0][0] - 1e-9] if self._deck else times_s[:0]
         samples = self._deck_at(times_s) if len(times_s) else np.empty((0, 3))
-        for lane, (name, suffix, span, colour) in enumerate(_TRACES):
+        for lane, (name, suffix, _, colour) in enumerate(_TRACES):
             left = STRIP_WIDTH_PX + 6 + 211 * lane
             if not len(samples):
                 put_text(strip, f"deck {name}  –", (left, 22), 14, _FAINT)
@@ -229,7 +235,7 @@ class Instruments:
             put_text(strip, f"deck {name}", (left, 22), 14, _FAINT)
             put_text(strip, digits + suffix, (left + 100, 22), 15, _INK)
             columns = left + 199.0 * (1.0 - (t_s - times_s) / self._trace_s)
-            rows = 61.0 - 30.0 * np.clip(samples[:, lane] / span, -1.0, 1.0)
+            rows = 61.0 - 30.0 * np.clip(samples[:, lane] / self._spans[lane], -1.0, 1.0)
             points = np.round(np.column_stack([columns, rows]) * (1 << _SUBPIXEL_BITS)).astype(np.int32)
             lighter = tuple((value + 255) // 2 for value in bgr(colour))
             cv2.polylines(strip, [points[:, None]], False, lighter, 2, cv2.LINE_AA, _SUBPIXEL_BITS)
@@ -238,7 +244,8 @@ class Instruments:
 def _metres(value_m: float) -> str:
     if not math.isfinite(value_m):
         return "–"
-    return f"{_signed(value_m, 1 if abs(value_m) >= 10.0 else 2)} m"
+    digits = 2 if abs(value_m) < 10.0 else 1 if abs(value_m) < 1000.0 else 0  # what the column has room for
+    return f"{_signed(value_m, digits)} m"
 
 
 def _signed(value: float, digits: int) -> str:
