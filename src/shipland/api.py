@@ -61,7 +61,7 @@ class Flight(Flown):
 
     @property
     def landed(self) -> bool:
-        """Whether it stands on its feet in the landing square."""
+        """Whether it stands on its feet in the landing square, or circle."""
         return self.succeeded
 
     @property
@@ -161,12 +161,13 @@ def fly(
 class Campaign:
     """Many landings of one scenario, in order of their seeds."""
 
+    scenario: Scenario
     landings: tuple[Landing, ...]
 
     @property
     def summary(self) -> str:
-        """How many landed in the square, with the 95 % interval, and the medians."""
-        return summary_of(self.landings)
+        """How many landed in the square, or circle, with the 95 % interval, and the medians."""
+        return summary_of(self.landings, self.scenario.rig.landing_area)
 
     def table(self) -> dict[str, npt.NDArray[Any]]:
         """The columns of `landings.csv` as arrays (n,) by name."""
@@ -201,4 +202,4 @@ def campaign(
     flights = [FlightJob(scenario, pilot, vision, seed) for seed in seeds]
     with stop_requests():
         landings = [landing for _, landing in run_jobs(land_once, flights, count, lambda *_: None)]
-    return Campaign(tuple(sorted(landings, key=lambda landing: landing.seed)))
+    return Campaign(scenario, tuple(sorted(landings, key=lambda landing: landing.seed)))

@@ -297,7 +297,7 @@ class TouchdownVerdict:
     Attributes:
         t_s: first contact [s].
         landed: came to rest on its feet on the deck.
-        in_square: the touchdown point lies in the landing square.
+        in_square: the touchdown point lies in the landing square, or circle.
         touchdown_in_deck_m: (2,) forward, starboard of the aircraft's centre at first contact; NaN where the flight
             ended without contact with the deck, and then the next two as well.
         rest_in_deck_m: (2,) the same at rest (or at the end).

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
@@ -90,6 +91,12 @@ class Target:
     def from_file(path: Path) -> Target:
         """Read a TOML file with one `[[quad]]` a quadrilateral; ConfigError when it is wrong."""
         return build(Target, {"made_to": _HAND_CUT, **read_toml(path)}, str(path))
+
+
+def area_of(rigs: Iterable[Rig]) -> str:
+    """What a touchdown must lie in, in a word: `square` or `circle`; `landing area` where rigs differ."""
+    kinds: set[str] = {rig.landing_area for rig in rigs}
+    return kinds.pop() if len(kinds) == 1 else "landing area"
 
 
 def in_area(area: str, size_m: float, forward_m: float, starboard_m: float) -> bool:

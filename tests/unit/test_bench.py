@@ -18,7 +18,7 @@ from shipland.errors import ConfigError, DataError
 from shipland.missions import bench as benches
 from shipland.missions.bench import BenchPlan, open_bench, processes, read_bench
 from shipland.missions.bench_rows import write_rows
-from shipland.missions.bench_tables import ceilings_of, leaderboard, paired, pairs, rests_in_square, rivals, swept_keys
+from shipland.missions.bench_tables import ceilings_of, leaderboard, paired, pairs, rests_in_area, rivals, swept_keys
 from shipland.missions.statistics import quantile_interval
 from shipland.missions.suite import Asked, Suite, SuiteEntry, bench_cells, load_suite, task_digest
 from shipland.rig import default_rig
@@ -210,14 +210,24 @@ def test_cells_are_chosen_by_pattern_and_a_wrong_one_is_named():
         load_suite("nowhere")
 
 
-def test_rest_in_the_square():
+def test_rest_in_the_landing_area():
     rig = default_rig()
-    assert rests_in_square(GOOD, rig)
-    assert not rests_in_square(replace(GOOD, rest_starboard_m=-0.2), rig)
-    assert not rests_in_square(replace(GOOD, landed=False), rig)
+    assert rests_in_area(GOOD, rig)
+    assert not rests_in_area(replace(GOOD, rest_starboard_m=-0.2), rig)
+    assert not rests_in_area(replace(GOOD, landed=False), rig)
     corner = replace(GOOD, rest_forward_m=0.15, rest_starboard_m=0.15)
-    assert rests_in_square(corner, rig)
-    assert not rests_in_square(corner, replace(rig, landing_area="circle"))
+    assert rests_in_area(corner, rig)
+    assert not rests_in_area(corner, replace(rig, landing_area="circle"))
+
+
+def test_tables_name_the_landing_area_that_was_flown(plan):
+    fly(plan)
+    square = read_bench([plan.out])
+    round_ = [replace(cell, rig=replace(cell.rig, landing_area="circle")) for cell in square]
+    for cells, area in ((square, "square"), (round_, "circle"), ([square[0], round_[1]], "landing area")):
+        head, *_, legend = leaderboard(cells, {})
+        assert f" | in the {area} | " in head
+        assert legend.startswith(f"In the {area}: ")
 
 
 def test_a_median_lies_in_its_interval_as_often_as_said():

@@ -174,20 +174,20 @@ def test_a_row_holds_everything():
 def test_tables_count_right():
     missed = replace(seeded(GOOD, 2), in_square=False, forward_m=0.4, reason="landed outside", cause="own error")
     landings = [GOOD, missed, seeded(NOWHERE, 3)]
-    assert "1 of 3 landed in the square" in summary_of(landings)
-    assert "at 2 of the 2 instants of contact a perfect aircraft would have landed" in summary_of(landings)
-    assert landings_table(landings).count("\n| ") == 3
-    assert "nan" not in landings_table(landings)
+    assert "1 of 3 landed in the square" in summary_of(landings, "square")
+    assert "at 2 of the 2 instants of contact a perfect aircraft would have landed" in summary_of(landings, "square")
+    assert landings_table(landings, "square").count("\n| ") == 3
+    assert "nan" not in landings_table(landings, "square")
     beside = replace(missed, landed=False, reason="came down beside the deck", cause="came down beside the deck")
-    assert "| came down beside the deck |" in landings_table([beside])
-    assert "| landed outside; own error |" in landings_table(landings)
+    assert "| came down beside the deck |" in landings_table([beside], "square")
+    assert "| landed outside; own error |" in landings_table(landings, "square")
     assert causes_table(landings).count("\n| ") == 2
     assert "| 1 land | 8.0 | 8.0 |" in modes_table(landings)
     rules = rules_table(landings, default_rig())
     assert "| ours: at rest on its feet in the 0.35 m square, within every limit | 1 of 3 |" in rules
     assert "| any first contact on the deck | 2 of 3 |" in rules
     # Clopper-Pearson for 1 of 1: the lower end is 0.025
-    assert "95 % interval 2.5–100.0 %" in summary_of([GOOD])
+    assert "95 % interval 2.5–100.0 %" in summary_of([GOOD], "circle")
 
 
 def test_limits_come_from_the_rig():
@@ -198,8 +198,8 @@ def test_limits_come_from_the_rig():
 
 
 def test_intervals_say_what_they_assume():
-    assert "independent" in summary_of([GOOD, seeded(GOOD, 2)])
-    assert "one record of motion" in summary_of([GOOD, replace(GOOD, seed=2)])
+    assert "independent" in summary_of([GOOD, seeded(GOOD, 2)], "square")
+    assert "one record of motion" in summary_of([GOOD, replace(GOOD, seed=2)], "square")
 
 
 def test_pilots_are_compared_on_the_seeds_that_both_flew():

@@ -89,6 +89,8 @@ def test_the_pad_is_drawn_to_scale_forward_up():
     assert (deck.width, deck.height) == pytest.approx((RIG.deck_size_m, RIG.deck_size_m))
     assert (square.x0, square.y1) == pytest.approx((-0.5 * RIG.landing_square_m, 0.5 * RIG.landing_square_m))
     assert axes.get_ylim()[1] > axes.get_ylim()[0]
+    draw_pad(axes, dataclasses.replace(RIG, landing_area="circle"))
+    assert axes.patches[3].get_radius() == pytest.approx(0.5 * RIG.landing_square_m)
 
 
 def test_the_footprint_lies_where_the_aircraft_stands():

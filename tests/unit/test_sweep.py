@@ -43,11 +43,11 @@ def test_a_pilot_twice_is_refused():
 def test_side_by_side(tmp_path):
     missed = replace(seeded(GOOD, 2), in_square=False, forward_m=0.4)
     done = [(cell, [GOOD, missed] if "3.5" in cell.name else [GOOD]) for cell in cells(CHANGES, ["paper", "mine"])]
-    rows = sweep_table(done).splitlines()
+    rows = sweep_table(done, "square").splitlines()
     assert rows[0].startswith("| pilot | wind.mean_mps | in the square |")
     assert rows[3].startswith("| paper | 3.5 | 1 of 2 |")
     assert len(rows) == 6
-    plot_sweep(tmp_path / "sweep.png", done, "made up", load_outputs().plots)
+    plot_sweep(tmp_path / "sweep.png", done, "made up", "square", load_outputs().plots)
     assert (tmp_path / "sweep.png").stat().st_size > 10_000
 
 

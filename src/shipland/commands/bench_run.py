@@ -138,6 +138,7 @@ class BenchRun:
 
         from shipland.missions.bench import processes
         from shipland.missions.statistics import share_interval
+        from shipland.rig import area_of
 
         if self.cluster:
             from shipland.missions.cluster import cluster
@@ -148,7 +149,7 @@ class BenchRun:
         flown = good = 0
         begun_s = said_s = time.monotonic()
         console = Console(stderr=True, highlight=False)
-        cells = len(bench.plan.cells)
+        cells, area = len(bench.plan.cells), area_of(cell.scenario.rig for cell in bench.plan.cells)
         console.print(f"{cells} cell{'s' * (cells > 1)}, {left} of {cells * self.runs} flights to fly")
         columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
         try:
@@ -160,7 +161,7 @@ class BenchRun:
                 for _, landing in flights:
                     flown, good, now_s = flown + 1, good + landing.good, time.monotonic()
                     low, high = share_interval(good, flown)
-                    words = f"{good} of {flown} in the square ({100.0 * low:.0f}–{100.0 * high:.0f} %)"
+                    words = f"{good} of {flown} in the {area} ({100.0 * low:.0f}–{100.0 * high:.0f} %)"
                     progress.update(task, advance=1, description=words)
                     if not console.is_terminal and now_s - said_s > _SAY_EVERY_S:
                         said_s = now_s

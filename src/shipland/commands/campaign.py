@@ -49,6 +49,7 @@ class Campaign(ScenarioOptions):
     def run(self) -> int:
         """Fly; 0 when all landed in the square, 1 when not."""
         from shipland.missions.sweep import cells
+        from shipland.rig import area_of
 
         for name, value in (("count", self.count), ("workers", self.workers)):
             if value < 1:
@@ -57,7 +58,7 @@ class Campaign(ScenarioOptions):
         plans = [self._plan(cell, self.out if len(combined) == 1 else self.out / cell.name) for cell in combined]
         done = [(cell, _fly(plan)) for cell, plan in zip(combined, plans, strict=True)]
         if len(done) > 1:
-            _write_sweep(self, done)
+            _write_sweep(self, done, area_of(plan.scenario.rig for plan in plans))
         return 0 if all(it.good for _, landings in done for it in landings) else 1
 
     def _plan(self, cell: Cell, out: Path) -> CampaignPlan:
@@ -92,6 +93,7 @@ def _fly(plan: CampaignPlan) -> list[Landing]:
 
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     landings: list[Landing] = []
+    area = plan.scenario.rig.landing_area
     columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     said_s = time.monotonic()
     with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
@@ -102,25 +104,25 @@ def _fly(plan: CampaignPlan) -> list[Landing]:
                     console.print(f"{plan.out}: pilot {plan.pilot}, {len(plan.seeds)} landings")
                 landings.append(landing)
                 good = sum(each.good for each in landings)
-                progress.update(task, advance=1, description=f"{good} of {len(landings)} in the square")
+                progress.update(task, advance=1, description=f"{good} of {len(landings)} in the {area}")
                 if not console.is_terminal and time.monotonic() - said_s > _PROGRESS_S:
                     said_s = time.monotonic()
-                    console.print(f"{len(landings)} of {len(plan.seeds)} flown, {good} in the square")
+                    console.print(f"{len(landings)} of {len(plan.seeds)} flown, {good} in the {area}")
     write_campaign(plan, landings)
-    rows = landings_table(landings) if len(landings) <= _ROWS_SHOWN else summary_of(landings)
+    rows = landings_table(landings, area) if len(landings) <= _ROWS_SHOWN else summary_of(landings, area)
     print(f"{rows}\n\n{rules_table(landings, plan.scenario.rig)}")
     console.print(f"{plan.out}: landings.csv, campaign.json, table.md, landings.png")
     return landings
 
 
-def _write_sweep(command: Campaign, done: list[tuple[Cell, list[Landing]]]) -> None:
+def _write_sweep(command: Campaign, done: list[tuple[Cell, list[Landing]]], area: str) -> None:
     from shipland.missions.sweep import sweep_table
     from shipland.report.outputs import load_outputs
     from shipland.report.sweep_plots import plot_sweep
 
-    text = sweep_table(done)
+    text = sweep_table(done, area)
     (command.out / "sweep.md").write_text(f"{text}\n", encoding="utf-8")
     title = f"{command.scenario}, vision {command.vision}, {command.count} landings each"
-    plot_sweep(command.out / "sweep.png", done, title, load_outputs().plots)
+    plot_sweep(command.out / "sweep.png", done, title, area, load_outputs().plots)
     print(f"\n{text}")
     print(f"{command.out}: sweep.md, sweep.png, and a folder for each of {len(done)} campaigns", file=sys.stderr)

@@ -19,7 +19,7 @@ from shipland.missions.rules import rules
 from shipland.missions.statistics import Interval, Pairing, quantile_interval, share_interval
 from shipland.missions.sweep import median
 from shipland.missions.tables import pair_up
-from shipland.rig import Rig
+from shipland.rig import Rig, area_of
 
 
 def swept_keys(cells: Sequence[CellResult]) -> list[str]:
@@ -28,8 +28,8 @@ def swept_keys(cells: Sequence[CellResult]) -> list[str]:
     return [key for key in keys if len({dict(cell.settings).get(key) for cell in cells}) > 1]
 
 
-def rests_in_square(landing: Landing, rig: Rig) -> bool:
-    """Whether it came to rest on its feet with its centre in the landing square, or circle."""
+def rests_in_area(landing: Landing, rig: Rig) -> bool:
+    """Whether it came to rest on its feet with its centre in the landing area."""
     return landing.landed and rig.in_landing_area(landing.rest_forward_m, landing.rest_starboard_m)
 
 
@@ -41,9 +41,9 @@ def leaderboard(cells: Sequence[CellResult], ceilings: dict[str, Ceiling]) -> It
         ceilings: by group; may lack some or all.
     """
     keys = swept_keys(cells)
-    names = [key.split(".")[-1] for key in keys]
+    names, area = [key.split(".")[-1] for key in keys], area_of(cell.rig for cell in cells)
     yield " | ".join(
-        ["| scenario", *names, "pilot", "flights", "in the square", "95 % interval", "ceiling", "at rest in it",
+        ["| scenario", *names, "pilot", "flights", f"in the {area}", "95 % interval", "ceiling", "at rest in it",
          "on its feet", "perfect at its instants", "error median [cm]", "error 90 % [cm]", "own error median [cm]",
          "sink median [m/s]", "time median [s]", "causes |"]
     )  # fmt: skip
@@ -55,7 +55,7 @@ def leaderboard(cells: Sequence[CellResult], ceilings: dict[str, Ceiling]) -> It
         if not n:
             continue
         low, high = share_interval(good, n)
-        rests = sum(rests_in_square(it, cell.rig) for it in landings)
+        rests = sum(rests_in_area(it, cell.rig) for it in landings)
         errors_cm = 100.0 * np.array([it.error_m for it in touched])
         own_cm = 100.0 * np.array([np.hypot(it.own_forward_m, it.own_starboard_m) for it in touched])
         causes = Counter(it.cause for it in landings if it.cause)
@@ -86,8 +86,8 @@ def leaderboard(cells: Sequence[CellResult], ceilings: dict[str, Ceiling]) -> It
         yield f"All cells: {', '.join(f'`{key}={value}`' for key, value in sorted(fixed))}."
         yield ""
     yield (
-        "In the square: at rest on its feet, first contact in the landing square, within every limit. At rest in it: "
-        "at rest on its feet in the square, wherever it touched. Interval: Clopper and Pearson; it takes flights for "
+        f"In the {area}: at rest on its feet, first contact in the {area}, within every limit. At rest in it: at rest "
+        f"on its feet in the {area}, wherever it touched. Interval: Clopper and Pearson; it takes flights for "
         "independent, each with its own motion, wind and start. Ceiling: a perfect aircraft at any instant, from "
         "motions of their own. Ranges behind medians and quantiles: 95 %, bootstrap."
     )

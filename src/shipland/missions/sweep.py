@@ -66,13 +66,13 @@ def text_of(value: object) -> str:
     return str(value)
 
 
-def sweep_table(done: Sequence[tuple[Cell, Sequence[Landing]]]) -> str:
-    """Markdown: a row a cell."""
+def sweep_table(done: Sequence[tuple[Cell, Sequence[Landing]]], area: str) -> str:
+    """Markdown: a row a cell; `area` in a word, as `rig.area_of` says it."""
     keys = [key for key, _ in done[0][0].swept]
     head = [
         "pilot",
         *keys,
-        "in the square",
+        f"in the {area}",
         "95 % interval",
         "median error [m]",
         "median sink [m/s]",
@@ -112,7 +112,7 @@ def comparison(first: Sequence[Landing], second: Sequence[Landing], names: tuple
     for name, landings in zip(names, (first, second), strict=True):
         mine = [landing for landing in landings if landing.seed in common]
         good = sum(landing.good for landing in mine)
-        share = f"{good} in the square ({interval_text(*share_interval(good, len(mine)))})"
+        share = f"{good} in the landing area ({interval_text(*share_interval(good, len(mine)))})"
         lines.append(f"  {name}: {share}, median error {median([landing.error_m for landing in mine], 3)} m")
     lines.append(f"only {names[0]} landed: {found.only_first}; only {names[1]}: {found.only_second}")
     lines.append(f"McNemar's exact test: p = {found.p_value:.3g}")

@@ -21,8 +21,8 @@ _PHASE_NAMES = {
 }
 
 
-def landings_table(landings: Sequence[Landing]) -> str:
-    """A row a seed, with a last paragraph that sums up."""
+def landings_table(landings: Sequence[Landing], area: str) -> str:
+    """A row a seed, with a last paragraph that sums up; `area` as in `summary_of`."""
     lines = [
         "| seed | error [m] | forward [m] | starboard [m] | own error [m] | deck off [m] | perfect lands | sink [m/s] "
         "| slide [m/s] | slip [m] | tilt [°] | time [s] | verdict |",
@@ -38,15 +38,15 @@ def landings_table(landings: Sequence[Landing]) -> str:
         rest = f"{it.sink_mps:.3f} | {it.slide_mps:.3f} | {it.slip_m:.3f} | {it.tilt_deg:.1f} | {it.time_s:.1f}"
         words = it.reason if it.cause in ("", it.reason) else f"{it.reason}; {it.cause}"
         lines.append(f"| {it.seed} | {places} | {perfect} | {rest} | {words} |")
-    return "\n".join([*lines, "", summary_of(landings)]).replace("nan", "")
+    return "\n".join([*lines, "", summary_of(landings, area)]).replace("nan", "")
 
 
-def summary_of(landings: Sequence[Landing]) -> str:
-    """How many landed in the square, how many a perfect aircraft would have, and the medians."""
+def summary_of(landings: Sequence[Landing], area: str) -> str:
+    """How many landed in the area, `square` or `circle`, how many a perfect aircraft would have, and the medians."""
     n, k = len(landings), sum(landing.good for landing in landings)
     low, high = share_interval(k, n)
     touched = [landing for landing in landings if landing.touched]
-    line = f"{k} of {n} landed in the square ({interval_text(low, high)}, Clopper and Pearson; {assumption(landings)})"
+    line = f"{k} of {n} landed in the {area} ({interval_text(low, high)}, Clopper and Pearson; {assumption(landings)})"
     if not touched:
         return line + "."
     perfect = sum(bool(landing.perfect_in_square) for landing in touched)
@@ -75,7 +75,7 @@ def assumption(landings: Sequence[Landing]) -> str:
 
 
 def causes_table(landings: Sequence[Landing]) -> str:
-    """Why flights did not land in the square, most frequent first; empty where all did."""
+    """Why flights did not land in the landing area, most frequent first; empty where all did."""
     causes = Counter(landing.cause for landing in landings if not landing.good)
     if not causes:
         return ""

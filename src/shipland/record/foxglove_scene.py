@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from foxglove.messages import (
     CameraCalibration,
@@ -153,8 +155,10 @@ def scene_update(rig: Rig, aircraft_diagonal_m: float, time_ns: int) -> SceneUpd
             _GREY,
         ),
     ]
-    half_m = 0.5 * rig.landing_square_m
-    square = [Point3(x=x * half_m, y=y * half_m, z=-0.005) for x, y in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+    half_m, corners = 0.5 * rig.landing_square_m, [(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)]
+    if rig.landing_area == "circle":
+        corners = [(math.cos(angle_rad), math.sin(angle_rad)) for angle_rad in np.arange(0.0, 6.2, 0.2)]
+    landing = [Point3(x=x * half_m, y=y * half_m, z=-0.005) for x, y in corners]
     deck = [_cube((0.0, 0.0, 0.5 * _THIN_M), (rig.deck_size_m, rig.deck_size_m, _THIN_M), _DECK)]
     bar = [_cube((0.5 * _THIN_M, 0.0, 0.0), (_THIN_M, *rig.board_size_m), _DARK)]
     for quad in rig.target.points_in_bar_m.reshape(-1, 4, 3):
@@ -175,7 +179,7 @@ def scene_update(rig: Rig, aircraft_diagonal_m: float, time_ns: int) -> SceneUpd
         for y in (-1, 1)
     ]
     outline = LinePrimitive(
-        type=LinePrimitiveLineType.LineLoop, pose=_place((0.0, 0.0, 0.0)), thickness=0.02, points=square, color=_WHITE
+        type=LinePrimitiveLineType.LineLoop, pose=_place((0.0, 0.0, 0.0)), thickness=0.02, points=landing, color=_WHITE
     )
     entities = [
         SceneEntity(timestamp=stamp, frame_id="ship", id="platform", frame_locked=True, cubes=ship),

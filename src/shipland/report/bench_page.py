@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 
 from shipland.missions.bench import CellResult
-from shipland.missions.bench_tables import leaderboard, pairs, rests_in_square, rivals, swept_keys
+from shipland.missions.bench_tables import leaderboard, pairs, rests_in_area, rivals, swept_keys
 from shipland.missions.ceiling import Ceiling
 from shipland.missions.landing import Landing
 from shipland.missions.statistics import share_interval
 from shipland.report.svg import Column, Points, Share, colour_of, point_chart, share_chart
+from shipland.rig import area_of
 
 _MOST_LISTED = 300
 """Failures listed on the page; all are in flights.parquet."""
@@ -40,7 +41,7 @@ svg{max-width:100%;height:auto}svg text{fill:var(--ink);font:12px system-ui,sans
 svg .title{font-size:13px;font-weight:600}
 svg .tick{fill:var(--dim)}svg .middle{text-anchor:middle}svg .end{text-anchor:end}
 svg .grid{stroke:var(--line)}svg .frame{fill:none;stroke:var(--line)}svg .dot{stroke:var(--page);stroke-width:1.5}
-svg .square{fill:none;stroke:var(--dim);stroke-dasharray:4 3}
+svg .outline{fill:none;stroke:var(--dim);stroke-dasharray:4 3}
 svg .ceiling{stroke:var(--dim);stroke-width:2;stroke-dasharray:2 3}
 """
 
@@ -58,6 +59,7 @@ def bench_page(cells: Sequence[CellResult], about: dict[str, Any], ceilings: dic
     pilots = list(dict.fromkeys(cell.pilot for cell in cells))
     suites = ", ".join(dict.fromkeys(cell.suite for cell in cells if cell.suite)) or "a grid of the command line"
     flights, machine = sum(len(cell.landings) for cell in cells), about["machine"]
+    area = area_of(cell.rig for cell in cells)
     keys = "".join(
         f'<span class="key"><i style="background:{colour_of(index)}"></i>{html.escape(pilot)}</span>'
         for index, pilot in enumerate(pilots)
@@ -70,13 +72,13 @@ def bench_page(cells: Sequence[CellResult], about: dict[str, Any], ceilings: dic
         f"{machine['cores']} cores, {html.escape(machine['platform'])}</p><p>{keys}</p>",
         "<h2>Pilots</h2>",
         _pilots(cells, pilots),
-        "<h2>Share in the square, cell by cell</h2>",
+        f"<h2>Share in the {area}, cell by cell</h2>",
         '<p class="dim">Dot and bar: share and its 95 % interval. Dotted: what a perfect aircraft would reach.</p>',
         f'<div class="charts">{"".join(_cell_charts(cells, pilots, ceilings))}</div>',
         "<h2>Against what was drawn</h2>",
         f'<div class="charts">{"".join(_against(cells, pilots)) or "<p>One value of everything.</p>"}</div>',
         "<h2>Touchdowns</h2>",
-        '<p class="dim">Squares: landing square and deck. Dots landed in the square, crosses did not.</p>',
+        f'<p class="dim">Lines: {area} and deck. Dots landed in the {area}, crosses did not.</p>',
         f'<div class="charts">{"".join(_touchdowns(cells, pilots))}</div>',
         "<h2>Failures</h2>",
         _causes(cells, pilots),
@@ -104,7 +106,8 @@ def _share(landings: Sequence[Landing], series: int, words: str) -> Share:
 
 
 def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
-    head = ["pilot", "flights", "in the square", "95 % interval", "at rest in it", "on its feet", "error median [cm]",
+    area = area_of(cell.rig for cell in cells)
+    head = ["pilot", "flights", f"in the {area}", "95 % interval", "at rest in it", "on its feet", "error median [cm]",
             "error 90 % [cm]", "sink median [m/s]", "slide median [m/s]", "tilt median [°]", "slip median [cm]",
             "time median [s]", "largest stick step [%]"]  # fmt: skip
     rows = []
@@ -120,7 +123,7 @@ def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
                 str(n),
                 f"{good} ({100 * good / n:.1f} %)",
                 f"{100 * low:.1f}–{100 * high:.1f} %",
-                str(sum(rests_in_square(it, rig) for it, rig in mine)),
+                str(sum(rests_in_area(it, rig) for it, rig in mine)),
                 str(sum(it.landed for it in landings)),
                 _quantile([100 * it.error_m for it in touched], 0.5, 1),
                 _quantile([100 * it.error_m for it in touched], 0.9, 1),
@@ -223,7 +226,7 @@ def _touchdowns(cells: Sequence[CellResult], pilots: Sequence[str]) -> Iterator[
             f"{pilot}: first contact",
             ("starboard [m]", "forward [m]"),
             (half_m, half_m),
-            (rig.landing_square_m, rig.deck_size_m),
+            ((rig.landing_area, rig.landing_square_m), ("square", rig.deck_size_m)),
         )
     everybody = range(len(pilots))
     yield point_chart(
@@ -272,9 +275,9 @@ def _failures(cells: Sequence[CellResult], folder: Path) -> str:
         f"<th>{name}</th>" for name in ("cell", "seed", "cause", "in words", "what was made to fail", "again")
     )
     more = f"<p>{len(failed) - _MOST_LISTED} more in flights.parquet.</p>" if len(failed) > _MOST_LISTED else ""
-    body = "".join(f"<tr>{row}</tr>" for row in rows)
+    body, area = "".join(f"<tr>{row}</tr>" for row in rows), area_of(cell.rig for cell in cells)
     return (
-        f"<details><summary>{len(failed)} flights that did not land in the square</summary>"
+        f"<details><summary>{len(failed)} flights that did not land in the {area}</summary>"
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>{more}</details>'
     )
 

@@ -26,7 +26,7 @@ def write_campaign(plan: CampaignPlan, landings: Sequence[Landing]) -> None:
     """
     scenario = plan.scenario
     tables = [
-        landings_table(landings),
+        landings_table(landings, scenario.rig.landing_area),
         causes_table(landings),
         modes_table(landings),
         rules_table(landings, scenario.rig),

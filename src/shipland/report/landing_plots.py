@@ -21,7 +21,7 @@ class Touchdowns:
     Attributes:
         t_s: (n,) first contact, on the time axis of the deck's motion.
         place_in_deck_m: (n, 2) forward, starboard; NaN where there was no contact.
-        landed: (n,) came to rest on its feet on the deck, in the square.
+        landed: (n,) came to rest on its feet on the deck, in the landing area.
     """
 
     t_s: Array
@@ -54,7 +54,7 @@ class DeckTrace:
 
 
 def plot_touchdowns(path: Path, touchdowns: Touchdowns, rig: Rig, title: str, parameters: PlotParameters) -> None:
-    """Dots on deck and landing square, with median and largest distance; DataError when it cannot be written."""
+    """Dots on deck and landing area, with median and largest distance; DataError when it cannot be written."""
     import matplotlib as mpl
 
     place_m, landed = touchdowns.place_in_deck_m, touchdowns.landed
@@ -64,7 +64,7 @@ def plot_touchdowns(path: Path, touchdowns: Touchdowns, rig: Rig, title: str, pa
         axes = figure.add_subplot()
         draw_pad(axes, rig)
         for chosen, colour, marker, name in (
-            (touched & landed, BLUE, "o", "landed in the square"),
+            (touched & landed, BLUE, "o", f"landed in the {rig.landing_area}"),
             (touched & ~landed, VERMILION, "X", "not"),
         ):
             if chosen.any():
@@ -72,7 +72,7 @@ def plot_touchdowns(path: Path, touchdowns: Touchdowns, rig: Rig, title: str, pa
                     place_m[chosen, 1], place_m[chosen, 0], s=34, marker=marker, color=unit(colour), alpha=0.7,
                     edgecolor="white", linewidth=0.6, label=f"{int(chosen.sum())} {name}", zorder=3,
                 )  # fmt: skip
-        lines = [f"{int(landed.sum())} of {len(landed)} landed in the square"]
+        lines = [f"{int(landed.sum())} of {len(landed)} landed in the {rig.landing_area}"]
         if touched.any():
             error_m = np.linalg.norm(place_m[touched], axis=1)
             lines.append(
@@ -110,7 +110,7 @@ def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: s
             side.hist(values, bins=12, density=True, orientation="horizontal", color="#c8c8c8")
             for chosen, colour, marker in ((touchdowns.landed, GREEN, "o"), (~touchdowns.landed, VERMILION, "X")):
                 met = np.interp(touchdowns.t_s[chosen], trace.t_s, values)
-                label = f"{int(chosen.sum())} {'landed in the square' if marker == 'o' else 'not'}"
+                label = f"{int(chosen.sum())} {'landed' if marker == 'o' else 'not'}"
                 if chosen.any():
                     axes.plot(
                         touchdowns.t_s[chosen], met, color=unit(colour), marker=marker, linestyle="none",

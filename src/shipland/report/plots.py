@@ -121,15 +121,17 @@ def plot_flight(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
 
 
 def draw_pad(axes: Axes, rig: Rig) -> None:
-    """Deck and landing square from above, forward up, starboard right [m]."""
-    from matplotlib.patches import Rectangle
+    """Deck and landing area from above, forward up, starboard right [m]."""
+    from matplotlib.patches import Circle, Patch, Rectangle
 
-    for side_m, face, edge in (
-        (rig.deck_size_m, "#e9ecef", "#555555"),
-        (rig.landing_square_m, "#ffffff", unit(GREEN)),
-    ):
-        corner = (-0.5 * side_m, -0.5 * side_m)
-        axes.add_patch(Rectangle(corner, side_m, side_m, zorder=0.5, facecolor=face, edgecolor=edge, linewidth=1.8))
+    half_deck_m, half_m = 0.5 * rig.deck_size_m, 0.5 * rig.landing_square_m
+    deck = Rectangle((-half_deck_m, -half_deck_m), rig.deck_size_m, rig.deck_size_m, facecolor="#e9ecef")
+    landing: Patch = Rectangle((-half_m, -half_m), rig.landing_square_m, rig.landing_square_m, facecolor="#ffffff")
+    if rig.landing_area == "circle":
+        landing = Circle((0.0, 0.0), half_m, facecolor="#ffffff")
+    for patch, edge in ((deck, "#555555"), (landing, unit(GREEN))):
+        patch.set(edgecolor=edge, linewidth=1.8, zorder=0.5)
+        axes.add_patch(patch)
     reach_m = 0.5 * rig.deck_size_m + 0.12
     axes.set_xlim(-reach_m, reach_m)
     axes.set_ylim(-reach_m, reach_m)

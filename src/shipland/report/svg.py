@@ -120,7 +120,7 @@ def point_chart(
     title: str,
     axes: tuple[str, str],
     half: tuple[float, float],
-    squares: Sequence[float],
+    outlines: Sequence[tuple[str, float]],
     low: float = -1.0,
 ) -> str:
     """Points in a plane about zero.
@@ -130,7 +130,7 @@ def point_chart(
         title: what is shown.
         axes: names with units, horizontal and vertical (up).
         half: the axes reach so far either side; points beyond are drawn at the edge.
-        squares: sides of squares about zero.
+        outlines: (`square`, side) and (`circle`, diameter) about zero.
         low: where the vertical axis begins, in shares of its half: -1 or 0.
     """
     size, left, top, foot = 300, 50, 30, 40
@@ -165,12 +165,12 @@ def point_chart(
                 'stroke-width="6" stroke-linecap="round" stroke-opacity="0.55"' if kind.good else 'stroke-width="2"'
             )
             parts.append(f'<path fill="none" stroke="{colour}" {stroke} d="{"".join(marks)}"/>')
-    for side in squares:
+    for shape, side in outlines:
         corner = (x(-0.5 * side), y(0.5 * side))
         wide, high = x(0.5 * side) - corner[0], y(-0.5 * side) - corner[1]
-        parts.append(
-            f'<rect class="square" x="{corner[0]:.1f}" y="{corner[1]:.1f}" width="{wide:.1f}" height="{high:.1f}"/>'
-        )
+        round_off = f' rx="{0.5 * wide:.1f}" ry="{0.5 * high:.1f}"' if shape == "circle" else ""
+        box = f'x="{corner[0]:.1f}" y="{corner[1]:.1f}" width="{wide:.1f}" height="{high:.1f}"'
+        parts.append(f'<rect class="outline" {box}{round_off}/>')
     parts.append(_text(left + 0.5 * size, height - 6, axes[0], "tick middle"))
     turned = f'transform="rotate(-90 12 {top + 0.5 * size:.0f})"'
     parts.append(f'<text class="tick middle" x="12" y="{top + 0.5 * size:.0f}" {turned}>{html.escape(axes[1])}</text>')

@@ -1,4 +1,4 @@
-"""One picture of a sweep: the share of landings in the square and the touchdown error over what was changed."""
+"""One picture of a sweep: the share of landings in the landing area and the touchdown error over what was changed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _COLOURS = (BLUE, VERMILION, GREEN)
 
 
 def plot_sweep(
-    path: Path, done: Sequence[tuple[Cell, Sequence[Landing]]], title: str, parameters: PlotParameters
+    path: Path, done: Sequence[tuple[Cell, Sequence[Landing]]], title: str, area: str, parameters: PlotParameters
 ) -> None:
     """A line a pilot; DataError when the picture cannot be written."""
     import matplotlib as mpl
@@ -42,7 +42,7 @@ def plot_sweep(
                 at, quartiles[1], np.abs(quartiles[[0, 2]] - quartiles[1]), fmt="o-", color=colour, capsize=3
             )
         shares.set_ylim(-3.0, 103.0)
-        shares.set_ylabel("landed in the square [%], 95 % interval")
+        shares.set_ylabel(f"landed in the {area} [%], 95 % interval")
         errors.set_ylim(bottom=0.0)
         errors.set_ylabel("touchdown error [m], median and quartiles")
         for axes in (shares, errors):

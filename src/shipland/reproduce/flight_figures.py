@@ -177,7 +177,7 @@ def _draw_key(axes: Axes, logs: Sequence[FlightLog]) -> None:
     for marker, colour, label in (
         (".", (0, 0, 0), "start"),
         ("s", VERMILION, "ship"),
-        ("x", VERMILION, "not in the square"),
+        ("x", VERMILION, "not in the landing area"),
     ):
         handles.append(Line2D([], [], color=unit(colour), marker=marker, linestyle="none", label=label))
     axes.legend(handles=handles, loc="best", ncols=2)
