@@ -86,6 +86,7 @@ class PathParameters:
         near_m: nearer than this to the bar the pace is that of the approach.
         acceleration_mps2, closing_per_s, leash_m, leash_mps: of every reference.
         stand_off_m: of the point flown to while the bar's heading is not known.
+        round_after_s, round_lead_deg: who waits near it for longer flies around it, towards a point so far round.
         line_up: metres astern of the hover point for a metre to its side.
         far_above_m, glide_path_deg: height over the bar's centre far away, and the steepest way to it.
         climb_per_s, climb_mps: of the height loop.
@@ -102,6 +103,8 @@ class PathParameters:
     leash_m: float
     leash_mps: float
     stand_off_m: float
+    round_after_s: float
+    round_lead_deg: float
     line_up: float
     far_above_m: float
     glide_path_deg: float

@@ -28,6 +28,8 @@ _BLIND_S = 1.5
 """Without a velocity of the vehicle for this long, gains are those for pictures alone."""
 _RATE_SHARE = 0.7
 """Of the rate at which the vehicle can follow: an input beyond it is not what the model takes it for."""
+_AHEAD_RAD = math.radians(80.0)
+"""Farther round from astern than this the ship stands in the way."""
 _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
 
 
@@ -55,6 +57,7 @@ class HorizonPilot:
         self._step_s = 1.0 / 30.0
         self._side_rad = 0.0
         self._contact_m = math.inf
+        self._waiting_s: float | None = None
 
     def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None = None) -> Decision:
         """One cycle; never raises."""
@@ -180,11 +183,14 @@ class HorizonPilot:
     def _goal(self, mode: Mode, estimate: Estimated) -> tuple[Array, Array]:
         """Where to, against the bar, and how fast that point moves by the bar's turning."""
         path, approach = self._parameters.path, self._approach
-        if not estimate.bar_known:
+        if estimate.bar_known:
+            self._waiting_s = None
+        else:
             distance_m = math.hypot(*estimate.place_m.tolist())
             too_high_m = (-estimate.down_m - path.far_above_m) / math.tan(math.radians(path.glide_path_deg))
             stand_off_m = min(max(path.stand_off_m, too_high_m), distance_m)
-            return estimate.place_m * (stand_off_m / max(distance_m, 1.0)), np.zeros(2)
+            goal_m = estimate.place_m * (stand_off_m / max(distance_m, 1.0))
+            return turned(goal_m, self._round_rad(estimate.t_s, distance_m)), np.zeros(2)
         ahead_m = float(self._deck_in_bar_m[0])
         if mode is Mode.CLIMB_OUT:
             ahead_m -= approach.climb_out_back_m
@@ -196,8 +202,30 @@ class HorizonPilot:
                 above_m / math.tan(math.radians(path.glide_path_deg)),
             )
             ahead_m -= short_m if mode is not Mode.LAND else 0.0
-        goal_m = turned(np.array([ahead_m, 0.0]), estimate.bar_rad)
+        goal_in_bar_m = self._past_ship(estimate, np.array([ahead_m, 0.0]))
+        goal_m = turned(goal_in_bar_m, estimate.bar_rad)
         return goal_m, estimate.turn_rad_s * np.array([-goal_m[1], goal_m[0]])
+
+    def _past_ship(self, estimate: Estimated, goal_in_bar_m: Array) -> Array:
+        """The goal (2,), or, from ahead of the ship, a point on the way around it."""
+        ahead_m, right_m, _ = estimate.aircraft_in_bar_m.tolist()
+        off_astern_rad, distance_m = math.atan2(right_m, -ahead_m), math.hypot(ahead_m, right_m)
+        if abs(off_astern_rad) < _AHEAD_RAD or distance_m < self._margins.overhead_m + self._half_cue_m:
+            return goal_in_bar_m
+        radius_m = max(distance_m, 2.0 * self._approach.climb_out_back_m)
+        wanted_rad = off_astern_rad - math.copysign(math.radians(self._parameters.path.round_lead_deg), off_astern_rad)
+        return radius_m * np.array([-math.cos(wanted_rad), math.sin(wanted_rad)])
+
+    def _round_rad(self, t_s: float, distance_m: float) -> float:
+        """How far round the target the goal lies: who waits at the stand-off and sees no corners flies around it."""
+        path = self._parameters.path
+        if distance_m > 2.0 * path.stand_off_m:
+            self._waiting_s = None
+        elif self._waiting_s is None:
+            self._waiting_s = t_s
+        if self._waiting_s is None or t_s - self._waiting_s < path.round_after_s:
+            return 0.0
+        return math.radians(path.round_lead_deg)
 
     def _pace(self, estimate: Estimated, goal_m: Array) -> Pace:
         path = self._parameters.path
