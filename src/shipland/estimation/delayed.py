@@ -114,6 +114,13 @@ class DelayedFilter:
         self.belief = self.model.start(t_s, place_m, covariance_m2, speed_mps)
         self._refused = 0
 
+    def copy(self) -> DelayedFilter:
+        """Another of the same belief."""
+        other = DelayedFilter(self.model, self._parameters, self._velocity_least_mps)
+        other.belief, other.normalised = self.belief, self.normalised
+        other._velocities, other._velocity_variance = list(self._velocities), self._velocity_variance
+        return other
+
     def adopt(self, model: Model) -> None:
         """Go on with a model of another swing."""
         before, self.model = self.model.swing, model

@@ -19,6 +19,7 @@ from shipland.estimation.heading import (
     with_compass,
     with_pose,
 )
+from shipland.estimation.latency import LatencyBank
 from shipland.estimation.relative_state import (
     GUST,
     PLACE,
@@ -190,6 +191,7 @@ class Navigator:
         least_mps = measured.velocity_mps if self.servo is None else measured.velocity_tracked_mps
         self._across = DelayedFilter(self._across_model(), delayed, least_mps)
         self._down = DelayedFilter(self._down_model(), delayed, measured.velocity_down_mps)
+        self._latency = LatencyBank(parameters.latency)
         stern_m = -float(rig.bar_in_ship_m[0]) - rig.deck_ahead_of_stern_m
         self._hull_m = (stern_m, stern_m + rig.platform_length_m, 0.5 * rig.platform_width_m)
         self._deck_down_m = float(rig.deck_in_bar_m[2])
@@ -285,6 +287,10 @@ class Navigator:
         else:
             self.servo.ask(effect_s, turned(push, nose_rad), self._pushes)
 
+    def taken_s(self, stamp_s: float) -> float:
+        """When a picture was taken, as far as that is known."""
+        return stamp_s + self._latency.correction_s
+
     def input_before(self) -> Array:
         """(2,) the newest input sent, in the axes of the flight."""
         return self._pushes.latest() if self.servo is None else self.servo.asked_mps
@@ -302,6 +308,7 @@ class Navigator:
         """One cycle's news."""
         if observation.bar_pose is not None and not _finite(observation.bar_pose):
             observation = replace(observation, bar_pose=None)
+        observation = replace(observation, t_s=self.taken_s(observation.t_s))
         heading_rad = telemetry.heading_rad
         if heading_rad is not None:
             self._compass.add(_time(telemetry, "heading_t_s"), heading_rad)
@@ -359,7 +366,9 @@ class Navigator:
         if t_s < self._velocity_s + _VELOCITY_EVERY_S:
             return
         self._velocity_s = t_s
-        self._across.velocity(t_s, turned(velocity[:2], self._nose_at(t_s)), self._over_ship())
+        across_mps, over_ship = turned(velocity[:2], self._nose_at(t_s)), self._over_ship()
+        self._across.velocity(t_s, across_mps, over_ship)
+        self._latency.velocity(t_s, across_mps, over_ship)
         self._down.velocity(t_s, velocity[2:])
         if self._sinking is None or self._seen_s > self._sinking[0]:
             self._sinking = (t_s, float(velocity[2]))
@@ -403,6 +412,8 @@ class Navigator:
         covariance += (_NOSE_RAD**2) * np.outer(jacobian[:, 3], jacobian[:, 3])
         down_variance = float(pose.covariance[2, 2]) + floor
         self._take_swing(t_s, down_m, down_variance)
+        stamp_s = t_s - self._latency.correction_s
+        self._latency.picture(stamp_s, place_m, covariance, self._pushes, turn_rad_s, self._across)
         self._enter(t_s, place_m, covariance, down_m, down_variance, turn_rad_s)
 
     def _take_swing(self, t_s: float, down_m: float, variance: float) -> None:
@@ -422,7 +433,9 @@ class Navigator:
         self._swings = after = self._bank.seen(before, t_s, moved_m, down_m, variance)
         if after.chosen != before.chosen:
             self.swing = self._swing.believed[after.chosen]
-            self._across.adopt(self._across_model())
+            model = self._across_model()
+            self._across.adopt(model)
+            self._latency.adopt(model)
             self._down.adopt(self._down_model())
 
     def _take_box(self, observation: Observation, box: Box, is_bar: bool, turn_rad_s: float) -> None:
@@ -459,6 +472,7 @@ class Navigator:
             measured = self._parameters.measured
             self._across.start(t_s, place_m, covariance, measured.first_mps)
             self._down.start(t_s, down, spread, measured.first_climb_mps)
+            self._latency.forget_place()
             self._seen_s = t_s
             return
         self._down.picture(t_s, down, spread, self._climbs)

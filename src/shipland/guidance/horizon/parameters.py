@@ -8,6 +8,7 @@ from typing import Literal
 from shipland.config import require
 from shipland.estimation.delayed import DelayedParameters
 from shipland.estimation.heading import HeadingNoise
+from shipland.estimation.latency import LatencyParameters
 from shipland.estimation.relative_state import Disturbances
 from shipland.estimation.swing_bank import SwingParameters
 from shipland.guidance.horizon.descent import DescentParameters
@@ -150,6 +151,7 @@ class HorizonParameters:
     turn_from_rad_s: float
     measured: MeasurementNoise
     delayed: DelayedParameters
+    latency: LatencyParameters
     swing: SwingParameters
     weights: Weights
     weights_blind: Weights

@@ -91,7 +91,7 @@ class HorizonPilot:
         self._sticks = sticks
         self._point_camera(mode, observation, estimate if usable else None, step_s)
         command = PilotCommand(now_s, *sticks, self._gimbal_pitch_rad, INTENTS[mode])
-        at_picture = navigator.estimate(observation.t_s) if usable else None
+        at_picture = navigator.estimate(navigator.taken_s(observation.t_s)) if usable else None
         return Decision(command, mode, self._modes.reason, _shown(at_picture))
 
     # --- modes -------------------------------------------------------------------------------------------------

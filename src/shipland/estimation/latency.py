@@ -1,0 +1,120 @@
+"""How much later pictures were taken than they say: a bank of filters, each with its own answer, and their evidence.
+
+A picture of a wrong time shows a place where the aircraft has not been yet, or no longer is. While the speed against
+the bar changes, no other error of the filter looks like it: the filter that is told the right time is surprised least.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.config import require
+from shipland.estimation.delayed import DelayedFilter, Inputs
+from shipland.estimation.relative_state import Model
+from shipland.frames import Array
+
+_MOST_SURPRISE = 25.0
+"""Of one picture: normalised innovation squared; beyond it the picture is astray, whatever its time."""
+
+
+@dataclass(frozen=True)
+class LatencyParameters:
+    """`[guidance.horizon.latency]`.
+
+    Attributes:
+        deviation_s: standard deviation of what the time stamps of a flight's pictures are off by; 0 believes them.
+        candidates_s: ascending, equally far apart: what each filter of the bank adds to the stamps.
+        every_s: pictures that follow closer are passed over.
+        share: of a picture's evidence that counts: the innovations are not independent of each other.
+        memory_s: over which evidence counts.
+        most_per_s: the correction in use changes no faster.
+    """
+
+    deviation_s: float
+    candidates_s: tuple[float, ...]
+    every_s: float
+    share: float
+    memory_s: float
+    most_per_s: float
+
+    def __post_init__(self) -> None:
+        require(self.deviation_s >= 0.0, f"deviation_s must not be negative, got {self.deviation_s}")
+        require(len(self.candidates_s) >= 3, "candidates_s must hold at least three")
+        steps = np.diff(self.candidates_s)
+        require(
+            bool(np.all(steps > 0.0)) and bool(np.allclose(steps, steps[0])), "candidates_s must rise in equal steps"
+        )
+        require(self.memory_s > 0.0, f"memory_s must be positive, got {self.memory_s}")
+
+
+class LatencyBank:
+    """Finds what to add to the pictures' times.
+
+    Args:
+        parameters: of the bank.
+    """
+
+    def __init__(self, parameters: LatencyParameters) -> None:
+        self._parameters = parameters
+        self._candidates_s = np.array(parameters.candidates_s)
+        self._prior = (self._candidates_s / max(parameters.deviation_s, 1e-6)) ** 2
+        self._evidence: Array = np.zeros(len(self._candidates_s))
+        self._filters: list[DelayedFilter] = []
+        self._seen_s = -math.inf
+        self.correction_s = 0.0
+        """To be added to a picture's time stamp."""
+
+    def forget_place(self) -> None:
+        """The place is lost: the filters start anew with the next picture, the evidence stays."""
+        self._filters = []
+
+    def adopt(self, model: Model) -> None:
+        """Go on with a model of another swing."""
+        for one in self._filters:
+            one.adopt(model)
+
+    def velocity(self, t_s: float, measured_mps: Array, over_ship: float) -> None:
+        """As `DelayedFilter.velocity`."""
+        for one in self._filters:
+            one.velocity(t_s, measured_mps, over_ship)
+
+    def picture(
+        self,
+        stamp_s: float,
+        place_m: Array,
+        covariance_m2: Array,
+        inputs: Inputs,
+        turn_rad_s: float,
+        follows: DelayedFilter,
+    ) -> None:
+        """Judge by a picture's place (axes,) with the time as it was stamped; `follows` is the filter in use."""
+        parameters = self._parameters
+        passed_s = stamp_s - self._seen_s
+        if parameters.deviation_s <= 0.0 or follows.belief is None or passed_s < parameters.every_s:
+            return
+        self._seen_s = stamp_s
+        if not self._filters:
+            self._filters = [follows.copy() for _ in self._candidates_s]
+            return
+        self._evidence *= math.exp(-passed_s / parameters.memory_s)
+        for i, one in enumerate(self._filters):
+            one.model = follows.model
+            one.picture(stamp_s + self._candidates_s[i], place_m, covariance_m2, inputs, turn_rad_s)
+            self._evidence[i] += parameters.share * min(one.normalised, _MOST_SURPRISE)
+        most_s = parameters.most_per_s * passed_s
+        self.correction_s += min(max(self._best_s() - self.correction_s, -most_s), most_s)
+
+    def _best_s(self) -> float:
+        """The lowest point of the parabola through the least cost and its neighbours."""
+        cost = self._prior + self._evidence
+        if not np.isfinite(cost).all():
+            return 0.0
+        middle = min(max(int(np.argmin(cost)), 1), len(cost) - 2)
+        before, at, after = cost[middle - 1 : middle + 2].tolist()
+        step_s = float(self._candidates_s[1] - self._candidates_s[0])
+        bend = before - 2.0 * at + after
+        off = 0.5 * (before - after) / bend if bend > 1e-9 else 0.0
+        return float(self._candidates_s[middle]) + step_s * min(max(off, -1.0), 1.0)
