@@ -72,15 +72,15 @@ def hover_m(case: Case, horizon: HorizonParameters, response: Response, delay_s:
         if index % VELOCITY_EVERY == 0:
             velocity = model.velocity(belief, 0.5, horizon.delayed.flow_settle_s)
             belief = updated(belief, velocity, np.zeros(1), horizon.measured.velocity_mps**2 * np.eye(1)).belief
-    error = model.predicted(belief, round(1e3 * delay_s), np.zeros(model.motion.inputs)).covariance[:STATES, :STATES]
-    transition, inputs, spread = (it[:STATES] for it in model.step(STEP_MS))
+    error = model.predicted(belief, round(1e3 * delay_s), np.zeros(model.motion.inputs)).covariance
+    transition, inputs, spread = model.step(STEP_MS)
     weights = replace(horizon.weights, **FREE) if free else horizon.weights
     closed = np.eye(STATES + 1)
-    closed[:STATES, :STATES], closed[:STATES, STATES] = transition[:, :STATES], inputs[:, 0]
+    closed[:STATES, :STATES], closed[:STATES, STATES] = transition, inputs[:, 0]
     entry = np.append(inputs[:, 0], 1.0)
     closed -= np.outer(entry, gains_of(model.motion, noise, swing, weights, STEP_MS).steady)
     news: Array = np.zeros((STATES + 1, STATES + 1))
-    news[:STATES, :STATES] = transition[:, :STATES] @ error @ transition[:, :STATES].T + spread[:, :STATES] - error
+    news[:STATES, :STATES] = transition @ error @ transition.T + spread - error
     state = news.copy()
     for _ in range(3000):
         state = closed @ state @ closed.T + news

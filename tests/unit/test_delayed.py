@@ -9,7 +9,7 @@ from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.relative_state import PLACE, SPEED, STATES, Disturbances, Model, Motion
 from shipland.estimation.swing import Swing
 
-NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02, 0.0)
+NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
 MODEL = Model(2, Motion(0.06, 0.4), NOISE, Swing(1e-3, 1.8, 0.1))
 
 
@@ -38,7 +38,7 @@ def test_inputs_of_long_flights_are_forgotten_and_still_right():
 
 def _truth(seconds, push=0.8):
     """Place and speed every 10 ms under a constant input from 1 s on."""
-    state, rows = np.zeros(2 * STATES + 1), []
+    state, rows = np.zeros(2 * STATES), []
     transition, inputs, _ = MODEL.step(10)
     for k in range(round(seconds / 0.01) + 1):
         rows.append(state.copy())

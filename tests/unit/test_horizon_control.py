@@ -80,7 +80,7 @@ def test_the_model_of_a_servo_with_an_integral_is_that_of_its_loop_and_its_gains
     x[0] = state[PLACE] = 0.3
     state[PUSH] = wind_mps2  # what the wind pushes and the integral does not yet hold
     shaped, model = ShapedSpeed(motion), Model(2, motion, NOISE, STILL)
-    mean = np.zeros(2 * STATES + 1)
+    mean = np.zeros(2 * STATES)
     for k in range(300):
         mean[:STATES] = state
         full = np.concatenate([state, [asked_mps], shaped.state[:, 0]])

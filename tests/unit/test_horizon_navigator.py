@@ -55,7 +55,7 @@ def test_the_covariance_turns_with_the_bar_and_shrinks_with_what_is_seen():
         assert estimate.covariance == pytest.approx(estimate.covariance.T)
         assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0
     assert (np.diag(late.covariance) < np.diag(early.covariance)).all()
-    wide = replace(late.across, covariance=np.diag([9.0, *[1e-6] * (STATES - 1), 1.0, *[1e-6] * (STATES - 1), 1e-6]))
+    wide = replace(late.across, covariance=np.diag([9.0, *[1e-6] * (STATES - 1), 1.0, *[1e-6] * (STATES - 1)]))
     turned = replace(late, across=wide, bar_rad=0.5 * math.pi)  # the flight's first axis is the bar's left
     assert np.diag(turned.covariance)[:2] == pytest.approx([1.0, 9.0], abs=1e-3)
 

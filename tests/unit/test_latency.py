@@ -10,7 +10,7 @@ from shipland.estimation.latency import LatencyBank, LatencyParameters
 from shipland.estimation.relative_state import PLACE, STATES, Disturbances, Model, Motion
 from shipland.estimation.swing import Swing
 
-MODEL = Model(2, Motion(0.1, 0.4), Disturbances(0.02, 1.5, 0.02, 20.0, 0.1, 300.0, 1e-4, 0.0), Swing(1e-3, 1.8, 0.1))
+MODEL = Model(2, Motion(0.1, 0.4), Disturbances(0.02, 1.5, 0.02, 20.0, 0.1, 300.0, 1e-4), Swing(1e-3, 1.8, 0.1))
 DELAYED = DelayedParameters(16.0, 40.0, 0.05, 0.5, 1.0, 0.0, 0.6)
 
 
@@ -27,9 +27,9 @@ def _bank(off_s, parameters, seconds=12.0):
     rng, inputs, bank = np.random.default_rng(3), Inputs(2), LatencyBank(parameters)
     follows = DelayedFilter(MODEL, DELAYED, 0.02)
     transition, entry, _ = MODEL.step(10)
-    state, places = np.zeros(2 * STATES + 1), []
+    state, places = np.zeros(2 * STATES), []
     for k in range(round((seconds + 1.0) / 0.01)):
-        places.append(state[PLACE:-1:STATES].copy())
+        places.append(state[PLACE::STATES].copy())
         state = transition @ state + entry @ _push(0.01 * k)
     follows.start(0.0, places[0], 1e-4 * np.eye(2), 0.1)
     for k in range(1, round(seconds / 0.05)):

@@ -7,7 +7,7 @@ from shipland.estimation.relative_state import STATES, SWING, Disturbances, Mode
 from shipland.estimation.swing import Swing
 
 SHIP = Swing(0.12, 2.0, 0.2)
-NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02, 0.0)
+NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
 
 
 def _density(swing, frequency_rad_s):

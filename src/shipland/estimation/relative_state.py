@@ -18,9 +18,8 @@ The states of an axis, in the order of the indices below:
 | | and the two of the waves that drive it (`Swing`) | |
 
 With u the input, k the drag and T the lag: ṗ = v; v̇ = a + g + s − k v; ȧ = (U − a)/T, where U = u for a vehicle whose
-sticks mean a tilt, and U = κ (u − v − c) for one that tracks a velocity over its own reference. The last state of all,
-the latency δ, is shared by the axes: by how much pictures are older than they say; a picture of a bar that the ship
-carries shows p − o − (v − ȯ) δ, and one of a bar that stands still p − v δ.
+sticks mean a tilt, and U = κ (u − v − c) for one that tracks a velocity over its own reference. A picture of a bar
+that the ship carries shows p − o, and one of a bar that stands still p.
 """
 
 from __future__ import annotations
@@ -81,7 +80,6 @@ class Disturbances:
         push_mps2, push_time_s: acceleration by the mean wind.
         reference_mps, reference_time_s: the velocity reference.
         speed_noise: power density of an acceleration without memory [m²/s³].
-        latency_s: of the pictures' age, at first.
     """
 
     gust_mps2: float
@@ -91,7 +89,6 @@ class Disturbances:
     reference_mps: float
     reference_time_s: float
     speed_noise: float
-    latency_s: float
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -105,7 +102,7 @@ class Belief:
 
     Attributes:
         t_s: the time that it holds for.
-        mean: (10 × axes + 1,) axis by axis, then the latency.
+        mean: (STATES × axes,) axis by axis.
         covariance: square of that size.
     """
 
@@ -115,16 +112,11 @@ class Belief:
 
     def of(self, state: int) -> Array:
         """(axes,) the mean of one state on every axis."""
-        return np.asarray(self.mean[state:-1:STATES])
-
-    @property
-    def latency_s(self) -> float:
-        """How much older pictures are than they say."""
-        return float(self.mean[-1])
+        return np.asarray(self.mean[state::STATES])
 
 
 def dynamics(motion: Motion, noise: Disturbances, swing: Swing) -> tuple[Array, Array, Array]:
-    """Continuous time, one axis: matrix (10,10), input matrix (10, inputs), noise densities (10,)."""
+    """Continuous time, one axis: matrix (n,n), input matrix (n, inputs), noise densities (n,), n = STATES."""
     a, b, q = np.zeros((STATES, STATES)), np.zeros((STATES, motion.inputs)), np.zeros(STATES)
     a[PLACE, SPEED] = 1.0
     a[SPEED, [SPEED, THRUST, GUST, PUSH]] = -motion.drag_per_s, 1.0, 1.0, 1.0
@@ -213,7 +205,7 @@ class Model:
 
     def _solved(self, step_ms: int) -> tuple[Array, Array, Array]:
         one, push, noise, swing_noise = _axis_step(self.motion, self.noise, self.swing, step_ms)
-        size = STATES * self.axes + 1
+        size = STATES * self.axes
         transition, covariance = np.eye(size), np.zeros((size, size))
         inputs = np.zeros((size, self.axes * self.motion.inputs))
         for axis in range(self.axes):
@@ -221,12 +213,11 @@ class Model:
             transition[rows, rows], covariance[rows, rows], inputs[rows, axis :: self.axes] = one, noise, push
             for other in range(self.axes):
                 covariance[rows, _rows(other)] += self._shape[axis, other] * swing_noise
-        covariance[-1, -1] = (self.noise.latency_s * 0.02) ** 2 * 1e-3 * step_ms
         return transition, inputs, covariance
 
     def _swing_spread(self) -> Array:
         """(n,n) covariance of the swing while nothing is known of it; zero for all else."""
-        size = STATES * self.axes + 1
+        size = STATES * self.axes
         covariance = np.zeros((size, size))
         for axis in range(self.axes):
             for other in range(self.axes):
@@ -235,13 +226,12 @@ class Model:
 
     def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float) -> Belief:
         """A belief from a first place (axes,) with its covariance (axes, axes), and a spread of the speed."""
-        noise, n = self.noise, STATES * self.axes + 1
+        noise = self.noise
         spreads = [0.0, speed_mps, 0.5, noise.gust_mps2, noise.push_mps2, noise.reference_mps]
-        deviation = np.array([*[*spreads, *[0.0] * (STATES - SWING)] * self.axes, noise.latency_s])
-        mean, covariance = np.zeros(n), np.diag(deviation**2) + self._swing_spread()
-        mean[PLACE:-1:STATES] = place_m
-        places = np.arange(PLACE, n - 1, STATES)
-        covariance[np.ix_(places, places)] = covariance_m2
+        deviation = np.array([*spreads, *[0.0] * (STATES - SWING)] * self.axes)
+        mean, covariance = np.zeros(len(deviation)), np.diag(deviation**2) + self._swing_spread()
+        mean[PLACE::STATES] = place_m
+        covariance[PLACE::STATES, PLACE::STATES] = covariance_m2
         return Belief(t_s, mean, covariance)
 
     def adopted(self, belief: Belief, before: Swing) -> Belief:
@@ -316,15 +306,11 @@ def _swing(axis: int) -> slice:
 
 @compiled
 def _seen(mean: Array, axes: int, shown: float) -> tuple[Array, Array]:
-    latency_s = mean[-1]
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):
         first = STATES * axis
-        rate = mean[first + SPEED] - shown * mean[first + SWING_RATE]
-        expected[axis] = mean[first + PLACE] - shown * mean[first + SWING] - latency_s * rate
+        expected[axis] = mean[first + PLACE] - shown * mean[first + SWING]
         jacobian[axis, first + PLACE], jacobian[axis, first + SWING] = 1.0, -shown
-        jacobian[axis, first + SPEED], jacobian[axis, first + SWING_RATE] = -latency_s, shown * latency_s
-        jacobian[axis, -1] = -rate
     return expected, jacobian
 
 

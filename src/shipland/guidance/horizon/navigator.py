@@ -142,7 +142,7 @@ class Estimated:
 
     def _place_covariance(self, belief: Belief) -> Array:
         """(axes, axes) of a place less the shown share of the swing."""
-        place, swing = slice(PLACE, -1, STATES), slice(SWING, -1, STATES)
+        place, swing = slice(PLACE, None, STATES), slice(SWING, None, STATES)
         crossed = belief.covariance[place, swing]
         share = self.swing.shown
         both = belief.covariance[place, place] + share**2 * belief.covariance[swing, swing]
