@@ -1,0 +1,106 @@
+"""Where a learned policy enters the pilot `horizon`: what it sees, and what it may do to the horizontal input.
+
+Everything else stays the pilot's: estimate, modes, references, descent, heave, yaw and camera.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from shipland.config import require
+from shipland.frames import Array
+
+Kind = Literal["residual", "direct"]
+
+AXIS_ENTRIES: tuple[tuple[str, float], ...] = (
+    ("offset_m", 0.3),
+    ("speed_mps", 0.5),
+    ("thrust_mps2", 2.0),
+    ("gust_mps2", 0.5),
+    ("push_mps2", 2.0),
+    ("swing_m", 0.2),
+    ("swing_mps", 0.3),
+    ("input_mps2", 2.0),
+    ("wanted_mps2", 2.0),
+)
+"""What a policy sees of each axis, forward then starboard of the bar, and the scale that it is divided by."""
+WHOLE_ENTRIES: tuple[tuple[str, float], ...] = (
+    ("height_m", 1.0),
+    ("sink_mps", 0.5),
+    ("contact_s", 1.0),
+    ("landing", 1.0),
+    ("dropping", 1.0),
+)
+"""What it sees beside them."""
+ENTRIES = (*(f"{name}.{axis}" for name, _ in AXIS_ENTRIES for axis in ("forward", "starboard")),) + tuple(
+    name for name, _ in WHOLE_ENTRIES
+)
+"""The numbers of an observation, in order."""
+LIMIT = 5.0
+"""Scaled numbers are clipped at this."""
+LONGEST_CONTACT_S = 3.0
+"""A time to contact beyond this is this."""
+
+
+@dataclass(frozen=True)
+class Action:
+    """What a policy's action, two numbers in -1 … 1, means.
+
+    Attributes:
+        kind: `residual`: added to the pilot's own input; `direct`: the input itself.
+        bound_mps2: input of an action of 1.
+        reach_m: farther from the landing point than this the pilot flies alone.
+    """
+
+    kind: Kind
+    bound_mps2: float
+    reach_m: float
+
+    def __post_init__(self) -> None:
+        require(self.kind in ("residual", "direct"), f"kind must be 'residual' or 'direct', got {self.kind!r}")
+        require(0.0 <= self.bound_mps2 <= 10.0, f"bound_mps2 must be in 0…10, got {self.bound_mps2}")
+        require(self.reach_m >= 0.0, f"reach_m must not be negative, got {self.reach_m}")
+
+
+@dataclass(frozen=True)
+class Steered:
+    """What a policy sees: the pilot's estimate at its command's effect; vectors (2,) forward, starboard of the bar.
+
+    Attributes:
+        offset_m, speed_mps: of the aircraft from the point that it follows, and its rate.
+        thrust_mps2, gust_mps2, push_mps2: accelerations by the sticks, by gusts and by the mean wind.
+        swing_m, swing_mps: of the bar.
+        input_mps2: asked for by the command before.
+        wanted_mps2: asked for by the pilot's own gains now.
+        height_m: over the neutral deck.
+        sink_mps: its rate, down positive.
+        contact_s: to contact, if the descent went on at its last part's speed.
+        landing: a landing has begun.
+        dropping: its last part has.
+    """
+
+    offset_m: Array
+    speed_mps: Array
+    thrust_mps2: Array
+    gust_mps2: Array
+    push_mps2: Array
+    swing_m: Array
+    swing_mps: Array
+    input_mps2: Array
+    wanted_mps2: Array
+    height_m: float
+    sink_mps: float
+    contact_s: float
+    landing: bool
+    dropping: bool
+
+
+class Steering(Protocol):
+    """A policy in the pilot's loop."""
+
+    note: str
+    """What is wrong with it, in words; empty where nothing is."""
+
+    def input_mps2(self, seen: Steered) -> Array:
+        """(2,) the input to ask for, forward and starboard; never raises, and gives the pilot's own when it fails."""
