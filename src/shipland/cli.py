@@ -17,6 +17,7 @@ from shipland.commands.detect import Detect
 from shipland.commands.evaluate import Evaluate
 from shipland.commands.fly import Fly
 from shipland.commands.identify import Identify
+from shipland.commands.learn import Learn
 from shipland.commands.motion import Motion
 from shipland.commands.paper import Paper
 from shipland.commands.publish import Publish
@@ -42,6 +43,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Synth,
     Train,
     Evaluate,
+    Learn,
     Calibrate,
     Identify,
     Publish,

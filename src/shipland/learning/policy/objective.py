@@ -12,8 +12,8 @@ from shipland.learning.policy.phase import Batch, Flights, LastPhase, Policy, ro
 
 _WORST_M = 0.5
 """An offset counts as at most about this: a flight that is lost must not outweigh those that are not."""
-_ON_THE_WAY, _LOW_M = 0.2, 1.5
-"""Weight of the squared offset on the way, below this height."""
+_ON_THE_WAY = 0.2
+"""Weight of the squared offset on the way."""
 _EFFORT = 2e-4
 """Weight of the squared action and of its change from cycle to cycle."""
 
@@ -23,30 +23,42 @@ def offsets_m(phase: LastPhase, flights: Flights) -> Tensor:
     return flights.touch.deck_m if phase.bank.carried else flights.touch.own_m
 
 
-def loss_of(phase: LastPhase, batch: Batch, policy: Policy, meaning: Action, cycles: int) -> Tensor:
-    """Of one batch; differentiable."""
-    on_the_way = torch.zeros(())
-    effort = torch.zeros(())
+def loss_of(
+    phase: LastPhase, batch: Batch, policy: Policy, meaning: Action, begin: int, cycles: int
+) -> tuple[Tensor, int]:
+    """Of one batch, and how many contacts are in it; differentiable.
+
+    Args:
+        phase: what is flown.
+        batch: its flights.
+        policy: steers.
+        meaning: of its actions.
+        begin: cycles that are flown before, without gradients: what came long before matters little.
+        cycles: flown then.
+    """
+    with torch.no_grad():
+        flights = rollout(phase, batch, policy, meaning, cycles=begin)
+    down_before = flights.touch.touched
+    on_the_way, effort, weight = torch.zeros(()), torch.zeros(()), torch.zeros(())
     before: list[Tensor] = []
-    carried = phase.bank.carried
+    table = phase.bank.deck_m if phase.bank.carried else phase.bank.point_m
 
     def watch(flights: Flights, actions: Tensor) -> None:
-        nonlocal on_the_way, effort
-        table = phase.bank.deck_m if carried else phase.bank.point_m
+        nonlocal on_the_way, effort, weight
         place = flights.aircraft.position_m - batch.drawn.at(table, flights.cycle)
-        counts = (~flights.touch.touched & (-place[:, 2] < _LOW_M)).to(place.dtype)
-        squared = _bounded(place[:, :2].square().sum(1))
-        on_the_way = on_the_way + (counts * squared).mean()
-        change = actions - before[0] if before else actions
-        effort = effort + (counts * (actions.square().sum(1) + change.square().sum(1))).mean()
+        counts = (~flights.touch.touched).to(place.dtype)
+        change = actions - before[0] if before else torch.zeros_like(actions)
+        on_the_way = on_the_way + (counts * _bounded(place[:, :2].square().sum(1))).sum()
+        effort = effort + (counts * (actions.square().sum(1) + change.square().sum(1))).sum()
+        weight = weight + counts.sum()
         before[:] = [actions]
 
-    flights = rollout(phase, batch, policy, meaning, cycles=cycles, watch=watch)
-    off = offsets_m(phase, flights)
-    touched = flights.touch.touched
-    at_contact = _bounded(torch.where(touched[:, None], off, torch.zeros_like(off)).square().sum(1))
-    missing = (~touched).to(off.dtype).mean() * _WORST_M**2
-    return at_contact.mean() + missing + (_ON_THE_WAY * on_the_way + _EFFORT * effort) / cycles
+    flights = rollout(phase, batch, policy, meaning, cycles=cycles, flights=flights, watch=watch)
+    counts = flights.touch.touched & ~down_before
+    off = torch.where(counts[:, None], offsets_m(phase, flights), torch.zeros(()))
+    at_contact = _bounded(off.square().sum(1)).sum() / counts.sum().clamp_min(1)
+    way = (_ON_THE_WAY * on_the_way + _EFFORT * effort) / weight.clamp_min(1.0)
+    return at_contact + way, int(counts.sum())
 
 
 def _bounded(squared_m2: Tensor) -> Tensor:

@@ -22,7 +22,7 @@ from shipland.learning.policy.setup import PhaseSetup, Randomisation
 
 Policy = Callable[[Tensor], Tensor]
 """From observations (B, n) to actions (B, 2) in -1 … 1, forward and starboard of the bar."""
-SUBSTEPS = 3
+SUBSTEPS = 2
 """Of a cycle."""
 _HISTORY = 16
 """Cycles of places that late pictures are taken from."""
@@ -309,19 +309,21 @@ def rollout(
     meaning: Action = NOTHING,
     *,
     cycles: int,
+    flights: Flights | None = None,
     watch: Callable[[Flights, Tensor], None] | None = None,
 ) -> Flights:
     """Fly a batch for a number of cycles; differentiable in the policy's parameters.
 
     Args:
         phase: what is flown.
-        batch: its flights.
+        batch: its flights; one that is flown again meets other noise, one drawn again the same.
         policy: steers; None flies the pilot alone.
         meaning: of its actions.
         cycles: how many; an aircraft that has touched flies on and is not looked at again.
+        flights: to go on with; None begins.
         watch: called with the flights before each cycle, and the actions (B, 2) taken.
     """
-    flights = phase.start(batch)
+    flights = phase.start(batch) if flights is None else flights
     nothing = torch.zeros(batch.size, 2)
     for _ in range(cycles):
         actions = nothing if policy is None else policy(phase.observation(flights))
