@@ -21,7 +21,9 @@ Factory = Callable[..., Any]
 PACKAGED: dict[str, dict[str, str]] = {
     "pilots": {
         "horizon": "shipland.guidance.pilots:horizon",
+        "learned": "shipland.guidance.pilots:learned",
         "paper": "shipland.guidance.pilots:paper",
+        "residual": "shipland.guidance.pilots:residual",
     },
     "visions": {
         "geometric": "shipland.missions.visions:geometric",

@@ -18,8 +18,8 @@ class Learn(LearnArguments):
 
     Example: shipland learn --kind residual --minutes 8 --out out/residual
 
-    Example: shipland fly --pilot residual --set guidance.learned.residual=out/residual/policy.onnx --scenario rig-natops
-        --vision geometric --out out/flown
+    Example: shipland fly --pilot residual --set guidance.learned.residual=out/residual/policy.onnx
+        --scenario rig-natops --vision geometric --out out/flown
     """
 
     def run(self) -> int:

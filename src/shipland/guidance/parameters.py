@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from shipland.config import require
 from shipland.guidance.far import FarBaselines, FarKind, FarParameters
+from shipland.guidance.horizon.learned import LearnedParameters
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.laws import FarVariant
 from shipland.guidance.modes import ModeParameters
@@ -72,6 +73,7 @@ class GuidanceParameters:
 
     near: NearParameters
     horizon: HorizonParameters
+    learned: LearnedParameters
     ship: FarParameters
     bar: FarParameters
     far_control: FarKind

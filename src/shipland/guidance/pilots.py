@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from shipland.guidance.far import FarTables, far_control
+from shipland.guidance.horizon.learned import LearnedSteering
 from shipland.guidance.horizon.pilot import HorizonPilot
 from shipland.guidance.mode_pilot import ModePilot
 from shipland.guidance.near import PublishedNear
@@ -22,3 +23,13 @@ def paper(setup: PilotSetup) -> Pilot:
 def horizon(setup: PilotSetup) -> Pilot:
     """Ours: one estimate from the first box to contact, with the vehicle's own velocity, and linear-quadratic gains."""
     return HorizonPilot(setup)
+
+
+def residual(setup: PilotSetup) -> Pilot:
+    """`horizon` with a learned, bounded addition to its horizontal input over the deck (docs/learning.md)."""
+    return HorizonPilot(setup, LearnedSteering(setup.guidance.learned.residual, "residual", setup.response))
+
+
+def learned(setup: PilotSetup) -> Pilot:
+    """`horizon` whose horizontal input over the deck is a learned policy's (docs/learning.md)."""
+    return HorizonPilot(setup, LearnedSteering(setup.guidance.learned.direct, "direct", setup.response))

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
-from shipland.estimation.relative_state import PLACE, SPEED, STATES, SWING, THRUST
+from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, STATES, SWING, SWING_RATE, THRUST
 from shipland.estimation.swing import SWING_STATES
 from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.gains import INPUT, TRACKED, TRACKED_RATE, Gains, gains_of
 from shipland.guidance.horizon.navigator import Estimated, Navigator, turned
 from shipland.guidance.horizon.reference import Pace, Reference, at_rest, led_anew, moved
+from shipland.guidance.horizon.steering import LONGEST_CONTACT_S, Steered, Steering
 from shipland.guidance.laws import clamp
 from shipland.guidance.modes import INTENTS, ModeMemory, Situation, next_mode
 from shipland.guidance.near import Sticks
@@ -34,9 +35,15 @@ _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VI
 
 
 class HorizonPilot:
-    """Flies to the landing point that the level bar shows, from the first box to contact, on one estimate."""
+    """Flies to the landing point that the level bar shows, from the first box to contact, on one estimate.
 
-    def __init__(self, setup: PilotSetup) -> None:
+    Args:
+        setup: of the flight.
+        steering: a policy that changes the horizontal input near the landing point; None flies without.
+    """
+
+    def __init__(self, setup: PilotSetup, steering: Steering | None = None) -> None:
+        self._steering = steering
         guidance, rig, camera = setup.guidance, setup.rig, setup.camera
         self._parameters, self._mode_parameters = guidance.horizon, guidance.modes
         self._margins = guidance.horizon.margins
@@ -92,7 +99,9 @@ class HorizonPilot:
         self._point_camera(mode, observation, estimate if usable else None, step_s)
         command = PilotCommand(now_s, *sticks, self._gimbal_pitch_rad, INTENTS[mode])
         at_picture = navigator.estimate(navigator.taken_s(observation.t_s)) if usable else None
-        return Decision(command, mode, self._modes.reason, _shown(at_picture))
+        note = "" if self._steering is None else self._steering.note
+        reason = "; ".join(filter(None, (self._modes.reason, note)))
+        return Decision(command, mode, reason, _shown(at_picture))
 
     # --- modes -------------------------------------------------------------------------------------------------
 
@@ -169,6 +178,8 @@ class HorizonPilot:
         gains = self._gains(gentle=math.hypot(*self._offset(estimate).tolist()) > self._margins.gentle_m)
         heave_mps = self._heave_mps(mode, estimate, gains, step_s)
         wanted = self._wanted_input(estimate, gains)
+        if self._steering is not None and mode in (Mode.APPROACH, Mode.LAND) and estimate.bar_known:
+            wanted = self._steered(self._steering, estimate, gains, wanted)
         return self._sticks_of(estimate, wanted, heave_mps)
 
     def _gains(self, gentle: bool) -> Gains:
@@ -248,6 +259,35 @@ class HorizonPilot:
             change = -float(rows @ self._control_state(estimate, axis, before[axis]))
             wanted[axis] = before[axis] + clamp(change, most)
         return wanted
+
+    def _steered(self, steering: Steering, estimate: Estimated, gains: Gains, wanted: Array) -> Array:
+        """(2,) the input as a policy would have it, in the axes of the flight, no faster than can be followed."""
+        across, bar_rad, before = estimate.across, estimate.bar_rad, self._navigator.input_before()
+        descent = self._descent
+
+        def in_bar(vector: Array) -> Array:
+            return turned(vector, -bar_rad)
+
+        asked = steering.input_mps2(
+            Steered(
+                offset_m=in_bar(self._offset(estimate)),
+                speed_mps=in_bar(estimate.followed_mps),
+                thrust_mps2=in_bar(across.of(THRUST)),
+                gust_mps2=in_bar(across.of(GUST)),
+                push_mps2=in_bar(across.of(PUSH)),
+                swing_m=in_bar(across.of(SWING)),
+                swing_mps=in_bar(across.of(SWING_RATE)),
+                input_mps2=in_bar(before),
+                wanted_mps2=in_bar(wanted),
+                height_m=self._height_m(estimate),
+                sink_mps=estimate.down_mps,
+                contact_s=min(self._contact_in_s(estimate), LONGEST_CONTACT_S),
+                landing=descent is not None,
+                dropping=descent is not None and descent.phase is Phase.DROP,
+            )
+        )
+        most = _RATE_SHARE * self._response.max_input_rate * gains.step_s
+        return before + np.clip(turned(asked, bar_rad) - before, -most, most)
 
     def _control_state(self, estimate: Estimated, axis: int, before: float) -> Array:
         """(11,), or (13,), the state of an axis against the reference."""

@@ -33,8 +33,9 @@ WHOLE_ENTRIES: tuple[tuple[str, float], ...] = (
     ("dropping", 1.0),
 )
 """What it sees beside them."""
-ENTRIES = (*(f"{name}.{axis}" for name, _ in AXIS_ENTRIES for axis in ("forward", "starboard")),) + tuple(
-    name for name, _ in WHOLE_ENTRIES
+ENTRIES = (
+    *(f"{name}.{axis}" for name, _ in AXIS_ENTRIES for axis in ("forward", "starboard")),
+    *(name for name, _ in WHOLE_ENTRIES),
 )
 """The numbers of an observation, in order."""
 LIMIT = 5.0

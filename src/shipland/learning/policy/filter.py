@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -127,7 +128,7 @@ def estimator_tables(setup: PhaseSetup, swing: Swing) -> EstimatorTables:
             start = model.start(0.0, np.zeros(1), np.eye(1) * 0.1, _FIRST_MPS)
             seen[axis] = model.seen(start)[1][0, :STATES]
             for view in range(VIEWS):
-                velocity[view, axis] = _velocity_row(setup, parts, model, view, axis)
+                velocity[view, axis] = _velocity_row(setup, parts, view, axis)
                 found = _riccati(setup, parts, seen[axis], velocity[view, axis], start.covariance[:STATES, :STATES])
                 for name in ("picture", "velocity", "ahead"):
                     gains[f"{name}_gain"][level, view, :, axis] = found[name]
@@ -145,20 +146,20 @@ def estimator_tables(setup: PhaseSetup, swing: Swing) -> EstimatorTables:
 def _axis(setup: PhaseSetup, swing: Swing, axis: int, horizontal: Disturbances) -> _Axis:
     """What the pilot takes one axis for."""
     horizon, response = setup.horizon, setup.response
-    measured, delayed = horizon.measured, horizon.delayed
+    measured = horizon.measured
     floor = (measured.place_m + measured.place_share * POSE_RANGE_M) ** 2
     picture = floor + POSE_M[axis] ** 2
     if axis == 2:
         climb = Motion(0.05, 0.0, 1.0 / response.climb_lag_s)
-        return _Axis(climb, horizon.vertical, swing, picture, delayed.velocity_down_mps**2)
+        return _Axis(climb, horizon.vertical, swing, picture, measured.velocity_down_mps**2)
     if swing.carries_bar:
         spread = horizon.swing.spread
         swing = replace(swing, deviation_m=swing.deviation_m * (spread.along if axis == 0 else spread.across))
     motion = Motion(response.lag_s, response.drag_per_s)
-    return _Axis(motion, horizontal, swing, picture, delayed.velocity_least_mps**2)
+    return _Axis(motion, horizontal, swing, picture, measured.velocity_mps**2)
 
 
-def _velocity_row(setup: PhaseSetup, parts: _Axis, model: Model, view: int, axis: int) -> Array:
+def _velocity_row(setup: PhaseSetup, parts: _Axis, view: int, axis: int) -> Array:
     row = np.zeros(STATES)
     if axis == 2 or not setup.horizon.measured.flow:
         row[[SPEED, REFERENCE]] = 1.0
@@ -214,7 +215,7 @@ class _Spans:
         edges = self._delay_s - self._cycle_s * np.arange(self._count)
         cuts = sorted({from_s, to_s, *(float(edge) for edge in edges if from_s < edge < to_s)})
         transition, inputs = np.eye(STATES), np.zeros((STATES, self._count))
-        for begin_s, end_s in zip(cuts, cuts[1:], strict=False):
+        for begin_s, end_s in pairwise(cuts):
             # Command i holds from edge i + 1 to edge i; the newest goes on holding.
             which = max(int(np.ceil((self._delay_s - 0.5 * (begin_s + end_s)) / self._cycle_s)) - 1, 0)
             move, push, _ = discretised(a, b[:, :1], np.zeros(STATES), end_s - begin_s)

@@ -8,10 +8,10 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from shipland.guidance.horizon.learned import FORMAT
 from shipland.guidance.horizon.steering import ENTRIES, Action
 from shipland.learning.dataset import write_atomically
 
-FORMAT = "shipland-policy-1"
 ACTIONS = 2
 
 
@@ -51,9 +51,7 @@ def write_policy(path: Path, network: nn.Sequential, action: Action, note: str) 
             for name, value in (("weight", layer.weight), ("bias", layer.bias)):
                 array = value.detach().cpu().float().numpy()
                 weights.append(numpy_helper.from_array(array, f"{name}_{index}"))
-            nodes.append(
-                helper.make_node("Gemm", [before, f"weight_{index}", f"bias_{index}"], [after], transB=1)
-            )
+            nodes.append(helper.make_node("Gemm", [before, f"weight_{index}", f"bias_{index}"], [after], transB=1))
         else:
             nodes.append(helper.make_node({nn.Tanh: "Tanh", nn.ReLU: "Relu"}[type(layer)], [before], [after]))
         before = after
@@ -64,7 +62,9 @@ def write_policy(path: Path, network: nn.Sequential, action: Action, note: str) 
         [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", ACTIONS])],
         weights,
     )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9, producer_name="shipland")
+    model = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9, producer_name="shipland"
+    )
     about = {"format": FORMAT, "action": json.dumps(vars(action)), "entries": json.dumps(ENTRIES), "note": note}
     helper.set_model_props(model, about)
     onnx.checker.check_model(model)

@@ -133,9 +133,7 @@ class LastPhase:
         self.pilot = BatchedHorizon(setup, swing)
         self._substep_s = setup.cycle_s / SUBSTEPS
         self._arrived = [min(max(setup.response.uplink_s / self._substep_s - i, 0.0), 1.0) for i in range(SUBSTEPS)]
-        self._eddy_m = setup.wind.airwake.eddy_heights * (
-            setup.rig.superstructure_height_m - setup.rig.deck_height_m
-        )
+        self._eddy_m = setup.wind.airwake.eddy_heights * (setup.rig.superstructure_height_m - setup.rig.deck_height_m)
         self._to_bar_m = float(-setup.rig.deck_in_bar_m[0])
 
     def draw(self, size: int, seed: int) -> Batch:
@@ -265,8 +263,7 @@ class LastPhase:
         picture = _late(places, age + batch.late)
         range_m = (self._to_bar_m - picture[:, 0]).clamp_min(0.5)
         errors = [
-            deviation * (range_m / POSE_RANGE_M) ** power
-            for deviation, power in zip(POSE_M, POSE_POWERS, strict=True)
+            deviation * (range_m / POSE_RANGE_M) ** power for deviation, power in zip(POSE_M, POSE_POWERS, strict=True)
         ]
         picture = picture + torch.stack(errors, 1) * torch.randn(batch.size, 3, generator=generator)
         phase, every = cycle % setup.velocity_every, setup.velocity_every
@@ -287,7 +284,8 @@ class LastPhase:
     def _over_ship(self, place_m: Tensor) -> Tensor:
         """(B,) 1 where the view downward shows more ship than water."""
         rig = self.setup.rig
-        half = (-place_m[:, 2]).clamp_min(0.05) * math.tan(math.radians(0.5 * self.setup.aircraft.sensors.flow_view_deg))
+        slope = math.tan(math.radians(0.5 * self.setup.aircraft.sensors.flow_view_deg))
+        half = (-place_m[:, 2]).clamp_min(0.05) * slope
         along = torch.minimum(place_m[:, 0] + half, half.new_tensor(rig.platform_length_m - rig.deck_ahead_of_stern_m))
         along = along - torch.maximum(place_m[:, 0] - half, half.new_tensor(-rig.deck_ahead_of_stern_m))
         return (along.clamp_min(0.0) > half).to(place_m.dtype)

@@ -103,11 +103,11 @@ def _markdown(card: dict[str, object], scenarios: Sequence[str]) -> str:
         f"these weights are of step {card['best_step']}",
         f"- Settings: `{json.dumps(card['settings'])}`",
     ]
-    for name in scenarios:
-        if f"{name} rms" in found:
-            lines.append(
-                f"- {name}, in the model: {100 * found[f'{name} rms']:.1f} cm rms at contact, "
-                f"{100 * found[f'{name} alone']:.1f} cm by `horizon` alone on the same flights"
-            )
+    lines += [
+        f"- {name}, in the model: {100 * found[f'{name} rms']:.1f} cm rms at contact, "
+        f"{100 * found[f'{name} alone']:.1f} cm by `horizon` alone on the same flights"
+        for name in scenarios
+        if f"{name} rms" in found
+    ]
     lines += ["- Limits: these are the model's figures; the simulator's are what counts (docs/learning.md).", ""]
     return "\n".join(lines)

@@ -121,7 +121,8 @@ def learn(arguments: LearnArguments, setups: Sequence[PhaseSetup]) -> Path:
     run, action = _start(arguments), Action(arguments.kind, arguments.bound, REACH_M)
     phases = [_phase(arguments, setup, index) for index, setup in enumerate(setups)]
     try:
-        for _ in followed(_steps(run, arguments, phases, action), "flights' batch", _most(arguments), run.progress.step):
+        work = _steps(run, arguments, phases, action)
+        for _ in followed(work, "batch of flights", _most(arguments), run.progress.step):
             pass
     finally:
         run.save(arguments.out / LAST)
@@ -194,7 +195,7 @@ def _steps(run: Run, arguments: LearnArguments, phases: Sequence[LastPhase], act
             group["lr"] = arguments.rate * (0.02 + 0.49 * (1.0 + math.cos(math.pi * done)))
         run.optimizer.zero_grad()
         loss, contacts = loss_of(phase, batch, run.network, action, begin, window)
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         norm = torch.nn.utils.clip_grad_norm_(run.network.parameters(), 0.1)
         if contacts and bool(torch.isfinite(norm)):
             run.optimizer.step()
