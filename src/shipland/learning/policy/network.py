@@ -1,18 +1,12 @@
-"""The policy's network, and its ONNX file."""
+"""The policy's network."""
 
 from __future__ import annotations
-
-import json
-from pathlib import Path
 
 import torch
 from torch import Tensor, nn
 
-from shipland.guidance.horizon.learned import FORMAT
-from shipland.guidance.horizon.steering import ENTRIES, Action
-from shipland.learning.dataset import write_atomically
-
-ACTIONS = 2
+from shipland.guidance.horizon.steering import ENTRIES
+from shipland.learning.policy.export import ACTIONS, Dense
 
 
 class PolicyNetwork(nn.Module):
@@ -20,7 +14,6 @@ class PolicyNetwork(nn.Module):
 
     def __init__(self, hidden: int) -> None:
         super().__init__()
-        self.hidden = hidden
         self.layers = nn.Sequential(
             nn.Linear(len(ENTRIES), hidden),
             nn.Tanh(),
@@ -38,37 +31,10 @@ class PolicyNetwork(nn.Module):
         actions: Tensor = self.layers(observation)
         return actions
 
-
-def write_policy(path: Path, network: nn.Sequential, action: Action, note: str) -> None:
-    """Write layers of `Linear`, `Tanh` and `ReLU` as ONNX, with what its action means and what it wants to see."""
-    import onnx
-    from onnx import TensorProto, helper, numpy_helper
-
-    nodes, weights, before = [], [], "observation"
-    for index, layer in enumerate(network):
-        after = "action" if index == len(network) - 1 else f"layer_{index}"
-        if isinstance(layer, nn.Linear):
-            for name, value in (("weight", layer.weight), ("bias", layer.bias)):
-                array = value.detach().cpu().float().numpy()
-                weights.append(numpy_helper.from_array(array, f"{name}_{index}"))
-            nodes.append(helper.make_node("Gemm", [before, f"weight_{index}", f"bias_{index}"], [after], transB=1))
-        else:
-            nodes.append(helper.make_node({nn.Tanh: "Tanh", nn.ReLU: "Relu"}[type(layer)], [before], [after]))
-        before = after
-    graph = helper.make_graph(
-        nodes,
-        "policy",
-        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["batch", len(ENTRIES)])],
-        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", ACTIONS])],
-        weights,
-    )
-    model = helper.make_model(
-        graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9, producer_name="shipland"
-    )
-    about = {"format": FORMAT, "action": json.dumps(vars(action)), "entries": json.dumps(ENTRIES), "note": note}
-    helper.set_model_props(model, about)
-    onnx.checker.check_model(model)
-    write_atomically(path, model.SerializeToString())
+    def dense(self) -> list[Dense]:
+        """Its layers, for a file."""
+        rows = [layer for layer in self.layers if isinstance(layer, nn.Linear)]
+        return [Dense(row.weight.detach().numpy(), row.bias.detach().numpy(), "Tanh") for row in rows]
 
 
 def seeded_network(hidden: int, seed: int) -> PolicyNetwork:

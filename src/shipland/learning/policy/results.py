@@ -12,7 +12,8 @@ from pathlib import Path
 from shipland.guidance.horizon.steering import Action
 from shipland.learning.dataset import write_atomically
 from shipland.learning.policy.arguments import LearnArguments
-from shipland.learning.policy.network import PolicyNetwork, write_policy
+from shipland.learning.policy.export import write_policy
+from shipland.learning.policy.network import PolicyNetwork
 
 History = Sequence[dict[str, float]]
 
@@ -31,7 +32,7 @@ def write_results(
     """
     out = arguments.out
     policy = out / "policy.onnx"
-    write_policy(policy, network.layers, action, f"shipland learn, {arguments.kind}, step {steps[0]}")
+    write_policy(policy, network.dense(), action, f"shipland learn, {arguments.kind}, step {steps[0]}")
     write_atomically(out / "curves.csv", _table(history).encode())
     plot_curves(out / "curves.png", history, arguments.scenario)
     card = _card(arguments, action, history, steps)
