@@ -45,7 +45,7 @@ class LearnArguments:
     rate: float = 2e-3
     bound_mps2: float | None = None
     airframe: float = 0.3
-    latency_s: float = 0.06
+    latency_s: float = 0.02
     wind_mps: tuple[float, float] = (0.0, 9.0)
     wake: bool = True
     seed: int = 1

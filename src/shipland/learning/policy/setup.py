@@ -68,14 +68,15 @@ class Randomisation:
 
     Attributes:
         airframe: drag, inflow loss, and the rates of rotors and attitude loop vary by this share either way.
-        latency_s: pictures are older than they say by up to this, or younger.
+        latency_s: pictures are older than they say by up to this, or younger: what the pilot's correction in flight,
+        which the model does not have, leaves.
         wind_mps: lowest and highest mean wind, from anywhere.
         start_m: nearest and farthest start from the landing point, at the hover's height, astern or aside.
         wake: whether the superstructure's wake blows.
     """
 
     airframe: float = 0.3
-    latency_s: float = 0.06
+    latency_s: float = 0.02
     wind_mps: tuple[float, float] = (0.0, 9.0)
     start_m: tuple[float, float] = (0.0, 1.5)
     wake: bool = True
