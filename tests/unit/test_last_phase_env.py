@@ -1,12 +1,16 @@
 """`shipland/LastPhase-v0`: many flights at once, each begun anew in the step that ends it."""
 
+import importlib
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from shipland.errors import ConfigError
+from shipland.guidance.horizon.learned import LearnedSteering
+from shipland.guidance.response import ANAFI_LIKE
 
 gymnasium = pytest.importorskip("gymnasium", reason="the extra rl is not installed")
 pytest.importorskip("torch", reason="the extra train is not installed")
@@ -103,3 +107,15 @@ def test_the_loops_environment_does_not_need_torch():
     )
     found = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "False"
+
+
+def test_the_example_with_td3_trains_and_its_policy_flies(monkeypatch, tmp_path):
+    pytest.importorskip("onnx", reason="the extra train is not installed")
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "examples")
+    monkeypatch.setattr(LastPhaseEnv.__init__, "__kwdefaults__", LastPhaseEnv.__init__.__kwdefaults__ | {"motions": 1})
+    train = importlib.import_module("train_td3_batched")
+    out = tmp_path / "td3.onnx"
+    ended = train.main(train.Arguments(steps=210, flights=8, begin=180, batch=16, out=out))
+    assert len(ended) >= 1
+    steering = LearnedSteering(str(out), "residual", ANAFI_LIKE)
+    assert steering.note == ""
