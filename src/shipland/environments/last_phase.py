@@ -183,18 +183,14 @@ class LastPhaseEnv(VectorEnv[Arrays, Arrays, Arrays]):
 
     def _begin_anew(self, flights: Flights, over: Tensor) -> Flights:
         batch = self._draw()
-        # Motions go on by the common count of cycles.
+        begun = replace(self.phase.start(batch), cycle=flights.cycle)
+        # All flights count their cycles together.
         batch = replace(batch, drawn=replace(batch.drawn, first=batch.drawn.first - flights.cycle))
-        begun = replace(self.phase.start(self._at_zero(batch, flights.cycle)), cycle=flights.cycle)
         self._batch = replace(_merged(over, batch, self._batch), generator=batch.generator)
         self._begun = torch.where(over, torch.full_like(self._begun, flights.cycle), self._begun)
         flights = _merged(over, begun, flights)
         self._distance_m = self._distances(flights)
         return flights
-
-    @staticmethod
-    def _at_zero(batch: Batch, cycle: int) -> Batch:
-        return replace(batch, drawn=replace(batch.drawn, first=batch.drawn.first + cycle))
 
 
 _SECOND = frozenset(

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import torch
 from torch import Tensor
 
 from shipland.learning.policy.setup import PhaseSetup, Randomisation
+from shipland.sim.air.dryden import Scales
+from shipland.sim.air.wind import WindParameters
 
 _SQRT3 = math.sqrt(3.0)
 _HEIGHT_M = 1.5
@@ -50,11 +53,16 @@ def draw_air(setup: PhaseSetup, random: Randomisation, batch: int, generator: to
 def air_of(setup: PhaseSetup, mean_mps: Tensor, towards: Tensor, wake: bool) -> Air:
     """The air of given mean winds (B,) that blow along (B, 2)."""
     height_m = setup.rig.deck_height_m + _HEIGHT_M
-    scales = [replace(setup.wind, mean_mps=float(speed)).turbulence_at(height_m) for speed in mean_mps]
+    scales = [_scales(setup.wind, height_m, round(float(speed), 1)) for speed in mean_mps]
     on = float(setup.wind.turbulence.enabled)
     deviations = on * torch.tensor([item.deviations_mps for item in scales])
     lengths = torch.tensor([(item.length_horizontal_m, item.length_vertical_m) for item in scales])
     return Air(mean_mps, towards, deviations, lengths, float(wake and setup.wind.airwake.enabled))
+
+
+@lru_cache(maxsize=1024)
+def _scales(wind: WindParameters, height_m: float, mean_mps: float) -> Scales:
+    return replace(wind, mean_mps=mean_mps).turbulence_at(height_m)
 
 
 def first_gust(air: Air, generator: torch.Generator) -> Tensor:
