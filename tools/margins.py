@@ -1,0 +1,98 @@
+"""What a pilot loses that was told a wrong response of its vehicle: latencies, lags, what full sticks mean.
+
+    python tools/margins.py --out out/margins          # 11 vehicles, 2 scenarios, 50 flights each
+
+The aircraft stays the same; what `horizon` takes it for is changed, one figure at a time. The same seeds in every row.
+Leaves margins.md and margins.json.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import tyro
+from rich.progress import track
+from scipy.stats import binomtest
+
+from shipland.guidance.horizon.pilot import HorizonPilot
+from shipland.guidance.pilot import PilotSetup
+from shipland.guidance.response import Response
+from shipland.missions.fly import fly_quietly
+from shipland.missions.scenarios import load_scenario
+
+
+def _scaled(response: Response, **by: float) -> Response:
+    return replace(response, **{name: getattr(response, name) * factor for name, factor in by.items()})
+
+
+TOLD = {
+    "as it is": lambda told: told,
+    "commands 66 ms later": lambda told: replace(told, uplink_s=told.uplink_s + 0.066),
+    "commands 25 ms sooner": lambda told: replace(told, uplink_s=max(told.uplink_s - 0.025, 0.0)),
+    "time constants × 0.7": lambda told: _scaled(told, lag_s=0.7, dead_time_s=0.7, climb_lag_s=0.7, turn_lag_s=0.7),
+    "time constants × 1.4": lambda told: _scaled(told, lag_s=1.4, dead_time_s=1.4, climb_lag_s=1.4, turn_lag_s=1.4),
+    "tilt of full sticks × 0.8": lambda told: _scaled(told, max_tilt_rad=0.8),
+    "tilt of full sticks × 1.25": lambda told: _scaled(told, max_tilt_rad=1.25),
+    "drag × 0.5": lambda told: _scaled(told, drag_per_s=0.5),
+    "drag × 2": lambda told: _scaled(told, drag_per_s=2.0),
+    "climb of full sticks × 0.8": lambda told: _scaled(told, max_climb_mps=0.8),
+    "climb of full sticks × 1.25": lambda told: _scaled(told, max_climb_mps=1.25),
+}
+"""Name: from the response as it is to the one that the pilot is told."""
+
+
+def _pilot(setup: PilotSetup, told: str) -> HorizonPilot:
+    return HorizonPilot(replace(setup, response=TOLD[told](setup.response)))
+
+
+def fly_one(job: tuple[str, str, int]) -> tuple[str, str, bool, float]:
+    """Scenario, what is told, landed in the square on its feet, touchdown's distance from the centre [m]."""
+    name, told, seed = job
+    flown = fly_quietly(load_scenario(name), partial(_pilot, told=told), "geometric", seed)
+    touchdown_m = np.full(2, np.nan) if flown.verdict is None else flown.verdict.touchdown_in_deck_m
+    return name, told, flown.succeeded, float(np.hypot(*touchdown_m))
+
+
+def table_of(rows: list[tuple[str, str, bool, float]], scenarios: tuple[str, ...], runs: int) -> str:
+    """Markdown: a line a vehicle as it was told."""
+    heads = [f"{name}: of {runs} | 95 % interval | error median [cm]" for name in scenarios]
+    lines = ["| the pilot is told | " + " | ".join(heads) + " |", "|---|" + "---:|---:|---:|" * len(scenarios)]
+    for told in TOLD:
+        cells = []
+        for name in scenarios:
+            some = [row for row in rows if row[:2] == (name, told)]
+            good = sum(row[2] for row in some)
+            low, high = binomtest(good, len(some)).proportion_ci(method="exact")
+            median_cm = 100.0 * float(np.nanmedian([row[3] for row in some]))
+            cells.append(f"{good} | {100 * low:.0f}–{100 * high:.0f} % | {median_cm:.1f}")
+        lines.append(f"| {told} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def main(
+    out: Path = Path("out/margins"),
+    scenarios: tuple[str, ...] = ("rig-natops", "ship-sea6"),
+    runs: int = 50,
+    workers: int = 2,
+) -> None:
+    """Fly every row and write the table."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    jobs = [(name, told, seed) for name in scenarios for told in TOLD for seed in range(1, runs + 1)]
+    with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
+        rows = list(track(pool.map(fly_one, jobs, chunksize=4), "flights", total=len(jobs)))
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "margins.json").write_text(json.dumps(rows), encoding="utf-8")
+    text = table_of(rows, scenarios, runs)
+    (out / "margins.md").write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
