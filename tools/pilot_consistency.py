@@ -25,10 +25,12 @@ from shipland.missions.scenarios import load_scenario
 AXES = ("forward", "right", "down", "yaw")
 NEAREST_M = 0.3
 """Lower over the deck than this a flight no longer counts: ground effect and contact."""
+NEAR_M = 3.0
+"""Range of the bar over the deck."""
 
 
 def errors_of(job: tuple[str, int]) -> tuple[str, Array]:
-    """Scenario and (n,8): errors [m, m, m, rad] and their stated variances."""
+    """Scenario and (n,9): errors [m, m, m, rad], their stated variances, and the range of the bar [m]."""
     name, seed = job
     scenario = load_scenario(name)
     truths: list[list[float]] = []
@@ -50,16 +52,26 @@ def errors_of(job: tuple[str, int]) -> tuple[str, Array]:
     fly_quietly(scenario, "horizon", "geometric", seed, on_cycle)
     truth, told = np.array(truths), np.array(stated).reshape(-1, 9)
     errors = np.column_stack([told[:, 1 + k] - np.interp(told[:, 0], truth[:, 0], truth[:, 1 + k]) for k in range(4)])
-    return name, np.hstack([errors, told[:, 5:]])
+    return name, np.hstack([errors, told[:, 5:], np.linalg.norm(told[:, 1:4], axis=1)[:, None]])
 
 
 def table_of(flights: dict[str, list[Array]]) -> str:
     """Markdown: root mean square error, stated deviation, and the mean of error² over variance with its interval."""
+
+    def parts(rows: Array) -> tuple[Array, Array]:
+        near = rows[:, 8] < NEAR_M
+        return rows[near], rows[~near]
+
     lines = [
         "| scenario | of | flights | rms error | stated | error² / variance | 95 % interval |",
         "|---|---|" + "---:|" * 5,
     ]
+    groups = {}
     for name, each in flights.items():
+        near, far = zip(*map(parts, each), strict=True)
+        groups[f"{name}, to {NEAR_M:g} m"] = [rows for rows in near if len(rows)]
+        groups[f"{name}, beyond"] = [rows for rows in far if len(rows)]
+    for name, each in groups.items():
         for k, axis in enumerate(AXES):
             error2 = np.array([np.mean(rows[:, k] ** 2) for rows in each])
             variance = np.array([np.mean(rows[:, 4 + k]) for rows in each])

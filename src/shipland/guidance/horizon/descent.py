@@ -36,7 +36,7 @@ class DescentParameters:
         drop_m: predicted offset at contact at which it begins.
         relax_after_s, relax_per_s: waiting longer, the offset allowed grows by this share a second.
         level_s: so long before contact the sticks take the tilt out.
-        contact_height_m: of the aircraft's centre when its feet touch the neutral deck.
+        contact_height_m: of the aircraft's centre when its lowest foot touches the neutral deck.
     """
 
     sink_mps: float

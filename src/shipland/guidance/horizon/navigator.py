@@ -203,6 +203,7 @@ class Navigator:
         self._seen_s = -math.inf
         self._sinking: tuple[float, float] | None = None
         self._tilted_mps2: Array = np.zeros(2)
+        self._nose_up_rad = 0.0
 
     def _across_model(self) -> Model:
         return _model(2, self.motion, self.disturbances, self.swing, self._spread())
@@ -315,6 +316,7 @@ class Navigator:
         roll_rad, pitch_rad = telemetry.roll_rad, telemetry.pitch_rad
         if roll_rad is not None and pitch_rad is not None and max(abs(roll_rad), abs(pitch_rad)) < _STEEPEST_RAD:
             self._tilted_mps2 = GRAVITY_MPS2 * np.array([-math.tan(pitch_rad), math.tan(roll_rad)])
+            self._nose_up_rad = pitch_rad
         t_s = observation.t_s
         if self._headings is None:
             self._headings = self._turning = first_headings(t_s, self._compass.at(t_s) or 0.0)
@@ -391,7 +393,9 @@ class Navigator:
         measured = self._parameters.measured
         lever = turned(self._camera_in_body_m[:2], pose.yaw_rad)
         place_in_bar_m = pose.position_in_bar_m[:2] - lever
-        down_m = float(pose.position_in_bar_m[2] - self._camera_in_body_m[2])
+        ahead_m, _, below_m = self._camera_in_body_m.tolist()
+        camera_below_m = below_m * math.cos(self._nose_up_rad) - ahead_m * math.sin(self._nose_up_rad)
+        down_m = float(pose.position_in_bar_m[2]) - camera_below_m
         range_m = math.hypot(*place_in_bar_m.tolist())
         speed_mps = 0.0 if self._across.belief is None else float(np.linalg.norm(self._across.belief.of(1)))
         floor = (measured.place_m + measured.place_share * range_m) ** 2 + (measured.picture_s * speed_mps) ** 2
@@ -410,7 +414,7 @@ class Navigator:
         place_m = np.array([north_m, east_m])
         covariance = jacobian @ pose.covariance @ jacobian.T + floor * _EYE
         covariance += (_NOSE_RAD**2) * np.outer(jacobian[:, 3], jacobian[:, 3])
-        down_variance = float(pose.covariance[2, 2]) + floor
+        down_variance = float(pose.covariance[2, 2]) + floor + (ahead_m * _LEAN_RAD) ** 2
         self._take_swing(t_s, down_m, down_variance)
         stamp_s = t_s - self._latency.correction_s
         self._latency.picture(stamp_s, place_m, covariance, self._pushes, turn_rad_s, self._across)
@@ -519,6 +523,8 @@ _STEEPEST_RAD = 1.0
 """A tilt beyond this is none that a vehicle holds its place with."""
 _NOSE_RAD = 0.003
 """What the nose's heading errs by from picture to picture."""
+_LEAN_RAD = 0.12
+"""What the lean at a picture errs by: read at 5 Hz, and so alike in many pictures that each counts for little."""
 _VELOCITY_EVERY_S = 0.06
 """Its noise is coloured: readings that follow closer tell little more."""
 
