@@ -19,6 +19,7 @@ def main() -> None:
     parser.add_argument("video", type=Path)
     parser.add_argument("picture", type=Path)
     parser.add_argument("--at", type=float, nargs="+", default=[25.0, 56.0], help="times in the video, rising [s]")
+    parser.add_argument("--quality", type=int, default=85, help="of the JPEG, 1 … 100")
     arguments = parser.parse_args()
     times, taken = list(arguments.at), []
     with av.open(str(arguments.video)) as container:
@@ -28,7 +29,7 @@ def main() -> None:
                 times.pop(0)
     if times:
         raise SystemExit(f"{arguments.video} ends before {times[0]} s")
-    cv2.imwrite(str(arguments.picture), np.vstack(taken), [cv2.IMWRITE_JPEG_QUALITY, 85])
+    cv2.imwrite(str(arguments.picture), np.vstack(taken), [cv2.IMWRITE_JPEG_QUALITY, arguments.quality])
 
 
 if __name__ == "__main__":
