@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from shipland.missions.bench import CellResult, read_bench
-from shipland.missions.bench_tables import ceilings_of, rests_in_square
+from shipland.missions.bench_tables import ceilings_of, rests_in_area
 from shipland.missions.statistics import share_interval
 
 
@@ -33,7 +33,7 @@ def line(cell: CellResult, runs: int, ceiling: float) -> str:
         f"{good} ({100.0 * good / n:.0f} %)",
         f"{100.0 * low:.1f}–{100.0 * high:.1f} %",
         f"{100.0 * ceiling:.1f} %",
-        str(sum(rests_in_square(it, cell.rig) for it in landings)),
+        str(sum(rests_in_area(it, cell.rig) for it in landings)),
         f"{np.median(error_m):.2f} / {np.quantile(error_m, 0.9):.2f}",
         f"{np.median(own_m):.2f}",
         *(f"{np.median([getattr(it, key) for it in touched]):.2f}" for key in ("sink_mps", "slide_mps")),

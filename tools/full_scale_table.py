@@ -1,8 +1,9 @@
 """What changes from the model to the ship: one table, from the configuration, from motions drawn and from benches.
 
-    python tools/full_scale_table.py [--motions 60] [--benches out/model out/frigate]
+    python tools/full_scale_table.py [--motions 60] [--benches out/tables out/frigate]
 
-Without benches the rows of the flights are left out. A bench's cells are those of `--model` and `--ship`.
+Without benches the rows of the flights are left out. Of a bench, horizon's cells of both scenarios are taken: that of
+the velocity loop, and the ship's as it is.
 """
 
 from __future__ import annotations
@@ -94,18 +95,19 @@ def main() -> None:
     parser.add_argument("--motions", type=int, default=60)
     parser.add_argument("--benches", type=Path, nargs="*", default=[])
     asked = parser.parse_args()
-    cells = [cell for folder in asked.benches for cell in read_bench([folder])]
+    cells = [cell for folder in asked.benches for cell in read_bench([folder]) if cell.pilot == "horizon"]
     columns = []
-    for name, settings in ((asked.model, ["aircraft.loop.kind=velocity"]), (asked.ship, [])):
+    for name, settings in ((asked.model, ("aircraft.loop.kind=velocity",)), (asked.ship, ())):
         scenario = load_scenario(scenario_table(name, None, settings))
         rows = column(scenario, asked.motions)
         for cell in cells:
-            if cell.scenario == name:
+            if cell.scenario == name and tuple(f"{key}={value}" for key, value in cell.settings) == settings:
                 rows += flown(scenario, cell.landings)
         columns.append(rows)
     print(f"| | {asked.model}, velocity loop | {asked.ship} |\n|---|---:|---:|")
-    for model, ship in zip(*columns, strict=True):
-        print(f"| {model[0]} | {model[1]} | {ship[1]} |")
+    model = dict(columns[0])
+    for name, value in columns[1]:
+        print(f"| {name} | {model.get(name, '')} | {value} |")
 
 
 if __name__ == "__main__":
