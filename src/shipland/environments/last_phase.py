@@ -10,19 +10,26 @@ from typing import Any, TypeVar
 import gymnasium
 import numpy as np
 import numpy.typing as npt
-import torch
 from gymnasium import spaces
 from gymnasium.vector import AutoresetMode, VectorEnv
-from torch import Tensor
 
 from shipland.config import require
-from shipland.errors import ConfigError
+from shipland.errors import ConfigError, SystemLibraryError
 from shipland.guidance.horizon.steering import ENTRIES, LIMIT, Action, Kind
-from shipland.learning.policy.motion import MotionBank
-from shipland.learning.policy.phase import Batch, Flights, LastPhase
 from shipland.learning.policy.setup import Randomisation
 from shipland.missions.last_phase import last_phase_of
 from shipland.missions.scenarios import Scenario, load_scenario
+
+try:
+    import torch
+    from torch import Tensor
+except ImportError:
+    raise SystemLibraryError(
+        "shipland/LastPhase-v0 wants torch, which is not installed; pip install 'shipland[train]'"
+    ) from None
+
+from shipland.learning.policy.motion import MotionBank
+from shipland.learning.policy.phase import Batch, Flights, LastPhase
 
 IN_SQUARE, LANDED, FAILED = 10.0, 2.0, -10.0
 """Reward at contact: in the square, on the deck beside it, beside the deck; and for a flight that is lost."""

@@ -39,8 +39,8 @@ class LearnArguments:
     scenario: tuple[str, ...] = ("rig-natops", "ship-sea6")
     minutes: float = 8.0
     steps: int | None = None
-    batch: int = 256
-    seconds: float = 8.0
+    batch: int = 384
+    seconds: float = 12.0
     hidden: int = 64
     rate: float = 2e-3
     bound_mps2: float | None = None

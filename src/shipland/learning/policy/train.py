@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import onnx  # noqa: F401 - for the end: better missed before training than after
+import safetensors  # noqa: F401 - likewise
 import torch
 
 from shipland.errors import DataError
@@ -179,7 +181,7 @@ def _steps(run: Run, arguments: LearnArguments, phases: Sequence[LastPhase], act
         score_of(phase, phase.draw(arguments.flights, _seed(arguments.seed, _EVALUATED, i)), None, NOTHING, cycles[i])
         for i, phase in enumerate(phases)
     ]
-    note, losses = "", list[float]()
+    note, losses = "not evaluated yet", list[float]()
     while True:
         done = max(progress.step / _most(arguments), progress.seconds / (60.0 * arguments.minutes))
         if done >= 1.0:
@@ -208,7 +210,7 @@ def _steps(run: Run, arguments: LearnArguments, phases: Sequence[LastPhase], act
             note = _evaluate(run, arguments, phases, action, cycles, alone, losses)
             losses.clear()
             progress.seconds += time.monotonic() - began
-        yield note
+        yield f"{100.0 * min(done, 1.0):.0f} % done; {note}"
 
 
 def _evaluate(
@@ -236,4 +238,4 @@ def _evaluate(
         progress.best = ratio
         run.save(arguments.out / BEST)
     run.save(arguments.out / LAST)
-    return f"rms over the pilot's alone {ratio:.3f}, best {progress.best:.3f}"
+    return f"rms {ratio:.3f} of the pilot's alone, best {progress.best:.3f}"
