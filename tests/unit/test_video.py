@@ -21,6 +21,7 @@ from shipland.report.lettering import put_text, text_width, wrap_text
 from shipland.report.moments import Moments, between
 from shipland.report.outputs import load_outputs
 from shipland.report.overlay import STRIP_HEIGHT_PX, Instruments, draw_sight, draw_zoom
+from shipland.report.palette import SKY, bgr
 from shipland.report.video import FlightVideo, VideoWriter
 
 PARAMETERS = dataclasses.replace(load_outputs().video, verdict_hold_s=0.5)
@@ -270,6 +271,16 @@ def test_boxes_and_zoom_stay_inside_the_picture(centre_px):
     draw_sight(image, observation, 0.75)
     draw_zoom(image, picture, observation)
     assert (image[40:120, 700:900] > 60).mean() > 0.9  # the inset
+
+
+def test_a_label_is_read_on_a_sky_of_its_own_colour():
+    image = np.full((540, 960, 3), bgr(SKY), np.uint8)
+    sky = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)[0, 0]
+    observation = Observation(0.0, GimbalAttitude(0.0, 0.0), ship_box=Box((640.0, 360.0), (20.0, 14.0), 0.5))
+    draw_sight(image, observation, 0.75)
+    label = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)[244:256, 474:600]
+    assert (label > 0.9 * sky).mean() > 0.1  # the letters
+    assert (label < 0.6 * sky).mean() > 0.4  # between them
 
 
 def test_no_zoom_when_the_bar_is_large_or_nothing_is_seen():

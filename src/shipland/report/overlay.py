@@ -274,5 +274,9 @@ def _draw_box(image: Image, box: Box, name: str, colour: Bgr, scale: float, *, b
     label = f"{name} {box.size_px[0]:.0f} × {box.size_px[1]:.0f} px  {100.0 * box.confidence:.0f} %"
     above_row, below_row = round(float(first[1])) - 7, round(float(last[1])) + 18
     below = (below and below_row < image.shape[0] - 4) or above_row <= 14
-    place = (max(2, round(float(first[0]))), below_row if below else above_row)
-    put_text(image, label, place, 14, colour, bold=True)
+    column, row = max(2, round(float(first[0]))), below_row if below else above_row
+    ground = image[
+        max(0, row - 13) : max(0, row + 5), column - 2 : max(0, column + text_width(label, 14, bold=True) + 3)
+    ]
+    ground //= 2  # a coloured label on a sky of its brightness is lost in the film's coarse colours
+    put_text(image, label, (column, row), 14, colour, bold=True)
