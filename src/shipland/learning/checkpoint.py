@@ -40,28 +40,43 @@ class Progress:
     run: dict[str, str] = field(default_factory=dict)
 
 
-def save_checkpoint(path: Path, tensors: dict[str, Tensor], spec: DetectorSpec, progress: Progress) -> None:
-    """Write tensors by name, the detector's spec and the run's progress."""
+def write_tensors(path: Path, tensors: dict[str, Tensor], metadata: dict[str, str]) -> None:
+    """Write tensors and text, by name."""
     from safetensors.torch import save
 
-    metadata = {"format": FORMAT, "spec": spec.to_json(), "progress": json.dumps(asdict(progress))}
     whole = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
     write_atomically(path, bytes(save(whole, metadata)))
 
 
-def load_checkpoint(path: Path) -> tuple[dict[str, Tensor], DetectorSpec, Progress]:
-    """Read what `save_checkpoint` wrote; DataError when it is missing, truncated or another file."""
+def read_tensors(path: Path, form: str, command: str) -> tuple[dict[str, Tensor], dict[str, str]]:
+    """What `write_tensors` wrote with `form` as its format.
+
+    Raises:
+        DataError: it is missing, truncated or not of this format, which `command` writes.
+    """
     from safetensors import SafetensorError, safe_open
 
     try:
         with safe_open(str(path), framework="pt") as stream:
             metadata: dict[str, str] = stream.metadata() or {}
-            if metadata.get("format") != FORMAT:
-                raise DataError(f"checkpoint {path} was not written by this version's `shipland train`")
+            if metadata.get("format") != form:
+                raise DataError(f"checkpoint {path} was not written by this version's `shipland {command}`")
             tensors = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 - no mapping
     except (OSError, SafetensorError) as error:
         reason = "does not exist" if not path.exists() else f"is truncated or no checkpoint ({error})"
         raise DataError(f"checkpoint {path} {reason}") from None
+    return tensors, metadata
+
+
+def save_checkpoint(path: Path, tensors: dict[str, Tensor], spec: DetectorSpec, progress: Progress) -> None:
+    """Write tensors by name, the detector's spec and the run's progress."""
+    metadata = {"format": FORMAT, "spec": spec.to_json(), "progress": json.dumps(asdict(progress))}
+    write_tensors(path, tensors, metadata)
+
+
+def load_checkpoint(path: Path) -> tuple[dict[str, Tensor], DetectorSpec, Progress]:
+    """Read what `save_checkpoint` wrote; DataError when it is missing, truncated or another file."""
+    tensors, metadata = read_tensors(path, FORMAT, "train")
     progress: dict[str, Any] = json.loads(metadata["progress"])
     progress["hard"] = [tuple(point) for point in progress["hard"]]
     return tensors, DetectorSpec.from_json(metadata["spec"], str(path)), Progress(**progress)

@@ -21,8 +21,14 @@ import torch
 
 from shipland.errors import DataError
 from shipland.guidance.horizon.steering import Action
-from shipland.learning.checkpoint import optimizer_tensors, prefixed, restore_optimizer, with_prefix
-from shipland.learning.dataset import write_atomically
+from shipland.learning.checkpoint import (
+    optimizer_tensors,
+    prefixed,
+    read_tensors,
+    restore_optimizer,
+    with_prefix,
+    write_tensors,
+)
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.network import PolicyNetwork, seeded_network
 from shipland.learning.policy.objective import Score, loss_of, score_of
@@ -73,15 +79,11 @@ class Run:
 
     def save(self, path: Path) -> None:
         """Everything needed to go on."""
-        from safetensors.torch import save
-
         tensors = {
             **prefixed("network", self.network.state_dict()),
             **prefixed("optimizer", optimizer_tensors(self.optimizer)),
         }
-        whole = {name: tensor.detach().contiguous().clone() for name, tensor in tensors.items()}
-        metadata = {"format": FORMAT, "progress": json.dumps(vars(self.progress))}
-        write_atomically(path, bytes(save(whole, metadata)))
+        write_tensors(path, tensors, {"format": FORMAT, "progress": json.dumps(vars(self.progress))})
 
     def load(self, path: Path) -> None:
         """What `save` wrote.
@@ -89,17 +91,7 @@ class Run:
         Raises:
             DataError: it is missing, truncated or another file.
         """
-        from safetensors import SafetensorError, safe_open
-
-        try:
-            with safe_open(str(path), framework="pt") as stream:
-                metadata: dict[str, str] = stream.metadata() or {}
-                if metadata.get("format") != FORMAT:
-                    raise DataError(f"checkpoint {path} was not written by this version's `shipland learn`")
-                tensors = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 - no mapping
-        except (OSError, SafetensorError) as error:
-            reason = "does not exist" if not path.exists() else f"is truncated or no checkpoint ({error})"
-            raise DataError(f"checkpoint {path} {reason}") from None
+        tensors, metadata = read_tensors(path, FORMAT, "learn")
         values: dict[str, Any] = json.loads(metadata["progress"])
         self.progress = Progress(**values)
         self.network.load_state_dict(with_prefix("network", tensors))
