@@ -55,20 +55,19 @@ class Arguments:
     out: Path | None = None
 
 
-def network(inputs: int, outputs: int, *end: nn.Module) -> nn.Sequential:
+def network(inputs: int, hidden: int, outputs: int, *end: nn.Module) -> nn.Sequential:
     """Two hidden layers."""
-    return nn.Sequential(
-        nn.Linear(inputs, 256), nn.ReLU(), nn.Linear(256, 256), nn.ReLU(), nn.Linear(256, outputs), *end
-    )
+    first, second = nn.Linear(inputs, hidden), nn.Linear(hidden, hidden)
+    return nn.Sequential(first, nn.ReLU(), second, nn.ReLU(), nn.Linear(hidden, outputs), *end)
 
 
 class Agent:
     """Actor, two critics, and their targets."""
 
-    def __init__(self, observations: int, actions: int, arguments: Arguments) -> None:
+    def __init__(self, observations: int, actions: int, arguments: Arguments, hidden: int = 256) -> None:
         self.arguments, self.updates = arguments, 0
-        self.actor = network(observations, actions, nn.Tanh())
-        self.critics = nn.ModuleList(network(observations + actions, 1) for _ in range(2))
+        self.actor = network(observations, hidden, actions, nn.Tanh())
+        self.critics = nn.ModuleList(network(observations + actions, hidden, 1) for _ in range(2))
         self.actor_target, self.critics_target = copy.deepcopy(self.actor), copy.deepcopy(self.critics)
         self.actor_steps = torch.optim.Adam(self.actor.parameters(), lr=arguments.rate)
         self.critic_steps = torch.optim.Adam(self.critics.parameters(), lr=arguments.rate)

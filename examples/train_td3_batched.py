@@ -1,4 +1,4 @@
-"""TD3 (Fujimoto et al. 2018) on many landings at once in `shipland/LastPhase-v0`, in one file.
+"""TD3 (Fujimoto et al. 2018) on many landings at once in `shipland/LastPhase-v0`; the agent is `train_td3.py`'s.
 
 The method of the paper's follow-on (arXiv 2209.08381) as a baseline. It learns there from histories of place and
 velocity; here an observation already has what a filter makes of them.
@@ -8,7 +8,6 @@ python examples/train_td3_batched.py --minutes 5 --out td3.onnx
 shipland fly --pilot residual --set guidance.learned.residual=td3.onnx --scenario rig-natops --out out/td3
 """
 
-import copy
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +17,8 @@ import gymnasium
 import numpy as np
 import torch
 import tyro
-from torch import Tensor, nn
+from torch import nn
+from train_td3 import Agent
 
 import shipland.environments
 from shipland.learning.policy.export import Dense, write_policy
@@ -68,51 +68,6 @@ class Arguments:
     out: Path | None = None
 
 
-def network(inputs: int, outputs: int, *end: nn.Module) -> nn.Sequential:
-    """Two hidden layers."""
-    return nn.Sequential(nn.Linear(inputs, 64), nn.ReLU(), nn.Linear(64, 64), nn.ReLU(), nn.Linear(64, outputs), *end)
-
-
-class Agent:
-    """Actor, two critics, and their targets."""
-
-    def __init__(self, observations: int, actions: int, arguments: Arguments) -> None:
-        self.arguments, self.updates = arguments, 0
-        self.actor = network(observations, actions, nn.Tanh())
-        self.critics = nn.ModuleList(network(observations + actions, 1) for _ in range(2))
-        self.actor_target, self.critics_target = copy.deepcopy(self.actor), copy.deepcopy(self.critics)
-        self.actor_steps = torch.optim.Adam(self.actor.parameters(), lr=arguments.rate)
-        self.critic_steps = torch.optim.Adam(self.critics.parameters(), lr=arguments.rate)
-
-    def act(self, seen: np.ndarray) -> np.ndarray:
-        """Without exploration."""
-        with torch.no_grad():
-            return self.actor(torch.from_numpy(seen)).numpy()
-
-    def update(self, seen: Tensor, action: Tensor, reward: Tensor, after: Tensor, goes_on: Tensor) -> None:
-        """One update of both critics and, every `delay`th time, of the actor and the targets."""
-        it = self.arguments
-        with torch.no_grad():
-            noise = (it.target_noise * torch.randn_like(action)).clamp(-it.target_clip, it.target_clip)
-            following = torch.cat((after, (self.actor_target(after) + noise).clamp(-1.0, 1.0)), 1)
-            least = torch.min(*(critic(following) for critic in self.critics_target))
-            target = reward + it.discount * goes_on * least
-        both = torch.cat((seen, action), 1)
-        loss = sum(nn.functional.mse_loss(critic(both), target) for critic in self.critics)
-        self.critic_steps.zero_grad()
-        loss.backward()
-        self.critic_steps.step()
-        self.updates += 1
-        if self.updates % it.delay:
-            return
-        self.actor_steps.zero_grad()
-        (-self.critics[0](torch.cat((seen, self.actor(seen)), 1)).mean()).backward()
-        self.actor_steps.step()
-        for follows, leads in ((self.actor_target, self.actor), (self.critics_target, self.critics)):
-            for slow, fast in zip(follows.parameters(), leads.parameters(), strict=True):
-                slow.data.lerp_(fast.data, it.share)
-
-
 def main(arguments: Arguments) -> list[tuple[bool, float]]:
     """Train; of each flight that ended whether it landed in the square, and its offset from the bar's point [m]."""
     torch.manual_seed(arguments.seed)
@@ -121,7 +76,7 @@ def main(arguments: Arguments) -> list[tuple[bool, float]]:
     make = {"scenario": arguments.scenario, "action": arguments.action, "vectorization_mode": "vector_entry_point"}
     envs = gymnasium.make_vec(shipland.environments.LAST_PHASE, num_envs=arguments.flights, **make)
     observations, actions = envs.single_observation_space.shape[0], envs.single_action_space.shape[0]
-    agent = Agent(observations, actions, arguments)
+    agent = Agent(observations, actions, arguments, hidden=64)
     size = arguments.memory // arguments.flights * arguments.flights
     widths = (observations, actions, 1, observations, 1)  # observation, action, reward, the next one, goes on
     memory = [np.zeros((size, width), np.float32) for width in widths]
