@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 import tyro
 from rich.progress import track
-from scipy.stats import binomtest
 
 from shipland.guidance.horizon.pilot import HorizonPilot
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.response import Response
 from shipland.missions.fly import fly_quietly
 from shipland.missions.scenarios import load_scenario
+from shipland.missions.statistics import share_interval
 
 
 def _scaled(response: Response, **by: float) -> Response:
@@ -69,7 +69,7 @@ def table_of(rows: list[tuple[str, str, bool, float]], scenarios: tuple[str, ...
         for name in scenarios:
             some = [row for row in rows if row[:2] == (name, told)]
             good = sum(row[2] for row in some)
-            low, high = binomtest(good, len(some)).proportion_ci(method="exact")
+            low, high = share_interval(good, len(some))
             median_cm = 100.0 * float(np.nanmedian([row[3] for row in some]))
             cells.append(f"{good} | {100 * low:.0f}–{100 * high:.0f} % | {median_cm:.1f}")
         lines.append(f"| {told} | " + " | ".join(cells) + " |")

@@ -15,11 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from shipland.estimation.relative_state import (
-    REFERENCE,
-    SPEED,
     STATES,
-    SWING,
-    SWING_RATE,
     Disturbances,
     Model,
     Motion,
@@ -126,10 +122,11 @@ def estimator_tables(setup: PhaseSetup, swing: Swing) -> EstimatorTables:
             parts = _axis(setup, swing, axis, noise)
             model = Model(1, parts.motion, parts.noise, parts.swing)
             start = model.start(0.0, np.zeros(1), np.eye(1) * 0.1, _FIRST_MPS)
-            seen[axis] = model.seen(start)[1][0, :STATES]
+            seen[axis] = model.seen(start)[1][0]
             for view in range(VIEWS):
-                velocity[view, axis] = _velocity_row(setup, parts, view, axis)
-                found = _riccati(setup, parts, seen[axis], velocity[view, axis], start.covariance[:STATES, :STATES])
+                over_ship = float(view) if axis < 2 and setup.horizon.measured.flow else 0.0
+                velocity[view, axis] = model.velocity(start, over_ship, setup.horizon.delayed.flow_settle_s)[1][0]
+                found = _riccati(setup, parts, seen[axis], velocity[view, axis], start.covariance)
                 for name in ("picture", "velocity", "ahead"):
                     gains[f"{name}_gain"][level, view, :, axis] = found[name]
                 deviation[level, axis] = found["deviation"]
@@ -157,18 +154,6 @@ def _axis(setup: PhaseSetup, swing: Swing, axis: int, horizontal: Disturbances) 
         swing = replace(swing, deviation_m=swing.deviation_m * (spread.along if axis == 0 else spread.across))
     motion = Motion(response.lag_s, response.drag_per_s)
     return _Axis(motion, horizontal, swing, picture, measured.velocity_mps**2)
-
-
-def _velocity_row(setup: PhaseSetup, parts: _Axis, view: int, axis: int) -> Array:
-    row = np.zeros(STATES)
-    if axis == 2 or not setup.horizon.measured.flow:
-        row[[SPEED, REFERENCE]] = 1.0
-        return row
-    below = parts.swing.below * view / (1.0 + (parts.swing.frequency_rad_s * setup.horizon.delayed.flow_settle_s) ** 2)
-    row[SPEED], row[REFERENCE] = 1.0, 1.0 - view
-    row[SWING_RATE] = -below
-    row[SWING] = -below * setup.horizon.delayed.flow_settle_s * parts.swing.frequency_rad_s**2
-    return row
 
 
 def _riccati(setup: PhaseSetup, parts: _Axis, seen: Array, velocity: Array, first: Array) -> dict[str, Array]:
