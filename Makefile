@@ -2,7 +2,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-run demo test check bench docs wheel-test train clean
+.PHONY: help setup setup-run olympe demo test check bench docs wheel-test train clean
 
 BIN := .venv/bin
 ARGS ?=
@@ -20,6 +20,11 @@ setup: ## make .venv with everything that developing needs
 
 setup-run:
 	@tools/setup.sh run
+
+olympe: setup ## make .venv-olympe with Parrot's SDK, for the ANAFI and its tests, which are skipped without it
+	$(BIN)/python -m venv .venv-olympe
+	.venv-olympe/bin/pip install --disable-pip-version-check --quiet -r tools/olympe.txt
+	@.venv-olympe/bin/python -W ignore -c 'import logging; logging.disable(); import olympe'
 
 demo: setup-run ## fly from 250 m to a ship in sea state 6, camera in the loop: video, plots and log in out/demo/
 	$(BIN)/shipland fly --scenario demo --pilot horizon --out out/demo $(ARGS)
@@ -51,6 +56,6 @@ docs: setup ## build the documentation into site/; a warning is an error
 wheel-test: setup ## build the wheel, install it into an empty environment, fly from another folder
 	tools/wheel_test.sh
 
-clean: ## remove what was made, but for .venv
+clean: ## remove what was made, but for .venv and .venv-olympe
 	rm -rf out site build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
 	find src tests tools benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

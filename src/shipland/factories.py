@@ -30,7 +30,7 @@ PACKAGED: dict[str, dict[str, str]] = {
         "rendered": "shipland.missions.visions:rendered",
     },
     "vehicles": {
-        "anafi": "shipland.vehicles.anafi:anafi",
+        "anafi": "shipland.vehicles.anafi.factory:anafi",
         "mavlink": "shipland.vehicles.mavlink.factory:mavlink",
         "replay": "shipland.missions.outside:replay",
     },

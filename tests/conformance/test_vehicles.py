@@ -59,11 +59,20 @@ def over_mavlink(kind: str) -> Made:
     return make
 
 
+def over_olympe(seed: int) -> Vehicle:
+    """An ANAFI before Parrot's own device end, in real time; one at a time."""
+    from anafi_bench import bench
+
+    _benches.close()
+    return _benches.enter_context(bench())[0]
+
+
 VEHICLES: dict[str, Made] = {
     "simulated": simulated,
     "replay": replayed,
     "ardupilot": over_mavlink("ardupilot"),
     "px4": over_mavlink("px4"),
+    "anafi": over_olympe,
 }
 """Everything that can be flown."""
 

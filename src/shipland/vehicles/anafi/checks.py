@@ -1,0 +1,55 @@
+"""What of an ANAFI is fit to fly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from shipland.vehicles.anafi.parameters import AnafiParameters
+from shipland.vehicles.checks import Check, PreflightParameters
+
+
+@dataclass(frozen=True)
+class AnafiState:
+    """What is known of it before a flight.
+
+    Attributes:
+        limits: read back after they were set; None for one that was not told.
+        battery_percent: None where it was not told.
+        picture_hz, picture_age_s: pictures' rate, and the age of the newest at receipt.
+        telemetry_hz: attitudes a second, events and pictures' metadata together.
+        problem: what the far end complained of; empty where nothing.
+    """
+
+    limits: Mapping[str, float | None]
+    battery_percent: float | None
+    picture_hz: float
+    picture_age_s: float
+    telemetry_hz: float
+    problem: str
+
+
+def anafi_checks(state: AnafiState, parameters: AnafiParameters, wanted: PreflightParameters) -> list[Check]:
+    """The lines of the checklist."""
+    asked = (parameters.max_tilt_deg, parameters.max_climb_mps, parameters.max_turn_deg_s)
+    read = tuple(state.limits.get(key) for key in ("tilt_deg", "climb_mps", "turn_deg_s"))
+    same = all(value is not None and abs(value - want) < 0.05 * want for value, want in zip(read, asked, strict=True))
+    fence = "off: switch it on in FreeFlight"
+    if state.limits.get("fence"):
+        fence = f"{state.limits.get('fence_distance_m')} m far, {state.limits.get('fence_height_m')} m high"
+    pictures = state.problem or f"{state.picture_hz:.0f} Hz, at least {wanted.picture_hz:g}"
+    age = f"{state.picture_age_s:.3f} s at receipt, at most {wanted.picture_age_s:g}"
+    battery = "unknown"
+    if state.battery_percent is not None:
+        battery = f"{state.battery_percent:.0f} %, at least {wanted.battery_percent:g}"
+    return [
+        Check("limits", same, f"asked for {asked}, read back {read}: tilt [°], climb [m/s], turn [°/s]"),
+        Check(
+            "telemetry", state.telemetry_hz >= wanted.telemetry_hz,
+            f"{state.telemetry_hz:.0f} Hz, at least {wanted.telemetry_hz:g}",
+        ),
+        Check("pictures", not state.problem and state.picture_hz >= wanted.picture_hz, pictures),
+        Check("picture's age", state.picture_age_s <= wanted.picture_age_s, age),
+        Check("geofence", bool(state.limits.get("fence")), fence),
+        Check("battery", (state.battery_percent or 0.0) >= wanted.battery_percent, battery),
+    ]  # fmt: skip

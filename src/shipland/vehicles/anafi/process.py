@@ -1,0 +1,109 @@
+"""The process that speaks to the ANAFI: started, told, listened to, written down."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TextIO
+
+from shipland.errors import VehicleError
+
+_GOODBYE_S = 4.0
+"""Until it has released the sticks and let go of the aircraft."""
+
+
+class AnafiProcess:
+    """Records to and from the far end, `end.py`.
+
+    Args:
+        command: starts it.
+        on_record: gets every record and its picture's bytes, on a thread of its own; what it raises as ValueError,
+            KeyError or TypeError counts as refused.
+        on_end: called once when the process has gone.
+        log: JSON lines of both directions, pictures without their bytes; None: none.
+
+    Raises:
+        VehicleError: it cannot be started, or the log cannot be written.
+    """
+
+    def __init__(
+        self,
+        command: list[str],
+        on_record: Callable[[Mapping[str, Any], bytes], None],
+        on_end: Callable[[], None],
+        log: Path | None,
+    ) -> None:
+        self._on_record, self._on_end = on_record, on_end
+        self._log, self._writing = _opened(log), threading.Lock()
+        self.refused = 0
+        """Records that could not be used."""
+        try:
+            # a Ctrl-C of the terminal is ours to handle: it must not end the one who releases the sticks
+            self._process = subprocess.Popen(  # noqa: S603 - the Python that the user named, and our own file
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True
+            )
+        except OSError as error:
+            raise VehicleError(f"{command[0]} cannot be started: {error.strerror}") from None
+        self._thread = threading.Thread(target=self._listen, name="anafi", daemon=True)
+        self._thread.start()
+
+    def say(self, record: Mapping[str, Any]) -> None:
+        """Tell it; where it has gone, nothing happens."""
+        self._note("to", record)
+        assert self._process.stdin is not None
+        with suppress(OSError, ValueError):  # the listening thread notices
+            self._process.stdin.write(json.dumps(record).encode() + b"\n")
+            self._process.stdin.flush()
+
+    def close(self) -> None:
+        """End its input, whereupon it releases the sticks and goes; one that does not go is ended."""
+        assert self._process.stdin is not None
+        with suppress(OSError):
+            self._process.stdin.close()
+        try:
+            self._process.wait(_GOODBYE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._thread.join(1.0)
+        with self._writing:
+            if self._log is not None:
+                self._log.close()
+                self._log = None
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        with self._process.stdout as stream:
+            while line := stream.readline():
+                try:
+                    record = json.loads(line)
+                    data = stream.read(int(record.get("bytes", 0)))
+                    self._note("from", record)
+                    self._on_record(record, data)
+                except (ValueError, KeyError, TypeError, AttributeError):
+                    self.refused += 1
+        self._on_end()
+
+    def _note(self, direction: str, record: Mapping[str, Any]) -> None:
+        with self._writing:
+            if self._log is None:
+                return
+            try:
+                self._log.write(json.dumps({"at_s": round(time.monotonic(), 4), direction: record}) + "\n")
+            except OSError:  # a full disk is no reason to stop flying
+                self._log = None
+
+
+def _opened(log: Path | None) -> TextIO | None:
+    if log is None:
+        return None
+    try:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        return log.open("w", buffering=1, encoding="utf-8")
+    except OSError as error:
+        raise VehicleError(f"message log {log} cannot be written: {error.strerror}") from None

@@ -1,0 +1,142 @@
+"""What an ANAFI says, as telemetry, and what it is told, as sticks: pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from shipland.frames import euler_from_quaternion, wrap_angle
+from shipland.messages import GimbalAttitude, Intent, PilotCommand, Telemetry
+
+FLYING = ("hovering", "flying", "takingoff", "landing", "motor_ramping", "usertakeoff", "emergency_landing")
+"""Flying states in which motors run."""
+
+
+def sticks_of(command: PilotCommand) -> list[int]:
+    """PCMD's roll, pitch, yaw and gaz in whole percent; all released for a hold or what is no number.
+
+    >>> sticks_of(PilotCommand(0.0, 10.4, -20.0, 5.0, 200.0, 0.0))
+    [-20, 10, 100, 5]
+    """
+    values = (command.roll_percent, command.pitch_percent, command.yaw_percent, command.heave_percent)
+    if command.intent is Intent.HOLD or not all(map(math.isfinite, values)):
+        return [0, 0, 0, 0]
+    return [round(min(max(value, -100.0), 100.0)) for value in values]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A picture's metadata: the aircraft at its exposure.
+
+    Attributes:
+        roll_rad, pitch_rad, heading_rad: attitude of `body`.
+        velocity_in_ned_mps: (3,) over ground.
+        gimbal: the picture's attitude against the aircraft's `level`, electronic stabilisation included.
+    """
+
+    roll_rad: float
+    pitch_rad: float
+    heading_rad: float
+    velocity_in_ned_mps: tuple[float, float, float]
+    gimbal: GimbalAttitude
+
+
+def moment_of(metadata: Mapping[str, Any]) -> Moment:
+    """The metadata as PDrAW gives them, whatever the aircraft's own format.
+
+    Raises:
+        ValueError: a value is not finite, or a quaternion is not set.
+        KeyError: a value is missing.
+    """
+    roll, pitch, yaw = _euler(metadata["drone"]["quat"])
+    camera_roll, camera_pitch, camera_yaw = _euler(metadata["camera"]["quat"])
+    speed = metadata["drone"]["speed"]
+    north, east, down = (_finite(speed[name]) for name in ("north", "east", "down"))
+    gimbal = GimbalAttitude(camera_roll, camera_pitch, wrap_angle(camera_yaw - yaw))
+    return Moment(roll, pitch, wrap_angle(yaw), (north, east, down), gimbal)
+
+
+def with_moment(before: Telemetry, moment: Moment, exposed_s: float) -> Telemetry:
+    """Telemetry after a picture's metadata, where it knows nothing newer.
+
+    Args:
+        before: what was known.
+        moment: of the picture.
+        exposed_s: its exposure.
+    """
+    turned = _with_attitude(before, moment.roll_rad, moment.pitch_rad, moment.heading_rad, exposed_s)
+    return _with_velocity(turned, moment.velocity_in_ned_mps, moment.heading_rad, exposed_s)
+
+
+def merged(before: Telemetry, kind: str, values: Mapping[str, Any], t_s: float) -> Telemetry:
+    """Telemetry after one of the ANAFI's events.
+
+    Args:
+        before: what was known.
+        kind: of the event.
+        values: its arguments by name, as ARSDK has them.
+        t_s: when it was true.
+
+    Raises:
+        ValueError: a value is not finite.
+        KeyError: a value is missing.
+    """
+    if kind == "attitude":
+        roll, pitch, yaw = (_finite(values[name]) for name in ("roll", "pitch", "yaw"))
+        return _with_attitude(before, roll, pitch, wrap_angle(yaw), t_s)
+    if kind == "altitude":
+        return replace(before, height_m=_finite(values["altitude"]), height_t_s=t_s)
+    if kind == "speed" and before.heading_rad is not None:
+        north, east, down = (_finite(values[name]) for name in ("speedX", "speedY", "speedZ"))
+        return _with_velocity(before, (north, east, down), before.heading_rad, t_s)
+    if kind == "battery":
+        return replace(before, battery_percent=min(100.0, max(0.0, _finite(values["percent"]))))
+    if kind == "link":
+        # the last four bits: 1 … 5 bars
+        return replace(before, link_percent=min(100.0, 20.0 * (int(values["value"]) & 0x0F)))
+    if kind == "flying":
+        return replace(before, flying=values["state"] in FLYING)
+    return before
+
+
+def gimbal_of(values: Mapping[str, Any]) -> GimbalAttitude:
+    """The event of the gimbal; raises as `merged` does."""
+    return GimbalAttitude(*(math.radians(_finite(values[name])) for name in ("roll_absolute", "pitch_absolute")))
+
+
+def _with_attitude(before: Telemetry, roll: float, pitch: float, heading: float, t_s: float) -> Telemetry:
+    if before.attitude_t_s is not None and before.attitude_t_s >= t_s:
+        return before
+    return replace(
+        before, roll_rad=roll, pitch_rad=pitch, heading_rad=heading, attitude_t_s=t_s, heading_t_s=t_s
+    )  # fmt: skip
+
+
+def _with_velocity(
+    before: Telemetry, velocity_in_ned_mps: tuple[float, float, float], heading_rad: float, t_s: float
+) -> Telemetry:
+    if before.velocity_t_s is not None and before.velocity_t_s >= t_s:
+        return before
+    north, east, down = velocity_in_ned_mps
+    c, s = math.cos(heading_rad), math.sin(heading_rad)
+    level = np.array([c * north + s * east, c * east - s * north, down])
+    return replace(before, velocity_in_level_mps=level, velocity_t_s=t_s)
+
+
+def _euler(quaternion: Mapping[str, Any]) -> tuple[float, float, float]:
+    w, x, y, z = (_finite(quaternion[name]) for name in "wxyz")
+    norm = math.sqrt(w * w + x * x + y * y + z * z)
+    if abs(norm - 1.0) > 0.01:  # sent in 16 bits; one that is not set is zero
+        raise ValueError(f"no unit quaternion: {quaternion}")
+    return euler_from_quaternion((w / norm, x / norm, y / norm, z / norm))
+
+
+def _finite(value: Any) -> float:  # noqa: ANN401 - from JSON
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError(f"not finite: {value}")
+    return number

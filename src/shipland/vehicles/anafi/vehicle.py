@@ -1,0 +1,324 @@
+"""A Parrot ANAFI as a vehicle."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from shipland.camera import Camera
+from shipland.errors import VehicleError
+from shipland.guidance.response import Response
+from shipland.messages import Frame, GimbalAttitude, Intent, PilotCommand, Telemetry
+from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
+from shipland.vehicles.anafi.parameters import AnafiParameters
+from shipland.vehicles.anafi.process import AnafiProcess
+from shipland.vehicles.anafi.records import gimbal_of, merged, moment_of, sticks_of, with_moment
+from shipland.vehicles.camera_stream import ExposureClock, Shot
+from shipland.vehicles.checks import Check, PreflightParameters
+from shipland.vehicles.vehicle import LONGEST_WAIT_S
+
+_GIMBAL_S = 0.1
+_LANDED_S = 1.0
+"""Descent commanded and none seen for so long, while landing: it stands, and is told to land."""
+_PLANES = {"I420": cv2.COLOR_YUV2BGR_I420, "NV12": cv2.COLOR_YUV2BGR_NV12}
+
+
+@dataclass(frozen=True)
+class AnafiSetup:
+    """What an ANAFI is flown with.
+
+    Attributes:
+        command: starts the far end, `end.py`.
+        camera: intrinsics.
+        parameters: see there.
+        preflight: what must be in order.
+        response: what full sticks mean.
+        take_off: whether it takes off by itself.
+        log: file for the records of both directions, or None.
+    """
+
+    command: list[str]
+    camera: Camera
+    parameters: AnafiParameters
+    preflight: PreflightParameters
+    response: Response
+    take_off: bool
+    log: Path | None
+
+
+class AnafiVehicle:
+    """A `Vehicle` on `time.monotonic`.
+
+    Args:
+        setup: see there.
+    """
+
+    def __init__(self, setup: AnafiSetup) -> None:
+        self._setup, self._parameters = setup, setup.parameters
+        self._process: AnafiProcess | None = None
+        self._changed = threading.Condition()
+        self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
+        self._gimbal = GimbalAttitude(0.0, 0.0)
+        self._limits: Mapping[str, float | None] | None = None
+        self._shot: Shot | None = None
+        self._clock = ExposureClock(self._parameters.latency_s)
+        self._pictures: deque[float] = deque(maxlen=300)
+        self._attitudes: deque[float] = deque(maxlen=300)
+        self._state = ""
+        self._heard_s = self._given_s = self._pictured_s = self._gimbal_s = self._still_s = -math.inf
+        self._connected = self._engaged = self._closed = self._landing = self._asked_to_land = False
+        self._end_reason = self._problem = ""
+        self._refused = 0
+
+    @property
+    def camera(self) -> Camera:
+        """Intrinsics of the pictures."""
+        return self._setup.camera
+
+    @property
+    def end_reason(self) -> str:
+        """Why the flight is over, in words; empty in flight."""
+        return self._end_reason
+
+    @property
+    def refused(self) -> int:
+        """Records and requests that could not be used."""
+        return self._refused + (0 if self._process is None else self._process.refused)
+
+    def response(self) -> Response:
+        """What full sticks mean."""
+        return self._setup.response
+
+    def connect(self) -> None:
+        """Olympe, the aircraft, its limits, its stream; VehicleError when something does not answer."""
+        if self._process is not None:
+            return
+        self._process = AnafiProcess(self._setup.command, self._on_record, self._on_gone, self._setup.log)
+        parameters = self._parameters
+        try:
+            self._wait(lambda: self._connected, "the ANAFI does not answer (is Olympe installed there?)")
+            wanted = {
+                "tilt_deg": parameters.max_tilt_deg,
+                "climb_mps": parameters.max_climb_mps,
+                "turn_deg_s": parameters.max_turn_deg_s,
+            }
+            self._process.say({"limits": wanted})
+            self._wait(lambda: self._limits is not None, "the ANAFI does not tell its limits")
+        except BaseException:
+            self.close()
+            raise
+
+    def open(self) -> None:
+        """Connect; take off where that was asked for, else wait until somebody has."""
+        if self._closed:
+            raise VehicleError("this flight is over; make a new vehicle for the next one")
+        self.connect()
+        assert self._process is not None
+        try:
+            self._wait(lambda: self._shot is not None, "no picture from the ANAFI")
+            if self._setup.take_off:
+                self._process.say({"take_off": True})
+            airborne = ("hovering", "flying")
+            words, timeout_s = "the ANAFI has not taken off", self._parameters.engage_timeout_s
+            self._wait(lambda: self._state in airborne, words, timeout_s)
+        except BaseException:
+            self.close()
+            raise
+        self._pictured_s = self._still_s = time.monotonic()
+        self._engaged = True
+
+    def read(self) -> tuple[Frame | None, Telemetry] | None:
+        """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""
+        if not self._engaged or self._closed or self._end_reason:
+            return None
+        with self._changed:
+            self._changed.wait_for(self._has_news, LONGEST_WAIT_S)
+            shot, over = self._shot, self._closed or bool(self._end_reason)
+        if over or self._is_silent():
+            return None
+        now_s = time.monotonic()
+        if shot is None or shot.exposed_s <= self._given_s:
+            if now_s - self._pictured_s <= self._parameters.video_timeout_s:
+                return None, self.telemetry_at(now_s)
+            words = self._problem or f"no picture for {self._parameters.video_timeout_s:g} s"
+            self._end(f"video lost: {words}; the ANAFI holds")
+            return None
+        self._given_s, self._pictured_s = shot.exposed_s, now_s
+        return Frame(shot.exposed_s, shot.image, shot.gimbal or self._gimbal), self.telemetry_at(now_s)
+
+    def telemetry_at(self, t_s: float) -> Telemetry:
+        """The newest that has come, stamped with `t_s`."""
+        return replace(self._telemetry, t_s=t_s if math.isfinite(t_s) else time.monotonic())
+
+    def send(self, command: PilotCommand) -> None:
+        """Sticks, and the gimbal at most ten times a second."""
+        with self._changed:  # whoever ends the flight on the other thread has the last word
+            if self._closed or self._end_reason or not self._engaged or self._process is None:
+                return
+            self._landing = command.intent is Intent.LAND
+            self._process.say({"sticks": sticks_of(command)})
+            now_s = time.monotonic()
+            if math.isfinite(command.gimbal_pitch_rad) and now_s - self._gimbal_s >= _GIMBAL_S:
+                self._gimbal_s = now_s
+                self._process.say({"gimbal_deg": math.degrees(command.gimbal_pitch_rad)})
+            self._land_when_down(command, now_s)
+
+    def close(self) -> None:
+        """Release the sticks and let go; the ANAFI holds its place."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._process is not None:
+            self._process.close()
+
+    def checks(self) -> list[Check]:
+        """What of it is fit to fly; once connected."""
+        shot = self._shot
+        state = AnafiState(
+            limits=self._limits or {},
+            battery_percent=self._telemetry.battery_percent,
+            picture_hz=_rate_hz(self._pictures),
+            picture_age_s=math.nan if shot is None else shot.arrived_s - shot.exposed_s,
+            telemetry_hz=_rate_hz(self._attitudes),
+            problem=self._problem,
+        )
+        return anafi_checks(state, self._parameters, self._setup.preflight)
+
+    def _has_news(self) -> bool:
+        news = self._shot is not None and self._shot.exposed_s > self._given_s
+        return news or self._closed or bool(self._end_reason)
+
+    def _is_silent(self) -> bool:
+        """No event of the aircraft for too long ends the flight; pictures come another way and say nothing of it."""
+        timeout_s = self._parameters.link_timeout_s
+        if time.monotonic() - self._heard_s <= timeout_s:
+            return False
+        self._end(f"link lost: the ANAFI says nothing for {timeout_s:g} s")
+        return True
+
+    def _land_when_down(self, command: PilotCommand, now_s: float) -> None:
+        """While landing, no descent in spite of the sticks: it stands, and its own landing stops the motors."""
+        velocity = self._telemetry.velocity_in_level_mps
+        wanted_mps = -0.01 * sticks_of(command)[3] * self._setup.response.max_climb_mps
+        sinks = velocity is None or float(velocity[2]) > 0.4 * wanted_mps
+        if command.intent is not Intent.LAND or wanted_mps < 0.1 or sinks:
+            self._still_s = now_s
+        elif now_s - self._still_s > _LANDED_S and not self._asked_to_land:
+            self._asked_to_land = True
+            assert self._process is not None
+            self._process.say({"land": True})
+
+    def _end(self, reason: str, *, yielded: bool = False) -> None:
+        """No more frames; the first reason stands. Sticks are released, or, to another pilot, not sent any more."""
+        with self._changed:
+            if not self._end_reason:
+                self._end_reason = reason
+                if self._process is not None:
+                    self._process.say({"stop": True} if yielded else {"sticks": [0, 0, 0, 0]})
+            self._changed.notify_all()
+
+    def _wait(self, until: Callable[[], bool], otherwise: str, timeout_s: float | None = None) -> None:
+        timeout_s = timeout_s or self._parameters.connect_timeout_s
+        with self._changed:
+            self._changed.wait_for(lambda: until() or bool(self._problem or self._end_reason), timeout_s)
+        if not until():
+            raise VehicleError(self._problem or self._end_reason or f"{otherwise} within {timeout_s:g} s")
+
+    # What the far end says, on the process's thread
+
+    def _on_gone(self) -> None:
+        if not self._closed:
+            self._end("the process that speaks to the ANAFI has ended")
+
+    def _on_record(self, record: Mapping[str, Any], data: bytes) -> None:
+        with self._changed:
+            self._take(record, data)
+            self._changed.notify_all()
+
+    def _take(self, record: Mapping[str, Any], data: bytes) -> None:
+        kind, t_s, values = record["kind"], float(record["t_s"]), record.get("values", {})
+        if kind == "connected":
+            self._connected = True
+        elif kind == "problem":
+            self._problem = str(record["words"])
+        elif kind == "refused":
+            self._refused += 1
+        elif kind == "limits":
+            self._limits = dict(values)
+        elif kind == "picture":
+            self._take_picture(record, data)
+        elif kind == "lost":
+            self._end("link lost: the ANAFI has gone")
+        else:
+            self._heard_s = t_s
+            self._take_event(kind, values, t_s)
+
+    def _take_event(self, kind: str, values: Mapping[str, Any], t_s: float) -> None:
+        if kind == "gimbal":
+            self._gimbal = gimbal_of(values)
+            return
+        self._telemetry = merged(self._telemetry, kind, values, t_s - self._parameters.event_latency_s)
+        if kind == "attitude":
+            self._attitudes.append(t_s)
+        elif kind == "flying":
+            self._state = str(values["state"])
+        if self._engaged:
+            self._judge(kind, values)
+
+    def _judge(self, kind: str, values: Mapping[str, Any]) -> None:
+        """End the flight when the aircraft is down, or does what nobody here asked for."""
+        ours = self._landing or self._asked_to_land
+        if kind == "home" and values["state"] == "inProgress":
+            self._end(f"the ANAFI flies home by itself: {values.get('reason', '')}", yielded=True)
+        elif kind != "flying":
+            return
+        elif not self._telemetry.flying:
+            self._end("landed: the motors have stopped" if ours else "the motors have stopped", yielded=True)
+        elif "landing" in self._state and not ours:
+            self._end(f"somebody else lands the ANAFI: {self._state}", yielded=True)
+
+    def _take_picture(self, record: Mapping[str, Any], data: bytes) -> None:
+        arrived_s, (width_px, height_px) = time.monotonic(), record["size_px"]
+        if (width_px, height_px) != (self.camera.width_px, self.camera.height_px):
+            self._problem = (
+                f"pictures are of {width_px} × {height_px} px, the calibration is for "
+                f"{self.camera.width_px} × {self.camera.height_px}"
+            )
+            return
+        exposed_s = self._clock.exposed_s(float(record["stamp_s"]), arrived_s)
+        gimbal = None
+        if record.get("metadata"):
+            try:
+                moment = moment_of(record["metadata"])
+            except (KeyError, ValueError, TypeError):
+                self._refused += 1
+            else:
+                gimbal = moment.gimbal
+                self._telemetry = with_moment(self._telemetry, moment, exposed_s)
+                self._attitudes.append(arrived_s)
+        self._pictures.append(arrived_s)
+        self._shot = Shot(_bgr(data, record["planes"], width_px, height_px), exposed_s, arrived_s, gimbal)
+
+
+def _bgr(data: bytes, planes: str, width_px: int, height_px: int) -> npt.NDArray[np.uint8]:
+    yuv = np.frombuffer(data, np.uint8).reshape(height_px * 3 // 2, width_px)
+    return np.asarray(cv2.cvtColor(yuv, _PLANES[planes]), np.uint8)
+
+
+_WINDOW_S = 3.0
+"""In which rates are counted."""
+
+
+def _rate_hz(times_s: deque[float]) -> float:
+    late = [t_s for t_s in list(times_s) if t_s > time.monotonic() - _WINDOW_S]
+    return (len(late) - 1) / (late[-1] - late[0]) if len(late) > 1 and late[-1] > late[0] else 0.0

@@ -1,0 +1,128 @@
+"""An ANAFI of ours before Parrot's own device end, in Olympe's environment; skips where there is none."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import socket
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from fractions import Fraction
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shipland.camera import Camera
+from shipland.config import packaged_toml
+from shipland.vehicles.address import Address, VehicleSetup
+from shipland.vehicles.anafi.factory import anafi
+from shipland.vehicles.anafi.vehicle import AnafiVehicle
+
+ROOT = Path(__file__).parents[2]
+CAMERA = Camera.from_fov(640, 352, 69.0)
+GREEN_BGR = (40, 200, 30)
+
+
+def olympe_python() -> str:
+    """The Python that has Olympe: `SHIPLAND_OLYMPE_PYTHON`, or what `make olympe` makes."""
+    made = ROOT / ".venv-olympe/bin/python"
+    named = os.environ.get("SHIPLAND_OLYMPE_PYTHON", str(made) if made.exists() else "")
+    if not named:
+        pytest.skip("no Olympe: `make olympe` makes it an environment, or SHIPLAND_OLYMPE_PYTHON names its Python")
+    return named
+
+
+class Device:
+    """The process of the device end."""
+
+    def __init__(self, python: str, film: Path, port: int) -> None:
+        command = [python, str(Path(__file__).with_name("olympe_device.py")), str(film), str(port)]
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
+        assert self.process.stdout is not None
+        assert self.process.stdout.readline() == "ready\n", "the device end did not start: is a port of it taken?"
+
+    def say(self, words: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(words + "\n")
+        self.process.stdin.flush()
+
+    def report(self) -> dict[str, Any]:
+        assert self.process.stdout is not None
+        self.say("report")
+        return json.loads(self.process.stdout.readline())
+
+    def close(self) -> None:
+        self.process.kill()
+        self.process.wait()
+        for pipe in (self.process.stdin, self.process.stdout):
+            assert pipe is not None
+            pipe.close()
+
+
+@cache
+def film() -> bytes:
+    """A second of H.264: a green rectangle on grey, in the middle."""
+    import av
+
+    encoder = av.CodecContext.create("libx264", "w")
+    encoder.width, encoder.height, encoder.pix_fmt = CAMERA.width_px, CAMERA.height_px, "yuv420p"
+    encoder.time_base = Fraction(1, 30)
+    encoder.options = {
+        "preset": "ultrafast", "tune": "zerolatency", "profile": "baseline",
+        "x264-params": "aud=1:repeat-headers=1:keyint=15",
+    }  # fmt: skip
+    image = np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8)
+    image[120:232, 200:440] = GREEN_BGR
+    packets = []
+    for index in range(30):
+        picture = av.VideoFrame.from_ndarray(image, format="bgr24")
+        picture.pts = index
+        packets += encoder.encode(picture)
+    return b"".join(map(bytes, [*packets, *encoder.encode(None)]))
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@contextmanager
+def bench(log: Path | None = None, **changes: float) -> Iterator[tuple[AnafiVehicle, Device]]:
+    """The vehicle, not yet open, and its aircraft; `changes` of `[anafi]` of vehicles.toml."""
+    with device() as (aircraft, stream):
+        table = packaged_toml("vehicles")
+        table["anafi"] |= {"engage_timeout_s": 5.0, "video_timeout_s": 2.0} | changes
+        options = {"python": olympe_python(), "stream": stream, "takeoff": "1"}
+        made = anafi(VehicleSetup(Address("anafi", "127.0.0.1", options), CAMERA, table, log))
+        assert isinstance(made, AnafiVehicle)
+        try:
+            yield made, aircraft
+        finally:
+            made.close()
+
+
+@contextmanager
+def device() -> Iterator[tuple[Device, str]]:
+    """The aircraft and its video's address; one at a time on this machine, for its ports cannot be chosen."""
+    python, port = olympe_python(), free_port()
+    with tempfile.NamedTemporaryFile(suffix=".h264") as stored, _LOCK.open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        stored.write(film())
+        stored.flush()
+        aircraft = Device(python, Path(stored.name), port)
+        try:
+            yield aircraft, f"rtsp://127.0.0.1:{port}/live"
+        finally:
+            aircraft.close()
+
+
+_LOCK = Path(tempfile.gettempdir()) / f"shipland-olympe-{os.getuid()}.lock"
