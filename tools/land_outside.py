@@ -1,7 +1,8 @@
 """Land a flight controller that we did not write in our world: physics, autopilot and `shipland fly`, seed after seed.
 
 With `SHIPLAND_ARDUCOPTER` naming an ArduCopter binary it flies that; `--autopilot stand-in` flies the small one of the
-conformance tests. Everything runs in real time on loopback.
+conformance tests. Everything runs in real time on loopback; how late telemetry and pictures were stands beside each
+landing.
 
     SHIPLAND_ARDUCOPTER=~/arducopter python tools/land_outside.py --scenario rig-natops --seeds 20 \
         --defaults copter.parm --out out/outside
@@ -17,47 +18,101 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
+
 from shipland.camera import Camera
+from shipland.errors import DataError
 from shipland.missions.scenarios import load_scenario
+from shipland.missions.statistics import share_interval
+from shipland.record.reader import FlightLog, read_log
 
 ROOT = Path(__file__).parents[1]
-PHYSICS_PORT, FRAMES_PORT, STAND_IN_PORT = 9002, 9003, 14550
 SHIPLAND = (sys.executable, "-c", "from shipland.cli import main; main()")
 
 
-def autopilot(arguments: argparse.Namespace, folder: Path) -> tuple[list[str], str]:
+class Ports:
+    """Of one set of processes; ArduPilot adds ten times its instance to each of its own."""
+
+    def __init__(self, instance: int) -> None:
+        self.physics, self.frames = 9002 + 10 * instance, 9003 + 10 * instance
+        self.arducopter, self.stand_in = 5760 + 10 * instance, 14550 + 10 * instance
+
+
+def autopilot(arguments: argparse.Namespace, folder: Path, ports: Ports) -> tuple[list[str], str]:
     """Its command, and the address under which it is flown."""
     if arguments.autopilot == "stand-in":
         script = ROOT / "tests" / "conformance" / "standin_physics.py"
-        return [sys.executable, str(script), str(STAND_IN_PORT), str(PHYSICS_PORT)], f"udp:127.0.0.1:{STAND_IN_PORT}"
+        command = [sys.executable, str(script), str(ports.stand_in), str(ports.physics)]
+        return command, f"udp:127.0.0.1:{ports.stand_in}"
     binary = os.environ.get("SHIPLAND_ARDUCOPTER")
     if not binary:
         raise SystemExit("SHIPLAND_ARDUCOPTER must name an ArduCopter binary built for its simulator")
     defaults = ",".join(str(path.resolve()) for path in (*arguments.defaults, ROOT / "examples" / "arducopter.parm"))
     (folder / "eeprom.bin").unlink(missing_ok=True)
     command = [str(Path(binary).resolve()), "--model", "JSON:127.0.0.1", "--speedup", "1", "--defaults", defaults]
-    return [*command, "--wipe"], "tcp:127.0.0.1:5760"
+    # without `tcp:0` it waits for somebody on its port before it boots
+    command += ["--wipe", "-I", str(arguments.instance), "--serial0", "tcp:0"]
+    return command, f"tcp:127.0.0.1:{ports.arducopter}"
+
+
+def lateness(log: FlightLog) -> dict[str, float]:
+    """How old attitude and picture were when a command was decided, and the longest times without a picture [s]."""
+    attitude_s = [row.telemetry.t_s - row.telemetry.attitude_t_s for row in log.records if row.telemetry.attitude_t_s]
+    exposed_s = np.unique([row.frame.t_s for row in log.records])
+    picture_s = [row.telemetry.t_s - row.frame.t_s for row in log.records]
+    if len(exposed_s) < 2 or not attitude_s:
+        return {}
+    return {
+        "attitude_age_median_s": round(float(np.median(attitude_s)), 4),
+        "attitude_age_99_s": round(float(np.quantile(attitude_s, 0.99)), 4),
+        "attitude_age_most_s": round(float(np.max(attitude_s)), 4),
+        "picture_age_median_s": round(float(np.median(picture_s)), 4),
+        "picture_age_99_s": round(float(np.quantile(picture_s, 0.99)), 4),
+        "picture_gap_most_s": round(float(np.diff(exposed_s).max()), 4),
+    }
+
+
+def outcome(folder: Path, seed: int) -> dict[str, object]:
+    """What became of a flight, from what its processes left."""
+    said = (folder / "physics.txt").read_text().strip().splitlines() or ["no physics"]
+    row: dict[str, object] = {"seed": seed, "in_square": said[-1].startswith("landed in the square")}
+    row |= {"reason": said[-1], "pace": next((line for line in said if "of flight took" in line), "")}
+    fly = (folder / "fly.txt").read_text().strip().splitlines() if (folder / "fly.txt").exists() else []
+    row["fly"] = fly[-1] if fly else ""
+    try:
+        log = read_log(folder / "flight.mcap")
+    except DataError:
+        return row
+    if log.verdict is not None and log.verdict.touched:
+        row["off_m"] = round(float(np.hypot(*log.verdict.touchdown_in_deck_m)), 3)
+        row["sink_mps"] = round(float(log.verdict.relative_velocity_in_deck_mps[2]), 3)
+        row["at_s"] = round(log.verdict.t_s, 1)
+    return row | lateness(log)
 
 
 def land(arguments: argparse.Namespace, seed: int) -> dict[str, object]:
     """One flight; what became of it."""
-    folder = arguments.out / f"{arguments.scenario}-{seed}"
+    folder, ports = arguments.out / f"{arguments.scenario}-{seed}", Ports(arguments.instance)
     folder.mkdir(parents=True, exist_ok=True)
+    for old in ("flight.mcap", "fly.txt"):
+        (folder / old).unlink(missing_ok=True)
     scenario = load_scenario(arguments.scenario)
     calibration = folder / "camera.yaml"
     Camera.from_parameters(scenario.camera).to_opencv_yaml(calibration)
     changes = [word for change in arguments.set for word in ("--set", change)]
     common = ["--scenario", arguments.scenario, "--seed", str(seed), *changes]
-    pictures = ["--pictures"] if arguments.vision == "rendered" else []
-    command, place = autopilot(arguments, folder)
-    address = f"mavlink://{place}?camera=frames:127.0.0.1:{FRAMES_PORT}&takeoff={arguments.takeoff_m}"
+    served = ["--port", str(ports.physics), "--frames-port", str(ports.frames), "--climb-m", str(arguments.climb_m)]
+    served += ["--pictures"] if arguments.vision == "rendered" else []
+    command, place = autopilot(arguments, folder, ports)
+    address = f"mavlink://{place}?camera=frames:127.0.0.1:{ports.frames}&takeoff={arguments.takeoff_m}"
     fly = ["fly", *common, "--vehicle", address, "--calibration", str(calibration), "--vision", arguments.vision]
     fly += ["--pilot", arguments.pilot, "--out", str(folder), "--video" if arguments.video else "--no-video"]
+    if arguments.vehicle_config is not None:
+        fly += ["--vehicle-config", str(arguments.vehicle_config)]
     with (folder / "physics.txt").open("w") as physics_log, (folder / "autopilot.txt").open("w") as autopilot_log:
         physics = subprocess.Popen(
-            [*SHIPLAND, "serve-physics", *common, "--climb-m", str(arguments.climb_m), *pictures],
-            stdout=physics_log, stderr=subprocess.STDOUT,
-        )  # fmt: skip
+            [*SHIPLAND, "serve-physics", *common, *served], stdout=physics_log, stderr=subprocess.STDOUT
+        )
         time.sleep(4.0)
         flown = subprocess.Popen(
             command, cwd=folder, stdin=subprocess.PIPE, stdout=autopilot_log, stderr=subprocess.STDOUT
@@ -75,9 +130,7 @@ def land(arguments: argparse.Namespace, seed: int) -> dict[str, object]:
             for process in (flown, physics):
                 process.kill()
                 process.wait()
-    said = (folder / "physics.txt").read_text().strip().splitlines()
-    reason = said[-1] if said else "no physics"
-    return {"seed": seed, "in_square": reason.startswith("landed in the square"), "reason": reason}
+    return outcome(folder, seed)
 
 
 def main() -> None:
@@ -90,21 +143,29 @@ def main() -> None:
     parser.add_argument("--vision", default="geometric")
     parser.add_argument("--autopilot", choices=("arducopter", "stand-in"), default="arducopter")
     parser.add_argument("--defaults", type=Path, nargs="*", default=[])
+    parser.add_argument("--vehicle-config", type=Path, help="what `shipland identify` wrote of it")
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--climb-m", type=float, default=0.9)
     parser.add_argument("--takeoff-m", type=float, default=0.9)
     parser.add_argument("--boot-s", type=float, default=30.0, help="for the autopilot to find itself")
     parser.add_argument("--limit-s", type=float, default=180.0)
+    parser.add_argument("--instance", type=int, default=0, help="of the ports, for another set beside this one")
     parser.add_argument("--video", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("out/outside"))
     arguments = parser.parse_args()
     results = []
     for seed in range(arguments.first, arguments.first + arguments.seeds):
         results.append(land(arguments, seed))
-        print(f"{seed:4d}  {results[-1]['reason']}", flush=True)
+        row = results[-1]
+        late = f"attitude {row.get('attitude_age_99_s')} s, gap {row.get('picture_gap_most_s')} s"
+        print(f"{seed:4d}  {row['reason']}  [{row['pace']}; {late}]", flush=True)
+        (arguments.out / f"{arguments.scenario}.json").write_text(json.dumps(results, indent=1))
     good = sum(bool(result["in_square"]) for result in results)
-    print(f"{good} of {len(results)} in the square ({arguments.scenario}, {arguments.pilot}, {arguments.vision})")
-    (arguments.out / f"{arguments.scenario}.json").write_text(json.dumps(results, indent=1))
+    low, high = share_interval(good, len(results))
+    print(
+        f"{good} of {len(results)} in the square, 95 %: {low:.2f} to {high:.2f} "
+        f"({arguments.scenario}, {arguments.pilot}, {arguments.vision})"
+    )
 
 
 if __name__ == "__main__":

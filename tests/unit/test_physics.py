@@ -2,14 +2,17 @@
 
 import json
 import math
+import socket
 import struct
+import threading
+import time
 
 import numpy as np
 import pytest
 
 from shipland.errors import ConfigError
 from shipland.frames import euler_from_rotation, rotation_from_quaternion
-from shipland.missions.physics import STEP_S, HeldWorld
+from shipland.missions.physics import STEP_S, HeldWorld, PhysicsOptions, Tempo, serve
 from shipland.missions.scenarios import load_scenario
 from shipland.missions.servo_link import ServoPacket, mount_pitch_rad
 from shipland.sim.aircraft.servo import thrust_share
@@ -111,3 +114,49 @@ def test_motors_stopped_by_the_flight_controller_end_in_a_verdict() -> None:
 def test_there_must_be_room_to_climb() -> None:
     with pytest.raises(ConfigError, match="no room"):
         HeldWorld(load_scenario("rig-natops"), 1, 3.0)
+
+
+def free_port(kind: socket.SocketKind) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
+    """A flight controller whose answer was lost sends the same count again."""
+    ports = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+    scenario = load_scenario("rig-natops", start={"distance_m": 0.0, "distance_spread_m": 0.0})
+    said: list[str] = []
+    options = PhysicsOptions("127.0.0.1", *ports, pictures=False, climb_m=0.0)
+    served = threading.Thread(target=serve, args=(scenario, 3, options, said.append), daemon=True)
+    served.start()
+    while not said:
+        time.sleep(0.05)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
+        autopilot.settimeout(5.0)
+        autopilot.connect(("127.0.0.1", ports[0]))
+
+        def answer(count: int, motor_us: float) -> bytes:
+            autopilot.send(packet(count, [motor_us] * 4))
+            return autopilot.recv(4096)
+
+        first = answer(0, 1950.0)
+        assert answer(0, 1950.0) == first
+        count = 1
+        while served.is_alive() and count < 6000:
+            try:
+                answer(count, 1000.0)
+            except (TimeoutError, ConnectionError):
+                break
+            count += 1
+    served.join(5.0)
+    assert not served.is_alive()
+    assert "s of flight took" in said[-1]
+
+
+def test_the_tempo_of_a_world_that_falls_behind() -> None:
+    tempo = Tempo()
+    assert tempo.words() == ""
+    for step in range(3001):
+        tempo.note(1.0 + 0.001 * step, 50.0 + 0.001 * step + (0.5 if step > 1500 else 0.0))
+    assert tempo.words() == "3.0 s of flight took 3.5 s, the slowest second 1.50 s"

@@ -99,18 +99,23 @@ class Fly(ScenarioOptions):
         import time
 
         from shipland.config import layered
+        from shipland.missions.fly import fly_quietly
         from shipland.missions.outside import checklist, make_vehicle, refuse_unfit
-        from shipland.vehicles.checks import Real
+        from shipland.vehicles.checks import Check, Real
 
         vehicle = make_vehicle(address, scenario, self.calibration, self.vehicle_config, self.out / "link.tlog")
         if not isinstance(vehicle, Real):
             return vehicle
+        console.print("rehearsing in the simulator")
+        # a pilot's first run compiles and imports for seconds, in which a vehicle in the air would get no command
+        rehearsed = fly_quietly(scenario, self.pilot, "geometric", checked_seed(self.seed))
         console.print(f"connecting to {address}", markup=False)
         vehicle.connect()
         try:
             time.sleep(_LISTENING_S)
             table = layered("vehicles", self.vehicle_config)
             checks = checklist(vehicle, scenario, self.calibration, self.wind_mps, table)
+            checks.insert(0, Check("rehearsal", True, rehearsed.reason))
             for check in checks:
                 console.print(check.line(), markup=False)
             if not self.check:

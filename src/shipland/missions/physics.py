@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import socket
 import time
 from collections.abc import Callable
@@ -113,6 +114,38 @@ class HeldWorld:
         return Answer(state_line(self.t_s, self._before, felt, self._home_m), self.world.over())
 
 
+class Tempo:
+    """How far the served world kept up with the clock of those who fly it."""
+
+    def __init__(self) -> None:
+        self._first = self._second = (math.nan, math.nan)
+        self._last = self._first
+        self._slowest_s = 0.0
+
+    @property
+    def begun(self) -> bool:
+        """Whether anything has been noted."""
+        return math.isfinite(self._first[0])
+
+    def note(self, world_s: float, now_s: float) -> None:
+        """The world's time, and ours."""
+        now = world_s, now_s
+        if not self.begun:
+            self._first = self._second = now
+        if world_s - self._second[0] >= 1.0:
+            self._slowest_s = max(self._slowest_s, now_s - self._second[1])
+            self._second = now
+        self._last = now
+
+    def words(self) -> str:
+        """For people; empty before two notes."""
+        if not self.begun:
+            return ""
+        (from_s, since_s), (to_s, until_s) = self._first, self._last
+        took_s = until_s - since_s
+        return f"{to_s - from_s:.1f} s of flight took {took_s:.1f} s, the slowest second {self._slowest_s:.2f} s"
+
+
 def serve(
     scenario: Scenario, seed: int, options: PhysicsOptions, say: Callable[[str], None]
 ) -> TouchdownVerdict | None:
@@ -142,14 +175,17 @@ def serve(
         say(f"waiting for a flight controller on udp:{options.host}:{options.port}")
         link.settimeout(1.0)
         count, begun_s, steps, linger_s = -1, time.monotonic(), 0, 2.0
-        due_s, said = 0.0, False
+        due_s, tempo, answer = 0.0, Tempo(), None
         while linger_s > 0.0:
             try:
                 data, sender = link.recvfrom(512)
             except TimeoutError:
                 continue
             packet = ServoPacket.parse(data)
-            if packet is None or packet.count == count:
+            if packet is None:
+                continue
+            if packet.count == count and answer is not None:
+                link.sendto(answer.line, sender)  # it asks again for an answer that was lost
                 continue
             if count < 0:
                 begun_s = time.monotonic()
@@ -158,9 +194,11 @@ def serve(
             answer = held.step(packet)
             steps += 1
             link.sendto(answer.line, sender)
-            if held.released and not said:
-                said = True
-                say(f"it flies, after {time.monotonic() - begun_s:.0f} s and {steps} steps")
+            if held.released:
+                now_s = time.monotonic()
+                if not tempo.begun:
+                    say(f"it flies, after {now_s - begun_s:.0f} s and {steps} steps")
+                tempo.note(held.t_s, now_s)
             if held.t_s >= due_s:
                 due_s = held.t_s + 1.0 / scenario.camera.frame_rate_hz
                 frames.show(held.t_s, held.world.snapshot())
@@ -168,6 +206,7 @@ def serve(
                 linger_s -= STEP_S
                 if (verdict := held.world.verdict()) is not None:
                     frames.end(verdict)
+        say(tempo.words())
         return held.world.verdict()
 
 
