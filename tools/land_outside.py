@@ -30,6 +30,10 @@ ROOT = Path(__file__).parents[1]
 SHIPLAND = (sys.executable, "-c", "from shipland.cli import main; main()")
 
 
+HOME = "60.0,4.0,0,0"
+"""Latitude, longitude, height, heading: at sea level, where a ship is."""
+
+
 class Ports:
     """Of one set of processes; ArduPilot adds ten times its instance to each of its own."""
 
@@ -50,6 +54,7 @@ def autopilot(arguments: argparse.Namespace, folder: Path, ports: Ports) -> tupl
     defaults = ",".join(str(path.resolve()) for path in (*arguments.defaults, ROOT / "examples" / "arducopter.parm"))
     (folder / "eeprom.bin").unlink(missing_ok=True)
     command = [str(Path(binary).resolve()), "--model", "JSON:127.0.0.1", "--speedup", "1", "--defaults", defaults]
+    command += ["--home", HOME]
     # without `tcp:0` it waits for somebody on its port before it boots
     command += ["--wipe", "-I", str(arguments.instance), "--serial0", "tcp:0"]
     return command, f"tcp:127.0.0.1:{ports.arducopter}"
