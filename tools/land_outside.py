@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -158,6 +159,7 @@ def main() -> None:
     parser.add_argument("--video", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("out/outside"))
     arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # subprocess.run then ends its own, `land` the others
     results = []
     for seed in range(arguments.first, arguments.first + arguments.seeds):
         results.append(land(arguments, seed))
