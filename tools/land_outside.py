@@ -113,8 +113,10 @@ def land(arguments: argparse.Namespace, seed: int) -> dict[str, object]:
     address = f"mavlink://{place}?camera=frames:127.0.0.1:{ports.frames}&takeoff={arguments.takeoff_m}"
     fly = ["fly", *common, "--vehicle", address, "--calibration", str(calibration), "--vision", arguments.vision]
     fly += ["--pilot", arguments.pilot, "--out", str(folder), "--video" if arguments.video else "--no-video"]
-    if arguments.vehicle_config is not None:
-        fly += ["--vehicle-config", str(arguments.vehicle_config)]
+    config = arguments.vehicle_config
+    if config is None and arguments.autopilot == "arducopter":
+        config = ROOT / "examples" / "arducopter.toml"
+    fly += [] if config is None else ["--vehicle-config", str(config)]
     with (folder / "physics.txt").open("w") as physics_log, (folder / "autopilot.txt").open("w") as autopilot_log:
         physics = subprocess.Popen(
             [*SHIPLAND, "serve-physics", *common, *served], stdout=physics_log, stderr=subprocess.STDOUT
@@ -149,7 +151,7 @@ def main() -> None:
     parser.add_argument("--vision", default="geometric")
     parser.add_argument("--autopilot", choices=("arducopter", "stand-in"), default="arducopter")
     parser.add_argument("--defaults", type=Path, nargs="*", default=[])
-    parser.add_argument("--vehicle-config", type=Path, help="what `shipland identify` wrote of it")
+    parser.add_argument("--vehicle-config", type=Path, help="examples/arducopter.toml for an ArduCopter")
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--climb-m", type=float, default=0.9)
     parser.add_argument("--takeoff-m", type=float, default=0.9)

@@ -10,7 +10,16 @@ import pytest
 
 from shipland.errors import ConfigError, DataError
 from shipland.guidance.response import ANAFI_LIKE
-from shipland.messages import Decision, FlightRecord, Frame, GimbalAttitude, Observation, PilotCommand, Telemetry
+from shipland.messages import (
+    Decision,
+    FlightRecord,
+    Frame,
+    GimbalAttitude,
+    Intent,
+    Observation,
+    PilotCommand,
+    Telemetry,
+)
 from shipland.missions.crew import build_vehicle, response_of
 from shipland.missions.identify import identify
 from shipland.missions.outside import identified
@@ -48,6 +57,20 @@ def test_the_attitude_loop_is_found() -> None:
     assert found.climb.full == pytest.approx(1.0, rel=0.15)
     assert math.degrees(found.turn.full) == pytest.approx(40.0, rel=0.15)
     assert found.drag_per_s == pytest.approx(0.3, abs=0.2)
+
+
+def test_what_stands_on_the_deck_tells_nothing() -> None:
+    rows = list(flown("attitude", 25.0))
+    last = rows[-1]
+    for index in range(1, 300):
+        t_s = last.telemetry.t_s + index / 30.0
+        command = replace(last.decision.command, t_s=t_s, heave_percent=-100.0, intent=Intent.LAND)
+        still = replace(last.telemetry, t_s=t_s, velocity_in_level_mps=np.zeros(3), velocity_t_s=t_s, attitude_t_s=t_s)
+        rows.append(replace(last, telemetry=still, decision=replace(last.decision, command=command)))
+    found = identify(rows)
+    assert found.climb is not None
+    assert found.climb.full == pytest.approx(1.0, rel=0.15)
+    assert found.climb.explained > 0.8
 
 
 def test_the_velocity_loop_is_found() -> None:

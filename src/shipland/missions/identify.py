@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from shipland.errors import DataError
 from shipland.frames import GRAVITY_MPS2, Array
-from shipland.messages import FlightRecord
+from shipland.messages import FlightRecord, Intent
 
 LEAST_STICK_PERCENT = 3.0
 """Standard deviation of a stick below which its axis is left out."""
@@ -81,7 +81,9 @@ class Identified:
             lines += [f"drag_per_s = {self.drag_per_s:.4f}"]
         for name, axis, unit in (("climb", self.climb, "mps"), ("turn", self.turn, "rad_s")):
             if axis is not None:
-                lines += [f"max_{name}_{unit} = {axis.full:.4f}", f"{name}_lag_s = {axis.lag_s:.4f}"]
+                # a pilot knows one dead time, the level axes'
+                late_s = axis.lag_s + (0.0 if self.level is None else max(0.0, axis.delay_s - self.level.delay_s))
+                lines += [f"max_{name}_{unit} = {axis.full:.4f}", f"{name}_lag_s = {late_s:.4f}"]
         return "\n".join(lines) + "\n"
 
     def table(self) -> str:
@@ -104,10 +106,12 @@ class Identified:
 def identify(records: Sequence[FlightRecord]) -> Identified:
     """The response of the vehicle that flew these rows.
 
+    A landing's rows are left out: it ends on a surface, where no stick is answered.
+
     Raises:
         DataError: too few rows in flight, or sticks that were never moved.
     """
-    rows = [record for record in records if record.telemetry.flying]
+    rows = [row for row in records if row.telemetry.flying and row.decision.command.intent is not Intent.LAND]
     if len(rows) < _LEAST_ROWS:
         raise DataError(f"the log holds {len(rows)} cycles in flight; at least {_LEAST_ROWS} are needed")
     commands = [row.decision.command for row in rows]
