@@ -127,6 +127,11 @@ def panned(picture: Picture, rng: np.random.Generator) -> list[Picture]:
 
 def through_h264(film: Sequence[Picture], megabit_s: float) -> list[Picture]:
     """Pictures of a film after H.264 (libx264, low latency, baseline's 4:2:0) at a rate it may not exceed for long."""
+    return from_h264(to_h264(film, megabit_s))
+
+
+def to_h264(film: Sequence[Picture], megabit_s: float) -> bytes:
+    """A film's stream."""
     import av
 
     rate = round(1e6 * megabit_s)
@@ -142,8 +147,14 @@ def through_h264(film: Sequence[Picture], megabit_s: float) -> list[Picture]:
                 container.mux(packet)
         for packet in stream.encode():
             container.mux(packet)
-    packed.seek(0)
-    with av.open(packed, "r", format="h264") as container:
+    return packed.getvalue()
+
+
+def from_h264(stream: bytes) -> list[Picture]:
+    """The pictures (H,W,3) BGR of a stream."""
+    import av
+
+    with av.open(io.BytesIO(stream), "r", format="h264") as container:
         return [np.asarray(frame.to_ndarray(format="bgr24"), np.uint8) for frame in container.decode(video=0)]
 
 

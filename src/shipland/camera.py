@@ -54,6 +54,10 @@ _UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 """When the fixed-point iteration of undistortion ends: steps, and error in normalised coordinates."""
 
 
+_LONGEST_READ_OUT_S = 0.2
+"""No shutter takes longer for a picture: more is another unit."""
+
+
 @dataclass(frozen=True)
 class Camera:
     """Intrinsics.
@@ -62,12 +66,15 @@ class Camera:
         width_px, height_px: picture size.
         matrix: (3,3) OpenCV camera matrix [px]; pixel centres at whole numbers.
         distortion: (k,) OpenCV coefficients, k of 4, 5, 8, 12 or 14; zeros for none.
+        row_time_s: from the exposure of one row to that of the next, as a rolling shutter reads them from the top; 0
+            for a camera that exposes all rows at once. A picture's time is that of its middle row.
     """
 
     width_px: int
     height_px: int
     matrix: Array
     distortion: Array = field(default_factory=lambda: np.zeros(5))
+    row_time_s: float = 0.0
 
     def __post_init__(self) -> None:
         if not (1 <= self.width_px < 65536 and 1 <= self.height_px < 65536):
@@ -78,6 +85,11 @@ class Camera:
             raise ValueError(f"Camera.distortion wants 4, 5, 8, 12 or 14 values, got {np.shape(self.distortion)}")
         if not (np.isfinite(self.matrix).all() and np.isfinite(self.distortion).all()):
             raise ValueError("Camera wants finite intrinsics")
+        if not 0.0 <= self.row_time_s * self.height_px <= _LONGEST_READ_OUT_S:
+            raise ValueError(
+                f"Camera.row_time_s is the time from one row to the next: expected 0 to "
+                f"{_LONGEST_READ_OUT_S / self.height_px:.2g} s at {self.height_px} rows, got {self.row_time_s}"
+            )
         if self.matrix[0, 0] <= 0.0 or self.matrix[1, 1] <= 0.0:
             raise ValueError(f"Camera wants positive focal lengths, got {self.matrix[0, 0]}, {self.matrix[1, 1]}")
         if self.matrix[1, 0] != 0.0 or list(self.matrix[2]) != [0.0, 0.0, 1.0]:
@@ -148,11 +160,13 @@ class Camera:
         matrix[1] *= sy
         matrix[0, 2] += 0.5 * (sx - 1.0)
         matrix[1, 2] += 0.5 * (sy - 1.0)
-        return Camera(width_px, height_px, matrix, self.distortion)
+        return Camera(width_px, height_px, matrix, self.distortion, self.row_time_s / sy)
 
     @staticmethod
     def from_opencv_yaml(path: Path) -> Camera:
         """Read an OpenCV calibration file (`camera_matrix`, `distortion_coefficients`, `image_width/height`).
+
+        OpenCV knows no `row_time_s`: a line of that name gives it, in seconds.
 
         Raises:
             DataError: the file is missing, broken, or lacks one of them.
@@ -167,7 +181,10 @@ class Camera:
             if matrix is None or not (width.isInt() and height.isInt()):
                 raise DataError(f"calibration file {path} lacks camera_matrix, or whole image_width and image_height")
             coefficients = np.zeros(5) if distortion is None else np.asarray(distortion, dtype=float).ravel()
-            return Camera(int(width.real()), int(height.real()), np.asarray(matrix, dtype=float), coefficients)
+            row_time = storage.getNode("row_time_s")
+            row_time_s = 0.0 if row_time.empty() else float(row_time.real())
+            size = int(width.real()), int(height.real())
+            return Camera(*size, np.asarray(matrix, dtype=float), coefficients, row_time_s)
         except ValueError as error:
             raise DataError(f"calibration file {path} cannot be used: {error}") from None
         except (cv2.error, SystemError):  # OpenCV's own words name its source files, not the fault
@@ -187,6 +204,8 @@ class Camera:
         storage.write("image_height", self.height_px)
         storage.write("camera_matrix", self.matrix)
         storage.write("distortion_coefficients", self.distortion.reshape(1, -1))
+        if self.row_time_s > 0.0:
+            storage.write("row_time_s", self.row_time_s)
         storage.release()
 
 

@@ -21,7 +21,7 @@ from shipland.missions.geometric_far import BoxErrors, BoxParameters
 from shipland.rig import Target
 from shipland.vehicles.vehicle import Witness
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import Solution
+from shipland.vision.near.pose import NOTHING_IN_COMMON, Solution
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.sighting import bar_pose_of
 
@@ -104,7 +104,7 @@ class GeometricVision:
         if not settled:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_SOLUTION.value)
         freedom = residual_px.size - 6 + (2 if self._gimbal_noise_rad > 0.0 else 0)
-        found = Solution(Pose(*pose), chi2, 0.0, covariance, 0.0, residual_px.reshape(-1, 4, 2), freedom)
+        found = Solution(Pose(*pose), chi2, 0.0, covariance, NOTHING_IN_COMMON, residual_px.reshape(-1, 4, 2), freedom)
         return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose_of([found], corners_px.reshape(-1, 4, 2)))
 
 

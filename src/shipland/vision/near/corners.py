@@ -35,7 +35,7 @@ class Measured:
         whiten: (n,8,8) [1/px] what turns deviations of a quadrilateral's (column, row) × four corners into standard
             deviations.
         noise_px: standard deviation of a corner on either axis, about.
-        common_px: (n,4,2) how the corners move when all sides err outward together, by one standard deviation; None
+        growth_px: (n,4,2) how the corners move when all sides err outward together, by one standard deviation; None
             when the method has no sides.
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
         held: a side lies along the picture's edge.
@@ -44,7 +44,7 @@ class Measured:
     corners_px: Array
     whiten: Array
     noise_px: float
-    common_px: Array | None = None
+    growth_px: Array | None = None
     blur_px: float | None = None
     held: bool = False
 
@@ -107,8 +107,8 @@ def edge_corners(
     met = None if fit is None else intersect_sides(fit)
     if fit is None or met is None:
         return None
-    common_px = parameters.edge_growth_px * met.growth
-    return Measured(met.corners_px, met.whiten, met.noise_px, common_px, fit.blur_px, held is not None)
+    growth_px = parameters.edge_growth_px * met.growth
+    return Measured(met.corners_px, met.whiten, met.noise_px, growth_px, fit.blur_px, held is not None)
 
 
 def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:
@@ -172,8 +172,11 @@ _MISFIT = 0.024
 """Root-mean-square misfit, against the contrast, from which a side is measured by its light alone as well: above what
 sensors leave, below what coded colour does. What is measured by its light then is taken for coded."""
 
-_MISFIT_LIGHT = 1.6
-"""The same in light, 0 … 255, for small contrasts: noise of 1.5 levels is 1.1 at half of full scale."""
+_MISFIT_LEVELS = 2.2
+"""The same in grey levels of a sensor's noise, for small contrasts: half as much again as a noise of 1.5."""
+
+_CODED_SIDE_PX = 20.0
+"""Length of a side up to which it errs as a whole: about that of a block."""
 
 _HELD_PX = 0.05
 """Standard deviation of a side that is taken to lie on the picture's edge."""
@@ -187,8 +190,9 @@ class EdgeFloor:
         plain_px: of a single column of pixels.
         clipped_px: of a whole side, besides, where the inside is brighter than the picture can tell: the edge then
             seems to lie where its pixels meet it.
-        coded_px: of a whole side, besides, in coded pictures, times the misfit: coding moves blocks, and a side with
-            them, by the more the less of the picture is left.
+        coded_px: of a whole side of 20 px or less, besides, in coded pictures, times the misfit: coding moves blocks,
+            and a side with them, by the more the less of the picture is left. A longer side lies in more blocks, which
+            err each for itself.
     """
 
     plain_px: float
@@ -311,14 +315,17 @@ def _fit(image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: 
     if fit is not None and not fit.noisy:
         return fit
     by_luma = _fit_to(pixels, sides, floor, None, by_luma=True)
-    if fit is None or (by_luma is not None and by_luma.variance[0].sum() < fit.variance[0].sum()):
-        fit = by_luma
-    if fit is None:
-        return None
-    coded2 = (floor.coded_px * fit.misfit) ** 2 if fit.noisy else 0.0
-    more = np.array(
-        [np.full(len(sides.length_px), coded2), np.zeros(len(sides.length_px)), coded2 / sides.half_px() ** 2]
-    )
+    fits = [_as_coded(it, floor) if it.noisy else it for it in (fit, by_luma) if it is not None]
+    return min(fits, key=lambda it: float(it.variance[0].sum()), default=None)
+
+
+def _as_coded(fit: SideFit, floor: EdgeFloor) -> SideFit:
+    """A fit whose misfit is that of coding, with what coding adds to its variance."""
+    sides, side2 = fit.sides, (floor.coded_px * fit.misfit) ** 2
+    if fit.clipped:
+        side2 += floor.clipped_px**2
+    coded2 = side2 * _CODED_SIDE_PX / np.maximum(sides.length_px, _CODED_SIDE_PX)
+    more = np.array([coded2, np.zeros_like(coded2), coded2 / sides.half_px() ** 2])
     return replace(fit, variance=fit.variance + (more if sides.held is None else more * ~sides.held))
 
 
@@ -329,7 +336,7 @@ def _fit_to(
     profile = contrasts(pixels, sides.held, by_luma=by_luma)
     if profile is None:
         return None
-    values, clipped, contrast = profile
+    values, clipped, per_level = profile
     ends = _coarse(values, pixels)
     if blur_px is None:
         blur_px = _blur_px(values, pixels, ends)
@@ -385,7 +392,8 @@ def _fit_to(
     levels2 = noise2 * pixels.columns / np.maximum(4.0 * a * a, 1e-9)
     noise2 *= scale
     floor2 = floor.plain_px**2 / pixels.columns + levels2
-    whole2 = floor.clipped_px**2 if clipped else 0.0
+    noisy = misfit > max(_MISFIT, _MISFIT_LEVELS * per_level)
+    whole2 = floor.clipped_px**2 if clipped and not noisy else 0.0
     variance = np.array(
         [noise2 * c + floor2 + whole2, -noise2 * b / half_px, (noise2 * a + 3.0 * floor2 + whole2) / half_px**2]
     )
@@ -394,6 +402,4 @@ def _fit_to(
         variance[:, sides.held] = (
             _HELD_PX**2 * np.array([np.ones_like(half_px), 0.0 * half_px, half_px**-2])[:, sides.held]
         )
-    return SideFit(
-        sides, ends[0], ends[1] / half_px, variance, blur_px, misfit, misfit > max(_MISFIT, _MISFIT_LIGHT / contrast)
-    )
+    return SideFit(sides, ends[0], ends[1] / half_px, variance, blur_px, misfit, noisy, clipped)

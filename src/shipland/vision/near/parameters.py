@@ -38,6 +38,9 @@ class VisionParameters:
         edge_growth_px: standard deviation of how far all sides together lie outward of where they should, as a lamp's
             blooming and a camera's tone curve have it. The pose solves for it: rectangles that grow and a gap between
             them that shrinks tell it from distance.
+        row_motion_px_s: standard deviation, along columns and along rows, of how fast the cue moves over the picture of
+            a rolling shutter (`Camera.row_time_s`) when no earlier picture tells.
+        row_shake_px_s: the same of what the motion since the last picture leaves.
         max_blur: largest standard deviation of the picture's blur, as a fraction of the cue's shortest side: beyond,
             the smears of opposite sides meet, and corners are off by more than is stated.
         corner_noise_px: standard deviation of a Förstner corner, per axis.
@@ -80,6 +83,8 @@ class VisionParameters:
     edge_clipped_px: float
     edge_coded_px: float
     edge_growth_px: float
+    row_motion_px_s: float
+    row_shake_px_s: float
     max_blur: float
     corner_noise_px: float
     screening: Literal["perspective", "printed"]
@@ -113,6 +118,8 @@ class VisionParameters:
             "edge_clipped_px",
             "edge_coded_px",
             "edge_growth_px",
+            "row_motion_px_s",
+            "row_shake_px_s",
             "screening_px",
             "track_s",
             "track_climb_mps",

@@ -17,6 +17,7 @@ from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pose import LevelPrior, position_and_yaw
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.regions import Window, adapted, coloured_window, find_quads, find_regions, is_cut_quad
+from shipland.vision.near.rows import Followed
 from shipland.vision.near.sighting import Evidence, Judge, Sighting
 
 __all__ = ["NearVision", "Refusal", "VisionParameters"]
@@ -34,13 +35,15 @@ _LIKE_SIZE = 2.0
 
 @dataclass(frozen=True)
 class _Track:
-    """The last pose: when, where its corners were (n,4,2), how fast they moved (2,), how blurred the picture was."""
+    """The last pose: when, where its corners were (n,4,2), how fast they moved (2,), how blurred the picture was, and
+    its corners as measured (n,4,2), undistorted, where all of the cue was seen."""
 
     t_s: float
     camera_from_plane: Pose
     corners_px: Array
     drift_px_s: Array
     blur_px: float | None
+    measured_px: Array | None
 
 
 def _cut_or(refusal: Refusal, evidence: Evidence) -> Refusal:
@@ -88,7 +91,10 @@ class NearVision:
         predicted_px = self._predicted_px(frame.t_s)
         track = None if predicted_px is None else self._track
         last, blur_px = (None, None) if track is None else (track.camera_from_plane, track.blur_px)
-        evidence = Evidence(image, (), self._prior(frame.gimbal), last, blur_px)
+        followed = None
+        if track is not None and track.measured_px is not None and frame.t_s > track.t_s:
+            followed = Followed(track.measured_px, frame.t_s - track.t_s)
+        evidence = Evidence(image, (), self._prior(frame.gimbal), last, blur_px, followed)
         found: Sighting | Refusal = Refusal.NO_MATCH
         if predicted_px is not None:
             found = self._look(self._around(predicted_px), predicted_px, evidence, self._parameters, parts=False)
@@ -251,4 +257,5 @@ class NearVision:
         drift_px_s = np.zeros(2)
         if last is not None and 0.0 < t_s - last.t_s <= self._parameters.track_s:
             drift_px_s = (corners_px - last.corners_px).mean(axis=(0, 1)) / (t_s - last.t_s)
-        self._track = _Track(t_s, pose, corners_px, drift_px_s, sighting.blur_px)
+        measured_px = sighting.measured_px if whole else None
+        self._track = _Track(t_s, pose, corners_px, drift_px_s, sighting.blur_px, measured_px)

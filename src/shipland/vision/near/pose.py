@@ -26,6 +26,9 @@ _DAMPING = 1e-3
 
 _IDENTITY = np.eye(6)
 
+NOTHING_IN_COMMON = np.zeros(0)
+"""`Solution.common` of corners that err each for itself."""
+
 _TRUST = 2.0
 """Degrees of freedom that the corners' stated covariance is worth against what their own misfit says of it."""
 
@@ -56,7 +59,7 @@ class Corners:
         whiten: (n,8,8) what turns deviations of a quadrilateral's (column, row) × four corners into standard
             deviations [1/px]: the inverse of a square root of their covariance.
         plane_m: (n,4,2) the same corners in the cue's plane (right, down) [m].
-        common_px: (n,4,2) an error that all corners may have in common, at one standard deviation; None for none.
+        common_px: (m,n,4,2) errors that all corners may have in common, each at one standard deviation; None for none.
     """
 
     undistorted_px: Array
@@ -87,7 +90,7 @@ class Solution:
         chi2: weighted sum of squared residuals; the prior's share is `prior_chi2`.
         prior_chi2: of the level prior, 0 without one.
         covariance: (6,6) of the left rotation vector [rad] and translation [m], both in `camera`.
-        growth: what all corners err by in common, in its standard deviations; 0 when they have nothing in common.
+        common: (m,) what all corners err by in common, in standard deviations of each such error.
         residual_px: (n,4,2) reprojected minus measured, once the measured are freed of that.
         freedom: residuals less unknowns.
     """
@@ -96,7 +99,7 @@ class Solution:
     chi2: float
     prior_chi2: float
     covariance: Array
-    growth: float
+    common: Array
     residual_px: Array
     freedom: int
 
@@ -222,14 +225,19 @@ class _Refiner:
         self._common: Array | None = None
         self._common_px = corners.common_px
         if corners.common_px is not None:
-            # W' of the covariance (WᵀW)⁻¹ + c cᵀ is (1 − k v vᵀ) W, with v = W c.
-            common = (corners.whiten @ corners.common_px.reshape(-1, 8, 1)).ravel()
-            length2 = max(float(common @ common), 1e-12)
-            self._common, self._share = common, (1.0 - (1.0 + length2) ** -0.5) / length2
+            # W' of the covariance (WᵀW)⁻¹ + C Cᵀ is (1 − V K Vᵀ) W, with V = W C and VᵀV = Q λ Qᵀ:
+            # K = Q (1 − (1 + λ)^−½) / λ Qᵀ.
+            kinds = len(corners.common_px)
+            common = (corners.whiten @ corners.common_px.reshape(kinds, -1, 8, 1)).reshape(kinds, -1)
+            length2, turn = np.linalg.eigh(common @ common.T)
+            length2 = np.maximum(length2, 1e-12)
+            self._common = common
+            self._share = common.T @ (turn * ((1.0 - (1.0 + length2) ** -0.5) / length2) @ turn.T)
+            self._amplitude = turn * (1.0 / (1.0 + length2)) @ turn.T
         self._across: Array | None = None
         if prior is not None:
             self._across = _perpendicular(prior.down_in_camera) / prior.noise_rad
-        self._freedom = self._size - 6 + (0 if prior is None else 2) - (0 if corners.common_px is None else 1)
+        self._freedom = self._size - 6 + (0 if prior is None else 2) - (0 if corners.common_px is None else len(corners.common_px))
         # Rows for the prior stay zero without one.
         self._rows = np.zeros((self._size + 2, 7))
         self._partial = np.zeros((count, 2, 7))
@@ -293,17 +301,17 @@ class _Refiner:
         _, covariance, failed = lapack.dposv(at.gram[:6, :6], _IDENTITY)
         if failed:
             raise np.linalg.LinAlgError("the corners do not settle the pose")
-        residual_px, growth = (at.residual @ self._to_pixels.T).reshape(-1, 4, 2), 0.0
+        residual_px, amplitudes = (at.residual @ self._to_pixels.T).reshape(-1, 4, 2), NOTHING_IN_COMMON
         if self._common is not None and self._common_px is not None:
             whitened = self._whiten @ at.residual.reshape(-1, 8, 1)
-            growth = -float(self._common @ whitened.ravel()) / (1.0 + float(self._common @ self._common))
-            residual_px += growth * self._common_px
+            amplitudes = -self._amplitude @ (self._common @ whitened.ravel())
+            residual_px += np.tensordot(amplitudes, self._common_px, axes=1)
         return Solution(
             camera_from_plane=pose,
             chi2=float(at.gram[6, 6]),
             prior_chi2=at.prior_chi2,
             covariance=np.asarray(covariance, dtype=float),
-            growth=growth,
+            common=amplitudes,
             residual_px=residual_px,
             freedom=self._freedom,
         )
@@ -328,7 +336,7 @@ class _Refiner:
         whitened = rows[:size]
         np.matmul(self._whiten, partial.reshape(-1, 8, 7), out=whitened.reshape(-1, 8, 7))
         if self._common is not None:
-            whitened -= (self._share * self._common)[:, None] * (self._common @ whitened)
+            whitened -= self._share @ (self._common @ whitened)
         prior_chi2 = 0.0
         if self._across is not None:
             x, y, z = rotation[:, 1].tolist()

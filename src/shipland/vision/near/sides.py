@@ -89,6 +89,7 @@ class SideFit:
         blur_px: standard deviation of the picture's blur.
         misfit: root-mean-square residual of the pixels, against the contrast.
         noisy: the misfit is larger than sensors leave.
+        clipped: the inside is brighter than the picture can tell.
     """
 
     sides: Sides
@@ -98,6 +99,7 @@ class SideFit:
     blur_px: float
     misfit: float
     noisy: bool
+    clipped: bool
 
 
 def distort(undistorted_px: Array, camera: Camera) -> Array:
@@ -170,8 +172,6 @@ _STATIONS = np.arange(20.0)
 _LUMA_BGR = np.array([0.114, 0.587, 0.299])
 """ITU-R BT.601, the luma of JPEG and of most video."""
 
-_LEVELS = np.arange(256.0)
-
 _SHARES = np.linspace(-0.1, 1.1, 25)
 """Of the light inside, at which luma is looked up; a little beyond, so that noise is not cut off."""
 
@@ -180,6 +180,12 @@ _LEAST_LUMA = 10.0
 
 _LEAST_CONTRAST = 6.0
 """Smallest difference of light between inside and outside that is measured, of 255."""
+
+
+def _levels_of(light: Array) -> Array:
+    """Grey levels of light, 0 … 255, by the inverse of sRGB's curve, which goes on beyond both ends."""
+    share = light / 255.0
+    return 255.0 * np.where(share <= 0.0031308, 12.92 * share, 1.055 * np.maximum(share, 0.0) ** (1.0 / 2.4) - 0.055)
 
 
 def _light_of_levels() -> npt.NDArray[np.float32]:
@@ -191,6 +197,9 @@ def _light_of_levels() -> npt.NDArray[np.float32]:
 LIGHT = _light_of_levels()
 """(256,) light, 0 … 255, of a grey level by sRGB's curve [IEC 61966-2-1]: an edge is symmetric about its place in light
 only. Cameras have curves of their own; what theirs differ by is left to the growth that the pose solves for."""
+
+_LIGHT_A_LEVEL = np.gradient(LIGHT.astype(float))
+"""(256,) by how much light grows with a grey level."""
 
 _CLIPPED = float(LIGHT[240])
 """Mean light from which a colour is taken to be clipped, or bent by the shoulder of a tone curve."""
@@ -306,8 +315,8 @@ def contrasts(
 ) -> tuple[Array, bool, float] | None:
     """Light of pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
 
-    And whether the inside is brighter than the picture can tell, which moves the edge outward; and the contrast in
-    light, 0 … 255 a colour.
+    And whether the inside is brighter than the picture can tell, which moves the edge outward; and by how much a
+    pixel's share differs, root mean square, for every grey level that a sensor's noise has.
 
     Args:
         pixels: from inside to outside.
@@ -325,7 +334,7 @@ def contrasts(
     # A colour that is clipped has its edge where the first trace of light is; the others are not bent.
     clear = np.maximum(inside, outside) < _CLIPPED
     direction = None if clear.all() or by_luma else contrast_direction(inside * clear, outside * clear)
-    clipped = direction is None and not clear.all() and not by_luma  # what is coded errs by more
+    clipped = direction is None and not clear.all()
     if direction is None:
         direction = contrast_direction(inside, outside)
     if direction is None:
@@ -350,7 +359,9 @@ def contrasts(
     values = np.asarray(profile, float)
     values -= ground[:, None, None]
     values *= (1.0 / span)[:, None, None]
-    return values, clipped, 1.0 / math.sqrt(float(direction @ direction))
+    weights2 = _LUMA_BGR / (_LUMA_BGR @ (inside - outside)) if by_luma else direction
+    noise2 = [float(np.sum((weights2 * np.interp(ends, LIGHT, _LIGHT_A_LEVEL)) ** 2)) for ends in (inside, outside)]
+    return values, clipped, math.sqrt(0.5 * sum(noise2))
 
 
 def _mixed_by_luma(levels: npt.NDArray[np.uint8], inside: Array, outside: Array) -> Array | None:
@@ -359,7 +370,7 @@ def _mixed_by_luma(levels: npt.NDArray[np.uint8], inside: Array, outside: Array)
     The luma of a mixture of two lights (3,) rises with the share of the brighter, though not in proportion.
     """
     light = outside + _SHARES[:, None] * (inside - outside)
-    luma = np.interp(light, LIGHT, _LEVELS) @ _LUMA_BGR
+    luma = _levels_of(light) @ _LUMA_BGR
     if luma[-1] < luma[0]:
         luma, shares = luma[::-1], _SHARES[::-1]
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -20,6 +20,7 @@ from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pose import Corners, LevelPrior, Solution, covariance_in_bar, position_and_yaw, solve
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.regions import Image, Region, edge_distances
+from shipland.vision.near.rows import Followed, RowMotion, row_motion
 from shipland.vision.near.sides import distort
 
 _CLEAR_CHI2 = 9.0
@@ -61,6 +62,7 @@ class Evidence:
         prior: what the gimbal knows, or None.
         last: the last pose, camera_from_plane, or None.
         blur_px: the last picture's blur, or None.
+        followed: where the last picture showed all of the cue's corners, or None.
     """
 
     image: Image
@@ -68,6 +70,7 @@ class Evidence:
     prior: LevelPrior | None
     last: Pose | None
     blur_px: float | None
+    followed: Followed | None = None
 
 
 @dataclass(frozen=True)
@@ -77,13 +80,15 @@ class Sighting:
     Attributes:
         match: which quadrilaterals of the picture.
         solutions: the planar solutions, the one taken first.
-        corners_px: (k,4,2) measured corners in the picture.
+        corners_px: (k,4,2) where the picture shows the corners, once all sides are freed of what they err by together.
+        measured_px: (k,4,2) the corners as measured, undistorted.
         blur_px: the picture's blur, where it was measured.
     """
 
     match: Match
     solutions: list[Solution]
     corners_px: Array
+    measured_px: Array
     blur_px: float | None
 
     @property
@@ -174,25 +179,41 @@ class Judge:
         corners_px = measured.corners_px
         if measured.blur_px is not None and measured.blur_px > self._parameters.max_blur * _shortest_px(corners_px):
             return Refusal.CORNERS_UNSURE
-        corners = Corners(corners_px, measured.whiten, self.plane_m[list(match.model)], measured.common_px)
+        plane_m = self.plane_m[list(match.model)]
+        common_px = None if measured.growth_px is None else measured.growth_px[None]
+        if self._camera.row_time_s > 0.0:
+            moved = self._row_motion(corners_px, match, evidence.followed)
+            corners_px = corners_px - moved.moved_px
+            common_px = moved.unsure_px if common_px is None else np.concatenate([common_px, moved.unsure_px])
+        corners = Corners(corners_px, measured.whiten, plane_m, common_px)
         solutions = self._solved(corners, evidence)
         if not solutions:
             return Refusal.NO_SOLUTION
         taken = solutions[0]
-        if measured.common_px is not None:
-            corners_px = corners_px - taken.growth * measured.common_px
+        if common_px is not None:
+            corners_px = corners_px - np.tensordot(taken.common, common_px, axes=1)
+        seen_px = measured.corners_px
+        if measured.growth_px is not None:
+            seen_px = seen_px - taken.common[0] * measured.growth_px
         diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
         most_px = self._parameters.reprojection_px + self._made_to * diagonal_px
         if not taken.reprojection_px <= most_px + min(_REPROJECTION_NOISE * measured.noise_px, _MOST_NOISE_PX):
             return Refusal.REPROJECTION
-        if measured.held and self._beyond_edge(corners_px, taken.residual_px, evidence.image):
+        if measured.held and self._beyond_edge(seen_px, taken.residual_px, evidence.image):
             return Refusal.CUT_BY_FRAME
         if not sides_agree(corners_px, corners_px + taken.residual_px, measured.noise_px, self._parameters):
             return Refusal.SIDES_UNEQUAL
         if not self._within_reach(taken.camera_from_plane):
             return Refusal.OUT_OF_REACH
-        raw_px = distort(corners_px.reshape(-1, 2), self._camera).reshape(-1, 4, 2)
-        return Sighting(match, solutions, raw_px, measured.blur_px)
+        raw_px = distort(seen_px.reshape(-1, 2), self._camera).reshape(-1, 4, 2)
+        return Sighting(match, solutions, raw_px, measured.corners_px, measured.blur_px)
+
+    def _row_motion(self, corners_px: Array, match: Match, followed: Followed | None) -> RowMotion:
+        """What the rows' own times do to measured corners (k,4,2)."""
+        rows = distort(corners_px.reshape(-1, 2), self._camera)[:, 1].reshape(-1, 4)
+        model = list(match.model)
+        last = None if followed is None else replace(followed, corners_px=followed.corners_px[model])
+        return row_motion(corners_px, rows, self.plane_m[model], self._camera, self._parameters, last)
 
     def _solved(self, corners: Corners, evidence: Evidence) -> list[Solution]:
         """The planar solutions, the one taken first.
