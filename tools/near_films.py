@@ -61,17 +61,16 @@ class Motion:
 def rendered(scene: Scene, at_rest: View, motion: Motion, times_s: Array, setting: Setting) -> list[Picture]:
     """A picture a time, all rows exposed at once, without noise."""
     return [
-        scene.render(motion.view(at_rest, float(t_s)).state(setting.rig, float(t_s)), setting.camera)
-        for t_s in times_s
+        scene.render(motion.view(at_rest, float(t_s)).state(setting.rig, float(t_s)), setting.camera) for t_s in times_s
     ]
 
 
 def row_by_row(
     picture: Picture, at_rest: View, motion: Motion, t_s: float, read_out_s: float, setting: Setting
 ) -> Picture:
-    """A picture of t_s as a rolling shutter would have it that reads all rows in `read_out_s`, the middle one at t_s.
+    """A picture of t_s as a rolling shutter has it that reads all rows in `read_out_s`, the middle one at t_s.
 
-    Each row shows the bar's plane as the camera saw it when that row was exposed; what lies off the plane moves with it.
+    Each row shows the bar's plane as the camera saw it when that row was exposed; what lies off it moves with it.
     """
     height, width = picture.shape[:2]
     rows = np.arange(height, dtype=float)

@@ -12,7 +12,7 @@ import numpy as np
 from shipland.camera import Camera, CameraParameters, level_from_camera
 from shipland.config import build
 from shipland.frames import Array, Pose, rotation_from_euler
-from shipland.messages import Frame, GimbalAttitude
+from shipland.messages import BarPose, Frame, GimbalAttitude
 from shipland.rig import Rig, default_rig, packaged_table
 from shipland.sim.scene.scene import Scene, SceneParameters
 from shipland.sim.state import SceneState
@@ -145,8 +145,12 @@ def look(view: View, image: Array, vision: NearVision, setting: Setting) -> Tria
         return Trial(view, observation.reason)
     true_px = setting.camera.project(view.bar_from_camera.inverse().apply(setting.rig.target.points_in_bar_m))
     corner_error_px = pose.corners_px - true_px if len(pose.corners_px) == len(true_px) else None
-    error = np.append(pose.position_in_bar_m - view.bar_from_camera.translation_m, pose.yaw_rad - view.yaw_rad)
-    return Trial(view, "", error, pose.covariance, corner_error_px)
+    return Trial(view, "", error_of(pose, view), pose.covariance, corner_error_px)
+
+
+def error_of(pose: BarPose, view: View) -> Array:
+    """(4,) of a pose: position in `bar` [m] and yaw [rad]."""
+    return np.append(pose.position_in_bar_m - view.bar_from_camera.translation_m, pose.yaw_rad - view.yaw_rad)
 
 
 def cramer_rao(view: View, setting: Setting, noise_px: float, gimbal_noise_rad: float) -> Array:

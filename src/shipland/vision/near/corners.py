@@ -315,16 +315,20 @@ def _fit(image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: 
     if fit is not None and not fit.noisy:
         return fit
     by_luma = _fit_to(pixels, sides, floor, None, by_luma=True)
-    fits = [_as_coded(it, floor) if it.noisy else it for it in (fit, by_luma) if it is not None]
-    return min(fits, key=lambda it: float(it.variance[0].sum()), default=None)
+    fits = [it for it in (fit, by_luma) if it is not None]
+    if not fits:
+        return None
+    best = min(fits, key=lambda it: float(it.variance[0].sum()))
+    return _as_coded(best, floor) if best.noisy else best
 
 
 def _as_coded(fit: SideFit, floor: EdgeFloor) -> SideFit:
     """A fit whose misfit is that of coding, with what coding adds to its variance."""
-    sides, side2 = fit.sides, (floor.coded_px * fit.misfit) ** 2
-    if fit.clipped:
-        side2 += floor.clipped_px**2
-    coded2 = side2 * _CODED_SIDE_PX / np.maximum(sides.length_px, _CODED_SIDE_PX)
+    sides = fit.sides
+    coded2 = (floor.coded_px * fit.misfit) ** 2 * _CODED_SIDE_PX / np.maximum(sides.length_px, _CODED_SIDE_PX)
+    if fit.clipped:  # which a side that crosses several rows of pixels (columns, if it is steep) averages out
+        crossed = sides.length_px * np.abs(sides.along).min(axis=1) / np.abs(sides.along).max(axis=1)
+        coded2 += (floor.clipped_px / np.maximum(crossed, 1.0)) ** 2
     more = np.array([coded2, np.zeros_like(coded2), coded2 / sides.half_px() ** 2])
     return replace(fit, variance=fit.variance + (more if sides.held is None else more * ~sides.held))
 

@@ -35,8 +35,10 @@ _LIKE_SIZE = 2.0
 
 @dataclass(frozen=True)
 class _Track:
-    """The last pose: when, where its corners were (n,4,2), how fast they moved (2,), how blurred the picture was, and
-    its corners as measured (n,4,2), undistorted, where all of the cue was seen."""
+    """The last pose: when, where its corners were (n,4,2), how fast they moved (2,), how blurred the picture was.
+
+    And its corners as measured (n,4,2), undistorted, where all of the cue was seen.
+    """
 
     t_s: float
     camera_from_plane: Pose

@@ -222,12 +222,12 @@ class _Refiner:
         self.rays[0] = (columns - cx - skew * self.rays[1]) / fx if skew != 0.0 else (columns - cx) / fx
         self._size = 2 * count
         self._whiten = (corners.whiten.reshape(-1, 4, 2) @ self._to_pixels).reshape(-1, 8, 8)
+        kinds = 0 if corners.common_px is None else len(corners.common_px)
         self._common: Array | None = None
         self._common_px = corners.common_px
         if corners.common_px is not None:
             # W' of the covariance (WᵀW)⁻¹ + C Cᵀ is (1 − V K Vᵀ) W, with V = W C and VᵀV = Q λ Qᵀ:
             # K = Q (1 − (1 + λ)^−½) / λ Qᵀ.
-            kinds = len(corners.common_px)
             common = (corners.whiten @ corners.common_px.reshape(kinds, -1, 8, 1)).reshape(kinds, -1)
             length2, turn = np.linalg.eigh(common @ common.T)
             length2 = np.maximum(length2, 1e-12)
@@ -237,7 +237,7 @@ class _Refiner:
         self._across: Array | None = None
         if prior is not None:
             self._across = _perpendicular(prior.down_in_camera) / prior.noise_rad
-        self._freedom = self._size - 6 + (0 if prior is None else 2) - (0 if corners.common_px is None else len(corners.common_px))
+        self._freedom = self._size - 6 + (0 if prior is None else 2) - kinds
         # Rows for the prior stay zero without one.
         self._rows = np.zeros((self._size + 2, 7))
         self._partial = np.zeros((count, 2, 7))
