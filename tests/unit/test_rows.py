@@ -109,5 +109,3 @@ def test_a_row_time_in_microseconds_is_refused(tmp_path):
     path.write_text(path.read_text().replace("row_time_s: ", "row_time_s: 42. # "))
     with pytest.raises(DataError, match="row_time_s"):
         Camera.from_opencv_yaml(path)
-
-
