@@ -8,7 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from shipland.api import fly
+from shipland.commands.identify import Identify
+from shipland.config import build, layered
 from shipland.errors import ConfigError, DataError
+from shipland.guidance.pilot import Pilot, PilotSetup
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import (
     Decision,
@@ -22,8 +26,11 @@ from shipland.messages import (
 )
 from shipland.missions.crew import build_vehicle, response_of
 from shipland.missions.identify import identify
-from shipland.missions.outside import identified
+from shipland.missions.outside import identified, make_vehicle
 from shipland.missions.scenarios import load_scenario
+from shipland.vehicles.anafi.vehicle import AnafiVehicle
+from shipland.vehicles.mavlink.parameters import MavlinkParameters, VehicleLimits, response_within
+from shipland.vehicles.mavlink.state import ARDUPILOT
 
 
 def flown(kind: str, seconds: float = 40.0) -> Iterator[FlightRecord]:
@@ -93,6 +100,44 @@ def test_what_is_found_goes_through_the_door(tmp_path: Path) -> None:
     assert "15" in found.table() or "rad of tilt" in found.table()
     with pytest.raises(ConfigError, match="velocity"):
         identified(path, replace(ANAFI_LIKE, kind="velocity", max_speed_mps=5.0, servo_per_s=1.0))
+
+
+def moving_sticks(setup: PilotSetup) -> Pilot:
+    """Other sticks each second, as a climb-out, which the safety lets through with nothing in view."""
+
+    class Moving:
+        def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
+            sticks = np.random.default_rng(int(telemetry.t_s)).choice([-60.0, -30.0, 30.0, 60.0], 4)
+            command = PilotCommand(telemetry.t_s, *sticks.tolist(), 0.0, Intent.CLIMB_OUT)
+            return Decision(command, None, "moving")
+
+    return Moving()
+
+
+def test_from_a_flights_log_to_the_pilot_of_every_vehicle(tmp_path: Path) -> None:
+    """The two commands of "Fly it", and what an ANAFI's, an ArduPilot's and the simulated pilot make of the file."""
+    scenario = load_scenario(
+        "near",
+        start={"distance_m": 300.0, "height_m": 40.0},
+        delays={"telemetry": {"profile": "mavlink"}},
+        time_limit_s=40.0,
+    )
+    fly(scenario, pilot=moving_sticks, vision="geometric", out=tmp_path, video=False)
+    path = tmp_path / "vehicle.toml"
+    assert Identify(tmp_path / "flight.mcap", path).run() == 0
+    simulated = identified(path, response_of(scenario))
+    assert simulated.lag_s != response_of(scenario).lag_s
+    made = make_vehicle("anafi://192.168.42.1", scenario, None, path)
+    assert isinstance(made, AnafiVehicle)
+    anafi = made.response()
+    assert (anafi.max_tilt_rad, anafi.lag_s, anafi.climb_lag_s, anafi.max_climb_mps) == pytest.approx(
+        (simulated.max_tilt_rad, simulated.lag_s, simulated.climb_lag_s, simulated.max_climb_mps)
+    )
+    limits = VehicleLimits.of(ARDUPILOT, {})
+    table = layered("vehicles", path)
+    parameters = build(MavlinkParameters, table["mavlink"], "mavlink")
+    ardupilot = response_within(parameters, limits, ARDUPILOT, table["response"])
+    assert (ardupilot.lag_s, ardupilot.turn_lag_s) == pytest.approx((simulated.lag_s, simulated.turn_lag_s))
 
 
 def test_a_flight_that_tells_nothing_is_refused() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from shipland.config import build
@@ -22,20 +23,18 @@ def anafi(setup: VehicleSetup) -> Vehicle:
     address = setup.address
     address.only("python", "stream", "takeoff")
     parameters = build(AnafiParameters, setup.table["anafi"], "vehicles.anafi")
-    lags = {"max_speed_mps": 0.0, "servo_per_s": 0.0, **setup.table["response"]["attitude"]}  # type: ignore[dict-item]
-    response = build(
-        Response,
-        {
-            **lags,
-            "kind": "attitude",
-            "max_tilt_rad": math.radians(parameters.max_tilt_deg),
-            "max_climb_mps": parameters.max_climb_mps,
-            "max_turn_rad_s": math.radians(parameters.max_turn_deg_s),
-            "stick_step_percent": 1.0,
-            "hold_below_percent": 1.0,
-        },
-        "response.attitude",
-    )
+    assumed = {
+        "kind": "attitude",
+        "max_tilt_rad": math.radians(parameters.max_tilt_deg),
+        "max_climb_mps": parameters.max_climb_mps,
+        "max_turn_rad_s": math.radians(parameters.max_turn_deg_s),
+        "max_speed_mps": 0.0,
+        "servo_per_s": 0.0,
+    }
+    found = setup.table["response"]["attitude"]  # what `shipland identify` has measured goes before what was set
+    assert isinstance(found, Mapping)
+    pcmd = {"stick_step_percent": 1.0, "hold_below_percent": 1.0}
+    response = build(Response, {**assumed, **found, **pcmd}, "response.attitude")
     stream = address.options.get("stream", f"rtsp://{address.place}/live")
     return AnafiVehicle(
         AnafiSetup(
