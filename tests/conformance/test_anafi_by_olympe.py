@@ -5,6 +5,7 @@ import math
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ import pytest
 from anafi_bench import CAMERA, GREEN_BGR, bench
 
 from shipland.errors import VehicleError
-from shipland.messages import Frame, Intent, PilotCommand, Telemetry
+from shipland.messages import Decision, FlightRecord, Frame, Intent, Observation, PilotCommand, Telemetry
+from shipland.missions.identify import identify
 from shipland.vehicles.anafi.vehicle import AnafiVehicle
 
 
@@ -124,6 +126,30 @@ def test_it_lands_on_what_it_cannot_sink_through(tmp_path: Path) -> None:
     assert {"sticks": [0, 0, 0, -40]} in [line.get("to") for line in lines]
     kinds = {line["from"]["kind"] for line in lines if "from" in line}
     assert {"attitude", "speed", "altitude", "flying", "picture", "limits", "battery"} <= kinds
+
+
+def test_identify_finds_the_aircrafts_own_constants() -> None:
+    """From sticks through Olympe to the aircraft, and back through events and metadata to a response."""
+    rng = np.random.default_rng(3)
+    records: list[FlightRecord] = []
+    with bench(latency_s=0.01, event_latency_s=0.002) as (vehicle, _):  # on this machine nothing is late
+        vehicle.open()
+        for _ in range(22):
+            sticks = rng.choice([-60.0, -30.0, 30.0, 60.0], 4).tolist()
+            for frame, telemetry in fly(vehicle, 1.0, *sticks):
+                if frame is not None:
+                    command = PilotCommand(telemetry.t_s, *sticks, -0.2)
+                    seen = Observation(frame.t_s, frame.gimbal)
+                    frame = replace(frame, image=None)
+                    records.append(FlightRecord(frame, telemetry, seen, Decision(command, None, ""), None))
+    found = identify(records)
+    assert found.level is not None and found.climb is not None and found.turn is not None
+    assert math.degrees(found.level.full) == pytest.approx(15.0, rel=0.05)
+    assert found.level.lag_s + found.level.delay_s == pytest.approx(0.15 + 0.02, abs=0.04)
+    assert found.climb.full == pytest.approx(1.0, rel=0.05)
+    assert found.climb.lag_s + found.climb.delay_s == pytest.approx(0.2 + 0.02, abs=0.05)
+    assert math.degrees(found.turn.full) == pytest.approx(40.0, rel=0.05)
+    assert found.drag_per_s == pytest.approx(0.3, abs=0.05)
 
 
 def test_a_stalled_loop_releases_the_sticks() -> None:

@@ -132,7 +132,8 @@ _LISTENING_S = 3.0
 
 def _report(console: Console, command: Fly, flight: Flight) -> None:
     which = f"seed {command.seed}, " if command.vehicle is None else ""
-    console.print(f"{flight.reason} ({which}{flight.result.t_s:.1f} s of flight)")
+    first_s = flight.records[0].frame.t_s if flight.records else 0.0
+    console.print(f"{flight.reason} ({which}{max(0.0, flight.result.t_s - first_s):.1f} s of flight)")
     verdict = flight.verdict
     if verdict is not None and verdict.touched:
         forward_m, starboard_m = verdict.touchdown_in_deck_m
@@ -146,10 +147,11 @@ def _report(console: Console, command: Fly, flight: Flight) -> None:
 
 
 class ProgressLine:
-    """The live line: time, mode, distance, sticks; where there is no terminal, a line a change of mode."""
+    """The live line: time since the first picture, mode, distance, sticks; with no terminal, a line a change of mode."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
+        self._first_s: float | None = None
         self._mode: Mode | None = None
         self._shown_s = -1.0
         self._status = console.status("starting") if console.is_terminal else None
@@ -165,7 +167,9 @@ class ProgressLine:
 
     def show(self, record: FlightRecord) -> None:
         """Show one cycle."""
-        decision, t_s = record.decision, record.telemetry.t_s
+        if self._first_s is None:
+            self._first_s = record.frame.t_s
+        decision, t_s = record.decision, record.telemetry.t_s - self._first_s
         mode = "-" if decision.mode is None else decision.mode.name
         if decision.mode is not self._mode:
             self._mode = decision.mode
