@@ -147,7 +147,7 @@ def _report(console: Console, command: Fly, flight: Flight) -> None:
 
 
 class ProgressLine:
-    """The live line: time since the first picture, mode, distance, sticks; with no terminal, a line a change of mode."""
+    """The live line: time since the first picture, mode, distance, sticks; with no terminal, one a change of mode."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
