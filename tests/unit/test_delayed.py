@@ -94,3 +94,20 @@ def test_without_pictures_it_follows():
     late.follow(5.0, inputs)
     assert late.belief.t_s == pytest.approx(4.4, abs=0.002)
     assert late.belief.covariance[0, 0] > 0.1
+
+
+@pytest.mark.parametrize("first_mps", [0.1, 3.0])
+def test_velocities_that_err_are_soon_taken_for_what_they_are(first_mps):
+    """At rest and seen so; readings err by 0.2 m/s, ten times the least: from the third on none is refused as astray.
+
+    An uncertain first belief expects larger innovations than come, by more than any velocity errs.
+    """
+    late, inputs, steps_mps = _filter(), Inputs(2), []
+    late.start(0.0, np.zeros(2), 1e-4 * np.eye(2), first_mps)
+    for k in range(1, 10):
+        t_s = 0.2 * k
+        late.picture(t_s - 0.01, np.zeros(2), 1e-4 * np.eye(2), inputs)
+        before = late.ahead(t_s, inputs)
+        late.velocity(t_s, 0.2 * (-1.0) ** k * np.ones(2))
+        steps_mps.append(np.abs(late.ahead(t_s, inputs).of(SPEED) - before.of(SPEED)).max())
+    assert min(steps_mps[2:]) > 0.015

@@ -186,7 +186,8 @@ class DelayedFilter:
         known = np.einsum("ij,jk,ik->i", jacobian, belief.covariance, jacobian)
         found = float(np.mean(np.minimum(innovation**2, self._parameters.velocity_most_mps**2) - known))
         if math.isfinite(found):
-            self._velocity_variance += _LEARNED * (found - self._velocity_variance)
+            learned = self._velocity_variance + _LEARNED * (found - self._velocity_variance)
+            self._velocity_variance = max(learned, 0.0)  # an uncertain belief expects more than is seen
 
     def _with(self, belief: Belief, reading: _Velocity) -> Belief:
         limits = self._parameters
