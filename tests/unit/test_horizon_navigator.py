@@ -95,3 +95,23 @@ def test_the_place_stays_known_by_the_vehicles_velocity_and_only_by_it():
             navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
         spread_m[with_velocity] = navigator.estimate(9.3).spread_m
     assert spread_m[True] < PARAMETERS.horizon.known_m < spread_m[False]
+
+
+def test_where_the_filter_for_turns_takes_over_the_axes_do_not_step():
+    """A compass that errs by 3°, slowly: both filters have it by different shares when the ship begins to turn."""
+    navigator, steps_rad, took_over = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M), [], 0
+    rng = np.random.default_rng(3)
+    for index in range(240):
+        t_s = index / 30.0
+        bar_rad = 0.3 * max(t_s - 6.0, 0.0)
+        compass_rad = 0.05 * math.sin(0.9 * t_s) + rng.normal(0.0, 0.02)
+        pose = BarPose(HOVER_IN_BAR_M + CAMERA_IN_BODY_M, -bar_rad, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
+        before = navigator._headings
+        quiet = before is not navigator._turning
+        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, compass_rad, 3.0, np.zeros(3), 90.0, 90.0, True, heading_t_s=t_s)
+        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+        if quiet and before is not None and navigator._headings is navigator._turning:
+            took_over += 1
+            steps_rad.append(navigator._headings.bar_rad - before.bar_rad)
+    assert took_over >= 1
+    assert np.abs(steps_rad).max() < 0.015

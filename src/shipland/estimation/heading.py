@@ -94,6 +94,12 @@ def _carried(
     return after, spread_after(transition, covariance, noise)
 
 
+def shifted(before: Headings, by_rad: float) -> Headings:
+    """Both headings turned by `by_rad`; what they differ by stays."""
+    by_rad = wrap_angle(by_rad)
+    return replace(before, mean=before.mean + np.array([by_rad, by_rad, 0.0]))
+
+
 def with_compass(before: Headings, heading_rad: float, noise: HeadingNoise) -> Headings:
     """A compass reading of its time; not finite is refused."""
     return _with(before, 0.0, heading_rad - before.nose_rad, noise.compass_rad**2)

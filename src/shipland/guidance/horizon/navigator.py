@@ -16,6 +16,7 @@ from shipland.estimation.heading import (
     Headings,
     first_headings,
     headings_at,
+    shifted,
     with_compass,
     with_pose,
 )
@@ -337,15 +338,21 @@ class Navigator:
         self._down.follow(telemetry.t_s, self._climbs)
 
     def _take_headings(self, observation: Observation) -> None:
-        """Two filters: one for a ship that keeps its course, quiet, and one for a ship that turns."""
+        """Two filters: one for a ship that keeps its course, quiet, and one for a ship that turns.
+
+        Where the one takes over from the other, the bar's heading does not step: the estimate's axes turn with it.
+        """
         assert self._headings is not None
         assert self._turning is not None
-        parameters = self._parameters
+        parameters, turning_before = self._parameters, self._headings is self._turning
         self._turning = self._with_news(self._turning, observation, parameters.heading_turning)
+        quiet = self._with_news(self._headings, observation, parameters.heading)
         if self._turning.bar_known and abs(self._turning.turn_rad_s) > parameters.turn_from_rad_s:
+            if not turning_before:
+                self._turning = shifted(self._turning, quiet.bar_rad - self._turning.bar_rad)
             self._headings = self._turning
         else:
-            self._headings = self._with_news(self._headings, observation, parameters.heading)
+            self._headings = quiet
 
     def _with_news(self, headings: Headings, observation: Observation, noise: HeadingNoise) -> Headings:
         t_s = observation.t_s
