@@ -21,7 +21,7 @@ from shipland.estimation.relative_state import (
     dynamics,
 )
 from shipland.estimation.swing import Swing
-from shipland.guidance.horizon.descent import Descent, Over, Phase, next_descent
+from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.gains import INPUT, gains_of
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.reference import Pace, at_rest, led_anew, moved
@@ -169,6 +169,19 @@ def test_an_estimate_that_leaps_in_every_picture_does_not_take_the_speed_wanted_
 
 def _over(t_s, height_m, offset_m=0.0, contact_m=0.0, lull=True):
     return Over(t_s, 0.033, height_m, offset_m, contact_m, lull)
+
+
+@pytest.mark.parametrize("sink_mps", [-0.3, 0.0, 0.1, 0.6, 1.0, 1.3])
+@pytest.mark.parametrize("height_m", [0.1, 0.15, 0.3, 1.0])
+def test_contact_is_foreseen_as_the_climb_rate_settles(height_m: float, sink_mps: float) -> None:
+    descent, lag_s, step_s = PARAMETERS.descent, 0.3, 1e-4
+    low_m, fall_mps, fallen_s = height_m, sink_mps, 0.0
+    while low_m > descent.contact_height_m or fall_mps < 0.0:
+        fall_mps += step_s / lag_s * (max(descent.drop_mps, sink_mps) - fall_mps)
+        low_m -= step_s * fall_mps
+        fallen_s += step_s
+    foreseen_s = contact_in_s(height_m, sink_mps, lag_s, descent)
+    assert foreseen_s == pytest.approx(fallen_s, abs=0.01 if sink_mps <= descent.drop_mps else 0.3)
 
 
 def _land(offset_at, contact_at, lull_at=lambda _: True, seconds=30.0):

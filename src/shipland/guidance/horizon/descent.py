@@ -6,12 +6,14 @@ No speed gate: what counts is where the aircraft will be at contact, and that is
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass, replace
 
 from shipland.config import require
 
 _SLOWEST_MPS = 0.1
 """Of the way down, at its end."""
+NEWTON_STEPS, SLOWEST_FALL_MPS = 5, 1e-2
 
 
 class Phase(enum.Enum):
@@ -93,9 +95,24 @@ class Over:
     lull: bool
 
 
-def contact_in_s(height_m: float, parameters: DescentParameters) -> float:
-    """Time to contact from a height over the neutral deck, dropping [s]."""
-    return max(height_m - parameters.contact_height_m, 0.0) / parameters.drop_mps
+def contact_in_s(height_m: float, sink_mps: float, lag_s: float, parameters: DescentParameters) -> float:
+    """Time to contact from a height over the neutral deck, dropping [s].
+
+    Args:
+        height_m: of the aircraft's centre.
+        sink_mps: now; it approaches `drop_mps` with the time constant `lag_s`.
+        lag_s: of the vehicle's climb rate.
+        parameters: of the descent.
+    """
+    left_m, drop_mps = max(height_m - parameters.contact_height_m, 0.0), parameters.drop_mps
+    slower_mps = max(drop_mps - sink_mps, 0.0)
+    time_s = left_m / drop_mps + lag_s * slower_mps / drop_mps
+    for _ in range(NEWTON_STEPS):  # the height lost is convex in time, and this begins beyond the solution
+        kept = math.exp(-time_s / lag_s)
+        fallen_m = drop_mps * time_s - slower_mps * lag_s * (1.0 - kept)
+        speed_mps = max(drop_mps - slower_mps * kept, SLOWEST_FALL_MPS)
+        time_s = max(time_s - (fallen_m - left_m) / speed_mps, 0.0)
+    return time_s
 
 
 def next_descent(before: Descent | None, over: Over, parameters: DescentParameters) -> Descent:

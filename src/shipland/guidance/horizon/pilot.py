@@ -252,8 +252,8 @@ class HorizonPilot:
         rows = gains.steady
         if self._descent is not None and self._descent.phase is Phase.DROP:
             left = round(self._contact_in_s(estimate) / gains.step_s)
-            if 1 <= left <= len(gains.to_contact):
-                rows = gains.to_contact[left - 1]
+            if left <= len(gains.to_contact):
+                rows = gains.to_contact[max(left, 1) - 1]  # contact is late on a deck that falls away
         most = _RATE_SHARE * self._response.max_input_rate * gains.step_s
         for axis in range(2):
             change = -float(rows @ self._control_state(estimate, axis, before[axis]))
@@ -321,10 +321,8 @@ class HorizonPilot:
         return float(self._deck_in_bar_m[2]) - estimate.down_m
 
     def _contact_in_s(self, estimate: Estimated) -> float:
-        parameters = self._parameters.descent
-        sinking = max(estimate.down_mps, 0.0)
-        start_s = self._response.climb_lag_s * max(1.0 - sinking / parameters.drop_mps, 0.0)
-        return start_s + contact_in_s(self._height_m(estimate), parameters)
+        lag_s = self._response.climb_lag_s
+        return contact_in_s(self._height_m(estimate), estimate.down_mps, lag_s, self._parameters.descent)
 
     def _heave_mps(self, mode: Mode, estimate: Estimated, gains: Gains, step_s: float) -> float:
         """Climb rate wanted, upward."""

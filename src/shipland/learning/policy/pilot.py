@@ -18,6 +18,7 @@ from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, SWING, 
 from shipland.estimation.swing import SWING_STATES, Swing
 from shipland.frames import GRAVITY_MPS2 as G
 from shipland.frames import Array
+from shipland.guidance.horizon.descent import NEWTON_STEPS, SLOWEST_FALL_MPS
 from shipland.guidance.horizon.gains import gains_of
 from shipland.guidance.horizon.steering import AXIS_ENTRIES, LIMIT, LONGEST_CONTACT_S, WHOLE_ENTRIES
 from shipland.learning.policy.filter import estimator_tables
@@ -292,7 +293,7 @@ class BatchedHorizon:
         gentle = (_length(offset) > self._setup.horizon.margins.gentle_m)[:, None]
         left = (contact / self._setup.cycle_s).round().long()
         count = len(self._near[1])
-        last = ((memory.phase == _DROP) & (left >= 1) & (left <= count))[:, None]
+        last = ((memory.phase == _DROP) & (left <= count))[:, None]
         index = (left - 1).clamp(0, count - 1)
         near = torch.where(last, self._near[1][index], self._near[0])
         far = torch.where(last, self._gentle[1][index], self._gentle[0])
@@ -302,9 +303,16 @@ class BatchedHorizon:
     # --- descent -----------------------------------------------------------------------------------------------
 
     def _contact_s(self, height: Tensor, sink: Tensor) -> Tensor:
-        descent = self._setup.horizon.descent
-        lag_s = self._setup.response.climb_lag_s * (1.0 - sink.clamp_min(0.0) / descent.drop_mps).clamp_min(0.0)
-        return lag_s + (height - descent.contact_height_m).clamp_min(0.0) / descent.drop_mps
+        """`descent.contact_in_s`."""
+        descent, lag_s = self._setup.horizon.descent, self._setup.response.climb_lag_s
+        left, drop = (height - descent.contact_height_m).clamp_min(0.0), descent.drop_mps
+        slower = (drop - sink).clamp_min(0.0)
+        time = left / drop + lag_s * slower / drop
+        for _ in range(NEWTON_STEPS):
+            kept = torch.exp(-time / lag_s)
+            fallen = drop * time - slower * lag_s * (1.0 - kept)
+            time = (time - (fallen - left) / (drop - slower * kept).clamp_min(SLOWEST_FALL_MPS)).clamp_min(0.0)
+        return time
 
     def _with_descent(
         self, memory: Memory, state: Tensor, offset: Tensor, height: Tensor, contact: Tensor, control: Tensor
