@@ -46,10 +46,12 @@ class Blank:
 
 
 class StandIn:
-    """The process of the stand-in autopilot."""
+    """The process of the stand-in autopilot; a kind as `ardupilot-by-mavsdk` speaks MAVLink by MAVSDK's library."""
 
     def __init__(self, port: int, kind: str, key: bytes | None = None) -> None:
-        command = [sys.executable, str(Path(__file__).with_name("standin.py")), str(port), kind]
+        autopilot, _, by = kind.partition("-by-")
+        script = "standin_by_mavsdk.py" if by else "standin.py"
+        command = [sys.executable, str(Path(__file__).with_name(script)), str(port), autopilot]
         command += [key.hex()] if key else []
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 

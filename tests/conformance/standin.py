@@ -242,8 +242,10 @@ class Autopilot:
 
 def main() -> None:
     key = bytes.fromhex(sys.argv[3]) if len(sys.argv) > 3 else None
-    autopilot = Autopilot(int(sys.argv[1]), sys.argv[2] == "px4", key)
+    run(Autopilot(int(sys.argv[1]), sys.argv[2] == "px4", key))
 
+
+def run(autopilot: Autopilot) -> None:
     def obey_input() -> None:
         for line in sys.stdin:
             if line.strip():

@@ -52,6 +52,8 @@ def over_mavlink(kind: str) -> Made:
 
     def make(seed: int) -> Vehicle:
         pytest.importorskip("pymavlink")
+        if kind.endswith("by-mavsdk"):
+            pytest.importorskip("mavsdk", reason="an independent MAVLink end: pip install mavsdk")
         from mavlink_bench import bench
 
         return _benches.enter_context(bench(kind))[0]
@@ -72,6 +74,8 @@ VEHICLES: dict[str, Made] = {
     "replay": replayed,
     "ardupilot": over_mavlink("ardupilot"),
     "px4": over_mavlink("px4"),
+    "ardupilot-by-mavsdk": over_mavlink("ardupilot-by-mavsdk"),
+    "px4-by-mavsdk": over_mavlink("px4-by-mavsdk"),
     "anafi": over_olympe,
 }
 """Everything that can be flown."""
