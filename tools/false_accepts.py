@@ -4,6 +4,8 @@
                                                        # was cut off
     python tools/false_accepts.py --pictures 200 --out out/some
     python tools/false_accepts.py --adaptive --pictures 2000 --out out/adaptive
+    python tools/false_accepts.py --cue src/shipland/configs/cues/bar_asymmetric.toml --decoys "the bar in a wet deck" \
+        "the bar in rippled water" --out out/asymmetric    # only these decoys, of another cue
 
 Scenes are rendered with the bar's board painted over; each serves for 40 pictures: 32 are other cuts of it, in other
 light, hues and weather, 8 have a decoy painted in (tools/false_pictures.py) and are spoiled in one way or not at all
@@ -15,7 +17,8 @@ from __future__ import annotations
 import argparse
 import json
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -26,6 +29,7 @@ from rich.progress import track
 from spoiling import SPOILERS, noise, vary
 
 from shipland.messages import Frame
+from shipland.rig import Target
 from shipland.sim.scene.scene import Scene
 
 PICTURES_A_SCENE = 40
@@ -77,16 +81,18 @@ class Backgrounds:
         return self._lit[1]
 
 
-def make(number: int, seed: int, view: View, scene: Picture, setting: Setting) -> tuple[Result, Frame]:
+def make(
+    number: int, seed: int, view: View, scene: Picture, setting: Setting, decoys: Sequence[str]
+) -> tuple[Result, Frame]:
     """One picture, and its result with the reason still open."""
     rng = np.random.default_rng([seed, number, 2])
     place = number % PICTURES_A_SCENE
-    if place < DECOYS_A_SCENE:
+    if place < DECOYS_A_SCENE or len(decoys) < len(DECOYS):
         # Each decoy comes once with each spoiler before one comes twice.
-        index = number // PICTURES_A_SCENE * DECOYS_A_SCENE + place
-        decoy = list(DECOYS)[index % len(DECOYS)]
+        index = number // PICTURES_A_SCENE * DECOYS_A_SCENE + place if len(decoys) == len(DECOYS) else number
+        decoy = decoys[index % len(decoys)]
         spoilers = [PLAIN, *SPOILERS]
-        spoiler = spoilers[index // len(DECOYS) % len(spoilers)]
+        spoiler = spoilers[index // len(decoys) % len(spoilers)]
         view = decoy_view(decoy, setting, rng)
         picture = vary(scene, rng)
         DECOYS[decoy](Canvas(picture, setting, view, rng))
@@ -128,6 +134,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=6)
     parser.add_argument("--adaptive", action="store_true", help="with the adaptive gate; give it a folder of its own")
     parser.add_argument("--out", type=Path, default=Path("out/false_accepts"))
+    parser.add_argument("--cue", type=Path, help="TOML of another cue in the bar's place")
+    parser.add_argument("--made-to", type=float, help="in place of the cue's own")
+    parser.add_argument("--decoys", nargs="+", default=list(DECOYS), choices=list(DECOYS), help="nothing but these")
     arguments = parser.parse_args()
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
@@ -138,6 +147,11 @@ def main() -> None:
             item = json.loads(line)
             results[item["number"]] = Result(**item)
     setting = Setting.packaged()
+    if arguments.cue is not None:
+        cue = Target.from_file(arguments.cue)
+        setting = replace(setting, rig=replace(setting.rig, quad=cue.quad, made_to=cue.made_to))
+    if arguments.made_to is not None:
+        setting = replace(setting, rig=replace(setting.rig, made_to=arguments.made_to))
     eyes, backgrounds = setting.eyes(adaptive=arguments.adaptive), Backgrounds(setting, arguments.seed)
     scenes = -(-arguments.pictures // PICTURES_A_SCENE)
     with path.open("a", encoding="utf-8") as kept:
@@ -148,7 +162,7 @@ def main() -> None:
                 continue
             view, scene = backgrounds.get(number)
             for index in open_ones:
-                result, frame = make(index, arguments.seed, view, scene, setting)
+                result, frame = make(index, arguments.seed, view, scene, setting, arguments.decoys)
                 eyes.reset()
                 observation = eyes.see(frame)
                 result = Result(result.number, result.decoy, result.spoiler, observation.reason)

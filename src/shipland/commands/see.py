@@ -28,9 +28,13 @@ class See(PictureOptions):
 
     target: Path | None = None
     """TOML with one [[quad]] a quadrilateral, corners_m = [[right, down], …] in metres from the cue's origin, in the
-    order top-left, top-right, bottom-right, bottom-left. Default: the rig's bar."""
+    order top-left, top-right, bottom-right, bottom-left. Before them made_to, how exactly the cue is made: rms error of
+    its corners over its diagonal, 0.005 where the file does not say. A cue that is refused because its corners do not
+    fit its dimensions (made_to) wants more: 0.01 for tape cut by hand, 0.02 for a film of it; more lets other things
+    pass for the cue. Default: the rig's bar."""
     camera: Path | None = None
-    """OpenCV calibration YAML. Default: the camera in the log, else the rig's camera."""
+    """OpenCV calibration YAML; a line row_time_s in it tells a rolling shutter's time from row to row. Default: the
+    camera in the log, else the rig's camera."""
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""

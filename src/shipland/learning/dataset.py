@@ -27,8 +27,11 @@ Targets = npt.NDArray[np.float32]
 
 EDGE_TOLERANCE = 2e-3
 """Fraction of the picture by which a labelling tool's rounding may put a box outside."""
+POLYGON_TOLERANCE = 0.1
+"""The same for a polygon's points: those of a target that the picture's edge cuts may lie beyond, and are cut off."""
 IGNORED = -1.0
-_LONGEST_STRETCH = 100
+_MOST_OVER = 1.5
+"""By how many times more or fewer pictures may be held out than was asked for, so that sequences stay whole."""
 
 
 @dataclass(frozen=True)
@@ -72,22 +75,28 @@ class Dataset:
     def split(self, fraction: float, seed: int) -> tuple[Dataset, Dataset]:
         """(rest, held out): about `fraction` of the pictures, at least one, drawn by `seed`; both in the set's order.
 
-        Stretches of consecutive pictures are held out, not single ones: frames of one burst look alike, and a
-        detector that has seen one knows the others.
+        Whole sequences are held out, not single pictures: frames of one burst look alike, and a detector that has seen
+        one knows the others. Only where every sequence is too long is a stretch of one held out.
         """
         if len(self.samples) < 2:
             raise DataError(f"{self.folder} holds {len(self.samples)} picture; splitting off a part needs two")
         wanted = min(max(1, round(fraction * len(self.samples))), len(self.samples) - 1)
-        longest = max(1, min(round(0.5 * wanted), _LONGEST_STRETCH))
-        stretches = [
-            sequence[start : start + longest]
-            for sequence in sequences([sample.path for sample in self.samples])
-            for start in range(0, len(sequence), longest)
-        ]
+        rng = np.random.default_rng(seed)
+        found = sequences([sample.path for sample in self.samples])
         held: set[int] = set()
-        for number in np.random.default_rng(seed).permutation(len(stretches)):
-            if len(held) < wanted:
-                held.update(stretches[number][: wanted - len(held)])
+        too_long: list[list[int]] = []
+        for number in rng.permutation(len(found)):
+            if len(held) >= wanted:
+                break
+            fits = len(held) + len(found[number]) <= _MOST_OVER * wanted
+            if fits and len(held) + len(found[number]) < len(self.samples):
+                held.update(found[number])
+            else:
+                too_long.append(found[number])
+        if len(held) < wanted / _MOST_OVER and too_long:
+            missing = wanted - len(held)
+            start = int(rng.integers(0, len(too_long[0]) - missing + 1))
+            held.update(too_long[0][start : start + missing])
         rest = tuple(sample for index, sample in enumerate(self.samples) if index not in held)
         return replace(self, samples=rest), replace(self, samples=tuple(self.samples[index] for index in sorted(held)))
 
@@ -117,7 +126,8 @@ def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
         classes: names of the classes; None takes those of `classes.txt` or `data.yaml`.
 
     Raises:
-        DataError: names the file: no picture, missing label, broken line, unknown class, box outside the picture.
+        DataError: names the first file, and counts the others: no picture, missing label, broken line, unknown class,
+            box outside the picture.
     """
     if not folder.is_dir():
         raise DataError(f"data set {folder} is no folder")
@@ -131,11 +141,19 @@ def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
     if not paths:
         raise DataError(f"data set {folder} holds no picture in {images}")
     names = _class_names(folder, classes)
-    samples = tuple(
-        Sample(path, read_label(labels / f"{path.stem}.txt", path, len(names)), scenes.get(path.name, {}))
-        for path in paths
-    )
-    return Dataset(folder, names, samples)
+    samples: list[Sample] = []
+    faults: list[DataError] = []
+    for path in paths:
+        try:
+            boxes = read_label(labels / f"{path.stem}.txt", path, len(names))
+        except DataError as error:
+            faults.append(error)
+        else:
+            samples.append(Sample(path, boxes, scenes.get(path.name, {})))
+    if faults:
+        more = f"; {len(faults)} of the set's {len(paths)} labels cannot be used" if len(faults) > 1 else ""
+        raise DataError(f"{faults[0]}{more}")
+    return Dataset(folder, names, tuple(samples))
 
 
 def _class_names(folder: Path, classes: Sequence[str] | None) -> tuple[str, ...]:
@@ -202,6 +220,11 @@ def read_label(path: Path, picture: Path, class_count: int) -> Targets:
         except ValueError:
             row = []
         if len(row) >= 7 and len(row) % 2 == 1 and np.isfinite(row).all():
+            if min(row[1:]) < -POLYGON_TOLERANCE or max(row[1:]) > 1.0 + POLYGON_TOLERANCE:
+                raise DataError(
+                    f"{where}: {len(row)} numbers with one of {max(row[1:], key=abs):g}, expected fractions of the "
+                    "picture (0 … 1) as a polygon has them; labels with keypoints are not read"
+                )
             row = [row[0], *_box_around(np.clip(np.array(row[1:]).reshape(-1, 2), 0.0, 1.0))]
         if len(row) != 5 or not np.isfinite(row).all():
             raise DataError(
