@@ -12,7 +12,7 @@ from shipland.messages import GimbalAttitude
 from shipland.rig import default_rig
 from shipland.vision.near.matching import model_plane
 from shipland.vision.near.pose import Corners, LevelPrior, bound, covariance_in_bar, position_and_yaw, solve
-from shipland.vision.near.sighting import bar_pose_of, ordered
+from shipland.vision.near.sighting import bar_pose_of, ordered, spread_of
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 BAR = default_rig().target
@@ -123,6 +123,32 @@ def test_errors_reach_the_cramer_rao_bound_and_covariance_is_true(range_m, azimu
     # covariance is half as good with the gimbal, and no Gaussian's without.
     if with_gimbal or range_m <= 5.0:
         assert 2.9 < np.mean(nees) < (4.8 if range_m <= 10.0 else 8.0)
+
+
+@pytest.mark.parametrize("azimuth", [0.02, 0.06])
+def test_from_afar_the_covariance_is_true_where_the_jacobian_is_not(azimuth):
+    """14 m away, nearly square on: the cosine of the angle about the bar's vertical is all that tells it."""
+    place_m = 14.0 * np.array([-np.cos(azimuth), -np.sin(azimuth), 0.01])
+    pose, rng, with_spread, without = camera_from_bar(place_m, azimuth), np.random.default_rng(5), [], []
+    for _ in range(150):
+        prior = prior_at(rng.normal(0.0, 0.001), roll_rad=rng.normal(0.0, 0.001))
+        corners = corners_at(pose, noise_px=0.12, error_px=0.12 * rng.standard_normal(PLANE.shape))
+        solutions = solve(corners, CAMERA, prior, from_plane(pose))
+        spread = spread_of(solutions[0], corners, CAMERA, prior)
+        assert spread is not None
+        for nees, covariance in ((with_spread, spread), (without, None)):
+            found = bar_pose_of(solutions, corners.undistorted_px, covariance)
+            error = np.append(found.position_in_bar_m - place_m, found.yaw_rad - azimuth)
+            nees.append(error @ np.linalg.solve(found.covariance, error) / 4.0)
+    assert 0.7 < np.mean(with_spread) < 1.3
+    assert np.mean(without) > 1.5
+    assert np.mean(np.array(with_spread) > 25.0 / 4.0) < 0.02
+
+
+def test_near_by_the_jacobian_tells_all():
+    corners = corners_at(camera_from_bar(np.array([-4.0, -0.5, 0.1]), 0.1))
+    prior = prior_at(0.0)
+    assert spread_of(solve(corners, CAMERA, prior)[0], corners, CAMERA, prior) is None
 
 
 def test_gimbal_makes_the_height_known():

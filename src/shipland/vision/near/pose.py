@@ -24,6 +24,12 @@ _GAIN_DONE = 0.03
 _DAMPING = 1e-3
 """Of the first Levenberg–Marquardt step from a closed-form start."""
 
+_TURNED_STEPS = 2
+"""Gauss–Newton steps of a pose whose angle about the cue's vertical is held."""
+
+_HELD = 1e3
+"""What holds it, against everything that is known of the pose."""
+
 _IDENTITY = np.eye(6)
 
 NOTHING_IN_COMMON = np.zeros(0)
@@ -167,6 +173,28 @@ def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: Leve
     return refiner.solution(camera_from_plane, refiner.linearise(camera_from_plane))
 
 
+@dataclass(frozen=True)
+class Turned:
+    """A pose beside a solution: turned about the cue's vertical, in all else what solves the corners best then.
+
+    Attributes:
+        camera_from_plane: the pose.
+        chi2: weighted sum of squared residuals.
+    """
+
+    camera_from_plane: Pose
+    chi2: float
+
+
+def turned(
+    solution: Solution, angles_rad: Array, corners: Corners, camera: Camera, prior: LevelPrior | None
+) -> list[Turned]:
+    """Poses beside a solution, at angles from it about the cue's vertical; those that solve nothing are left out."""
+    refiner = _Refiner(corners, camera, prior)
+    found = [refiner.turned(solution.camera_from_plane, float(angle_rad)) for angle_rad in angles_rad]
+    return [pose for pose in found if pose is not None]
+
+
 def _solve(corners: Corners, camera: Camera, prior: LevelPrior | None) -> list[Solution]:
     refiner = _Refiner(corners, camera, prior)
     for nudge in (0.0, _NUDGE):
@@ -295,6 +323,26 @@ class _Refiner:
             return self.solution(pose, now)
         except np.linalg.LinAlgError:
             return None
+
+    def turned(self, pose: Pose, angle_rad: float) -> Turned | None:
+        """A pose turned about the cue's vertical, refined in everything else; None when it diverges."""
+        down = pose.rotation[:, 1]
+        turn = cv2.Rodrigues(angle_rad * down)[0]
+        translation = self._translation(turn @ pose.rotation)
+        if translation is None:
+            return None
+        pose = Pose(turn @ pose.rotation, translation)
+        held = np.zeros((6, 6))
+        for _ in range(_TURNED_STEPS):
+            gram = self.linearise(pose).gram
+            normal = gram[:6, :6]
+            held[:3, :3] = _HELD * float(normal.trace()) * np.outer(down, down)
+            _, step, failed = lapack.dposv(normal + held, -gram[:6, 6])
+            if failed:
+                return None
+            pose = Pose(cv2.Rodrigues(step[:3])[0] @ pose.rotation, pose.translation_m + step[3:])
+        chi2 = float(self.linearise(pose).gram[6, 6])
+        return Turned(pose, chi2) if np.isfinite(chi2) and pose.translation_m[2] > 0.0 else None
 
     def solution(self, pose: Pose, at: _Linear) -> Solution:
         """A pose with its covariance; LinAlgError when the corners do not settle it."""

@@ -17,7 +17,7 @@ from shipland.rig import Target
 from shipland.vision.near.corners import measure_corners
 from shipland.vision.near.matching import Match, model_plane
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import Corners, LevelPrior, Solution, covariance_in_bar, position_and_yaw, solve
+from shipland.vision.near.pose import Corners, LevelPrior, Solution, covariance_in_bar, position_and_yaw, solve, turned
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.regions import Image, Region, edge_distances
 from shipland.vision.near.rows import Followed, RowMotion, row_motion
@@ -35,6 +35,13 @@ _DISPROVED = 4.0
 _BENT_RAD = 2e-3
 """Standard deviation of the angle about the cue's vertical from which the covariance allows for the arc; below, it is
 micrometres."""
+
+_FLAT_RAD = 0.01
+"""Standard deviation of that angle from which it is looked at how well the corners fit beside the solution: its cosine,
+by which they tell it, is no straight line."""
+
+_FLAT_SIGMAS = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+"""Where, in these standard deviations."""
 
 _REPROJECTION_NOISE = 4.0
 """Standard deviations of a corner that the reprojection error may reach besides."""
@@ -83,6 +90,7 @@ class Sighting:
         corners_px: (k,4,2) where the picture shows the corners, once all sides are freed of what they err by together.
         measured_px: (k,4,2) the corners as measured, undistorted.
         blur_px: the picture's blur, where it was measured.
+        spread: (4,4) covariance of the first solution where its Jacobian does not tell it, else None.
     """
 
     match: Match
@@ -90,6 +98,7 @@ class Sighting:
     corners_px: Array
     measured_px: Array
     blur_px: float | None
+    spread: Array | None = None
 
     @property
     def camera_from_plane(self) -> Pose:
@@ -103,7 +112,7 @@ class Sighting:
 
     def bar_pose(self) -> BarPose:
         """What crosses to the pilot."""
-        return bar_pose_of(self.solutions, self.corners_px)
+        return bar_pose_of(self.solutions, self.corners_px, self.spread)
 
 
 def ordered(solutions: list[Solution], last: Pose | None) -> list[Solution]:
@@ -115,18 +124,19 @@ def ordered(solutions: list[Solution], last: Pose | None) -> list[Solution]:
     return sorted(solutions, key=lambda s: -float(np.sum(s.camera_from_plane.rotation * last.rotation)))
 
 
-def bar_pose_of(solutions: list[Solution], corners_px: Array) -> BarPose:
+def bar_pose_of(solutions: list[Solution], corners_px: Array, spread: Array | None = None) -> BarPose:
     """The first solution as a message; its covariance weighs the others by their likelihood.
 
     Args:
         solutions: of one picture, the one taken first.
         corners_px: (k,4,2) the corners they rest on.
+        spread: (4,4) the first solution's covariance, where its Jacobian does not tell it.
     """
     taken = solutions[0]
     position_in_bar_m, yaw_rad = position_and_yaw(taken.camera_from_plane)
     excess = taken.excess
     here = np.append(position_in_bar_m, yaw_rad)
-    covariance = excess * (covariance_in_bar(taken) + excess * _bend(taken, here))
+    covariance = excess * (covariance_in_bar(taken) + excess * _bend(taken, here)) if spread is None else spread
     for other in solutions[1:]:
         share = 1.0 / (1.0 + math.exp(min(max(0.5 * (other.chi2 - taken.chi2) / excess, -50.0), 50.0)))
         if share < _LEAST_SHARE:
@@ -161,6 +171,31 @@ def _bend(solution: Solution, here: Array) -> Array:
     return 3.0 * np.outer(bend, bend)
 
 
+def spread_of(taken: Solution, corners: Corners, camera: Camera, prior: LevelPrior | None) -> Array | None:
+    """(4,4) covariance of (position in `bar` [m], yaw [rad]) over all angles about the cue's vertical.
+
+    From afar that angle is told by a cosine, so the corners fit over a wide range of it, and not evenly to either side.
+    Poses are weighed there by how well they fit. None where the angle is known so well that the Jacobian tells all.
+    """
+    excess, down = taken.excess, taken.camera_from_plane.rotation[:, 1]
+    along = taken.covariance[:, :3] @ down
+    variance = max(float(along[:3] @ down), 0.0)
+    spread_rad = math.sqrt(excess * variance)
+    if not spread_rad > _FLAT_RAD:
+        return None
+    here = np.append(*position_and_yaw(taken.camera_from_plane))
+    # What is left unknown when the angle is known.
+    known = replace(taken, covariance=taken.covariance - np.outer(along, along) / variance)
+    weight, square = 1.0, np.zeros((4, 4))
+    for beside in turned(taken, _FLAT_SIGMAS * spread_rad, corners, camera, prior):
+        off = np.append(*position_and_yaw(beside.camera_from_plane)) - here
+        off[3] = math.remainder(off[3], math.tau)
+        share = math.exp(min(0.5 * (taken.chi2 - beside.chi2) / excess, 0.0))
+        square += share * np.outer(off, off)
+        weight += share
+    return np.asarray(excess * covariance_in_bar(known) + square / weight)
+
+
 class Judge:
     """Measures and tests hypotheses about one cue, seen with one camera."""
 
@@ -186,7 +221,7 @@ class Judge:
             corners_px = corners_px - moved.moved_px
             common_px = moved.unsure_px if common_px is None else np.concatenate([common_px, moved.unsure_px])
         corners = Corners(corners_px, measured.whiten, plane_m, common_px)
-        solutions = self._solved(corners, evidence)
+        solutions, corners = self._solved(corners, evidence)
         if not solutions:
             return Refusal.NO_SOLUTION
         taken = solutions[0]
@@ -206,7 +241,8 @@ class Judge:
         if not self._within_reach(taken.camera_from_plane):
             return Refusal.OUT_OF_REACH
         raw_px = distort(seen_px.reshape(-1, 2), self._camera).reshape(-1, 4, 2)
-        return Sighting(match, solutions, raw_px, measured.corners_px, measured.blur_px)
+        spread = spread_of(taken, corners, self._camera, evidence.prior)
+        return Sighting(match, solutions, raw_px, measured.corners_px, measured.blur_px, spread)
 
     def _row_motion(self, corners_px: Array, match: Match, followed: Followed | None) -> RowMotion:
         """What the rows' own times do to measured corners (k,4,2)."""
@@ -215,24 +251,25 @@ class Judge:
         last = None if followed is None else replace(followed, corners_px=followed.corners_px[model])
         return row_motion(corners_px, rows, self.plane_m[model], self._camera, self._parameters, last)
 
-    def _solved(self, corners: Corners, evidence: Evidence) -> list[Solution]:
-        """The planar solutions, the one taken first.
+    def _solved(self, corners: Corners, evidence: Evidence) -> tuple[list[Solution], Corners]:
+        """The planar solutions, the one taken first, and the corners as they were then taken to be known.
 
         Corners that lie much farther from where any pose has them than they were stated to are not known to what was
         stated, as when rows are exposed one after the other: they are solved anew, all known alike, to that distance.
         """
         solutions = ordered(solve(corners, self._camera, evidence.prior, evidence.last), evidence.last)
         if not solutions or solutions[0].excess < _DISPROVED:
-            return solutions
+            return solutions, corners
         free = solutions if evidence.prior is None else solve(corners, self._camera)
         if not free or free[0].excess < _DISPROVED:
-            return solutions  # it is the gimbal's word that does not fit
+            return solutions, corners  # it is the gimbal's word that does not fit
         taken = solutions[0]
         noise_px = math.sqrt(float(np.vdot(taken.residual_px, taken.residual_px)) / taken.freedom)
         corners_px = corners.undistorted_px
         whiten = np.broadcast_to(np.eye(8) / noise_px, (len(corners_px), 8, 8))
         alike = Corners(corners_px, whiten, corners.plane_m, corners.common_px)
-        return ordered(solve(alike, self._camera, evidence.prior, evidence.last), evidence.last) or solutions
+        again = ordered(solve(alike, self._camera, evidence.prior, evidence.last), evidence.last)
+        return (again, alike) if again else (solutions, corners)
 
     def projected_px(self, camera_from_plane: Pose) -> Array:
         """(n,4,2) all corners of the cue in the picture; NaN where they are not in front of the camera."""
