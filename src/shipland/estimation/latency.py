@@ -6,18 +6,15 @@ the bar changes, no other error of the filter looks like it: the filter that is 
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from shipland.config import require
 from shipland.estimation.delayed import DelayedFilter, Inputs
+from shipland.estimation.filter_bank import FilterBank
 from shipland.estimation.relative_state import Model
 from shipland.frames import Array
-
-_MOST_SURPRISE = 25.0
-"""Of one picture: normalised innovation squared; beyond it the picture is astray, whatever its time."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +24,7 @@ class LatencyParameters:
     Attributes:
         deviation_s: standard deviation of what the time stamps of a flight's pictures are off by; 0 believes them.
         candidates_s: ascending, equally far apart: what each filter of the bank adds to the stamps.
-        every_s: pictures that follow closer are passed over.
-        share: of a picture's evidence that counts: the innovations are not independent of each other.
-        memory_s: over which evidence counts.
+        every_s, share, memory_s: as `FilterBank`.
         most_per_s: the correction in use changes no faster.
     """
 
@@ -60,26 +55,23 @@ class LatencyBank:
     def __init__(self, parameters: LatencyParameters) -> None:
         self._parameters = parameters
         self._candidates_s = np.array(parameters.candidates_s)
-        self._prior = (self._candidates_s / max(parameters.deviation_s, 1e-6)) ** 2
-        self._evidence: Array = np.zeros(len(self._candidates_s))
-        self._filters: list[DelayedFilter] = []
-        self._seen_s = -math.inf
+        prior = (self._candidates_s / max(parameters.deviation_s, 1e-6)) ** 2
+        self._bank = FilterBank(prior, parameters.every_s, parameters.share, parameters.memory_s)
         self.correction_s = 0.0
         """To be added to a picture's time stamp."""
 
     def forget_place(self) -> None:
-        """The place is lost: the filters start anew with the next picture, the evidence stays."""
-        self._filters = []
+        """As `FilterBank.forget_place`."""
+        self._bank.forget_place()
 
     def adopt(self, model: Model) -> None:
         """Go on with a model of another swing."""
-        for one in self._filters:
+        for one in self._bank.filters:
             one.adopt(model)
 
     def velocity(self, t_s: float, measured_mps: Array, over_ship: float) -> None:
         """As `DelayedFilter.velocity`."""
-        for one in self._filters:
-            one.velocity(t_s, measured_mps, over_ship)
+        self._bank.velocity(t_s, measured_mps, over_ship)
 
     def picture(
         self,
@@ -91,25 +83,22 @@ class LatencyBank:
         follows: DelayedFilter,
     ) -> None:
         """Judge by a picture's place (axes,) with the time as it was stamped; `follows` is the filter in use."""
-        parameters = self._parameters
-        passed_s = stamp_s - self._seen_s
-        if parameters.deviation_s <= 0.0 or follows.belief is None or passed_s < parameters.every_s:
+        if self._parameters.deviation_s <= 0.0:
             return
-        self._seen_s = stamp_s
-        if not self._filters:
-            self._filters = [follows.copy() for _ in self._candidates_s]
-            return
-        self._evidence *= math.exp(-passed_s / parameters.memory_s)
-        for i, one in enumerate(self._filters):
+
+        def take(i: int, one: DelayedFilter) -> None:
             one.model = follows.model
             one.picture(stamp_s + self._candidates_s[i], place_m, covariance_m2, inputs, turn_rad_s)
-            self._evidence[i] += parameters.share * min(one.normalised, _MOST_SURPRISE)
-        most_s = parameters.most_per_s * passed_s
-        self.correction_s += min(max(self._best_s() - self.correction_s, -most_s), most_s)
 
-    def _best_s(self) -> float:
+        judged = self._bank.judged(stamp_s, follows, take)
+        if judged is None:
+            return
+        cost, passed_s = judged
+        most_s = self._parameters.most_per_s * passed_s
+        self.correction_s += min(max(self._best_s(cost) - self.correction_s, -most_s), most_s)
+
+    def _best_s(self, cost: Array) -> float:
         """The lowest point of the parabola through the least cost and its neighbours."""
-        cost = self._prior + self._evidence
         if not np.isfinite(cost).all():
             return 0.0
         middle = min(max(int(np.argmin(cost)), 1), len(cost) - 2)

@@ -54,6 +54,7 @@ class Motion:
         settle_s: time in which the servo's own velocity follows the motion of what is in view.
         integral_per_s2: gain from the integral of the servo's speed error to acceleration; zero where it has none.
         approach_per_s, smoothing_s: of the speed that a servo with an integral tracks, behind the one asked for.
+        gain: of an input that is an acceleration: by what factor it does more than it should.
     """
 
     lag_s: float
@@ -64,6 +65,7 @@ class Motion:
     integral_per_s2: float = 0.0
     approach_per_s: float = 0.0
     smoothing_s: float = 0.0
+    gain: float = 1.0
 
     @property
     def inputs(self) -> int:
@@ -121,7 +123,7 @@ def dynamics(motion: Motion, noise: Disturbances, swing: Swing) -> tuple[Array, 
     a[PLACE, SPEED] = 1.0
     a[SPEED, [SPEED, THRUST, GUST, PUSH]] = -motion.drag_per_s, 1.0, 1.0, 1.0
     a[THRUST, THRUST] = -1.0 / motion.lag_s
-    gain = motion.servo_per_s if motion.servo_per_s > 0.0 else 1.0
+    gain = motion.servo_per_s if motion.servo_per_s > 0.0 else motion.gain
     b[THRUST, 0] = gain / motion.lag_s
     if motion.servo_per_s > 0.0:
         _, own = _velocity(np.zeros(STATES), 1, motion.over_ship, motion.settle_s, swing.frequency_rad_s, swing.below)

@@ -10,6 +10,7 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.estimation.delayed import DelayedFilter, Inputs
+from shipland.estimation.gain import GainBank
 from shipland.estimation.heading import (
     Compass,
     HeadingNoise,
@@ -193,6 +194,7 @@ class Navigator:
         self._across = DelayedFilter(self._across_model(), delayed, least_mps)
         self._down = DelayedFilter(self._down_model(), delayed, measured.velocity_down_mps)
         self._latency = LatencyBank(parameters.latency)
+        self._gain = GainBank(parameters.gain)
         stern_m = -float(rig.bar_in_ship_m[0]) - rig.deck_ahead_of_stern_m
         self._hull_m = (stern_m, stern_m + rig.platform_length_m, 0.5 * rig.platform_width_m)
         self._deck_down_m = float(rig.deck_in_bar_m[2])
@@ -207,7 +209,10 @@ class Navigator:
         self._nose_up_rad = 0.0
 
     def _across_model(self) -> Model:
-        return _model(2, self.motion, self.disturbances, self.swing, self._spread())
+        return self._model_of_gain(self.motion.gain)
+
+    def _model_of_gain(self, gain: float) -> Model:
+        return _model(2, replace(self.motion, gain=gain), self.disturbances, self.swing, self._spread())
 
     def _spread(self) -> Spread | None:
         """A ship's sway is larger than its surge, and goes with its heave."""
@@ -280,7 +285,7 @@ class Navigator:
         sticks = command.pitch_percent, command.roll_percent
         push = np.array([self._response.input_of(stick) for stick in sticks])
         if self.servo is None and max(map(abs, sticks)) < self._response.hold_below_percent:
-            push = self._tilted_mps2  # the vehicle holds its place by itself, against the wind
+            push = self._tilted_mps2 / self.motion.gain  # the vehicle holds its place by itself, against the wind
         self._turns.add(effect_s + self._response.turn_lag_s, np.array([turn]))
         self._climbs.add(effect_s, np.array([-climb]))
         nose_rad = self._nose_at(effect_s)
@@ -378,6 +383,7 @@ class Navigator:
         across_mps, over_ship = turned(velocity[:2], self._nose_at(t_s)), self._over_ship()
         self._across.velocity(t_s, across_mps, over_ship)
         self._latency.velocity(t_s, across_mps, over_ship)
+        self._gain.velocity(t_s, across_mps, over_ship)
         self._down.velocity(t_s, velocity[2:])
         if self._sinking is None or self._seen_s > self._sinking[0]:
             self._sinking = (t_s, float(velocity[2]))
@@ -425,7 +431,19 @@ class Navigator:
         self._take_swing(t_s, down_m, down_variance)
         stamp_s = t_s - self._latency.correction_s
         self._latency.picture(stamp_s, place_m, covariance, self._pushes, turn_rad_s, self._across)
+        self._judge_gain(t_s, place_m, covariance, turn_rad_s)
         self._enter(t_s, place_m, covariance, down_m, down_variance, turn_rad_s)
+
+    def _judge_gain(self, t_s: float, place_m: Array, covariance: Array, turn_rad_s: float) -> None:
+        """What the sticks do; only where they mean a tilt: a servo brings about the speed that is asked for."""
+        if self.motion.servo_per_s > 0.0:
+            return
+        better = self._gain.picture(
+            t_s, place_m, covariance, self._pushes, turn_rad_s, self._across, self._model_of_gain
+        )
+        if better is not None:
+            self.motion, self._across = replace(self.motion, gain=self._gain.gain), better
+            self._latency.forget_place()
 
     def _take_swing(self, t_s: float, down_m: float, variance: float) -> None:
         """Judge the bar's heave; another hypothesis changes the models of both filters."""
@@ -447,6 +465,7 @@ class Navigator:
             model = self._across_model()
             self._across.adopt(model)
             self._latency.adopt(model)
+            self._gain.adopt(self._model_of_gain)
             self._down.adopt(self._down_model())
 
     def _take_box(self, observation: Observation, box: Box, is_bar: bool, turn_rad_s: float) -> None:
@@ -484,6 +503,7 @@ class Navigator:
             self._across.start(t_s, place_m, covariance, measured.first_mps)
             self._down.start(t_s, down, spread, measured.first_climb_mps)
             self._latency.forget_place()
+            self._gain.forget_place()
             self._seen_s = t_s
             return
         self._down.picture(t_s, down, spread, self._climbs)

@@ -7,6 +7,7 @@ from typing import Literal
 
 from shipland.config import require
 from shipland.estimation.delayed import DelayedParameters
+from shipland.estimation.gain import GainParameters
 from shipland.estimation.heading import HeadingNoise
 from shipland.estimation.latency import LatencyParameters
 from shipland.estimation.relative_state import Disturbances
@@ -152,6 +153,7 @@ class HorizonParameters:
     measured: MeasurementNoise
     delayed: DelayedParameters
     latency: LatencyParameters
+    gain: GainParameters
     swing: SwingParameters
     weights: Weights
     weights_blind: Weights

@@ -308,7 +308,8 @@ class HorizonPilot:
             state[TRACKED_RATE] -= reference.rate_mps2[axis]
             state[INPUT] -= float(reference.speed_mps[axis]) + float(reference.rate_mps2[axis]) / approach_per_s
         else:
-            state[INPUT] -= float(reference.speed_mps[axis]) + thrust / servo if servo > 0.0 else thrust
+            gain = self._navigator.motion.gain
+            state[INPUT] -= float(reference.speed_mps[axis]) + thrust / servo if servo > 0.0 else thrust / gain
         return state
 
     def _offset_at_contact_m(self, estimate: Estimated, gains: Gains) -> float:

@@ -1,0 +1,104 @@
+"""How much more a full stick does than the pilot was told: a bank of filters, each with its own answer.
+
+A stick that does more than its filter believes looks like a push of the wind that comes and goes with the sticks, or
+like a swing of the bar. While the sticks change, the filter that is told the right gain is surprised least.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.config import require
+from shipland.estimation.delayed import DelayedFilter, Inputs
+from shipland.estimation.filter_bank import FilterBank
+from shipland.estimation.relative_state import Model
+from shipland.frames import Array
+
+
+@dataclass(frozen=True)
+class GainParameters:
+    """`[guidance.horizon.gain]`.
+
+    Attributes:
+        deviation: standard deviation of the gain's natural logarithm; 0 believes the response as it is told.
+        candidates: of the gain, against the response as told; 1 is among them.
+        every_s, share, memory_s: as `FilterBank`.
+        lead: another gain is taken when it leads by this much.
+    """
+
+    deviation: float
+    candidates: tuple[float, ...]
+    every_s: float
+    share: float
+    memory_s: float
+    lead: float
+
+    def __post_init__(self) -> None:
+        require(self.deviation >= 0.0, f"deviation must not be negative, got {self.deviation}")
+        require(1.0 in self.candidates, f"1 must be among the candidates, got {self.candidates}")
+        require(min(self.candidates) > 0.0, f"candidates must be positive, got {self.candidates}")
+        require(self.memory_s > 0.0, f"memory_s must be positive, got {self.memory_s}")
+
+
+class GainBank:
+    """Finds by what factor the sticks do more, or less, than the response says.
+
+    Args:
+        parameters: of the bank.
+    """
+
+    def __init__(self, parameters: GainParameters) -> None:
+        self._parameters = parameters
+        prior = np.array([(math.log(gain) / max(parameters.deviation, 1e-6)) ** 2 for gain in parameters.candidates])
+        self._bank = FilterBank(prior, parameters.every_s, parameters.share, parameters.memory_s)
+        self.gain = 1.0
+        """In use."""
+
+    def forget_place(self) -> None:
+        """As `FilterBank.forget_place`."""
+        self._bank.forget_place()
+
+    def adopt(self, model_of: Callable[[float], Model]) -> None:
+        """Go on with models of another swing, by gain."""
+        for gain, one in zip(self._parameters.candidates, self._bank.filters, strict=False):
+            one.adopt(model_of(gain))
+
+    def velocity(self, t_s: float, measured_mps: Array, over_ship: float) -> None:
+        """As `DelayedFilter.velocity`."""
+        self._bank.velocity(t_s, measured_mps, over_ship)
+
+    def picture(
+        self,
+        t_s: float,
+        place_m: Array,
+        covariance_m2: Array,
+        inputs: Inputs,
+        turn_rad_s: float,
+        follows: DelayedFilter,
+        model_of: Callable[[float], Model],
+    ) -> DelayedFilter | None:
+        """Judge by a picture's place (axes,) of its exposure; `follows` is the filter in use, `model_of` by gain.
+
+        Returns:
+            The filter of another gain that leads by now, to be used from here on.
+        """
+        candidates = self._parameters.candidates
+        if self._parameters.deviation <= 0.0:
+            return None
+
+        def take(i: int, one: DelayedFilter) -> None:
+            one.model = model_of(candidates[i])
+            one.picture(t_s, place_m, covariance_m2, inputs, turn_rad_s)
+
+        judged = self._bank.judged(t_s, follows, take)
+        if judged is None or not np.isfinite(judged[0]).all():
+            return None
+        cost, best = judged[0], int(np.argmin(judged[0]))
+        if cost[candidates.index(self.gain)] - cost[best] < self._parameters.lead:
+            return None
+        self.gain = candidates[best]
+        return self._bank.filters[best].copy()

@@ -1,0 +1,63 @@
+"""Sticks that do more, or less, than was told: the bank finds by how much, and leaves a true response alone."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
+from shipland.estimation.gain import GainBank, GainParameters
+from shipland.estimation.relative_state import PLACE, STATES, Disturbances, Model, Motion
+from shipland.estimation.swing import Swing
+
+MOTION, NOISE = Motion(0.1, 0.4), Disturbances(0.3, 1.5, 1.0, 300.0, 0.1, 300.0, 1e-3)
+MODELS = {gain: Model(2, replace(MOTION, gain=gain), NOISE, Swing(1e-3, 1.8, 0.1)) for gain in (0.8, 1.0, 1.25)}
+DELAYED = DelayedParameters(16.0, 40.0, 0.05, 0.5, 1.0, 0.0, 0.6)
+
+
+def _parameters(deviation=0.15, candidates=(0.8, 1.0, 1.25)):
+    return GainParameters(deviation, candidates, 0.05, 0.25, 20.0, 4.0)
+
+
+def _push(t_s):
+    return 2.5 * np.array([math.sin(1.3 * t_s), math.cos(1.9 * t_s)])
+
+
+def _flown(gain, parameters, seconds=15.0):
+    """The gain in use, and the filter in use, after a flight whose sticks do `gain` times what was told."""
+    rng, inputs, bank = np.random.default_rng(3), Inputs(2), GainBank(parameters)
+    follows = DelayedFilter(MODELS[1.0], DELAYED, 0.02)
+    transition, entry, _ = Model(2, MOTION, NOISE, Swing(1e-3, 1.8, 0.1)).step(50)
+    state = np.zeros(2 * STATES)
+    follows.start(0.0, state[PLACE::STATES], 1e-4 * np.eye(2), 0.1)
+    for k in range(1, round(seconds / 0.05)):
+        inputs.add(0.05 * (k - 1), _push(0.05 * (k - 1)))
+        state = transition @ state + gain * entry @ _push(0.05 * (k - 1))
+        place_m = state[PLACE::STATES] + 0.005 * rng.standard_normal(2)
+        news = (0.05 * k, place_m, 2.5e-5 * np.eye(2), inputs)
+        better = bank.picture(*news, 0.0, follows, MODELS.__getitem__)
+        follows = follows if better is None else better
+        follows.picture(*news)
+    return bank.gain, follows
+
+
+@pytest.mark.parametrize("gain", [0.8, 1.0, 1.25])
+def test_it_finds_what_the_sticks_do(gain):
+    found, follows = _flown(gain, _parameters())
+    assert found == gain
+    assert follows.model is MODELS[gain]
+
+
+def test_a_response_a_little_off_is_kept():
+    assert _flown(1.05, _parameters())[0] == 1.0
+
+
+def test_it_can_be_told_that_the_response_is_right():
+    assert _flown(1.25, _parameters(deviation=0.0))[0] == 1.0
+
+
+@pytest.mark.parametrize("candidates", [(0.8, 1.25), (0.0, 1.0)])
+def test_candidates_without_the_told_one_or_without_effect_are_refused(candidates):
+    with pytest.raises(ValueError, match="candidates"):
+        _parameters(candidates=candidates)
