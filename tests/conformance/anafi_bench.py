@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import socket
 import subprocess
 import tempfile
 from collections.abc import Iterator
@@ -41,30 +40,32 @@ def olympe_python() -> str:
 class Device:
     """The process of the device end."""
 
-    def __init__(self, python: str, film: Path, port: int) -> None:
-        command = [python, str(Path(__file__).with_name("olympe_device.py")), str(film), str(port)]
+    def __init__(self, python: str) -> None:
+        with tempfile.NamedTemporaryFile(suffix=".h264", delete=False) as stored:
+            stored.write(film())
+        command = [python, str(Path(__file__).with_name("olympe_device.py")), stored.name]
         self.process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
         )
-        assert self.process.stdout is not None
-        assert self.process.stdout.readline() == "ready\n", "the device end did not start: is a port of it taken?"
+        begun = self.ask("begin")
+        Path(stored.name).unlink()
+        self.ask("end")
+        self.stream = f"rtsp://127.0.0.1:{begun['video_port']}/live"
 
     def say(self, words: str) -> None:
         assert self.process.stdin is not None
         self.process.stdin.write(words + "\n")
         self.process.stdin.flush()
 
-    def report(self) -> dict[str, Any]:
+    def ask(self, words: str) -> dict[str, Any]:
         assert self.process.stdout is not None
-        self.say("report")
-        return json.loads(self.process.stdout.readline())
+        self.say(words)
+        answer = self.process.stdout.readline()
+        assert answer, "the device end has died"
+        return json.loads(answer)
 
-    def close(self) -> None:
-        self.process.kill()
-        self.process.wait()
-        for pipe in (self.process.stdin, self.process.stdout):
-            assert pipe is not None
-            pipe.close()
+    def report(self) -> dict[str, Any]:
+        return self.ask("report")
 
 
 @cache
@@ -89,12 +90,6 @@ def film() -> bytes:
     return b"".join(map(bytes, [*packets, *encoder.encode(None)]))
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @contextmanager
 def bench(log: Path | None = None, **changes: float) -> Iterator[tuple[AnafiVehicle, Device]]:
     """The vehicle, not yet open, and its aircraft; `changes` of `[anafi]` of vehicles.toml."""
@@ -112,17 +107,21 @@ def bench(log: Path | None = None, **changes: float) -> Iterator[tuple[AnafiVehi
 
 @contextmanager
 def device() -> Iterator[tuple[Device, str]]:
-    """The aircraft and its video's address; one at a time on this machine, for its ports cannot be chosen."""
-    python, port = olympe_python(), free_port()
-    with tempfile.NamedTemporaryFile(suffix=".h264") as stored, _LOCK.open("w") as lock:
+    """A new aircraft and its video's address; one at a time on this machine, for its ports cannot be chosen."""
+    python = olympe_python()
+    with _LOCK.open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        stored.write(film())
-        stored.flush()
-        aircraft = Device(python, Path(stored.name), port)
+        if not _processes or _processes[-1].process.poll() is not None:
+            _processes.append(Device(python))
+        aircraft = _processes[-1]
+        assert aircraft.ask("begin")["listens"], "the device end's ports are taken"
         try:
-            yield aircraft, f"rtsp://127.0.0.1:{port}/live"
+            yield aircraft, aircraft.stream
         finally:
-            aircraft.close()
+            if aircraft.process.poll() is None:
+                aircraft.ask("end")
 
 
 _LOCK = Path(tempfile.gettempdir()) / f"shipland-olympe-{os.getuid()}.lock"
+_processes: list[Device] = []
+"""Of these tests; the last one serves aircraft after aircraft, and ends with its standard input."""

@@ -1,11 +1,11 @@
 """An ANAFI's far side by Parrot's own code: Olympe's device end, with a kinematic aircraft and a video stream.
 
-    python olympe_device.py FILM.h264 RTSP_PORT
+    python olympe_device.py FILM.h264
 
-Runs in Olympe's environment, in a process of its own, and knows nothing of shipland. Words on standard input: `report`,
-`state NAME` (a flying state that nobody asked for), `home` (a return by itself), `mute` (no events), `freeze` (no
-pictures), `deck` (just above a deck that it cannot sink through). `report` answers a line of JSON on standard output;
-the first line is `ready`.
+Runs in Olympe's environment, in a process of its own, and knows nothing of shipland. Words on standard input: `begin`
+a new aircraft, `end` it; of the one that is: `report`, `state NAME` (a flying state that nobody asked for), `home` (a
+return by itself), `mute` (no events), `freeze` (no pictures), `deck` (it cannot sink any more). `begin`, `end` and
+`report` answer a line of JSON on standard output.
 """
 
 import ctypes
@@ -91,15 +91,13 @@ class Aircraft:
 class Device:
     """What the aircraft says and hears."""
 
-    def __init__(self, film, port):
+    def __init__(self):
         self.aircraft, self.lock = Aircraft(), threading.Lock()
         self.heard, self.pcmd_s, self.pcmd = [], [], []
         self.muted, self.told = False, None
         self.end = DeviceBase(drone_type=od.ARSDK_DEVICE_TYPE_ANAFI4K)
         self.end.subscribe(self.hear, None)
-        if not self.end.listen().result(5.0):
-            raise SystemExit("its port is taken")
-        self.video = RtspServer(port, film, PICTURE_HZ, self.metadata)
+        self.listens = self.end.listen().result(5.0)
 
     def say(self, message, **values):
         """An event to whoever flies it."""
@@ -188,42 +186,69 @@ class Device:
             return {
                 "state": craft.state, "up": craft.up, "limits": craft.limits, "gimbal": craft.gimbal,
                 "heard": self.heard, "pcmd": self.pcmd, "pcmd_s": self.pcmd_s, "now_s": time.monotonic(),
-                "pictures": self.video.sent, "connected": self.end.connected,
+                "connected": self.end.connected,
             }  # fmt: skip
 
     def obey(self, words):
-        """A line of standard input."""
+        """A line of standard input that is for the aircraft."""
         if words[0] == "report":
-            print(json.dumps(self.report()), flush=True)
+            say(self.report())
         elif words[0] == "state":
             self.aircraft.enter(words[1])
         elif words[0] == "home":
             self.say(PilotingState.NavigateHomeStateChanged, state="inProgress", reason="lowBattery")
         elif words[0] == "mute":
             self.muted = True
-        elif words[0] == "freeze":
-            self.video.frozen.set()
         elif words[0] == "deck":
             self.aircraft.deck = True
 
 
-def main():
-    """Until standard input ends."""
-    device = Device(Path(sys.argv[1]).read_bytes(), int(sys.argv[2]))
+class Aircrafts:
+    """One after the other, because Olympe takes seconds to import."""
 
-    def listen():
-        print("ready", flush=True)
+    def __init__(self, film):
+        self.device = None
+        self.video = RtspServer(film, PICTURE_HZ, lambda: self.device.metadata() if self.device else b"")
+
+    def obey(self, words):
+        """A line of standard input."""
+        if words[0] == "begin":
+            self.video.frozen.clear()
+            self.device = Device()
+            say({"listens": self.device.listens, "video_port": self.video.port})
+        elif words[0] == "end":
+            device, self.device = self.device, None
+            device.end.destroy()
+            say({})
+        elif words[0] == "freeze":
+            self.video.frozen.set()
+        else:
+            self.device.obey(words)
+
+    def listen(self):
+        """Until standard input ends."""
         for line in sys.stdin:
-            device.obey(line.split())
+            self.obey(line.split())
         os._exit(0)
 
-    threading.Thread(target=listen, daemon=True).start()
+
+def say(record):
+    """A line of standard output."""
+    print(json.dumps(record), flush=True)
+
+
+def main():
+    """Step and tell, until standard input ends."""
+    aircrafts = Aircrafts(Path(sys.argv[1]).read_bytes())
+    threading.Thread(target=aircrafts.listen, daemon=True).start()
     due_s, told_s = time.monotonic(), 0.0
     while True:
-        device.aircraft.step()
-        if due_s - told_s >= EVENT_S:
-            told_s = due_s
-            device.tell()
+        device = aircrafts.device
+        if device is not None:
+            device.aircraft.step()
+            if due_s - told_s >= EVENT_S:
+                told_s = due_s
+                device.tell()
         due_s = max(due_s + STEP_S, time.monotonic() - 0.1)
         time.sleep(max(0.0, due_s - time.monotonic()))
 

@@ -5,6 +5,7 @@ import socket
 import struct
 import threading
 import time
+from contextlib import suppress
 
 CLOCK_HZ, LARGEST_PACKET = 90_000, 1_400
 NTP_EPOCH_S = 2_208_988_800  # from 1900 to 1970
@@ -49,29 +50,27 @@ class RtspServer:
     """Serves `stream` over and over.
 
     Args:
-        port: of TCP, on 127.0.0.1.
         stream: H.264, Annex B, access unit delimiters, its first picture an IDR with its parameter sets.
         rate_hz: pictures a second.
         extension: gives the RTP header extension of the next picture: its head (profile, length) included.
     """
 
-    def __init__(self, port, stream, rate_hz, extension):
+    def __init__(self, stream, rate_hz, extension):
         self._pictures, self._rate_hz, self._extension = pictures(stream), rate_hz, extension
         self._sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
         for one in self._sockets:
             one.bind(("127.0.0.1", 0))
         self._client = None
         self._playing, self.frozen = threading.Event(), threading.Event()
-        self.sent = 0
-        """Pictures sent."""
-        self._server = socket.create_server(("127.0.0.1", port))
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = self._server.getsockname()[1]
         threading.Thread(target=self._serve, daemon=True).start()
         threading.Thread(target=self._stream, daemon=True).start()
 
     def _serve(self):
         while True:
             client, _ = self._server.accept()
-            with client, client.makefile("rb") as lines:
+            with client, client.makefile("rb") as lines, suppress(OSError):
                 while self._answer(client, lines):
                     pass
             self._playing.clear()
@@ -127,7 +126,7 @@ class RtspServer:
 
     def _stream(self):
         sequence, source = random.randrange(1 << 16), 0x5348504C
-        due_s, last_report_s, packets, octets = time.monotonic(), 0.0, 0, 0
+        due_s, last_report_s, sent, packets, octets = time.monotonic(), 0.0, 0, 0, 0
         while True:
             if not self._playing.is_set():
                 self._playing.wait()
@@ -146,7 +145,7 @@ class RtspServer:
                     octets & 0xFFFFFFFF,
                 )  # fmt: skip
                 self._sockets[1].sendto(report, rtcp)
-            units = self._pictures[self.sent % len(self._pictures)]
+            units = self._pictures[sent % len(self._pictures)]
             pieces = [piece for unit in units for piece in payloads(unit)]
             extension = self._extension()
             for index, piece in enumerate(pieces):
@@ -156,4 +155,4 @@ class RtspServer:
                 sequence = (sequence + 1) & 0xFFFF
                 packets, octets = packets + 1, octets + len(piece)
                 self._sockets[0].sendto(head + more + piece, rtp)
-            self.sent += 1
+            sent += 1

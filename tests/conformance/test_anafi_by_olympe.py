@@ -200,6 +200,7 @@ def test_an_aircraft_that_is_gone_ends_the_flight() -> None:
         vehicle.open()
         fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
         aircraft.process.kill()
+        aircraft.process.wait()
         assert end_of(vehicle, 6.0, 60.0, 0.0, 0.0, 0.0) < 5.0
         assert "link lost" in vehicle.end_reason
 
@@ -256,5 +257,6 @@ def test_nobody_there_and_no_stream_are_one_line() -> None:
             vehicle.open()
     with bench(connect_timeout_s=4.0) as (vehicle, aircraft):
         aircraft.process.kill()
+        aircraft.process.wait()
         with pytest.raises(VehicleError, match="does not answer"):
             vehicle.open()

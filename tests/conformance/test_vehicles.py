@@ -87,7 +87,9 @@ def make(request: pytest.FixtureRequest) -> Iterator[Made]:
     _benches.close()
 
 
-def cycles(vehicle: Vehicle, count: int, *sticks: float, intent: Intent = Intent.FLY) -> list[tuple[Frame, Telemetry]]:
+def cycles(
+    vehicle: Vehicle, count: int, *sticks: float, intent: Intent = Intent.FLY
+) -> list[tuple[Frame | None, Telemetry]]:
     """Up to `count` cycles with the same sticks, 30 ms of processing each."""
     pairs = []
     for _ in range(count):
@@ -105,18 +107,24 @@ def test_times_run_on_and_frames_are_older_than_now(make: Made) -> None:
     pairs = cycles(vehicle, 60, 10.0, -10.0, 5.0, 10.0)
     vehicle.close()
     assert len(pairs) == 60
-    exposed = np.array([frame.t_s for frame, _ in pairs])
     now = np.array([telemetry.t_s for _, telemetry in pairs])
+    seen = [(frame.t_s, telemetry.t_s) for frame, telemetry in pairs if frame is not None]
+    exposed, received = np.array(seen).T
+    assert len(seen) > 30  # a link on a busy machine leaves some out
     assert np.diff(exposed).min() > 0.0
     assert np.diff(now).min() > 0.0
-    assert (now - exposed).min() >= 0.0
+    assert (received - exposed).min() >= 0.0
 
 
 def test_frames_fit_the_camera(make: Made) -> None:
     vehicle = make(2)
     vehicle.open()
     for frame, _ in cycles(vehicle, 3, 0.0, 0.0, 0.0, 0.0):
-        assert frame.image is None or frame.image.shape == (vehicle.camera.height_px, vehicle.camera.width_px, 3)
+        assert (
+            frame is None
+            or frame.image is None
+            or frame.image.shape == (vehicle.camera.height_px, vehicle.camera.width_px, 3)
+        )
     vehicle.close()
 
 
