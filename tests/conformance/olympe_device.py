@@ -4,8 +4,8 @@
 
 Runs in Olympe's environment, in a process of its own, and knows nothing of shipland. Words on standard input: `begin`
 a new aircraft, `end` it; of the one that is: `report`, `state NAME` (a flying state that nobody asked for), `home` (a
-return by itself), `mute` (no events), `freeze` (no pictures), `deck` (it cannot sink any more). `begin`, `end` and
-`report` answer a line of JSON on standard output.
+return by itself), `mute` (no events), `freeze` (no pictures), `thaw`, `deck` (it cannot sink any more). `begin`, `end`
+and `report` answer a line of JSON on standard output.
 """
 
 import ctypes
@@ -222,6 +222,8 @@ class Aircrafts:
             say({})
         elif words[0] == "freeze":
             self.video.frozen.set()
+        elif words[0] == "thaw":
+            self.video.frozen.clear()
         else:
             self.device.obey(words)
 

@@ -170,6 +170,12 @@ def test_lost_video_leaves_telemetry_and_ends_the_flight_in_time() -> None:
         vehicle.open()
         fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
         aircraft.say("freeze")
+        fly(vehicle, 1.0, 0.0, 0.0, 0.0, 0.0)
+        aircraft.say("thaw")
+        back = [frame for frame, _ in fly(vehicle, 1.5, 60.0, 0.0, 0.0, 0.0) if frame is not None]
+        assert len(back) > 5
+        assert not vehicle.end_reason
+        aircraft.say("freeze")
         dark = [telemetry for frame, telemetry in fly(vehicle, 5.0, 0.0, 60.0, 0.0, 0.0) if frame is None]
         assert "video lost" in vehicle.end_reason
         assert 4 <= len(dark) <= 9  # a cycle every 0.2 s, for 1.5 s

@@ -20,6 +20,7 @@ import sys
 import threading
 import time
 from collections import deque
+from contextlib import suppress
 
 PERIOD_S, STALE_S = 0.04, 1.0
 EVENTS = {
@@ -116,7 +117,8 @@ class Sticks:
                 flag = 1 if roll or pitch else 0
                 sequence = (sequence + 1) % 256
                 stamp = (int(time.monotonic() * 1000) & 0xFFFFFF) | sequence << 24
-                self._drone(self._pcmd(flag, roll, pitch, yaw, gaz, stamp))
+                with suppress(Exception):  # the link may go in between; the next turn must come
+                    self._drone(self._pcmd(flag, roll, pitch, yaw, gaz, stamp))
             due_s = max(due_s + PERIOD_S, time.monotonic())
             self._stopping.wait(max(0.0, due_s - time.monotonic()))
 
