@@ -75,7 +75,7 @@ class AnafiVehicle:
         self._pictures: deque[float] = deque(maxlen=300)
         self._attitudes: deque[float] = deque(maxlen=300)
         self._state = ""
-        self._heard_s = self._given_s = self._pictured_s = self._gimbal_s = self._still_s = -math.inf
+        self._heard_s = self._given_s = self._pictured_s = self._gimbal_s = self._still_s = self._asked_s = -math.inf
         self._connected = self._engaged = self._closed = self._landing = self._asked_to_land = False
         self._end_reason = self._problem = ""
         self._refused = 0
@@ -165,9 +165,9 @@ class AnafiVehicle:
         with self._changed:  # whoever ends the flight on the other thread has the last word
             if self._closed or self._end_reason or not self._engaged or self._process is None:
                 return
-            self._landing = command.intent is Intent.LAND
-            self._process.say({"sticks": sticks_of(command)})
-            now_s = time.monotonic()
+            self._landing, now_s = command.intent is Intent.LAND, time.monotonic()
+            by_itself = self._landing and self._asked_to_land  # its own landing wants no sticks
+            self._process.say({"sticks": [0, 0, 0, 0] if by_itself else sticks_of(command)})
             if math.isfinite(command.gimbal_pitch_rad) and now_s - self._gimbal_s >= _GIMBAL_S:
                 self._gimbal_s = now_s
                 self._process.say({"gimbal_deg": math.degrees(command.gimbal_pitch_rad)})
@@ -213,8 +213,8 @@ class AnafiVehicle:
         sinks = velocity is None or float(velocity[2]) > 0.4 * wanted_mps
         if command.intent is not Intent.LAND or wanted_mps < 0.1 or sinks:
             self._still_s = now_s
-        elif now_s - self._still_s > _LANDED_S and not self._asked_to_land:
-            self._asked_to_land = True
+        elif now_s - max(self._still_s, self._asked_s) > _LANDED_S and "landing" not in self._state:
+            self._asked_to_land, self._asked_s = True, now_s
             assert self._process is not None
             self._process.say({"land": True})
 
