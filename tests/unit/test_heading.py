@@ -29,6 +29,17 @@ def test_the_turn_of_the_bar_is_found(turn_rad_s):
     assert headings.bar_rad == pytest.approx(bar_rad, abs=0.03)
 
 
+def test_a_turn_that_nobody_sees_ends():
+    headings, bar_rad = _follow(0.3, compass=True)
+    seen_s = headings.t_s
+    for k in range(1, 900):
+        headings = headings_at(headings, seen_s + k / 30.0, 0.0, NOISE)
+        if k == 45:  # pictures may be lost for a second or two in a turn
+            assert headings.bar_rad == pytest.approx(bar_rad + 0.3 * 1.5, abs=0.1)
+    assert abs(headings.turn_rad_s) < 0.01
+    assert headings.bar_rad - bar_rad < 0.3 * 8.0
+
+
 def test_without_a_compass_the_difference_of_the_headings_is_as_good():
     headings, bar_rad = _follow(0.0, compass=False)
     assert headings.nose_rad - headings.bar_rad == pytest.approx(0.5 - bar_rad, abs=0.02)

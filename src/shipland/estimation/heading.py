@@ -43,12 +43,14 @@ class Headings:
 
     Attributes:
         bar_known: a pose has told the bar's heading.
+        posed_s: time of the last pose.
     """
 
     t_s: float
     mean: Array
     covariance: Array
     bar_known: bool = False
+    posed_s: float = -math.inf
 
     @property
     def nose_rad(self) -> float:
@@ -77,9 +79,11 @@ def headings_at(before: Headings, t_s: float, turned_rad: float, noise: HeadingN
     if step_s <= 0.0:
         return before
     turn = before.turn_rad_s if before.bar_known else 0.0
+    if t_s - before.posed_s > _UNSEEN_S:  # turns end; one that nobody sees is not believed for ever
+        turn *= math.exp(-step_s / _TURN_ENDS_S)
     strayed = (noise.nose_rad_per_sqrt_s**2, noise.bar_rad_per_sqrt_s**2, noise.turn_rad_s2**2)
     mean, covariance = _carried(before.mean, before.covariance, step_s, turned_rad, turn, strayed)
-    return Headings(t_s, mean, covariance, before.bar_known)
+    return replace(before, t_s=t_s, mean=mean, covariance=covariance)
 
 
 @compiled
@@ -114,8 +118,9 @@ def with_pose(before: Headings, yaw_rad: float, variance_rad2: float, noise: Hea
         covariance[1, :] = covariance[:, 1] = 0.0
         covariance[1, 1] = covariance[0, 0] + variance_rad2
         covariance[0, 1] = covariance[1, 0] = covariance[0, 0]
-        return replace(before, mean=mean, covariance=covariance, bar_known=True)
-    return _with(before, -1.0, yaw_rad - (before.nose_rad - before.bar_rad), variance_rad2)
+        return replace(before, mean=mean, covariance=covariance, bar_known=True, posed_s=before.t_s)
+    after = _with(before, -1.0, yaw_rad - (before.nose_rad - before.bar_rad), variance_rad2)
+    return before if after is before else replace(after, posed_s=before.t_s)
 
 
 def _with(before: Headings, bar: float, innovation_rad: float, variance: float) -> Headings:
@@ -123,7 +128,7 @@ def _with(before: Headings, bar: float, innovation_rad: float, variance: float) 
     if not (math.isfinite(innovation_rad) and math.isfinite(variance)):
         return before
     mean, covariance = _corrected(before.mean, before.covariance, bar, wrap_angle(innovation_rad), variance)
-    return Headings(before.t_s, mean, covariance, before.bar_known)
+    return replace(before, mean=mean, covariance=covariance)
 
 
 @compiled
@@ -169,3 +174,7 @@ class Compass:
 
 
 _READINGS_KEPT = 64
+_UNSEEN_S = 2.0
+"""A turn goes on for so long without a pose …"""
+_TURN_ENDS_S = 5.0
+"""… and then ends, with this time constant."""
