@@ -434,6 +434,42 @@ def test_the_reflection_of_a_followed_bar_is_refused():
     assert eyes.see(Frame(1.5, bar_at((-6.0, 0.2, -0.75)), level)).bar_pose is not None  # the last is forgotten
 
 
+def test_a_growth_does_not_excuse_another_bar():
+    """A gap wider by 14 % on rectangles lower by 9 %, as if all sides had grown inward by three pixels."""
+    sides = [[(-1, -1), (1, -1), (1, 1), (-1, 1)]] * 2
+    middles_m = (-0.396, 0.396)
+    other = Target(
+        tuple(
+            Quad(tuple((middle_m + 0.225 * x, 0.068 * y) for x, y in quad))
+            for middle_m, quad in zip(middles_m, sides, strict=True)
+        )
+    )
+    pose, rng = camera_from_bar((-3.1, 0.15, 0.0)), np.random.default_rng(2)
+    seen = NearVision(BAR, CAMERA, PARAMETERS).see(
+        Frame(0.0, bar_picture(other, CAMERA, pose, rng, Look(0.2, 1.5)), GimbalAttitude(0.0, 0.0))
+    )
+    assert seen.bar_pose is None
+
+
+def test_two_ellipses_are_no_rectangles():
+    turn = np.linspace(0.0, 2.0 * np.pi, 65)[:-1]
+    outline = np.column_stack([0.225 * np.cos(turn), 0.075 * np.sin(turn)])
+    rng = np.random.default_rng(4)
+    for range_m in (17.0, 18.5, 19.0):
+        image = np.full((720, 1280, 3), 128.0)
+        for middle_m in (-0.375, 0.375):
+            corners_px = project_plane(
+                outline + np.array([middle_m, 0.0]), CAMERA, camera_from_bar((-range_m, 0.2, 0.1))
+            )
+            fine = np.zeros((720 * 4, 1280 * 4), np.uint8)
+            cv2.fillPoly(fine, [np.round(64.0 * (corners_px + 0.5) - 8.0).astype(np.int32)], 255, cv2.LINE_8, 4)
+            cover = cv2.resize(fine, (1280, 720), interpolation=cv2.INTER_AREA)[..., None] / 255.0
+            image = image * (1.0 - cover) + cover * (60.0, 210.0, 20.0)
+        image = np.clip(image + rng.normal(0.0, 1.5, image.shape), 0, 255).astype(np.uint8)
+        seen = NearVision(BAR, CAMERA, PARAMETERS).see(Frame(0.0, image, GimbalAttitude(0.0, 0.0)))
+        assert seen.bar_pose is None, range_m
+
+
 def test_green_at_the_edge_is_no_cut_cue():
     image = np.full((720, 1280, 3), 120, np.uint8)
     cv2.fillPoly(image, [np.array([[300, -5], [520, -5], [420, 160]])], (60, 190, 70))

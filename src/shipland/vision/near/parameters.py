@@ -43,6 +43,8 @@ class VisionParameters:
         row_shake_px_s: the same of what the motion since the last picture leaves.
         max_blur: largest standard deviation of the picture's blur, as a fraction of the cue's shortest side: beyond,
             the smears of opposite sides meet, and corners are off by more than is stated.
+        max_noise: largest standard deviation of a side's end, as a fraction of the cue's shortest side: sides that are
+            not straight, as an ellipse's, state a large one.
         corner_noise_px: standard deviation of a Förstner corner, per axis.
         screening: how the ±10 % and ±5 % are read: against what the pose's perspective gives, or raw as printed.
         length_tolerance: largest relative difference of opposite sides' lengths.
@@ -86,6 +88,7 @@ class VisionParameters:
     row_motion_px_s: float
     row_shake_px_s: float
     max_blur: float
+    max_noise: float
     corner_noise_px: float
     screening: Literal["perspective", "printed"]
     length_tolerance: float
@@ -133,6 +136,7 @@ class VisionParameters:
             "forstner_fraction",
             "forstner_min_px",
             "max_blur",
+            "max_noise",
             "corner_noise_px",
             "length_tolerance",
             "slope_tolerance",

@@ -46,6 +46,9 @@ _FLAT_SIGMAS = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
 _REPROJECTION_NOISE = 4.0
 """Standard deviations of a corner that the reprojection error may reach besides."""
 
+_MOST_COMMON = 5.0
+"""Standard deviations of what corners may err by in common; more excuses rectangles of other dimensions."""
+
 _MOST_NOISE_PX = 0.1
 """What these may amount to: sides that are smeared or frayed state a noise that would excuse any shape."""
 
@@ -214,6 +217,8 @@ class Judge:
         corners_px = measured.corners_px
         if measured.blur_px is not None and measured.blur_px > self._parameters.max_blur * _shortest_px(corners_px):
             return Refusal.CORNERS_UNSURE
+        if measured.noise_px > self._parameters.max_noise * _shortest_px(corners_px):
+            return Refusal.CORNERS_UNSURE
         plane_m = self.plane_m[list(match.model)]
         common_px = None if measured.growth_px is None else measured.growth_px[None]
         if self._camera.row_time_s > 0.0:
@@ -226,6 +231,8 @@ class Judge:
             return Refusal.NO_SOLUTION
         taken = solutions[0]
         if common_px is not None:
+            if not np.abs(taken.common).max() <= _MOST_COMMON:
+                return Refusal.REPROJECTION
             corners_px = corners_px - np.tensordot(taken.common, common_px, axes=1)
         seen_px = measured.corners_px
         if measured.growth_px is not None:
