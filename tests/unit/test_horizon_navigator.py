@@ -115,3 +115,36 @@ def test_where_the_filter_for_turns_takes_over_the_axes_do_not_step():
             steps_rad.append(navigator._headings.bar_rad - before.bar_rad)
     assert took_over >= 1
     assert np.abs(steps_rad).max() < 0.015
+
+
+def _seen(heading_rad, down_m, seconds=6.0, velocity_mps=None):
+    """A navigator after a hover under a bar at rest, with a compass and heights of its own by time."""
+    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    for index in range(round(30 * seconds)):
+        t_s = index / 30.0
+        place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M + np.array([0.0, 0.0, down_m(t_s)])
+        pose = BarPose(place, 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
+        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, heading_rad(t_s), 3.0, velocity_mps, 90.0, 90.0, True)
+        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+        navigator.sent(PilotCommand(t_s + 0.33, 2.0, 0.0, 0.0, 0.0, 0.0))
+    return navigator.estimate(seconds + 0.3)
+
+
+@pytest.mark.parametrize("back_s", [4.0, 9.0])
+def test_a_compass_that_leaps_turns_neither_nose_nor_bar(back_s):
+    estimate = _seen(lambda t_s: 0.4 + math.radians(25.0) * (2.0 < t_s < back_s), lambda _: 0.0)
+    assert estimate.bar_rad == pytest.approx(0.4, abs=0.02)
+    assert estimate.nose_rad == pytest.approx(0.4, abs=0.02)
+    assert abs(estimate.turn_rad_s) < 0.01
+
+
+def test_a_turn_is_no_leap_of_the_compass():
+    estimate = _seen(lambda t_s: 0.3 * t_s, lambda _: 0.0)
+    assert estimate.turn_rad_s == pytest.approx(0.3, abs=0.05)
+
+
+def test_a_height_that_no_climb_leads_to_is_refused_until_it_stays():
+    hover_m = float(HOVER_IN_BAR_M[2])
+    soon, late = (_seen(lambda _: 0.0, lambda t_s: 1.1 * (t_s > 1.5), seconds) for seconds in (4.2, 9.0))
+    assert soon.down_m == pytest.approx(hover_m, abs=0.15)
+    assert late.down_m == pytest.approx(hover_m + 1.1, abs=0.15)

@@ -202,11 +202,14 @@ class Navigator:
         self._headings: Headings | None = None
         self._turning: Headings | None = None
         self._compass = Compass()
+        self._compass_off_rad = 0.0
+        self._leapt_s: float | None = None
         self._velocity_s = -math.inf
         self._seen_s = -math.inf
         self._sinking: tuple[float, float] | None = None
         self._tilted_mps2: Array = np.zeros(2)
         self._nose_up_rad = 0.0
+        self._height_seen: tuple[float, float, float] | None = None
 
     def _across_model(self) -> Model:
         return self._model_of_gain(self.motion.gain)
@@ -350,8 +353,9 @@ class Navigator:
         assert self._headings is not None
         assert self._turning is not None
         parameters, turning_before = self._parameters, self._headings is self._turning
-        self._turning = self._with_news(self._turning, observation, parameters.heading_turning)
-        quiet = self._with_news(self._headings, observation, parameters.heading)
+        reading = self._compass_reading(self._headings, observation.t_s)
+        self._turning = self._with_news(self._turning, observation, reading, parameters.heading_turning)
+        quiet = self._with_news(self._headings, observation, reading, parameters.heading)
         if self._turning.bar_known and abs(self._turning.turn_rad_s) > parameters.turn_from_rad_s:
             if not turning_before:
                 self._turning = shifted(self._turning, quiet.bar_rad - self._turning.bar_rad)
@@ -359,10 +363,35 @@ class Navigator:
         else:
             self._headings = quiet
 
-    def _with_news(self, headings: Headings, observation: Observation, noise: HeadingNoise) -> Headings:
-        t_s = observation.t_s
+    def _compass_reading(self, headings: Headings, t_s: float) -> tuple[float, float] | None:
+        """The newest reading that is news at `t_s`: its time and heading; None without one that can be believed.
+
+        While poses tell the nose against the bar, a leap of the compass is no turn: neither can have turned so fast. It
+        is refused, and where the compass keeps to it, taken for its own error from then on.
+        """
         # A reading counts once: between readings the nose may swing, and an interpolation knows nothing of that.
         reading = self._compass.since(headings.t_s, t_s)
+        if reading is None:
+            return None
+        read_s, heading_rad = reading[0], reading[1] - self._compass_off_rad
+        off_rad = wrap_angle(heading_rad - headings.nose_rad - self._turned_rad(headings.t_s, read_s))
+        if t_s - headings.posed_s > _POSED_S or abs(off_rad) < _LEAP_RAD:
+            self._leapt_s = None
+            return read_s, heading_rad
+        if self._leapt_s is None:
+            self._leapt_s = t_s
+        elif t_s - self._leapt_s > _LEAPS_S:
+            self._compass_off_rad, self._leapt_s = wrap_angle(self._compass_off_rad + off_rad), None
+        return None
+
+    def _with_news(
+        self,
+        headings: Headings,
+        observation: Observation,
+        reading: tuple[float, float] | None,
+        noise: HeadingNoise,
+    ) -> Headings:
+        t_s = observation.t_s
         headings = headings_at(headings, t_s, self._turned_rad(headings.t_s, t_s), noise)
         if reading is not None:
             read_s, heading_rad = reading
@@ -428,11 +457,25 @@ class Navigator:
         covariance = jacobian @ pose.covariance @ jacobian.T + floor * _EYE
         covariance += (_NOSE_RAD**2) * np.outer(jacobian[:, 3], jacobian[:, 3])
         down_variance = float(pose.covariance[2, 2]) + floor + (ahead_m * _LEAN_RAD) ** 2
+        if self._leaps(t_s, down_m, down_variance):
+            return
         self._take_swing(t_s, down_m, down_variance)
         stamp_s = t_s - self._latency.correction_s
         self._latency.picture(stamp_s, place_m, covariance, self._pushes, turn_rad_s, self._across)
         self._judge_gain(t_s, place_m, covariance, turn_rad_s)
         self._enter(t_s, place_m, covariance, down_m, down_variance, turn_rad_s)
+
+    def _leaps(self, t_s: float, down_m: float, variance: float) -> bool:
+        """A height that no climb leads to is none: a bar mirrored in a wet deck is as high below as it is above."""
+        seen, lag_s = self._height_seen, self._response.climb_lag_s
+        if seen is not None and seen[0] < t_s < seen[0] + _LEAP_S:
+            passed_s = t_s - seen[0]
+            moved_m = float(self._climbs.mean(seen[0] - lag_s, t_s - lag_s)[0]) * passed_s
+            most_m = _LEAP_M + _LEAP_MPS * passed_s + _LEAP_SIGMAS * math.sqrt(variance + seen[2])
+            if abs(down_m - seen[1] - moved_m) > most_m:
+                return True
+        self._height_seen = (t_s, down_m, variance)
+        return False
 
     def _judge_gain(self, t_s: float, place_m: Array, covariance: Array, turn_rad_s: float) -> None:
         """What the sticks do; only where they mean a tilt: a servo brings about the speed that is asked for."""
@@ -497,16 +540,18 @@ class Navigator:
         self, t_s: float, place_m: Array, covariance: Array, down_m: float, down_variance: float, turn_rad_s: float
     ) -> None:
         down, spread = np.array([down_m]), np.array([[down_variance]])
-        lost = self._across.refused >= self._parameters.measured.lost_refusals
-        if self._across.belief is None or lost:
-            measured = self._parameters.measured
+        measured = self._parameters.measured
+        if self._across.belief is None or self._across.refused >= measured.lost_refusals:
             self._across.start(t_s, place_m, covariance, measured.first_mps)
             self._down.start(t_s, down, spread, measured.first_climb_mps)
             self._latency.forget_place()
             self._gain.forget_place()
             self._seen_s = t_s
             return
-        self._down.picture(t_s, down, spread, self._climbs)
+        if self._down.refused >= measured.lost_refusals:
+            self._down.start(t_s, down, spread, measured.first_climb_mps)
+        else:
+            self._down.picture(t_s, down, spread, self._climbs)
         if self._across.picture(t_s, place_m, covariance, self._pushes, turn_rad_s):
             self._seen_s = t_s
 
@@ -552,6 +597,12 @@ _NOSE_RAD = 0.003
 """What the nose's heading errs by from picture to picture."""
 _LEAN_RAD = 0.12
 """What the lean at a picture errs by: read at 5 Hz, and so alike in many pictures that each counts for little."""
+_POSED_S, _LEAP_RAD, _LEAPS_S = 0.5, math.radians(10.0), 1.0
+"""With a pose as young as this a compass that is off by more has leapt, and after so long has a new error."""
+_LEAP_M, _LEAP_MPS, _LEAP_SIGMAS = 0.5, 0.2, 4.0
+"""From picture to picture heights change by the climb that was asked for and by no more than this."""
+_LEAP_S = 3.0
+"""A height that is seen for so long is taken, whatever came before."""
 _VELOCITY_EVERY_S = 0.06
 """Its noise is coloured: readings that follow closer tell little more."""
 
