@@ -246,8 +246,9 @@ class _FaultyVision:
             offset_m = np.array([0.0, decoy.amount, 0.0])
             seen = replace(seen, bar_pose=replace(pose, position_in_bar_m=pose.position_in_bar_m + offset_m))
         elif pose is not None and mirror is not None:
-            mirrored = np.array([1.0, 1.0, -1.0]) * pose.position_in_bar_m - np.array([0, 0, 2.0 * mirror.amount])
-            seen = replace(seen, bar_pose=replace(pose, position_in_bar_m=mirrored))
+            # The mirror image hangs twice that height below the bar, upside down, which a bar alike both ways hides.
+            over_image_m = pose.position_in_bar_m - np.array([0.0, 0.0, 2.0 * mirror.amount])
+            seen = replace(seen, bar_pose=replace(pose, position_in_bar_m=over_image_m))
         if now(FaultKind.FALSE_BOX) is not None:
             camera = self._vehicle.camera
             centre = rng.uniform(0.1, 0.9, 2) * [camera.width_px, camera.height_px]

@@ -601,7 +601,7 @@ _POSED_S, _LEAP_RAD, _LEAPS_S = 0.5, math.radians(10.0), 1.0
 """With a pose as young as this a compass that is off by more has leapt, and after so long has a new error."""
 _LEAP_M, _LEAP_MPS, _LEAP_SIGMAS = 0.5, 0.2, 4.0
 """From picture to picture heights change by the climb that was asked for and by no more than this."""
-_LEAP_S = 3.0
+_LEAP_S = 5.0
 """A height that is seen for so long is taken, whatever came before."""
 _VELOCITY_EVERY_S = 0.06
 """Its noise is coloured: readings that follow closer tell little more."""
