@@ -62,11 +62,12 @@ def autopilot(arguments: argparse.Namespace, folder: Path, ports: Ports) -> tupl
 
 
 def lateness(log: FlightLog) -> dict[str, float]:
-    """How old attitude and picture were when a command was decided, and the longest times without a picture [s]."""
+    """How old attitude and picture were at a decision, the longest time without a picture, the world's lag [s]."""
     attitude_s = [row.telemetry.t_s - row.telemetry.attitude_t_s for row in log.records if row.telemetry.attitude_t_s]
     exposed_s = np.unique([row.frame.t_s for row in log.records])
     picture_s = [row.telemetry.t_s - row.frame.t_s for row in log.records]
-    if len(exposed_s) < 2 or not attitude_s:
+    behind_s = [row.frame.t_s - row.truth.t_s for row in log.records if row.truth is not None]
+    if len(exposed_s) < 2 or not attitude_s or not behind_s:
         return {}
     return {
         "attitude_age_median_s": round(float(np.median(attitude_s)), 4),
@@ -75,6 +76,7 @@ def lateness(log: FlightLog) -> dict[str, float]:
         "picture_age_median_s": round(float(np.median(picture_s)), 4),
         "picture_age_99_s": round(float(np.quantile(picture_s, 0.99)), 4),
         "picture_gap_most_s": round(float(np.diff(exposed_s).max()), 4),
+        "world_fell_behind_s": round(behind_s[-1] - min(behind_s), 4),
     }
 
 
@@ -166,7 +168,7 @@ def main() -> None:
     for seed in range(arguments.first, arguments.first + arguments.seeds):
         results.append(land(arguments, seed))
         row = results[-1]
-        late = f"attitude {row.get('attitude_age_99_s')} s, gap {row.get('picture_gap_most_s')} s"
+        late = f"behind {row.get('world_fell_behind_s')} s, attitude's age {row.get('attitude_age_99_s')} s"
         print(f"{seed:4d}  {row['reason']}  [{row['pace']}; {late}]", flush=True)
         (arguments.out / f"{arguments.scenario}.json").write_text(json.dumps(results, indent=1))
     good = sum(bool(result["in_square"]) for result in results)
