@@ -13,8 +13,10 @@ import argparse
 import sys
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from unittest.mock import patch
 
 import cv2
 import numpy as np
@@ -29,6 +31,7 @@ from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig, default_rig, packaged_table
 from shipland.sim.scene.scene import Scene, SceneParameters
 from shipland.sim.state import SceneState
+from shipland.vision.near import pipeline, sighting
 from shipland.vision.near.pipeline import NearVision, VisionParameters
 from shipland.vision.near.regions import Window
 
@@ -140,11 +143,54 @@ def peer_frames(peer: Peer, looks: list[Look], camera: Camera, margins: VisionPa
     return frames
 
 
+STAGES: dict[str, tuple[object, str]] = {
+    "regions through the colour gate": (pipeline, "find_regions"),
+    "quadrilaterals": (pipeline, "find_quads"),
+    "match with the last pose": (pipeline, "match_by_prediction"),
+    "sides and corners": (sighting, "measure_corners"),
+    "pose": (sighting, "solve"),
+    "covariance from afar": (sighting, "spread_of"),
+    "screening": (sighting, "sides_agree"),
+    "covariance": (sighting, "bar_pose_of"),
+}
+"""Where the parts of a followed picture are called, by module and name."""
+
+
+def stages_ms(vision: NearVision, frames: list[Frame], rounds: int) -> dict[str, float]:
+    """Median wall time of each part of a followed picture, of the rest, and of all [ms]."""
+    spent: dict[str, float] = {}
+
+    def timed(name: str, part: Callable[..., object]) -> Callable[..., object]:
+        def call(*arguments: object, **named: object) -> object:
+            started = time.perf_counter()
+            result = part(*arguments, **named)
+            spent[name] = spent.get(name, 0.0) + time.perf_counter() - started
+            return result
+
+        return call
+
+    look, rows = following(vision, frames), []
+    with ExitStack() as patches:
+        for name, (module, part) in STAGES.items():
+            patches.enter_context(patch.object(module, part, timed(name, getattr(module, part))))
+        for _ in range(rounds):
+            for frame in frames:
+                spent.clear()
+                started = time.perf_counter()
+                look(frame)
+                whole = time.perf_counter() - started
+                parts = [spent.get(name, 0.0) for name in STAGES]
+                rows.append([*parts, whole - sum(parts), whole])
+    return dict(zip([*STAGES, "the rest", "all"], 1e3 * np.median(rows, axis=0), strict=True))
+
+
 def main() -> None:
     """Time and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=60)
-    rounds = max(1, parser.parse_args().rounds // 2)
+    parser.add_argument("--stages", action="store_true", help="where the time of a followed picture goes, and no peers")
+    arguments = parser.parse_args()
+    rounds = max(1, arguments.rounds // 2)
     cv2.setNumThreads(1)
     rig = default_rig()
     camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
@@ -156,6 +202,13 @@ def main() -> None:
     table.add_column("picture")
     for range_m in RANGES_M:
         table.add_column(f"{range_m:.0f} m", justify="right", no_wrap=True)
+    if arguments.stages:
+        vision = NearVision(rig.target, camera, parameters)
+        columns = [stages_ms(vision, some, rounds) for some in there_and_back]
+        for name in columns[0]:
+            table.add_row(name, "followed", *(f"{column[name]:.2f}" for column in columns))
+        Console(width=120).print(table)
+        return
     for name, changes in CHAINS.items():
         vision = NearVision(rig.target, camera, replace(parameters, **changes))  # type: ignore[arg-type]
         table.add_row(name, "whole", *(median_ms(searching(vision), some, rounds) for some in there_and_back))

@@ -80,7 +80,7 @@ class NearVision:
         found = self._find(frame)
         if isinstance(found, Refusal):
             return Observation(frame.t_s, frame.gimbal, reason=found.value)
-        return Observation(frame.t_s, frame.gimbal, bar_pose=found.bar_pose())
+        return Observation(frame.t_s, frame.gimbal, bar_pose=found.bar_pose)
 
     def _find(self, frame: Frame) -> Sighting | Refusal:
         image = frame.image
@@ -118,7 +118,7 @@ class NearVision:
         """
         if self._parameters.track_climb_mps <= 0.0:
             return False
-        pose = sighting.bar_pose()
+        pose = sighting.bar_pose
         last_in_bar_m, _ = position_and_yaw(track.camera_from_plane)
         risen_m = abs(float(pose.position_in_bar_m[2] - last_in_bar_m[2]))
         unsure_m = _JUMP_SIGMAS * math.sqrt(max(float(pose.covariance[2, 2]), 0.0))

@@ -24,11 +24,8 @@ _GAIN_DONE = 0.03
 _DAMPING = 1e-3
 """Of the first Levenberg–Marquardt step from a closed-form start."""
 
-_TURNED_STEPS = 2
-"""Gauss–Newton steps of a pose whose angle about the cue's vertical is held."""
-
 _HELD = 1e3
-"""What holds it, against everything that is known of the pose."""
+"""What holds the angle about the cue's vertical, against everything that is known of the pose."""
 
 _IDENTITY = np.eye(6)
 
@@ -332,15 +329,13 @@ class _Refiner:
         if translation is None:
             return None
         pose = Pose(turn @ pose.rotation, translation)
-        held = np.zeros((6, 6))
-        for _ in range(_TURNED_STEPS):
-            gram = self.linearise(pose).gram
-            normal = gram[:6, :6]
-            held[:3, :3] = _HELD * float(normal.trace()) * np.outer(down, down)
-            _, step, failed = lapack.dposv(normal + held, -gram[:6, 6])
-            if failed:
-                return None
-            pose = Pose(cv2.Rodrigues(step[:3])[0] @ pose.rotation, pose.translation_m + step[3:])
+        gram = self.linearise(pose).gram
+        normal = gram[:6, :6]
+        normal[:3, :3] += _HELD * float(normal.trace()) * np.outer(down, down)
+        _, step, failed = lapack.dposv(normal, -gram[:6, 6])
+        if failed:
+            return None
+        pose = Pose(cv2.Rodrigues(step[:3])[0] @ pose.rotation, pose.translation_m + step[3:])
         chi2 = float(self.linearise(pose).gram[6, 6])
         return Turned(pose, chi2) if np.isfinite(chi2) and pose.translation_m[2] > 0.0 else None
 

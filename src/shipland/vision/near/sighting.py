@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -40,7 +41,7 @@ _FLAT_RAD = 0.01
 """Standard deviation of that angle from which it is looked at how well the corners fit beside the solution: its cosine,
 by which they tell it, is no straight line."""
 
-_FLAT_SIGMAS = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+_FLAT_SIGMAS = np.array([-2.5, -1.25, 1.25, 2.5])
 """Where, in these standard deviations."""
 
 _REPROJECTION_NOISE = 4.0
@@ -113,6 +114,7 @@ class Sighting:
         """From the camera to the cue's origin."""
         return float(np.linalg.norm(self.camera_from_plane.translation_m))
 
+    @cached_property
     def bar_pose(self) -> BarPose:
         """What crosses to the pilot."""
         return bar_pose_of(self.solutions, self.corners_px, self.spread)
