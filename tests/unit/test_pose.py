@@ -151,6 +151,15 @@ def test_near_by_the_jacobian_tells_all():
     assert spread_of(solve(corners, CAMERA, prior)[0], corners, CAMERA, prior) is None
 
 
+def test_a_covariance_never_loses_the_angle(monkeypatch):
+    """When no pose beside the solution fits, the Jacobian's covariance stays."""
+    corners, prior = corners_at(camera_from_bar(np.array([-14.0, -0.5, 0.1]), 0.04), noise_px=0.12), prior_at(0.0)
+    solution = solve(corners, CAMERA, prior)[0]
+    assert spread_of(solution, corners, CAMERA, prior) is not None
+    monkeypatch.setattr("shipland.vision.near.sighting.turned", lambda *_: [])
+    assert spread_of(solution, corners, CAMERA, prior) is None
+
+
 def test_gimbal_makes_the_height_known():
     pose = from_plane(camera_from_bar([-10.0, 0.0, 0.5], 0.1))
     alone, held = (

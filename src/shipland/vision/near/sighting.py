@@ -44,6 +44,9 @@ by which they tell it, is no straight line."""
 _FLAT_SIGMAS = np.array([-2.5, -1.25, 1.25, 2.5])
 """Where, in these standard deviations."""
 
+_NARROW = 0.5
+"""Share of the yaw's variance by the Jacobian that what is found there must leave."""
+
 _REPROJECTION_NOISE = 4.0
 """Standard deviations of a corner that the reprojection error may reach besides."""
 
@@ -180,7 +183,8 @@ def spread_of(taken: Solution, corners: Corners, camera: Camera, prior: LevelPri
     """(4,4) covariance of (position in `bar` [m], yaw [rad]) over all angles about the cue's vertical.
 
     From afar that angle is told by a cosine, so the corners fit over a wide range of it, and not evenly to either side.
-    Poses are weighed there by how well they fit. None where the angle is known so well that the Jacobian tells all.
+    Poses are weighed there by how well they fit. None where the Jacobian tells all, since the angle is known well or no
+    pose beside fits.
     """
     excess, down = taken.excess, taken.camera_from_plane.rotation[:, 1]
     along = taken.covariance[:, :3] @ down
@@ -198,7 +202,10 @@ def spread_of(taken: Solution, corners: Corners, camera: Camera, prior: LevelPri
         share = math.exp(min(0.5 * (taken.chi2 - beside.chi2) / excess, 0.0))
         square += share * np.outer(off, off)
         weight += share
-    return np.asarray(excess * covariance_in_bar(known) + square / weight)
+    spread = np.asarray(excess * covariance_in_bar(known) + square / weight)
+    # Where the poses beside fit nothing, they are no account of what fits.
+    narrow = spread[3, 3] < _NARROW * excess * covariance_in_bar(taken)[3, 3]
+    return None if narrow else spread
 
 
 class Judge:
