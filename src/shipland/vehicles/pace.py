@@ -9,6 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 
 _KEPT = 100_000
 """Latenesses that are kept: over half an hour at 50 Hz."""
@@ -16,17 +17,30 @@ _KEPT = 100_000
 
 _SWITCH_S = 0.001
 """How long another thread of this process may keep the interpreter while this one is due."""
+_NICE = -15
+"""Of every thread of the process; at −20 whoever carries the link, such as a MAVLink router, would starve."""
 
 
-def _go_first() -> None:
-    """Run before others, as far as the system lets us; without a privilege the thread is one of many."""
+def _go_first() -> bool:
+    """Run before others, as far as the system lets us; False without the privilege: the thread is one of many.
+
+    The whole process goes before others: this thread waits for the interpreter as long as whoever holds it, such as
+    vision, waits for a core.
+    """
     sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_S))
-    number = threading.get_native_id()
     try:
-        os.sched_setscheduler(number, os.SCHED_FIFO, os.sched_param(1))
+        _set_niceness(_NICE)
+        os.sched_setscheduler(threading.get_native_id(), os.SCHED_FIFO, os.sched_param(1))
     except (OSError, AttributeError):
-        with suppress(OSError, AttributeError):
-            os.setpriority(os.PRIO_PROCESS, number, -10)
+        return False
+    return True
+
+
+def _set_niceness(value: int) -> None:
+    """Of every thread of the process; PermissionError without the privilege."""
+    for thread in Path("/proc/self/task").iterdir():
+        with suppress(ProcessLookupError):
+            os.setpriority(os.PRIO_PROCESS, int(thread.name), value)
 
 
 class Pace:
@@ -46,6 +60,8 @@ class Pace:
         """How late each call began [s]."""
         self.failed = 0
         """Calls that raised."""
+        self.preferred = False
+        """Whether the system lets the calls go before other processes; known once begun."""
 
     def start(self) -> None:
         """Begin."""
@@ -58,7 +74,15 @@ class Pace:
             self._thread.join()
 
     def _run(self) -> None:
-        _go_first()
+        niceness = os.getpriority(os.PRIO_PROCESS, 0) if hasattr(os, "getpriority") else 0
+        self.preferred = _go_first()
+        try:
+            self._take_turns()
+        finally:
+            with suppress(OSError, AttributeError):
+                _set_niceness(niceness)
+
+    def _take_turns(self) -> None:
         due_s = last_s = time.monotonic()
         while not self._stopping.is_set():
             now_s = time.monotonic()

@@ -209,7 +209,15 @@ class MavlinkVehicle:
 
         assert self._limits is not None  # connected
         assert self._stream is not None
-        return link_checks(self.session, self._stream, self._limits, self._setup, self.response())
+        lines = link_checks(self.session, self._stream, self._limits, self._setup, self.response())
+        return [*lines, Check("pace", True, self._pace_words())]
+
+    def _pace_words(self) -> str:
+        """How steadily set-points can leave here."""
+        assert self._pace is not None  # connected
+        late_s = sorted(self._pace.late_s) or [0.0]
+        words = f"99 % of the turns within {1e3 * late_s[int(0.99 * (len(late_s) - 1))]:.0f} ms of their time"
+        return words if self._pace.preferred else f"{words}; among other processes: CAP_SYS_NICE puts them first"
 
     # Taking and losing the vehicle
 
