@@ -1,8 +1,9 @@
 """Land a flight controller that we did not write in our world: physics, autopilot and `shipland fly`, seed after seed.
 
-With `SHIPLAND_ARDUCOPTER` naming an ArduCopter binary it flies that; `--autopilot stand-in` flies the small one of the
-conformance tests. Everything runs in real time on loopback; how late telemetry and pictures were stands beside each
-landing.
+With `SHIPLAND_ARDUCOPTER` naming an ArduCopter binary it flies that; with `--autopilot px4` and `SHIPLAND_PX4` naming
+the binary of a PX4 built for its simulator (`…/build/px4_sitl_default/bin/px4`) that; `--autopilot stand-in` flies the
+small one of the conformance tests. Everything runs in real time on loopback; how late telemetry and pictures were
+stands beside each landing.
 
     SHIPLAND_ARDUCOPTER=~/arducopter python tools/land_outside.py --scenario rig-natops --seeds 20 \
         --defaults copter.parm --out out/outside
@@ -41,10 +42,31 @@ class Ports:
     def __init__(self, instance: int) -> None:
         self.physics, self.frames = 9002 + 10 * instance, 9003 + 10 * instance
         self.arducopter, self.stand_in = 5760 + 10 * instance, 14550 + 10 * instance
+        self.px4_physics, self.px4 = 4560 + instance, 14540 + instance
+
+
+def px4_environment() -> dict[str, str]:
+    """PX4's airframe and parameters, which its start script takes from there."""
+    rows = [line.split() for line in (ROOT / "examples" / "px4.parm").read_text().splitlines() if line[:1] not in "#"]
+    return os.environ | {"PX4_SIM_MODEL": "none_iris"} | {f"PX4_PARAM_{name}": value for name, value in rows}
+
+
+def px4(arguments: argparse.Namespace, folder: Path) -> list[str]:
+    """PX4's command; its parameters begin anew."""
+    binary = os.environ.get("SHIPLAND_PX4")
+    if not binary:
+        raise SystemExit("SHIPLAND_PX4 must name the binary of a PX4 built for its simulator")
+    place = Path(binary).resolve()
+    for old in ("parameters.bson", "parameters_backup.bson", "dataman"):
+        (folder / old).unlink(missing_ok=True)
+    command = [str(place), "-d", "-i", str(arguments.instance), "-s", "etc/init.d-posix/rcS"]
+    return [*command, "-w", str(folder.resolve()), str(place.parents[1] / "etc")]
 
 
 def autopilot(arguments: argparse.Namespace, folder: Path, ports: Ports) -> tuple[list[str], str]:
     """Its command, and the address under which it is flown."""
+    if arguments.autopilot == "px4":
+        return px4(arguments, folder), f"udp:127.0.0.1:{ports.px4}"
     if arguments.autopilot == "stand-in":
         script = ROOT / "tests" / "conformance" / "standin_physics.py"
         command = [sys.executable, str(script), str(ports.stand_in), str(ports.physics)]
@@ -109,15 +131,18 @@ def land(arguments: argparse.Namespace, seed: int) -> dict[str, object]:
     Camera.from_parameters(scenario.camera).to_opencv_yaml(calibration)
     changes = [word for change in arguments.set for word in ("--set", change)]
     common = ["--scenario", arguments.scenario, "--seed", str(seed), *changes]
-    served = ["--port", str(ports.physics), "--frames-port", str(ports.frames), "--climb-m", str(arguments.climb_m)]
+    is_px4 = arguments.autopilot == "px4"
+    served = ["--interface", "px4" if is_px4 else "json"]
+    served += ["--port", str(ports.px4_physics if is_px4 else ports.physics)]
+    served += ["--frames-port", str(ports.frames), "--climb-m", str(arguments.climb_m)]
     served += ["--pictures"] if arguments.vision == "rendered" else []
     command, place = autopilot(arguments, folder, ports)
     address = f"mavlink://{place}?camera=frames:127.0.0.1:{ports.frames}&takeoff={arguments.takeoff_m}"
     fly = ["fly", *common, "--vehicle", address, "--calibration", str(calibration), "--vision", arguments.vision]
     fly += ["--pilot", arguments.pilot, "--out", str(folder), "--video" if arguments.video else "--no-video"]
     config = arguments.vehicle_config
-    if config is None and arguments.autopilot == "arducopter":
-        config = ROOT / "examples" / "arducopter.toml"
+    if config is None and arguments.autopilot != "stand-in":
+        config = ROOT / "examples" / f"{arguments.autopilot}.toml"
     fly += [] if config is None else ["--vehicle-config", str(config)]
     with (folder / "physics.txt").open("w") as physics_log, (folder / "autopilot.txt").open("w") as autopilot_log:
         physics = subprocess.Popen(
@@ -125,8 +150,9 @@ def land(arguments: argparse.Namespace, seed: int) -> dict[str, object]:
         )
         time.sleep(4.0)
         flown = subprocess.Popen(
-            command, cwd=folder, stdin=subprocess.PIPE, stdout=autopilot_log, stderr=subprocess.STDOUT
-        )
+            command, cwd=folder, stdin=subprocess.PIPE, stdout=autopilot_log, stderr=subprocess.STDOUT,
+            env=px4_environment() if is_px4 else None,
+        )  # fmt: skip
         try:
             time.sleep(arguments.boot_s)
             with (folder / "fly.txt").open("w") as fly_log:
@@ -151,9 +177,9 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=1)
     parser.add_argument("--pilot", default="horizon")
     parser.add_argument("--vision", default="geometric")
-    parser.add_argument("--autopilot", choices=("arducopter", "stand-in"), default="arducopter")
+    parser.add_argument("--autopilot", choices=("arducopter", "px4", "stand-in"), default="arducopter")
     parser.add_argument("--defaults", type=Path, nargs="*", default=[])
-    parser.add_argument("--vehicle-config", type=Path, help="examples/arducopter.toml for an ArduCopter")
+    parser.add_argument("--vehicle-config", type=Path, help="examples/arducopter.toml or px4.toml unless given")
     parser.add_argument("--set", action="append", default=[])
     parser.add_argument("--climb-m", type=float, default=0.9)
     parser.add_argument("--takeoff-m", type=float, default=0.9)

@@ -12,9 +12,10 @@ import pytest
 
 from shipland.errors import ConfigError
 from shipland.frames import euler_from_rotation, rotation_from_quaternion
-from shipland.missions.physics import STEP_S, HeldWorld, PhysicsOptions, Tempo, serve
+from shipland.missions.physics import STEP_S, FlightStep, HeldWorld, Tempo
 from shipland.missions.scenarios import load_scenario
-from shipland.missions.servo_link import ServoPacket, mount_pitch_rad
+from shipland.missions.serving import PhysicsOptions, serve
+from shipland.missions.servo_link import ServoPacket, mount_pitch_rad, state_line
 from shipland.sim.aircraft.servo import thrust_share
 
 
@@ -27,6 +28,10 @@ def parsed(count: int, motors_us: list[float], gimbal_us: int = 0) -> ServoPacke
     found = ServoPacket.parse(packet(count, motors_us, gimbal_us))
     assert found is not None
     return found
+
+
+def stepped(held: HeldWorld, motors_us: list[float]) -> FlightStep:
+    return held.step([round(pulse) for pulse in motors_us], None)
 
 
 def test_packets() -> None:
@@ -42,9 +47,10 @@ def test_packets() -> None:
 
 def test_it_is_held_until_its_rotors_carry_it() -> None:
     held = HeldWorld(load_scenario("rig-natops", wind={"mean_mps": 0.0}), 3, 0.9)
-    for count in range(50):
-        line, over = held.step(parsed(count, [1000.0] * 4))
-        assert not over
+    for _ in range(50):
+        step = stepped(held, [1000.0] * 4)
+        assert not step.over
+    line = state_line(step)
     state = json.loads(line)
     assert b" " not in line
     assert line.startswith(b"\n") and line.endswith(b"\n")
@@ -52,13 +58,12 @@ def test_it_is_held_until_its_rotors_carry_it() -> None:
     assert state["imu"] == {"gyro": [0.0, 0.0, 0.0], "accel_body": [0.0, 0.0, -9.81]}
     assert state["timestamp"] == pytest.approx(50 * STEP_S)
     assert held.world.t_s == 0.0
-    held.step(parsed(50, [1900.0] * 4))
+    stepped(held, [1900.0] * 4)
     assert held.released
-    for count in range(51, 551):
-        line, _ = held.step(parsed(count, [1900.0] * 4))
-    state = json.loads(line)
-    assert state["velocity"][2] < -1.0
-    assert state["imu"]["accel_body"][2] < -9.81
+    for _ in range(500):
+        step = stepped(held, [1900.0] * 4)
+    assert step.motion.velocity_mps[2] < -1.0
+    assert step.force_in_body_mps2[2] < -9.81
 
 
 def signals(thrusts: np.ndarray) -> list[float]:
@@ -76,9 +81,9 @@ def test_an_autopilot_that_knows_only_the_interface_flies_it() -> None:
     state: dict = {}
     for count in range(4000):
         pulses = [1000.0 + float(np.searchsorted(table, share)) for share in motors]
-        line, over = held.step(parsed(count, pulses if count else [1950.0] * 4))
-        assert not over
-        state = json.loads(line)
+        step = stepped(held, pulses if count else [1950.0] * 4)
+        assert not step.over
+        state = json.loads(state_line(step))
         rotation = rotation_from_quaternion(np.array(state["quaternion"]))
         roll, pitch, yaw = euler_from_rotation(rotation)
         before_rad = yaw if before_rad is None else before_rad
@@ -99,13 +104,8 @@ def test_an_autopilot_that_knows_only_the_interface_flies_it() -> None:
 
 def test_motors_stopped_by_the_flight_controller_end_in_a_verdict() -> None:
     held = HeldWorld(load_scenario("rig-natops", start={"distance_m": 0.0, "distance_spread_m": 0.0}), 3, 0.0)
-    held.step(parsed(0, [1950.0] * 4))
-    over = False
-    for count in range(1, 4000):
-        _, over = held.step(parsed(count, [1000.0] * 4))
-        if over:
-            break
-    assert over
+    stepped(held, [1950.0] * 4)
+    assert any(stepped(held, [1000.0] * 4).over for _ in range(4000))
     verdict = held.world.verdict()
     assert verdict is not None
     assert verdict.touched
@@ -127,7 +127,7 @@ def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
     ports = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
     scenario = load_scenario("rig-natops", start={"distance_m": 0.0, "distance_spread_m": 0.0})
     said: list[str] = []
-    options = PhysicsOptions("127.0.0.1", *ports, pictures=False, climb_m=0.0)
+    options = PhysicsOptions("json", "127.0.0.1", *ports, pictures=False, climb_m=0.0)
     served = threading.Thread(target=serve, args=(scenario, 3, options, said.append), daemon=True)
     served.start()
     while not said:

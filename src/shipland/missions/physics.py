@@ -1,22 +1,21 @@
-"""Our ship world as the physics of a flight controller that somebody else wrote."""
+"""Our ship world as the physics of a flight controller that somebody else wrote, whatever interface it speaks."""
 
 from __future__ import annotations
 
-import contextlib
 import math
-import socket
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+
 from shipland.errors import ConfigError
-from shipland.frames import GRAVITY_MPS2
-from shipland.messages import PilotCommand, TouchdownVerdict
+from shipland.frames import GRAVITY_MPS2, Array, rotation_from_quaternion
+from shipland.messages import PilotCommand
 from shipland.missions.crew import build_world
 from shipland.missions.frame_server import FrameServer
 from shipland.missions.scenarios import Scenario
-from shipland.missions.servo_link import ServoPacket, felt_in_body_mps2, mount_pitch_rad, state_line
 from shipland.sim.aircraft.aircraft import Motion
 from shipland.sim.aircraft.parameters import Vector
 from shipland.sim.aircraft.servo import ServoQuadrotor
@@ -25,38 +24,28 @@ from shipland.sim.world import Grid, World
 STEP_S = 0.001
 """A flight controller's fast loop wants 800 Hz and more."""
 _GRID = Grid(STEP_S, 1, 20)
-_GIMBAL_CHANNEL = 8
-"""Servo output 9, from 0."""
 _STOPPED_US = 1010
 """All motors at or below this for a while after the flight: disarmed."""
 _STOPPED_S = 0.3
+_LINGER_S = 2.0
+"""Served after the verdict."""
 _HELD_FORCE_MPS2: Vector = (0.0, 0.0, -GRAVITY_MPS2)
 
 
-class Answer(NamedTuple):
-    """What goes back after a packet."""
-
-    line: bytes
-    over: bool
-
-
-@dataclass(frozen=True)
-class PhysicsOptions:
-    """What `serve-physics` serves, and where.
+class FlightStep(NamedTuple):
+    """The aircraft after a step.
 
     Attributes:
-        host: address that is bound; loopback.
-        port: of the flight controller.
-        frames_port: of the camera.
-        pictures: whether frames carry pictures, or only the truth.
-        climb_m: the aircraft is held this much below its start, and flies once its rotors carry it.
+        t_s: the flight controller's time.
+        motion: of the centre of mass; its place from where the aircraft waited.
+        force_in_body_mps2: what accelerometers felt during the step.
+        over: whether the flight has its verdict.
     """
 
-    host: str
-    port: int
-    frames_port: int
-    pictures: bool
-    climb_m: float
+    t_s: float
+    motion: Motion
+    force_in_body_mps2: Vector
+    over: bool
 
 
 class HeldWorld:
@@ -67,7 +56,7 @@ class HeldWorld:
     Args:
         scenario: what is flown; its aircraft takes servo pulses.
         seed: of the flight.
-        climb_m: see `PhysicsOptions`.
+        climb_m: how far below its start it is held.
     """
 
     def __init__(self, scenario: Scenario, seed: int, climb_m: float) -> None:
@@ -92,12 +81,16 @@ class HeldWorld:
         """The flight controller's time: held and flown."""
         return self._held_s + self.world.t_s
 
-    def step(self, packet: ServoPacket) -> Answer:
-        """One step with the newest pulses; what to answer."""
-        self._aircraft.set_pulses(packet.pulses_us)
-        pitch_rad = mount_pitch_rad(packet.pulses_us[_GIMBAL_CHANNEL])
-        if pitch_rad is not None:
-            self.world.command(PilotCommand.hold(self.world.t_s, pitch_rad))
+    def step(self, motors_us: Sequence[float], gimbal_pitch_rad: float | None) -> FlightStep:
+        """One step of `STEP_S`.
+
+        Args:
+            motors_us: the newest four pulses: front right, rear left, front left, rear right.
+            gimbal_pitch_rad: asked of the gimbal, against the horizon; None to leave it.
+        """
+        self._aircraft.set_pulses(motors_us)
+        if gimbal_pitch_rad is not None:
+            self.world.command(PilotCommand.hold(self.world.t_s, gimbal_pitch_rad))
         felt = _HELD_FORCE_MPS2
         if not self.released:
             self._held_s += STEP_S
@@ -107,11 +100,14 @@ class HeldWorld:
             after = _motion_of(self.world)
             felt = felt_in_body_mps2(self._before, after, STEP_S)
             self._before = after
-            stopped = max(packet.pulses_us[:4]) <= _STOPPED_US
+            stopped = max(motors_us[:4]) <= _STOPPED_US
             self._stopped_s = self._stopped_s + STEP_S if stopped else 0.0
             if self._stopped_s > _STOPPED_S:
                 self.world.stop_motors()
-        return Answer(state_line(self.t_s, self._before, felt, self._home_m), self.world.over())
+        at = self._before
+        (north, east, down), (north0, east0, down0) = at.position_m, self._home_m
+        from_home = at._replace(position_m=(north - north0, east - east0, down - down0))
+        return FlightStep(self.t_s, from_home, felt, self.world.over())
 
 
 class Tempo:
@@ -146,68 +142,69 @@ class Tempo:
         return f"{to_s - from_s:.1f} s of flight took {took_s:.1f} s, the slowest second {self._slowest_s:.2f} s"
 
 
-def serve(
-    scenario: Scenario, seed: int, options: PhysicsOptions, say: Callable[[str], None]
-) -> TouchdownVerdict | None:
-    """Serve one flight until its verdict; interrupted by the caller's KeyboardInterrupt.
+class ServedFlight:
+    """One flight of a held world, its camera, and what people are told; an interface asks it for step after step.
 
     Args:
-        scenario: what is flown.
-        seed: of everything random.
-        options: where.
+        held: the world.
+        frames: its camera.
+        frame_rate_hz: of the camera.
         say: takes a line for people.
-
-    Returns:
-        The verdict.
-
-    Raises:
-        ConfigError: the scenario leaves no room to climb.
-        VehicleError: a port is taken.
     """
-    held = HeldWorld(scenario, seed, options.climb_m)
-    with contextlib.ExitStack() as stack:
-        link = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-        try:
-            link.bind((options.host, options.port))
-        except OSError as error:
-            raise ConfigError(f"cannot listen on {options.host}:{options.port}: {error.strerror}") from None
-        frames = stack.enter_context(FrameServer(scenario, seed, options.host, options.frames_port, options.pictures))
-        say(f"waiting for a flight controller on udp:{options.host}:{options.port}")
-        link.settimeout(1.0)
-        count, begun_s, steps, linger_s = -1, time.monotonic(), 0, 2.0
-        due_s, tempo, answer = 0.0, Tempo(), None
-        while linger_s > 0.0:
-            try:
-                data, sender = link.recvfrom(512)
-            except TimeoutError:
-                continue
-            packet = ServoPacket.parse(data)
-            if packet is None:
-                continue
-            if packet.count == count and answer is not None:
-                link.sendto(answer.line, sender)  # it asks again for an answer that was lost
-                continue
-            if count < 0:
-                begun_s = time.monotonic()
-                say(f"a flight controller at {sender[0]}:{sender[1]}, {packet.rate_hz} Hz")
-            count = packet.count
-            answer = held.step(packet)
-            steps += 1
-            link.sendto(answer.line, sender)
-            if held.released:
-                now_s = time.monotonic()
-                if not tempo.begun:
-                    say(f"it flies, after {now_s - begun_s:.0f} s and {steps} steps")
-                tempo.note(held.t_s, now_s)
-            if held.t_s >= due_s:
-                due_s = held.t_s + 1.0 / scenario.camera.frame_rate_hz
-                frames.show(held.t_s, held.world.snapshot())
-            if answer.over:
-                linger_s -= STEP_S
-                if (verdict := held.world.verdict()) is not None:
-                    frames.end(verdict)
-        say(tempo.words())
-        return held.world.verdict()
+
+    def __init__(self, held: HeldWorld, frames: FrameServer, frame_rate_hz: float, say: Callable[[str], None]) -> None:
+        self._held, self._frames, self._frame_s, self.say = held, frames, 1.0 / frame_rate_hz, say
+        self._due_s, self._linger_s, self._steps = 0.0, _LINGER_S, 0
+        self._begun_s, self._tempo = math.nan, Tempo()
+
+    @property
+    def released(self) -> bool:
+        """Whether it flies."""
+        return self._held.released
+
+    @property
+    def done(self) -> bool:
+        """Whether the verdict has stood for a while."""
+        return self._linger_s <= 0.0
+
+    @property
+    def pace(self) -> str:
+        """How the world kept up with the clock, for people."""
+        return self._tempo.words()
+
+    def step(self, motors_us: Sequence[float], gimbal_pitch_rad: float | None) -> FlightStep:
+        """See `HeldWorld.step`; the camera sees it."""
+        held, now_s = self._held, time.monotonic()
+        if self._steps == 0:
+            self._begun_s = now_s
+        step = held.step(motors_us, gimbal_pitch_rad)
+        self._steps += 1
+        if held.released:
+            if not self._tempo.begun:
+                self.say(f"it flies, after {now_s - self._begun_s:.0f} s and {self._steps} steps")
+            self._tempo.note(step.t_s, now_s)
+        if step.t_s >= self._due_s:
+            self._due_s = step.t_s + self._frame_s
+            self._frames.show(step.t_s, held.world.snapshot())
+        if step.over:
+            self._linger_s -= STEP_S
+            if (verdict := held.world.verdict()) is not None:
+                self._frames.end(verdict)
+        return step
+
+
+def felt_in_body_mps2(before: Motion, after: Motion, step_s: float) -> Vector:
+    """Specific force along `body`: acceleration without gravity, contacts included.
+
+    Args:
+        before: motion at the step's start.
+        after: at its end.
+        step_s: that step [s].
+    """
+    change = np.array(after.velocity_mps) - np.array(before.velocity_mps)
+    felt_in_ned: Array = change / step_s - np.array([0.0, 0.0, GRAVITY_MPS2])
+    forward, right, down = (rotation_from_quaternion(np.array(after.quaternion)).T @ felt_in_ned).tolist()
+    return forward, right, down
 
 
 def _motion_of(world: World) -> Motion:

@@ -7,17 +7,18 @@ from __future__ import annotations
 
 import json
 import math
+import socket
 import struct
 from dataclasses import dataclass
+from types import TracebackType
 
-import numpy as np
-
-from shipland.frames import GRAVITY_MPS2, Array, rotation_from_quaternion
-from shipland.sim.aircraft.aircraft import Motion
-from shipland.sim.aircraft.parameters import Vector
+from shipland.errors import ConfigError
+from shipland.missions.physics import FlightStep, ServedFlight
 
 _MAGIC_16, _MAGIC_32 = 18458, 29569
 _HEAD = struct.Struct("<HHI")
+_GIMBAL_CHANNEL = 8
+"""Servo output 9, from 0."""
 
 
 @dataclass(frozen=True)
@@ -46,20 +47,13 @@ class ServoPacket:
         return ServoPacket(rate_hz, count, struct.unpack_from(f"<{channels}H", data, _HEAD.size))
 
 
-def state_line(t_s: float, motion: Motion, force_in_body_mps2: Vector, origin_m: Vector) -> bytes:
-    """The answer.
-
-    Args:
-        t_s: physics time.
-        motion: of the centre of mass in `ned`.
-        force_in_body_mps2: what accelerometers feel.
-        origin_m: `ned` place that the flight controller takes for its home.
-    """
-    where = [value - home for value, home in zip(motion.position_m, origin_m, strict=True)]
+def state_line(step: FlightStep) -> bytes:
+    """The answer to a packet."""
+    motion = step.motion
     state = {
-        "timestamp": t_s,
-        "imu": {"gyro": list(motion.rates_rad_s), "accel_body": list(force_in_body_mps2)},
-        "position": where,
+        "timestamp": step.t_s,
+        "imu": {"gyro": list(motion.rates_rad_s), "accel_body": list(step.force_in_body_mps2)},
+        "position": list(motion.position_m),
         "quaternion": list(motion.quaternion),
         "velocity": list(motion.velocity_mps),
     }
@@ -67,18 +61,55 @@ def state_line(t_s: float, motion: Motion, force_in_body_mps2: Vector, origin_m:
     return b"\n" + json.dumps(state, separators=(",", ":")).encode() + b"\n"
 
 
-def felt_in_body_mps2(before: Motion, after: Motion, step_s: float) -> Vector:
-    """Specific force along `body`: acceleration without gravity, contacts included.
+class JsonLink:
+    """The UDP port of ArduPilot's `--model JSON`.
 
     Args:
-        before: motion at the step's start.
-        after: at its end.
-        step_s: that step [s].
+        host, port: bound; loopback.
+
+    Raises:
+        ConfigError: the port is taken.
     """
-    change = np.array(after.velocity_mps) - np.array(before.velocity_mps)
-    felt_in_ned: Array = change / step_s - np.array([0.0, 0.0, GRAVITY_MPS2])
-    forward, right, down = (rotation_from_quaternion(np.array(after.quaternion)).T @ felt_in_ned).tolist()
-    return forward, right, down
+
+    def __init__(self, host: str, port: int) -> None:
+        self.address = f"udp:{host}:{port}"
+        """For people."""
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind((host, port))
+        except OSError as error:
+            self._socket.close()
+            raise ConfigError(f"cannot listen on {host}:{port}: {error.strerror}") from None
+        self._socket.settimeout(1.0)
+
+    def __enter__(self) -> JsonLink:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._socket.close()
+
+    def fly(self, flight: ServedFlight) -> None:
+        """One step a packet, until the flight is done."""
+        count, line = -1, b""
+        while not flight.done:
+            try:
+                data, sender = self._socket.recvfrom(512)
+            except TimeoutError:
+                continue
+            packet = ServoPacket.parse(data)
+            if packet is None:
+                continue
+            if packet.count == count and line:
+                self._socket.sendto(line, sender)  # it asks again for an answer that was lost
+                continue
+            if count < 0:
+                flight.say(f"a flight controller at {sender[0]}:{sender[1]}, {packet.rate_hz} Hz")
+            count = packet.count
+            pulses_us = packet.pulses_us
+            line = state_line(flight.step(pulses_us[:4], mount_pitch_rad(pulses_us[_GIMBAL_CHANNEL])))
+            self._socket.sendto(line, sender)
 
 
 def mount_pitch_rad(pulse_us: float) -> float | None:

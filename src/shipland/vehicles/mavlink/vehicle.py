@@ -255,7 +255,8 @@ class MavlinkVehicle:
         session.wait(lambda state: state.armed, 5.0, "the motors did not start")
         self._taking_off = True
         try:
-            if session.ask(dialect.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) != 0:
+            by_itself = session.state.autopilot != PX4
+            if by_itself and session.ask(dialect.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) != 0:
                 raise VehicleError(f"the autopilot does not take off: {'; '.join(session.state.texts[-3:])}")
             near_m = max(0.3, 0.1 * height_m)
             session.wait(lambda state: state.height_m > height_m - near_m, 30.0, "the take-off did not end")
@@ -304,7 +305,12 @@ class MavlinkVehicle:
         state = session.state
         if self._engaged and not self._end_reason and now_s - state.heartbeat_s > self._parameters.link_timeout_s:
             self._end(f"link lost: no heartbeat for {self._parameters.link_timeout_s:g} s")
-        if self._taking_off or not self._may_command():
+        if self._taking_off:
+            if state.autopilot == PX4:  # its own take-off would leave OFFBOARD
+                climb = Wanted(0.0, 0.0, self.response().max_climb_mps, 0.0)
+                self._set_point(climb, state, step_s, boot_ms)
+            return
+        if not self._may_command():
             return
         with self._lock:
             command = self._command
