@@ -53,6 +53,19 @@ def test_a_px4_gets_set_points_before_offboard_and_velocities_only() -> None:
         assert report["mode"] == 6 << 16
 
 
+def test_a_px4_takes_off_in_offboard() -> None:
+    """Its own take-off is a mode of its own, which would leave OFFBOARD."""
+    with bench("px4", engagement=Engagement(take_off_m=11.5)) as (vehicle, autopilot, _):
+        autopilot.say(f"mode {3 << 16}")
+        vehicle.open()
+        report = autopilot.report()
+        assert report["mode"] == 6 << 16
+        assert report["up"] == pytest.approx(11.0, abs=0.8)  # from 10 m, a tenth off is near enough
+        assert 22 not in {int(command[0]) for command in report["commands"]}
+        assert fly(vehicle, 0.5, 0.0, 0.0, 0.0, 0.0)
+        assert autopilot.report()["values"][2] == 0.0
+
+
 def test_nothing_is_taken_or_armed_unasked() -> None:
     with bench(engage_timeout_s=1.0) as (vehicle, autopilot, _):
         autopilot.say("mode 5")
