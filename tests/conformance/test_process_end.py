@@ -40,12 +40,17 @@ def film(path: Path) -> None:
         container.mux(stream.encode(None))
 
 
+# What a shell starts in the background ignores SIGINT, and so would its children: the tests are then in no terminal.
+_CLI = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+_CLI += "from shipland.cli import main; sys.exit(main())"
+
+
 @contextmanager
 def flying(address: str, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """The command, at work."""
     CAMERA.to_opencv_yaml(tmp_path / "camera.yaml")
     command = [
-        sys.executable, "-m", "shipland.cli", "fly", "--vehicle", address, "--pilot", "steady_pilot:steady",
+        sys.executable, "-c", _CLI, "fly", "--vehicle", address, "--pilot", "steady_pilot:steady",
         "--calibration", str(tmp_path / "camera.yaml"), "--wind-mps", "0", "--no-video", "--out", str(tmp_path / "out"),
     ]  # fmt: skip
     here = Path(__file__).parent
