@@ -29,7 +29,7 @@ class FilterBank:
         self._evidence: Array = np.zeros(len(prior))
         self._seen_s = -math.inf
         self.filters: list[DelayedFilter] = []
-        """None before the first picture."""
+        """Empty before the first picture."""
 
     def forget_place(self) -> None:
         """The place is lost: the filters start anew with the next picture, the evidence stays."""

@@ -44,7 +44,7 @@ class GainParameters:
         require(self.memory_s > 0.0, f"memory_s must be positive, got {self.memory_s}")
 
 
-class GainBank:
+class GainBank(FilterBank):
     """Finds by what factor the sticks do more, or less, than the response says.
 
     Args:
@@ -54,22 +54,14 @@ class GainBank:
     def __init__(self, parameters: GainParameters) -> None:
         self._parameters = parameters
         prior = np.array([(math.log(gain) / max(parameters.deviation, 1e-6)) ** 2 for gain in parameters.candidates])
-        self._bank = FilterBank(prior, parameters.every_s, parameters.share, parameters.memory_s)
+        super().__init__(prior, parameters.every_s, parameters.share, parameters.memory_s)
         self.gain = 1.0
         """In use."""
 
-    def forget_place(self) -> None:
-        """As `FilterBank.forget_place`."""
-        self._bank.forget_place()
-
     def adopt(self, model_of: Callable[[float], Model]) -> None:
         """Go on with models of another swing, by gain."""
-        for gain, one in zip(self._parameters.candidates, self._bank.filters, strict=False):
+        for gain, one in zip(self._parameters.candidates, self.filters, strict=False):
             one.adopt(model_of(gain))
-
-    def velocity(self, t_s: float, measured_mps: Array, over_ship: float) -> None:
-        """As `DelayedFilter.velocity`."""
-        self._bank.velocity(t_s, measured_mps, over_ship)
 
     def picture(
         self,
@@ -94,11 +86,11 @@ class GainBank:
             one.model = model_of(candidates[i])
             one.picture(t_s, place_m, covariance_m2, inputs, turn_rad_s)
 
-        judged = self._bank.judged(t_s, follows, take)
+        judged = self.judged(t_s, follows, take)
         if judged is None or not np.isfinite(judged[0]).all():
             return None
         cost, best = judged[0], int(np.argmin(judged[0]))
         if cost[candidates.index(self.gain)] - cost[best] < self._parameters.lead:
             return None
         self.gain = candidates[best]
-        return self._bank.filters[best].copy()
+        return self.filters[best].copy()

@@ -45,7 +45,7 @@ class LatencyParameters:
         require(self.memory_s > 0.0, f"memory_s must be positive, got {self.memory_s}")
 
 
-class LatencyBank:
+class LatencyBank(FilterBank):
     """Finds what to add to the pictures' times.
 
     Args:
@@ -56,22 +56,14 @@ class LatencyBank:
         self._parameters = parameters
         self._candidates_s = np.array(parameters.candidates_s)
         prior = (self._candidates_s / max(parameters.deviation_s, 1e-6)) ** 2
-        self._bank = FilterBank(prior, parameters.every_s, parameters.share, parameters.memory_s)
+        super().__init__(prior, parameters.every_s, parameters.share, parameters.memory_s)
         self.correction_s = 0.0
         """To be added to a picture's time stamp."""
 
-    def forget_place(self) -> None:
-        """As `FilterBank.forget_place`."""
-        self._bank.forget_place()
-
     def adopt(self, model: Model) -> None:
         """Go on with a model of another swing."""
-        for one in self._bank.filters:
+        for one in self.filters:
             one.adopt(model)
-
-    def velocity(self, t_s: float, measured_mps: Array, over_ship: float) -> None:
-        """As `DelayedFilter.velocity`."""
-        self._bank.velocity(t_s, measured_mps, over_ship)
 
     def picture(
         self,
@@ -90,7 +82,7 @@ class LatencyBank:
             one.model = follows.model
             one.picture(stamp_s + self._candidates_s[i], place_m, covariance_m2, inputs, turn_rad_s)
 
-        judged = self._bank.judged(stamp_s, follows, take)
+        judged = self.judged(stamp_s, follows, take)
         if judged is None:
             return
         cost, passed_s = judged
