@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -146,6 +147,8 @@ class Compass:
     def __init__(self) -> None:
         self._times: deque[float] = deque(maxlen=_READINGS_KEPT)
         self._headings_rad: deque[float] = deque(maxlen=_READINGS_KEPT)
+        self._off_rad = 0.0
+        self._leapt_s: float | None = None
 
     def add(self, t_s: float, heading_rad: float) -> None:
         """A reading and its time; what is not finite or no news changes nothing."""
@@ -159,6 +162,34 @@ class Compass:
         if last < 0 or self._times[last] <= before_s:
             return None
         return self._times[last], self._headings_rad[last]
+
+    def believed(
+        self, headings: Headings, t_s: float, turned_rad: Callable[[float, float], float]
+    ) -> tuple[float, float] | None:
+        """The newest reading that is news at `t_s`: its time and heading; None without one that can be believed.
+
+        While poses tell the nose against the bar, a leap of the compass is no turn: neither can have turned so fast. It
+        is refused, and where the compass keeps to it, taken for its own error from then on.
+
+        Args:
+            headings: before the reading.
+            t_s: of the picture.
+            turned_rad: how far the yaw sticks turned the nose from one time to another.
+        """
+        # A reading counts once: between readings the nose may swing, and an interpolation knows nothing of that.
+        reading = self.since(headings.t_s, t_s)
+        if reading is None:
+            return None
+        read_s, heading_rad = reading[0], reading[1] - self._off_rad
+        off_rad = wrap_angle(heading_rad - headings.nose_rad - turned_rad(headings.t_s, read_s))
+        if t_s - headings.posed_s > _POSED_S or abs(off_rad) < _LEAP_RAD:
+            self._leapt_s = None
+            return read_s, heading_rad
+        if self._leapt_s is None:
+            self._leapt_s = t_s
+        elif t_s - self._leapt_s > _LEAPS_S:
+            self._off_rad, self._leapt_s = wrap_angle(self._off_rad + off_rad), None
+        return None
 
     def at(self, t_s: float) -> float | None:
         """Heading [rad] by line between readings, the nearest one outside them; None without a reading."""
@@ -174,6 +205,8 @@ class Compass:
 
 
 _READINGS_KEPT = 64
+_POSED_S, _LEAP_RAD, _LEAPS_S = 0.5, math.radians(10.0), 1.0
+"""With a pose as young as this a compass that is off by more has leapt, and after so long has a new error."""
 _UNSEEN_S = 2.0
 """A turn goes on for so long without a pose …"""
 _TURN_ENDS_S = 5.0

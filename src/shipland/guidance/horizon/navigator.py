@@ -202,8 +202,6 @@ class Navigator:
         self._headings: Headings | None = None
         self._turning: Headings | None = None
         self._compass = Compass()
-        self._compass_off_rad = 0.0
-        self._leapt_s: float | None = None
         self._velocity_s = -math.inf
         self._seen_s = -math.inf
         self._sinking: tuple[float, float] | None = None
@@ -353,7 +351,7 @@ class Navigator:
         assert self._headings is not None
         assert self._turning is not None
         parameters, turning_before = self._parameters, self._headings is self._turning
-        reading = self._compass_reading(self._headings, observation.t_s)
+        reading = self._compass.believed(self._headings, observation.t_s, self._turned_rad)
         self._turning = self._with_news(self._turning, observation, reading, parameters.heading_turning)
         quiet = self._with_news(self._headings, observation, reading, parameters.heading)
         if self._turning.bar_known and abs(self._turning.turn_rad_s) > parameters.turn_from_rad_s:
@@ -362,27 +360,6 @@ class Navigator:
             self._headings = self._turning
         else:
             self._headings = quiet
-
-    def _compass_reading(self, headings: Headings, t_s: float) -> tuple[float, float] | None:
-        """The newest reading that is news at `t_s`: its time and heading; None without one that can be believed.
-
-        While poses tell the nose against the bar, a leap of the compass is no turn: neither can have turned so fast. It
-        is refused, and where the compass keeps to it, taken for its own error from then on.
-        """
-        # A reading counts once: between readings the nose may swing, and an interpolation knows nothing of that.
-        reading = self._compass.since(headings.t_s, t_s)
-        if reading is None:
-            return None
-        read_s, heading_rad = reading[0], reading[1] - self._compass_off_rad
-        off_rad = wrap_angle(heading_rad - headings.nose_rad - self._turned_rad(headings.t_s, read_s))
-        if t_s - headings.posed_s > _POSED_S or abs(off_rad) < _LEAP_RAD:
-            self._leapt_s = None
-            return read_s, heading_rad
-        if self._leapt_s is None:
-            self._leapt_s = t_s
-        elif t_s - self._leapt_s > _LEAPS_S:
-            self._compass_off_rad, self._leapt_s = wrap_angle(self._compass_off_rad + off_rad), None
-        return None
 
     def _with_news(
         self,
@@ -597,8 +574,6 @@ _NOSE_RAD = 0.003
 """What the nose's heading errs by from picture to picture."""
 _LEAN_RAD = 0.12
 """What the lean at a picture errs by: read at 5 Hz, and so alike in many pictures that each counts for little."""
-_POSED_S, _LEAP_RAD, _LEAPS_S = 0.5, math.radians(10.0), 1.0
-"""With a pose as young as this a compass that is off by more has leapt, and after so long has a new error."""
 _LEAP_M, _LEAP_MPS, _LEAP_SIGMAS = 0.5, 0.2, 4.0
 """From picture to picture heights change by the climb that was asked for and by no more than this."""
 _LEAP_S = 5.0
