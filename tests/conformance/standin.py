@@ -58,6 +58,7 @@ class Autopilot:
         self.target: tuple[str, list[float]] = ("hold", [])
         self.target_s = -math.inf
         self.deck = False
+        self.deck_s = 0.0
         self.throttle = 0.39
         self.counts: dict[str, int] = {}
         self.commands: list[list[float]] = []
@@ -180,7 +181,7 @@ class Autopilot:
         self.velocity[2] += (wanted[2] - self.velocity[2]) * STEP_S / 0.3
         throttle = 0.39
         if self.deck:  # stands on a deck that heaves; a commanded descent runs the throttle down
-            self.velocity[2] = 0.6 * math.sin(1.2 * now_s)
+            self.velocity[2] = 0.6 * math.sin(1.2 * (now_s - self.deck_s))
             throttle = 0.05 if wanted[2] < -0.05 else 0.39
         self.throttle += (throttle - self.throttle) * STEP_S / 0.3
         if not self.armed:
@@ -235,7 +236,7 @@ class Autopilot:
         elif words[0] == "reboot":
             self.booted_s = now_s
         elif words[0] == "deck":
-            self.deck, self.up = True, 0.0
+            self.deck, self.deck_s, self.up = True, now_s, 0.0
         elif words[0] == "report":
             print(json.dumps(self.report()), flush=True)
 

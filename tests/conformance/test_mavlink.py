@@ -153,8 +153,18 @@ def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:
         assert not fly(vehicle, 8.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
         assert vehicle.end_reason.startswith("landed")
         disarms = [command for command in autopilot.report()["commands"] if command[0] == 400]
-        assert disarms[0] == [400, 0.0, 0.0]
-        assert disarms[-1] == [400, 0.0, 21196.0]
+        assert disarms[:2] == [[400, 0.0, 0.0], [400, 0.0, 21196.0]]  # by force as soon as it was denied
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_after_a_touch_the_descent_goes_on_whatever_the_pilot_does(kind: str) -> None:
+    with bench(kind) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        autopilot.say("deck")
+        assert fly(vehicle, 0.45, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)  # too short to tell that it stands
+        assert not fly(vehicle, 4.0, 100.0, -100.0, 20.0, 0.0, intent=Intent.LAND)
+        assert vehicle.end_reason.startswith("landed")
 
 
 def test_the_motors_are_not_stopped_while_not_landing() -> None:

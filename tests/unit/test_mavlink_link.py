@@ -20,7 +20,6 @@ from shipland.vehicles.mavlink.session import Session  # noqa: E402
 from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, Target, Wanted  # noqa: E402
 from shipland.vehicles.mavlink.state import ARDUPILOT  # noqa: E402
 from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of  # noqa: E402
-from shipland.vehicles.touchdown import Touch, TouchdownParameters, TouchdownWatch  # noqa: E402
 
 
 def session(key: bytes | None = None) -> tuple[Session, Nowhere, object]:
@@ -126,29 +125,6 @@ def test_limits_are_the_vehicles() -> None:
         VehicleLimits.of(ARDUPILOT, {"GUID_OPTIONS": 8.0})
     with pytest.raises(VehicleError, match="thrust has no meaning"):
         _ = VehicleLimits.of(ARDUPILOT, {}).climb_scale
-
-
-LIMITS = TouchdownParameters(0.5, 0.4, 0.4, 0.5, 0.5)
-
-
-@pytest.mark.parametrize(("falls", "landing", "throttle", "stands"), [
-    (False, True, 0.05, True), (True, True, 0.05, False), (False, False, 0.05, False), (False, True, 0.3, False),
-    (False, True, math.nan, False),
-])  # fmt: skip
-def test_low_throttle_without_falling_is_a_touchdown(falls: bool, landing: bool, throttle: float, stands: bool) -> None:
-    watch, found = TouchdownWatch(LIMITS, 0.4), False
-    for index in range(60):
-        t_s = 0.02 * index
-        down_mps = 9.81 * (1.0 - throttle / 0.4) * t_s if falls else 0.5 * math.sin(2.0 * t_s)
-        found = found or watch.stands(Touch(t_s, landing, throttle, down_mps, t_s, None))
-    assert found is stands
-
-
-def test_a_rangefinder_or_old_telemetry_forbids_it() -> None:
-    for known_s, range_m in ((-1.0, None), (math.inf, 1.0)):
-        watch = TouchdownWatch(LIMITS, 0.4)
-        touches = [Touch(0.02 * i, True, 0.05, 0.0, min(0.02 * i, known_s), range_m) for i in range(100)]
-        assert not any(watch.stands(touch) for touch in touches)
 
 
 def test_exposures_are_free_of_the_networks_jitter() -> None:

@@ -1,17 +1,26 @@
 """Our own touchdown detection: an autopilot's waits for a surface that stands still, which a deck does not.
 
-In the air, low throttle means falling: with less than half of the hover throttle an aircraft gains at least g/2 of
-downward speed. On a surface it does not. So: landing is commanded, the throttle has been low for a while, and
-meanwhile the downward speed has gained far less than a falling aircraft would have.
+In the air an aircraft gains the downward speed that its throttle leaves it: gravity's, less the rotors' share. What it
+does not gain, something else carries: the speed it lacks over a short while is the measure of contact. A touch asks for
+one lack, for which the descent goes on; standing, for which motors may be stopped, asks for a low throttle as well and
+for a lack that lasts, so that neither a jolt nor a leap of the velocity's estimate is enough.
 """
 
 from __future__ import annotations
 
+import enum
 import math
+from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from shipland.config import require
 from shipland.frames import GRAVITY_MPS2
+
+_LEAST_HOVER = 0.4
+"""Of the stated hover throttle: one measured in flight counts no lower, for it may have stood on the ground."""
+_HOVER_S = 5.0
+"""Time constant of the hover throttle measured in flight."""
 
 
 @dataclass(frozen=True)
@@ -19,77 +28,151 @@ class TouchdownParameters:
     """`[touchdown]` of vehicles.toml.
 
     Attributes:
+        window_s: over which the lack of downward speed is taken.
+        touch_mps: lack that is a touch.
+        support_share: of gravity, which carries the aircraft on as long as so much is lacking.
         low_share: of the hover throttle, below which the throttle is low.
-        confirm_s: how long all of it must hold.
-        fall_share: of what a falling aircraft would gain in speed; above it the aircraft falls.
+        confirm_s: how long every window must be supported, at a low throttle, for it to stand.
+        release_s: without support for so long a touch was none, or has been bounced off.
+        insist_s: from the touch on, in which the descent goes on although the pilot has left it.
+        press_mps: descent that is asked for after a touch, within the vehicle's own limit.
         stale_s: older telemetry tells nothing.
         range_m: where a downward rangefinder says more than this, there is no touchdown.
     """
 
+    window_s: float
+    touch_mps: float
+    support_share: float
     low_share: float
     confirm_s: float
-    fall_share: float
+    release_s: float
+    insist_s: float
+    press_mps: float
     stale_s: float
     range_m: float
 
     def __post_init__(self) -> None:
-        require(0.0 < self.low_share < 0.8, f"low_share must be in (0, 0.8), got {self.low_share}")
-        require(0.0 < self.fall_share < 1.0, f"fall_share must be in (0, 1), got {self.fall_share}")
-        require(min(self.confirm_s, self.stale_s, self.range_m) > 0.0, "times and ranges must be positive")
+        for name, value in vars(self).items():
+            require(value > 0.0, f"{name} must be positive, got {value}")
+        require(self.low_share < 0.8, f"low_share must be below 0.8, got {self.low_share}")
+        require(self.support_share < 1.0, f"support_share must be below 1, got {self.support_share}")
+        least_mps = self.support_share * GRAVITY_MPS2 * self.window_s
+        require(self.touch_mps >= least_mps, f"touch_mps must be at least {least_mps:.2f}, what support lacks a window")
+
+
+class Contact(enum.Enum):
+    """What is known of the ground under the aircraft."""
+
+    NONE = "none"
+    TOUCHED = "touched"
+    STANDS = "stands"
 
 
 @dataclass(frozen=True)
 class Touch:
-    """What is known at one instant.
+    """What is known at one instant; NaN is unknown.
 
     Attributes:
         t_s: now.
         landing: landing is commanded, by the pilot and now.
-        throttle: 0 … 1 of full; NaN where unknown.
-        down_mps: downward speed; NaN where unknown.
-        known_s: time of the older of the two.
+        throttle: 0 … 1 of full.
+        throttle_t_s: when.
+        down_mps: downward speed.
+        down_t_s: when.
         range_m: of a downward rangefinder, or None.
     """
 
     t_s: float
     landing: bool
     throttle: float
+    throttle_t_s: float
     down_mps: float
-    known_s: float
+    down_t_s: float
     range_m: float | None
 
 
+class _Sample(NamedTuple):
+    t_s: float
+    down_mps: float
+    free_mps: float
+    """Downward speed that the throttle would have left it, since the beginning."""
+    share: float
+    """Of the hover throttle."""
+
+
 class TouchdownWatch:
-    """Follows throttle and downward speed.
+    """Follows throttle and downward speed through a flight, from before the landing on.
+
+    The hover throttle is the smaller of what the vehicle states and what it was flown with before the landing: one
+    that is stated too high would make hovering look carried.
 
     Args:
         parameters: see there.
-        hover_throttle: 0 … 1, of this vehicle.
+        hover_throttle: 0 … 1, as the vehicle states it.
     """
 
     def __init__(self, parameters: TouchdownParameters, hover_throttle: float) -> None:
-        self._limits, self._hover = parameters, hover_throttle
-        self._since_s = math.nan
-        self._down_mps = self._deficit_mps = 0.0
-        self._last_s = math.nan
+        self._limits, self._stated = parameters, hover_throttle
+        self._flown = math.nan
+        self._samples: deque[_Sample] = deque()
+        self._touched_s = self._carried_s = self._low_since_s = math.nan
 
-    def stands(self, now: Touch) -> bool:
-        """Whether the aircraft stands on something; what cannot be known counts as in the air."""
+    def see(self, now: Touch) -> Contact:
+        """Take in what is known now; what cannot be known counts as in the air."""
         limits = self._limits
-        low = now.throttle < limits.low_share * self._hover
-        fresh = now.t_s - now.known_s <= limits.stale_s
+        known = math.isfinite(now.throttle) and math.isfinite(now.down_mps)
+        known = known and now.t_s - min(now.throttle_t_s, now.down_t_s) <= limits.stale_s
         over = now.range_m is not None and now.range_m > limits.range_m
-        if not (now.landing and low and fresh and math.isfinite(now.down_mps)) or over:
-            self._since_s = self._last_s = math.nan
-            return False
-        if math.isnan(self._since_s):
-            self._since_s = self._last_s = now.t_s
-            self._down_mps, self._deficit_mps = now.down_mps, 0.0
-            return False
-        self._deficit_mps += GRAVITY_MPS2 * (1.0 - now.throttle / self._hover) * (now.t_s - self._last_s)
-        self._last_s = now.t_s
-        gained_mps = now.down_mps - self._down_mps
-        if gained_mps > limits.fall_share * self._deficit_mps + 0.1:
-            self._since_s = math.nan
-            return False
-        return now.t_s - self._since_s >= limits.confirm_s
+        if not known or over:
+            self._samples.clear()
+            self._release()
+            return Contact.NONE
+        if not self._samples or now.down_t_s > self._samples[-1].t_s:
+            self._take(now)
+            self._judge(now)
+        if math.isnan(self._touched_s):
+            return Contact.NONE
+        stands = self._samples[-1].t_s - self._low_since_s >= limits.confirm_s
+        return Contact.STANDS if stands else Contact.TOUCHED
+
+    def _take(self, now: Touch) -> None:
+        """One sample more, and none that is older than the window's beginning."""
+        samples, limits = self._samples, self._limits
+        if samples and now.down_t_s - samples[-1].t_s > limits.stale_s:
+            samples.clear()
+        step_s = now.down_t_s - samples[-1].t_s if samples else 0.0
+        if not now.landing and math.isnan(self._touched_s):
+            known = now.throttle if math.isnan(self._flown) else self._flown
+            self._flown = known + min(step_s / _HOVER_S, 1.0) * (now.throttle - known)
+        hover = self._stated
+        if math.isfinite(self._flown):
+            hover = min(hover, max(self._flown, _LEAST_HOVER * hover))
+        share = now.throttle / hover
+        free_mps = GRAVITY_MPS2 * (1.0 - share) * step_s + (samples[-1].free_mps if samples else 0.0)
+        samples.append(_Sample(now.down_t_s, now.down_mps, free_mps, share))
+        while len(samples) > 1 and samples[1].t_s <= now.down_t_s - limits.window_s:
+            samples.popleft()
+
+    def _judge(self, now: Touch) -> None:
+        limits, first, last = self._limits, self._samples[0], self._samples[-1]
+        whole = last.t_s - first.t_s >= 0.9 * limits.window_s
+        lack_mps = (last.free_mps - first.free_mps) - (last.down_mps - first.down_mps)
+        carried = whole and lack_mps > limits.support_share * GRAVITY_MPS2 * limits.window_s
+        if math.isnan(self._touched_s):
+            if not (now.landing and whole and lack_mps > limits.touch_mps):
+                return
+            self._touched_s = last.t_s
+        if carried:
+            self._carried_s = last.t_s
+        left = not now.landing and last.t_s - self._touched_s > limits.insist_s
+        if left or last.t_s - self._carried_s > limits.release_s:
+            self._release()
+            return
+        low = max(sample.share for sample in self._samples) < limits.low_share
+        if not (carried and low):
+            self._low_since_s = math.nan
+        elif math.isnan(self._low_since_s):
+            self._low_since_s = last.t_s
+
+    def _release(self) -> None:
+        self._touched_s = self._carried_s = self._low_since_s = math.nan

@@ -56,6 +56,20 @@ def wanted_of(command: PilotCommand, response: Response) -> Wanted:
     return Wanted(full * pitch, full * roll, heave * response.max_climb_mps, yaw * response.max_turn_rad_s)
 
 
+def pressed(response: Response, velocity_in_level_mps: tuple[float, float, float] | None, down_mps: float) -> Wanted:
+    """What presses an aircraft on the deck it has touched: down, level, no turn, and carried along with the deck.
+
+    Args:
+        response: of this vehicle.
+        velocity_in_level_mps: its own; one that flies speeds is asked for the speed it has, so that it does not lean.
+        down_mps: descent.
+    """
+    forward, right = 0.0, 0.0
+    if response.kind == "velocity" and velocity_in_level_mps is not None:
+        forward, right, _ = velocity_in_level_mps
+    return Wanted(forward, right, -down_mps, 0.0)
+
+
 def velocity_message(wanted: Wanted, target: Target, boot_ms: int) -> Message:
     """SET_POSITION_TARGET_LOCAL_NED in the body's heading; for velocity vehicles, and any vehicle's hold."""
     forward, right = (0.0, 0.0) if wanted.hold else (wanted.forward, wanted.right)

@@ -26,12 +26,12 @@ from shipland.vehicles.mavlink.parameters import (
     response_within,
 )
 from shipland.vehicles.mavlink.session import FORCE, GUIDED_NOGPS, Session
-from shipland.vehicles.mavlink.setpoints import HOLD, AttitudeTarget, Wanted, velocity_message, wanted_of
+from shipland.vehicles.mavlink.setpoints import HOLD, AttitudeTarget, Wanted, pressed, velocity_message, wanted_of
 from shipland.vehicles.mavlink.setup import Engagement, MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of
 from shipland.vehicles.pace import Pace
-from shipland.vehicles.touchdown import Touch, TouchdownWatch
+from shipland.vehicles.touchdown import Contact, Touch, TouchdownWatch
 from shipland.vehicles.vehicle import LONGEST_WAIT_S
 
 _REMEMBERED = 64
@@ -61,7 +61,7 @@ class MavlinkVehicle:
         self._moved = 0
         self._last_exposed_s = self._pictured_s = -math.inf
         self._truths: dict[float, GroundTruth] = {}
-        self._disarm_s, self._disarms = -math.inf, 0
+        self._disarm_s, self._disarms, self._answers = -math.inf, 0, 0
         self._beat_s = self._gimbal_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
@@ -115,6 +115,7 @@ class MavlinkVehicle:
             self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
             hover = limits.hover_throttle or parameters.hover_throttle
             self._watch = TouchdownWatch(self._setup.touchdown, hover)
+            self._press_mps = min(self._setup.touchdown.press_mps, limits.down_mps)
             self._tilts = None
             if self._response.kind == "attitude":
                 self._tilts = AttitudeTarget(limits.climb_scale, session.target)
@@ -316,10 +317,14 @@ class MavlinkVehicle:
             command = self._command
         stale = command is None or now_s - command[1] > self._parameters.stale_s
         wanted = HOLD if command is None or stale else wanted_of(command[0], self.response())
+        if self._engaged and not self._end_reason:
+            landing = command is not None and not stale and command[0].intent is Intent.LAND
+            contact = self._look_for_touchdown(landing, state, now_s)
+            if contact is not Contact.NONE:
+                wanted = pressed(self.response(), state.velocity_in_level_mps, self._press_mps)
         self._set_point(wanted, state, step_s, boot_ms)
         if command is not None and not stale:
             self._turn_gimbal(command[0].gimbal_pitch_rad, now_s)
-            self._look_for_touchdown(command[0], state, now_s)
 
     def _may_command(self) -> bool:
         """Whether set-points may leave: ours and not over; a PX4 wants them before it is ours."""
@@ -349,26 +354,36 @@ class MavlinkVehicle:
             )
         )
 
-    def _look_for_touchdown(self, command: PilotCommand, state: AutopilotState, now_s: float) -> None:
-        landing = command.intent is Intent.LAND and state.armed
+    def _look_for_touchdown(self, landing: bool, state: AutopilotState, now_s: float) -> Contact:
+        """Whether it has touched the deck; where it stands, ask for the motors to stop."""
         touch = Touch(
             t_s=now_s,
-            landing=landing,
+            landing=landing and state.armed,
             throttle=0.01 * state.throttle_percent,
+            throttle_t_s=state.throttle_t_s,
             down_mps=state.velocity_in_ned_mps[2],
-            known_s=min(state.throttle_t_s, state.velocity_t_s),
+            down_t_s=state.velocity_t_s,
             range_m=state.range_m,
         )
-        if not self._watch.stands(touch):
-            if now_s - self._disarm_s > 4.0 * self._parameters.disarm_retry_s:
-                self._disarms = 0  # it was none: the next one is asked for politely again
+        contact = self._watch.see(touch)
+        if contact is Contact.STANDS and state.armed:
+            self._disarm(state, now_s)
+        elif contact is Contact.NONE:
+            self._disarms = 0  # it was none: the next one is asked for politely again
+        return contact
+
+    def _disarm(self, state: AutopilotState, now_s: float) -> None:
+        """Ask politely; by force as soon as that was denied, or was not obeyed for a while."""
+        number = dialect.MAV_CMD_COMPONENT_ARM_DISARM
+        result, answers = state.acknowledged.get(number, (0, 0))
+        done = (dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS)
+        denied = self._disarms == 1 and answers > self._answers and result not in done
+        if self._disarms > 0 and not denied and now_s - self._disarm_s < self._parameters.disarm_retry_s:
             return
-        if now_s - self._disarm_s < self._parameters.disarm_retry_s:
-            return
-        self._disarm_s = now_s
+        self._disarm_s, self._answers = now_s, answers
         self._disarms += 1
         force = FORCE if self._disarms > 1 and self._parameters.force_disarm else 0
-        self.session.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0, force)
+        self.session.command(number, 0, force)
 
     def _frame(self, shot: Shot) -> Frame:
         self._last_exposed_s = shot.exposed_s

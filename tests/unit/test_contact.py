@@ -1,0 +1,180 @@
+"""Our own touchdown detection: what carries an aircraft, told from its throttle and downward speed."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shipland.config import build, packaged_toml
+from shipland.frames import GRAVITY_MPS2
+from shipland.guidance.response import Response
+from shipland.vehicles.mavlink.setpoints import pressed
+from shipland.vehicles.touchdown import Contact, Touch, TouchdownParameters, TouchdownWatch
+
+LIMITS = build(TouchdownParameters, packaged_toml("vehicles")["touchdown"], "touchdown")
+HOVER = 0.45
+STEP_S = 0.02
+
+Flown = tuple[float, float]
+"""Throttle, and downward acceleration [m/s²]."""
+
+
+def falling(throttle: float, hover: float = HOVER) -> Flown:
+    return throttle, GRAVITY_MPS2 * (1.0 - throttle / hover)
+
+
+def fly(
+    watch: TouchdownWatch,
+    flown: Callable[[float], Flown],
+    seconds: float,
+    *,
+    start_s: float = 0.0,
+    down_mps: float = 0.0,
+    landing: bool = True,
+    leap: tuple[float, float] = (math.inf, 0.0),
+) -> dict[Contact, float]:
+    """When each contact was first said, in seconds from the start; `leap` is (time, change) of the velocity told."""
+    said = history(watch, flown, seconds, start_s, down_mps, landing, leap)
+    return {contact: t_s for t_s, contact in reversed(said)}
+
+
+def history(
+    watch: TouchdownWatch,
+    flown: Callable[[float], Flown],
+    seconds: float,
+    start_s: float = 0.0,
+    down_mps: float = 0.0,
+    landing: bool = True,
+    leap: tuple[float, float] = (math.inf, 0.0),
+) -> list[tuple[float, Contact]]:
+    said = []
+    for index in range(1, int(seconds / STEP_S)):
+        t_s = index * STEP_S
+        throttle, down_mps2 = flown(t_s)
+        down_mps += down_mps2 * STEP_S
+        told_mps = down_mps + (leap[1] if t_s >= leap[0] else 0.0)
+        now_s = start_s + t_s
+        said.append((t_s, watch.see(Touch(now_s, landing, throttle, now_s, told_mps, now_s, None))))
+    return said
+
+
+def deck(t_s: float) -> float:
+    """Downward acceleration of a heaving deck [m/s²]."""
+    return 1.5 * math.sin(2.0 * t_s)
+
+
+def onto_a_deck(throttle: Callable[[float], float]) -> Callable[[float], Flown]:
+    """In the air for half a second, then a jolt that ends the descent, then a heaving deck."""
+
+    def flown(t_s: float) -> Flown:
+        if t_s < 0.5:
+            return HOVER, 0.0
+        return throttle(t_s - 0.5), -10.0 if t_s < 0.57 else deck(t_s)
+
+    return flown
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
+def test_it_stands_on_a_deck_within_half_a_second(share: float) -> None:
+    throttle = HOVER * share
+    said = fly(TouchdownWatch(LIMITS, HOVER), onto_a_deck(lambda _: throttle), 2.0, down_mps=0.7)
+    assert 0.5 < said[Contact.TOUCHED] < 0.7
+    assert said[Contact.STANDS] < 1.05
+
+
+def test_a_throttle_that_comes_and_goes_does_not_hide_the_touch() -> None:
+    """PX4 on a heaving deck: low for 0.3 s, then a third of full because its own landing detector let go of it."""
+    said = fly(
+        TouchdownWatch(LIMITS, HOVER), onto_a_deck(lambda t_s: 0.23 if t_s % 0.6 < 0.3 else 0.29), 1.4, down_mps=0.7
+    )
+    assert said[Contact.TOUCHED] < 0.7
+    assert Contact.NONE not in fly(
+        watch_of_a_touch(), lambda t_s: (0.23 if t_s % 0.6 < 0.3 else 0.29, deck(t_s)), 2.0, start_s=10.0
+    )
+
+
+def watch_of_a_touch() -> TouchdownWatch:
+    """A watch that has just told a touch, at ten seconds."""
+    watch = TouchdownWatch(LIMITS, HOVER)
+    said = fly(watch, onto_a_deck(lambda _: 0.8 * HOVER), 0.72, start_s=10.0 - 0.7, down_mps=0.7)
+    assert Contact.TOUCHED in said
+    assert Contact.STANDS not in said
+    return watch
+
+
+def test_falling_climbing_and_gusts_are_no_touch() -> None:
+    rng = np.random.default_rng(5)
+    for share in (0.0, 0.3, 0.6, 1.0, 1.6):
+        assert set(fly(TouchdownWatch(LIMITS, HOVER), lambda _, u=share: falling(HOVER * u), 3.0)) == {Contact.NONE}
+    for _ in range(50):  # throttle between stops, rotors that lag by 50 ms, a vertical gust of 1 m/s², 10 % of error
+        shares, gust, rate = rng.uniform(0.1, 1.9, 40), rng.uniform(-1.0, 1.0), rng.uniform(2.0, 6.0)
+        turning = [1.0]
+
+        def flown(t_s: float, shares=shares, gust=gust, rate=rate, turning=turning) -> Flown:
+            share = float(np.interp(t_s * rate, range(40), shares))
+            turning[0] += (share - turning[0]) * STEP_S / 0.05
+            return HOVER * share, GRAVITY_MPS2 * (1.0 - 1.05 * turning[0]) + gust
+
+        assert Contact.STANDS not in fly(TouchdownWatch(LIMITS, 0.95 * HOVER), flown, 4.0)
+
+
+def test_a_jolt_in_the_air_is_never_standing_and_soon_forgotten() -> None:
+    def flown(t_s: float) -> Flown:  # strikes something at 0.5 s, tumbles down at low throttle
+        return (0.05, -20.0) if 0.5 <= t_s < 0.58 else falling(0.05 if t_s >= 0.5 else HOVER)
+
+    said = history(TouchdownWatch(LIMITS, HOVER), flown, 2.0, down_mps=0.5)
+    assert {contact for _, contact in said} == {Contact.NONE, Contact.TOUCHED}
+    assert {contact for t_s, contact in said if t_s > 0.6 + LIMITS.window_s + LIMITS.release_s} == {Contact.NONE}
+
+
+@pytest.mark.parametrize("at_s", [0.3, 0.9, 1.2])
+def test_a_leap_of_the_velocitys_estimate_is_never_standing(at_s: float) -> None:
+    for throttle in (0.05, 0.2, 0.4):
+        said = fly(
+            TouchdownWatch(LIMITS, HOVER), lambda _, u=throttle: falling(u), 2.0, leap=(at_s, -1.5), down_mps=0.5
+        )
+        assert Contact.STANDS not in said
+
+
+def test_a_hover_throttle_that_is_stated_too_high_is_measured_in_flight() -> None:
+    watch = TouchdownWatch(LIMITS, 0.5)
+    hovering = lambda _: falling(0.22, 0.22)  # noqa: E731
+    assert set(fly(watch, hovering, 20.0, landing=False)) == {Contact.NONE}
+    assert set(fly(watch, hovering, 20.0, start_s=20.0)) == {Contact.NONE}
+    assert Contact.STANDS in fly(watch, lambda _: (0.03, 0.0), 2.0, start_s=40.0)
+
+
+def test_only_while_landing_and_for_a_while_after_the_pilot_left_it() -> None:
+    assert set(fly(TouchdownWatch(LIMITS, HOVER), onto_a_deck(lambda _: 0.05), 3.0, landing=False)) == {Contact.NONE}
+    said = fly(watch_of_a_touch(), lambda _: (0.2, 0.0), 0.6, start_s=10.0, landing=False)
+    assert Contact.STANDS in said
+    assert Contact.NONE not in said
+    late = fly(watch_of_a_touch(), lambda _: (0.8 * HOVER * 0.8, 0.0), 3.0, start_s=10.0, landing=False)
+    assert late[Contact.NONE] == pytest.approx(LIMITS.insist_s, abs=0.15)
+
+
+def test_old_unknown_or_frozen_telemetry_is_no_touch() -> None:
+    watch = TouchdownWatch(LIMITS, HOVER)
+    for index in range(200):
+        t_s = index * STEP_S
+        assert watch.see(Touch(t_s, True, math.nan, t_s, 0.0, t_s, None)) is Contact.NONE
+        assert watch.see(Touch(t_s, True, 0.05, t_s, 0.0, t_s, 1.0)) is Contact.NONE  # a rangefinder says 1 m
+        assert watch.see(Touch(t_s, True, 0.05, t_s - 0.3, 0.0, t_s, None)) is Contact.NONE
+        assert watch.see(Touch(t_s, True, 0.05, t_s, 0.0, 0.0, None)) is Contact.NONE
+
+
+def test_what_presses_it_is_level_and_goes_along_with_the_deck() -> None:
+    tilts = build(Response, RESPONSE, "response")
+    assert pressed(tilts, (2.0, -1.0, 0.3), 1.5).forward == 0.0
+    speeds = replace(tilts, kind="velocity", max_speed_mps=4.0, servo_per_s=1.0)
+    wanted = pressed(speeds, (2.0, -1.0, 0.3), 1.5)
+    assert (wanted.forward, wanted.right, wanted.climb_mps, wanted.turn_rad_s) == (2.0, -1.0, -1.5, 0.0)
+    assert not wanted.hold
+
+
+RESPONSE = packaged_toml("vehicles")["response"]["attitude"] | {
+    "kind": "attitude", "max_tilt_rad": 0.3, "max_climb_mps": 1.0, "max_turn_rad_s": 0.7, "max_speed_mps": 0.0,
+    "servo_per_s": 0.0,
+}  # fmt: skip
