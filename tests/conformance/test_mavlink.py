@@ -160,9 +160,9 @@ def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:
 def test_after_a_touch_the_descent_goes_on_whatever_the_pilot_does(kind: str) -> None:
     with bench(kind) as (vehicle, autopilot, _):
         vehicle.open()
-        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert fly(vehicle, 1.0, 0.0, 0.0, -80.0, 0.0, intent=Intent.LAND)
         autopilot.say("deck")
-        assert fly(vehicle, 0.45, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)  # too short to tell that it stands
+        assert fly(vehicle, 0.3, 0.0, 0.0, -80.0, 0.0, intent=Intent.LAND)  # too short to tell that it stands
         assert not fly(vehicle, 4.0, 100.0, -100.0, 20.0, 0.0, intent=Intent.LAND)
         assert vehicle.end_reason.startswith("landed")
 
