@@ -10,7 +10,7 @@ from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, STATES,
 from shipland.estimation.swing import SWING_STATES
 from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
-from shipland.guidance.horizon.gains import INPUT, TRACKED, TRACKED_RATE, Gains, gains_of
+from shipland.guidance.horizon.gains import INPUT, INPUT_RATE_SHARE, TRACKED, TRACKED_RATE, Gains, gains_of
 from shipland.guidance.horizon.navigator import Estimated, Navigator, turned
 from shipland.guidance.horizon.reference import Pace, Reference, at_rest, led_anew, moved
 from shipland.guidance.horizon.steering import LONGEST_CONTACT_S, Steered, Steering
@@ -27,8 +27,6 @@ _STEPS_MS = (33, 67, 100, 200, 350, 530)
 """Cycles that gains are kept for; the nearest is taken."""
 _BLIND_S = 1.5
 """Without a velocity of the vehicle for this long, gains are those for pictures alone."""
-_RATE_SHARE = 0.7
-"""Of the rate at which the vehicle can follow: an input beyond it is not what the model takes it for."""
 _AHEAD_RAD = math.radians(80.0)
 """Farther round from astern than this the ship stands in the way."""
 _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
@@ -254,7 +252,7 @@ class HorizonPilot:
             left = round(self._contact_in_s(estimate) / gains.step_s)
             if left <= len(gains.to_contact):
                 rows = gains.to_contact[max(left, 1) - 1]  # contact is late on a deck that falls away
-        most = _RATE_SHARE * self._response.max_input_rate * gains.step_s
+        most = INPUT_RATE_SHARE * self._response.max_input_rate * gains.step_s
         for axis in range(2):
             change = -float(rows @ self._control_state(estimate, axis, before[axis]))
             wanted[axis] = before[axis] + clamp(change, most)
@@ -286,7 +284,7 @@ class HorizonPilot:
                 dropping=descent is not None and descent.phase is Phase.DROP,
             )
         )
-        most = _RATE_SHARE * self._response.max_input_rate * gains.step_s
+        most = INPUT_RATE_SHARE * self._response.max_input_rate * gains.step_s
         return before + np.clip(turned(asked, bar_rad) - before, -most, most)
 
     def _control_state(self, estimate: Estimated, axis: int, before: float) -> Array:

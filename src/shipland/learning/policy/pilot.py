@@ -19,13 +19,11 @@ from shipland.estimation.swing import SWING_STATES, Swing
 from shipland.frames import GRAVITY_MPS2 as G
 from shipland.frames import Array
 from shipland.guidance.horizon.descent import NEWTON_STEPS, SLOWEST_FALL_MPS
-from shipland.guidance.horizon.gains import gains_of
+from shipland.guidance.horizon.gains import INPUT_RATE_SHARE, gains_of
 from shipland.guidance.horizon.steering import AXIS_ENTRIES, LIMIT, LONGEST_CONTACT_S, WHOLE_ENTRIES
 from shipland.learning.policy.filter import estimator_tables
 from shipland.learning.policy.setup import PhaseSetup
 
-_RATE_SHARE = 0.7
-"""As in `guidance.horizon.pilot`."""
 _NONE, _SINK, _WAIT, _DROP = range(4)
 _SLOWEST_MPS = 0.1
 
@@ -124,7 +122,7 @@ class BatchedHorizon:
         )
         self._later = _tensor(_later_rate(swing, setup.response.climb_lag_s))
         self._full = G * math.tan(setup.response.max_tilt_rad)
-        self._most = _RATE_SHARE * setup.response.max_input_rate * setup.cycle_s
+        self._most = INPUT_RATE_SHARE * setup.response.max_input_rate * setup.cycle_s
 
     @property
     def commands(self) -> int:
