@@ -156,6 +156,17 @@ def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:
         assert disarms[:2] == [[400, 0.0, 0.0], [400, 0.0, 21196.0]]  # by force as soon as it was denied
 
 
+@pytest.mark.parametrize(("kind", "mode"), [("ardupilot", 17), ("px4", 4 << 16 | 3 << 24)])
+def test_closed_in_flight_it_leaves_the_vehicle_in_a_mode_that_holds(kind: str, mode: int) -> None:
+    with bench(kind) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
+        vehicle.close()
+        report = autopilot.report()
+        assert (report["mode"], report["target"]) == (mode, "hold")
+        assert report["armed"]
+
+
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_after_a_touch_the_descent_goes_on_whatever_the_pilot_does(kind: str) -> None:
     with bench(kind) as (vehicle, autopilot, _):

@@ -110,7 +110,7 @@ def test_mavlink_interrupted_says_hold_and_closes_its_log(
     assert process.returncode == 130
     assert "Traceback" not in said
     report = autopilot.report()
-    assert (report["target"], report["values"]) == ("speed", [0.0, 0.0, 0.0, 0.0])
+    assert (report["mode"], report["target"]) == (17, "hold")  # BRAKE
     time.sleep(0.5)
     assert set_points(autopilot.report()) == set_points(report)
     assert len(read_log(tmp_path / "out/flight.mcap").records) > 0

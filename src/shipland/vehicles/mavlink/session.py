@@ -24,6 +24,8 @@ _STREAMS_HZ = {
 
 GUIDED, GUIDED_NOGPS = 4, 20
 """ArduPilot's modes that obey set-points."""
+_BRAKE, _LOITER = 17, 5
+"""ArduPilot's that hold: BRAKE whatever the transmitter's sticks say, if there is one; LOITER obeys them."""
 _PX4_OFFBOARD, _PX4_AUTO, _PX4_POSITION = 6, 4, 3
 _PX4_HOLD = 3
 """Sub-mode of AUTO."""
@@ -33,6 +35,8 @@ _MODE_NAMES = {
         9: "LAND", 16: "POSHOLD", 17: "BRAKE", 20: "GUIDED_NOGPS", 21: "SMART_RTL",
     },
 }  # fmt: skip
+_HOLD_ANSWER_S = 1.5
+"""How long the answer to the last word is waited for; within it is said twice."""
 _HISTORY = 512
 """Attitudes that are kept: ten seconds."""
 
@@ -163,14 +167,17 @@ class Session:
         """Ask for the mode that obeys us."""
         return self.ask_mode(GUIDED, (_PX4_OFFBOARD, 0))
 
-    def ask_hold(self) -> None:
-        """Ask for a mode in which the vehicle holds its place by itself; without waiting for the answer."""
-        if self.state.autopilot == PX4:
-            self.command(dialect.MAV_CMD_DO_SET_MODE, 1, _PX4_AUTO, _PX4_HOLD)
+    def ask_hold(self) -> int:
+        """Ask for a mode in which the vehicle holds its place by itself; its MAV_RESULT.
+
+        Where that is refused, as without a position, the last set-point stands until the autopilot's own timeout.
+        """
+        numbers = (_PX4_AUTO, _PX4_HOLD) if self.state.autopilot == PX4 else (_BRAKE, 0)
+        return self.ask(dialect.MAV_CMD_DO_SET_MODE, 1, *numbers, timeout_s=_HOLD_ANSWER_S)
 
     def hand_over(self) -> None:
         """Ask for a mode that obeys the sticks; without waiting for the answer."""
-        numbers = (_PX4_POSITION, 0) if self.state.autopilot == PX4 else (5, 0)
+        numbers = (_PX4_POSITION, 0) if self.state.autopilot == PX4 else (_LOITER, 0)
         self.command(dialect.MAV_CMD_DO_SET_MODE, 1, *numbers)
 
     def read_parameters(self, names: Sequence[str], timeout_s: float = 3.0) -> dict[str, float]:

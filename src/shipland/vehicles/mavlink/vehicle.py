@@ -188,12 +188,12 @@ class MavlinkVehicle:
         self._closed = True
         with self._lock:
             self._command = None
-        if self._session is not None and self._engaged and not self._end_reason:
+        session = self._session
+        if session is not None and self._engaged:
             self._end("the flight was ended here; the vehicle holds", hold=True)
-            self._session.link.send(
-                velocity_message(HOLD, self._session.target, int(1e3 * time.monotonic()) & 0xFFFFFFFF)
-            )
-            self._session.ask_hold()
+            if self._holding and session.is_ours(session.state):
+                session.link.send(velocity_message(HOLD, session.target, int(1e3 * time.monotonic()) & 0xFFFFFFFF))
+                session.ask_hold()
         self._stack.close()
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
