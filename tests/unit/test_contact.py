@@ -95,6 +95,19 @@ def test_a_throttle_that_comes_and_goes_does_not_hide_the_touch() -> None:
     )
 
 
+def test_a_foot_that_a_falling_deck_leaves_again_is_a_touch() -> None:
+    """PX4 in sea state 5: 0.4 m/s lost in 40 ms, then it sinks after the deck; lost, had nothing pressed it, by 35 cm."""
+
+    def flown(t_s: float) -> Flown:
+        if 0.5 <= t_s < 0.54:
+            return 0.9 * HOVER, -9.5
+        return falling(HOVER) if t_s < 0.5 else (0.75 * HOVER, 2.0)
+
+    said = fly(TouchdownWatch(LIMITS, HOVER), flown, 1.0, down_mps=0.54)
+    assert said[Contact.TOUCHED] < 0.6
+    assert Contact.STANDS not in said
+
+
 def watch_of_a_touch() -> TouchdownWatch:
     """A watch that has just told a touch, at ten seconds."""
     watch = TouchdownWatch(LIMITS, HOVER)
@@ -152,7 +165,7 @@ def test_only_while_landing_and_for_a_while_after_the_pilot_left_it() -> None:
     assert Contact.STANDS in said
     assert Contact.NONE not in said
     late = fly(watch_of_a_touch(), lambda _: (0.8 * HOVER * 0.8, 0.0), 3.0, start_s=10.0, landing=False)
-    assert late[Contact.NONE] == pytest.approx(LIMITS.insist_s, abs=0.15)
+    assert late[Contact.NONE] == pytest.approx(LIMITS.insist_s, abs=0.25)
 
 
 def test_old_unknown_or_frozen_telemetry_is_no_touch() -> None:

@@ -29,11 +29,11 @@ class TouchdownParameters:
 
     Attributes:
         window_s: over which the lack of downward speed is taken.
-        touch_mps: lack that is a touch.
-        support_share: of gravity, which carries the aircraft on as long as so much is lacking.
+        touch_mps: lack that is a touch, as of one foot that a falling deck leaves again.
+        support_share: of gravity, which must be lacking all the while where it stands.
         low_share: of the hover throttle, below which the throttle is low.
         confirm_s: how long every window must be supported, at a low throttle, for it to stand.
-        release_s: without support for so long a touch was none, or has been bounced off.
+        release_s: so long without another such lack, and a touch was none, or has been bounced off.
         insist_s: from the touch on, in which the descent goes on although the pilot has left it.
         press_mps: descent that is asked for after a touch, within the vehicle's own limit.
         stale_s: older telemetry tells nothing.
@@ -56,8 +56,6 @@ class TouchdownParameters:
             require(value > 0.0, f"{name} must be positive, got {value}")
         require(self.low_share < 0.8, f"low_share must be below 0.8, got {self.low_share}")
         require(self.support_share < 1.0, f"support_share must be below 1, got {self.support_share}")
-        least_mps = self.support_share * GRAVITY_MPS2 * self.window_s
-        require(self.touch_mps >= least_mps, f"touch_mps must be at least {least_mps:.2f}, what support lacks a window")
 
 
 class Contact(enum.Enum):
@@ -115,7 +113,7 @@ class TouchdownWatch:
         self._limits, self._stated = parameters, hover_throttle
         self._flown = math.nan
         self._samples: deque[_Sample] = deque()
-        self._touched_s = self._carried_s = self._low_since_s = math.nan
+        self._touched_s = self._renewed_s = self._low_since_s = math.nan
 
     def see(self, now: Touch) -> Contact:
         """Take in what is known now; what cannot be known counts as in the air."""
@@ -157,17 +155,18 @@ class TouchdownWatch:
         limits, first, last = self._limits, self._samples[0], self._samples[-1]
         whole = last.t_s - first.t_s >= 0.9 * limits.window_s
         lack_mps = (last.free_mps - first.free_mps) - (last.down_mps - first.down_mps)
-        carried = whole and lack_mps > limits.support_share * GRAVITY_MPS2 * limits.window_s
+        touches = whole and lack_mps > limits.touch_mps
         if math.isnan(self._touched_s):
-            if not (now.landing and whole and lack_mps > limits.touch_mps):
+            if not (now.landing and touches):
                 return
             self._touched_s = last.t_s
-        if carried:
-            self._carried_s = last.t_s
+        if touches:
+            self._renewed_s = last.t_s
         left = not now.landing and last.t_s - self._touched_s > limits.insist_s
-        if left or last.t_s - self._carried_s > limits.release_s:
+        if left or last.t_s - self._renewed_s > limits.release_s:
             self._release()
             return
+        carried = whole and lack_mps > limits.support_share * GRAVITY_MPS2 * limits.window_s
         low = max(sample.share for sample in self._samples) < limits.low_share
         if not (carried and low):
             self._low_since_s = math.nan
@@ -175,4 +174,4 @@ class TouchdownWatch:
             self._low_since_s = last.t_s
 
     def _release(self) -> None:
-        self._touched_s = self._carried_s = self._low_since_s = math.nan
+        self._touched_s = self._renewed_s = self._low_since_s = math.nan
