@@ -96,7 +96,7 @@ def test_a_throttle_that_comes_and_goes_does_not_hide_the_touch() -> None:
 
 
 def test_a_foot_that_a_falling_deck_leaves_again_is_a_touch() -> None:
-    """PX4 in sea state 5: 0.4 m/s lost in 40 ms, then it sinks after the deck; lost, had nothing pressed it, by 35 cm."""
+    """PX4 in sea state 5: 0.4 m/s lost in 40 ms, then it sinks after the deck. Not pressed, it slid 35 cm."""
 
     def flown(t_s: float) -> Flown:
         if 0.5 <= t_s < 0.54:

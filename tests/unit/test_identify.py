@@ -88,6 +88,42 @@ def test_the_velocity_loop_is_found() -> None:
     assert found.level.explained > 0.7
 
 
+def flown_by_speed(seconds: float = 40.0) -> Iterator[FlightRecord]:
+    """Speeds tracked as PX4 does, 4 m/s at full stick, in a steady wind; 50 rows a second."""
+    rng, step_s = np.random.default_rng(3), 0.005
+    sticks, asked, velocity, summed, lean = np.zeros(2), [np.zeros(2)] * 24, np.zeros(2), np.zeros(2), np.zeros(2)
+    wind_mps2 = np.array([0.6, -0.9])
+    for index in range(int(seconds / step_s)):
+        t_s = index * step_s
+        if index % 200 == 0:
+            sticks = rng.choice([-0.5, -0.2, 0.2, 0.5], 2)
+        if index % 4 == 0:
+            command = PilotCommand(t_s, *(100.0 * sticks).tolist(), 0.0, 0.0, 0.0)
+            roll, pitch = math.atan(lean[1] / 9.80665), -math.atan(lean[0] / 9.80665)
+            told = np.append(velocity, 0.0)
+            telemetry = Telemetry(t_s, roll, pitch, 0.0, 1.0, told, None, None, True, t_s, t_s, t_s, t_s)
+            gimbal = GimbalAttitude(0.0, 0.0)
+            decision = Decision(command, None, "")
+            yield FlightRecord(Frame(t_s, None, gimbal), telemetry, Observation(t_s, gimbal), decision, None)
+        asked = [*asked[1:], 4.0 * sticks]  # 0.12 s
+        error = asked[0] - velocity
+        summed = summed + 0.4 * error * step_s
+        lean = lean + (1.8 * error + summed - lean) * step_s / 0.09
+        velocity = velocity + (lean + wind_mps2 - 0.3 * velocity) * step_s
+
+
+def test_the_lean_of_a_vehicle_that_flies_speeds_is_found() -> None:
+    found = identify(list(flown_by_speed()))
+    assert found.kind == "velocity"
+    assert found.loop is not None
+    assert found.loop.full == pytest.approx(4.0, rel=0.03)
+    assert found.loop.servo_per_s == pytest.approx(1.8, rel=0.05)
+    assert found.loop.lag_s == pytest.approx(0.09, abs=0.01)
+    assert found.loop.delay_s == pytest.approx(0.12, abs=0.01)
+    assert f"\nlag_s = {found.loop.lag_s:.4f}\n" in found.toml(0.02)
+    assert "lean" in found.table()
+
+
 def test_what_is_found_goes_through_the_door(tmp_path: Path) -> None:
     path = tmp_path / "vehicle.toml"
     found = identify(list(flown("attitude")))

@@ -3,6 +3,9 @@
 Each axis is taken for a first-order lag behind a dead time: the stick that was sent, held until the next one, makes a
 tilt, a speed or a rate. Gain and bias follow by least squares for every pair of lag and dead time; the pair with the
 smallest residual is taken. An axis whose stick was hardly moved tells nothing and is left out.
+
+Of a vehicle that flies speeds the tilts tell more than the speeds do: they lean by a gain times the error of the speed
+and by another times its sum, against a steady wind. Lag and dead time are then the tilt's own.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import minimize
@@ -24,6 +28,7 @@ LEAST_EXPLAINED = 0.3
 """Share of the variance that the sticks must explain, or the axis is left out."""
 _STEP_S = 0.01
 _LEAST_ROWS = 50
+_Axis = TypeVar("_Axis", "FirstOrder", "SpeedLoop")
 
 
 @dataclass(frozen=True)
@@ -44,12 +49,32 @@ class FirstOrder:
 
 
 @dataclass(frozen=True)
+class SpeedLoop:
+    """How a vehicle that flies speeds leans for them.
+
+    Attributes:
+        full: speed at full stick [m/s].
+        servo_per_s: from the speed's error to acceleration.
+        lag_s: time constant of the lean.
+        delay_s: from the command's being ready to the first reaction.
+        explained: share of the lean's variance that it explains.
+    """
+
+    full: float
+    servo_per_s: float
+    lag_s: float
+    delay_s: float
+    explained: float
+
+
+@dataclass(frozen=True)
 class Identified:
     """A vehicle's response; None for an axis that the flight tells nothing of.
 
     Attributes:
         kind: `attitude` or `velocity`: which of the two the sticks explain better.
         level: pitch and roll together: tilt [rad] or speed [m/s].
+        loop: of the kind velocity; None where the tilts do not tell it.
         climb: [m/s].
         turn: [rad/s].
         drag_per_s: deceleration for a metre per second; None for the kind velocity.
@@ -57,6 +82,7 @@ class Identified:
 
     kind: str
     level: FirstOrder | None
+    loop: SpeedLoop | None
     climb: FirstOrder | None
     turn: FirstOrder | None
     drag_per_s: float | None
@@ -68,21 +94,23 @@ class Identified:
             uplink_s: part of the delay that is the link's.
         """
         lines = [f"[response.{self.kind}]"]
-        if self.level is not None:
+        level: FirstOrder | SpeedLoop | None = self.loop or self.level
+        if level is not None:
             name = "max_tilt_rad" if self.kind == "attitude" else "max_speed_mps"
-            lines += [f"{name} = {self.level.full:.4f}"]
-            lag_s = self.level.lag_s
-            if self.kind == "velocity":
-                lines += [f"servo_per_s = {1.0 / lag_s:.4f}"]
+            lines += [f"{name} = {level.full:.4f}"]
+            if isinstance(level, SpeedLoop):
+                lines += [f"servo_per_s = {level.servo_per_s:.4f}", f"lag_s = {level.lag_s:.4f}"]
+            elif self.kind == "velocity":
+                lines += [f"servo_per_s = {1.0 / level.lag_s:.4f}"]
             else:
-                lines += [f"lag_s = {lag_s:.4f}"]
-            lines += [f"uplink_s = {uplink_s:.4f}", f"dead_time_s = {max(0.0, self.level.delay_s - uplink_s):.4f}"]
+                lines += [f"lag_s = {level.lag_s:.4f}"]
+            lines += [f"uplink_s = {uplink_s:.4f}", f"dead_time_s = {max(0.0, level.delay_s - uplink_s):.4f}"]
         if self.drag_per_s is not None:
             lines += [f"drag_per_s = {self.drag_per_s:.4f}"]
         for name, axis, unit in (("climb", self.climb, "mps"), ("turn", self.turn, "rad_s")):
             if axis is not None:
                 # a pilot knows one dead time, the level axes'
-                late_s = axis.lag_s + (0.0 if self.level is None else max(0.0, axis.delay_s - self.level.delay_s))
+                late_s = axis.lag_s + (0.0 if level is None else max(0.0, axis.delay_s - level.delay_s))
                 lines += [f"max_{name}_{unit} = {axis.full:.4f}", f"{name}_lag_s = {late_s:.4f}"]
         return "\n".join(lines) + "\n"
 
@@ -100,6 +128,10 @@ class Identified:
             else:
                 share = f"{100.0 * axis.explained:.0f} %"
                 rows.append(f"| {name} | {axis.full:.3f} {what} | {axis.lag_s:.3f} | {axis.delay_s:.3f} | {share} |")
+        if self.loop is not None:
+            loop = self.loop
+            what, share = f"{loop.full:.3f} m/s at {loop.servo_per_s:.2f} /s", f"{100.0 * loop.explained:.0f} %"
+            rows.insert(3, f"| lean for it | {what} | {loop.lag_s:.3f} | {loop.delay_s:.3f} | {share} |")
         return "\n".join(rows)
 
 
@@ -134,9 +166,49 @@ def identify(records: Sequence[FlightRecord]) -> Identified:
     if level_tilt is None and level_speed is None and climb is None and turn is None:
         raise DataError("no stick was moved enough, or nothing answered; fly a log in which every stick moves")
     by_speed = level_speed is not None and (level_tilt is None or level_speed.explained > level_tilt.explained)
-    if by_speed:
-        return Identified("velocity", level_speed, climb, turn, None)
-    return Identified("attitude", level_tilt, climb, turn, _drag(tilt_s, tilt, velocity_s, velocity))
+    if by_speed and level_speed is not None:
+        axes = (pitch, -tilt[:, 1], velocity[:, 0]), (roll, tilt[:, 0], velocity[:, 1])
+        full_mps = level_speed.full
+        loops = [_lean(sent_s, stick, tilt_s, lean, velocity_s, speed, full_mps) for stick, lean, speed in axes]
+        return Identified("velocity", level_speed, _best(loops), climb, turn, None)
+    return Identified("attitude", level_tilt, None, climb, turn, _drag(tilt_s, tilt, velocity_s, velocity))
+
+
+def _lean(
+    sent_s: Array, stick: Array, tilt_s: Array, tilt_rad: Array, velocity_s: Array, speed_mps: Array, full_mps: float
+) -> SpeedLoop | None:
+    """The loop that explains tilts (n,) at times (n,) by the stick (m,) and the speeds (k,) along the same axis.
+
+    `full_mps` is about what full stick means.
+    """
+    if min(len(tilt_s), len(velocity_s)) < _LEAST_ROWS or 100.0 * float(np.std(stick)) < LEAST_STICK_PERCENT:
+        return None
+    grid_s = np.arange(max(sent_s[0], tilt_s[0], velocity_s[0]), min(sent_s[-1], tilt_s[-1], velocity_s[-1]), _STEP_S)
+    held = stick[np.clip(np.searchsorted(sent_s, grid_s, side="right") - 1, 0, len(stick) - 1)]
+    push = GRAVITY_MPS2 * np.tan(np.interp(grid_s, tilt_s, tilt_rad))
+    speed = np.interp(grid_s, velocity_s, speed_mps)
+    inside = grid_s > grid_s[0] + 1.0
+    spread = float(np.var(push[inside])) if inside.any() else 0.0
+    if spread <= 0.0:
+        return None
+
+    def solved(full: float, lag_s: float, delay_s: float) -> tuple[float, float]:
+        """Gain, and the share of variance left; the error's sum makes up for a steady wind."""
+        error = full * np.interp(grid_s - delay_s, grid_s, held) - speed
+        basis = np.column_stack([_lagged(error, lag_s), np.cumsum(error) * _STEP_S, np.ones_like(error)])[inside]
+        found = np.linalg.lstsq(basis, push[inside], rcond=None)[0]
+        return float(found[0]), float(np.mean((basis @ found - push[inside]) ** 2)) / spread
+
+    def left_over(x: Array) -> float:
+        return solved(abs(float(x[0])), *_bounded(x[1:]))[1]
+
+    starts = [np.array([full_mps, lag_s, delay_s]) for lag_s in (0.05, 0.2) for delay_s in (0.05, 0.2)]
+    found = minimize(left_over, min(starts, key=left_over), method="Nelder-Mead", options={"maxiter": 300}).x
+    full, lag_s, delay_s = abs(float(found[0])), *_bounded(found[1:])
+    servo_per_s, left = solved(full, lag_s, delay_s)
+    if servo_per_s <= 0.0 or 1.0 - left < LEAST_EXPLAINED:
+        return None
+    return SpeedLoop(full, servo_per_s, lag_s, delay_s, 1.0 - left)
 
 
 def _fit(sent_s: Array, stick: Array, t_s: Array, values: Array, summed: bool = False) -> FirstOrder | None:
@@ -185,14 +257,14 @@ def _lagged(values: Array, lag_s: float) -> Array:
     return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])[0])
 
 
-def _best(found: list[FirstOrder | None]) -> FirstOrder | None:
+def _best(found: Sequence[_Axis | None]) -> _Axis | None:
     """The mean of two axes that should be alike, weighted by what they explain."""
     known = [axis for axis in found if axis is not None]
     if not known:
         return None
     weights = np.array([axis.explained for axis in known])
     mean = [float(np.average([getattr(axis, name) for axis in known], weights=weights)) for name in vars(known[0])]
-    return FirstOrder(*mean)
+    return type(known[0])(*mean)
 
 
 def _changes(times_s: Array, values: Array) -> tuple[Array, Array]:
