@@ -2,8 +2,8 @@
 
 With `SHIPLAND_ARDUCOPTER` naming an ArduCopter binary it flies that; with `--autopilot px4` and `SHIPLAND_PX4` naming
 the binary of a PX4 built for its simulator (`…/build/px4_sitl_default/bin/px4`) that; `--autopilot stand-in` flies the
-small one of the conformance tests. Everything runs in real time on loopback; how late telemetry and pictures were
-stands beside each landing.
+small one of the conformance tests. Everything runs on loopback, in real time unless `--speed` says otherwise; how late
+telemetry and pictures were stands beside each landing.
 
     SHIPLAND_ARDUCOPTER=~/arducopter python tools/land_outside.py --scenario rig-natops --seeds 20 \
         --defaults copter.parm --out out/outside
@@ -61,6 +61,14 @@ def px4(arguments: argparse.Namespace, folder: Path) -> list[str]:
         (folder / old).unlink(missing_ok=True)
     command = [str(place), "-d", "-i", str(arguments.instance), "-s", "etc/init.d-posix/rcS"]
     return [*command, "-w", str(folder.resolve()), str(place.parents[1] / "etc")]
+
+
+def our_environment(speed: float) -> dict[str, str]:
+    """Of our own processes; slower than real time they take the slow clock."""
+    if speed >= 1.0:
+        return dict(os.environ)
+    path = os.pathsep.join([str(ROOT / "tools" / "slow_clock"), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return os.environ | {"PYTHONPATH": path, "SHIPLAND_CLOCK_SPEED": str(speed)}
 
 
 def autopilot(arguments: argparse.Namespace, folder: Path, ports: Ports) -> tuple[list[str], str]:
@@ -145,21 +153,23 @@ def land(arguments: argparse.Namespace, seed: int) -> dict[str, object]:
         config = ROOT / "examples" / f"{arguments.autopilot}.toml"
     fly += [] if config is None else ["--vehicle-config", str(config)]
     with (folder / "physics.txt").open("w") as physics_log, (folder / "autopilot.txt").open("w") as autopilot_log:
+        ours = our_environment(arguments.speed)
         physics = subprocess.Popen(
-            [*SHIPLAND, "serve-physics", *common, *served], stdout=physics_log, stderr=subprocess.STDOUT
+            [*SHIPLAND, "serve-physics", *common, *served], stdout=physics_log, stderr=subprocess.STDOUT, env=ours
         )
-        time.sleep(4.0)
+        time.sleep(4.0 / arguments.speed)
         flown = subprocess.Popen(
             command, cwd=folder, stdin=subprocess.PIPE, stdout=autopilot_log, stderr=subprocess.STDOUT,
             env=px4_environment() if is_px4 else None,
         )  # fmt: skip
         try:
-            time.sleep(arguments.boot_s)
+            time.sleep(arguments.boot_s / arguments.speed)
             with (folder / "fly.txt").open("w") as fly_log:
                 subprocess.run(
-                    [*SHIPLAND, *fly], stdout=fly_log, stderr=subprocess.STDOUT, timeout=arguments.limit_s, check=False
-                )
-            physics.wait(10.0)
+                    [*SHIPLAND, *fly], stdout=fly_log, stderr=subprocess.STDOUT, check=False, env=ours,
+                    timeout=arguments.limit_s / arguments.speed,
+                )  # fmt: skip
+            physics.wait(10.0 / arguments.speed)
         except subprocess.TimeoutExpired:
             pass
         finally:
@@ -186,9 +196,12 @@ def main() -> None:
     parser.add_argument("--boot-s", type=float, default=30.0, help="for the autopilot to find itself")
     parser.add_argument("--limit-s", type=float, default=180.0)
     parser.add_argument("--instance", type=int, default=0, help="of the ports, for another set beside this one")
+    parser.add_argument("--speed", type=float, default=1.0, help="of real time; PX4 flies in lockstep at any")
     parser.add_argument("--video", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("out/outside"))
     arguments = parser.parse_args()
+    if arguments.speed < 1.0 and arguments.autopilot != "px4":
+        parser.error("--speed below 1 needs an autopilot that takes its clock from the physics: --autopilot px4")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # subprocess.run then ends its own, `land` the others
     results = []
     for seed in range(arguments.first, arguments.first + arguments.seeds):
