@@ -41,6 +41,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description="How late set-points leave, with every core busy.")
     parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--first", choices=("thread", "process"), default="thread", help="goes before other processes")
     arguments = parser.parse_args()
     burners = [multiprocessing.Process(target=burn, daemon=True) for _ in range(multiprocessing.cpu_count())]
     for burner in burners:
@@ -48,7 +49,7 @@ def main() -> None:
     stop = threading.Event()
     vision = threading.Thread(target=see, args=(stop,), daemon=True)
     vision.start()
-    pace = Pace(lambda _: None, 50.0, "set-points")
+    pace = Pace(lambda _: None, 50.0, "set-points", arguments.first)
     pace.start()
     time.sleep(arguments.seconds)
     pace.stop()

@@ -48,6 +48,24 @@ def test_only_its_own_thread_goes_before_other_processes() -> None:
     assert (os.getpriority(os.PRIO_PROCESS, main), os.sched_getscheduler(main)) == before
 
 
+def test_all_of_the_process_goes_first_where_that_is_wanted_and_only_while_it_runs() -> None:
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    seen: list[int] = []
+    main, done = threading.main_thread().native_id, threading.Event()
+    assert main is not None
+
+    def turn(_: float) -> None:
+        seen.append(os.getpriority(os.PRIO_PROCESS, main))
+        done.set()
+
+    pace = Pace(turn, 100.0, "turns", "process")
+    pace.start()
+    assert done.wait(10.0)
+    pace.stop()
+    assert os.getpriority(os.PRIO_PROCESS, 0) == before
+    assert (seen[0] < before) == pace.preferred or before <= -15
+
+
 def slice_ns() -> int | None:
     """Of the main thread's time slices; None where the system does not say."""
     place = Path(f"/proc/self/task/{threading.main_thread().native_id}/sched")

@@ -12,6 +12,10 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Literal
+
+First = Literal["thread", "process"]
+"""What goes before other processes: the thread at the steady rate, or all of its process."""
 
 _KEPT = 100_000
 """Latenesses that are kept: over half an hour at 50 Hz."""
@@ -21,6 +25,8 @@ _SWITCH_S = 0.001
 """How long another thread of this process may keep the interpreter while this one is due."""
 _OWN_SLICE_S, _OTHER_SLICE_S = 1e-4, 1e-3
 """Time slices of this thread and of the process's others, until `Pace` ends."""
+_NICE = -15
+"""Of every thread of the process where all of it goes first; at −20 whoever carries the link would starve."""
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
 """The system call, by machine."""
 
@@ -35,21 +41,30 @@ class _Attributes(ctypes.Structure):
     )  # fmt: skip
 
 
-def _go_first() -> bool:
+def _go_first(first: First) -> bool:
     """Run before others, as far as the system lets us; False without the privilege: the thread is one of many.
 
-    Only this thread goes before other processes. It waits for the interpreter as long as whoever holds it, such as
-    vision, waits for a core: the process's other threads ask for short time slices, which Linux from 6.12 on gives
-    sooner, for no more time in all.
+    This thread waits for the interpreter as long as whoever holds it, such as vision, waits for a core: the process's
+    other threads ask for short time slices, which Linux from 6.12 on gives sooner, for no more time in all. With
+    `process` they go before other processes as well.
     """
     sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_S))
     _ask_for_slices(_OTHER_SLICE_S)
     _ask_for_slice(threading.get_native_id(), _OWN_SLICE_S)
     try:
+        if first == "process":
+            _set_niceness(_NICE)
         os.sched_setscheduler(threading.get_native_id(), os.SCHED_FIFO, os.sched_param(1))
     except (OSError, AttributeError):
         return False
     return True
+
+
+def _set_niceness(value: int) -> None:
+    """Of every thread of the process; PermissionError without the privilege."""
+    for thread in Path("/proc/self/task").iterdir():
+        with suppress(ProcessLookupError):
+            os.setpriority(os.PRIO_PROCESS, int(thread.name), value)
 
 
 def _ask_for_slices(slice_s: float) -> None:
@@ -77,9 +92,11 @@ class Pace:
         do: gets the time since its last call [s]; what it raises is counted and goes no further.
         rate_hz: calls a second.
         name: of the thread.
+        first: what goes before other processes, where the system lets it.
     """
 
-    def __init__(self, do: Callable[[float], None], rate_hz: float, name: str) -> None:
+    def __init__(self, do: Callable[[float], None], rate_hz: float, name: str, first: First = "thread") -> None:
+        self._first = first
         self._do, self._period_s = do, 1.0 / rate_hz
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -101,11 +118,15 @@ class Pace:
             self._thread.join()
 
     def _run(self) -> None:
-        self.preferred = _go_first()
+        niceness = os.getpriority(os.PRIO_PROCESS, 0) if hasattr(os, "getpriority") else 0
+        self.preferred = _go_first(self._first)
         try:
             self._take_turns()
         finally:
             _ask_for_slices(0.0)
+            if self._first == "process":
+                with suppress(OSError, AttributeError):
+                    _set_niceness(niceness)
 
     def _take_turns(self) -> None:
         due_s = last_s = time.monotonic()

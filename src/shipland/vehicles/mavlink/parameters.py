@@ -12,6 +12,7 @@ from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.vehicles.mavlink.setpoints import ClimbScale
 from shipland.vehicles.mavlink.state import PX4
+from shipland.vehicles.pace import First
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,7 @@ class MavlinkParameters:
         kind: what pitch and roll sticks mean: a tilt or a speed; PX4 always flies speeds.
         system_id, component_id: ours.
         setpoint_hz, gimbal_hz: messages a second.
+        goes_first: what goes before other processes where the system lets it: the set-points' thread, or all of ours.
         connect_timeout_s: to the first heartbeat, and to the first of everything needed.
         engage_timeout_s: for the operator to give us the mode.
         stale_s: without a command for so long the vehicle is told to hold.
@@ -38,6 +40,7 @@ class MavlinkParameters:
     system_id: int
     component_id: int
     setpoint_hz: float
+    goes_first: First
     gimbal_hz: float
     connect_timeout_s: float
     engage_timeout_s: float

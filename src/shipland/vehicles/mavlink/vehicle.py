@@ -124,7 +124,7 @@ class MavlinkVehicle:
             stream.start()
             if stream.newest(-math.inf, self._setup.open_timeout_s) is None:
                 raise VehicleError(f"no picture from the camera: {stream.problem or 'it keeps silent'}")
-            pace = self._pace = Pace(self._tick, parameters.setpoint_hz, "mavlink-set-points")
+            pace = self._pace = Pace(self._tick, parameters.setpoint_hz, "mavlink-set-points", parameters.goes_first)
             self._stack.callback(pace.stop)
             pace.start()
         except BaseException:
