@@ -45,10 +45,13 @@ class Case:
 
 CASES = (
     Case("bar at rest, 5 m/s over land", 0.003, 0.0, 0.3),
+    Case("bar at rest, 9 m/s over land", 0.003, 0.0, 1.4),
+    Case("bar at rest, 9 m/s over the sea", 0.003, 0.0, 0.4),
     Case("sea state 5, surge", 0.015, 0.7, 0.15),
     Case("sea state 5, sway", 0.098, 0.7, 0.15),
     Case("sea state 6, surge", 0.03, 0.7, 0.15),
     Case("sea state 6, sway", 0.147, 0.7, 0.15),
+    Case("sea state 6, sway, 9 m/s", 0.147, 0.7, 0.4),
 )
 
 

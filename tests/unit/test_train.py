@@ -1,5 +1,6 @@
 """Loss, anchors, scores, and the training run: it learns, resumes bit for bit, and loses nothing."""
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -255,6 +256,15 @@ def test_a_run_from_memory_stops_when_its_time_is_up(squares, tmp_path):
     assert 1 <= progress.step < 1000
     training.train(arguments(squares, tmp_path / "hard", 10, memory="device"))
     assert load_checkpoint(tmp_path / "hard" / running.LAST)[2].history[-1]["hard_places"] > 0
+
+
+@pytest.mark.parametrize("limit_s", [0.025, 0.035, 0.045])
+def test_whenever_its_time_is_up_the_last_step_is_kept(squares, tmp_path, monkeypatch, limit_s):
+    """A clock that goes on by 10 ms whenever it is read: the time may run out in any part of a step."""
+    ticks = itertools.count()
+    monkeypatch.setattr(running.time, "monotonic", lambda: 0.01 * next(ticks))
+    training.train(arguments(squares, tmp_path, 1000, minutes=limit_s / 60.0))
+    assert load_checkpoint(tmp_path / running.LAST)[2].seconds >= limit_s
 
 
 def test_resume_refuses_another_seed(squares, tmp_path):

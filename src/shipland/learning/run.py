@@ -124,18 +124,19 @@ def steps(
         recent = parts if recent is None else 0.98 * recent + 0.02 * parts
         progress.step += 1
         progress.seconds += time.monotonic() - began
-        began = time.monotonic()
-        last = through(progress, parameters, minutes) >= 1.0
-        if _round(run, parameters, minutes) > rounds and not last:
+        if _round(run, parameters, minutes) > rounds and through(progress, parameters, minutes) < 1.0:
+            began = time.monotonic()
             rounds = _round(run, parameters, minutes)
             number = np.random.default_rng([seed, progress.step, 1])
             progress.hard = mine(run, parameters, windows, len(fitting.samples), number)
-        if progress.step % parameters.evaluate_every == 0 or last:
+            progress.seconds += time.monotonic() - began
+        if progress.step % parameters.evaluate_every == 0 or through(progress, parameters, minutes) >= 1.0:
+            began = time.monotonic()
             _evaluate(run, parameters, held_out, recent, done, out)
             if progress.since_best >= parameters.patience:
                 yield "stopped early"
                 return
-        progress.seconds += time.monotonic() - began
+            progress.seconds += time.monotonic() - began
         yield f"loss {recent.sum():.3f}, best average precision at IoU {parameters.match_iou:g} " + (
             f"{progress.best:.3f}" if progress.best >= 0.0 else "not yet known"
         )

@@ -132,6 +132,11 @@ def _most(arguments: LearnArguments) -> int:
     return arguments.steps or 10_000
 
 
+def _through(progress: Progress, arguments: LearnArguments) -> float:
+    """How much of the run is done: by steps, or by time where that is scarcer."""
+    return max(progress.step / _most(arguments), progress.seconds / (60.0 * arguments.minutes))
+
+
 def _start(arguments: LearnArguments) -> Run:
     network = seeded_network(arguments.hidden, arguments.seed)
     optimizer = torch.optim.Adam(network.parameters(), lr=arguments.rate)
@@ -174,10 +179,7 @@ def _steps(run: Run, arguments: LearnArguments, phases: Sequence[LastPhase], act
         for i, phase in enumerate(phases)
     ]
     note, losses = "not evaluated yet", list[float]()
-    while True:
-        done = max(progress.step / _most(arguments), progress.seconds / (60.0 * arguments.minutes))
-        if done >= 1.0:
-            break
+    while (done := _through(progress, arguments)) < 1.0:
         began = time.monotonic()
         which = progress.step % len(phases)
         phase = phases[which]
@@ -196,8 +198,7 @@ def _steps(run: Run, arguments: LearnArguments, phases: Sequence[LastPhase], act
             losses.append(float(loss.detach()))
         progress.step += 1
         progress.seconds += time.monotonic() - began
-        last = done + 1.0 / _most(arguments) >= 1.0
-        if progress.step % arguments.evaluate_every == 0 or last:
+        if progress.step % arguments.evaluate_every == 0 or _through(progress, arguments) >= 1.0:
             began = time.monotonic()
             note = _evaluate(run, arguments, phases, action, cycles, alone, losses)
             losses.clear()
