@@ -74,8 +74,7 @@ def test_a_mean_through_inputs_that_change(turn_rad_s):
         expected[[REFERENCE, STATES + REFERENCE]] += change
         expected[[SPEED, STATES + SPEED]] -= change
         t_s += step_s
-    steps = (first, push, last, last_push)
-    found = mean_after(mean, 1.02, steps, (2, 80, 37), inputs.history, inputs.count, (turn_rad_s, *AXIS_KEPT))
+    found = mean_after(mean, 1.02, MODEL.way(197), 197, inputs.history, inputs.count, (turn_rad_s, *AXIS_KEPT))
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 

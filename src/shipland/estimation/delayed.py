@@ -11,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.estimation.kernels import add_input, mean_input, moved
-from shipland.estimation.relative_state import REFERENCE, SPEED, STATES, Belief, Model, updated
+from shipland.compiled import compiled
+from shipland.estimation.kernels import add_input, corrected, mean_after, mean_input, spread_after
+from shipland.estimation.relative_state import REFERENCE, SPEED, STATES, Belief, Model, seen_of, velocity_of
 from shipland.frames import Array
 
 _KEPT_S = 4.0
@@ -20,8 +21,6 @@ _LATE_S = 0.1
 """A velocity may be this much older than the belief."""
 _LEARNED = 0.08
 """Share with which a velocity changes what its errors are taken for: two seconds of 5 Hz."""
-_STRIDE_MS = 80
-"""Longest step of the mean: the input is averaged over it."""
 _ROWS = 512
 """Of the inputs' history, at first."""
 
@@ -107,6 +106,8 @@ class DelayedFilter:
         """Of the newest picture."""
         self._velocities: list[_Velocity] = []
         self._velocity_variance = parameters.velocity_mps**2 / parameters.velocity_repeats
+        variances = velocity_least_mps**2, parameters.velocity_most_mps**2
+        self._velocity_limits = parameters.velocity_repeats, *variances, parameters.velocity_gate
         self._refused = 0
 
     def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float) -> None:
@@ -138,12 +139,16 @@ class DelayedFilter:
         """A picture's place (axes,) of its exposure; False where it was refused as astray, or is too old."""
         if self.belief is None or t_s < self.belief.t_s - 1e-3:
             return False
-        self._settle(t_s, inputs, turn_rad_s)
-        seen = self.model.seen(self.belief)
-        taken = updated(self.belief, seen, place_m, covariance_m2, self._parameters.picture_gate)
-        self.belief, self.normalised = taken.belief, taken.normalised
-        self._refused = 0 if taken.accepted else self._refused + 1
-        return taken.accepted
+        limit = self._parameters.picture_gate
+        belief = self._with_velocities(t_s, inputs, turn_rad_s)
+        travelled = self._travelled(belief, t_s, inputs, turn_rad_s)
+        mean, covariance, self.normalised = _with_picture(
+            travelled, self.model.swing.shown, place_m, covariance_m2, limit
+        )
+        self.belief = Belief(_after_s(travelled), mean, covariance)
+        accepted = self.normalised <= limit
+        self._refused = 0 if accepted else self._refused + 1
+        return accepted
 
     @property
     def refused(self) -> int:
@@ -154,7 +159,8 @@ class DelayedFilter:
         """Without pictures: keep the belief from falling further behind than `lag_s`."""
         to_s = now_s - self._parameters.lag_s
         if self.belief is not None and self.belief.t_s < to_s:
-            self._settle(to_s, inputs, turn_rad_s)
+            belief = self._with_velocities(to_s, inputs, turn_rad_s)
+            self.belief = self._moved(belief, to_s, inputs, turn_rad_s)
 
     def ahead(self, t_s: float, inputs: Inputs, turn_rad_s: float = 0.0) -> Belief | None:
         """The belief at a later time, through what is known to be commanded until then."""
@@ -163,63 +169,120 @@ class DelayedFilter:
             return None
         for reading in self._velocities:
             if reading.t_s <= t_s:
-                belief = self._with(self._moved(belief, reading.t_s, inputs, turn_rad_s), reading)
+                belief, _ = self._with(belief, reading, inputs, turn_rad_s, learns=False)
         return self._moved(belief, t_s, inputs, turn_rad_s)
 
-    def _settle(self, to_s: float, inputs: Inputs, turn_rad_s: float) -> None:
-        """Advance the belief for good, and learn from the velocities on the way how large their errors are."""
+    def _with_velocities(self, to_s: float, inputs: Inputs, turn_rad_s: float) -> Belief:
+        """The belief with the velocities until a time, for good; it learns from them how large their errors are."""
         belief, waiting = self.belief, []
         assert belief is not None
         for reading in self._velocities:
             if reading.t_s > to_s:
                 waiting.append(reading)
             elif reading.t_s > belief.t_s - _LATE_S:
-                belief = self._moved(belief, reading.t_s, inputs, turn_rad_s)
-                self._learn(belief, reading)
-                belief = self._with(belief, reading)
+                belief, self._velocity_variance = self._with(belief, reading, inputs, turn_rad_s, learns=True)
         self._velocities = waiting
-        self.belief = self._moved(belief, to_s, inputs, turn_rad_s)
+        return belief
 
-    def _learn(self, belief: Belief, reading: _Velocity) -> None:
-        expected, jacobian = self._expected(belief, reading)
-        innovation = reading.measured_mps - expected
-        known = np.einsum("ij,jk,ik->i", jacobian, belief.covariance, jacobian)
-        found = float(np.mean(np.minimum(innovation**2, self._parameters.velocity_most_mps**2) - known))
-        if math.isfinite(found):
-            learned = self._velocity_variance + _LEARNED * (found - self._velocity_variance)
-            self._velocity_variance = max(learned, 0.0)  # an uncertain belief expects more than is seen
-
-    def _with(self, belief: Belief, reading: _Velocity) -> Belief:
-        limits = self._parameters
-        variance = limits.velocity_repeats * self._velocity_variance
-        variance = min(max(variance, self._velocity_least_mps**2), limits.velocity_most_mps**2)
-        noise, expected = variance * np.eye(self.model.axes), self._expected(belief, reading)
-        return updated(belief, expected, reading.measured_mps, noise, limits.velocity_gate).belief
-
-    def _expected(self, belief: Belief, reading: _Velocity) -> tuple[Array, Array]:
-        return self.model.velocity(belief, reading.over_ship, self._parameters.flow_settle_s)
+    def _with(
+        self, belief: Belief, reading: _Velocity, inputs: Inputs, turn_rad_s: float, learns: bool
+    ) -> tuple[Belief, float]:
+        """The belief at a velocity and with it, and the variance of one reading; `learns` from this one."""
+        limits, swing = self._parameters, self.model.swing
+        travelled = self._travelled(belief, reading.t_s, inputs, turn_rad_s)
+        mean, covariance, variance = _with_velocity(
+            travelled,
+            reading.measured_mps,
+            (reading.over_ship, limits.flow_settle_s, swing.frequency_rad_s, swing.below),
+            self._velocity_variance,
+            self._velocity_limits,
+            learns,
+        )
+        return Belief(_after_s(travelled), mean, covariance), variance
 
     def _moved(self, belief: Belief, to_s: float, inputs: Inputs, turn_rad_s: float) -> Belief:
-        """The mean in short strides, because the input changes; the covariance at once."""
-        all_ms = round(1e3 * (to_s - belief.t_s))
-        if all_ms <= 0:
-            return belief
-        model = self.model
-        all_of_it, push, noise = model.step(all_ms)
-        transition = all_of_it
-        whole, rest_ms = divmod(all_ms, _STRIDE_MS)
-        if whole > 0:
-            transition, push, _ = model.step(_STRIDE_MS)
-        last_transition, last_push, _ = model.step(rest_ms) if whole > 0 and rest_ms > 0 else (transition, push, noise)
-        mean, covariance = moved(
-            belief.mean,
-            belief.covariance,
-            belief.t_s,
-            (all_of_it, noise),
-            (transition, push, last_transition, last_push),
-            (whole, _STRIDE_MS, rest_ms),
-            inputs.history,
-            inputs.count,
-            (turn_rad_s if model.axes == 2 else 0.0, SPEED, REFERENCE, STATES),
-        )
-        return Belief(belief.t_s + 1e-3 * all_ms, mean, covariance)
+        travelled = self._travelled(belief, to_s, inputs, turn_rad_s)
+        return Belief(_after_s(travelled), *_carried(travelled))
+
+    def _travelled(self, belief: Belief, to_s: float, inputs: Inputs, turn_rad_s: float) -> _Travel:
+        """The way from a belief to a time, in whole milliseconds, none backwards, as the kernels take it."""
+        way_ms = max(round(1e3 * (to_s - belief.t_s)), 0)
+        turn_rad_s = turn_rad_s if self.model.axes == 2 else 0.0
+        way = self.model.way(way_ms)
+        return belief.mean, belief.covariance, belief.t_s, way, way_ms, inputs.history, inputs.count, turn_rad_s
+
+
+_Travel = tuple[Array, Array, float, Array, int, Array, int, float]
+"""Mean, covariance, their time; `Model.way` and its length [ms]; the inputs' history and count; the ship's turn.
+
+In one tuple, which compiled code takes faster than so many arguments.
+"""
+_View = tuple[float, float, float, float]
+"""Of `velocity_of`: the share of ship in view, its settling time, the swing's frequency and share."""
+_Limits = tuple[float, float, float, float]
+"""Of a velocity: repeats of a reading, the least and the most variance that it is given, the gate."""
+
+
+def _after_s(travelled: _Travel) -> float:
+    return travelled[2] + 1e-3 * travelled[4]
+
+
+@compiled
+def _carried(travelled: _Travel) -> tuple[Array, Array]:
+    """The mean in short strides, because the input changes; the covariance at once."""
+    mean, covariance, t_s, way, way_ms, history, count, turn_rad_s = travelled
+    if way_ms == 0:
+        return mean, covariance
+    after = mean_after(mean, t_s, way, way_ms, history, count, (turn_rad_s, SPEED, REFERENCE, STATES))
+    return after, spread_after(way[0], covariance, way[1])
+
+
+@compiled
+def _with_picture(
+    travelled: _Travel, shown: float, place_m: Array, noise: Array, gate: float
+) -> tuple[Array, Array, float]:
+    """`_carried`, then with a picture's place (axes,) unless it is astray; and its normalised innovation squared."""
+    mean, covariance = _carried(travelled)
+    expected, jacobian = seen_of(mean, len(place_m), shown)
+    after, spread, normalised = corrected(mean, covariance, jacobian, place_m - expected, noise)
+    if not normalised <= gate:  # NaN too
+        return mean, covariance, normalised
+    return after, spread, normalised
+
+
+@compiled
+def _with_velocity(
+    travelled: _Travel, measured_mps: Array, view: _View, variance: float, limits: _Limits, learns: bool
+) -> tuple[Array, Array, float]:
+    """`_carried`, then with a velocity (axes,) unless it is astray; and the `variance` of a reading, as it now is."""
+    mean, covariance = _carried(travelled)
+    axes, (over_ship, settle_s, frequency_rad_s, below) = len(measured_mps), view
+    repeats, least, most, gate = limits
+    expected, jacobian = velocity_of(mean, axes, over_ship, settle_s, frequency_rad_s, below)
+    innovation = measured_mps - expected
+    if learns:
+        variance = _learned(variance, innovation, jacobian, covariance, most)
+    noise = min(max(repeats * variance, least), most) * np.eye(axes)
+    after, spread, normalised = corrected(mean, covariance, jacobian, innovation, noise)
+    if not normalised <= gate:  # NaN too
+        return mean, covariance, variance
+    return after, spread, variance
+
+
+@compiled
+def _learned(variance: float, innovation: Array, jacobian: Array, covariance: Array, most: float) -> float:
+    """What a reading's variance is taken for after an innovation: its square less what the belief explains of it."""
+    axes, n = jacobian.shape
+    found = 0.0
+    for axis in range(axes):
+        known = 0.0
+        for j in range(n):
+            for k in range(n):
+                known += jacobian[axis, j] * covariance[j, k] * jacobian[axis, k]
+        found += min(innovation[axis] * innovation[axis], most) - known
+    found /= axes
+    if not math.isfinite(found):
+        return variance
+    # An uncertain belief expects more than is seen.
+    learned: float = max(variance + _LEARNED * (found - variance), 0.0)
+    return learned

@@ -12,8 +12,10 @@ import numpy as np
 from shipland.compiled import compiled
 from shipland.frames import Array
 
-Strides = tuple[Array, Array, Array, Array]
 Turn = tuple[float, int, int, int]
+
+STRIDE_MS = 80
+"""Longest step of the mean through inputs: they are averaged over it."""
 
 
 @compiled
@@ -92,49 +94,28 @@ def _integral(history: Array, count: int, t_s: float) -> Array:
 
 
 @compiled
-def moved(
-    mean: Array,
-    covariance: Array,
-    t_s: float,
-    whole: tuple[Array, Array],
-    strides: Strides,
-    milliseconds: tuple[int, int, int],
-    history: Array,
-    count: int,
-    turn: Turn,
-) -> tuple[Array, Array]:
-    """Both: `mean_after`, and `spread_after` by the transition and the noise of the `whole` way."""
-    after = mean_after(mean, t_s, strides, milliseconds, history, count, turn)
-    return after, spread_after(whole[0], covariance, whole[1])
-
-
-@compiled
-def mean_after(
-    mean: Array,
-    t_s: float,
-    strides: Strides,
-    milliseconds: tuple[int, int, int],
-    history: Array,
-    count: int,
-    turn: Turn,
-) -> Array:
+def mean_after(mean: Array, t_s: float, way: Array, way_ms: int, history: Array, count: int, turn: Turn) -> Array:
     """The mean through an input that changes: x ← F x + G ū, stride by stride, ū averaged over each.
 
     Args:
         mean: (n,).
         t_s: when it holds.
-        strides: transition (n,n) and input (n,axes) of a whole stride, and those of the rest after the last one.
-        milliseconds: how many whole strides, the length of one, that of the rest.
+        way: matrices of `Model.way`.
+        way_ms: whole milliseconds.
         history: of the inputs, with
         count: as in `mean_input`.
         turn: the ship's turn [rad/s], and for two axes the states (SPEED, REFERENCE, STATES); see `_turned`.
     """
-    transition, push, last_transition, last_push = strides
-    whole, stride_ms, rest_ms = milliseconds
+    whole, rest_ms = way_ms // STRIDE_MS, way_ms % STRIDE_MS
+    transition, push = way[0], way[2]
+    if whole > 0:
+        transition, push = way[3], way[4]
     for index in range(whole + 1):
-        step_ms = stride_ms
+        step_ms = STRIDE_MS
         if index == whole:
-            step_ms, transition, push = rest_ms, last_transition, last_push
+            step_ms = rest_ms
+            if whole > 0:
+                transition, push = way[5], way[6]
         if step_ms > 0:
             after_s = t_s + 1e-3 * step_ms
             mean = _through(transition, mean) + _through(push, mean_input(history, count, t_s, after_s))

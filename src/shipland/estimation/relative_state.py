@@ -33,7 +33,7 @@ from scipy.linalg import expm
 
 from shipland.compiled import compiled
 from shipland.config import require
-from shipland.estimation.kernels import corrected, spread_after
+from shipland.estimation.kernels import STRIDE_MS, corrected, spread_after
 from shipland.estimation.swing import SWING_STATES, Swing
 from shipland.frames import Array
 
@@ -126,7 +126,7 @@ def dynamics(motion: Motion, noise: Disturbances, swing: Swing) -> tuple[Array, 
     gain = motion.servo_per_s if motion.servo_per_s > 0.0 else motion.gain
     b[THRUST, 0] = gain / motion.lag_s
     if motion.servo_per_s > 0.0:
-        _, own = _velocity(np.zeros(STATES), 1, motion.over_ship, motion.settle_s, swing.frequency_rad_s, swing.below)
+        _, own = velocity_of(np.zeros(STATES), 1, motion.over_ship, motion.settle_s, swing.frequency_rad_s, swing.below)
         a[THRUST] -= gain / motion.lag_s * own[0]
         a[PUSH] -= motion.integral_per_s2 * own[0]
         b[PUSH, 1:] = motion.integral_per_s2
@@ -197,6 +197,7 @@ class Model:
         self.axes, self.motion, self.noise, self.swing = axes, motion, noise, swing
         self._shape = np.eye(axes) if spread is None else spread.shape
         self._steps: dict[int, tuple[Array, Array, Array]] = {}
+        self._ways: dict[int, Array] = {}
 
     def step(self, step_ms: int) -> tuple[Array, Array, Array]:
         """Transition (n,n), input matrix (n, axes) and noise (n,n) over whole milliseconds."""
@@ -204,6 +205,28 @@ class Model:
         if found is None:
             found = self._steps[step_ms] = self._solved(step_ms)
         return found
+
+    def way(self, way_ms: int) -> Array:
+        """What `mean_after` and `spread_after` take over whole milliseconds: (3,n,n) transition, noise and input.
+
+        Of a way of a stride or more (7,n,n): transition and input of a stride, then those of the rest, come after
+        these. Inputs are filled up with zeros on their right.
+        """
+        found = self._ways.get(way_ms)
+        if found is None:
+            found = self._ways[way_ms] = self._stacked(way_ms)
+        return found
+
+    def _stacked(self, way_ms: int) -> Array:
+        size = STATES * self.axes
+        if way_ms == 0:
+            return np.stack([np.eye(size), np.zeros((size, size)), np.zeros((size, size))])
+        transition, push, noise = self.step(way_ms)
+        parts = [transition, noise, push]
+        if way_ms >= STRIDE_MS:
+            for step_ms in (STRIDE_MS, way_ms % STRIDE_MS or STRIDE_MS):
+                parts += self.step(step_ms)[:2]
+        return np.stack([np.pad(part, ((0, 0), (0, size - part.shape[1]))) for part in parts])
 
     def _solved(self, step_ms: int) -> tuple[Array, Array, Array]:
         one, push, noise, swing_noise = _axis_step(self.motion, self.noise, self.swing, step_ms)
@@ -266,7 +289,7 @@ class Model:
 
     def seen(self, belief: Belief) -> tuple[Array, Array]:
         """What a picture shows of the place: expected value (axes,) and its Jacobian (axes, n)."""
-        return _seen(belief.mean, self.axes, self.swing.shown)
+        return seen_of(belief.mean, self.axes, self.swing.shown)
 
     def velocity(self, belief: Belief, over_ship: float = 0.0, settle_s: float = 0.0) -> tuple[Array, Array]:
         """What the vehicle measures of its own velocity: expected value (axes,) and its Jacobian (axes, n).
@@ -277,7 +300,7 @@ class Model:
             settle_s: time in which the vehicle's fusion follows the motion of what is in view; the lag of a resonator
                 is a mixture of its two states.
         """
-        return _velocity(belief.mean, self.axes, over_ship, settle_s, self.swing.frequency_rad_s, self.swing.below)
+        return velocity_of(belief.mean, self.axes, over_ship, settle_s, self.swing.frequency_rad_s, self.swing.below)
 
 
 @lru_cache(maxsize=4096)
@@ -307,7 +330,8 @@ def _swing(axis: int) -> slice:
 
 
 @compiled
-def _seen(mean: Array, axes: int, shown: float) -> tuple[Array, Array]:
+def seen_of(mean: Array, axes: int, shown: float) -> tuple[Array, Array]:
+    """`Model.seen` of a mean, where the bar shows this share of the swing."""
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):
         first = STATES * axis
@@ -317,7 +341,10 @@ def _seen(mean: Array, axes: int, shown: float) -> tuple[Array, Array]:
 
 
 @compiled
-def _velocity(mean: Array, axes: int, over_ship: float, settle_s: float, w: float, below: float) -> tuple[Array, Array]:
+def velocity_of(
+    mean: Array, axes: int, over_ship: float, settle_s: float, w: float, below: float
+) -> tuple[Array, Array]:
+    """`Model.velocity` of a mean, with a swing of frequency `w` [rad/s] that the ship has this share of `below`."""
     share = below * over_ship / (1.0 + (w * settle_s) ** 2)
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):
