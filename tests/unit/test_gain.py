@@ -36,7 +36,7 @@ def _flown(gain, parameters, seconds=15.0):
         state = transition @ state + gain * entry @ _push(0.05 * (k - 1))
         place_m = state[PLACE::STATES] + 0.005 * rng.standard_normal(2)
         news = (0.05 * k, place_m, 2.5e-5 * np.eye(2), inputs)
-        better = bank.picture(*news, 0.0, follows, MODELS.__getitem__)
+        better = bank.picture(*news, 0.0, follows, [MODELS[gain] for gain in parameters.candidates])
         follows = follows if better is None else better
         follows.picture(*news)
     return bank.gain, follows

@@ -7,7 +7,7 @@ like a swing of the bar. While the sticks change, the filter that is told the ri
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,10 +58,10 @@ class GainBank(FilterBank):
         self.gain = 1.0
         """In use."""
 
-    def adopt(self, model_of: Callable[[float], Model]) -> None:
-        """Go on with models of another swing, by gain."""
-        for gain, one in zip(self._parameters.candidates, self.filters, strict=False):
-            one.adopt(model_of(gain))
+    def adopt(self, models: Sequence[Model]) -> None:
+        """Go on with models of another swing, one for each candidate."""
+        for model, one in zip(models, self.filters, strict=False):
+            one.adopt(model)
 
     def picture(
         self,
@@ -71,9 +71,9 @@ class GainBank(FilterBank):
         inputs: Inputs,
         turn_rad_s: float,
         follows: DelayedFilter,
-        model_of: Callable[[float], Model],
+        models: Sequence[Model],
     ) -> DelayedFilter | None:
-        """Judge by a picture's place (axes,) of its exposure; `follows` is the filter in use, `model_of` by gain.
+        """Judge by a picture's place (axes,) of its exposure; `follows` is the filter in use, `models` by candidate.
 
         Returns:
             The filter of another gain that leads by now, to be used from here on.
@@ -83,7 +83,7 @@ class GainBank(FilterBank):
             return None
 
         def take(i: int, one: DelayedFilter) -> None:
-            one.model = model_of(candidates[i])
+            one.model = models[i]
             one.picture(t_s, place_m, covariance_m2, inputs, turn_rad_s)
 
         judged = self.judged(t_s, follows, take)

@@ -195,6 +195,7 @@ class Navigator:
         self._down = DelayedFilter(self._down_model(), delayed, measured.velocity_down_mps)
         self._latency = LatencyBank(parameters.latency)
         self._gain = GainBank(parameters.gain)
+        self._gain_models = self._models_by_gain()
         stern_m = -float(rig.bar_in_ship_m[0]) - rig.deck_ahead_of_stern_m
         self._hull_m = (stern_m, stern_m + rig.platform_length_m, 0.5 * rig.platform_width_m)
         self._deck_down_m = float(rig.deck_in_bar_m[2])
@@ -215,6 +216,14 @@ class Navigator:
     def _model_of_gain(self, gain: float) -> Model:
         return _model(2, replace(self.motion, gain=gain), self.disturbances, self.swing, self._spread())
 
+    def _change_models(self) -> None:
+        """Those across, after a change of what is believed of motion, disturbances or the ship's axis."""
+        self._across.model = self._across_model()
+        self._gain_models = self._models_by_gain()
+
+    def _models_by_gain(self) -> list[Model]:
+        return [self._model_of_gain(gain) for gain in self._parameters.gain.candidates]
+
     def _spread(self) -> Spread | None:
         """A ship's sway is larger than its surge, and goes with its heave."""
         if not self.swing.carries_bar or self._along_rad is None:
@@ -228,7 +237,7 @@ class Navigator:
             return
         if self._along_rad is None or abs(wrap_angle(headings.bar_rad - self._along_rad)) > _AXIS_STEP_RAD:
             self._along_rad = _AXIS_STEP_RAD * round(headings.bar_rad / _AXIS_STEP_RAD)
-            self._across.model = self._across_model()
+            self._change_models()
 
     @property
     def disturbances(self) -> Disturbances:
@@ -248,7 +257,7 @@ class Navigator:
         between = abs(math.log(share * max(push_mps2, 1e-3) / self._gust_mps2))
         if wanted != self._gust_mps2 and between > 0.6 * math.log(levels[1] / levels[0]):
             self._gust_mps2 = wanted
-            self._across.model = self._across_model()
+            self._change_models()
 
     def _judge_view(self) -> None:
         """A servo on optical flow follows the motion of the ship below it."""
@@ -259,7 +268,7 @@ class Navigator:
             share = _VIEW_STEP * round(share / _VIEW_STEP)
             settle_s = self._parameters.delayed.flow_settle_s
             self.motion = replace(self.motion, over_ship=share, settle_s=settle_s)
-            self._across.model = self._across_model()
+            self._change_models()
 
     def _down_model(self) -> Model:
         return _model(1, self._climb, self._parameters.vertical, self.swing)
@@ -458,9 +467,7 @@ class Navigator:
         """What the sticks do; only where they mean a tilt: a servo brings about the speed that is asked for."""
         if self.motion.servo_per_s > 0.0:
             return
-        better = self._gain.picture(
-            t_s, place_m, covariance, self._pushes, turn_rad_s, self._across, self._model_of_gain
-        )
+        better = self._gain.picture(t_s, place_m, covariance, self._pushes, turn_rad_s, self._across, self._gain_models)
         if better is not None:
             self.motion, self._across = replace(self.motion, gain=self._gain.gain), better
             self._latency.forget_place()
@@ -485,7 +492,8 @@ class Navigator:
             model = self._across_model()
             self._across.adopt(model)
             self._latency.adopt(model)
-            self._gain.adopt(self._model_of_gain)
+            self._gain_models = self._models_by_gain()
+            self._gain.adopt(self._gain_models)
             self._down.adopt(self._down_model())
 
     def _take_box(self, observation: Observation, box: Box, is_bar: bool, turn_rad_s: float) -> None:
