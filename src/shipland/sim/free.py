@@ -29,8 +29,9 @@ from shipland.sim.contact.deck_drive import DeckState
 
 
 def _places(first: str, last: str) -> slice:
-    """Where a run of names lies in `STATE`."""
-    return slice(STATE.index(first), STATE.index(last) + 1)
+    """Where a run of names lies in `STATE_TYPE`."""
+    names = STATE_TYPE.names or ()
+    return slice(names.index(first), names.index(last) + 1)
 
 
 _MOTION, _WRENCH, _SENSES = (_places(names[0], names[-1]) for names in (MOTION, WRENCH, SENSES))
@@ -40,6 +41,9 @@ _THRUSTS, _GIMBAL, _STRAY = (
     _places("stray_n", "stray_e"),
 )
 _SENSED, _LOOP = _places(SENSED[0], SENSED[-1]), _places(LOOP[0], LOOP[-1])
+_PILOTED, _MET, _DECK_AGE = (
+    _places(*ends) for ends in (("stick_pitch", "gimbal_wanted"), ("air_n", "deck_ar"), ("deck_s",) * 2)
+)
 
 LOW_M = 0.3
 """Feet over the sea below which the readable world takes over."""
@@ -139,19 +143,18 @@ class FreeFlight:
         self._constants = np.array([tuple(constants.values())], dtype=[(name, float) for name in constants])
         self._states = np.zeros(1, STATE_TYPE)
         self._values = self._states.view(float)
-        self._flying = False
+        self.flying = False
+        """The aircraft's state is here."""
 
     def take(self, motion: Motion, wrench: Wrench, sensed: Sensed) -> None:
-        """Carry the aircraft's state in, unless it is here already.
+        """Carry the aircraft's state in.
 
         Args:
             motion: now.
             wrench: held since the last control tick.
             sensed: at the last control tick.
         """
-        if self._flying:
-            return
-        self._flying = True
+        self.flying = True
         self._values[: len(STATE)] = (
             *motion.position_m,
             *motion.quaternion,
@@ -168,43 +171,19 @@ class FreeFlight:
 
     def give_back(self) -> Wrench | None:
         """Carry rotors and loop out and give the wrench held; None where nothing was carried in."""
-        if not self._flying:
+        if not self.flying:
             return None
-        self._flying = False
+        self.flying = False
         after = self._values[: len(STATE)].tolist()
         self._flier.thrusts_n = tuple(after[_THRUSTS])
         self._loop.state = tuple(after[_LOOP])
         a, b, c, d, e, f = after[_WRENCH]
         return Wrench((a, b, c), (d, e, f))
 
-    def fly(
-        self,
-        sticks: Sticks,
-        gimbal_wanted_rad: float,
-        wind_mps: Vector,
-        deck: DeckState,
-        deck_age_s: float,
-        phase: int,
-        count: int,
-    ) -> tuple[int, Motion, Sensed]:
-        """Fly on what `take` carried in for `count` physics steps, fewer if it gets low or tilts.
-
-        Args:
-            sticks: piloted.
-            gimbal_wanted_rad: pitch asked for.
-            wind_mps: in `ned`, held.
-            deck: `deck_age_s` ago.
-            deck_age_s: it moves on by its velocity and acceleration.
-            phase: physics steps since the last control tick.
-            count: physics steps.
-
-        Returns:
-            Steps flown; motion then; sensed at the last control tick. Gimbal and senses are carried out.
-        """
-        self._values[_SENSES] = self._senses.state  # a look around changes its errors
-        self._values[len(STATE) :] = (
-            *sticks,
-            gimbal_wanted_rad,
+    def meet(self, wind_mps: Vector, deck: DeckState) -> None:
+        """After a look around: the wind in `ned`, held, the deck, which moves on, and the errors of the senses."""
+        self._values[_SENSES] = self._senses.state
+        self._values[_MET] = (
             *wind_mps,
             *deck.origin_m,
             *deck.velocity_mps,
@@ -212,8 +191,25 @@ class FreeFlight:
             *deck.angles_rad,
             *deck.rates_rad_s,
             *deck.accelerations_rad_s2,
-            deck_age_s,
         )
+
+    def fly(
+        self, sticks: Sticks, gimbal_wanted_rad: float, deck_age_s: float, phase: int, count: int
+    ) -> tuple[int, Motion, Sensed]:
+        """Fly on what `take` carried in for `count` physics steps, fewer if it gets low or tilts.
+
+        Args:
+            sticks: piloted.
+            gimbal_wanted_rad: pitch asked for.
+            deck_age_s: since `meet`; the deck moves on by its velocity and acceleration.
+            phase: physics steps since the last control tick.
+            count: physics steps.
+
+        Returns:
+            Steps flown; motion then; sensed at the last control tick. Gimbal and senses are carried out.
+        """
+        self._values[_PILOTED] = (*sticks, gimbal_wanted_rad)
+        self._values[_DECK_AGE] = deck_age_s
         ticks = (phase + count + 1) // 2 - (phase + 1) // 2
         steps = fly_free(self._states, self._constants, self._gimbal.draw(2 * ticks), phase, count)
         after = self._values[: len(STATE)].tolist()

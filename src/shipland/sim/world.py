@@ -136,10 +136,10 @@ class World:
         self._flier = build_aircraft(aircraft, tick_s)
         shape = self._flier.shape
         model = build_model(rig, shape, grid.step_s)
-        self._mj_model, self._data = model.mj, mujoco.MjData(model.mj)
-        self._body = Body(rig, shape, model, self._data)
+        data = mujoco.MjData(model.mj)
+        self._body = Body(rig, shape, model, data)
         self._foot_below_m = shape.foot_below_m
-        self._stage = Stage(model, self._data)
+        self._stage = Stage(model, data)
         self._unstaged_deck: DeckState | None = None
         self._unstaged_hull: tuple[ShipState, DeckState] | None = None
         self._judge = Judge(verdict, rig.landing_square_m, rig.landing_area)
@@ -232,7 +232,7 @@ class World:
                     self._judge_now()
                 count = 1
             self._set_stage()
-            mujoco.mj_step(self._mj_model, self._data, count)
+            self._body.step(count)
             self._steps += count
             self._look_for_crash()
 
@@ -247,6 +247,8 @@ class World:
         free = self._free is not None and self._motors_run and not self._judge.touched and not self._body.in_contact
         way_m = self._air_every * self._step_s * math.hypot(*motion.velocity_mps)
         self._clear = free and self._clearance_m(motion, state) > max(CLEAR_M, self._touchdown.listen_m) + way_m
+        if self._free is not None:
+            self._free.meet(self._wind_mps, self._deck)
 
     def _clearance_m(self, motion: Motion, ship: ShipState) -> float:
         """From the aircraft down to the highest that the deck reaches, or on to what stands ahead; at least."""
@@ -274,10 +276,9 @@ class World:
             count = max(min(count, stale - self._steps), 1)
         deck_age_s, wanted_rad = self.t_s - self._looked_s, self._gimbal_wanted_rad
         sticks = self._sticks if fresh else CENTRED
-        self._free.take(self._body.motion(), self._body.wrench, self._sensed)
-        steps, motion, self._sensed = self._free.fly(
-            sticks, wanted_rad, self._wind_mps, self._deck, deck_age_s, phase, count
-        )
+        if not self._free.flying:
+            self._free.take(self._body.motion(), self._body.wrench, self._sensed)
+        steps, motion, self._sensed = self._free.fly(sticks, wanted_rad, deck_age_s, phase, count)
         self._body.move(motion)
         last_tick = (self._steps + steps - 1) // self._control_every * self._control_every
         if steps and last_tick >= self._steps:

@@ -29,6 +29,15 @@ class Normals:
             self._values = self._rng.standard_normal(_BLOCK).tolist()
         return self._values.pop()
 
+    def draws(self, count: int) -> list[float]:
+        """The next `count`."""
+        left = len(self._values) - count
+        if left < 0:
+            return [self.draw() for _ in range(count)]
+        drawn = self._values[left:][::-1]
+        del self._values[left:]
+        return drawn
+
 
 class Coloured:
     """First-order noise of a given standard deviation and time constant, at a fixed step; starts from its spread."""
@@ -82,7 +91,7 @@ class Gimbal:
 
     def draw(self, count: int) -> Array:
         """The next `count` standard normal numbers of the residual motion."""
-        return np.array([self._normals.draw() for _ in range(count)])
+        return np.array(self._normals.draws(count))
 
     @property
     def roll_error_rad(self) -> float:

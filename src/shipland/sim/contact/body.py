@@ -40,24 +40,35 @@ class Body:
         self._half_deck_m = 0.5 * rig.deck_size_m
         self._place, self._velocity, self._force = data.qpos[0:7], data.qvel[0:6], data.qfrc_applied[0:6]
         self._wrench = np.zeros(6)
+        self._motion: Motion | None = None
+        """What MuJoCo has, once it has been read."""
 
     def put(self, position_m: Vector, roll_rad: float, pitch_rad: float, heading_rad: float) -> None:
         """Place it at rest."""
         self._place[:3] = (position_m[0], -position_m[1], -position_m[2])
         self._place[3:] = mujoco_quaternion(roll_rad, pitch_rad, heading_rad)
         self._velocity[:] = 0.0
+        self._motion = None
+
+    def step(self, count: int) -> None:
+        """Step the physics, of all that is in it, so many times."""
+        mujoco.mj_step(self._model.mj, self._data, count)
+        self._motion = None
 
     def motion(self) -> Motion:
         """Where it is and how it moves."""
-        x, y, z, qw, qx, qy, qz = self._place.tolist()
-        vx, vy, vz, wx, wy, wz = self._velocity.tolist()
-        return Motion((x, -y, -z), (qw, qx, -qy, -qz), (vx, -vy, -vz), (wx, -wy, -wz))
+        if self._motion is None:
+            x, y, z, qw, qx, qy, qz = self._place.tolist()
+            vx, vy, vz, wx, wy, wz = self._velocity.tolist()
+            self._motion = Motion((x, -y, -z), (qw, qx, -qy, -qz), (vx, -vy, -vz), (wx, -wy, -wz))
+        return self._motion
 
     def move(self, motion: Motion) -> None:
         """Set where it is and how it moves; `motion` gives it back."""
         (x, y, z), (qw, qx, qy, qz), (u, v, w), (p, q, r) = motion
         self._place[:] = (x, -y, -z, qw, qx, -qy, -qz)
         self._velocity[:] = (u, -v, -w, p, -q, -r)
+        self._motion = motion
 
     @property
     def wrench(self) -> Wrench:
