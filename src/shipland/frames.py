@@ -127,6 +127,11 @@ def rotation_from_quaternion(quaternion_wxyz: Array) -> Array:
     return np.array(rows_from_quaternion(w, x, y, z)).reshape(3, 3)
 
 
+def all_finite(values: Array) -> bool:
+    """Whether every number of an array is finite; for few of them far faster than NumPy's."""
+    return all(map(math.isfinite, values.ravel().tolist()))
+
+
 def wrap_angle(angle_rad: float) -> float:
     """The same angle [rad] in [-pi, pi)."""
     wrapped = float((angle_rad + np.pi) % (2 * np.pi) - np.pi)

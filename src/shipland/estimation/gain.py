@@ -16,7 +16,7 @@ from shipland.config import require
 from shipland.estimation.delayed import DelayedFilter, Inputs
 from shipland.estimation.filter_bank import FilterBank
 from shipland.estimation.relative_state import Model
-from shipland.frames import Array
+from shipland.frames import Array, all_finite
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class GainBank(FilterBank):
             one.picture(t_s, place_m, covariance_m2, inputs, turn_rad_s)
 
         judged = self.judged(t_s, follows, take)
-        if judged is None or not np.isfinite(judged[0]).all():
+        if judged is None or not all_finite(judged[0]):
             return None
         cost, best = judged[0], int(np.argmin(judged[0]))
         if cost[candidates.index(self.gain)] - cost[best] < self._parameters.lead:

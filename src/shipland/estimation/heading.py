@@ -84,7 +84,7 @@ def headings_at(before: Headings, t_s: float, turned_rad: float, noise: HeadingN
         turn *= math.exp(-step_s / _TURN_ENDS_S)
     strayed = (noise.nose_rad_per_sqrt_s**2, noise.bar_rad_per_sqrt_s**2, noise.turn_rad_s2**2)
     mean, covariance = _carried(before.mean, before.covariance, step_s, turned_rad, turn, strayed)
-    return replace(before, t_s=t_s, mean=mean, covariance=covariance)
+    return Headings(t_s, mean, covariance, before.bar_known, before.posed_s)
 
 
 @compiled
@@ -107,7 +107,7 @@ def shifted(before: Headings, by_rad: float) -> Headings:
 
 def with_compass(before: Headings, heading_rad: float, noise: HeadingNoise) -> Headings:
     """A compass reading of its time; not finite is refused."""
-    return _with(before, 0.0, heading_rad - before.nose_rad, noise.compass_rad**2)
+    return _with(before, 0.0, heading_rad - before.nose_rad, noise.compass_rad**2, before.posed_s)
 
 
 def with_pose(before: Headings, yaw_rad: float, variance_rad2: float, noise: HeadingNoise) -> Headings:
@@ -119,17 +119,16 @@ def with_pose(before: Headings, yaw_rad: float, variance_rad2: float, noise: Hea
         covariance[1, :] = covariance[:, 1] = 0.0
         covariance[1, 1] = covariance[0, 0] + variance_rad2
         covariance[0, 1] = covariance[1, 0] = covariance[0, 0]
-        return replace(before, mean=mean, covariance=covariance, bar_known=True, posed_s=before.t_s)
-    after = _with(before, -1.0, yaw_rad - (before.nose_rad - before.bar_rad), variance_rad2)
-    return before if after is before else replace(after, posed_s=before.t_s)
+        return Headings(before.t_s, mean, covariance, True, before.t_s)
+    return _with(before, -1.0, yaw_rad - (before.nose_rad - before.bar_rad), variance_rad2, before.t_s)
 
 
-def _with(before: Headings, bar: float, innovation_rad: float, variance: float) -> Headings:
-    """With a reading of the nose's heading plus `bar` times the bar's."""
+def _with(before: Headings, bar: float, innovation_rad: float, variance: float, posed_s: float) -> Headings:
+    """With a reading of the nose's heading plus `bar` times the bar's; as it was where that is not finite."""
     if not (math.isfinite(innovation_rad) and math.isfinite(variance)):
         return before
     mean, covariance = _corrected(before.mean, before.covariance, bar, wrap_angle(innovation_rad), variance)
-    return replace(before, mean=mean, covariance=covariance)
+    return Headings(before.t_s, mean, covariance, before.bar_known, posed_s)
 
 
 @compiled

@@ -14,7 +14,7 @@ from shipland.config import require
 from shipland.estimation.delayed import DelayedFilter, Inputs
 from shipland.estimation.filter_bank import FilterBank
 from shipland.estimation.relative_state import Model
-from shipland.frames import Array
+from shipland.frames import Array, all_finite
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class LatencyBank(FilterBank):
 
     def _best_s(self, cost: Array) -> float:
         """The lowest point of the parabola through the least cost and its neighbours."""
-        if not np.isfinite(cost).all():
+        if not all_finite(cost):
             return 0.0
         middle = min(max(int(np.argmin(cost)), 1), len(cost) - 2)
         before, at, after = cost[middle - 1 : middle + 2].tolist()

@@ -341,6 +341,19 @@ def seen_of(mean: Array, axes: int, shown: float) -> tuple[Array, Array]:
 
 
 @compiled
+def spread_of_place(covariance: Array, shown: float) -> Array:
+    """(axes, axes) covariance of the place less the `shown` share of the swing, from that of all states."""
+    axes = len(covariance) // STATES
+    result = np.empty((axes, axes))
+    for i in range(axes):
+        for j in range(axes):
+            a, b = STATES * i, STATES * j
+            both = covariance[a + PLACE, b + PLACE] + shown * shown * covariance[a + SWING, b + SWING]
+            result[i, j] = both - shown * (covariance[a + PLACE, b + SWING] + covariance[b + PLACE, a + SWING])
+    return result
+
+
+@compiled
 def velocity_of(
     mean: Array, axes: int, over_ship: float, settle_s: float, w: float, below: float
 ) -> tuple[Array, Array]:

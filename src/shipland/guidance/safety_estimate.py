@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.frames import Array, rotation_from_euler
+from shipland.frames import Array, all_finite, rotation_from_euler
 from shipland.guidance.view import View
 from shipland.messages import BarPose, Box, Observation, Telemetry
 from shipland.rig import Rig
@@ -92,7 +92,7 @@ class SafetyEstimator:
         """After one cycle; what is None or not finite changes nothing."""
         estimate = self._with_telemetry(estimate, telemetry)
         pose, bar, ship = observation.bar_pose, observation.bar_box, observation.ship_box
-        if pose is not None and np.isfinite(pose.position_in_bar_m).all() and math.isfinite(pose.yaw_rad):
+        if pose is not None and all_finite(pose.position_in_bar_m) and math.isfinite(pose.yaw_rad):
             return self._with_pose(estimate, pose, observation.t_s)
         if bar is not None and _usable(bar):
             return self._with_box(estimate, bar, self._bar_side_m, observation.t_s)
@@ -109,7 +109,7 @@ class SafetyEstimator:
             height_m, height_s = telemetry.height_m, telemetry.t_s
         way_m, sink_mps = estimate.bar_from_aircraft_m, 0.0
         step_s = 0.0 if estimate.t_s is None else telemetry.t_s - estimate.t_s
-        if velocity_mps is not None and np.isfinite(velocity_mps).all():
+        if velocity_mps is not None and all_finite(velocity_mps):
             sink_mps = max(0.0, float(velocity_mps[2]))
             if way_m is not None:
                 way_m = way_m - min(max(step_s, 0.0), _LONGEST_STEP_S) * _turned(velocity_mps[:2], heading_rad)
@@ -154,5 +154,5 @@ def _usable(box: Box) -> bool:
 
 def _turned(vector: Array, angle_rad: float) -> Array:
     """A horizontal vector (2,), turned clockwise from above."""
-    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]])
+    (x, y), cosine, sine = vector.tolist(), math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([cosine * x - sine * y, sine * x + cosine * y])

@@ -35,10 +35,11 @@ from shipland.estimation.relative_state import (
     Model,
     Motion,
     Spread,
+    spread_of_place,
 )
 from shipland.estimation.swing import Swing
 from shipland.estimation.swing_bank import SwingBank, SwingBelief
-from shipland.frames import GRAVITY_MPS2, Array, wrap_angle
+from shipland.frames import GRAVITY_MPS2, Array, all_finite, wrap_angle
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.servo import ShapedSpeed
 from shipland.guidance.response import Response
@@ -53,8 +54,8 @@ def _model(axes: int, motion: Motion, noise: Disturbances, swing: Swing, spread:
 
 def turned(vector: Array, angle_rad: float) -> Array:
     """A vector (2,) of axes turned clockwise by `angle_rad`, in those that are not."""
-    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([cosine * vector[0] - sine * vector[1], sine * vector[0] + cosine * vector[1]])
+    (x, y), cosine, sine = vector.tolist(), math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([cosine * x - sine * y, sine * x + cosine * y])
 
 
 @dataclass(frozen=True)
@@ -137,18 +138,11 @@ class Estimated:
         ahead, right = turned(np.array([1.0, 0.0]), self.bar_rad), turned(np.array([0.0, 1.0]), self.bar_rad)
         axes = np.array([ahead, right])
         covariance = np.zeros((4, 4))
-        covariance[:2, :2] = axes @ self._place_covariance(self.across) @ axes.T
-        covariance[2, 2] = self._place_covariance(self.down)[0, 0]
+        shown = self.swing.shown
+        covariance[:2, :2] = axes @ spread_of_place(self.across.covariance, shown) @ axes.T
+        covariance[2, 2] = spread_of_place(self.down.covariance, shown)[0, 0]
         covariance[3, 3] = self.yaw_variance
         return covariance
-
-    def _place_covariance(self, belief: Belief) -> Array:
-        """(axes, axes) of a place less the shown share of the swing."""
-        place, swing = slice(PLACE, None, STATES), slice(SWING, None, STATES)
-        crossed = belief.covariance[place, swing]
-        share = self.swing.shown
-        both = belief.covariance[place, place] + share**2 * belief.covariance[swing, swing]
-        return np.asarray(both - share * (crossed + crossed.T))
 
 
 def motion_of(response: Response) -> Motion:
@@ -390,7 +384,7 @@ class Navigator:
     def _take_velocity(self, telemetry: Telemetry) -> None:
         velocity, measured = telemetry.velocity_in_level_mps, self._parameters.measured
         t_s = _time(telemetry, "velocity_t_s")
-        if velocity is None or not measured.use_velocity or not np.isfinite(velocity).all():
+        if velocity is None or not measured.use_velocity or not all_finite(velocity):
             return
         if t_s < self._velocity_s + _VELOCITY_EVERY_S:
             return
@@ -550,7 +544,7 @@ class Navigator:
             self.servo.advance(t_s, self._pushes)
         across = self._across.ahead(t_s, self._pushes, turn_rad_s)
         down = self._down.ahead(t_s, self._climbs)
-        if across is None or down is None or not np.isfinite(across.mean).all():
+        if across is None or down is None or not all_finite(across.mean):
             return None
         passed_s = t_s - headings.t_s
         nose_rad = self._nose_at(t_s)
@@ -591,9 +585,7 @@ _VELOCITY_EVERY_S = 0.06
 
 
 def _finite(pose: BarPose) -> bool:
-    return bool(
-        np.isfinite(pose.position_in_bar_m).all() and math.isfinite(pose.yaw_rad) and np.isfinite(pose.covariance).all()
-    )
+    return all_finite(pose.position_in_bar_m) and math.isfinite(pose.yaw_rad) and all_finite(pose.covariance)
 
 
 def _time(telemetry: Telemetry, name: str) -> float:

@@ -143,18 +143,23 @@ def bar_pose_of(solutions: list[Solution], corners_px: Array, spread: Array | No
     taken = solutions[0]
     position_in_bar_m, yaw_rad = position_and_yaw(taken.camera_from_plane)
     excess = taken.excess
-    here = np.append(position_in_bar_m, yaw_rad)
+    here = _joined(position_in_bar_m, yaw_rad)
     covariance = excess * (covariance_in_bar(taken) + excess * _bend(taken, here)) if spread is None else spread
     for other in solutions[1:]:
         share = 1.0 / (1.0 + math.exp(min(max(0.5 * (other.chi2 - taken.chi2) / excess, -50.0), 50.0)))
         if share < _LEAST_SHARE:
             continue
         other_position_in_bar_m, other_yaw_rad = position_and_yaw(other.camera_from_plane)
-        apart = np.append(other_position_in_bar_m - position_in_bar_m, other_yaw_rad - yaw_rad)
+        apart = _joined(other_position_in_bar_m - position_in_bar_m, other_yaw_rad - yaw_rad)
         apart[3] = math.remainder(apart[3], math.tau)
         other_covariance = excess * covariance_in_bar(other) + np.outer(apart, apart)
         covariance = (1.0 - share) * covariance + share * other_covariance
     return BarPose(position_in_bar_m, yaw_rad, covariance, taken.reprojection_px, corners_px.reshape(-1, 2))
+
+
+def _joined(position_m: Array, yaw_rad: float) -> Array:
+    """(4,) a position and a yaw."""
+    return np.array([*position_m.tolist(), yaw_rad])
 
 
 def _bend(solution: Solution, here: Array) -> Array:
@@ -172,8 +177,8 @@ def _bend(solution: Solution, here: Array) -> Array:
     step = along / spread_rad
     turn, way_m = cv2.Rodrigues(step[:3])[0], step[3:]
     back = np.ascontiguousarray(turn.T)
-    ahead = np.append(*position_and_yaw(Pose(turn @ pose.rotation, pose.translation_m + way_m)))
-    behind = np.append(*position_and_yaw(Pose(back @ pose.rotation, pose.translation_m - way_m)))
+    ahead = _joined(*position_and_yaw(Pose(turn @ pose.rotation, pose.translation_m + way_m)))
+    behind = _joined(*position_and_yaw(Pose(back @ pose.rotation, pose.translation_m - way_m)))
     bend = 0.5 * (ahead + behind) - here
     bend[3] = math.remainder(bend[3], math.pi)
     return 3.0 * np.outer(bend, bend)
@@ -192,12 +197,12 @@ def spread_of(taken: Solution, corners: Corners, camera: Camera, prior: LevelPri
     spread_rad = math.sqrt(excess * variance)
     if not spread_rad > _FLAT_RAD:
         return None
-    here = np.append(*position_and_yaw(taken.camera_from_plane))
+    here = _joined(*position_and_yaw(taken.camera_from_plane))
     # What is left unknown when the angle is known.
     known = replace(taken, covariance=taken.covariance - np.outer(along, along) / variance)
     weight, square = 1.0, np.zeros((4, 4))
     for beside in turned(taken, _FLAT_SIGMAS * spread_rad, corners, camera, prior):
-        off = np.append(*position_and_yaw(beside.camera_from_plane)) - here
+        off = _joined(*position_and_yaw(beside.camera_from_plane)) - here
         off[3] = math.remainder(off[3], math.tau)
         share = math.exp(min(0.5 * (taken.chi2 - beside.chi2) / excess, 0.0))
         square += share * np.outer(off, off)
