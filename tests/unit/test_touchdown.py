@@ -114,7 +114,7 @@ def _stand(flown: World) -> None:
     x, y, z = (place[i] - deck.origin_m[i] for i in range(3))
     v = deck.velocity_mps
     carried = (v[0] + q * z - w * y, v[1] + w * x - p * z, v[2] + p * y - q * x)
-    flown._data.qvel[:3] = (carried[0], -carried[1], -carried[2])
+    flown._body.move(flown._body.motion()._replace(velocity_mps=tuple(carried)))
     flown._motors_run = False
     flown.advance(flown.t_s + 3.0)
 
