@@ -106,13 +106,13 @@ def test_where_the_filter_for_turns_takes_over_the_axes_do_not_step():
         bar_rad = 0.3 * max(t_s - 6.0, 0.0)
         compass_rad = 0.05 * math.sin(0.9 * t_s) + rng.normal(0.0, 0.02)
         pose = BarPose(HOVER_IN_BAR_M + CAMERA_IN_BODY_M, -bar_rad, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
-        before = navigator._headings
-        quiet = before is not navigator._turning
+        before = navigator._headings.now
+        quiet = not navigator._headings.turning
         telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, compass_rad, 3.0, np.zeros(3), 90.0, 90.0, True, heading_t_s=t_s)
         navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
-        if quiet and before is not None and navigator._headings is navigator._turning:
+        if quiet and before is not None and navigator._headings.turning:
             took_over += 1
-            steps_rad.append(navigator._headings.bar_rad - before.bar_rad)
+            steps_rad.append(navigator._headings.now.bar_rad - before.bar_rad)
     assert took_over >= 1
     assert np.abs(steps_rad).max() < 0.015
 

@@ -3,146 +3,32 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from shipland.camera import Camera
 from shipland.estimation.delayed import DelayedFilter, Inputs
 from shipland.estimation.gain import GainBank
-from shipland.estimation.heading import (
-    Compass,
-    HeadingNoise,
-    Headings,
-    first_headings,
-    headings_at,
-    shifted,
-    with_compass,
-    with_pose,
-)
 from shipland.estimation.latency import LatencyBank
-from shipland.estimation.relative_state import (
-    GUST,
-    PLACE,
-    PUSH,
-    SPEED,
-    STATES,
-    SWING,
-    SWING_RATE,
-    Belief,
-    Disturbances,
-    Model,
-    Motion,
-    Spread,
-    spread_of_place,
-)
+from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, Disturbances, Model, Motion, Spread
 from shipland.estimation.swing import Swing
 from shipland.estimation.swing_bank import SwingBank, SwingBelief
 from shipland.frames import GRAVITY_MPS2, Array, all_finite, wrap_angle
+from shipland.guidance.horizon.estimated import Estimated, turned
+from shipland.guidance.horizon.heading_filters import HeadingFilters
 from shipland.guidance.horizon.parameters import HorizonParameters
+from shipland.guidance.horizon.places import HeightGate, Places, SeenPlace
 from shipland.guidance.horizon.servo import ShapedSpeed
 from shipland.guidance.response import Response
-from shipland.messages import BarPose, Box, Observation, PilotCommand, Telemetry
+from shipland.messages import BarPose, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
 
 
 @lru_cache(maxsize=64)
 def _model(axes: int, motion: Motion, noise: Disturbances, swing: Swing, spread: Spread | None = None) -> Model:
     return Model(axes, motion, noise, swing, spread)
-
-
-def turned(vector: Array, angle_rad: float) -> Array:
-    """A vector (2,) of axes turned clockwise by `angle_rad`, in those that are not."""
-    (x, y), cosine, sine = vector.tolist(), math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([cosine * x - sine * y, sine * x + cosine * y])
-
-
-@dataclass(frozen=True)
-class Estimated:
-    """The estimate at one time; horizontal vectors in the axes of the flight, which do not turn.
-
-    Attributes:
-        t_s: the time that it holds for.
-        across: place and motion against the bar, horizontally; downward.
-        down: likewise, downward.
-        swing: what both take the deck's and the bar's swing for.
-        nose_rad, bar_rad: headings in the axes of the flight.
-        turn_rad_s: of the bar.
-        bar_known: the bar's heading has been seen.
-        yaw_variance: of the difference of the two headings [rad²].
-    """
-
-    t_s: float
-    across: Belief
-    down: Belief
-    swing: Swing
-    nose_rad: float
-    bar_rad: float
-    turn_rad_s: float
-    bar_known: bool
-    yaw_variance: float
-
-    @cached_property
-    def place_m(self) -> Array:
-        """(2,) of the aircraft from the bar, in the axes of the flight."""
-        return self._less_swing(PLACE, SWING, self.swing.shown)
-
-    @cached_property
-    def speed_mps(self) -> Array:
-        """(2,) its rate."""
-        return self._less_swing(SPEED, SWING_RATE, self.swing.shown)
-
-    @cached_property
-    def followed_m(self) -> Array:
-        """(2,) of the aircraft from what it follows of the bar: the place that errs over the deck."""
-        return self._less_swing(PLACE, SWING, self.swing.aimed)
-
-    @cached_property
-    def followed_mps(self) -> Array:
-        """(2,) its rate."""
-        return self._less_swing(SPEED, SWING_RATE, self.swing.aimed)
-
-    def _less_swing(self, state: int, of_swing: int, share: float) -> Array:
-        return self.across.of(state) - share * self.across.of(of_swing)
-
-    @cached_property
-    def spread_m(self) -> float:
-        """Standard deviation of the place along the worse axis."""
-        covariance = self.across.covariance
-        return math.sqrt(max(covariance[PLACE, PLACE], covariance[STATES + PLACE, STATES + PLACE], 0.0))
-
-    @cached_property
-    def down_m(self) -> float:
-        """Below the bar's centre."""
-        return float(self.down.of(PLACE)[0] - self.swing.shown * self.down.of(SWING)[0])
-
-    @cached_property
-    def down_mps(self) -> float:
-        """Its rate."""
-        return float(self.down.of(SPEED)[0] - self.swing.shown * self.down.of(SWING_RATE)[0])
-
-    @cached_property
-    def aircraft_in_bar_m(self) -> Array:
-        """(3,)."""
-        ahead_m, right_m = turned(self.place_m, -self.bar_rad).tolist()
-        return np.array([ahead_m, right_m, self.down_m])
-
-    @property
-    def covariance(self) -> Array:
-        """(4,4) of `aircraft_in_bar_m` and yaw [m, m, m, rad].
-
-        Poses enter turned by the bar's heading and leave turned back by it, so that its error cancels in the place;
-        place and yaw come from filters of their own, so that what they share is not known and stands as zero.
-        """
-        ahead, right = turned(np.array([1.0, 0.0]), self.bar_rad), turned(np.array([0.0, 1.0]), self.bar_rad)
-        axes = np.array([ahead, right])
-        covariance = np.zeros((4, 4))
-        shown = self.swing.shown
-        covariance[:2, :2] = axes @ spread_of_place(self.across.covariance, shown) @ axes.T
-        covariance[2, 2] = spread_of_place(self.down.covariance, shown)[0, 0]
-        covariance[3, 3] = self.yaw_variance
-        return covariance
 
 
 def motion_of(response: Response) -> Motion:
@@ -164,14 +50,8 @@ class Navigator:
         self, parameters: HorizonParameters, response: Response, rig: Rig, camera: Camera, camera_in_body_m: Array
     ) -> None:
         self._parameters, self._response = parameters, response
-        self._focal_px = camera.focal_px
-        self._middle_px = (float(camera.matrix[0, 2]), float(camera.matrix[1, 2]))
-        self._camera_in_body_m = np.asarray(camera_in_body_m, dtype=float)
-        board_width_m, board_height_m = rig.board_size_m
-        self._stern_ratio = rig.platform_width_m / rig.superstructure_height_m
-        self._ship_m = math.sqrt(rig.platform_width_m * rig.superstructure_height_m)
-        self._ship_below_m = 0.5 * rig.superstructure_height_m - (rig.superstructure_height_m - rig.bar_height_m)
-        self._bar_m = math.sqrt(board_width_m * board_height_m)
+        self._places = Places(parameters.measured, rig, camera, camera_in_body_m)
+        self._heights = HeightGate(response.climb_lag_s)
         self._low_m = float(rig.deck_in_bar_m[2]) - parameters.margins.low_m
         self.motion = motion_of(response)
         self.servo = ShapedSpeed(self.motion) if self.motion.inputs > 1 else None
@@ -193,16 +73,13 @@ class Navigator:
         stern_m = -float(rig.bar_in_ship_m[0]) - rig.deck_ahead_of_stern_m
         self._hull_m = (stern_m, stern_m + rig.platform_length_m, 0.5 * rig.platform_width_m)
         self._deck_down_m = float(rig.deck_in_bar_m[2])
-        self._pushes, self._climbs, self._turns = Inputs(2 * self.motion.inputs), Inputs(1), Inputs(1)
-        self._headings: Headings | None = None
-        self._turning: Headings | None = None
-        self._compass = Compass()
+        self._pushes, self._climbs = Inputs(2 * self.motion.inputs), Inputs(1)
+        self._headings = HeadingFilters(parameters.heading, parameters.heading_turning, parameters.turn_from_rad_s)
         self._velocity_s = -math.inf
         self._seen_s = -math.inf
         self._sinking: tuple[float, float] | None = None
         self._tilted_mps2: Array = np.zeros(2)
         self._nose_up_rad = 0.0
-        self._height_seen: tuple[float, float, float] | None = None
 
     def _across_model(self) -> Model:
         return self._model_of_gain(self.motion.gain)
@@ -226,7 +103,7 @@ class Navigator:
 
     def _judge_axis(self) -> None:
         """The directions of surge and sway turn with the ship."""
-        headings = self._headings
+        headings = self._headings.now
         if headings is None or not headings.bar_known:
             return
         if self._along_rad is None or abs(wrap_angle(headings.bar_rad - self._along_rad)) > _AXIS_STEP_RAD:
@@ -290,9 +167,9 @@ class Navigator:
         push = np.array([self._response.input_of(stick) for stick in sticks])
         if self.servo is None and max(map(abs, sticks)) < self._response.hold_below_percent:
             push = self._tilted_mps2 / self.motion.gain  # the vehicle holds its place by itself, against the wind
-        self._turns.add(effect_s + self._response.turn_lag_s, np.array([turn]))
+        self._headings.sent(effect_s + self._response.turn_lag_s, turn)
         self._climbs.add(effect_s, np.array([-climb]))
-        nose_rad = self._nose_at(effect_s)
+        nose_rad = self._headings.nose_at(effect_s)
         if self.servo is None:
             self._pushes.add(effect_s, turned(push, nose_rad))
         else:
@@ -306,15 +183,6 @@ class Navigator:
         """(2,) the newest input sent, in the axes of the flight."""
         return self._pushes.latest() if self.servo is None else self.servo.asked_mps
 
-    def _nose_at(self, t_s: float) -> float:
-        headings = self._headings
-        if headings is None:
-            return 0.0
-        return headings.nose_rad + self._turned_rad(headings.t_s, t_s)
-
-    def _turned_rad(self, from_s: float, to_s: float) -> float:
-        return float(self._turns.mean(from_s, to_s)[0]) * max(to_s - from_s, 0.0)
-
     def take(self, observation: Observation, telemetry: Telemetry) -> None:
         """One cycle's news."""
         if observation.bar_pose is not None and not _finite(observation.bar_pose):
@@ -322,64 +190,29 @@ class Navigator:
         observation = replace(observation, t_s=self.taken_s(observation.t_s))
         heading_rad = telemetry.heading_rad
         if heading_rad is not None:
-            self._compass.add(_time(telemetry, "heading_t_s"), heading_rad)
+            self._headings.compass(_time(telemetry, "heading_t_s"), heading_rad)
         roll_rad, pitch_rad = telemetry.roll_rad, telemetry.pitch_rad
         if roll_rad is not None and pitch_rad is not None and max(abs(roll_rad), abs(pitch_rad)) < _STEEPEST_RAD:
             self._tilted_mps2 = GRAVITY_MPS2 * np.array([-math.tan(pitch_rad), math.tan(roll_rad)])
             self._nose_up_rad = pitch_rad
-        t_s = observation.t_s
-        if self._headings is None:
-            self._headings = self._turning = first_headings(t_s, self._compass.at(t_s) or 0.0)
-        self._take_headings(observation)
+        t_s, pose = observation.t_s, observation.bar_pose
+        headings = self._headings.take(t_s, pose)
         self._judge_axis()
         self._take_velocity(telemetry)
-        pose = observation.bar_pose
-        turn_rad_s = self._headings.turn_rad_s if self._headings.bar_known else 0.0
+        turn_rad_s = self._headings.turn_rad_s
+        box = observation.bar_box or observation.ship_box
         if pose is not None:
-            self._take_pose(t_s, pose, turn_rad_s)
-        else:
-            box = observation.bar_box or observation.ship_box
-            if box is not None and all(map(math.isfinite, (*box.centre_px, *box.size_px))):
-                self._take_box(observation, box, observation.bar_box is not None, turn_rad_s)
+            speed_mps = 0.0 if self._across.belief is None else float(np.linalg.norm(self._across.belief.of(SPEED)))
+            self._take_pose(t_s, self._places.of_pose(pose, headings, self._nose_up_rad, speed_mps), turn_rad_s)
+        elif box is not None:
+            pitch_rad, is_bar = observation.gimbal.pitch_rad, observation.bar_box is not None
+            place = self._places.of_box(box, is_bar, pitch_rad, headings)
+            if place is not None:
+                self._enter(t_s, place, turn_rad_s)
         self._judge_wind()
         self._judge_view()
         self._across.follow(telemetry.t_s, self._pushes, turn_rad_s)
         self._down.follow(telemetry.t_s, self._climbs)
-
-    def _take_headings(self, observation: Observation) -> None:
-        """Two filters: one for a ship that keeps its course, quiet, and one for a ship that turns.
-
-        Where the one takes over from the other, the bar's heading does not step: the estimate's axes turn with it.
-        """
-        assert self._headings is not None
-        assert self._turning is not None
-        parameters, turning_before = self._parameters, self._headings is self._turning
-        reading = self._compass.believed(self._headings, observation.t_s, self._turned_rad)
-        self._turning = self._with_news(self._turning, observation, reading, parameters.heading_turning)
-        quiet = self._with_news(self._headings, observation, reading, parameters.heading)
-        if self._turning.bar_known and abs(self._turning.turn_rad_s) > parameters.turn_from_rad_s:
-            if not turning_before:
-                self._turning = shifted(self._turning, quiet.bar_rad - self._turning.bar_rad)
-            self._headings = self._turning
-        else:
-            self._headings = quiet
-
-    def _with_news(
-        self,
-        headings: Headings,
-        observation: Observation,
-        reading: tuple[float, float] | None,
-        noise: HeadingNoise,
-    ) -> Headings:
-        t_s = observation.t_s
-        headings = headings_at(headings, t_s, self._turned_rad(headings.t_s, t_s), noise)
-        if reading is not None:
-            read_s, heading_rad = reading
-            headings = with_compass(headings, heading_rad + self._turned_rad(read_s, t_s), noise)
-        pose = observation.bar_pose
-        if pose is not None:
-            headings = with_pose(headings, pose.yaw_rad, float(pose.covariance[3, 3]), noise)
-        return headings
 
     def _take_velocity(self, telemetry: Telemetry) -> None:
         velocity, measured = telemetry.velocity_in_level_mps, self._parameters.measured
@@ -389,7 +222,7 @@ class Navigator:
         if t_s < self._velocity_s + _VELOCITY_EVERY_S:
             return
         self._velocity_s = t_s
-        across_mps, over_ship = turned(velocity[:2], self._nose_at(t_s)), self._over_ship()
+        across_mps, over_ship = turned(velocity[:2], self._headings.nose_at(t_s)), self._over_ship()
         self._across.velocity(t_s, across_mps, over_ship)
         self._latency.velocity(t_s, across_mps, over_ship)
         self._gain.velocity(t_s, across_mps, over_ship)
@@ -399,7 +232,7 @@ class Navigator:
 
     def _over_ship(self) -> float:
         """Share of ship in a downward view, roughly: the platform against a square below the aircraft."""
-        across, down, headings = self._across.belief, self._down.belief, self._headings
+        across, down, headings = self._across.belief, self._down.belief, self._headings.now
         if not self._parameters.measured.flow or across is None or down is None or headings is None:
             return 0.0
         ahead_m, right_m = turned(across.of(PLACE), -headings.bar_rad).tolist()
@@ -409,59 +242,21 @@ class Navigator:
         aside_m = min(right_m + half_m, side_m) - max(right_m - half_m, -side_m)
         return float(max(along_m, 0.0) * max(aside_m, 0.0) / (2.0 * half_m) ** 2)
 
-    def _take_pose(self, t_s: float, pose: BarPose, turn_rad_s: float) -> None:
-        headings = self._headings
-        assert headings is not None
-        measured = self._parameters.measured
-        lever = turned(self._camera_in_body_m[:2], pose.yaw_rad)
-        place_in_bar_m = pose.position_in_bar_m[:2] - lever
-        ahead_m, _, below_m = self._camera_in_body_m.tolist()
-        camera_below_m = below_m * math.cos(self._nose_up_rad) - ahead_m * math.sin(self._nose_up_rad)
-        down_m = float(pose.position_in_bar_m[2]) - camera_below_m
-        range_m = math.hypot(*place_in_bar_m.tolist())
-        speed_mps = 0.0 if self._across.belief is None else float(np.linalg.norm(self._across.belief.of(1)))
-        floor = (measured.place_m + measured.place_share * range_m) ** 2 + (measured.picture_s * speed_mps) ** 2
-        angle_rad, by_nose = headings.bar_rad, 0.0
-        # Two ways to turn the place into the axes of the flight: by the bar's heading, or by the nose's and this
-        # picture's yaw, whose errors cancel in the bearing of the bar. A slow error of either heading turns place and
-        # landing point alike, and is no error of the offset between them.
-        x, y = place_in_bar_m.tolist()
-        by_yaw = pose.covariance[3].tolist()
-        if range_m**2 * (by_yaw[3] + _NOSE_RAD**2) < 2.0 * (x * by_yaw[1] - y * by_yaw[0]):
-            angle_rad, by_nose = headings.nose_rad - pose.yaw_rad, 1.0
-        cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
-        north_m, east_m = cosine * x - sine * y, sine * x + cosine * y
-        # Of the place to forward, starboard, down and yaw in the pose.
-        jacobian = np.array([[cosine, -sine, 0.0, by_nose * east_m], [sine, cosine, 0.0, -by_nose * north_m]])
-        place_m = np.array([north_m, east_m])
-        covariance = jacobian @ pose.covariance @ jacobian.T + floor * _EYE
-        covariance += (_NOSE_RAD**2) * np.outer(jacobian[:, 3], jacobian[:, 3])
-        down_variance = float(pose.covariance[2, 2]) + floor + (ahead_m * _LEAN_RAD) ** 2
-        if self._leaps(t_s, down_m, down_variance):
+    def _take_pose(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
+        if self._heights.refuses(t_s, place.down_m, place.down_variance, self._climbs):
             return
-        self._take_swing(t_s, down_m, down_variance)
+        self._take_swing(t_s, place.down_m, place.down_variance)
         stamp_s = t_s - self._latency.correction_s
-        self._latency.picture(stamp_s, place_m, covariance, self._pushes, turn_rad_s, self._across)
-        self._judge_gain(t_s, place_m, covariance, turn_rad_s)
-        self._enter(t_s, place_m, covariance, down_m, down_variance, turn_rad_s)
+        self._latency.picture(stamp_s, place.across_m, place.covariance, self._pushes, turn_rad_s, self._across)
+        self._judge_gain(t_s, place, turn_rad_s)
+        self._enter(t_s, place, turn_rad_s)
 
-    def _leaps(self, t_s: float, down_m: float, variance: float) -> bool:
-        """A height that no climb leads to is none: a bar mirrored in a wet deck is as high below as it is above."""
-        seen, lag_s = self._height_seen, self._response.climb_lag_s
-        if seen is not None and seen[0] < t_s < seen[0] + _LEAP_S:
-            passed_s = t_s - seen[0]
-            moved_m = float(self._climbs.mean(seen[0] - lag_s, t_s - lag_s)[0]) * passed_s
-            most_m = _LEAP_M + _LEAP_MPS * passed_s + _LEAP_SIGMAS * math.sqrt(variance + seen[2])
-            if abs(down_m - seen[1] - moved_m) > most_m:
-                return True
-        self._height_seen = (t_s, down_m, variance)
-        return False
-
-    def _judge_gain(self, t_s: float, place_m: Array, covariance: Array, turn_rad_s: float) -> None:
+    def _judge_gain(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
         """What the sticks do; only where they mean a tilt: a servo brings about the speed that is asked for."""
         if self.motion.servo_per_s > 0.0:
             return
-        better = self._gain.picture(t_s, place_m, covariance, self._pushes, turn_rad_s, self._across, self._gain_models)
+        across_m, covariance, models = place.across_m, place.covariance, self._gain_models
+        better = self._gain.picture(t_s, across_m, covariance, self._pushes, turn_rad_s, self._across, models)
         if better is not None:
             self.motion, self._across = replace(self.motion, gain=self._gain.gain), better
             self._latency.forget_place()
@@ -490,56 +285,30 @@ class Navigator:
             self._gain.adopt(self._gain_models)
             self._down.adopt(self._down_model())
 
-    def _take_box(self, observation: Observation, box: Box, is_bar: bool, turn_rad_s: float) -> None:
-        """A box as a place: range from its area, bearing and elevation from its centre."""
-        assert self._headings is not None
-        measured, size_m = self._parameters.measured, self._bar_m if is_bar else self._ship_m
-        area_px2 = box.area_px2
-        if measured.ship_as_stern and not is_bar:
-            area_px2 = min(area_px2, self._stern_ratio * box.size_px[1] ** 2)
-        range_m = self._focal_px * size_m / math.sqrt(max(area_px2, 1.0))
-        right = (box.centre_px[0] - self._middle_px[0]) / self._focal_px
-        elevation_rad = observation.gimbal.pitch_rad - math.atan2(box.centre_px[1] - self._middle_px[1], self._focal_px)
-        if not (math.isfinite(elevation_rad) and abs(elevation_rad) < 1.4):
-            return
-        to_target_m = range_m * np.array([1.0, right])
-        nose_rad = self._headings.nose_rad
-        along, across = turned(np.array([1.0, right]), nose_rad), turned(np.array([-right, 1.0]), nose_rad)
-        along_m = 0.5 * measured.area_share * range_m
-        across_m = range_m * measured.centre_px / self._focal_px + measured.box_m
-        across_variance = across_m**2 + range_m**2 * float(self._headings.covariance[0, 0])
-        covariance = measured.repeated * (
-            along_m**2 * np.outer(along, along) + across_variance * np.outer(across, across)
-        )
-        down_m = range_m * math.tan(elevation_rad) + (0.0 if is_bar else self._ship_below_m)
-        down_variance = measured.repeated * (across_m**2 + (along_m * math.tan(elevation_rad)) ** 2)
-        self._enter(observation.t_s, -turned(to_target_m, nose_rad), covariance, down_m, down_variance, turn_rad_s)
-
-    def _enter(
-        self, t_s: float, place_m: Array, covariance: Array, down_m: float, down_variance: float, turn_rad_s: float
-    ) -> None:
-        down, spread = np.array([down_m]), np.array([[down_variance]])
+    def _enter(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
+        across_m, covariance = place.across_m, place.covariance
+        down_m, spread = np.array([place.down_m]), np.array([[place.down_variance]])
         measured = self._parameters.measured
         if self._across.belief is None or self._across.refused >= measured.lost_refusals:
-            self._across.start(t_s, place_m, covariance, measured.first_mps)
-            self._down.start(t_s, down, spread, measured.first_climb_mps)
+            self._across.start(t_s, across_m, covariance, measured.first_mps)
+            self._down.start(t_s, down_m, spread, measured.first_climb_mps)
             self._latency.forget_place()
             self._gain.forget_place()
             self._seen_s = t_s
             return
         if self._down.refused >= measured.lost_refusals:
-            self._down.start(t_s, down, spread, measured.first_climb_mps)
+            self._down.start(t_s, down_m, spread, measured.first_climb_mps)
         else:
-            self._down.picture(t_s, down, spread, self._climbs)
-        if self._across.picture(t_s, place_m, covariance, self._pushes, turn_rad_s):
+            self._down.picture(t_s, down_m, spread, self._climbs)
+        if self._across.picture(t_s, across_m, covariance, self._pushes, turn_rad_s):
             self._seen_s = t_s
 
     def estimate(self, t_s: float) -> Estimated | None:
         """The estimate at a time that is not before the newest picture."""
-        headings = self._headings
+        headings = self._headings.now
         if headings is None:
             return None
-        turn_rad_s = headings.turn_rad_s if headings.bar_known else 0.0
+        turn_rad_s = self._headings.turn_rad_s
         if self.servo is not None:
             self.servo.advance(t_s, self._pushes)
         across = self._across.ahead(t_s, self._pushes, turn_rad_s)
@@ -547,7 +316,7 @@ class Navigator:
         if across is None or down is None or not all_finite(across.mean):
             return None
         passed_s = t_s - headings.t_s
-        nose_rad = self._nose_at(t_s)
+        nose_rad = self._headings.nose_at(t_s)
         bar_rad = headings.bar_rad + turn_rad_s * passed_s
         nose, bar, both = headings.covariance[[0, 1, 0], [0, 1, 1]].tolist()
         return Estimated(
@@ -563,7 +332,6 @@ class Navigator:
         )
 
 
-_EYE = np.eye(2)
 _FLOW_SLOPE = math.tan(math.radians(30.0))
 """Half the view of an optical-flow camera, as a slope."""
 _AXIS_STEP_RAD = 0.2
@@ -572,14 +340,6 @@ _VIEW_STEP = 0.25
 """Shares of ship in view that models are kept for."""
 _STEEPEST_RAD = 1.0
 """A tilt beyond this is none that a vehicle holds its place with."""
-_NOSE_RAD = 0.003
-"""What the nose's heading errs by from picture to picture."""
-_LEAN_RAD = 0.12
-"""What the lean at a picture errs by: read at 5 Hz, and so alike in many pictures that each counts for little."""
-_LEAP_M, _LEAP_MPS, _LEAP_SIGMAS = 0.5, 0.2, 4.0
-"""From picture to picture heights change by the climb that was asked for and by no more than this."""
-_LEAP_S = 5.0
-"""A height that is seen for so long is taken, whatever came before."""
 _VELOCITY_EVERY_S = 0.06
 """Its noise is coloured: readings that follow closer tell little more."""
 

@@ -1,0 +1,106 @@
+"""The estimate of the pilot `horizon` at one time, and the axes that it is told in."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from shipland.estimation.relative_state import PLACE, SPEED, STATES, SWING, SWING_RATE, Belief, spread_of_place
+from shipland.estimation.swing import Swing
+from shipland.frames import Array
+
+
+def turned(vector: Array, angle_rad: float) -> Array:
+    """A vector (2,) of axes turned clockwise by `angle_rad`, in those that are not."""
+    (x, y), cosine, sine = vector.tolist(), math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([cosine * x - sine * y, sine * x + cosine * y])
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """The estimate at one time; horizontal vectors in the axes of the flight, which do not turn.
+
+    Attributes:
+        t_s: the time that it holds for.
+        across: place and motion against the bar, horizontally; downward.
+        down: likewise, downward.
+        swing: what both take the deck's and the bar's swing for.
+        nose_rad, bar_rad: headings in the axes of the flight.
+        turn_rad_s: of the bar.
+        bar_known: the bar's heading has been seen.
+        yaw_variance: of the difference of the two headings [rad²].
+    """
+
+    t_s: float
+    across: Belief
+    down: Belief
+    swing: Swing
+    nose_rad: float
+    bar_rad: float
+    turn_rad_s: float
+    bar_known: bool
+    yaw_variance: float
+
+    @cached_property
+    def place_m(self) -> Array:
+        """(2,) of the aircraft from the bar, in the axes of the flight."""
+        return self._less_swing(PLACE, SWING, self.swing.shown)
+
+    @cached_property
+    def speed_mps(self) -> Array:
+        """(2,) its rate."""
+        return self._less_swing(SPEED, SWING_RATE, self.swing.shown)
+
+    @cached_property
+    def followed_m(self) -> Array:
+        """(2,) of the aircraft from what it follows of the bar: the place that errs over the deck."""
+        return self._less_swing(PLACE, SWING, self.swing.aimed)
+
+    @cached_property
+    def followed_mps(self) -> Array:
+        """(2,) its rate."""
+        return self._less_swing(SPEED, SWING_RATE, self.swing.aimed)
+
+    def _less_swing(self, state: int, of_swing: int, share: float) -> Array:
+        return self.across.of(state) - share * self.across.of(of_swing)
+
+    @cached_property
+    def spread_m(self) -> float:
+        """Standard deviation of the place along the worse axis."""
+        covariance = self.across.covariance
+        return math.sqrt(max(covariance[PLACE, PLACE], covariance[STATES + PLACE, STATES + PLACE], 0.0))
+
+    @cached_property
+    def down_m(self) -> float:
+        """Below the bar's centre."""
+        return float(self.down.of(PLACE)[0] - self.swing.shown * self.down.of(SWING)[0])
+
+    @cached_property
+    def down_mps(self) -> float:
+        """Its rate."""
+        return float(self.down.of(SPEED)[0] - self.swing.shown * self.down.of(SWING_RATE)[0])
+
+    @cached_property
+    def aircraft_in_bar_m(self) -> Array:
+        """(3,)."""
+        ahead_m, right_m = turned(self.place_m, -self.bar_rad).tolist()
+        return np.array([ahead_m, right_m, self.down_m])
+
+    @property
+    def covariance(self) -> Array:
+        """(4,4) of `aircraft_in_bar_m` and yaw [m, m, m, rad].
+
+        Poses enter turned by the bar's heading and leave turned back by it, so that its error cancels in the place;
+        place and yaw come from filters of their own, so that what they share is not known and stands as zero.
+        """
+        ahead, right = turned(np.array([1.0, 0.0]), self.bar_rad), turned(np.array([0.0, 1.0]), self.bar_rad)
+        axes = np.array([ahead, right])
+        covariance = np.zeros((4, 4))
+        shown = self.swing.shown
+        covariance[:2, :2] = axes @ spread_of_place(self.across.covariance, shown) @ axes.T
+        covariance[2, 2] = spread_of_place(self.down.covariance, shown)[0, 0]
+        covariance[3, 3] = self.yaw_variance
+        return covariance
