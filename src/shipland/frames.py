@@ -132,6 +132,11 @@ def all_finite(values: Array) -> bool:
     return all(map(math.isfinite, values.ravel().tolist()))
 
 
+def shape_of(values: npt.ArrayLike) -> tuple[int, ...]:
+    """`np.shape`, which is slow for what is an array already."""
+    return values.shape if isinstance(values, np.ndarray) else np.shape(values)
+
+
 def wrap_angle(angle_rad: float) -> float:
     """The same angle [rad] in [-pi, pi)."""
     wrapped = float((angle_rad + np.pi) % (2 * np.pi) - np.pi)
@@ -151,11 +156,9 @@ class Pose:
     translation_m: Array
 
     def __post_init__(self) -> None:
-        if np.shape(self.rotation) != (3, 3) or np.shape(self.translation_m) != (3,):
-            raise ValueError(
-                f"Pose wants rotation (3, 3) and translation (3,), got {np.shape(self.rotation)} "
-                f"and {np.shape(self.translation_m)}"
-            )
+        rotation, translation = shape_of(self.rotation), shape_of(self.translation_m)
+        if rotation != (3, 3) or translation != (3,):
+            raise ValueError(f"Pose wants rotation (3, 3) and translation (3,), got {rotation} and {translation}")
 
     @staticmethod
     def identity() -> Pose:

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from shipland.frames import Array, Pose
+from shipland.frames import Array, Pose, shape_of
 
 
 def _check_shape(owner: str, name: str, value: npt.NDArray[np.generic], shape: tuple[int | None, ...]) -> None:
-    got = np.shape(value)
+    got = shape_of(value)
     if got == shape:
         return
     if len(got) != len(shape) or any(want is not None and want != have for want, have in zip(shape, got, strict=True)):

@@ -196,15 +196,12 @@ class Model:
     ) -> None:
         self.axes, self.motion, self.noise, self.swing = axes, motion, noise, swing
         self._shape = np.eye(axes) if spread is None else spread.shape
-        self._steps: dict[int, tuple[Array, Array, Array]] = {}
         self._ways: dict[int, Array] = {}
 
     def step(self, step_ms: int) -> tuple[Array, Array, Array]:
         """Transition (n,n), input matrix (n, axes) and noise (n,n) over whole milliseconds."""
-        found = self._steps.get(step_ms)
-        if found is None:
-            found = self._steps[step_ms] = self._solved(step_ms)
-        return found
+        transition, noise, inputs = self.way(step_ms)[:3]
+        return transition, inputs[:, : self.axes * self.motion.inputs], noise
 
     def way(self, way_ms: int) -> Array:
         """What `mean_after` and `spread_after` take over whole milliseconds: (3,n,n) transition, noise and input.
@@ -214,31 +211,26 @@ class Model:
         """
         found = self._ways.get(way_ms)
         if found is None:
-            found = self._ways[way_ms] = self._stacked(way_ms)
+            found = self._ways[way_ms] = self._solved(way_ms)
         return found
 
-    def _stacked(self, way_ms: int) -> Array:
-        size = STATES * self.axes
+    def _solved(self, way_ms: int) -> Array:
+        size, inputs = STATES * self.axes, self.axes * self.motion.inputs
+        way = np.zeros((7 if way_ms >= STRIDE_MS else 3, size, size))
+        transition, covariance, entries = way[:3]
         if way_ms == 0:
-            return np.stack([np.eye(size), np.zeros((size, size)), np.zeros((size, size))])
-        transition, push, noise = self.step(way_ms)
-        parts = [transition, noise, push]
-        if way_ms >= STRIDE_MS:
-            for step_ms in (STRIDE_MS, way_ms % STRIDE_MS or STRIDE_MS):
-                parts += self.step(step_ms)[:2]
-        return np.stack([np.pad(part, ((0, 0), (0, size - part.shape[1]))) for part in parts])
-
-    def _solved(self, step_ms: int) -> tuple[Array, Array, Array]:
-        one, push, noise, swing_noise = _axis_step(self.motion, self.noise, self.swing, step_ms)
-        size = STATES * self.axes
-        transition, covariance = np.eye(size), np.zeros((size, size))
-        inputs = np.zeros((size, self.axes * self.motion.inputs))
+            transition[:] = np.eye(size)
+            return way
+        one, push, noise, swing_noise = _axis_step(self.motion, self.noise, self.swing, way_ms)
         for axis in range(self.axes):
             rows = _rows(axis)
-            transition[rows, rows], covariance[rows, rows], inputs[rows, axis :: self.axes] = one, noise, push
+            transition[rows, rows], covariance[rows, rows], entries[rows, axis : inputs : self.axes] = one, noise, push
             for other in range(self.axes):
                 covariance[rows, _rows(other)] += self._shape[axis, other] * swing_noise
-        return transition, inputs, covariance
+        if way_ms >= STRIDE_MS:
+            way[3:5] = way[[0, 2]] if way_ms == STRIDE_MS else self.way(STRIDE_MS)[[0, 2]]
+            way[5:7] = self.way(way_ms % STRIDE_MS)[[0, 2]]
+        return way
 
     def _swing_spread(self) -> Array:
         """(n,n) covariance of the swing while nothing is known of it; zero for all else."""
