@@ -41,19 +41,24 @@ class Body:
         self._place, self._velocity, self._force = data.qpos[0:7], data.qvel[0:6], data.qfrc_applied[0:6]
         self._wrench = np.zeros(6)
         self._motion: Motion | None = None
-        """What MuJoCo has, once it has been read."""
+        """What MuJoCo has, once it has been read, or is to have before it steps."""
+        self._moved = False
 
     def put(self, position_m: Vector, roll_rad: float, pitch_rad: float, heading_rad: float) -> None:
         """Place it at rest."""
         self._place[:3] = (position_m[0], -position_m[1], -position_m[2])
         self._place[3:] = mujoco_quaternion(roll_rad, pitch_rad, heading_rad)
         self._velocity[:] = 0.0
-        self._motion = None
+        self._motion, self._moved = None, False
 
     def step(self, count: int) -> None:
         """Step the physics, of all that is in it, so many times."""
+        if self._moved:
+            (x, y, z), (qw, qx, qy, qz), (u, v, w), (p, q, r) = self.motion()
+            self._place[:] = (x, -y, -z, qw, qx, -qy, -qz)
+            self._velocity[:] = (u, -v, -w, p, -q, -r)
         mujoco.mj_step(self._model.mj, self._data, count)
-        self._motion = None
+        self._motion, self._moved = None, False
 
     def motion(self) -> Motion:
         """Where it is and how it moves."""
@@ -65,10 +70,7 @@ class Body:
 
     def move(self, motion: Motion) -> None:
         """Set where it is and how it moves; `motion` gives it back."""
-        (x, y, z), (qw, qx, qy, qz), (u, v, w), (p, q, r) = motion
-        self._place[:] = (x, -y, -z, qw, qx, -qy, -qz)
-        self._velocity[:] = (u, -v, -w, p, -q, -r)
-        self._motion = motion
+        self._motion, self._moved = motion, True
 
     @property
     def wrench(self) -> Wrench:
@@ -79,7 +81,7 @@ class Body:
     @property
     def down_m(self) -> float:
         """`ned` z of the centre of mass."""
-        return -float(self._place[2])
+        return self.motion().position_m[2]
 
     @property
     def in_contact(self) -> bool:
