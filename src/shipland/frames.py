@@ -129,7 +129,7 @@ def rotation_from_quaternion(quaternion_wxyz: Array) -> Array:
 
 def all_finite(values: Array) -> bool:
     """Whether every number of an array is finite; for few of them far faster than NumPy's."""
-    return all(map(math.isfinite, values.ravel().tolist()))
+    return all(map(math.isfinite, np.asarray(values).ravel().tolist()))
 
 
 def shape_of(values: npt.ArrayLike) -> tuple[int, ...]:

@@ -1,5 +1,6 @@
 """Rotations and poses: round trips, group laws, and one pose worked out by hand for each frame of the table."""
 
+import math
 import re
 
 import hypothesis.strategies as st
@@ -13,6 +14,7 @@ from shipland.frames import (
     CAMERA_FROM_MOUNT,
     MUJOCO_FROM_NED,
     Pose,
+    all_finite,
     euler_from_quaternion,
     euler_from_rotation,
     quaternion_from_euler,
@@ -245,3 +247,11 @@ class TestPlainFloats:
         np.testing.assert_allclose(rows_from_quaternion(*quaternion), rows, atol=1e-12)
         for got_rad, want_rad in zip(euler_from_quaternion(quaternion), (roll_rad, pitch_rad, yaw_rad), strict=True):
             assert abs(wrap_angle(got_rad - want_rad)) < 1e-5  # near ±90° the arcsine has half the digits
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_finite_is_every_number(wrong):
+    values = np.arange(6.0).reshape(2, 3)
+    assert all_finite(values)
+    values[1, 2] = wrong
+    assert not all_finite(values)

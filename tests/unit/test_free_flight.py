@@ -6,6 +6,7 @@ import pytest
 from shipland.messages import Intent, PilotCommand
 from shipland.sim import world as world_module
 from shipland.sim.aircraft.attitude_loop import AttitudeLoop
+from shipland.sim.aircraft.sensors import Normals
 from worlds import come_down, world
 
 STICKS = [(0.0, 0.0, 0.0, 0.0), (40.0, -15.0, 10.0, 30.0), (-30.0, 20.0, -20.0, -60.0), (0.0, 0.0, -10.0, 5.0)]
@@ -93,3 +94,9 @@ def moving_ship(rig):
 
     motion = Sinusoids([0.0, 0.0, 0.05, 0.06, 0.03, 0.0], [5.0, 5.0, 5.0, 6.0, 7.0, 5.0], [0.3] * 6)
     return Ship(rig, StillCourse(0.3), motion)
+
+
+def test_normal_numbers_come_in_the_same_order_however_many_are_taken():
+    one_by_one, many = (Normals(np.random.default_rng(2)) for _ in range(2))
+    for count in (0, 3, 1000, 0, 50, 1):  # across the end of a block
+        assert many.draws(count) == [one_by_one.draw() for _ in range(count)]

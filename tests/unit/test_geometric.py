@@ -10,7 +10,7 @@ from shipland.camera import Camera, camera_pose, level_from_camera
 from shipland.config import build
 from shipland.frames import CAMERA_FROM_MOUNT, Pose
 from shipland.messages import Frame, GimbalAttitude
-from shipland.missions.drawn_pose import Measured, pose_from_truth, projected, relative_pose
+from shipland.missions.drawn_pose import Measured, inside, pose_from_truth, projected, relative_pose
 from shipland.missions.geometric import GeometricParameters, GeometricVision, _down_in_camera
 from shipland.rig import default_rig, packaged_table
 from shipland.vision.near.parameters import VisionParameters
@@ -120,3 +120,12 @@ def test_errors_and_covariance_are_the_solvers(range_m, bearing_deg, yaw_deg, le
     # lower bound; straight from astern at 20 m the errors lie along an arc, hence the upper one.
     assert 3.0 < np.mean(normalised["drawn"]) < 4.9
     assert np.mean(normalised["drawn"]) == pytest.approx(np.mean(normalised["solved"]), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("corner_px", "lies_inside"), [((5.0, 700.0), True), ((4.9, 50.0), False), ((math.nan,) * 2, False)]
+)
+def test_corners_inside_the_picture(corner_px, lies_inside):
+    corners_px = np.array([[100.0, 100.0], corner_px, [1274.0, 714.0]])
+    assert inside(corners_px, 5.0, np.array([1274.0, 714.0])) is lies_inside
+    assert not inside(corners_px, 5.0, np.array([1273.0, 714.0]))

@@ -8,14 +8,19 @@ import pytest
 from shipland.estimation.delayed import Inputs
 from shipland.estimation.kernels import bank_seen, corrected, mean_after, spread_after
 from shipland.estimation.relative_state import (
+    PLACE,
     REFERENCE,
     SPEED,
     STATES,
+    SWING,
+    SWING_RATE,
     Disturbances,
     Model,
     Motion,
     discretised,
     dynamics,
+    less_swing,
+    spread_of_place,
 )
 from shipland.estimation.swing import Swing
 
@@ -92,6 +97,31 @@ def test_a_bank_is_one_filter_for_each_hypothesis():
         np.testing.assert_allclose(found[1][k], spread, atol=1e-11)
         logarithm = math.log((row @ p @ row.T)[0, 0] + variance)
         assert found[2][k] == pytest.approx(score[k] - 0.5 * (min(normalised, 25.0) + logarithm))
+
+
+def test_a_place_less_a_share_of_the_swing():
+    rng = np.random.default_rng(5)
+    mean, covariance, shown = rng.standard_normal(2 * STATES), _spread(rng, 2 * STATES), 0.7
+    rows = np.zeros((4, 2 * STATES))  # places, then rates
+    for axis in range(2):
+        first = STATES * axis
+        rows[axis, [first + PLACE, first + SWING]] = rows[2 + axis, [first + SPEED, first + SWING_RATE]] = 1.0, -shown
+    np.testing.assert_allclose(np.concatenate(less_swing(mean, shown)), rows @ mean, atol=1e-12)
+    expected = rows[:2] @ covariance @ rows[:2].T
+    np.testing.assert_allclose(spread_of_place(covariance, shown), expected, atol=1e-11)
+
+
+@pytest.mark.parametrize("way_ms", [0, 33, 80, 160, 197])
+def test_a_way_holds_its_steps(way_ms):
+    way, size = MODEL.way(way_ms), 2 * STATES
+    if way_ms == 0:
+        np.testing.assert_array_equal(way[0], np.eye(size))
+        assert not way[1:].any()
+    for at, step_ms in ((3, 80), (5, way_ms % 80)) if way_ms >= 80 and way_ms % 80 else ():
+        transition, push, _ = MODEL.step(step_ms)
+        np.testing.assert_array_equal(way[at], transition)
+        np.testing.assert_array_equal(way[at + 1][:, :2], push)
+        assert not way[at + 1][:, 2:].any()
 
 
 @pytest.mark.parametrize("step_ms", [1, 33, 255, 1023])

@@ -333,6 +333,18 @@ def seen_of(mean: Array, axes: int, shown: float) -> tuple[Array, Array]:
 
 
 @compiled
+def less_swing(mean: Array, share: float) -> tuple[Array, Array]:
+    """(axes,) place less a share of the swing, and its rate, from the mean of all states."""
+    axes = len(mean) // STATES
+    place, rate = np.empty(axes), np.empty(axes)
+    for axis in range(axes):
+        first = STATES * axis
+        place[axis] = mean[first + PLACE] - share * mean[first + SWING]
+        rate[axis] = mean[first + SPEED] - share * mean[first + SWING_RATE]
+    return place, rate
+
+
+@compiled
 def spread_of_place(covariance: Array, shown: float) -> Array:
     """(axes, axes) covariance of the place less the `shown` share of the swing, from that of all states."""
     axes = len(covariance) // STATES

@@ -174,7 +174,7 @@ def without_repeated(observation: Observation, before: Observation | None) -> Ob
     new time stamps, and the aircraft would seem to stand while it flies on.
     """
     pose, last = observation.bar_pose, None if before is None else before.bar_pose
-    if pose is None or last is None or not np.array_equal(pose.corners_px, last.corners_px):
+    if pose is None or last is None or np.asarray(pose.corners_px).tolist() != np.asarray(last.corners_px).tolist():
         return observation
     return replace(observation, bar_pose=None, reason="picture repeated: the stream stands still")
 

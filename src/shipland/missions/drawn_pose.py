@@ -74,6 +74,16 @@ def projected(rotation: Array, translation_m: Array, plane_m: Array, matrix: Arr
 
 
 @compiled
+def inside(corners_px: Array, low_px: float, high_px: Array) -> bool:
+    """Whether points (n,2) lie between a lowest column and row and the highest (2,); NaN does not."""
+    for i in range(len(corners_px)):
+        for k in range(2):
+            if not low_px <= corners_px[i, k] <= high_px[k]:
+                return False
+    return True
+
+
+@compiled
 def pose_from_truth(
     rotation: Array, translation_m: Array, measured: Measured
 ) -> tuple[bool, Array, Array, float, Array, Array]:

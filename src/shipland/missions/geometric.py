@@ -16,7 +16,7 @@ from shipland.camera import Camera
 from shipland.config import require
 from shipland.frames import Array, Pose
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.missions.drawn_pose import Measured, pose_from_truth, projected, relative_pose
+from shipland.missions.drawn_pose import Measured, inside, pose_from_truth, projected, relative_pose
 from shipland.missions.geometric_far import BoxErrors, BoxParameters
 from shipland.rig import Target
 from shipland.vehicles.vehicle import Witness
@@ -96,7 +96,7 @@ class GeometricVision:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.OUT_OF_REACH.value)
         sigma_px = self._parameters.corner_noise_px + self._parameters.corner_noise_px_per_m * range_m
         corners_px = projected(rotation, sight_m, self._plane_m, self._matrix) + sigma_px * noise
-        if not ((corners_px >= self._low_px) & (corners_px <= self._high_px)).all():
+        if not inside(corners_px, self._low_px, self._high_px):
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.CUT_BY_FRAME.value)
         down = _down_in_camera(frame.gimbal)
         measured = Measured(self._plane_m, self._matrix, corners_px, sigma_px, down, self._gimbal_noise_rad)

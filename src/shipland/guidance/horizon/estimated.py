@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from shipland.estimation.relative_state import PLACE, SPEED, STATES, SWING, SWING_RATE, Belief, spread_of_place
+from shipland.estimation.relative_state import PLACE, STATES, Belief, spread_of_place
 from shipland.estimation.swing import Swing
 from shipland.frames import Array
 
@@ -28,6 +28,10 @@ class Estimated:
         across: place and motion against the bar, horizontally; downward.
         down: likewise, downward.
         swing: what both take the deck's and the bar's swing for.
+        place_m, speed_mps: (2,) of the aircraft from the bar, in the axes of the flight, and its rate.
+        followed_m, followed_mps: (2,) of the aircraft from what it follows of the bar: the place that errs over the
+            deck, and its rate.
+        down_m, down_mps: below the bar's centre, and its rate.
         nose_rad, bar_rad: headings in the axes of the flight.
         turn_rad_s: of the bar.
         bar_known: the bar's heading has been seen.
@@ -38,6 +42,12 @@ class Estimated:
     across: Belief
     down: Belief
     swing: Swing
+    place_m: Array
+    speed_mps: Array
+    followed_m: Array
+    followed_mps: Array
+    down_m: float
+    down_mps: float
     nose_rad: float
     bar_rad: float
     turn_rad_s: float
@@ -45,43 +55,10 @@ class Estimated:
     yaw_variance: float
 
     @cached_property
-    def place_m(self) -> Array:
-        """(2,) of the aircraft from the bar, in the axes of the flight."""
-        return self._less_swing(PLACE, SWING, self.swing.shown)
-
-    @cached_property
-    def speed_mps(self) -> Array:
-        """(2,) its rate."""
-        return self._less_swing(SPEED, SWING_RATE, self.swing.shown)
-
-    @cached_property
-    def followed_m(self) -> Array:
-        """(2,) of the aircraft from what it follows of the bar: the place that errs over the deck."""
-        return self._less_swing(PLACE, SWING, self.swing.aimed)
-
-    @cached_property
-    def followed_mps(self) -> Array:
-        """(2,) its rate."""
-        return self._less_swing(SPEED, SWING_RATE, self.swing.aimed)
-
-    def _less_swing(self, state: int, of_swing: int, share: float) -> Array:
-        return self.across.of(state) - share * self.across.of(of_swing)
-
-    @cached_property
     def spread_m(self) -> float:
         """Standard deviation of the place along the worse axis."""
         covariance = self.across.covariance
         return math.sqrt(max(covariance[PLACE, PLACE], covariance[STATES + PLACE, STATES + PLACE], 0.0))
-
-    @cached_property
-    def down_m(self) -> float:
-        """Below the bar's centre."""
-        return float(self.down.of(PLACE)[0] - self.swing.shown * self.down.of(SWING)[0])
-
-    @cached_property
-    def down_mps(self) -> float:
-        """Its rate."""
-        return float(self.down.of(SPEED)[0] - self.swing.shown * self.down.of(SWING_RATE)[0])
 
     @cached_property
     def aircraft_in_bar_m(self) -> Array:

@@ -12,7 +12,7 @@ from shipland.camera import Camera
 from shipland.estimation.delayed import DelayedFilter, Inputs
 from shipland.estimation.gain import GainBank
 from shipland.estimation.latency import LatencyBank
-from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, Disturbances, Model, Motion, Spread
+from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, Disturbances, Model, Motion, Spread, less_swing
 from shipland.estimation.swing import Swing
 from shipland.estimation.swing_bank import SwingBank, SwingBelief
 from shipland.frames import GRAVITY_MPS2, Array, all_finite, wrap_angle
@@ -318,12 +318,18 @@ class Navigator:
         passed_s = t_s - headings.t_s
         nose_rad = self._headings.nose_at(t_s)
         bar_rad = headings.bar_rad + turn_rad_s * passed_s
-        nose, bar, both = headings.covariance[[0, 1, 0], [0, 1, 1]].tolist()
+        (nose, both, _), (_, bar, _), _ = headings.covariance.tolist()
+        swing = self.swing
+        below, sinking = less_swing(down.mean, swing.shown)
         return Estimated(
             t_s,
             across,
             down,
-            self.swing,
+            swing,
+            *less_swing(across.mean, swing.shown),
+            *less_swing(across.mean, swing.aimed),
+            float(below[0]),
+            float(sinking[0]),
             nose_rad,
             wrap_angle(bar_rad),
             turn_rad_s,
