@@ -82,7 +82,7 @@ class GeometricVision:
     def see(self, frame: Frame) -> Observation:
         """What near vision would make of the picture; never raises."""
         # Drawn for every frame, seen or not: a flight's numbers must not shift with one frame's luck.
-        noise = self._rng.normal(0.0, 1.0, self._plane_m.shape)
+        noise = self._rng.standard_normal(self._plane_m.shape)
         missed = self._rng.random() < self._parameters.miss_rate
         truth = self._witness.truth_at(frame.t_s)
         if truth is None:

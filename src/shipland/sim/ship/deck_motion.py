@@ -82,13 +82,13 @@ class Harmonics:
         stacked = np.vstack([self.amplitude, 1j * omega * self.amplitude, -(omega**2) * self.amplitude])
         self._weights = np.ascontiguousarray(np.hstack([stacked.real, -stacked.imag]))
         self._basis = np.empty(2 * omega.size)
+        self._cosines, self._sines = self._basis[: omega.size], self._basis[omega.size :]
 
     def at(self, t_s: float) -> SixDof:
         """Displacement, velocity and acceleration, all analytic."""
-        count = self.frequency_rad_s.size
         phase = self.frequency_rad_s * t_s
-        np.cos(phase, out=self._basis[:count])
-        np.sin(phase, out=self._basis[count:])
+        np.cos(phase, out=self._cosines)
+        np.sin(phase, out=self._sines)
         values = self._weights @ self._basis
         return SixDof(values[:6], values[6:12], values[12:])
 
