@@ -210,7 +210,10 @@ def _plausible_pose(pose: BarPose) -> bool:
 
 def _within(value: float | Array, limit: float) -> bool:
     """Whether no component is larger than a limit; what is no number is not within."""
-    return abs(value) <= limit if isinstance(value, float) else bool(np.abs(value).max(initial=0.0) <= limit)
+    if isinstance(value, float):
+        return abs(value) <= limit
+    numbers = np.asarray(value).ravel().tolist()
+    return all(map(math.isfinite, numbers)) and max(map(abs, numbers), default=0.0) <= limit
 
 
 def _plausible_box(box: Box, camera: Camera) -> bool:

@@ -73,8 +73,8 @@ class Estimated:
         Poses enter turned by the bar's heading and leave turned back by it, so that its error cancels in the place;
         place and yaw come from filters of their own, so that what they share is not known and stands as zero.
         """
-        ahead, right = turned(np.array([1.0, 0.0]), self.bar_rad), turned(np.array([0.0, 1.0]), self.bar_rad)
-        axes = np.array([ahead, right])
+        cosine, sine = math.cos(self.bar_rad), math.sin(self.bar_rad)
+        axes = np.array([[cosine, sine], [-sine, cosine]])
         covariance = np.zeros((4, 4))
         shown = self.swing.shown
         covariance[:2, :2] = axes @ spread_of_place(self.across.covariance, shown) @ axes.T

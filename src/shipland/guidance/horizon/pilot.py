@@ -111,7 +111,7 @@ class HorizonPilot:
         if estimate is not None:
             place = estimate.aircraft_in_bar_m
             height_m = float(self._deck_in_bar_m[2] - place[2])
-            distance_m = float(np.linalg.norm(place))
+            distance_m = math.sqrt(place.dot(place))
             back_m = float(self._deck_in_bar_m[0]) - approach.climb_out_back_m
             high = height_m > approach.climb_out_height_m - self._margins.clear_below_m
             clear = bool(place[0] < back_m + self._margins.clear_ahead_m and high)
