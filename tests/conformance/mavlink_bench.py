@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from ports import free_port
 from shipland.camera import Camera
 from shipland.config import build, merge, packaged_toml
 from shipland.messages import GimbalAttitude, TouchdownVerdict
@@ -73,12 +74,6 @@ class StandIn:
             pipe.close()
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def setup_for(
     port: int, source: Blank, key: bytes | None, engagement: Engagement, overrides: dict[str, Any]
 ) -> MavlinkSetup:
@@ -113,7 +108,7 @@ def bench(
     **overrides: Any,
 ) -> Iterator[tuple[MavlinkVehicle, StandIn, Blank]]:
     """The vehicle, not yet open, its autopilot (which signs with `other_key`), its camera."""
-    port, source = free_port(), Blank()
+    port, source = free_port(socket.SOCK_DGRAM), Blank()
     autopilot = StandIn(port, kind, key if other_key is _SAME else other_key)
     vehicle = MavlinkVehicle(setup_for(port, source, key, engagement or Engagement(), overrides))
     try:

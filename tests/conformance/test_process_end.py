@@ -4,6 +4,7 @@ import json
 import math
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -16,9 +17,10 @@ from typing import Any
 import numpy as np
 import pytest
 from anafi_bench import CAMERA, device, olympe_python
-from mavlink_bench import StandIn, free_port
+from mavlink_bench import StandIn
 from steady_pilot import PITCH_PERCENT
 
+from ports import free_port
 from shipland.record.reader import read_log
 
 pytest.importorskip("pymavlink")
@@ -86,7 +88,7 @@ def set_points(report: dict[str, Any]) -> int:
 def over_mavlink(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], StandIn]]:
     """In flight, pitched forward."""
     film(tmp_path / "film.mp4")
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     autopilot = StandIn(port, "ardupilot")
     try:
         with flying(f"mavlink://udp:127.0.0.1:{port}?camera={tmp_path / 'film.mp4'}&mount_deg=-5", tmp_path) as process:

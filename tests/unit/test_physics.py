@@ -10,6 +10,7 @@ import time
 import numpy as np
 import pytest
 
+from ports import free_port
 from shipland.errors import ConfigError
 from shipland.frames import euler_from_rotation, rotation_from_quaternion
 from shipland.missions.physics import STEP_S, FlightStep, HeldWorld, Tempo
@@ -114,12 +115,6 @@ def test_motors_stopped_by_the_flight_controller_end_in_a_verdict() -> None:
 def test_there_must_be_room_to_climb() -> None:
     with pytest.raises(ConfigError, match="no room"):
         HeldWorld(load_scenario("rig-natops"), 1, 3.0)
-
-
-def free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from ports import free_port
 from shipland.errors import ConfigError
 from shipland.missions.px4_link import Px4Link
 from shipland.missions.scenarios import load_scenario
@@ -19,12 +20,6 @@ from shipland.sim.aircraft.aircraft import Motion
 from shipland.vehicles.mavlink.dialect import dialect
 
 LEVEL = Motion((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @dataclass
