@@ -2,21 +2,66 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 from collections.abc import Callable
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
+_SETTINGS: Any = numba.config
 
 
 def compiled(function: F) -> F:
     """`function`, compiled at its first call; the same floating-point results as Python's in the same order.
 
     Division by zero gives infinity or NaN, as NumPy's does, not an exception. The machine code is kept beside the
-    source or in the user's cache; where neither can be written, every process compiles anew.
+    source, in the user's cache or where `NUMBA_CACHE_DIR` says; where none can be written, every process compiles anew.
     """
+    folder = cache_folder(Path(__file__).parent)
+    if folder is None:
+        return cast(F, numba.njit(error_model="numpy")(function))
+    before, _SETTINGS.CACHE_DIR = _SETTINGS.CACHE_DIR, str(folder)
     try:
         return cast(F, numba.njit(cache=True, error_model="numpy")(function))
-    except RuntimeError:  # no folder can be written
-        return cast(F, numba.njit(error_model="numpy")(function))
+    finally:
+        _SETTINGS.CACHE_DIR = before
+
+
+@lru_cache(maxsize=8)
+def cache_folder(package: Path) -> Path | None:
+    """The folder of the machine code of a package, another one for other sources; None where none can be written.
+
+    Numba looks for changes in the file of a function only, not in those of the functions that it calls: it would go on
+    with the machine code of before.
+
+    Args:
+        package: its folder.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        source = path.read_bytes()
+        if b"@compiled" in source:
+            digest.update(source)
+    for base in _bases(package):
+        folder = base / f"compiled-{digest.hexdigest()[:16]}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    return None
+
+
+def _bases(package: Path) -> list[Path]:
+    if _SETTINGS.CACHE_DIR:
+        return [Path(_SETTINGS.CACHE_DIR)]
+    bases = [package / "__pycache__"]
+    with suppress(RuntimeError):  # a user without a home
+        bases.append(Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "shipland")
+    return bases

@@ -1,0 +1,52 @@
+"""Compilation: machine code belongs to the sources that it was made of."""
+
+from pathlib import Path
+
+import pytest
+
+from shipland import compiled as module
+from shipland.compiled import cache_folder, compiled
+
+COMPILED = "from shipland.compiled import compiled\n\n\n@compiled\ndef f(x):\n    return x + {}\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """The cache's folder of a package whose one file has a compiled function, and another none."""
+    package = tmp_path / "package"
+    package.mkdir()
+
+    def of(added: int, note: str = "") -> Path | None:
+        (package / "kernels.py").write_text(COMPILED.format(added))
+        (package / "other.py").write_text(f"# {note}\n")
+        cache_folder.cache_clear()
+        return cache_folder(package)
+
+    yield of
+    cache_folder.cache_clear()
+
+
+def test_other_sources_have_another_folder(folder):
+    assert folder(1) != folder(2)
+    assert folder(1, "plain code changes nothing") == folder(1)
+
+
+def test_where_nothing_can_be_written_functions_are_compiled_without_a_cache(monkeypatch):
+    monkeypatch.setattr(module, "cache_folder", lambda _: None)
+
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    assert compiled(twice)(1.5) == 3.0
+
+
+def test_the_machine_code_lies_in_that_folder(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "cache_folder", lambda _: tmp_path)
+    before = module.numba.config.CACHE_DIR
+
+    def thrice(x: float) -> float:
+        return 3.0 * x
+
+    assert compiled(thrice)(1.5) == 4.5
+    assert list(tmp_path.rglob("*.nbi"))
+    assert before == module.numba.config.CACHE_DIR
