@@ -21,15 +21,19 @@ setup: ## make .venv with everything that developing needs
 setup-run:
 	@tools/setup.sh run
 
-olympe: setup ## make .venv-olympe with Parrot's SDK, for the ANAFI and its tests, which are skipped without it
-	$(BIN)/python -m venv .venv-olympe
-	.venv-olympe/bin/pip install --disable-pip-version-check --quiet -r tools/olympe.txt
+olympe: .venv-olympe/made ## make .venv-olympe with Parrot's SDK, for the ANAFI and its tests
+
+.venv-olympe/made: tools/olympe.txt | setup
+	@$(BIN)/python -m venv .venv-olympe
+	@.venv-olympe/bin/pip install --disable-pip-version-check --quiet -r tools/olympe.txt
 	@.venv-olympe/bin/python -W ignore -c 'import logging; logging.disable(); import olympe'
+	@touch $@
 
 demo: setup-run ## fly from 250 m to a ship in sea state 6, camera in the loop: video, plots and log in out/demo/
 	$(BIN)/shipland fly --scenario demo --pilot horizon --out out/demo $(ARGS)
 
 test: setup ## run the tests; ARGS='-k frames' for some of them
+	@$(MAKE) --no-print-directory olympe || echo "no .venv-olympe: the tests of the ANAFI before Olympe are skipped" >&2
 	$(BIN)/pytest -n 2 -p randomly $(ARGS)
 
 check: setup ## lint, format, types, direction of imports
