@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,19 +26,9 @@ def falling(throttle: float, hover: float = HOVER) -> Flown:
     return throttle, GRAVITY_MPS2 * (1.0 - throttle / hover)
 
 
-def fly(
-    watch: TouchdownWatch,
-    flown: Callable[[float], Flown],
-    seconds: float,
-    *,
-    start_s: float = 0.0,
-    down_mps: float = 0.0,
-    landing: bool = True,
-    leap: tuple[float, float] = (math.inf, 0.0),
-) -> dict[Contact, float]:
-    """When each contact was first said, in seconds from the start; `leap` is (time, change) of the velocity told."""
-    said = history(watch, flown, seconds, start_s, down_mps, landing, leap)
-    return {contact: t_s for t_s, contact in reversed(said)}
+def fly(*flight: Any, **how: Any) -> dict[Contact, float]:
+    """When each contact was first said in a `history`, in seconds from the start."""
+    return {contact: t_s for t_s, contact in reversed(history(*flight, **how))}
 
 
 def history(
@@ -49,6 +40,7 @@ def history(
     landing: bool = True,
     leap: tuple[float, float] = (math.inf, 0.0),
 ) -> list[tuple[float, Contact]]:
+    """What was said when, in seconds from the start; `leap` is (time, change) of the velocity told."""
     said = []
     for index in range(1, int(seconds / STEP_S)):
         t_s = index * STEP_S

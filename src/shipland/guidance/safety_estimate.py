@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.frames import Array, all_finite, rotation_from_euler
+from shipland.frames import Array, all_finite, rotation_from_euler, turned
 from shipland.guidance.view import View
 from shipland.messages import BarPose, Box, Observation, Telemetry
 from shipland.rig import Rig
@@ -75,7 +75,7 @@ class SafetyEstimate:
         if self.bar_from_aircraft_m is None:
             return math.nan, np.zeros(2)
         distance_m = math.hypot(*self.bar_from_aircraft_m.tolist())
-        return distance_m, _turned(self.bar_from_aircraft_m, -self.heading_rad) / max(distance_m, 1e-9)
+        return distance_m, turned(self.bar_from_aircraft_m, -self.heading_rad) / max(distance_m, 1e-9)
 
 
 class SafetyEstimator:
@@ -112,7 +112,7 @@ class SafetyEstimator:
         if velocity_mps is not None and all_finite(velocity_mps):
             sink_mps = max(0.0, float(velocity_mps[2]))
             if way_m is not None:
-                way_m = way_m - min(max(step_s, 0.0), _LONGEST_STEP_S) * _turned(velocity_mps[:2], heading_rad)
+                way_m = way_m - min(max(step_s, 0.0), _LONGEST_STEP_S) * turned(velocity_mps[:2], heading_rad)
         return replace(
             estimate,
             t_s=telemetry.t_s,
@@ -137,7 +137,7 @@ class SafetyEstimator:
             pose_s=exposure_s,
             place_in_bar_m=place_m,
             yaw_rad=pose.yaw_rad,
-            bar_from_aircraft_m=_turned(-place_m[:2], estimate.heading_rad - pose.yaw_rad),
+            bar_from_aircraft_m=turned(-place_m[:2], estimate.heading_rad - pose.yaw_rad),
             deck_height_m=deck_height_m,
         )
 
@@ -150,9 +150,3 @@ class SafetyEstimator:
 
 def _usable(box: Box) -> bool:
     return all(map(math.isfinite, (*box.centre_px, *box.size_px))) and min(box.size_px) > 0.0
-
-
-def _turned(vector: Array, angle_rad: float) -> Array:
-    """A horizontal vector (2,), turned clockwise from above."""
-    (x, y), cosine, sine = vector.tolist(), math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([cosine * x - sine * y, sine * x + cosine * y])

@@ -10,13 +10,7 @@ import numpy as np
 
 from shipland.estimation.relative_state import PLACE, STATES, Belief, spread_of_place
 from shipland.estimation.swing import Swing
-from shipland.frames import Array
-
-
-def turned(vector: Array, angle_rad: float) -> Array:
-    """A vector (2,) of axes turned clockwise by `angle_rad`, in those that are not."""
-    (x, y), cosine, sine = vector.tolist(), math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([cosine * x - sine * y, sine * x + cosine * y])
+from shipland.frames import Array, turned
 
 
 @dataclass(frozen=True)

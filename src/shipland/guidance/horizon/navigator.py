@@ -15,8 +15,8 @@ from shipland.estimation.latency import LatencyBank
 from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, Disturbances, Model, Motion, Spread, less_swing
 from shipland.estimation.swing import Swing
 from shipland.estimation.swing_bank import SwingBank, SwingBelief
-from shipland.frames import GRAVITY_MPS2, Array, all_finite, wrap_angle
-from shipland.guidance.horizon.estimated import Estimated, turned
+from shipland.frames import GRAVITY_MPS2, Array, all_finite, turned, wrap_angle
+from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.heading_filters import HeadingFilters
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.places import HeightGate, Places, SeenPlace

@@ -8,9 +8,9 @@ import numpy as np
 
 from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, STATES, SWING, SWING_RATE, THRUST
 from shipland.estimation.swing import SWING_STATES
-from shipland.frames import Array, wrap_angle
+from shipland.frames import Array, turned, wrap_angle
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
-from shipland.guidance.horizon.estimated import Estimated, turned
+from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.gains import INPUT, INPUT_RATE_SHARE, TRACKED, TRACKED_RATE, Gains, gains_of
 from shipland.guidance.horizon.navigator import Navigator
 from shipland.guidance.horizon.reference import Pace, Reference, at_rest, led_anew, moved

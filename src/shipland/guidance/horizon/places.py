@@ -10,8 +10,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.estimation.delayed import Inputs
 from shipland.estimation.heading import Headings
-from shipland.frames import Array
-from shipland.guidance.horizon.estimated import turned
+from shipland.frames import Array, turned
 from shipland.guidance.horizon.parameters import MeasurementNoise
 from shipland.messages import BarPose, Box
 from shipland.rig import Rig
