@@ -22,7 +22,9 @@ PACKAGED: dict[str, dict[str, str]] = {
     "pilots": {
         "horizon": "shipland.guidance.pilots:horizon",
         "learned": "shipland.guidance.pilots:learned",
+        "p": "shipland.guidance.pilots:p",
         "paper": "shipland.guidance.pilots:paper",
+        "pid": "shipland.guidance.pilots:pid",
         "residual": "shipland.guidance.pilots:residual",
     },
     "visions": {

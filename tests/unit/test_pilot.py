@@ -97,7 +97,7 @@ def test_error_is_flown_in_the_aircrafts_own_axes():
 
 def test_errors_of_a_pose_by_hand():
     """2 m astern and 0.5 m left of the reference point, nose 90° right of the bar: the place is to the left, behind."""
-    measured = measure(1.0, pose_of((-4.0, -0.5, 0.0), math.pi / 2), np.array([-2.0, 0.0, -0.5]), CAMERA_IN_BODY_M)
+    measured = measure(1.0, 0.3, pose_of((-4.0, -0.5, 0.0), math.pi / 2), np.array([-2.0, 0.0, -0.5]), CAMERA_IN_BODY_M)
     np.testing.assert_allclose(measured.error_in_level_m, [0.5, -2.0, 0.5], atol=1e-12)
 
 

@@ -36,7 +36,8 @@ class Fly(ScenarioOptions):
     """
 
     pilot: str = "horizon"
-    """Who flies: `horizon` is ours, `paper` the published system; your own as `module:factory`."""
+    """Who flies: `horizon` is ours, `paper` the published system, `p` and `pid` its modes with plain linear laws,
+    `residual` and `learned` are `horizon` with a policy; your own as `module:factory`."""
     vision: str = "rendered"
     """`rendered`: vision on drawn pictures; `geometric`: true corners with vision's errors, at a fraction of the
     cost; your own as `module:factory`."""

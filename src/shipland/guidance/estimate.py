@@ -17,18 +17,20 @@ class Measured:
 
     Attributes:
         t_s: exposure time [s].
+        age_s: from there to the decision.
         error_in_level_m: (3,) forward, right, up to the reference point.
         yaw_rad: heading against the bar.
         bar_elevation_rad: the bar's centre above the horizon, from the camera.
     """
 
     t_s: float
+    age_s: float
     error_in_level_m: Array
     yaw_rad: float
     bar_elevation_rad: float
 
 
-def measure(t_s: float, pose: BarPose, wanted_in_bar_m: Array, camera_in_body_m: Array) -> Measured:
+def measure(t_s: float, age_s: float, pose: BarPose, wanted_in_bar_m: Array, camera_in_body_m: Array) -> Measured:
     """Turn a pose into errors.
 
     The error is turned into `level` by the yaw of the same picture. Errors of yaw and of position are correlated so
@@ -36,6 +38,7 @@ def measure(t_s: float, pose: BarPose, wanted_in_bar_m: Array, camera_in_body_m:
 
     Args:
         t_s: exposure time [s].
+        age_s: from there to the decision.
         pose: the camera's.
         wanted_in_bar_m: (3,) the reference point.
         camera_in_body_m: (3,) the camera's optical centre.
@@ -45,7 +48,7 @@ def measure(t_s: float, pose: BarPose, wanted_in_bar_m: Array, camera_in_body_m:
     wanted_in_level_m = camera_in_body_m + bar_in_level_m + level_from_bar @ wanted_in_bar_m
     elevation_rad = math.atan2(-bar_in_level_m[2], float(np.hypot(bar_in_level_m[0], bar_in_level_m[1])))
     error = wanted_in_level_m * np.array([1.0, 1.0, -1.0])
-    return Measured(t_s, error, pose.yaw_rad, elevation_rad)
+    return Measured(t_s, age_s, error, pose.yaw_rad, elevation_rad)
 
 
 @dataclass(frozen=True)

@@ -183,7 +183,9 @@ class PidMemory:
     integral_percent: float = 0.0
 
 
-def pid_law(error: float, t_s: float, memory: PidMemory, gains: PidGains) -> tuple[float, PidMemory]:
+def pid_law(
+    error: float, t_s: float, memory: PidMemory, gains: PidGains, rate: float | None = None
+) -> tuple[float, PidMemory]:
     """A linear PID for one axis, clamped to ±100 percent.
 
     Anti-windup: the integral does not grow while the stick is at its stop on the error's side, and never exceeds it.
@@ -193,6 +195,7 @@ def pid_law(error: float, t_s: float, memory: PidMemory, gains: PidGains) -> tup
         t_s: its time [s]; the first error, or one no newer than the last, gives no derivative and adds no integral.
         memory: of the last call.
         gains: of the axis.
+        rate: the error's, where a filter gives it; None takes the difference to the last error.
 
     Returns:
         The stick [percent] and the memory for the next call; for an error or a time that is not finite no stick and
@@ -200,10 +203,11 @@ def pid_law(error: float, t_s: float, memory: PidMemory, gains: PidGains) -> tup
     """
     if not (math.isfinite(error) and math.isfinite(t_s)):
         return 0.0, memory
-    derivative, integral = 0.0, memory.integral_percent
+    derivative, integral = 0.0 if rate is None else gains.k_p * gains.t_d_s * rate, memory.integral_percent
     dt_s = t_s - memory.t_s
     if memory.error is not None and dt_s > 0.0:
-        derivative = gains.k_p * gains.t_d_s * (error - memory.error) / dt_s
+        if rate is None:
+            derivative = gains.k_p * gains.t_d_s * (error - memory.error) / dt_s
         grown = clamp(integral + gains.k_p * error * dt_s / gains.t_i_s, 100.0)
         stick = gains.k_p * error + grown + derivative
         if abs(stick) <= 100.0 or stick * error <= 0.0:

@@ -18,7 +18,7 @@ from shipland.guidance.far import FarControl, FarSight, FarTables, FarTarget
 from shipland.guidance.gimbal import box_elevation_rad, smoothed_rad
 from shipland.guidance.laws import clamp
 from shipland.guidance.modes import INTENTS, ModeMemory, next_mode
-from shipland.guidance.near import HOLD, PublishedNear, Sticks
+from shipland.guidance.near import HOLD, NearControl, Sticks
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.references import References
 from shipland.guidance.search import search
@@ -68,7 +68,7 @@ class ModePilot:
         near: flies on corners.
     """
 
-    def __init__(self, setup: PilotSetup, tables: FarTables, far: FarControl, near: PublishedNear) -> None:
+    def __init__(self, setup: PilotSetup, tables: FarTables, far: FarControl, near: NearControl) -> None:
         self._guidance, self._tables, self._far, self._near = setup.guidance, tables, far, near
         self._view, self._compass = View.of(setup.camera), Compass()
         self._camera_in_body_m = np.asarray(setup.camera_in_body_m, dtype=float)
@@ -101,7 +101,7 @@ class ModePilot:
         state = replace(state, now_s=telemetry.t_s)
         state = self._with_direction(state, observation, telemetry)
         observation = without_large_boxes(observation, self._tables, self._guidance.approach.largest_box)
-        state = replace(state, belief=self._with_picture(state.belief, observation))
+        state = replace(state, belief=self._with_picture(state.belief, observation, telemetry.t_s))
         situation = situation_of(
             observation, telemetry, state.belief, state.modes, self._references, self._guidance.approach
         )
@@ -129,12 +129,13 @@ class ModePilot:
             return state
         return replace(state, seen_rad=self._view.bearing_rad(column_px) + (self._compass.at(observation.t_s) or 0.0))
 
-    def _with_picture(self, belief: Belief, observation: Observation) -> Belief:
+    def _with_picture(self, belief: Belief, observation: Observation, now_s: float) -> Belief:
         """Filter the picture's errors to the present reference."""
         pose = observation.bar_pose
         if pose is None:
             return belief
-        measured = measure(observation.t_s, pose, self._reference_in_bar_m, self._camera_in_body_m)
+        age_s = now_s - observation.t_s
+        measured = measure(observation.t_s, age_s, pose, self._reference_in_bar_m, self._camera_in_body_m)
         before = belief.estimate
         if before is not None and measured.t_s - before.t_s > self._guidance.modes.lost_s:
             self._near.reset()

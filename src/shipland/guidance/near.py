@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -24,6 +24,19 @@ class Sticks(NamedTuple):
 
 
 HOLD = Sticks(0.0, 0.0, 0.0, 0.0)
+
+
+class NearControl(Protocol):
+    """Flies on the bar's pose, to the reference that the errors are measured to; a pilot has one."""
+
+    def observe(self, measured: Measured) -> NearEstimate:
+        """Take in one picture's errors."""
+
+    def sticks(self, wanted_yaw_rad: float) -> Sticks:
+        """The sticks for the newest estimate, the heading wanted relative to the bar; zero before the first picture."""
+
+    def reset(self) -> None:
+        """The bar was lost or the reference changed: forget what does not outlast it."""
 
 
 FilterKind = Literal["kalman", "none"]

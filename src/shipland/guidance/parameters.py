@@ -12,6 +12,7 @@ from shipland.guidance.laws import FarVariant
 from shipland.guidance.modes import ModeParameters
 from shipland.guidance.near import NearParameters
 from shipland.guidance.search import SearchParameters
+from shipland.guidance.simc import NearBaselines
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,7 @@ class GuidanceParameters:
     far_control: FarKind
     far_variant: FarVariant
     far_baselines: FarBaselines
+    near_baselines: NearBaselines
     modes: ModeParameters
     approach: ApproachParameters
     search: SearchParameters

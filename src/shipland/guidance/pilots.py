@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from shipland.guidance.far import FarTables, far_control
+from shipland.guidance.far import FarKind, FarTables, far_control
 from shipland.guidance.horizon.learned import LearnedSteering
 from shipland.guidance.horizon.pilot import HorizonPilot
+from shipland.guidance.linear import LinearNear
 from shipland.guidance.mode_pilot import ModePilot
-from shipland.guidance.near import PublishedNear
+from shipland.guidance.near import NearControl, PublishedNear
 from shipland.guidance.pilot import Pilot, PilotSetup
+from shipland.guidance.simc import simc_p, simc_pid
 
 
 def paper(setup: PilotSetup) -> Pilot:
     """The published pilot: Eq. 1 on boxes, Eq. 2 and 3 on corners [Lee2022], as the errata read them."""
-    guidance = setup.guidance
-    tables = FarTables.for_camera(guidance.ship, guidance.bar, setup.camera)
-    far = far_control(
-        guidance.far_control, guidance.far_variant, guidance.far_baselines, guidance.near, tables, setup.camera
-    )
-    return ModePilot(setup, tables, far, PublishedNear(guidance.near))
+    return _by_modes(setup, setup.guidance.far_control, PublishedNear(setup.guidance.near))
+
+
+def p(setup: PilotSetup) -> Pilot:
+    """A baseline: the published modes with a linear P far and near, the near one by SIMC from the response."""
+    return _by_modes(setup, "p", LinearNear(simc_p, setup.guidance.near_baselines, setup.response))
+
+
+def pid(setup: PilotSetup) -> Pilot:
+    """A baseline: the published modes with a linear PID far and near, the near one by SIMC from the response."""
+    return _by_modes(setup, "pid", LinearNear(simc_pid, setup.guidance.near_baselines, setup.response))
 
 
 def horizon(setup: PilotSetup) -> Pilot:
@@ -33,3 +40,11 @@ def residual(setup: PilotSetup) -> Pilot:
 def learned(setup: PilotSetup) -> Pilot:
     """`horizon` whose horizontal input over the deck is a learned policy's (docs/learning.md)."""
     return HorizonPilot(setup, LearnedSteering(setup.guidance.learned.direct, "direct", setup.response))
+
+
+def _by_modes(setup: PilotSetup, far_kind: FarKind, near: NearControl) -> Pilot:
+    """The published modes around a far law and a near control."""
+    guidance = setup.guidance
+    tables = FarTables.for_camera(guidance.ship, guidance.bar, setup.camera)
+    far = far_control(far_kind, guidance.far_variant, guidance.far_baselines, guidance.near, tables, setup.camera)
+    return ModePilot(setup, tables, far, near)
