@@ -28,6 +28,13 @@ def test_near_landing_is_inside_the_square(pilot, kind):
     assert [mode for mode in Mode if mode in modes] == [Mode.LAND, Mode.APPROACH, Mode.SEARCH, Mode.DONE]
 
 
+@pytest.mark.parametrize("pilot", ["p", "pid"])
+def test_linear_pilots_land_in_still_air_where_a_stick_is_a_velocity(pilot):
+    scenario = load_scenario("rig-natops", **{"aircraft.loop.kind": "velocity", "wind.mean_mps": 0.0})
+    flown = fly_quietly(scenario, pilot, "geometric", 1)
+    assert flown.succeeded, flown.reason
+
+
 def test_wind_of_the_near_scenario_spreads():
     speeds = [np.linalg.norm(build_vehicle(near(), seed, None).world.truth().wind_in_ned_mps) for seed in range(1, 13)]
     assert 0.0 <= min(speeds) < 1.5 < 3.5 < max(speeds) <= 5.0

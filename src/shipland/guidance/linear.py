@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,11 +24,12 @@ class AxisMemory:
 
     Attributes:
         pid: of the law.
-        ahead: how far the set point still is from where the aircraft shall be [m, deg]; None before the first stick.
+        short: how far the set point still is short of where the aircraft shall be [m, deg]; None before the first
+            stick.
     """
 
-    pid: PidMemory = PidMemory()
-    ahead: float | None = None
+    pid: PidMemory = field(default_factory=PidMemory)
+    short: float | None = None
 
 
 class LinearNear:
@@ -82,12 +83,12 @@ class LinearNear:
         yaw_error_deg = math.degrees(wrap_angle(wanted_yaw_rad - estimate.yaw_rad))
         errors = (*_error_in_bar_m(estimate), yaw_error_deg)
         rates = (*self._rate_in_bar, -self._yaw_rate_deg_s)
-        ahead_percent, aside_percent, heave, yaw = (
+        along_percent, across_percent, heave, yaw = (
             self._axis(index, float(error), float(rate), estimate.t_s)
             for index, (error, rate) in enumerate(zip(errors, rates, strict=True))
         )
         c, s = math.cos(estimate.yaw_rad), math.sin(estimate.yaw_rad)
-        pitch, roll = c * ahead_percent + s * aside_percent, c * aside_percent - s * ahead_percent
+        pitch, roll = c * along_percent + s * across_percent, c * across_percent - s * along_percent
         return Sticks(clamp(pitch, 100.0), clamp(roll, 100.0), heave, yaw)
 
     def reset(self) -> None:
@@ -97,19 +98,20 @@ class LinearNear:
         self._estimate = None
 
     def _tune(self, picture_age_s: float) -> None:
-        horizontal = horizontal_plant(self._response, picture_age_s)
-        plants = horizontal, horizontal, vertical_plant(self._response, picture_age_s)
-        plants = *plants, yaw_plant(self._response, picture_age_s)
+        horizontal, vertical, yaw = (
+            plant(self._response, picture_age_s) for plant in (horizontal_plant, vertical_plant, yaw_plant)
+        )
+        plants = (horizontal, horizontal, vertical, yaw)
         self._gains = tuple(self._rule(plant, self._baselines.closed_loop) for plant in plants)
         self._filter_s = self._baselines.rate_filter * horizontal.dead_time_s
 
     def _axis(self, index: int, error: float, rate: float, t_s: float) -> float:
-        """The stick of one axis: its law on the error to the set point, which moves to the point wanted."""
+        """The stick of one axis: its law on the error to the set point, which moves to where the aircraft shall be."""
         gains, memory = self._gains[index], self._axes[index]
         passed_s = max(t_s - memory.pid.t_s, 0.0)
-        ahead = error if memory.ahead is None else memory.ahead * math.exp(-passed_s / gains.approach_s)
-        stick, pid = pid_law(error - ahead, t_s, memory.pid, gains.law, rate + ahead / gains.approach_s)
-        self._axes[index] = AxisMemory(pid, ahead)
+        short = error if memory.short is None else memory.short * math.exp(-passed_s / gains.approach_s)
+        stick, pid = pid_law(error - short, t_s, memory.pid, gains.law, rate + short / gains.approach_s)
+        self._axes[index] = AxisMemory(pid, short)
         return stick
 
 
