@@ -6,10 +6,13 @@
     python tools/false_accepts.py --adaptive --pictures 2000 --out out/adaptive
     python tools/false_accepts.py --cue src/shipland/configs/cues/bar_asymmetric.toml --decoys "the bar in a wet deck" \
         "the bar in rippled water" --out out/asymmetric    # only these decoys, of another cue
+    python tools/false_accepts.py --pictures 20000 --only-decoys    # the 4,000 of these that hold one
 
 Scenes are rendered with the bar's board painted over; each serves for 40 pictures: 32 are other cuts of it, in other
 light, hues and weather, 8 have a decoy painted in (tools/false_pictures.py) and are spoiled in one way or not at all
-(tools/spoiling.py). Every picture is searched afresh. Writes results.jsonl, table.md, and every picture with a pose.
+(tools/spoiling.py). Every picture is searched afresh. A pose that is given is also shown to a flight that knows where
+the cue hangs (`[safety.cue_height]`), by a barometer that errs by 0.3 m (standard deviation). Writes results.jsonl,
+table.md, and every picture with a pose.
 """
 
 from __future__ import annotations
@@ -28,14 +31,18 @@ from near_views import Setting, View, light, markdown, view_at
 from rich.progress import track
 from spoiling import SPOILERS, noise, vary
 
-from shipland.messages import Frame
-from shipland.rig import Target
+from shipland.config import build
+from shipland.guidance.cue_height import CueHeight, CueHeightParameters
+from shipland.messages import Frame, Observation, Telemetry
+from shipland.rig import Target, packaged_table
 from shipland.sim.scene.scene import Scene
 
 PICTURES_A_SCENE = 40
 DECOYS_A_SCENE = 8
 PLAIN = "none"
 SCENES_A_LIGHT = 10
+BAROMETER_M = 0.3
+CUE_HEIGHT = build(CueHeightParameters, packaged_table("safety")["cue_height"], "safety.cue_height")
 
 
 @dataclass(frozen=True)
@@ -47,12 +54,14 @@ class Result:
         decoy: what was painted in, or "none".
         spoiler: what was done to it, or "none".
         reason: the refusal in words; empty for a pose.
+        flown: the pose passes in a flight that knows where the cue hangs.
     """
 
     number: int
     decoy: str
     spoiler: str
     reason: str
+    flown: bool = False
 
 
 class Backgrounds:
@@ -83,8 +92,8 @@ class Backgrounds:
 
 def make(
     number: int, seed: int, view: View, scene: Picture, setting: Setting, decoys: Sequence[str]
-) -> tuple[Result, Frame]:
-    """One picture, and its result with the reason still open."""
+) -> tuple[Result, Frame, View]:
+    """One picture, its result with the reason still open, and where it was taken."""
     rng = np.random.default_rng([seed, number, 2])
     place = number % PICTURES_A_SCENE
     if place < DECOYS_A_SCENE or len(decoys) < len(DECOYS):
@@ -106,7 +115,16 @@ def make(
         if spoiler != PLAIN:
             picture = SPOILERS[spoiler](picture, rng)
         picture = noise(picture, rng, rng.uniform(0.5, 4.0))
-    return Result(number, decoy, spoiler, ""), Frame(0.0, picture, view.gimbal)
+    return Result(number, decoy, spoiler, ""), Frame(0.0, picture, view.gimbal), view
+
+
+def flown(observation: Observation, view: View, setting: Setting, rng: np.random.Generator) -> bool:
+    """Whether a flight takes a first pose, told by its barometer how high over the water it is."""
+    bar_height_m = setting.rig.bar_height_m
+    known = CueHeight.of(replace(CUE_HEIGHT, over_takeoff_m=bar_height_m), setting.rig)
+    height_m = bar_height_m - float(view.bar_from_camera.translation_m[2]) + rng.normal(0.0, BAROMETER_M)
+    telemetry = Telemetry(observation.t_s, None, None, None, height_m, None, None, None, True)
+    return known.with_height(telemetry).checked(observation)[1].bar_pose is not None
 
 
 def table(results: list[Result]) -> str:
@@ -120,11 +138,16 @@ def table(results: list[Result]) -> str:
             if attribute == "spoiler":
                 some = [r for r in some if r.decoy != PLAIN]
             label = "no decoy" if (title, name) == ("decoy", PLAIN) else f"{title}: {name}"
-            rows.append([label, str(len(some)), f"**{sum(not r.reason for r in some)}**",
+            rows.append([label, str(len(some)), *_poses(some),
                          *(str(sum(r.reason == reason for r in some)) for reason in reasons)])  # fmt: skip
-    rows.append(["all", str(len(results)), f"**{sum(not r.reason for r in results)}**",
+    rows.append(["all", str(len(results)), *_poses(results),
                  *(str(sum(r.reason == reason for r in results)) for reason in reasons)])  # fmt: skip
-    return markdown(["pictures", "number", "poses given", *reasons], rows)
+    return markdown(["pictures", "number", "poses given", "taken in flight", *reasons], rows)
+
+
+def _poses(results: list[Result]) -> tuple[str, str]:
+    """Given by the picture alone, and taken by a flight that knows where the cue hangs."""
+    return f"**{sum(not r.reason for r in results)}**", f"**{sum(r.flown for r in results)}**"
 
 
 def main() -> None:
@@ -137,6 +160,7 @@ def main() -> None:
     parser.add_argument("--cue", type=Path, help="TOML of another cue in the bar's place")
     parser.add_argument("--made-to", type=float, help="in place of the cue's own")
     parser.add_argument("--decoys", nargs="+", default=list(DECOYS), choices=list(DECOYS), help="nothing but these")
+    parser.add_argument("--only-decoys", action="store_true", help="leave out the pictures that hold none")
     arguments = parser.parse_args()
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
@@ -157,16 +181,19 @@ def main() -> None:
     with path.open("a", encoding="utf-8") as kept:
         for number in track(range(scenes), description="scenes"):
             first = number * PICTURES_A_SCENE
-            open_ones = [n for n in range(first, min(first + PICTURES_A_SCENE, arguments.pictures)) if n not in results]
+            count = DECOYS_A_SCENE if arguments.only_decoys else PICTURES_A_SCENE
+            open_ones = [n for n in range(first, min(first + count, arguments.pictures)) if n not in results]
             if not open_ones:
                 continue
             view, scene = backgrounds.get(number)
             for index in open_ones:
-                result, frame = make(index, arguments.seed, view, scene, setting, arguments.decoys)
+                result, frame, view_of = make(index, arguments.seed, view, scene, setting, arguments.decoys)
                 eyes.reset()
                 observation = eyes.see(frame)
-                result = Result(result.number, result.decoy, result.spoiler, observation.reason)
+                result = replace(result, reason=observation.reason)
                 if observation.bar_pose is not None and frame.image is not None:
+                    rng = np.random.default_rng([arguments.seed, index, 3])
+                    result = replace(result, flown=flown(observation, view_of, setting, rng))
                     cv2.imwrite(str(out / f"pose-{index:05d}.png"), frame.image)
                 results[index] = result
                 kept.write(json.dumps(vars(result)) + "\n")

@@ -134,6 +134,7 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
             telemetry = vehicle.telemetry_at(border.vehicle_s(ready_s))
             border = border.at_decision(telemetry.t_s, ready_s)
             telemetry, refused = border.telemetry(telemetry)
+            observation = crew.safety.admitted(observation, telemetry)
             decision = decide_or_degrade(crew, observation, telemetry, sent)
             decision = crew.safety.check(decision, observation, telemetry)
             if refused:

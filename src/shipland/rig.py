@@ -87,6 +87,16 @@ class Target:
         """Number of quadrilaterals."""
         return len(self.quad)
 
+    @property
+    def mirrors_itself(self) -> bool:
+        """Whether its reflection in level water or a level deck looks the same, to within what it is made to."""
+        corners_m = self.points_in_bar_m[:, 1:]
+        middle_m = 0.5 * (corners_m.min(axis=0) + corners_m.max(axis=0))
+        mirrored_m = corners_m * [1.0, -1.0] + [0.0, 2.0 * middle_m[1]]
+        apart_m = np.linalg.norm(corners_m[:, None] - mirrored_m[None], axis=-1).min(axis=0)
+        diagonal_m = float(np.linalg.norm(np.ptp(corners_m, axis=0)))
+        return bool(apart_m.max() <= 3.0 * self.made_to * diagonal_m)
+
     @staticmethod
     def from_file(path: Path) -> Target:
         """Read a TOML file with one `[[quad]]` a quadrilateral; ConfigError when it is wrong."""

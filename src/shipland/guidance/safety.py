@@ -14,6 +14,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.config import require
 from shipland.frames import Array
+from shipland.guidance.cue_height import CueHeight, CueHeightParameters
 from shipland.guidance.safety_estimate import SafetyEstimate, SafetyEstimator
 from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
@@ -40,6 +41,7 @@ class SafetyParameters:
         fence_height_m: greatest height over the take-off point.
         low_battery_percent: below this a warning stands in the reason; nothing is broken off, because the deck is the
             only place to land and any other course spends what is left.
+        cue_height: which first poses hang too low.
     """
 
     max_percent: float
@@ -51,6 +53,7 @@ class SafetyParameters:
     fence_distance_m: float
     fence_height_m: float
     low_battery_percent: float
+    cue_height: CueHeightParameters
 
     def __post_init__(self) -> None:
         require(0.0 < self.max_percent <= 100.0, "max_percent must be in (0, 100]")
@@ -75,12 +78,18 @@ class Safety:
         self._half_deck_m = 0.5 * rig.deck_size_m
         self._estimator = SafetyEstimator(rig, camera, camera_in_body_m)
         self._estimate = SafetyEstimate()
+        self._cue_height = CueHeight.of(parameters.cue_height, rig)
         self._last: PilotCommand | None = None
 
     @property
     def estimate(self) -> SafetyEstimate:
         """The safety's own estimate of the aircraft's position."""
         return self._estimate
+
+    def admitted(self, observation: Observation, telemetry: Telemetry) -> Observation:
+        """The observation as the pilot may have it: without a pose that is of the cue's mirror image; never raises."""
+        self._cue_height, observation = self._cue_height.with_height(telemetry).checked(observation)
+        return observation
 
     def check(self, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:
         """The decision with its command made safe; never raises."""

@@ -1,0 +1,111 @@
+"""The height of the cue by barometer: the pose of a mirror image hangs too low, and is refused where it is the first.
+
+In a wet deck, or in water, a cue that is alike both ways up is its own reflection, to the last pixel that of a cue
+which hangs lower. No picture tells the two apart; the height of the aircraft does. A pose says how far the camera is
+above or below the cue, the barometer how far above the take-off point: together they say where the cue hangs, whatever
+the aircraft does. Poses that follow one another are the vision's to guard (`track_climb_mps`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from shipland.config import require
+from shipland.messages import Observation, Telemetry
+from shipland.rig import Rig
+
+
+@dataclass(frozen=True)
+class CueHeightParameters:
+    """`[cue_height]`.
+
+    Attributes:
+        over_takeoff_m: height of the cue over the take-off point, where it is known before the flight; None: the first
+            pose of a flight is believed, and tells it.
+        gap_s: a pose is a first one when there was none for longer.
+        patience_s: first poses that hang too low for so long are believed: rather has the barometer leapt.
+        share: of a pose's height in the height that is remembered.
+    """
+
+    gap_s: float
+    patience_s: float
+    share: float
+    over_takeoff_m: float | None = None
+
+    def __post_init__(self) -> None:
+        require(self.gap_s > 0.0, "gap_s must be positive")
+        require(self.patience_s >= 0.0, "patience_s must not be negative")
+        require(0.0 < self.share <= 1.0, "share must lie in 0 … 1")
+
+
+@dataclass(frozen=True)
+class CueHeight:
+    """State between cycles.
+
+    Attributes:
+        parameters: the bounds.
+        least_drop_m: how far below the cue its nearest mirror image hangs; 0 for a cue that has an up.
+        known_m: height of the cue over the take-off point; None while nothing has told it.
+        pose_s: exposure of the last pose that was believed.
+        doubted_s: exposure since which first poses have been refused; None for none.
+        heights: newest readings of the barometer, (time [s], height over the take-off point [m]).
+    """
+
+    parameters: CueHeightParameters
+    least_drop_m: float
+    known_m: float | None = None
+    pose_s: float = -math.inf
+    doubted_s: float | None = None
+    heights: tuple[tuple[float, float], ...] = ()
+
+    @staticmethod
+    def of(parameters: CueHeightParameters, rig: Rig) -> CueHeight:
+        """At the start of a flight to this ship. The nearest mirror is the deck."""
+        drop_m = 2.0 * (rig.bar_height_m - rig.deck_height_m) if rig.target.mirrors_itself else 0.0
+        return CueHeight(parameters, max(drop_m, 0.0), parameters.over_takeoff_m)
+
+    def with_height(self, telemetry: Telemetry) -> CueHeight:
+        """After a reading of the barometer."""
+        if telemetry.height_m is None:
+            return self
+        t_s = telemetry.t_s if telemetry.height_t_s is None else telemetry.height_t_s
+        if self.heights and t_s <= self.heights[-1][0]:
+            return self
+        return replace(self, heights=(*self.heights[1 - _READINGS :], (t_s, telemetry.height_m)))
+
+    def checked(self, observation: Observation) -> tuple[CueHeight, Observation]:
+        """The observation without a first pose that hangs as low as a mirror image."""
+        pose, t_s = observation.bar_pose, observation.t_s
+        height_m = self._height_at(t_s)
+        if pose is None or self.least_drop_m == 0.0:
+            return self, observation
+        if height_m is None:
+            return replace(self, pose_s=t_s, doubted_s=None), observation
+        cue_m = height_m + float(pose.position_in_bar_m[2])
+        first = not 0.0 <= t_s - self.pose_s <= self.parameters.gap_s
+        if first and self.known_m is not None:
+            doubted_s = t_s if self.doubted_s is None else self.doubted_s
+            unsure_m = min(_SIGMAS * math.sqrt(max(float(pose.covariance[2, 2]), 0.0)), 0.25 * self.least_drop_m)
+            low_m = self.known_m - cue_m
+            if low_m > 0.5 * self.least_drop_m + unsure_m and t_s - doubted_s <= self.parameters.patience_s:
+                reason = f"pose refused: the cue hangs {low_m:.1f} m too low, as its mirror image does"
+                return replace(self, doubted_s=doubted_s), replace(observation, bar_pose=None, reason=reason)
+        known_m = cue_m if self.known_m is None else self.known_m + self.parameters.share * (cue_m - self.known_m)
+        return replace(self, known_m=known_m, pose_s=t_s, doubted_s=None), observation
+
+    def _height_at(self, t_s: float) -> float | None:
+        """Over the take-off point at an exposure, between readings; None where none is near."""
+        if not self.heights or not self.heights[0][0] - _NEAR_S <= t_s <= self.heights[-1][0] + _NEAR_S:
+            return None
+        times, heights = zip(*self.heights, strict=True)
+        return float(np.interp(t_s, times, heights))
+
+
+_READINGS = 90
+"""Three seconds of them at 30 Hz: as late as a picture may come."""
+_NEAR_S = 0.5
+"""A reading this far from the exposure still tells the height there, to half a metre."""
+_SIGMAS = 4.0
