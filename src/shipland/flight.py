@@ -126,6 +126,7 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
             if refused:
                 observation = Observation(frame.t_s, frame.gimbal, reason=refused)
             else:
+                frame = replace(frame, height_m=pair[1].height_m)
                 seen = see_or_degrade(crew.vision, frame)
                 observation = border.observation(without_repeated(seen, before), frame, vehicle.camera)
                 before = seen

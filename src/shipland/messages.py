@@ -43,11 +43,13 @@ class Frame:
         t_s: exposure time [s].
         image: (H, W, 3) uint8 BGR; None from a vehicle whose camera is geometric.
         gimbal: attitude of the camera at exposure, in `level`.
+        height_m: about how high the vehicle said it was over the water or its take-off point; None where it did not.
     """
 
     t_s: float
     image: npt.NDArray[np.uint8] | None
     gimbal: GimbalAttitude
+    height_m: float | None = None
 
     def __post_init__(self) -> None:
         if self.image is not None:

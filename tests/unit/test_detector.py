@@ -1,5 +1,6 @@
 """Raw maps to boxes, tiles, weights files, and the far vision's tracks."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from shipland.vision.far.decode import Decoding, DetectorSpec, decode, iou, supp
 from shipland.vision.far.detector import Detector, cut_tile, detector_parameters, padded, weights_path
 from shipland.vision.far.far import FarVision
 from shipland.vision.far.runtime import load_engine
+from shipland.vision.far.track import log_odds
 
 ANCHORS = (((6.0, 5.0), (9.0, 7.0), (12.0, 12.0)), ((20.0, 14.0), (30.0, 20.0), (40.0, 36.0)), ((60.0, 50.0),) * 3)
 SPEC = DetectorSpec(("ship",), ANCHORS, Decoding.WIDE, 0.125)
@@ -217,6 +219,13 @@ def ship_at(column, row, width=12.0, confidence=0.9):
     return Box((column, row), (width, 0.7 * width), confidence)
 
 
+def needed(stage, confidence=0.9):
+    """Frames until a ship of this confidence in every frame is believed, where no height is told."""
+    settings = stage.parameters.ship
+    each = log_odds(confidence) - log_odds(settings.neutral_confidence)
+    return max(settings.confirm_hits, math.ceil(settings.believe_evidence / each))
+
+
 class Stage:
     """Far vision with scripted detectors, frame after frame at 10 Hz."""
 
@@ -236,9 +245,36 @@ class Stage:
         return self.far.see(Frame(self.t_s, picture, GimbalAttitude(0.0, pitch_rad)))
 
 
+def test_a_thing_seen_as_two_boxes_is_one_candidate(camera):
+    """Both boxes of a ship jump about; the evidence must not be shared out to two tracks."""
+    stage, rng = Stage(camera), np.random.default_rng(4)
+    need = needed(stage)
+    alone = [stage.see([ship_at(600, 370, 24.0)]).ship_box is not None for _ in range(need + 3)].index(True)
+    stage = Stage(camera)
+    seen = []
+    for _ in range(need + 3):
+        beside = ship_at(600 + rng.uniform(8.0, 14.0), 376, 22.0, confidence=0.4)
+        seen.append(stage.see([ship_at(600 + rng.uniform(-6.0, 6.0), 370, 24.0), beside]).ship_box is not None)
+    assert seen.index(True) == alone
+    assert len(stage.far._ship.tracks) == 0
+
+
+def test_a_buoy_as_sure_as_a_ship_is_told_by_its_size_and_place(camera, rig):
+    """From 20 m up; both are as wide in the picture, the buoy lies much lower."""
+    ship_px, buoy_px = ship_at(600, 440, 24.0, confidence=0.8), ship_at(300, 660, 24.0, confidence=0.85)
+    for height_m, taken in ((20.0, 600), (None, 300)):
+        stage = Stage(camera)
+        stage.far = FarVision(stage.ship, None, camera, stage.parameters, rig)
+        picture, seen = np.zeros((720, 1280, 3), np.uint8), None
+        stage.ship.boxes = [ship_px, buoy_px]
+        for number in range(30):
+            seen = stage.far.see(Frame(0.1 * number, picture, GimbalAttitude(0.0, -0.05), height_m)).ship_box
+        assert seen is not None and seen.centre_px[0] == taken
+
+
 def test_a_box_is_believed_after_some_hits_and_only_where_it_is_seen(camera):
     stage = Stage(camera)
-    need = stage.parameters.ship.confirm_hits
+    need = needed(stage)
     seen = [stage.see([ship_at(600, 350)]).ship_box for _ in range(need)]
     assert seen[:-1] == [None] * (need - 1)
     assert seen[-1].centre_px == (600, 350)
@@ -258,7 +294,7 @@ def test_a_flash_is_never_believed(camera):
 
 def test_tracking_looks_at_tiles(camera):
     stage = Stage(camera)
-    need = stage.parameters.ship.confirm_hits
+    need = needed(stage, 0.97)
     for number in range(need + stage.parameters.recheck_frames):
         stage.see([ship_at(600 + number, 370, confidence=0.97)])
     assert stage.ship.whole_frames == need
@@ -270,7 +306,7 @@ def test_a_steady_drift_is_followed(camera):
     """120 px/s across the frame: 12 px a frame, the whole way."""
     stage = Stage(camera)
     seen = [stage.see([ship_at(100 + 12 * number, 350)]).ship_box for number in range(60)]
-    assert all(box is not None for box in seen[stage.parameters.ship.confirm_hits - 1 :])
+    assert all(box is not None for box in seen[needed(stage) - 1 :])
 
 
 def test_a_gimbal_step_is_taken_out(camera):
@@ -279,7 +315,7 @@ def test_a_gimbal_step_is_taken_out(camera):
     pitch, row = -0.8, 100.0
     for number in range(18):
         seen = stage.see([ship_at(640, row)], pitch_rad=pitch).ship_box
-        assert (seen is not None) == (number >= stage.parameters.ship.confirm_hits - 1)
+        assert (seen is not None) == (number >= needed(stage) - 1)
         if number >= 6:
             pitch += 0.05
             row += 0.05 * camera.focal_px
@@ -291,7 +327,7 @@ def test_a_lost_track_starts_again_from_nothing(camera):
         stage.see([ship_at(600, 350)])
     for _ in range(stage.parameters.lost_frames):
         stage.see()
-    again = [stage.see([ship_at(200, 500)]).ship_box for _ in range(stage.parameters.ship.confirm_hits)]
+    again = [stage.see([ship_at(200, 500)]).ship_box for _ in range(needed(stage))]
     assert again[0] is None
     assert again[-1] is not None
 
@@ -324,7 +360,7 @@ def test_middling_boxes_are_never_believed_and_faint_ones_in_time(camera):
         stage = Stage(camera)
         seen = [stage.see([ship_at(600, 370, confidence=confidence)]).ship_box is not None for _ in range(60)]
         first.append(seen.index(True))
-    assert first[1] == stage.parameters.ship.confirm_hits - 1 < first[0]
+    assert first[1] == needed(stage, 0.97) - 1 < first[0]
 
 
 def test_what_stands_above_the_horizon_is_no_ship(camera):
@@ -338,7 +374,7 @@ def test_what_stands_above_the_horizon_is_no_ship(camera):
 def test_the_surest_of_several_candidates_is_taken(camera):
     stage = Stage(camera)
     boxes = [ship_at(200, 400, confidence=0.75), ship_at(900, 400, confidence=0.95), ship_at(500, 500, confidence=0.8)]
-    seen = [stage.see(boxes).ship_box for _ in range(stage.parameters.ship.confirm_hits)]
+    seen = [stage.see(boxes).ship_box for _ in range(needed(stage, 0.75))]
     assert seen[-1].centre_px == (900, 400)
 
 

@@ -10,7 +10,17 @@ from shipland.camera import Camera
 from shipland.config import build
 from shipland.flight import Crew, Stage, cycles, fly
 from shipland.guidance.safety import Safety, SafetyParameters
-from shipland.messages import Decision, Frame, GimbalAttitude, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.messages import (
+    BarPose,
+    Decision,
+    Frame,
+    GimbalAttitude,
+    Intent,
+    Mode,
+    Observation,
+    PilotCommand,
+    Telemetry,
+)
 from shipland.rig import default_rig, packaged_table
 from shipland.vehicles.delays import DelayParameters
 
@@ -92,6 +102,38 @@ def test_the_pilot_is_told_what_left_the_safety():
     fly(vehicle, crew(pilot=pilot), 10.0, lambda: 0.0, lambda _: None)
     assert pilot.sent == [None, *vehicle.commands[:-1]]
     assert all(command.pitch_percent <= 100.0 for command in pilot.sent[1:])  # it asked for 500 %
+
+
+def test_vision_is_told_the_height_that_came_with_the_picture():
+    heights_m = []
+
+    class Keeps(Eyes):
+        def see(self, frame):
+            heights_m.append(frame.height_m)
+            return super().see(frame)
+
+    class Climbs(Recorded):
+        def read(self):
+            pair = super().read()
+            return None if pair is None else (pair[0], replace(pair[1], height_m=30.0 * pair[0].t_s))
+
+    fly(Climbs(3), crew(vision=Keeps()), 10.0, lambda: 0.0, lambda _: None)
+    assert heights_m == pytest.approx([0.0, 1.0, 2.0])
+
+
+def test_a_first_pose_that_hangs_as_low_as_a_mirror_image_does_not_reach_the_pilot():
+    class Sees(Eyes):
+        def see(self, frame):
+            down_m = 0.65 if frame.t_s < 1.0 else 0.65 - 1.5
+            pose = BarPose(np.array([-6.0, 0.0, down_m]), 0.0, 1e-4 * np.eye(4), 0.1, frame.t_s + np.zeros((8, 2)))
+            hidden = 0.2 < frame.t_s < 2.0
+            return Observation(frame.t_s, frame.gimbal, None if hidden else pose, reason="hidden" if hidden else "")
+
+    rows = []
+    fly(Recorded(70), crew(vision=Sees()), 10.0, lambda: 0.0, rows.append)
+    assert rows[0].observation.bar_pose is not None
+    assert rows[-1].observation.bar_pose is None
+    assert "mirror image" in rows[-1].observation.reason
 
 
 def test_cycles_can_be_stepped_and_closing_them_closes_the_vehicle():

@@ -38,6 +38,8 @@ from shipland.vision.far.far import FarVision
 
 Picture = npt.NDArray[np.uint8]
 LEAST_CONFIDENCE = 0.05
+BAROMETER_M = 0.7
+"""Error of the camera's height, of one scene: drift, and a take-off point above the water. Chosen."""
 _LEAST_SEEN = 0.01
 
 
@@ -329,7 +331,7 @@ def _look(
 ) -> SceneRecord:
     detector = _FirstLook(detector)
     far = FarVision(
-        detector if shot.kind == "ship" else None, detector if shot.kind == "bar" else None, camera, settings
+        detector if shot.kind == "ship" else None, detector if shot.kind == "bar" else None, camera, settings, rig
     )
     quality = jpeg_quality(shot, synth)
     first: BoxRow | None = None
@@ -337,6 +339,7 @@ def _look(
     believed: list[tuple[BoxRow | None, SureBox | None]] = []
     kept: list[tuple[SureBox, ...]] = []
     frames = arguments.frames
+    heights_m = told_heights_m(shot, frames)
     for number in range(max(frames, 1)):
         t_s = FRAME_S * number
         drawn, edges = draw(shot, t_s, scene, camera, rig, synth)
@@ -354,7 +357,7 @@ def _look(
             kept.append(tuple(row for row in _rows(found) if not _over(row, partly)))
         if frames > 0:
             gimbal = GimbalAttitude(shot.roll_rad, shot.pitch_rad)
-            seen = far.see(Frame(t_s, picture, gimbal))
+            seen = far.see(Frame(t_s, picture, gimbal, heights_m[number]))
             box = seen.ship_box if shot.kind == "ship" else seen.bar_box
             row = None if box is None else _rows([box])[0]
             believed.append((target, None if row is None or _over(row, partly) else row))
@@ -368,7 +371,15 @@ def _look(
         tuple(believed),
         (shot.roll_rad, shot.pitch_rad),
         tuple(kept),
+        heights_m,
     )
+
+
+def told_heights_m(shot: Shot, frames: int) -> tuple[float, ...]:
+    """What a barometer tells of the camera's height over the water, a frame each; it errs alike in all of them."""
+    error_m = BAROMETER_M * float(np.random.default_rng([shot.sensor_seed, 4]).standard_normal())
+    up_m, climb_mps = -float(shot.position_in_ned_m[2]), -float(shot.velocity_in_ned_mps[2])
+    return tuple(round(up_m + climb_mps * FRAME_S * number + error_m, 3) for number in range(frames))
 
 
 def _row(edges: NearestBox) -> BoxRow:

@@ -36,6 +36,7 @@ class SceneRecord:
         believed: for each frame the target's box and the box that a believed track gave.
         gimbal_rad: roll and pitch of the camera.
         frames: all boxes of every frame, down to a low confidence, where they were kept.
+        heights_m: the camera's height in every frame, as a barometer tells it.
     """
 
     number: int
@@ -47,6 +48,7 @@ class SceneRecord:
     believed: tuple[tuple[BoxRow | None, SureBox | None], ...] = ()
     gimbal_rad: tuple[float, float] = (0.0, 0.0)
     frames: tuple[tuple[SureBox, ...], ...] = ()
+    heights_m: tuple[float, ...] = ()
 
     def to_json(self) -> str:
         """One line of JSON."""

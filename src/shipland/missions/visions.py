@@ -64,7 +64,7 @@ def rendered(setup: VisionSetup) -> Vision:
     """Near and far vision on drawn pictures."""
     scenario = setup.scenario
     near = NearVision(scenario.rig.target, setup.camera, scenario.vision)
-    return Eyes(near, FarVision.load(setup.camera, scenario.detector), scenario.eyes)
+    return Eyes(near, FarVision.load(setup.camera, scenario.detector, scenario.rig), scenario.eyes)
 
 
 @without_pictures

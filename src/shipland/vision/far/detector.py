@@ -32,9 +32,12 @@ class Confirmation:
         track_confidence: least confidence that continues one, or the target.
         confirm_hits, confirm_frames: a track is believed after so many hits in so many frames, and enough evidence.
         neutral_confidence: a box of this confidence, where the track expects it, speaks neither for nor against.
-        believe_evidence: log-odds above neutral that a track must gather.
+        believe_evidence: log-odds above neutral that a track must gather, its size's included.
+        doubt_evidence: a target whose boxes have gathered less than minus this is given up.
         most_evidence: log-odds that it can gather at most.
         miss_evidence: log-odds that a frame without a box takes away.
+        size_weight: what the log-odds of the box's size at its place count by, against those of single frames, which
+            repeat one another.
     """
 
     start_confidence: float
@@ -43,15 +46,18 @@ class Confirmation:
     confirm_frames: int
     neutral_confidence: float
     believe_evidence: float
+    doubt_evidence: float
     most_evidence: float
     miss_evidence: float
+    size_weight: float
 
     def __post_init__(self) -> None:
         for name in ("start_confidence", "track_confidence", "neutral_confidence"):
             require(0.0 < getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1, got {getattr(self, name)}")
         require(1 <= self.confirm_hits <= self.confirm_frames, "confirm_hits must lie in 1 … confirm_frames")
         require(0.0 <= self.believe_evidence <= self.most_evidence, "believe_evidence must lie in 0 … most_evidence")
-        require(self.miss_evidence >= 0.0, "miss_evidence must not be negative")
+        for name in ("doubt_evidence", "miss_evidence", "size_weight"):
+            require(getattr(self, name) >= 0.0, f"{name} must not be negative, got {getattr(self, name)}")
 
 
 @dataclass(frozen=True)
@@ -75,6 +81,9 @@ class DetectorParameters:
         horizon_margin_deg: how far above the horizon the foot of a ship may seem to lie: the gimbal's error.
         ship_rise, bar_rise: how far above the horizon the box's middle may lie besides, in its own longer sides;
             negative for a box whose foot must lie below.
+        height_sd_m, horizon_sd_deg: errors of the camera's height over the water and of the horizon.
+        span_sd: spread of the target's apparent width, by its aspect and the box's error, as a share of it.
+        other_sd: spread of the width of other things, likewise.
         lost_frames: a track ends after so many frames without a hit.
         stale_s: a track ends when no frame came for so long.
         sure_confidence: a target of at least this mean confidence, without a rival, is sure.
@@ -106,6 +115,10 @@ class DetectorParameters:
     horizon_margin_deg: float
     ship_rise: float
     bar_rise: float
+    height_sd_m: float
+    horizon_sd_deg: float
+    span_sd: float
+    other_sd: float
     lost_frames: int
     stale_s: float
     sure_confidence: float
@@ -124,6 +137,8 @@ class DetectorParameters:
             0 < self.tile_min_px <= self.tile_max_px and not (self.tile_min_px % 32 or self.tile_max_px % 32),
             "tile_min_px ≤ tile_max_px must be multiples of 32",
         )
+        for name in ("height_sd_m", "horizon_sd_deg", "span_sd", "other_sd"):
+            require(getattr(self, name) > 0.0, f"{name} must be positive, got {getattr(self, name)}")
         require(self.tile_per_target > 1.0, "tile_per_target must exceed 1")
         require(self.gate_growth > 1.0, "gate_growth must exceed 1")
         for name in ("lost_frames", "recheck_frames", "doubt_frames", "most_candidates"):

@@ -7,12 +7,27 @@ one.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from shipland.camera import Camera
 from shipland.messages import Box, Frame, Observation
-from shipland.vision.far.detector import Detector, DetectorParameters, Picture
+from shipland.rig import Rig
+from shipland.vision.far.detector import Confirmation, Detector, DetectorParameters, Picture
 from shipland.vision.far.search import NETWORK_STEP_PX, TargetSearch, inside
+from shipland.vision.far.standing import Standing, Subject
+
+_ASPECT_RAD = math.radians(40.0)
+"""From where a ship is approached: astern, give or take."""
+_SHIP_FOOT = 0.45
+"""The lower edge of its boxes hangs a little below the water line."""
+_BAR_TURNED = 0.9
+"""What is left of the board's width, as most often seen."""
+
+
+def _ship_span_m(rig: Rig) -> float:
+    """The platform's width as most often seen."""
+    return rig.platform_width_m * math.cos(_ASPECT_RAD) + rig.platform_length_m * math.sin(_ASPECT_RAD)
 
 
 @dataclass
@@ -23,35 +38,43 @@ class FarVision:
         ship, bar: the detectors; None where there is none.
         camera: intrinsics.
         parameters: thresholds and counts.
+        rig: the ship, for what the size of a box says; None where it is not known.
     """
 
     ship: Detector | None
     bar: Detector | None
     camera: Camera
     parameters: DetectorParameters
+    rig: Rig | None = None
     _ship: TargetSearch | None = field(default=None, init=False)
     _bar: TargetSearch | None = field(default=None, init=False)
     _ships_turn: bool = field(default=True, init=False)
     _last_s: float | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
+        parameters, rig = self.parameters, self.rig
         if self.ship is not None:
-            self._ship = TargetSearch(
-                "ship", self.ship, self.camera, self.parameters, self.parameters.ship, rise=self.parameters.ship_rise
-            )
+            span_m = None if rig is None else _ship_span_m(rig)
+            subject = Subject(span_m, _SHIP_FOOT, 0.0, parameters.ship_rise)
+            self._ship = self._search("ship", self.ship, parameters.ship, subject)
         if self.bar is not None:
-            self._bar = TargetSearch(
-                "bar", self.bar, self.camera, self.parameters, self.parameters.bar, rise=self.parameters.bar_rise
-            )
+            span_m, bar_m = (None, 0.0) if rig is None else (_BAR_TURNED * rig.board_width_m, rig.bar_height_m)
+            subject = Subject(span_m, 0.0, bar_m, parameters.bar_rise)
+            self._bar = self._search("bar", self.bar, parameters.bar, subject)
+
+    def _search(self, name: str, detector: Detector, confirmation: Confirmation, subject: Subject) -> TargetSearch:
+        standing = Standing(subject, self.camera, self.parameters)
+        return TargetSearch(name, detector, self.camera, self.parameters, confirmation, standing)
 
     @staticmethod
-    def load(camera: Camera, parameters: DetectorParameters) -> FarVision:
+    def load(camera: Camera, parameters: DetectorParameters, rig: Rig | None = None) -> FarVision:
         """Both detectors that the parameters name; DataError when one cannot be used."""
         return FarVision(
             Detector.load(parameters.ship_weights, parameters),
             Detector.load(parameters.bar_weights, parameters),
             camera,
             parameters,
+            rig,
         )
 
     def reset(self) -> None:

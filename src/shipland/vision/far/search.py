@@ -6,14 +6,14 @@ to a surer rival. The horizon is known from the gimbal; what stands above it doe
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from shipland.camera import Camera, level_from_camera
-from shipland.messages import Box, Frame, GimbalAttitude
+from shipland.camera import Camera
+from shipland.messages import Box, Frame
 from shipland.vision.far.detector import Confirmation, Detector, DetectorParameters, Picture
+from shipland.vision.far.standing import Standing, apart
 from shipland.vision.far.track import Track, log_odds
 
 NETWORK_STEP_PX = 32
@@ -29,8 +29,7 @@ class TargetSearch:
         camera: intrinsics.
         parameters: thresholds and counts.
         confirmation: when a candidate is believed.
-        rise: how far above the horizon the box's middle may lie, in its own longer sides; negative for a box whose
-            foot must lie below.
+        standing: what the horizon says of boxes.
         tracks: candidates.
         target: the one that is believed.
     """
@@ -40,7 +39,7 @@ class TargetSearch:
     camera: Camera
     parameters: DetectorParameters
     confirmation: Confirmation
-    rise: float
+    standing: Standing
     tracks: list[Track] = field(default_factory=list)
     target: Track | None = None
     _since_search: int = 0
@@ -78,7 +77,7 @@ class TargetSearch:
         tile_px, reduction = tile_for(float(self.target.size_px.max()), self.parameters)
         centre = (float(predicted_px[0]), float(predicted_px[1]))
         found = self.detector.detect_in_tile(picture, centre, tile_px, reduction, self.confirmation.track_confidence)
-        return self._update_target(self._standing(found, frame.gimbal), frame)
+        return self._update_target(apart(self.standing.on_the_sea(found, frame.gimbal)), frame)
 
     def reason(self) -> str:
         """Why no box is reported."""
@@ -86,16 +85,16 @@ class TargetSearch:
             return f"{self.name}: missed ({self.target.misses} frames)"
         if not self.tracks:
             return f"{self.name}: not found"
-        best = max(self.tracks, key=lambda track: track.evidence)
         parameters = self.confirmation
+        best = max(self.tracks, key=lambda track: track.support(parameters))
         return (
             f"{self.name}: not confirmed ({sum(best.hits)} of {parameters.confirm_hits} sightings, "
-            f"evidence {best.evidence:.1f} of {parameters.believe_evidence:g})"
+            f"evidence {best.support(parameters):.1f} of {parameters.believe_evidence:g})"
         )
 
     def _take(self, found: list[Box], frame: Frame) -> Box | None:
         """Give boxes to the target and the candidates, the surest first; the target's box."""
-        boxes = self._standing(found, frame.gimbal)
+        boxes = apart(self.standing.on_the_sea(found, frame.gimbal))
         reported = self._update_target(boxes, frame)
         rest = [box for box in boxes if box is not reported]
         given: dict[int, Box] = {}
@@ -113,25 +112,31 @@ class TargetSearch:
                 fresh.append(box)
         for index, track in enumerate(self.tracks):
             if index in given:
-                track.hit(given[index], frame, self.camera.focal_px, self.parameters, self.confirmation)
+                self._hit(track, given[index], frame)
             else:
                 track.miss(self.confirmation)
         boxes_of = {id(self.tracks[index]): box for index, box in given.items()}
         alive = [track for track in self.tracks if not track.hopeless(self.confirmation)]
         room = max(self.parameters.most_candidates - len(alive), 0)
-        started = [Track.start(box, frame, self.confirmation) for box in fresh[:room]]
+        started = [
+            Track.start(box, self.standing.evidence(box, frame), frame, self.confirmation) for box in fresh[:room]
+        ]
         self.tracks = alive + started
         best = max(
             (track for track in self.tracks if track.convincing(self.confirmation)),
-            key=lambda track: track.sureness,
+            key=Track.rank,
             default=None,
         )
         if best is not None and (
-            self.target is None or best.sureness > self.target.sureness + self.parameters.recheck_margin
+            self.target is None or best.rank() > self.target.rank() + self.parameters.recheck_margin
         ):
             self.tracks = [track for track in self.tracks if track is not best]
             self.target, reported = best, boxes_of.get(id(best))
         return reported
+
+    def _hit(self, track: Track, box: Box, frame: Frame) -> None:
+        suits = self.standing.evidence(box, frame)
+        track.hit(box, suits, frame, self.camera.focal_px, self.parameters, self.confirmation)
 
     def _update_target(self, boxes: list[Box], frame: Frame) -> Box | None:
         target = self.target
@@ -140,27 +145,13 @@ class TargetSearch:
         predicted_px = target.predicted_px(frame, self.camera.focal_px)
         box = next((item for item in boxes if target.takes(item, frame, predicted_px, self.parameters)), None)
         if box is not None:
-            target.hit(box, frame, self.camera.focal_px, self.parameters, self.confirmation)
+            self._hit(target, box, frame)
         else:
             target.miss(self.confirmation)
         if target.lost(self.parameters, self.confirmation):
             self.target, self._since_search = None, 0
             return None
         return box
-
-    def _standing(self, boxes: list[Box], gimbal: GimbalAttitude) -> list[Box]:
-        """Those boxes that can belong to something on the sea."""
-        if not boxes:
-            return boxes
-        turn = level_from_camera(gimbal)
-        places = np.array([box.centre_px for box in boxes])
-        sides = np.array([max(box.size_px) for box in boxes])
-        if self.rise < 0.0:
-            places = places + [0.0, 0.5] * np.array([box.size_px for box in boxes])
-        rays = self.camera.back_project(places) @ turn.T
-        up_rad = np.arcsin(np.clip(-rays[:, 2], -1.0, 1.0))
-        most_rad = math.radians(self.parameters.horizon_margin_deg) + max(self.rise, 0.0) * sides / self.camera.focal_px
-        return [box for box, keep in zip(boxes, up_rad <= most_rad, strict=True) if keep]
 
 
 def tile_for(longer_px: float, parameters: DetectorParameters) -> tuple[int, int]:

@@ -2,7 +2,8 @@
 
 Evidence is a sum of log-odds, one term a frame in which the target was looked for: a box adds what its confidence says
 above `neutral_confidence` (the sequential test of [Wald, "Sequential tests of statistical hypotheses", 1945]), a frame
-without a box takes some away. A decoy of middling confidence never gathers enough; a faint ship may in time.
+without a box takes some away. A decoy of middling confidence never gathers enough; a faint ship may in time. What its
+size says (`standing.py`) is the same in every frame and counts once.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ class Track:
         gimbal: the camera's attitude at the last hit.
         hits: the last frames that it was looked for in, whether each was a hit.
         evidence: log-odds gathered.
-        sureness: running mean of the boxes' log-odds; ranks rivals.
+        sureness: running mean of the boxes' log-odds.
+        suits: log-odds of the last box's size at its place.
         misses: frames since the last hit.
     """
 
@@ -49,11 +51,12 @@ class Track:
     hits: deque[bool]
     evidence: float
     sureness: float
+    suits: float = 0.0
     misses: int = 0
 
     @staticmethod
-    def start(box: Box, frame: Frame, confirmation: Confirmation) -> Track:
-        """A track from its first box."""
+    def start(box: Box, suits: float, frame: Frame, confirmation: Confirmation) -> Track:
+        """A track from its first box, whose size at its place speaks for it by `suits`."""
         odds = log_odds(box.confidence)
         return Track(
             frame.t_s,
@@ -64,6 +67,7 @@ class Track:
             deque([True], maxlen=confirmation.confirm_frames),
             evidence=odds - log_odds(confirmation.neutral_confidence),
             sureness=odds,
+            suits=suits,
         )
 
     def turned_px(self, gimbal: GimbalAttitude, focal_px: float) -> Array:
@@ -89,12 +93,13 @@ class Track:
     def hit(
         self,
         box: Box,
+        suits: float,
         frame: Frame,
         focal_px: float,
         parameters: DetectorParameters,
         confirmation: Confirmation,
     ) -> None:
-        """Take a box of `frame`."""
+        """Take a box of `frame`, whose size at its place speaks for it by `suits`."""
         centre = np.array(box.centre_px)
         elapsed_s = frame.t_s - self.t_s
         if elapsed_s > 0.0:
@@ -103,6 +108,7 @@ class Track:
         odds = log_odds(box.confidence)
         self.t_s, self.gimbal = frame.t_s, frame.gimbal
         self.centre_px, self.size_px = centre, np.array(box.size_px)
+        self.suits = suits
         self.hits.append(True)
         self.misses = 0
         gathered = self.evidence + odds - log_odds(confirmation.neutral_confidence)
@@ -115,9 +121,19 @@ class Track:
         self.misses += 1
         self.evidence -= confirmation.miss_evidence
 
+    def support(self, confirmation: Confirmation) -> float:
+        """All that speaks for it: what its boxes gathered, and their size."""
+        return self.evidence + confirmation.size_weight * self.suits
+
+    def rank(self) -> float:
+        """By which the best of rivals is taken."""
+        return self.sureness + self.suits
+
     def convincing(self, confirmation: Confirmation) -> bool:
         """Whether to believe it."""
-        return sum(self.hits) >= confirmation.confirm_hits and self.evidence >= confirmation.believe_evidence
+        return (
+            sum(self.hits) >= confirmation.confirm_hits and self.support(confirmation) >= confirmation.believe_evidence
+        )
 
     def hopeless(self, confirmation: Confirmation) -> bool:
         """Whether a candidate can no longer be confirmed in its time."""
@@ -125,4 +141,4 @@ class Track:
 
     def lost(self, parameters: DetectorParameters, confirmation: Confirmation) -> bool:
         """Whether to give up a target that was believed: unseen for too long, or more and more doubtful."""
-        return self.misses >= parameters.lost_frames or self.evidence < -confirmation.believe_evidence
+        return self.misses >= parameters.lost_frames or self.evidence < -confirmation.doubt_evidence

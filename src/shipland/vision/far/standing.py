@@ -1,0 +1,111 @@
+"""What the horizon says of a box: whether it can stand on the sea, and whether its size suits its place.
+
+The gimbal tells where the horizon is. What stands on the sea is the nearer the farther below the horizon it lies, so
+where the camera's height is known, the place of a box tells the range of what it holds, and its size tells it again if
+it holds the target. A buoy near by has the size of a ship far off, and lies lower.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.camera import Camera, level_from_camera
+from shipland.frames import Array
+from shipland.messages import Box, Frame, GimbalAttitude
+from shipland.vision.far.detector import DetectorParameters
+
+_MOST_EVIDENCE, _LEAST_EVIDENCE = 3.0, -6.0
+_LEAST_HEIGHT_M = 0.3
+_EDGE_PX = 2.0
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What one kind of target is like.
+
+    Attributes:
+        span_m: how wide it is as most often seen; None where that is not known.
+        foot: where the point of known height lies in the box, from its middle (0) to its lower edge (0.5).
+        foot_m: its height over the water.
+        rise: how far above the horizon the box's middle may lie, in its own longer sides; negative for a box whose foot
+            must lie below.
+    """
+
+    span_m: float | None
+    foot: float
+    foot_m: float
+    rise: float
+
+
+class Standing:
+    """Judges boxes of one kind of target, seen with one camera."""
+
+    def __init__(self, subject: Subject, camera: Camera, parameters: DetectorParameters) -> None:
+        self._subject, self._camera, self._parameters = subject, camera, parameters
+        self._margin_rad = math.radians(parameters.horizon_margin_deg)
+        self._level_rad = math.radians(parameters.horizon_sd_deg)
+
+    def on_the_sea(self, boxes: list[Box], gimbal: GimbalAttitude) -> list[Box]:
+        """Those boxes that can belong to something on the sea."""
+        if not boxes:
+            return boxes
+        rise = self._subject.rise
+        below_rad = self._below_rad(boxes, 0.5 if rise < 0.0 else 0.0, gimbal)
+        sides_rad = np.array([max(box.size_px) for box in boxes]) / self._camera.focal_px
+        most_rad = self._margin_rad + max(rise, 0.0) * sides_rad
+        return [box for box, keep in zip(boxes, -below_rad <= most_rad, strict=True) if keep]
+
+    def evidence(self, box: Box, frame: Frame) -> float:
+        """Log-odds that a box of this size at this place holds the target.
+
+        0 where height or span are not known, or the picture's edge may have cut the target.
+
+        The angle below the horizon at which the target would lie, at the range that its size tells, against the angle
+        found: of the target they differ by its aspect, the height's error and the horizon's, of other things on the sea
+        besides by their own size.
+        """
+        subject, parameters, height_m = self._subject, self._parameters, frame.height_m
+        if subject.span_m is None or height_m is None or not math.isfinite(height_m) or self._cut(box):
+            return 0.0
+        above_m = max(height_m, _LEAST_HEIGHT_M) - subject.foot_m
+        range_m = self._camera.focal_px * subject.span_m / max(box.size_px[0], 1.0)
+        wanted_rad = math.asin(min(max(above_m / range_m, -1.0), 1.0))
+        found_rad = float(self._below_rad([box], subject.foot, frame.gimbal)[0])
+        scale_rad = 0.5 * (abs(wanted_rad) + abs(found_rad))
+        known = self._level_rad**2 + (parameters.height_sd_m / range_m) ** 2 + (parameters.span_sd * scale_rad) ** 2
+        other = known + (parameters.other_sd * scale_rad) ** 2
+        off2 = (found_rad - wanted_rad) ** 2
+        odds = 0.5 * (off2 / other - off2 / known + math.log(other / known))
+        return min(max(odds, _LEAST_EVIDENCE), _MOST_EVIDENCE)
+
+    def _cut(self, box: Box) -> bool:
+        size_px = (self._camera.width_px, self._camera.height_px)
+        return any(
+            not 0.5 * wide + _EDGE_PX <= at <= whole - 1 - 0.5 * wide - _EDGE_PX
+            for at, wide, whole in zip(box.centre_px, box.size_px, size_px, strict=True)
+        )
+
+    def _below_rad(self, boxes: list[Box], down: float, gimbal: GimbalAttitude) -> Array:
+        """(n,) angles below the horizon of a point of each box, `down` of its height below its middle."""
+        places = np.array([(box.centre_px[0], box.centre_px[1] + down * box.size_px[1]) for box in boxes])
+        rays = self._camera.back_project(places) @ level_from_camera(gimbal).T
+        return np.asarray(np.arcsin(np.clip(rays[:, 2], -1.0, 1.0)))
+
+
+def apart(boxes: list[Box]) -> list[Box]:
+    """The surest of boxes that overlap: what one thing is seen as twice would share out its evidence to two tracks."""
+    kept: list[Box] = []
+    for box in sorted(boxes, key=lambda item: -item.confidence):
+        if not any(_overlap(box, other) for other in kept):
+            kept.append(box)
+    return kept
+
+
+def _overlap(box: Box, other: Box) -> bool:
+    return all(
+        abs(at - there) < 0.5 * (size + wide)
+        for at, there, size, wide in zip(box.centre_px, other.centre_px, box.size_px, other.size_px, strict=True)
+    )
