@@ -37,7 +37,6 @@ class DescentParameters:
         drop_mps: speed of the last part.
         drop_m: predicted offset at contact at which it begins.
         relax_after_s, relax_per_s: waiting longer, the offset allowed grows by this share a second.
-        level_s: so long before contact the sticks take the tilt out.
         contact_height_m: of the aircraft's centre when its lowest foot touches the neutral deck.
     """
 
@@ -50,7 +49,6 @@ class DescentParameters:
     drop_m: float
     relax_after_s: float
     relax_per_s: float
-    level_s: float
     contact_height_m: float
 
     def __post_init__(self) -> None:
@@ -85,6 +83,7 @@ class Over:
         offset_m: horizontal, from the landing point.
         offset_at_contact_m: the same, predicted for contact, if the drop began now.
         lull: the moment is one to land in.
+        touching: a contact is near that would find the aircraft leaning too much: see `levelling`.
     """
 
     now_s: float
@@ -93,6 +92,7 @@ class Over:
     offset_m: float
     offset_at_contact_m: float
     lull: bool
+    touching: bool = False
 
 
 def contact_in_s(height_m: float, sink_mps: float, lag_s: float, parameters: DescentParameters) -> float:
@@ -121,6 +121,8 @@ def next_descent(before: Descent | None, over: Over, parameters: DescentParamete
         before = Descent(Phase.SINK, over.now_s, over.height_m)
     if before.phase is Phase.DROP:
         return before
+    if over.touching:
+        return Descent(Phase.DROP, over.now_s, 0.0)
     if before.phase is Phase.SINK:
         lower_m = before.height_m
         if over.offset_m <= parameters.pause_m:

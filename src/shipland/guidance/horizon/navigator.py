@@ -80,6 +80,9 @@ class Navigator:
         self._sinking: tuple[float, float] | None = None
         self._tilted_mps2: Array = np.zeros(2)
         self._nose_up_rad = 0.0
+        self._leant_s = -math.inf
+        self.trim_mps2: Array = np.zeros(2)
+        """(2,) the acceleration that a servo holds its speed with, against the mean wind."""
 
     def _across_model(self) -> Model:
         return self._model_of_gain(self.motion.gain)
@@ -129,6 +132,14 @@ class Navigator:
         if wanted != self._gust_mps2 and between > 0.6 * math.log(levels[1] / levels[0]):
             self._gust_mps2 = wanted
             self._change_models()
+
+    def _judge_trim(self, now_s: float) -> None:
+        """The mean lean; where a stick means a tilt it is the input's, and no news."""
+        if self.servo is None:
+            return
+        share = 1.0 - math.exp(-max(now_s - self._leant_s, 0.0) / _TRIM_S)
+        lean_mps2 = turned(self._tilted_mps2, self._headings.nose_at(now_s))
+        self.trim_mps2, self._leant_s = self.trim_mps2 + share * (lean_mps2 - self.trim_mps2), now_s
 
     def _judge_view(self) -> None:
         """A servo on optical flow follows the motion of the ship below it."""
@@ -195,6 +206,7 @@ class Navigator:
         if roll_rad is not None and pitch_rad is not None and max(abs(roll_rad), abs(pitch_rad)) < _STEEPEST_RAD:
             self._tilted_mps2 = GRAVITY_MPS2 * np.array([-math.tan(pitch_rad), math.tan(roll_rad)])
             self._nose_up_rad = pitch_rad
+            self._judge_trim(telemetry.t_s)
         t_s, pose = observation.t_s, observation.bar_pose
         headings = self._headings.take(t_s, pose)
         self._judge_axis()
@@ -346,6 +358,8 @@ _VIEW_STEP = 0.25
 """Shares of ship in view that models are kept for."""
 _STEEPEST_RAD = 1.0
 """A tilt beyond this is none that a vehicle holds its place with."""
+_TRIM_S = 2.5
+"""The mean lean is of so long: what the servo's integral and its gusts both show in."""
 _VELOCITY_EVERY_S = 0.06
 """Its noise is coloured: readings that follow closer tell little more."""
 

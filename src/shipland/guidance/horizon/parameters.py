@@ -14,6 +14,7 @@ from shipland.estimation.relative_state import Disturbances
 from shipland.estimation.swing_bank import SwingParameters
 from shipland.guidance.horizon.descent import DescentParameters
 from shipland.guidance.horizon.gains import Weights
+from shipland.guidance.horizon.levelling import LevellingParameters
 
 
 @dataclass(frozen=True)
@@ -160,6 +161,7 @@ class HorizonParameters:
     margins: Margins
     path: PathParameters
     descent: DescentParameters
+    levelling: LevellingParameters
 
     def __post_init__(self) -> None:
         require(self.land_offset_m > 0.0, "land_offset_m must be positive")

@@ -12,6 +12,7 @@ from shipland.frames import Array, turned, wrap_angle
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.gains import INPUT, INPUT_RATE_SHARE, TRACKED, TRACKED_RATE, Gains, gains_of
+from shipland.guidance.horizon.levelling import speed_near_contact, tilt_near_contact
 from shipland.guidance.horizon.navigator import Navigator
 from shipland.guidance.horizon.reference import Pace, Reference, at_rest, led_anew, moved
 from shipland.guidance.horizon.steering import LONGEST_CONTACT_S, Steered, Steering
@@ -331,7 +332,8 @@ class HorizonPilot:
         if mode is Mode.LAND:
             offset_m = math.hypot(*self._offset(estimate).tolist())
             self._contact_m = self._offset_at_contact_m(estimate, gains)
-            over = Over(estimate.t_s, step_s, height_m, offset_m, self._contact_m, self._lull(estimate))
+            lull, touching = self._lull(estimate), self._touching(estimate)
+            over = Over(estimate.t_s, step_s, height_m, offset_m, self._contact_m, lull, touching)
             before = self._descent
             self._descent = descent = next_descent(before, over, self._parameters.descent)
             rate_mps = self._deck_mps(estimate)
@@ -366,10 +368,8 @@ class HorizonPilot:
 
     def _sticks_of(self, estimate: Estimated, wanted: Array, heave_mps: float) -> Sticks:
         response, path = self._response, self._parameters.path
-        if self._descent is not None and self._descent.phase is Phase.DROP and response.kind == "attitude":
-            delay_s = response.uplink_s + response.dead_time_s
-            if self._contact_in_s(estimate) + delay_s < self._parameters.descent.level_s + delay_s:
-                wanted = np.zeros(2)
+        if self._descent is not None and self._descent.phase is Phase.DROP:
+            wanted = self._near_contact(estimate, wanted)
         pitch, roll = (response.stick_of(value) for value in turned(wanted, -estimate.nose_rad))
         pitch, roll = _kept_moving(clamp(pitch, 100.0), clamp(roll, 100.0), response)
         turn_rad_s = path.turn_per_s * wrap_angle(self._wanted_nose_rad(estimate) - estimate.nose_rad)
@@ -381,6 +381,28 @@ class HorizonPilot:
             clamp(100.0 * heave_mps / response.max_climb_mps, 100.0),
             clamp(100.0 * turn_rad_s / response.max_turn_rad_s, 100.0),
         )
+
+    def _near_contact(self, estimate: Estimated, wanted: Array) -> Array:
+        """(2,) the input, in the axes of the flight, with the lean taken out in time."""
+        response, levelling = self._response, self._parameters.levelling
+        left_s, tracked = self._contact_in_s(estimate), self._navigator.servo
+        if response.kind == "attitude":
+            return tilt_near_contact(wanted, left_s, response, levelling)
+        if tracked is None or left_s >= levelling.before_contact_s(response):
+            return wanted
+        speed_mps, rate_mps2 = tracked.state
+        lean = self._lean_mps2(estimate) - rate_mps2
+        return speed_near_contact(wanted, lean, speed_mps, response, levelling)
+
+    def _lean_mps2(self, estimate: Estimated) -> Array:
+        """(2,) the acceleration by the aircraft's lean, in the axes of the flight."""
+        return estimate.across.of(THRUST) + self._navigator.trim_mps2
+
+    def _touching(self, estimate: Estimated) -> bool:
+        levelling = self._parameters.levelling
+        above_m = self._height_m(estimate) - self._parameters.descent.contact_height_m
+        near = above_m < levelling.touch_m and self._contact_m <= levelling.touch_offset_m
+        return near and math.hypot(*self._lean_mps2(estimate).tolist()) > levelling.touch_mps2
 
     def _wanted_nose_rad(self, estimate: Estimated) -> float:
         """Along the bar's axis, but never so that the bar leaves the picture sideways; towards it while unknown."""

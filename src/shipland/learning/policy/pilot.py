@@ -212,9 +212,11 @@ class BatchedHorizon:
         setup, memory = self._setup, ahead.memory
         response, before = setup.response, memory.inputs[:2, :, 0]
         wanted = before + (wanted_mps2 - before).clamp(-self._most, self._most)
-        delay_s = response.uplink_s + response.dead_time_s
-        level = (memory.phase == _DROP) & (ahead.contact_s + delay_s < setup.horizon.descent.level_s + delay_s)
-        wanted = torch.where(level, torch.zeros_like(wanted), wanted)
+        levelling = setup.horizon.levelling
+        early_s = (ahead.contact_s - levelling.before_contact_s(response)).clamp_min(0.0)
+        most = levelling.lean_mps2 + response.max_input_rate * early_s
+        level = wanted * (most / _length(wanted)).clamp_max(1.0)
+        wanted = torch.where(memory.phase == _DROP, level, wanted)
         tilt = (torch.atan(wanted / G) / response.max_tilt_rad).clamp(-1.0, 1.0).T
         heave = (ahead.heave_mps / response.max_climb_mps).clamp(-1.0, 1.0)
         sticks = torch.cat([tilt, heave[:, None]], 1)
@@ -342,7 +344,9 @@ class BatchedHorizon:
         left = (contact / h).round().long().clamp(0, len(rows) - 1)
         at_contact = _length((rows[left] * control).sum(-1))
         allowed = descent.drop_m * (1.0 + descent.relax_per_s) ** (since - descent.relax_after_s).clamp_min(0.0)
-        phase = torch.where((phase == _WAIT) & (at_contact <= allowed), torch.full_like(phase, _DROP), phase)
+        drops = (phase == _WAIT) & (at_contact <= allowed)
+        drops |= (phase > _NONE) & self._touching(state, height, at_contact)
+        phase = torch.where(drops, torch.full_like(phase, _DROP), phase)
         # Climb rate.
         lands, drops = phase > _NONE, phase == _DROP
         higher = 0.15 * (off - horizon.margins.overhead_m).clamp_min(0.0)
@@ -353,6 +357,12 @@ class BatchedHorizon:
         climb = (path.climb_per_s * (wanted - height)).clamp(-path.climb_mps, path.climb_mps)
         heave = torch.where(drops, deck - descent.drop_mps, rate + climb)
         return replace(memory, held_s=held, phase=phase, since_s=since, height_m=lower), heave
+
+    def _touching(self, state: Tensor, height: Tensor, at_contact: Tensor) -> Tensor:
+        """(B,) a contact is near that would find the aircraft leaning too much."""
+        levelling, descent = self._setup.horizon.levelling, self._setup.horizon.descent
+        near = (height < descent.contact_height_m + levelling.touch_m) & (at_contact <= levelling.touch_offset_m)
+        return near & (_length(state[:2, :, THRUST].detach()) > levelling.touch_mps2)
 
 
 def _later_rate(swing: Swing, passed_s: float) -> Array:

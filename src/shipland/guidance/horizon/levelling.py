@@ -1,0 +1,94 @@
+"""The lean taken out just before contact, as far as the deck does not bear it.
+
+In wind an aircraft holds its place leaning, and a deck that rolls adds to that. Down to `lean_deg` it stays: level, the
+wind would carry the aircraft off.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from shipland.config import require
+from shipland.frames import GRAVITY_MPS2, Array
+from shipland.guidance.response import Response
+
+_KICK_MPS2 = 3.0
+"""Most that an autopilot gives to a change of the speed that it tracks: PX4's MPC_ACC_HOR as delivered."""
+
+
+@dataclass(frozen=True)
+class LevellingParameters:
+    """`[guidance.horizon.levelling]`.
+
+    Attributes:
+        lean_deg: a lean that may stay at contact.
+        lags: so many of the vehicle's lags before contact the command is level.
+        touch_deg, touch_m, touch_offset_m: leaning more than this, this close above contact and with no larger an
+            offset foreseen there, the descent ends with its drop: a contact that came by itself would be too askew.
+    """
+
+    lean_deg: float
+    lags: float
+    touch_deg: float
+    touch_m: float
+    touch_offset_m: float
+
+    def __post_init__(self) -> None:
+        for name in ("lean_deg", "touch_deg"):
+            require(0.0 <= getattr(self, name) < 90.0, f"{name} must be in 0…90, got {getattr(self, name)}")
+        for name in ("lags", "touch_m", "touch_offset_m"):
+            require(getattr(self, name) >= 0.0, f"{name} must not be negative, got {getattr(self, name)}")
+
+    @property
+    def lean_mps2(self) -> float:
+        """The acceleration of a lean that may stay."""
+        return GRAVITY_MPS2 * math.tan(math.radians(self.lean_deg))
+
+    @property
+    def touch_mps2(self) -> float:
+        """The acceleration of a lean with which contact must not come by itself."""
+        return GRAVITY_MPS2 * math.tan(math.radians(self.touch_deg))
+
+    def before_contact_s(self, response: Response) -> float:
+        """So long before contact the command has to be level."""
+        return self.lags * (response.lag_s + response.smoothing_s)
+
+
+def tilt_near_contact(wanted: Array, left_s: float, response: Response, parameters: LevellingParameters) -> Array:
+    """(2,) the input of sticks that mean a tilt [m/s²].
+
+    Args:
+        wanted: (2,) by the gains.
+        left_s: to contact, from the command's effect.
+        response: of the vehicle.
+        parameters: of the levelling.
+    """
+    early_s = max(left_s - parameters.before_contact_s(response), 0.0)
+    return shortened(wanted, parameters.lean_mps2 + response.max_input_rate * early_s)
+
+
+def speed_near_contact(
+    wanted: Array, lean: Array, tracked_mps: Array, response: Response, parameters: LevellingParameters
+) -> Array:
+    """(2,) the input of sticks that mean a speed [m/s]: the autopilot levels out where it is to change its speed.
+
+    Args:
+        wanted: (2,) by the gains.
+        lean: (2,) acceleration by the aircraft's lean, but for what changes of the tracked speed ask for [m/s²].
+        tracked_mps: (2,) the speed that the autopilot tracks.
+        response: of the vehicle.
+        parameters: of the levelling.
+    """
+    change = shortened(response.approach_per_s * (wanted - tracked_mps), _KICK_MPS2)
+    leant = lean + change
+    level = shortened(leant, parameters.lean_mps2)
+    if level is leant:
+        return wanted
+    return tracked_mps + shortened(level - lean, _KICK_MPS2) / response.approach_per_s
+
+
+def shortened(vector: Array, most: float) -> Array:
+    """(2,) the vector, no longer than `most`."""
+    size = math.hypot(*vector.tolist())
+    return vector if size <= most else vector * (most / size)
