@@ -82,7 +82,7 @@ class Navigator:
         self._nose_up_rad = 0.0
         self._leant_s = -math.inf
         self.trim_mps2: Array = np.zeros(2)
-        """(2,) the acceleration that a servo holds its speed with, against the mean wind."""
+        """(2,) by the mean lean of a servo, against the mean wind; zero where a stick means a tilt."""
 
     def _across_model(self) -> Model:
         return self._model_of_gain(self.motion.gain)

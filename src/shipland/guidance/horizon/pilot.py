@@ -12,9 +12,10 @@ from shipland.frames import Array, turned, wrap_angle
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.gains import INPUT, INPUT_RATE_SHARE, TRACKED, TRACKED_RATE, Gains, gains_of
+from shipland.guidance.horizon.goals import Goals
 from shipland.guidance.horizon.levelling import speed_near_contact, tilt_near_contact
 from shipland.guidance.horizon.navigator import Navigator
-from shipland.guidance.horizon.reference import Pace, Reference, at_rest, led_anew, moved
+from shipland.guidance.horizon.reference import Reference, at_rest, led_anew, moved
 from shipland.guidance.horizon.steering import LONGEST_CONTACT_S, Steered, Steering
 from shipland.guidance.laws import clamp
 from shipland.guidance.modes import INTENTS, ModeMemory, Situation, next_mode
@@ -29,8 +30,6 @@ _STEPS_MS = (33, 67, 100, 200, 350, 530)
 """Cycles that gains are kept for; the nearest is taken."""
 _BLIND_S = 1.5
 """Without a velocity of the vehicle for this long, gains are those for pictures alone."""
-_AHEAD_RAD = math.radians(80.0)
-"""Farther round from astern than this the ship stands in the way."""
 _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
 
 
@@ -51,7 +50,7 @@ class HorizonPilot:
         self._response = setup.response
         self._navigator = Navigator(guidance.horizon, setup.response, rig, camera, setup.camera_in_body_m)
         self._view = View.of(camera)
-        self._half_cue_m = float(np.max(np.abs(rig.target.points_in_bar_m[:, 1])))
+        self._goals = Goals(guidance.horizon, guidance.approach, rig, self._view)
         self._camera_in_body_m = np.asarray(setup.camera_in_body_m, dtype=float)
         self._deck_in_bar_m = rig.deck_in_bar_m
         self._modes = ModeMemory()
@@ -64,7 +63,6 @@ class HorizonPilot:
         self._step_s = 1.0 / 30.0
         self._side_rad = 0.0
         self._contact_m = math.inf
-        self._waiting_s: float | None = None
 
     def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None = None) -> Decision:
         """One cycle; never raises."""
@@ -169,8 +167,8 @@ class HorizonPilot:
     # --- references and control --------------------------------------------------------------------------------
 
     def _track(self, mode: Mode, estimate: Estimated, step_s: float) -> Sticks:
-        goal_m, goal_mps = self._goal(mode, estimate)
-        pace = self._pace(estimate, goal_m)
+        goal_m, goal_mps = self._goals.of(mode, estimate)
+        pace = self._goals.pace(estimate, goal_m)
         place_m, speed_mps = estimate.followed_m, estimate.followed_mps
         reference = moved(self._reference or at_rest(place_m, speed_mps), step_s, goal_m, goal_mps, pace)
         # Far from its reference the aircraft is led anew from where it is: the gains are for small errors.
@@ -190,61 +188,6 @@ class HorizonPilot:
         servo = navigator.motion.servo_per_s > 0.0
         noise = parameters.horizontal_servo if servo else parameters.horizontal
         return gains_of(navigator.motion, noise, navigator.swing, weights, step_ms)
-
-    def _goal(self, mode: Mode, estimate: Estimated) -> tuple[Array, Array]:
-        """Where to, against the bar, and how fast that point moves by the bar's turning."""
-        path, approach = self._parameters.path, self._approach
-        if estimate.bar_known:
-            self._waiting_s = None
-        else:
-            distance_m = math.hypot(*estimate.place_m.tolist())
-            too_high_m = (-estimate.down_m - path.far_above_m) / math.tan(math.radians(path.glide_path_deg))
-            stand_off_m = min(max(path.stand_off_m, too_high_m), distance_m)
-            goal_m = estimate.place_m * (stand_off_m / max(distance_m, 1.0))
-            return turned(goal_m, self._round_rad(estimate.t_s, distance_m)), np.zeros(2)
-        ahead_m = float(self._deck_in_bar_m[0])
-        if mode is Mode.CLIMB_OUT:
-            ahead_m -= approach.climb_out_back_m
-        else:
-            off_axis_m = abs(float(estimate.aircraft_in_bar_m[1]))
-            above_m = max(-estimate.down_m - path.far_above_m - self._margins.above_path_m, 0.0)
-            short_m = max(
-                path.line_up * max(off_axis_m - self._margins.on_axis_m, 0.0),
-                above_m / math.tan(math.radians(path.glide_path_deg)),
-            )
-            ahead_m -= short_m if mode is not Mode.LAND else 0.0
-        goal_in_bar_m = self._past_ship(estimate, np.array([ahead_m, 0.0]))
-        goal_m = turned(goal_in_bar_m, estimate.bar_rad)
-        return goal_m, estimate.turn_rad_s * np.array([-goal_m[1], goal_m[0]])
-
-    def _past_ship(self, estimate: Estimated, goal_in_bar_m: Array) -> Array:
-        """The goal (2,), or, from ahead of the ship, a point on the way around it."""
-        ahead_m, right_m, _ = estimate.aircraft_in_bar_m.tolist()
-        off_astern_rad, distance_m = math.atan2(right_m, -ahead_m), math.hypot(ahead_m, right_m)
-        if abs(off_astern_rad) < _AHEAD_RAD or distance_m < self._margins.overhead_m + self._half_cue_m:
-            return goal_in_bar_m
-        radius_m = max(distance_m, 2.0 * self._approach.climb_out_back_m)
-        wanted_rad = off_astern_rad - math.copysign(math.radians(self._parameters.path.round_lead_deg), off_astern_rad)
-        return radius_m * np.array([-math.cos(wanted_rad), math.sin(wanted_rad)])
-
-    def _round_rad(self, t_s: float, distance_m: float) -> float:
-        """How far round the target the goal lies: who waits at the stand-off and sees no corners flies around it."""
-        path = self._parameters.path
-        if distance_m > 2.0 * path.stand_off_m:
-            self._waiting_s = None
-        elif self._waiting_s is None:
-            self._waiting_s = t_s
-        if self._waiting_s is None or t_s - self._waiting_s < path.round_after_s:
-            return 0.0
-        return math.radians(path.round_lead_deg)
-
-    def _pace(self, estimate: Estimated, goal_m: Array) -> Pace:
-        path = self._parameters.path
-        to_goal_m = math.hypot(*(goal_m - estimate.place_m).tolist())
-        share = min(max((to_goal_m - path.near_m) / path.near_m, 0.0), 1.0)
-        speed_mps = path.near_mps + share * (path.far_mps - path.near_mps)
-        brake_mps2 = path.near_brake_mps2 + share * (path.far_brake_mps2 - path.near_brake_mps2)
-        return Pace(speed_mps, brake_mps2, path.acceleration_mps2, path.closing_per_s, path.leash_m, path.leash_mps)
 
     def _wanted_input(self, estimate: Estimated, gains: Gains) -> Array:
         """(2,) the input from now on, in the axes of the flight."""
@@ -372,7 +315,7 @@ class HorizonPilot:
             wanted = self._near_contact(estimate, wanted)
         pitch, roll = (response.stick_of(value) for value in turned(wanted, -estimate.nose_rad))
         pitch, roll = _kept_moving(clamp(pitch, 100.0), clamp(roll, 100.0), response)
-        turn_rad_s = path.turn_per_s * wrap_angle(self._wanted_nose_rad(estimate) - estimate.nose_rad)
+        turn_rad_s = path.turn_per_s * wrap_angle(self._goals.nose_rad(estimate) - estimate.nose_rad)
         if estimate.bar_known:
             turn_rad_s += estimate.turn_rad_s
         return Sticks(
@@ -403,18 +346,6 @@ class HorizonPilot:
         above_m = self._height_m(estimate) - self._parameters.descent.contact_height_m
         near = above_m < levelling.touch_m and self._contact_m <= levelling.touch_offset_m
         return near and math.hypot(*self._lean_mps2(estimate).tolist()) > levelling.touch_mps2
-
-    def _wanted_nose_rad(self, estimate: Estimated) -> float:
-        """Along the bar's axis, but never so that the bar leaves the picture sideways; towards it while unknown."""
-        north, east = (-estimate.place_m).tolist()
-        to_bar_rad = math.atan2(east, north)
-        if not estimate.bar_known:
-            return to_bar_rad
-        cue_rad = math.atan2(self._half_cue_m, max(math.hypot(north, east), 0.1))
-        room_rad = self._view.half_view_rad - cue_rad - math.radians(self._approach.bearing_margin_deg)
-        widest_rad = max(clamp(room_rad, math.radians(self._approach.max_bearing_deg)), 0.0)
-        off_rad = wrap_angle(to_bar_rad - estimate.bar_rad)
-        return estimate.bar_rad + off_rad - clamp(off_rad, widest_rad)
 
     # --- without an estimate -----------------------------------------------------------------------------------
 

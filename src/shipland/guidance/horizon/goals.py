@@ -1,0 +1,105 @@
+"""Where to, in each mode: the point that is flown to, the pace, and where the nose points."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from shipland.frames import Array, turned, wrap_angle
+from shipland.guidance.horizon.estimated import Estimated
+from shipland.guidance.horizon.parameters import HorizonParameters
+from shipland.guidance.horizon.reference import Pace
+from shipland.guidance.laws import clamp
+from shipland.guidance.parameters import ApproachParameters
+from shipland.guidance.view import View
+from shipland.messages import Mode
+from shipland.rig import Rig
+
+_AHEAD_RAD = math.radians(80.0)
+"""Farther round from astern than this the ship stands in the way."""
+
+
+class Goals:
+    """Remembers since when the aircraft waits at the stand-off.
+
+    Args:
+        parameters: of the pilot.
+        approach: heights and distances of the modes.
+        rig: the bar, and the deck below it.
+        view: of the camera.
+    """
+
+    def __init__(self, parameters: HorizonParameters, approach: ApproachParameters, rig: Rig, view: View) -> None:
+        self._path, self._margins, self._approach, self._view = parameters.path, parameters.margins, approach, view
+        self._half_cue_m = float(np.max(np.abs(rig.target.points_in_bar_m[:, 1])))
+        self._deck_in_bar_m = rig.deck_in_bar_m
+        self._waiting_s: float | None = None
+
+    def of(self, mode: Mode, estimate: Estimated) -> tuple[Array, Array]:
+        """Where to, against the bar, and how fast that point moves by the bar's turning."""
+        path, approach = self._path, self._approach
+        if estimate.bar_known:
+            self._waiting_s = None
+        else:
+            distance_m = math.hypot(*estimate.place_m.tolist())
+            too_high_m = (-estimate.down_m - path.far_above_m) / math.tan(math.radians(path.glide_path_deg))
+            stand_off_m = min(max(path.stand_off_m, too_high_m), distance_m)
+            goal_m = estimate.place_m * (stand_off_m / max(distance_m, 1.0))
+            return turned(goal_m, self._round_rad(estimate.t_s, distance_m)), np.zeros(2)
+        ahead_m = float(self._deck_in_bar_m[0])
+        if mode is Mode.CLIMB_OUT:
+            ahead_m -= approach.climb_out_back_m
+        else:
+            off_axis_m = abs(float(estimate.aircraft_in_bar_m[1]))
+            above_m = max(-estimate.down_m - path.far_above_m - self._margins.above_path_m, 0.0)
+            short_m = max(
+                path.line_up * max(off_axis_m - self._margins.on_axis_m, 0.0),
+                above_m / math.tan(math.radians(path.glide_path_deg)),
+            )
+            ahead_m -= short_m if mode is not Mode.LAND else 0.0
+        goal_in_bar_m = self._past_ship(estimate, np.array([ahead_m, 0.0]))
+        goal_m = turned(goal_in_bar_m, estimate.bar_rad)
+        return goal_m, estimate.turn_rad_s * np.array([-goal_m[1], goal_m[0]])
+
+    def pace(self, estimate: Estimated, goal_m: Array) -> Pace:
+        """Towards a goal: quick far from it, gentle near."""
+        path = self._path
+        to_goal_m = math.hypot(*(goal_m - estimate.place_m).tolist())
+        share = min(max((to_goal_m - path.near_m) / path.near_m, 0.0), 1.0)
+        speed_mps = path.near_mps + share * (path.far_mps - path.near_mps)
+        brake_mps2 = path.near_brake_mps2 + share * (path.far_brake_mps2 - path.near_brake_mps2)
+        return Pace(speed_mps, brake_mps2, path.acceleration_mps2, path.closing_per_s, path.leash_m, path.leash_mps)
+
+    def nose_rad(self, estimate: Estimated) -> float:
+        """Along the bar's axis, but never so that the bar leaves the picture sideways; towards it while unknown."""
+        north, east = (-estimate.place_m).tolist()
+        to_bar_rad = math.atan2(east, north)
+        if not estimate.bar_known:
+            return to_bar_rad
+        cue_rad = math.atan2(self._half_cue_m, max(math.hypot(north, east), 0.1))
+        room_rad = self._view.half_view_rad - cue_rad - math.radians(self._approach.bearing_margin_deg)
+        widest_rad = max(clamp(room_rad, math.radians(self._approach.max_bearing_deg)), 0.0)
+        off_rad = wrap_angle(to_bar_rad - estimate.bar_rad)
+        return estimate.bar_rad + off_rad - clamp(off_rad, widest_rad)
+
+    def _past_ship(self, estimate: Estimated, goal_in_bar_m: Array) -> Array:
+        """The goal (2,), or, from ahead of the ship, a point on the way around it."""
+        ahead_m, right_m, _ = estimate.aircraft_in_bar_m.tolist()
+        off_astern_rad, distance_m = math.atan2(right_m, -ahead_m), math.hypot(ahead_m, right_m)
+        if abs(off_astern_rad) < _AHEAD_RAD or distance_m < self._margins.overhead_m + self._half_cue_m:
+            return goal_in_bar_m
+        radius_m = max(distance_m, 2.0 * self._approach.climb_out_back_m)
+        wanted_rad = off_astern_rad - math.copysign(math.radians(self._path.round_lead_deg), off_astern_rad)
+        return radius_m * np.array([-math.cos(wanted_rad), math.sin(wanted_rad)])
+
+    def _round_rad(self, t_s: float, distance_m: float) -> float:
+        """How far round the target the goal lies: who waits at the stand-off and sees no corners flies around it."""
+        path = self._path
+        if distance_m > 2.0 * path.stand_off_m:
+            self._waiting_s = None
+        elif self._waiting_s is None:
+            self._waiting_s = t_s
+        if self._waiting_s is None or t_s - self._waiting_s < path.round_after_s:
+            return 0.0
+        return math.radians(path.round_lead_deg)
