@@ -6,7 +6,8 @@
     python tools/false_accepts.py --adaptive --pictures 2000 --out out/adaptive
     python tools/false_accepts.py --cue src/shipland/configs/cues/bar_asymmetric.toml --decoys "the bar in a wet deck" \
         "the bar in rippled water" --out out/asymmetric    # only these decoys, of another cue
-    python tools/false_accepts.py --pictures 20000 --only-decoys    # the 4,000 of these that hold one
+    python tools/false_accepts.py --pictures 20000 --only "the bar in a wet deck" "the bar in rippled water"
+                                                       # of these 20,000 the 666 that hold one of the two
 
 Scenes are rendered with the bar's board painted over; each serves for 40 pictures: 32 are other cuts of it, in other
 light, hues and weather, 8 have a decoy painted in (tools/false_pictures.py) and are spoiled in one way or not at all
@@ -90,23 +91,34 @@ class Backgrounds:
         return self._lit[1]
 
 
+def decoy_number(number: int, decoys: Sequence[str]) -> int | None:
+    """Of the picture among those with a decoy; None for one without."""
+    if len(decoys) < len(DECOYS):
+        return number
+    place = number % PICTURES_A_SCENE
+    return number // PICTURES_A_SCENE * DECOYS_A_SCENE + place if place < DECOYS_A_SCENE else None
+
+
+def decoy_of(number: int, decoys: Sequence[str]) -> str:
+    """What is painted into a picture, or "none"."""
+    index = decoy_number(number, decoys)
+    return PLAIN if index is None else decoys[index % len(decoys)]
+
+
 def make(
     number: int, seed: int, view: View, scene: Picture, setting: Setting, decoys: Sequence[str]
 ) -> tuple[Result, Frame, View]:
     """One picture, its result with the reason still open, and where it was taken."""
     rng = np.random.default_rng([seed, number, 2])
-    place = number % PICTURES_A_SCENE
-    if place < DECOYS_A_SCENE or len(decoys) < len(DECOYS):
+    index, decoy = decoy_number(number, decoys), decoy_of(number, decoys)
+    if index is not None:
         # Each decoy comes once with each spoiler before one comes twice.
-        index = number // PICTURES_A_SCENE * DECOYS_A_SCENE + place if len(decoys) == len(DECOYS) else number
-        decoy = decoys[index % len(decoys)]
         spoilers = [PLAIN, *SPOILERS]
         spoiler = spoilers[index // len(decoys) % len(spoilers)]
         view = decoy_view(decoy, setting, rng)
         picture = vary(scene, rng)
         DECOYS[decoy](Canvas(picture, setting, view, rng))
     else:
-        decoy = PLAIN
         spoiler = str(rng.choice([PLAIN, *(name for name in SPOILERS if name != "H.264")]))
         picture = vary(scene, rng)
     if spoiler == "H.264":
@@ -160,7 +172,7 @@ def main() -> None:
     parser.add_argument("--cue", type=Path, help="TOML of another cue in the bar's place")
     parser.add_argument("--made-to", type=float, help="in place of the cue's own")
     parser.add_argument("--decoys", nargs="+", default=list(DECOYS), choices=list(DECOYS), help="nothing but these")
-    parser.add_argument("--only-decoys", action="store_true", help="leave out the pictures that hold none")
+    parser.add_argument("--only", nargs="+", choices=[PLAIN, *DECOYS], help="leave out the pictures that hold another")
     arguments = parser.parse_args()
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
@@ -181,8 +193,12 @@ def main() -> None:
     with path.open("a", encoding="utf-8") as kept:
         for number in track(range(scenes), description="scenes"):
             first = number * PICTURES_A_SCENE
-            count = DECOYS_A_SCENE if arguments.only_decoys else PICTURES_A_SCENE
-            open_ones = [n for n in range(first, min(first + count, arguments.pictures)) if n not in results]
+            numbers = range(first, min(first + PICTURES_A_SCENE, arguments.pictures))
+            open_ones = [
+                n
+                for n in numbers
+                if n not in results and (arguments.only is None or decoy_of(n, arguments.decoys) in arguments.only)
+            ]
             if not open_ones:
                 continue
             view, scene = backgrounds.get(number)

@@ -72,6 +72,7 @@ class Replay:
         targets: scenes with one.
         right: frames, from the fifth on, whose target it gave.
         frames_with: frames, from the fifth on, with a target.
+        loose: frames in which it gave the target in a box that overlaps it, but too little.
         false: frames in which it gave something else.
         false_scenes: scenes with such a frame.
         frames, scenes: in all.
@@ -83,6 +84,7 @@ class Replay:
     targets: int
     right: int
     frames_with: int
+    loose: int
     false: int
     false_scenes: int
     frames: int
@@ -102,13 +104,24 @@ class Replay:
             f"{self.later / max(self.targets, 1):.3f}",
             f"{self.ever / max(self.targets, 1):.3f} ({low:.2f}–{high:.2f})",
             f"{self.right / max(self.frames_with, 1):.3f}",
+            f"{1000.0 * self.loose / max(self.frames, 1):.1f}",
             f"{self.false_per_1000:.1f}",
             f"{self.false_scenes} of {self.scenes} ({100.0 * few:.1f}–{100.0 * many:.1f} %)",
         ]
 
 
-COLUMNS = ("in 3 frames", "in 5", "in all", "frames from the 5th on", "false, 1,000 frames", "scenes with a false one")
+COLUMNS = (
+    "in 3 frames",
+    "in 5",
+    "in all",
+    "frames from the 5th on",
+    "loose, 1,000 frames",
+    "false, 1,000 frames",
+    "scenes with a false one",
+)
 SETTLED = 4
+_TOUCHING = 1e-3
+"""Overlap (IoU) of boxes that have anything in common."""
 
 
 def replayed(
@@ -126,22 +139,25 @@ def replayed(
     far = FarVision(
         detector if kind == "ship" else None, detector if kind == "bar" else None, camera, parameters, default_rig()
     )
-    counts = np.zeros(8, int)
+    counts = np.zeros(9, int)
     frames = 0
     for record in records:
         far.reset()
-        right, false = [], 0
+        right, loose, false = [], 0, 0
         for number, rows in enumerate(record.frames):
             detector.boxes = [box_of(row) for row in rows]
             height_m = record.heights_m[number] if heights and record.heights_m else None
             seen = far.see(Frame(FRAME_S * number, picture, GimbalAttitude(*record.gimbal_rad), height_m))
             box = seen.ship_box if kind == "ship" else seen.bar_box
             row = None if box is None else (*(at + PIXEL_CENTRE for at in box.centre_px), *box.size_px)
-            right.append(row is not None and hits(row, record.believed[number][0], min_iou))
-            false += row is not None and not right[-1]
+            target = record.believed[number][0]
+            right.append(row is not None and hits(row, target, min_iou))
+            if row is not None and not right[-1]:
+                beside = hits(row, target, _TOUCHING)
+                loose, false = loose + beside, false + (not beside)
         there = [target is not None for target, _ in record.believed]
         found = [any(right[:3]), any(right[:5]), any(right), True] if record.target is not None else [False] * 4
-        counts += [*found, sum(right[SETTLED:]), sum(there[SETTLED:]), false, false > 0]
+        counts += [*found, sum(right[SETTLED:]), sum(there[SETTLED:]), loose, false, false > 0]
         frames += len(record.frames)
     return Replay(*counts.tolist(), frames, len(records))
 
@@ -161,18 +177,16 @@ def single(records: Sequence[SceneRecord], confidence: float, min_iou: float) ->
 
 def settings(old: Confirmation) -> dict[str, Confirmation]:
     """What is tried, by name."""
-    grid = itertools.product((2, 3), (0.2, 0.3, 0.45), (0.0, 3.0), (3.0, 5.0, 7.0, 9.0, 11.0, 14.0))
+    grid = itertools.product((0.2, 0.25, 0.3, 0.45), (0.0, 3.0), (3.0, 5.0, 8.0, 10.0, 12.0, 14.0, 17.0, 20.0))
     return {
-        f"{count} hits, neutral {neutral:g}, size {weight:g}, evidence {believe:g}": replace(
+        f"neutral {neutral:g}, size {weight:g}, evidence {believe:g}": replace(
             old,
-            confirm_hits=count,
-            confirm_frames=max(count + 1, old.confirm_frames),
             neutral_confidence=neutral,
             size_weight=weight,
             believe_evidence=believe,
             most_evidence=max(old.most_evidence, believe + 3.0),
         )
-        for count, neutral, weight, believe in grid
+        for neutral, weight, believe in grid
     }
 
 
