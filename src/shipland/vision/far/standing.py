@@ -20,6 +20,8 @@ from shipland.vision.far.detector import DetectorParameters
 _MOST_EVIDENCE, _LEAST_EVIDENCE = 3.0, -6.0
 _LEAST_HEIGHT_M = 0.3
 _EDGE_PX = 2.0
+_MOST_BOXES = 50
+"""What is compared with one another, at most: bounds its time, whatever the picture."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class Standing:
 def apart(boxes: list[Box]) -> list[Box]:
     """The surest of boxes that overlap: what one thing is seen as twice would share out its evidence to two tracks."""
     kept: list[Box] = []
-    for box in sorted(boxes, key=lambda item: -item.confidence):
+    for box in sorted(boxes, key=lambda item: -item.confidence)[:_MOST_BOXES]:
         if not any(_overlap(box, other) for other in kept):
             kept.append(box)
     return kept
