@@ -2,7 +2,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-run olympe demo test check bench docs wheel-test train clean
+.PHONY: help setup setup-run olympe peers demo test check bench docs wheel-test train clean
 
 BIN := .venv/bin
 ARGS ?=
@@ -27,6 +27,13 @@ olympe: .venv-olympe/made ## make .venv-olympe with Parrot's SDK, for the ANAFI 
 	@$(BIN)/python -m venv .venv-olympe
 	@.venv-olympe/bin/pip install --disable-pip-version-check --quiet -r tools/olympe.txt
 	@.venv-olympe/bin/python -W ignore -c 'import logging; logging.disable(); import olympe'
+	@touch $@
+
+peers: .venv-peers/made ## make .venv-peers with RotorPy and PyFlyt, for benchmarks/peers.py
+
+.venv-peers/made: tools/peers.txt | setup
+	@$(BIN)/python -m venv .venv-peers
+	@.venv-peers/bin/pip install --disable-pip-version-check --quiet -r tools/peers.txt
 	@touch $@
 
 demo: setup-run ## fly from 250 m to a ship in sea state 6, camera in the loop: video, plots and log in out/demo/
@@ -60,6 +67,6 @@ docs: setup ## build the documentation into site/; a warning is an error
 wheel-test: setup ## build the wheel, install it into an empty environment, fly from another folder
 	tools/wheel_test.sh
 
-clean: ## remove what was made, but for .venv and .venv-olympe
+clean: ## remove what was made, but for .venv, .venv-olympe and .venv-peers
 	rm -rf out site build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
 	find src tests tools benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
