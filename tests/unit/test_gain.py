@@ -24,9 +24,12 @@ def _push(t_s):
     return 2.5 * np.array([math.sin(1.3 * t_s), math.cos(1.9 * t_s)])
 
 
-def _flown(gain, parameters, seconds=15.0):
-    """The gain in use, and the filter in use, after a flight whose sticks do `gain` times what was told."""
-    rng, inputs, bank = np.random.default_rng(3), Inputs(2), GainBank(parameters)
+def _flown(gain, parameters, seconds=15.0, blind_s=(0.0, 0.0), leap_m=0.0, seed=3):
+    """The gain in use, and the filter in use, after a flight whose sticks do `gain` times what was told.
+
+    In between it may be blind, and come out of that elsewhere than its filter believes.
+    """
+    rng, inputs, bank = np.random.default_rng(seed), Inputs(2), GainBank(parameters)
     follows = DelayedFilter(MODELS[1.0], DELAYED, 0.02)
     transition, entry, _ = Model(2, MOTION, NOISE, Swing(1e-3, 1.8, 0.1)).step(50)
     state = np.zeros(2 * STATES)
@@ -34,11 +37,17 @@ def _flown(gain, parameters, seconds=15.0):
     for k in range(1, round(seconds / 0.05)):
         inputs.add(0.05 * (k - 1), _push(0.05 * (k - 1)))
         state = transition @ state + gain * entry @ _push(0.05 * (k - 1))
+        if blind_s[0] < 0.05 * k < blind_s[1]:
+            continue
         place_m = state[PLACE::STATES] + 0.005 * rng.standard_normal(2)
+        place_m += leap_m if blind_s[1] <= 0.05 * k else 0.0
         news = (0.05 * k, place_m, 2.5e-5 * np.eye(2), inputs)
         better = bank.picture(*news, 0.0, follows, [MODELS[gain] for gain in parameters.candidates])
         follows = follows if better is None else better
         follows.picture(*news)
+        if follows.refused >= 10:
+            follows.start(0.05 * k, place_m, 2.5e-5 * np.eye(2), 0.1)
+            bank.forget_place()
     return bank.gain, follows
 
 
@@ -51,6 +60,11 @@ def test_it_finds_what_the_sticks_do(gain):
 
 def test_a_response_a_little_off_is_kept():
     assert _flown(1.05, _parameters())[0] == 1.0
+
+
+@pytest.mark.parametrize(("seed", "leap_m"), [(0, 2.0), (0, 2.25), (2, 3.5), (4, 2.0), (5, 3.5)])
+def test_a_place_lost_while_blind_says_nothing_of_the_sticks(seed, leap_m):
+    assert _flown(1.0, _parameters(), 22.0, (5.0, 8.0), leap_m, seed)[0] == 1.0
 
 
 def test_it_can_be_told_that_the_response_is_right():

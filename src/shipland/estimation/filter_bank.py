@@ -12,6 +12,8 @@ from shipland.frames import Array
 
 _MOST_SURPRISE = 25.0
 """Of one picture: normalised innovation squared; beyond it the picture is astray, whatever the truth."""
+_BLIND_S = 1.0
+"""After so long without a picture where each of them has come to says nothing of what sets them apart."""
 
 
 class FilterBank:
@@ -54,7 +56,7 @@ class FilterBank:
         if follows.belief is None or passed_s < self._every_s:
             return None
         self._seen_s = t_s
-        if not self.filters:
+        if not self.filters or passed_s > _BLIND_S:
             self.filters = [follows.copy() for _ in self._prior]
             return None
         self._evidence *= math.exp(-passed_s / self._memory_s)

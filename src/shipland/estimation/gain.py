@@ -92,5 +92,6 @@ class GainBank(FilterBank):
         cost, best = judged[0], int(np.argmin(judged[0]))
         if cost[candidates.index(self.gain)] - cost[best] < self._parameters.lead:
             return None
-        self.gain = candidates[best]
-        return self.filters[best].copy()
+        self.gain, better = candidates[best], self.filters[best].copy()
+        self.forget_place()  # the others may have lost theirs, and would be surprised by every picture from here on
+        return better
