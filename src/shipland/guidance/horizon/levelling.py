@@ -24,8 +24,9 @@ class LevellingParameters:
     Attributes:
         lean_deg: a lean that may stay at contact.
         lags: so many of the vehicle's lags before contact the command is level.
-        touch_deg, touch_m, touch_offset_m: leaning more than this, this close above contact and with no larger an
-            offset foreseen there, the descent ends with its drop: a contact that came by itself would be too askew.
+        touch_deg, touch_m, touch_offset_m: in a wind that takes a larger lean to hold, this close above contact and
+            with no larger an offset foreseen there, the descent ends with its drop: a contact that came by itself would
+            be too askew.
     """
 
     lean_deg: float
@@ -47,7 +48,7 @@ class LevellingParameters:
 
     @property
     def touch_mps2(self) -> float:
-        """The acceleration of a lean with which contact must not come by itself."""
+        """The acceleration by a wind in which contact must not come by itself."""
         return GRAVITY_MPS2 * math.tan(math.radians(self.touch_deg))
 
     def before_contact_s(self, response: Response) -> float:

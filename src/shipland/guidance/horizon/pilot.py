@@ -334,18 +334,15 @@ class HorizonPilot:
         if tracked is None or left_s >= levelling.before_contact_s(response):
             return wanted
         speed_mps, rate_mps2 = tracked.state
-        lean = self._lean_mps2(estimate) - rate_mps2
+        lean = self._navigator.trim_mps2 + estimate.across.of(THRUST) - rate_mps2
         return speed_near_contact(wanted, lean, speed_mps, response, levelling)
-
-    def _lean_mps2(self, estimate: Estimated) -> Array:
-        """(2,) the acceleration by the aircraft's lean, in the axes of the flight."""
-        return estimate.across.of(THRUST) + self._navigator.trim_mps2
 
     def _touching(self, estimate: Estimated) -> bool:
         levelling = self._parameters.levelling
         above_m = self._height_m(estimate) - self._parameters.descent.contact_height_m
         near = above_m < levelling.touch_m and self._contact_m <= levelling.touch_offset_m
-        return near and math.hypot(*self._lean_mps2(estimate).tolist()) > levelling.touch_mps2
+        held_mps2 = estimate.across.of(PUSH) if self._navigator.servo is None else self._navigator.trim_mps2
+        return near and math.hypot(*held_mps2.tolist()) > levelling.touch_mps2
 
     # --- without an estimate -----------------------------------------------------------------------------------
 

@@ -362,7 +362,7 @@ class BatchedHorizon:
         """(B,) a contact is near that would find the aircraft leaning too much."""
         levelling, descent = self._setup.horizon.levelling, self._setup.horizon.descent
         near = (height < descent.contact_height_m + levelling.touch_m) & (at_contact <= levelling.touch_offset_m)
-        return near & (_length(state[:2, :, THRUST].detach()) > levelling.touch_mps2)
+        return near & (_length(state[:2, :, PUSH].detach()) > levelling.touch_mps2)
 
 
 def _later_rate(swing: Swing, passed_s: float) -> Array:
