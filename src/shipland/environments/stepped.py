@@ -53,7 +53,7 @@ class SteppedFlight:
             self._simulated = build_vehicle(scenario, seed, scene)
             crew = build_crew(scenario, self._simulated, pilot, vision, seed)
             self._vehicle, self._crew = with_faults(scenario, self._simulated, crew, seed)
-            undecided = replace(self._crew, pilot=_Undecided(), safety=_Unchecked())
+            undecided = replace(self._crew, pilot=_Undecided(), safety=_Unchecked(self._crew.safety))
             self._unsent = _Unsent(self._vehicle)
             flight = cycles(self._unsent, undecided, time.perf_counter)
             self._cycles = stack.enter_context(closing(flight))
@@ -120,10 +120,13 @@ class _Undecided:
 
 
 class _Unchecked(Safety):
-    """Lets placeholders pass; the flight's own safety checks what is sent."""
+    """Lets placeholders pass; the flight's own safety admits what is seen and checks what is sent."""
 
-    def __init__(self) -> None:  # without a state of its own
-        pass
+    def __init__(self, safety: Safety) -> None:  # without a state of its own
+        self._safety = safety
+
+    def admitted(self, observation: Observation, telemetry: Telemetry) -> Observation:
+        return self._safety.admitted(observation, telemetry)
 
     def check(self, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:  # noqa: ARG002
         return decision
