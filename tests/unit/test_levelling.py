@@ -6,21 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from responses import SPEED_LIKE
 from shipland.errors import ConfigError
 from shipland.guidance.horizon.descent import Descent, DescentParameters, Over, Phase, next_descent
 from shipland.guidance.horizon.levelling import LevellingParameters, speed_near_contact, tilt_near_contact
 from shipland.guidance.response import ANAFI_LIKE
 
 LEVELLING = LevellingParameters(lean_deg=10.0, lags=1.5, touch_deg=16.0, touch_m=0.08, touch_offset_m=0.2)
-SPEED_LIKE = replace(
-    ANAFI_LIKE,
-    kind="velocity",
-    max_speed_mps=7.5,
-    servo_per_s=2.0,
-    integral_per_s2=1.0,
-    approach_per_s=2.0,
-    smoothing_s=0.15,
-)
 
 
 def lean_deg_of(acceleration_mps2: np.ndarray) -> float:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from responses import SPEED_LIKE
 from shipland.config import build
 from shipland.frames import GRAVITY_MPS2, rotation_from_euler
 from shipland.guidance.estimate import Measured
@@ -20,17 +21,7 @@ from shipland.rig import packaged_table
 
 BASELINES = build(GuidanceParameters, packaged_table("guidance")).near_baselines
 TILT = ANAFI_LIKE
-SPEED = replace(
-    ANAFI_LIKE,
-    kind="velocity",
-    max_speed_mps=7.5,
-    lag_s=0.1,
-    servo_per_s=2.0,
-    integral_per_s2=1.0,
-    approach_per_s=2.0,
-    smoothing_s=0.12,
-    dead_time_s=0.0,
-)
+SPEED = replace(SPEED_LIKE, lag_s=0.1, smoothing_s=0.12, dead_time_s=0.0)
 AGE_S, STEP_S = 0.3, 0.03
 
 

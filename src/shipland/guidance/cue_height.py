@@ -20,7 +20,7 @@ from shipland.rig import Rig
 
 @dataclass(frozen=True)
 class CueHeightParameters:
-    """`[cue_height]`.
+    """`[safety.cue_height]`.
 
     Attributes:
         over_takeoff_m: height of the cue over the take-off point, where it is known before the flight; None: the first

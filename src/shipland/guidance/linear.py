@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from shipland.frames import Array, rotation_from_euler, wrap_angle
+from shipland.frames import Array, rotation_from_euler, turned, wrap_angle
 from shipland.guidance.estimate import Measured, NearEstimate
 from shipland.guidance.laws import PidMemory, clamp, pid_law
 from shipland.guidance.near import HOLD, Sticks
@@ -83,12 +83,11 @@ class LinearNear:
         yaw_error_deg = math.degrees(wrap_angle(wanted_yaw_rad - estimate.yaw_rad))
         errors = (*_error_in_bar_m(estimate), yaw_error_deg)
         rates = (*self._rate_in_bar, -self._yaw_rate_deg_s)
-        along_percent, across_percent, heave, yaw = (
+        *level, heave, yaw = (
             self._axis(index, float(error), float(rate), estimate.t_s)
             for index, (error, rate) in enumerate(zip(errors, rates, strict=True))
         )
-        c, s = math.cos(estimate.yaw_rad), math.sin(estimate.yaw_rad)
-        pitch, roll = c * along_percent + s * across_percent, c * across_percent - s * along_percent
+        pitch, roll = turned(np.array(level), -estimate.yaw_rad).tolist()
         return Sticks(clamp(pitch, 100.0), clamp(roll, 100.0), heave, yaw)
 
     def reset(self) -> None:
