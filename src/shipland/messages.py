@@ -92,6 +92,12 @@ class Telemetry:
         if self.velocity_in_level_mps is not None:
             _check_shape("Telemetry", "velocity_in_level_mps", self.velocity_in_level_mps, (3,))
 
+    @property
+    def newest_s(self) -> float:
+        """When the newest of its values was true; `t_s` where none says so [s]."""
+        times_s = (self.attitude_t_s, self.heading_t_s, self.height_t_s, self.velocity_t_s)
+        return max((time_s for time_s in times_s if time_s is not None), default=self.t_s)
+
 
 @dataclass(frozen=True)
 class Box:

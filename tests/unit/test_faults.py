@@ -10,7 +10,7 @@ import pytest
 from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.flight import fly
-from shipland.messages import Intent, PilotCommand
+from shipland.messages import Intent, Mode, PilotCommand
 from shipland.missions.campaign import Flight, land_once
 from shipland.missions.crew import build_crew, build_vehicle
 from shipland.missions.fault_kinds import Fault, FaultDraw, FaultKind
@@ -22,10 +22,10 @@ START_S, LONG_S = 2.0, 2.0
 HOVER = PilotCommand(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def flown(kind, length_s=6.0, pilot="horizon", **fault):
-    """Records and the scenario of a short flight in which one thing fails."""
+def flown(kind, length_s=6.0, pilot="horizon", also=(), **fault):
+    """Records and the scenario of a short flight in which one thing fails, and others `also`."""
     table = {"kind": kind, "start_s": START_S, "duration_s": LONG_S} | fault
-    scenario = load_scenario("rig-natops", fault=[table])
+    scenario = load_scenario("rig-natops", fault=[table, *also])
     vehicle = build_vehicle(scenario, 3, None)
     faulty, crew = with_faults(scenario, vehicle, build_crew(scenario, vehicle, pilot, "geometric", 3), 3)
     records = []
@@ -123,6 +123,43 @@ def test_a_stalled_process_decides_nothing_meanwhile():
     assert max(np.diff([it.telemetry.t_s for it in records])) == pytest.approx(1.5, abs=0.1)
     records = flown("pilot_stalls", duration_s=1.5)[0]
     assert max(np.diff([it.telemetry.t_s for it in records])) == pytest.approx(1.5, abs=0.1)
+
+
+def test_after_a_stall_over_the_deck_nothing_is_left_of_the_landing():
+    records, _ = flown("process_stall", 19.0, start_s=13.0, duration_s=3.0)
+    before, after = ([it for it in records if lo < it.telemetry.t_s < hi] for lo, hi in ((12.5, 13.0), (16.1, 19.0)))
+    assert {it.decision.mode for it in before} == {Mode.LAND}
+    assert {it.decision.mode for it in after} == {Mode.CLIMB_OUT}
+    assert after[0].decision.estimate is None
+
+
+def test_blind_after_a_stall_it_climbs_held_by_the_vehicle_and_then_backs_off_against_the_wind():
+    dark = {"kind": "occlusion", "start_s": 12.9, "duration_s": 20.0}
+    records, _ = flown("process_stall", 27.0, also=[dark], start_s=13.0, duration_s=3.0)
+    commands = {it.telemetry.t_s: it.decision.command for it in records if it.telemetry.t_s > 16.5}
+    assert {it.intent for it in commands.values()} == {Intent.CLIMB_OUT}
+    climb, back = ([it for t_s, it in commands.items() if lo < t_s < hi] for lo, hi in ((16.5, 20.0), (21.0, 23.0)))
+    assert {(it.pitch_percent, it.roll_percent) for it in climb} == {(0.0, 0.0)}
+    assert min(it.heave_percent for it in climb) > 50.0
+    assert {it.heave_percent for it in back} == {0.0}
+    leant = np.mean(
+        [[it.telemetry.pitch_rad, it.telemetry.roll_rad] for it in records if 18.0 < it.telemetry.t_s < 20.0], 0
+    )
+    assert math.degrees(leant[1]) > 1.5
+    for command in back:
+        assert command.roll_percent == pytest.approx(100.0 * leant[1] / math.radians(30.0), abs=4.0)
+    first, last = (next(it for it in records if it.telemetry.t_s > t_s).truth.aircraft_in_bar_m for t_s in (20.5, 26.0))
+    assert -8.0 < last[0] - first[0] < -2.0  # astern of where it climbed
+
+
+def test_a_false_pose_over_the_deck_is_not_believed_and_the_landing_broken_off():
+    records, _ = flown("false_pose", 16.0, start_s=12.6, duration_s=3.0, size=1.5)
+    false = [it for it in records if 12.6 < it.frame.t_s < 15.6 and it.decision.estimate is not None]
+    assert len(false) > 30
+    for record in false:
+        off_m = record.decision.estimate.aircraft_in_bar_m - record.truth.aircraft_in_bar_m
+        assert math.hypot(*off_m[:2].tolist()) < 0.4
+    assert records[-1].decision.mode is Mode.CLIMB_OUT
 
 
 def test_a_pilot_that_raises_holds_far_from_the_deck_and_climbs_near_it():

@@ -148,3 +148,42 @@ def test_a_height_that_no_climb_leads_to_is_refused_until_it_stays():
     soon, late = (_seen(lambda _: 0.0, lambda t_s: 1.1 * (t_s > 1.5), seconds) for seconds in (4.2, 9.0))
     assert soon.down_m == pytest.approx(hover_m, abs=0.15)
     assert late.down_m == pytest.approx(hover_m + 1.1, abs=0.15)
+
+
+def _leapt(from_s, seconds, dark_s=0.0, landing=True):
+    """How far aside the navigator of a hover is led by poses that are 1.5 m off from a time on, after a dark spell."""
+    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    for index in range(round(30 * seconds)):
+        t_s = index / 30.0
+        navigator.landing = landing
+        place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M + np.array([0.0, 1.5 * (t_s >= from_s), 0.0])
+        pose = BarPose(place, 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
+        seen = None if from_s - dark_s <= t_s < from_s else pose
+        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
+        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), seen), telemetry)
+        navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return float(navigator.estimate(seconds + 0.3).aircraft_in_bar_m[1]), navigator.doubted
+
+
+def test_a_place_that_leaps_in_full_view_of_a_landing_is_doubted_until_it_stays():
+    aside_m, doubted = _leapt(3.0, 7.5)
+    assert aside_m == pytest.approx(0.0, abs=0.1)
+    assert "cannot be" in doubted
+    aside_m, doubted = _leapt(3.0, 9.0)
+    assert aside_m == pytest.approx(1.5, abs=0.1)
+    assert not doubted
+
+
+def test_elsewhere_or_after_a_dark_spell_another_place_is_soon_believed():
+    assert _leapt(3.0, 3.8, landing=False)[0] == pytest.approx(1.5, abs=0.1)
+    assert _leapt(3.0, 3.8, dark_s=0.7)[0] == pytest.approx(1.5, abs=0.1)
+
+
+def test_a_place_forgotten_begins_anew_at_the_next_pose():
+    navigator = _flown()
+    navigator.forget_place()
+    assert navigator.estimate(3.3) is None
+    pose = BarPose(HOVER_IN_BAR_M + np.array([0.0, 3.0, 0.8]), 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
+    telemetry = Telemetry(6.3, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
+    navigator.take(Observation(6.0, GimbalAttitude(0.0, 0.0), pose), telemetry)
+    assert navigator.estimate(6.3).aircraft_in_bar_m[1] == pytest.approx(3.0, abs=0.1)

@@ -176,3 +176,9 @@ def test_truth_gives_the_aircraft_in_deck_and_bar_by_hand():
     )
     np.testing.assert_allclose(seen.aircraft_in_deck_m, [-3.0, 1.0, -4.0], atol=1e-9)
     np.testing.assert_allclose(seen.aircraft_in_bar_m, [-5.09, 1.0, -3.25], atol=1e-9)
+
+
+def test_the_newest_value_of_telemetry_is_as_old_as_it_says():
+    at = Telemetry(10.0, 0.0, 0.0, 0.0, 1.0, None, 90.0, 90.0, True)
+    assert at.newest_s == 10.0
+    assert dataclasses.replace(at, attitude_t_s=9.2, height_t_s=9.7).newest_s == 9.7

@@ -76,13 +76,17 @@ class Navigator:
         self._pushes, self._climbs = Inputs(2 * self.motion.inputs), Inputs(1)
         self._headings = HeadingFilters(parameters.heading, parameters.heading_turning, parameters.turn_from_rad_s)
         self._velocity_s = -math.inf
-        self._seen_s = -math.inf
+        self._seen_s = self._showed_s = self._posed_s = -math.inf
+        self.landing = False
+        """Low over the deck, or on the way up from it: a leap in full view may lead onto what stands there."""
+        self.doubted = ""
+        """Why the newest picture's pose was not believed; empty where it was, or there was none."""
         self._sinking: tuple[float, float] | None = None
         self._tilted_mps2: Array = np.zeros(2)
         self._nose_up_rad = 0.0
         self._leant_s = -math.inf
         self.trim_mps2: Array = np.zeros(2)
-        """(2,) by the mean lean of a servo, against the mean wind; zero where a stick means a tilt."""
+        """(2,) by the mean lean; of a vehicle that holds by itself, against the mean wind."""
 
     def _across_model(self) -> Model:
         return self._model_of_gain(self.motion.gain)
@@ -134,9 +138,6 @@ class Navigator:
             self._change_models()
 
     def _judge_trim(self, now_s: float) -> None:
-        """The mean lean; where a stick means a tilt it is the input's, and no news."""
-        if self.servo is None:
-            return
         share = 1.0 - math.exp(-max(now_s - self._leant_s, 0.0) / _TRIM_S)
         lean_mps2 = turned(self._tilted_mps2, self._headings.nose_at(now_s))
         self.trim_mps2, self._leant_s = self.trim_mps2 + share * (lean_mps2 - self.trim_mps2), now_s
@@ -190,6 +191,10 @@ class Navigator:
         """When a picture was taken, as far as that is known."""
         return stamp_s + self._latency.correction_s
 
+    def nose_rad(self, t_s: float) -> float:
+        """The nose's heading in the axes of the flight."""
+        return self._headings.nose_at(t_s)
+
     def input_before(self) -> Array:
         """(2,) the newest input sent, in the axes of the flight."""
         return self._pushes.latest() if self.servo is None else self.servo.asked_mps
@@ -211,7 +216,7 @@ class Navigator:
         headings = self._headings.take(t_s, pose)
         self._judge_axis()
         self._take_velocity(telemetry)
-        turn_rad_s = self._headings.turn_rad_s
+        turn_rad_s, self.doubted = self._headings.turn_rad_s, ""
         box = observation.bar_box or observation.ship_box
         if pose is not None:
             speed_mps = 0.0 if self._across.belief is None else float(np.linalg.norm(self._across.belief.of(SPEED)))
@@ -254,14 +259,29 @@ class Navigator:
         aside_m = min(right_m + half_m, side_m) - max(right_m - half_m, -side_m)
         return float(max(along_m, 0.0) * max(aside_m, 0.0) / (2.0 * half_m) ** 2)
 
+    def forget_place(self) -> None:
+        """After a time in which nobody followed the vehicle: the next picture begins the estimate anew."""
+        self._across.belief = self._down.belief = None
+        self._heights = HeightGate(self._response.climb_lag_s)
+        self._latency.forget_place()
+        self._gain.forget_place()
+
     def _take_pose(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
+        if t_s - self._showed_s > _GAP_S:
+            self._posed_s = -math.inf
+        self._showed_s = t_s
         if self._heights.refuses(t_s, place.down_m, place.down_variance, self._climbs):
+            self.doubted = "a pose at a height that no climb leads to"
             return
         self._take_swing(t_s, place.down_m, place.down_variance)
         stamp_s = t_s - self._latency.correction_s
         self._latency.picture(stamp_s, place.across_m, place.covariance, self._pushes, turn_rad_s, self._across)
         self._judge_gain(t_s, place, turn_rad_s)
         self._enter(t_s, place, turn_rad_s)
+        if self._across.refused:
+            self.doubted = "a pose where the aircraft cannot be"
+        else:
+            self._posed_s = t_s
 
     def _judge_gain(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
         """What the sticks do; only where they mean a tilt: a servo brings about the speed that is asked for."""
@@ -301,7 +321,9 @@ class Navigator:
         across_m, covariance = place.across_m, place.covariance
         down_m, spread = np.array([place.down_m]), np.array([[place.down_variance]])
         measured = self._parameters.measured
-        if self._across.belief is None or self._across.refused >= measured.lost_refusals:
+        patience_s = measured.lost_s if self.landing else 0.0
+        lost = self._across.refused >= measured.lost_refusals and t_s - self._posed_s >= patience_s
+        if self._across.belief is None or lost:
             self._across.start(t_s, across_m, covariance, measured.first_mps)
             self._down.start(t_s, down_m, spread, measured.first_climb_mps)
             self._latency.forget_place()
@@ -358,6 +380,8 @@ _VIEW_STEP = 0.25
 """Shares of ship in view that models are kept for."""
 _STEEPEST_RAD = 1.0
 """A tilt beyond this is none that a vehicle holds its place with."""
+_GAP_S = 0.5
+"""Where no pose was for longer than this, a leap since the last one is nothing to be doubted for long."""
 _TRIM_S = 2.5
 """The mean lean is of so long: what the servo's integral and its gusts both show in."""
 _VELOCITY_EVERY_S = 0.06

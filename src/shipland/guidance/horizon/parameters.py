@@ -30,7 +30,8 @@ class MeasurementNoise:
             hull is wide.
         box_m: least error of a box's place across the line of sight, and of its height.
         first_mps, first_climb_mps: standard deviation of the speed against the bar when it is first seen.
-        lost_refusals: so many poses refused in a row start the estimate anew.
+        lost_refusals, lost_s: so many places refused in a row start the estimate anew; in a landing, if poses were seen
+            all the while, not so soon after one that was taken.
         velocity_mps, velocity_down_mps: of the vehicle's velocity, horizontally and downward.
         velocity_tracked_mps: horizontally, of one that the autopilot itself tracks: its errors are flown.
         use_velocity: whether it is used at all.
@@ -48,6 +49,7 @@ class MeasurementNoise:
     first_mps: float
     first_climb_mps: float
     lost_refusals: int
+    lost_s: float
     velocity_mps: float
     velocity_down_mps: float
     velocity_tracked_mps: float

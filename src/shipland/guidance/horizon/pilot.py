@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, STATES, SWING, SWING_RATE, THRUST
 from shipland.estimation.swing import SWING_STATES
 from shipland.frames import Array, turned, wrap_angle
+from shipland.guidance.horizon.blind import blind_climb_out
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.gains import INPUT, INPUT_RATE_SHARE, TRACKED, TRACKED_RATE, Gains, gains_of
@@ -30,6 +32,8 @@ _STEPS_MS = (33, 67, 100, 200, 350, 530)
 """Cycles that gains are kept for; the nearest is taken."""
 _BLIND_S = 1.5
 """Without a velocity of the vehicle for this long, gains are those for pictures alone."""
+_SILENT_S = 1.0
+"""A vehicle that heard no command for so long holds by itself, and nobody followed where it went."""
 _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
 
 
@@ -59,7 +63,7 @@ class HorizonPilot:
         self._sticks = Sticks(0.0, 0.0, 0.0, 0.0)
         self._gimbal_pitch_rad = math.radians(self._search.camera_pitch_deg[0])
         self._now_s: float | None = None
-        self._first_s = 0.0
+        self._first_s, self._heard_s = 0.0, -math.inf
         self._step_s = 1.0 / 30.0
         self._side_rad = 0.0
         self._contact_m = math.inf
@@ -75,7 +79,11 @@ class HorizonPilot:
         self._now_s = now_s
         if sent is not None:
             navigator.sent(sent)
+        observation = self._unless_silent(observation, telemetry)
+        navigator.landing = self._modes.mode in (Mode.LAND, Mode.CLIMB_OUT)
         navigator.take(observation, telemetry)
+        if navigator.landing and navigator.doubted:
+            observation = replace(observation, bar_pose=None, reason=navigator.doubted)
         self._remember_side(observation)
         estimate = navigator.estimate(navigator.effect_s(now_s))
         fresh_s = now_s - navigator.seen_s
@@ -100,6 +108,16 @@ class HorizonPilot:
         note = "" if self._steering is None else self._steering.note
         reason = "; ".join(filter(None, (self._modes.reason, note)))
         return Decision(command, mode, reason, _shown(at_picture))
+
+    def _unless_silent(self, observation: Observation, telemetry: Telemetry) -> Observation:
+        """The observation; an empty one where this process or the link stood still, and the place is forgotten."""
+        heard_s = max(observation.t_s, telemetry.newest_s)
+        silent_s = heard_s - self._heard_s
+        self._heard_s = max(heard_s, self._heard_s)
+        if not _SILENT_S < silent_s < math.inf:
+            return observation
+        self._navigator.forget_place()
+        return Observation(observation.t_s, observation.gimbal, reason=f"nothing heard for {silent_s:.1f} s")
 
     # --- modes -------------------------------------------------------------------------------------------------
 
@@ -350,8 +368,10 @@ class HorizonPilot:
         approach, since_s = self._approach, self._in_mode_s(now_s)
         if mode is Mode.SEARCH:
             return search(since_s, self._search, self._side_rad)[0]
-        if mode is Mode.CLIMB_OUT and since_s <= 4.0 * approach.climb_out_s:
-            return Sticks(-approach.back_off_percent, 0.0, approach.climb_out_percent, 0.0)
+        if mode is Mode.CLIMB_OUT:
+            navigator = self._navigator
+            lean = turned(navigator.trim_mps2, -navigator.nose_rad(now_s)) if navigator.servo is None else None
+            return blind_climb_out(since_s, approach, self._response, lean)
         return Sticks(0.0, 0.0, 0.0, 0.0)
 
     def _in_mode_s(self, now_s: float) -> float:
@@ -367,7 +387,8 @@ class HorizonPilot:
 
     def _point_camera(self, mode: Mode, observation: Observation, estimate: Estimated | None, step_s: float) -> None:
         box = {Mode.TRACK_BAR: observation.bar_box, Mode.TRACK_SHIP: observation.ship_box}.get(mode)
-        if mode is Mode.SEARCH and self._now_s is not None:
+        blind = mode is Mode.SEARCH or (mode is Mode.CLIMB_OUT and estimate is None)
+        if blind and self._now_s is not None:
             wanted_rad = search(self._in_mode_s(self._now_s), self._search)[1]
         elif box is not None:
             wanted_rad = observation.gimbal.pitch_rad - self._view.depression_rad(box.centre_px[1])
