@@ -105,6 +105,15 @@ def test_commands_take_effect_in_the_order_sent(camera: Camera) -> None:
     assert pair[0].gimbal.pitch_rad == pytest.approx(-0.2)
 
 
+@pytest.mark.parametrize(("late_s", "flown"), [(0.9, True), (1.1, False), (float("nan"), True)])
+def test_a_command_of_a_pilot_that_stood_still_is_a_hold(camera: Camera, late_s: float, flown: bool) -> None:
+    made = vehicle(camera, video_s=0.28)
+    now_s = made.telemetry_at(5.0).t_s
+    made.send(PilotCommand(now_s - late_s, 0.0, 0.0, 60.0, 0.0, 0.0))
+    before, after = (made.telemetry_at(t_s).height_m for t_s in (5.0, 6.5))
+    assert (after - before > 0.2) == flown
+
+
 def test_truth_and_scene_are_those_of_the_exposure(camera: Camera) -> None:
     flown = vehicle(camera)
     flown.send(PilotCommand(0.0, 80.0, 0.0, 0.0, 0.0, 0.0))

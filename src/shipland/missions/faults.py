@@ -120,11 +120,11 @@ class FaultyVehicle:
 
     def send(self, command: PilotCommand) -> None:
         """See `Vehicle`."""
-        stall_s = self._stall_s(FaultKind.PILOT_STALLS)
+        stall_s, decided_s = self._stall_s(FaultKind.PILOT_STALLS), self._own_time(command.t_s)
         if stall_s > 0.0:
             self.now_s = self._vehicle.telemetry_at(self.now_s + stall_s).t_s
         if self.now(FaultKind.LINK_LOSS) is None:
-            self._vehicle.send(replace(command, t_s=self._own_time(command.t_s)))
+            self._vehicle.send(replace(command, t_s=decided_s))
 
     def _own_time(self, t_s: float) -> float:
         """A time of the loop, which knows the vehicle's clock from spoiled telemetry, by that clock as it is."""

@@ -16,6 +16,7 @@ from shipland.sim.state import SceneState
 from shipland.sim.world import World
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.telemetry import TelemetryFeed
+from shipland.vehicles.vehicle import unless_late
 
 if TYPE_CHECKING:
     from shipland.sim.scene.scene import Scene
@@ -123,12 +124,12 @@ class SimulatedVehicle:
         return self._feed.at(now_s, now_s, world.battery_percent, world.link_percent, world.motors_run)
 
     def send(self, command: PilotCommand) -> None:
-        """Give the sticks at the command's time; earlier than the last frame's receipt counts as then."""
+        """Give the sticks at the command's time; a little earlier than the last frame's receipt counts as then."""
         if not self._is_open:
             return
         if math.isfinite(command.t_s):
             self._now_s = max(self._now_s, command.t_s)
-        self._on_the_way.append((self._now_s + self._delays.uplink_s, command))
+        self._on_the_way.append((self._now_s + self._delays.uplink_s, unless_late(command, self._now_s)))
 
     def close(self) -> None:
         """End the flight; the scene is the caller's to close."""

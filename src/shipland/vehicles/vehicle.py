@@ -10,6 +10,21 @@ from shipland.messages import Frame, GroundTruth, PilotCommand, Telemetry, Touch
 LONGEST_WAIT_S = 0.2
 """How long `read` waits for a picture before it gives telemetry alone: two periods of the slowest camera allowed."""
 
+LATE_S = 1.0
+"""A command is not flown when it was decided this long ago; twice the longest cycle of [Lee2022]."""
+
+
+def unless_late(command: PilotCommand, now_s: float) -> PilotCommand:
+    """The command, or a hold where its pilot stood still meanwhile: it was for another place.
+
+    Args:
+        command: decided at its `t_s`, on the vehicle's clock.
+        now_s: on the same clock.
+    """
+    if not now_s - command.t_s > LATE_S:  # a time that is not finite tells nothing
+        return command
+    return PilotCommand.hold(now_s, command.gimbal_pitch_rad)
+
 
 class Vehicle(Protocol):
     """A camera-carrying aircraft.
@@ -39,7 +54,7 @@ class Vehicle(Protocol):
         """
 
     def send(self, command: PilotCommand) -> None:
-        """Give the sticks."""
+        """Give the sticks; those `unless_late`."""
 
     def close(self) -> None:
         """Leave the vehicle safe and let go of it."""

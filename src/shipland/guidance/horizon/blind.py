@@ -18,8 +18,8 @@ def blind_climb_out(
         since_s: the climb-out's begin.
         approach: its height, time and sticks.
         response: of the vehicle.
-        lean_mps2: (2,) forward and right in `level`, by the mean lean of late: where a stick means a tilt, who backs off
-            level is taken by the wind. None where it means a speed.
+        lean_mps2: (2,) forward and right in `level`, by the mean lean of late: where a stick means a tilt, who backs
+            off level is taken by the wind. None where it means a speed.
     """
     climb_s = approach.climb_out_height_m / (0.01 * approach.climb_out_percent * response.max_climb_mps)
     if since_s <= climb_s:

@@ -25,7 +25,7 @@ from shipland.vehicles.anafi.process import AnafiProcess
 from shipland.vehicles.anafi.records import gimbal_of, merged, moment_of, sticks_of, with_moment
 from shipland.vehicles.camera_stream import ExposureClock, Shot
 from shipland.vehicles.checks import Check, PreflightParameters
-from shipland.vehicles.vehicle import LONGEST_WAIT_S
+from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
 
 _GIMBAL_S = 0.1
 _LANDED_S = 1.0
@@ -165,7 +165,9 @@ class AnafiVehicle:
         with self._changed:  # whoever ends the flight on the other thread has the last word
             if self._closed or self._end_reason or not self._engaged or self._process is None:
                 return
-            self._landing, now_s = command.intent is Intent.LAND, time.monotonic()
+            now_s = time.monotonic()
+            command = unless_late(command, now_s)
+            self._landing = command.intent is Intent.LAND
             by_itself = self._landing and self._asked_to_land  # its own landing wants no sticks
             self._process.say({"sticks": [0, 0, 0, 0] if by_itself else sticks_of(command)})
             if math.isfinite(command.gimbal_pitch_rad) and now_s - self._gimbal_s >= _GIMBAL_S:

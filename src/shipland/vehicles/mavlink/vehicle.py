@@ -32,7 +32,7 @@ from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of
 from shipland.vehicles.pace import Pace
 from shipland.vehicles.touchdown import Contact, Touch, TouchdownWatch
-from shipland.vehicles.vehicle import LONGEST_WAIT_S
+from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
 
 _REMEMBERED = 64
 """Given frames whose truth is kept."""
@@ -179,7 +179,8 @@ class MavlinkVehicle:
     def send(self, command: PilotCommand) -> None:
         """The newest sticks; they leave with the next set-point."""
         with self._lock:
-            self._command = command, time.monotonic()
+            now_s = time.monotonic()
+            self._command = unless_late(command, now_s), now_s
 
     def close(self) -> None:
         """Leave the vehicle holding, where it is still ours, and let go of it."""
