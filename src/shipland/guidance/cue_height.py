@@ -9,9 +9,9 @@ the aircraft does. Poses that follow one another are the vision's to guard (`tra
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass, replace
-
-import numpy as np
+from operator import itemgetter
 
 from shipland.config import require
 from shipland.messages import Observation, Telemetry
@@ -79,9 +79,9 @@ class CueHeight:
     def checked(self, observation: Observation) -> tuple[CueHeight, Observation]:
         """The observation without a first pose that hangs as low as a mirror image."""
         pose, t_s = observation.bar_pose, observation.t_s
-        height_m = self._height_at(t_s)
         if pose is None or self.least_drop_m == 0.0:
             return self, observation
+        height_m = self._height_at(t_s)
         if height_m is None:
             return replace(self, pose_s=t_s, doubted_s=None), observation
         cue_m = height_m + float(pose.position_in_bar_m[2])
@@ -98,10 +98,14 @@ class CueHeight:
 
     def _height_at(self, t_s: float) -> float | None:
         """Over the take-off point at an exposure, between readings; None where none is near."""
-        if not self.heights or not self.heights[0][0] - _NEAR_S <= t_s <= self.heights[-1][0] + _NEAR_S:
+        heights = self.heights
+        if not heights or not heights[0][0] - _NEAR_S <= t_s <= heights[-1][0] + _NEAR_S:
             return None
-        times, heights = zip(*self.heights, strict=True)
-        return float(np.interp(t_s, times, heights))
+        after = bisect_right(heights, t_s, key=itemgetter(0))
+        if after in (0, len(heights)):
+            return heights[0 if after == 0 else -1][1]
+        (before_s, before_m), (after_s, after_m) = heights[after - 1 : after + 1]
+        return before_m + (after_m - before_m) / (after_s - before_s) * (t_s - before_s)
 
 
 _READINGS = 90
