@@ -44,12 +44,14 @@ class Frame:
         image: (H, W, 3) uint8 BGR; None from a vehicle whose camera is geometric.
         gimbal: attitude of the camera at exposure, in `level`.
         height_m: about how high the vehicle said it was over the water or its take-off point; None where it did not.
+        stamp_s: the exposure by the vehicle's own clock, where that has leapt [s]; None: `t_s`.
     """
 
     t_s: float
     image: npt.NDArray[np.uint8] | None
     gimbal: GimbalAttitude
     height_m: float | None = None
+    stamp_s: float | None = None
 
     def __post_init__(self) -> None:
         if self.image is not None:

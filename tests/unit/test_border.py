@@ -91,6 +91,8 @@ def test_a_leap_takes_no_time_of_the_flight_and_a_clock_that_comes_back_is_belie
     assert border.now_s == pytest.approx(10.2)  # of the first, refused, nobody knew yet
     told, refused = border.telemetry(replace(TELEMETRY, t_s=10.3 + leap_s, heading_t_s=10.25 + leap_s))
     assert (told.t_s, told.heading_t_s, refused) == (border.now_s, pytest.approx(10.15), "")
+    seen = border.frame(replace(FRAME, t_s=10.2 + leap_s))[1]
+    assert (seen.t_s, seen.stamp_s) == (pytest.approx(10.1), 10.2 + leap_s)
     for t_s in (10.4, 10.5):
         border = border.at_receipt(replace(FRAME, t_s=t_s - 0.1), t_s)
     assert (border.now_s, border.leapt_s) == (10.5, 0.0)

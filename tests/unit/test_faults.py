@@ -15,6 +15,7 @@ from shipland.missions.campaign import Flight, land_once
 from shipland.missions.crew import build_crew, build_vehicle
 from shipland.missions.fault_kinds import Fault, FaultDraw, FaultKind
 from shipland.missions.faults import faults_of, with_faults
+from shipland.missions.fly import fly_quietly
 from shipland.missions.recovery import recoveries
 from shipland.missions.scenarios import load_scenario
 
@@ -87,6 +88,15 @@ def test_a_spoiled_clock_does_not_let_hours_pass():
     assert faulty.now_s - true_s < 0.1
     assert faulty.read() is not None
     assert faulty.now_s - true_s < 1.0
+
+
+def test_the_geometric_camera_sees_on_after_a_clock_that_leapt():
+    scenario = load_scenario("rig-natops", fault_draw={"kinds": ["spoiled_values"]})
+    rows = []
+    flown = fly_quietly(scenario, "horizon", "geometric", 58, rows.append)
+    offsets_s = [row.frame.stamp_s - row.frame.t_s for row in rows if row.frame.stamp_s is not None]
+    assert offsets_s[-1] != 0.0  # from some spoiled time on the flight's clock is not the vehicle's
+    assert flown.succeeded, flown.reason
 
 
 def test_a_frozen_picture_is_recognised():

@@ -88,7 +88,7 @@ class Border:
         if frame is None:
             return self, Frame(last_s, None, self.gimbal), "no picture"
         if self.leapt_s:
-            frame = replace(frame, t_s=frame.t_s - self.leapt_s)
+            frame = replace(frame, t_s=frame.t_s - self.leapt_s, stamp_s=frame.t_s)
         reason = ""
         if not math.isfinite(frame.t_s) or frame.t_s > now_s + _AHEAD_S:
             reason = "exposure time refused"

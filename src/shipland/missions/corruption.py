@@ -32,11 +32,17 @@ class Spoiler:
         return typing.cast(T, _spoil(value, share, self._rng))
 
 
+_BY_THE_LOOP = {"stamp_s"}
+"""Not the vehicle's word; skipped without a draw, so that a flight's spoiled values stay what they were."""
+
+
 def _spoil(value: Any, share: float, rng: np.random.Generator) -> Any:  # noqa: ANN401 - messages of any type
     """A message with some of its fields spoiled, its arrays keeping their shape."""
     hints = typing.get_type_hints(type(value))
     changes: dict[str, Any] = {}
     for field in dataclasses.fields(value):
+        if field.name in _BY_THE_LOOP:
+            continue
         before = getattr(value, field.name)
         optional = type(None) in typing.get_args(hints[field.name])
         if dataclasses.is_dataclass(before):

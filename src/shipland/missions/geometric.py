@@ -84,7 +84,7 @@ class GeometricVision:
         # Drawn for every frame, seen or not: a flight's numbers must not shift with one frame's luck.
         noise = self._rng.standard_normal(self._plane_m.shape)
         missed = self._rng.random() < self._parameters.miss_rate
-        truth = self._witness.truth_at(frame.t_s)
+        truth = self._witness.truth_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)
         if truth is None:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
         camera, bar = truth.ned_from_camera, truth.ned_from_bar
