@@ -90,6 +90,13 @@ def test_poses_that_follow_one_another_are_not_its_business():
     assert flight.sees(3.0, 1.65 - DROP_M) == ""
 
 
+def test_without_a_pilot_who_watches_every_pose_is_a_first_one():
+    flight = Flight(over_takeoff_m=1.65)
+    assert flight.sees(3.0, 1.65) == ""
+    flight.state = flight.state.unwatched()
+    assert "1.5 m too low" in flight.sees(3.0, 1.65 - DROP_M)
+
+
 def test_without_a_barometer_nothing_is_refused():
     flight = Flight(over_takeoff_m=1.65)
     assert flight.sees(None, 0.0) == ""

@@ -185,6 +185,16 @@ def test_a_pilot_that_raises_holds_far_from_the_deck_and_climbs_near_it():
     assert records[-1].decision.mode is not None  # the pilot flies on
 
 
+def test_a_mirror_image_that_comes_while_the_pilot_raises_leads_nobody_down():
+    mirror = {"kind": "reflection", "start_s": 9.66, "duration_s": 3.9, "size": 1.2}
+    records, _ = flown("pilot_raises", 16.0, also=[mirror], start_s=9.62, duration_s=2.7)
+    anew = [it for it in records if it.telemetry.t_s > 12.5 and it.decision.estimate is not None]
+    assert len(anew) > 30
+    for record in anew:
+        off_m = record.decision.estimate.aircraft_in_bar_m - record.truth.aircraft_in_bar_m
+        assert abs(float(off_m[2])) < 0.5
+
+
 def test_a_weak_rotor_sinks_to_its_side_and_is_given_back():
     scenario = load_scenario("rig-natops")
     world = build_vehicle(scenario, 1, None).world

@@ -76,6 +76,10 @@ class CueHeight:
             return self
         return replace(self, heights=(*self.heights[1 - _READINGS :], (t_s, telemetry.height_m)))
 
+    def unwatched(self) -> CueHeight:
+        """Without a pilot, who doubts a height that leaps: the next pose is a first one again."""
+        return replace(self, pose_s=-math.inf)
+
     def checked(self, observation: Observation) -> tuple[CueHeight, Observation]:
         """The observation without a first pose that hangs as low as a mirror image."""
         pose, t_s = observation.bar_pose, observation.t_s

@@ -115,6 +115,7 @@ class Safety:
 
     def without_pilot(self, reason: str, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
         """What is flown when there is no pilot: up and away from a deck that is near, else hold; never raises."""
+        self._cue_height = self._cue_height.unwatched()
         gimbal_rad, limits = 0.0 if sent is None else sent.gimbal_pitch_rad, self._parameters
         over_deck_m = self._estimate.over_deck_at(telemetry.t_s, limits.stale_s)
         hold = PilotCommand.hold(telemetry.t_s, gimbal_rad)
