@@ -66,7 +66,7 @@ class HorizonPilot:
         self._first_s, self._heard_s = 0.0, -math.inf
         self._step_s = 1.0 / 30.0
         self._side_rad = 0.0
-        self._contact_m = math.inf
+        self._contact_m = self._distance_m = math.inf
 
     def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None = None) -> Decision:
         """One cycle; never raises."""
@@ -124,11 +124,11 @@ class HorizonPilot:
     def _situation(self, observation: Observation, telemetry: Telemetry, estimate: Estimated | None) -> Situation:
         approach = self._approach
         climbing_s = telemetry.t_s - self._modes.since_s
-        height_m, distance_m, clear = math.inf, math.inf, False
+        height_m, clear = math.inf, False
         if estimate is not None:
             place = estimate.aircraft_in_bar_m
             height_m = float(self._deck_in_bar_m[2] - place[2])
-            distance_m = math.sqrt(place.dot(place))
+            self._distance_m = math.sqrt(place.dot(place))
             back_m = float(self._deck_in_bar_m[0]) - approach.climb_out_back_m
             high = height_m > approach.climb_out_height_m - self._margins.clear_below_m
             clear = bool(place[0] < back_m + self._margins.clear_ahead_m and high)
@@ -139,7 +139,7 @@ class HorizonPilot:
             landing_condition=self._landing_condition(estimate),
             committed=dropping or height_m < self._margins.committed_m,
             astray=self._astray(estimate),
-            near_ship=distance_m < approach.climb_out_radius_m,
+            near_ship=self._distance_m < approach.climb_out_radius_m,
             clear=climbing_s >= approach.climb_out_s and (clear or climbing_s >= 4.0 * approach.climb_out_s),
             flying=telemetry.flying,
         )
