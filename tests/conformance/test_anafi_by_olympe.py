@@ -161,7 +161,7 @@ def test_a_stalled_loop_releases_the_sticks() -> None:
         time.sleep(1.5)
         report = aircraft.report()
         assert report["pcmd"][-1][:5] == [0, 0, 0, 0, 0]
-        assert report["now_s"] - report["pcmd_s"][-1] < 0.3  # they go on
+        assert report["now_s"] - report["pcmd_s"][-1] < 1.0  # they go on, on a busy machine too
         fly(vehicle, 0.5, 60.0, 0.0, 0.0, 0.0)
         assert aircraft.report()["pcmd"][-1][:3] == [1, 0, 60]
 
