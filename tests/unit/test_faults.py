@@ -162,6 +162,15 @@ def test_blind_after_a_stall_it_climbs_held_by_the_vehicle_and_then_backs_off_ag
     assert -8.0 < last[0] - first[0] < -2.0  # astern of where it climbed
 
 
+def test_who_lost_the_place_near_the_ship_climbs_out_and_does_not_search():
+    dark = {"kind": "occlusion", "start_s": 8.9, "duration_s": 20.0}
+    records, _ = flown("process_stall", 18.0, also=[dark], start_s=9.0, duration_s=2.0)
+    after = [it for it in records if it.telemetry.t_s > 11.5]
+    assert after[0].decision.estimate is None
+    assert after[-1].decision.mode is Mode.CLIMB_OUT
+    assert Mode.SEARCH not in {it.decision.mode for it in after}
+
+
 def test_a_false_pose_over_the_deck_is_not_believed_and_the_landing_broken_off():
     records, _ = flown("false_pose", 16.0, start_s=12.6, duration_s=3.0, size=1.5)
     false = [it for it in records if 12.6 < it.frame.t_s < 15.6 and it.decision.estimate is not None]
