@@ -41,7 +41,7 @@ demo: setup-run ## fly from 250 m to a ship in sea state 6, camera in the loop: 
 
 test: setup ## run the tests; ARGS='-k frames' for some of them
 	@$(MAKE) --no-print-directory olympe || echo "no .venv-olympe: the tests of the ANAFI before Olympe are skipped" >&2
-	$(BIN)/pytest -n 2 -p randomly $(ARGS)
+	$(BIN)/pytest -n 3 -p randomly $(ARGS)
 
 check: setup ## lint, format, types, direction of imports
 	$(BIN)/ruff check

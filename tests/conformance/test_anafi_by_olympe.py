@@ -130,12 +130,36 @@ def test_it_lands_on_what_it_cannot_sink_through(tmp_path: Path) -> None:
 
 
 def test_identify_finds_the_aircrafts_own_constants() -> None:
-    """From sticks through Olympe to the aircraft, and back through events and metadata to a response."""
+    """From sticks through Olympe to the aircraft, and back through events and metadata to a response.
+
+    A machine that is busy for a tenth of a second delays sticks behind their log, so a second and a third flight count.
+    """
+    left = 3
+    while True:
+        left -= 1
+        found = identify(random_flight(22.0))
+        try:
+            assert found.level is not None and found.climb is not None and found.turn is not None
+            assert math.degrees(found.level.full) == pytest.approx(15.0, rel=0.05)
+            assert found.level.lag_s + found.level.delay_s == pytest.approx(0.15 + 0.02, abs=0.04)
+            assert found.climb.full == pytest.approx(1.0, rel=0.05)
+            assert found.climb.lag_s + found.climb.delay_s == pytest.approx(0.2 + 0.02, abs=0.05)
+            assert math.degrees(found.turn.full) == pytest.approx(40.0, rel=0.05)
+            assert found.drag_per_s == pytest.approx(0.3, abs=0.05)
+        except AssertionError:
+            if not left:
+                raise
+        else:
+            return
+
+
+def random_flight(time_s: float) -> list[FlightRecord]:
+    """What a log holds of a flight with other sticks every second."""
     rng = np.random.default_rng(3)
     records: list[FlightRecord] = []
     with bench(latency_s=0.01, event_latency_s=0.002) as (vehicle, _):  # on this machine nothing is late
         vehicle.open()
-        for _ in range(22):
+        for _ in range(int(time_s)):
             sticks = rng.choice([-60.0, -30.0, 30.0, 60.0], 4).tolist()
             for frame, telemetry in fly(vehicle, 1.0, *sticks):
                 if frame is not None:
@@ -143,14 +167,7 @@ def test_identify_finds_the_aircrafts_own_constants() -> None:
                     seen = Observation(frame.t_s, frame.gimbal)
                     frame = replace(frame, image=None)
                     records.append(FlightRecord(frame, telemetry, seen, Decision(command, None, ""), None))
-    found = identify(records)
-    assert found.level is not None and found.climb is not None and found.turn is not None
-    assert math.degrees(found.level.full) == pytest.approx(15.0, rel=0.05)
-    assert found.level.lag_s + found.level.delay_s == pytest.approx(0.15 + 0.02, abs=0.04)
-    assert found.climb.full == pytest.approx(1.0, rel=0.05)
-    assert found.climb.lag_s + found.climb.delay_s == pytest.approx(0.2 + 0.02, abs=0.05)
-    assert math.degrees(found.turn.full) == pytest.approx(40.0, rel=0.05)
-    assert found.drag_per_s == pytest.approx(0.3, abs=0.1)  # 0.24 on a busy machine
+    return records
 
 
 def test_a_stalled_loop_releases_the_sticks() -> None:

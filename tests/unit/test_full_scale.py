@@ -8,9 +8,16 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
+from shipland.commands.options import subject_of
 from shipland.config import ConfigError
+from shipland.errors import DataError
 from shipland.frames import Pose
 from shipland.guidance.horizon.navigator import Navigator
+from shipland.learning.arguments import SynthArguments
+from shipland.learning.dataset import read_dataset
+from shipland.learning.shot import target_box
+from shipland.learning.shots import draw_scene, draw_shot
+from shipland.learning.synth import synth, synth_parameters
 from shipland.messages import Box, GimbalAttitude, Observation, PilotCommand, Telemetry
 from shipland.missions.crew import build_world, drawn_ship, response_of
 from shipland.missions.fly import fly_quietly
@@ -159,3 +166,31 @@ def test_a_ship_under_way_leaves_a_wake():
         bright.append(float(scene.render(state, camera)[row - 4 : row + 5, column - 4 : column + 5].mean()))
         scene.close()
     assert bright[1] > bright[0] + 40.0
+
+
+def test_pictures_to_train_on_are_of_the_ship_asked_for(tmp_path):
+    """The label is as wide as a frigate at its range in this camera, and one folder holds one ship."""
+    config, subject = EXAMPLES / "frigate_pictures.toml", subject_of("frigate-sea5")
+    arguments = SynthArguments(tmp_path / "set", "ship", count=4, seed=2, crop_px=352, config=config)
+    samples = read_dataset(synth(arguments, subject)).samples
+    far = next(it for it in samples if len(it.boxes) and it.scene["range_m"] > 500.0)
+    focal_px = Camera.from_parameters(subject.camera).matrix[0, 0]
+    turned_rad = math.radians(abs(far.scene["aspect_deg"]))
+    across_m = 136.0 * abs(math.sin(turned_rad)) + 14.0 * abs(math.cos(turned_rad))
+    on_axis_px = focal_px * across_m / far.scene["range_m"]
+    assert 0.9 * on_axis_px < far.load()[1][0, 3] < 1.6 * on_axis_px  # 35° off the axis stretch by 1.5
+    with pytest.raises(DataError, match="choose another folder"):
+        synth(arguments)
+    with pytest.raises(ConfigError, match="no scenario 'frigat'"):
+        subject_of("frigat")
+
+
+def test_a_picture_without_the_ship_has_none_behind_it_however_far_it_was_drawn():
+    subject = subject_of("frigate-sea5")
+    camera = Camera.from_parameters(subject.camera)
+    parameters = replace(synth_parameters(EXAMPLES / "frigate_pictures.toml"), uniform_share=1.0, empty_share=1.0)
+    light, _ = draw_scene(0, replace(parameters, visibility_m=(1e5, 2e5), hazy=0.0), 5)
+    shots = [draw_shot(number, "ship", light, camera, subject.rig, parameters, 5) for number in range(40)]
+    assert max(shot.range_m for shot in shots) > 5000.0
+    for shot in shots:
+        assert target_box("ship", shot.at(0.0, subject.rig), camera, subject.rig, 0.001, 0.0) is None

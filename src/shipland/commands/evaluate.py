@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from shipland.commands.options import subject_of
 from shipland.learning.arguments import EvaluateArguments
 
 
@@ -12,11 +13,16 @@ class Evaluate(EvaluateArguments):
     """Measure a detector on a labelled set, or on fresh scenes of the simulator over range.
 
     Example: shipland evaluate --weights ship --kind ship --scenes 2000 --out out/evaluate
+
+    Example: shipland evaluate --scenario frigate-sea5 --config examples/frigate_pictures.toml --out out/frigate-eyes
     """
+
+    scenario: str | None = None
+    """Fresh scenes of this scenario's ship through its camera; default the packaged rig and the ANAFI's camera."""
 
     def run(self) -> int:
         """Measure and print the tables."""
         from shipland.learning.evaluate import evaluate
 
-        print(evaluate(self).text())
+        print(evaluate(self, subject_of(self.scenario)).text())
         return 0

@@ -13,6 +13,7 @@ import tyro
 from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
+    from shipland.learning.subject import Subject
     from shipland.missions.scenarios import Scenario
 
 Changes = Annotated[tuple[str, ...], tyro.conf.arg(name="set", metavar="KEY=VALUE"), tyro.conf.UseAppendAction]
@@ -34,6 +35,17 @@ class ScenarioOptions:
         from shipland.missions.scenarios import load_scenario, scenario_table
 
         return load_scenario(scenario_table(self.scenario, self.config, self.changes))
+
+
+def subject_of(scenario: str | None) -> Subject:
+    """Ship and camera of a scenario's name or TOML file, to draw pictures of; the packaged ones for None."""
+    from shipland.learning.subject import Subject
+    from shipland.missions.scenarios import load_scenario
+
+    if scenario is None:
+        return Subject.packaged()
+    found = load_scenario(scenario)
+    return Subject(found.name, found.rig, found.camera)
 
 
 def command_line() -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from shipland.commands.options import subject_of
 from shipland.learning.arguments import SynthArguments
 
 
@@ -12,11 +13,16 @@ class Synth(SynthArguments):
     """Make labelled pictures from the simulator's scene, in YOLO's layout; goes on where it was cut off.
 
     Example: shipland synth --out out/ship --kind ship --count 5000 --crop-px 352
+
+    Example: shipland synth --out out/frigate --scenario frigate-sea5 --config examples/frigate_pictures.toml
     """
+
+    scenario: str | None = None
+    """Draw this scenario's ship through its camera; default the packaged rig and the ANAFI's camera."""
 
     def run(self) -> int:
         """Make them."""
         from shipland.learning.synth import synth
 
-        print(synth(self))
+        print(synth(self, subject_of(self.scenario)))
         return 0

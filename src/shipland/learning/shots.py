@@ -173,7 +173,9 @@ def draw_shot(
         rng.uniform(-parameters.climb_mps, parameters.climb_mps),
     )
     if empty:
-        ship_position = ship_position + _AWAY_M * np.append(-np.array([np.cos(heading), np.sin(heading)]), 0.0)
+        ship_position = ship_position + max(_AWAY_M, 3.0 * range_m) * np.append(
+            -np.array([np.cos(heading), np.sin(heading)]), 0.0
+        )
     limits = np.array([rig.surge_limit_m, rig.sway_limit_m, rig.heave_limit_m])
     turns = np.radians([rig.roll_limit_deg, rig.pitch_limit_deg, rig.yaw_limit_deg])
     shot = Shot(

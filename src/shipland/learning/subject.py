@@ -1,0 +1,33 @@
+"""What the pictures are of: a ship, and the camera that sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from shipland.camera import CameraParameters
+from shipland.config import build
+from shipland.rig import Rig, default_rig, packaged_table
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A ship and the camera that sees it.
+
+    Attributes:
+        name: of the scenario that both come from; None for the packaged ones.
+        rig: the ship.
+        camera: of the vehicle.
+    """
+
+    name: str | None
+    rig: Rig
+    camera: CameraParameters
+
+    @staticmethod
+    def packaged() -> Subject:
+        """The rig and the camera of the packaged configuration."""
+        return Subject(None, default_rig(), build(CameraParameters, packaged_table("camera"), "camera"))
+
+    def note(self) -> dict[str, object]:
+        """What a folder's note tells of it, so that two ships are not mixed in one; nothing of the packaged ones."""
+        return {} if self.name is None else {"scenario": self.name}
