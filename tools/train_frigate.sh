@@ -18,13 +18,15 @@ patience = 100
 warmup_steps = 40
 average_decay = 0.99
 calibration_pictures = 0
+[train.augment]
+min_visible = 0.75 # a hull that fills a window teaches that whatever fills one is a ship
 [train.far]
 learning_rate = 0.001
 evaluate_every = 150
 validation_pictures = 150
-hard_rounds = 4
-mine_pictures = 500
-mine_keep = 500
+hard_rounds = 6
+mine_pictures = 600
+mine_keep = 600
 hard_fraction = 0.35
 TOML
 
@@ -36,13 +38,13 @@ train() { # KIND STEPS WEIGHTS
     [[ -f $out/$1/detector.onnx ]] && return
     local more=()
     [[ -f $out/$1/last.safetensors ]] && more+=(--resume)
-    $shipland train --data "$out/$1-near" "$out/$1-wide" --out "$out/$1" --steps "$2" --window-px 224 --seed 1 \
+    $shipland train --data "$out/$1-near" "$out/$1-wide" --out "$out/$1" --steps "$2" --window-px 288 --seed 1 \
         --weights "$3" --config "$out/train.toml" "${more[@]}"
 }
 
 for kind in "${kinds[@]}"; do
     case $kind in
-    ship) near=4000 wide=900 steps=900 name=frigate ;;
+    ship) near=4000 wide=1200 steps=1200 name=frigate ;;
     bar) near=2500 wide=500 steps=600 name=frigate-bar ;;
     *)
         echo "train_frigate.sh: unknown kind $kind: ship or bar" >&2
@@ -50,7 +52,7 @@ for kind in "${kinds[@]}"; do
         ;;
     esac
     seed=$([[ $kind == ship ]] && echo 61 || echo 63)
-    pictures "$kind-near" "$kind" $near "$seed" 352 examples/frigate_pictures.toml
+    pictures "$kind-near" "$kind" $near "$seed" 416 examples/frigate_pictures.toml
     pictures "$kind-wide" "$kind" $wide $((seed + 1)) 704 tools/frigate_decoys.toml
     train "$kind" $steps "$kind"
     cp "$out/$kind/detector.onnx" "$out/$name.onnx"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.commands.options import subject_of
+from shipland.commands.options import ship_and_camera_of
 from shipland.config import ConfigError
 from shipland.errors import DataError
 from shipland.frames import Pose
@@ -170,11 +170,11 @@ def test_a_ship_under_way_leaves_a_wake():
 
 def test_pictures_to_train_on_are_of_the_ship_asked_for(tmp_path):
     """The label is as wide as a frigate at its range in this camera, and one folder holds one ship."""
-    config, subject = EXAMPLES / "frigate_pictures.toml", subject_of("frigate-sea5")
+    config, drawn = EXAMPLES / "frigate_pictures.toml", ship_and_camera_of("frigate-sea5")
     arguments = SynthArguments(tmp_path / "set", "ship", count=4, seed=2, crop_px=352, config=config)
-    samples = read_dataset(synth(arguments, subject)).samples
+    samples = read_dataset(synth(arguments, drawn)).samples
     far = next(it for it in samples if len(it.boxes) and it.scene["range_m"] > 500.0)
-    focal_px = Camera.from_parameters(subject.camera).matrix[0, 0]
+    focal_px = Camera.from_parameters(drawn.camera).matrix[0, 0]
     turned_rad = math.radians(abs(far.scene["aspect_deg"]))
     across_m = 136.0 * abs(math.sin(turned_rad)) + 14.0 * abs(math.cos(turned_rad))
     on_axis_px = focal_px * across_m / far.scene["range_m"]
@@ -182,15 +182,15 @@ def test_pictures_to_train_on_are_of_the_ship_asked_for(tmp_path):
     with pytest.raises(DataError, match="choose another folder"):
         synth(arguments)
     with pytest.raises(ConfigError, match="no scenario 'frigat'"):
-        subject_of("frigat")
+        ship_and_camera_of("frigat")
 
 
 def test_a_picture_without_the_ship_has_none_behind_it_however_far_it_was_drawn():
-    subject = subject_of("frigate-sea5")
-    camera = Camera.from_parameters(subject.camera)
+    drawn = ship_and_camera_of("frigate-sea5")
+    camera = Camera.from_parameters(drawn.camera)
     parameters = replace(synth_parameters(EXAMPLES / "frigate_pictures.toml"), uniform_share=1.0, empty_share=1.0)
     light, _ = draw_scene(0, replace(parameters, visibility_m=(1e5, 2e5), hazy=0.0), 5)
-    shots = [draw_shot(number, "ship", light, camera, subject.rig, parameters, 5) for number in range(40)]
+    shots = [draw_shot(number, "ship", light, camera, drawn.rig, parameters, 5) for number in range(40)]
     assert max(shot.range_m for shot in shots) > 5000.0
     for shot in shots:
-        assert target_box("ship", shot.at(0.0, subject.rig), camera, subject.rig, 0.001, 0.0) is None
+        assert target_box("ship", shot.at(0.0, drawn.rig), camera, drawn.rig, 0.001, 0.0) is None

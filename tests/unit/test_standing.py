@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from shipland.messages import Box, Frame, GimbalAttitude
+from shipland.missions.scenarios import load_scenario
+from shipland.rig import default_rig
 from shipland.vision.far.detector import detector_parameters
+from shipland.vision.far.far import _ship_spans_m
 from shipland.vision.far.standing import Standing, Subject, apart
 
 PARAMETERS = detector_parameters()
-SHIP = Subject(span_m=3.3, foot=0.5, foot_m=0.0, rise=-1.0)
+SHIP = Subject(spans_m=(3.3, 3.3), foot=0.5, foot_m=0.0, rise=-1.0)
 PITCH_RAD = -0.1
 
 
@@ -36,6 +39,16 @@ def test_a_ship_suits_its_place_and_what_is_smaller_or_larger_does_not(camera, r
         assert low <= odds <= high, wide_m
 
 
+@pytest.mark.parametrize("wide_m", [14.0, 30.0, 70.0, 98.0])
+def test_a_long_hull_suits_its_place_from_wherever_it_is_seen(camera, wide_m):
+    """A frigate from dead astern has a seventh of the width that it has from 40° off."""
+    standing = Standing(replace(SHIP, spans_m=_ship_spans_m(load_scenario("frigate-sea5").rig)), camera, PARAMETERS)
+    for range_m, height_m in ((3000.0, 60.0), (800.0, 40.0)):
+        assert standing.evidence(on_the_sea(camera, range_m, height_m, wide_m), frame(height_m)) > 0.8
+        assert standing.evidence(on_the_sea(camera, range_m, height_m, 0.2 * 14.0), frame(height_m)) < -2.0
+    assert _ship_spans_m(default_rig()) == pytest.approx((3.3, 3.3), abs=0.05)
+
+
 def test_from_low_over_the_water_the_horizon_tells_little(camera):
     """At a metre the height is as good as unknown: neither for nor against."""
     standing = Standing(SHIP, camera, PARAMETERS)
@@ -57,12 +70,12 @@ def test_a_barometer_that_errs_by_a_metre_refuses_no_ship(camera):
 def test_without_a_height_nothing_is_said(camera, height_m):
     standing = Standing(SHIP, camera, PARAMETERS)
     assert standing.evidence(on_the_sea(camera, 100.0, 10.0, 0.6), frame(height_m)) == 0.0
-    unknown = Standing(replace(SHIP, span_m=None), camera, PARAMETERS)
+    unknown = Standing(replace(SHIP, spans_m=None), camera, PARAMETERS)
     assert unknown.evidence(on_the_sea(camera, 100.0, 10.0, 0.6), frame(10.0)) == 0.0
 
 
 def test_a_bar_over_the_water_is_judged_where_it_hangs(camera):
-    bar = Standing(Subject(1.3, 0.0, 1.65, 4.0), camera, PARAMETERS)
+    bar = Standing(Subject((1.3, 1.3), 0.0, 1.65, 4.0), camera, PARAMETERS)
     hanging = on_the_sea(camera, 80.0, 15.0, 1.3, up_m=1.65)
     middle = replace(hanging, centre_px=(640.0, hanging.centre_px[1] + 0.5 * hanging.size_px[1]))
     assert bar.evidence(middle, frame(15.0)) > 0.8

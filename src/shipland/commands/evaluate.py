@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from shipland.commands.options import subject_of
+from shipland.commands.options import ship_and_camera_of
 from shipland.learning.arguments import EvaluateArguments
 
 
@@ -24,5 +24,5 @@ class Evaluate(EvaluateArguments):
         """Measure and print the tables."""
         from shipland.learning.evaluate import evaluate
 
-        print(evaluate(self, subject_of(self.scenario)).text())
+        print(evaluate(self, ship_and_camera_of(self.scenario)).text())
         return 0

@@ -13,7 +13,7 @@ import tyro
 from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
-    from shipland.learning.subject import Subject
+    from shipland.learning.ship_and_camera import ShipAndCamera
     from shipland.missions.scenarios import Scenario
 
 Changes = Annotated[tuple[str, ...], tyro.conf.arg(name="set", metavar="KEY=VALUE"), tyro.conf.UseAppendAction]
@@ -37,15 +37,15 @@ class ScenarioOptions:
         return load_scenario(scenario_table(self.scenario, self.config, self.changes))
 
 
-def subject_of(scenario: str | None) -> Subject:
+def ship_and_camera_of(scenario: str | None) -> ShipAndCamera:
     """Ship and camera of a scenario's name or TOML file, to draw pictures of; the packaged ones for None."""
-    from shipland.learning.subject import Subject
+    from shipland.learning.ship_and_camera import ShipAndCamera
     from shipland.missions.scenarios import load_scenario
 
     if scenario is None:
-        return Subject.packaged()
+        return ShipAndCamera.packaged()
     found = load_scenario(scenario)
-    return Subject(found.name, found.rig, found.camera)
+    return ShipAndCamera(found.name, found.rig, found.camera)
 
 
 def command_line() -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from shipland.commands.options import subject_of
+from shipland.commands.options import ship_and_camera_of
 from shipland.learning.arguments import SynthArguments
 
 
@@ -24,5 +24,5 @@ class Synth(SynthArguments):
         """Make them."""
         from shipland.learning.synth import synth
 
-        print(synth(self, subject_of(self.scenario)))
+        print(synth(self, ship_and_camera_of(self.scenario)))
         return 0

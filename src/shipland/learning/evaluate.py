@@ -26,9 +26,9 @@ from shipland.learning.metrics import COCO_IOUS, Tally
 from shipland.learning.progress import followed
 from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
 from shipland.learning.settings import learning_table
+from shipland.learning.ship_and_camera import ShipAndCamera
 from shipland.learning.shot import NearestBox, Shot, target_box
 from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
-from shipland.learning.subject import Subject
 from shipland.learning.synth import FRAME_S, compressed, draw, in_workers, jpeg_quality, synth_parameters
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.rig import Rig
@@ -120,12 +120,12 @@ class Evaluation:
         return "\n\n".join(parts) + "\n"
 
 
-def evaluate(arguments: EvaluateArguments, subject: Subject | None = None) -> Evaluation:
+def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -> Evaluation:
     """Measure; leaves `evaluation.json`, `table.md`, with ranges `recall.png`, and for fresh scenes `scenes.jsonl`.
 
     Args:
         arguments: what is measured.
-        subject: the ship of fresh scenes, and the camera that sees it; the packaged ones by default.
+        drawn: the ship of fresh scenes, and the camera that sees it; the packaged ones by default.
 
     Raises:
         DataError: the set or the weights cannot be used, or the folder holds another run.
@@ -142,8 +142,8 @@ def evaluate(arguments: EvaluateArguments, subject: Subject | None = None) -> Ev
         dataset = read_dataset(arguments.data)
         records, missed = _labelled(detector, dataset, confidence, [tally, *strict])
     else:
-        subject = Subject.packaged() if subject is None else subject
-        records = list(fresh_records(arguments, parameters, subject, detector, settings))
+        drawn = ShipAndCamera.packaged() if drawn is None else drawn
+        records = list(fresh_records(arguments, parameters, drawn, detector, settings))
         for record in records:
             _add([tally, *strict], record)
     tables = _tables(records, arguments, parameters, confidence)
@@ -227,12 +227,12 @@ def _labelled(
 def fresh_records(
     arguments: EvaluateArguments,
     parameters: EvaluateParameters,
-    subject: Subject,
+    drawn: ShipAndCamera,
     detector: Detector,
     settings: DetectorParameters,
 ) -> Iterator[SceneRecord]:
     """Records of all fresh scenes: those already in `scenes.jsonl`, then new ones, written as they come."""
-    made = _claim(arguments, subject)
+    made = _claim(arguments, drawn)
     yield from made.values()
     missing = [number for number in range(arguments.scenes) if number not in made]
     synth = replace(
@@ -247,7 +247,7 @@ def fresh_records(
     )
     blocks = [list(block) for _, block in itertools.groupby(missing, lambda n: n // synth.pictures_per_scene)]
     own = None if arguments.workers > 1 else detector
-    work = partial(look_at_scenes, arguments=arguments, synth=synth, subject=subject, settings=settings, detector=own)
+    work = partial(look_at_scenes, arguments=arguments, synth=synth, drawn=drawn, settings=settings, detector=own)
     with (arguments.out / "scenes.jsonl").open("a", encoding="utf-8") as stream:
         looks = itertools.chain.from_iterable(in_workers(work, blocks, arguments.workers, None))
         for record in followed(looks, f"{arguments.kind} scenes", arguments.scenes, len(made)):
@@ -256,7 +256,7 @@ def fresh_records(
             yield record
 
 
-def _claim(arguments: EvaluateArguments, subject: Subject) -> dict[int, SceneRecord]:
+def _claim(arguments: EvaluateArguments, drawn: ShipAndCamera) -> dict[int, SceneRecord]:
     """Records that are there already; DataError when they come from other arguments."""
     out = arguments.out
     wanted = {
@@ -264,7 +264,7 @@ def _claim(arguments: EvaluateArguments, subject: Subject) -> dict[int, SceneRec
         "kind": arguments.kind,
         "seed": arguments.seed,
         "frames": arguments.frames,
-    } | subject.note()
+    } | drawn.note()
     note, lines = out / "evaluate.json", out / "scenes.jsonl"
     if note.is_file():
         there = json.loads(note.read_text(encoding="utf-8"))
@@ -286,7 +286,7 @@ def look_at_scenes(
     numbers: Sequence[int],
     arguments: EvaluateArguments,
     synth: SynthParameters,
-    subject: Subject,
+    drawn: ShipAndCamera,
     settings: DetectorParameters,
     detector: Detector | None,
 ) -> list[SceneRecord]:
@@ -296,11 +296,11 @@ def look_at_scenes(
         numbers: of the scenes.
         arguments: what is measured.
         synth: how scenes are drawn.
-        subject: the ship, and the camera that sees it.
+        drawn: the ship, and the camera that sees it.
         settings: of the detector.
         detector: the detector; None where this process has to load it.
     """
-    rig, camera = subject.rig, Camera.from_parameters(subject.camera)
+    rig, camera = drawn.rig, Camera.from_parameters(drawn.camera)
     if detector is None:
         detector = Detector.load(arguments.weights, settings)
     scene_parameters, waves = draw_scene(numbers[0] // synth.pictures_per_scene, synth, arguments.seed)

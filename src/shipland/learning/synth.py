@@ -31,9 +31,9 @@ from shipland.learning.decoys import foot_box_px, paint
 from shipland.learning.progress import followed
 from shipland.learning.sensor import degrade
 from shipland.learning.settings import learning_table
+from shipland.learning.ship_and_camera import ShipAndCamera
 from shipland.learning.shot import NearestBox, Shot, target_box
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
-from shipland.learning.subject import Subject
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
 
@@ -57,25 +57,25 @@ def synth_parameters(config: Path | None) -> SynthParameters:
     return build(SynthParameters, learning_table("synth", config), "synth")
 
 
-def synth(arguments: SynthArguments, subject: Subject | None = None) -> Path:
+def synth(arguments: SynthArguments, drawn: ShipAndCamera | None = None) -> Path:
     """Make the set; the folder's path.
 
     Args:
         arguments: what is made.
-        subject: the ship, and the camera that sees it; the packaged ones by default.
+        drawn: the ship, and the camera that sees it; the packaged ones by default.
 
     Raises:
         DataError: the folder holds another set.
     """
-    subject = Subject.packaged() if subject is None else subject
+    drawn = ShipAndCamera.packaged() if drawn is None else drawn
     parameters = synth_parameters(arguments.config)
     count = DEFAULT_COUNTS[arguments.kind] if arguments.count is None else arguments.count
     out = arguments.out
-    _claim(out, arguments, subject)
+    _claim(out, arguments, drawn)
     names = [_name(arguments, number) for number in range(count)]
     missing = [number for number, name in enumerate(names) if not _whole(out, name)]
     blocks = [list(block) for _, block in itertools.groupby(missing, lambda n: n // parameters.pictures_per_scene)]
-    made = in_workers(partial(make_files, arguments, parameters, subject), blocks, arguments.workers, arguments.minutes)
+    made = in_workers(partial(make_files, arguments, parameters, drawn), blocks, arguments.workers, arguments.minutes)
     for _ in followed(itertools.chain.from_iterable(made), f"{arguments.kind} pictures", count, count - len(missing)):
         pass
     told = [out / "scenes" / f"{name}.json" for name in names]
@@ -111,10 +111,10 @@ def in_workers(
 
 
 def make_files(
-    arguments: SynthArguments, parameters: SynthParameters, subject: Subject, numbers: list[int]
+    arguments: SynthArguments, parameters: SynthParameters, drawn: ShipAndCamera, numbers: list[int]
 ) -> list[str]:
     """Draw these pictures of a set and write their files; their names."""
-    camera, rig = Camera.from_parameters(subject.camera), subject.rig
+    camera, rig = Camera.from_parameters(drawn.camera), drawn.rig
     names = []
     for still in make_stills(numbers, arguments.kind, camera, rig, parameters, arguments.seed, arguments.crop_px):
         name = _name(arguments, still.shot.number)
@@ -157,10 +157,10 @@ def _whole(out: Path, name: str) -> bool:
     return all(file.is_file() for file in files)
 
 
-def _claim(out: Path, arguments: SynthArguments, subject: Subject) -> None:
+def _claim(out: Path, arguments: SynthArguments, drawn: ShipAndCamera) -> None:
     """Make the folders, or check that what is there was begun with the same arguments."""
     wanted: dict[str, object] = {"kind": arguments.kind, "seed": arguments.seed, "crop_px": arguments.crop_px}
-    wanted |= subject.note()
+    wanted |= drawn.note()
     note = out / "synth.json"
     if note.is_file():
         there = json.loads(note.read_text(encoding="utf-8"))

@@ -19,15 +19,18 @@ from shipland.vision.far.standing import Standing, Subject
 
 _ASPECT_RAD = math.radians(40.0)
 """From where a ship is approached: astern, give or take."""
+_LONG = 1.85
+"""So many times as wide as from astern the rig looks from there; its `span_sd` covers that."""
 _SHIP_FOOT = 0.45
 """The lower edge of its boxes hangs a little below the water line."""
 _BAR_TURNED = 0.9
 """What is left of the board's width, as most often seen."""
 
 
-def _ship_span_m(rig: Rig) -> float:
-    """The platform's width as most often seen."""
-    return rig.platform_width_m * math.cos(_ASPECT_RAD) + rig.platform_length_m * math.sin(_ASPECT_RAD)
+def _ship_spans_m(rig: Rig) -> tuple[float, float]:
+    """The platform's width as most often seen; of a long hull from dead astern to that."""
+    turned_m = rig.platform_width_m * math.cos(_ASPECT_RAD) + rig.platform_length_m * math.sin(_ASPECT_RAD)
+    return (rig.platform_width_m if turned_m > _LONG * rig.platform_width_m else turned_m, turned_m)
 
 
 @dataclass
@@ -54,12 +57,12 @@ class FarVision:
     def __post_init__(self) -> None:
         parameters, rig = self.parameters, self.rig
         if self.ship is not None:
-            span_m = None if rig is None else _ship_span_m(rig)
-            subject = Subject(span_m, _SHIP_FOOT, 0.0, parameters.ship_rise)
+            subject = Subject(None if rig is None else _ship_spans_m(rig), _SHIP_FOOT, 0.0, parameters.ship_rise)
             self._ship = self._search("ship", self.ship, parameters.ship, subject)
         if self.bar is not None:
-            span_m, bar_m = (None, 0.0) if rig is None else (_BAR_TURNED * rig.board_width_m, rig.bar_height_m)
-            subject = Subject(span_m, 0.0, bar_m, parameters.bar_rise)
+            board_m, bar_m = (None, 0.0) if rig is None else (_BAR_TURNED * rig.board_width_m, rig.bar_height_m)
+            spans_m = None if board_m is None else (board_m, board_m)
+            subject = Subject(spans_m, 0.0, bar_m, parameters.bar_rise)
             self._bar = self._search("bar", self.bar, parameters.bar, subject)
 
     def _search(self, name: str, detector: Detector, confirmation: Confirmation, subject: Subject) -> TargetSearch:

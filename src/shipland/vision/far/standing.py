@@ -29,14 +29,14 @@ class Subject:
     """What one kind of target is like.
 
     Attributes:
-        span_m: how wide it is as most often seen; None where that is not known.
+        spans_m: how wide it may look, least and most, as most often seen; None where that is not known.
         foot: where the point of known height lies in the box, from its middle (0) to its lower edge (0.5).
         foot_m: its height over the water.
         rise: how far above the horizon the box's middle may lie, in its own longer sides; negative for a box whose foot
             must lie below.
     """
 
-    span_m: float | None
+    spans_m: tuple[float, float] | None
     foot: float
     foot_m: float
     rise: float
@@ -67,15 +67,19 @@ class Standing:
 
         The angle below the horizon at which the target would lie, at the range that its size tells, against the angle
         found: of the target they differ by its aspect, the height's error and the horizon's, of other things on the sea
-        besides by their own size.
+        besides by their own size. Of the ranges that its spans leave open the one that suits best counts.
         """
         subject, parameters, height_m = self._subject, self._parameters, frame.height_m
-        if subject.span_m is None or height_m is None or not math.isfinite(height_m) or self._cut(box):
+        if subject.spans_m is None or height_m is None or not math.isfinite(height_m) or self._cut(box):
             return 0.0
         above_m = max(height_m, _LEAST_HEIGHT_M) - subject.foot_m
-        range_m = self._camera.focal_px * subject.span_m / max(box.size_px[0], 1.0)
-        wanted_rad = math.asin(min(max(above_m / range_m, -1.0), 1.0))
         found_rad = float(self._below_rad([box], subject.foot, frame.gimbal)[0])
+        nearest_m, farthest_m = (
+            self._camera.focal_px * span_m / max(box.size_px[0], 1.0) for span_m in subject.spans_m
+        )
+        suits_m = above_m / math.sin(found_rad) if found_rad * above_m > 0.0 else math.inf
+        range_m = min(max(suits_m, nearest_m), farthest_m)
+        wanted_rad = math.asin(min(max(above_m / range_m, -1.0), 1.0))
         scale_rad = 0.5 * (abs(wanted_rad) + abs(found_rad))
         known = self._level_rad**2 + (parameters.height_sd_m / range_m) ** 2 + (parameters.span_sd * scale_rad) ** 2
         other = known + (parameters.other_sd * scale_rad) ** 2

@@ -10,7 +10,7 @@ from shipland.rig import Rig, default_rig, packaged_table
 
 
 @dataclass(frozen=True)
-class Subject:
+class ShipAndCamera:
     """A ship and the camera that sees it.
 
     Attributes:
@@ -24,9 +24,9 @@ class Subject:
     camera: CameraParameters
 
     @staticmethod
-    def packaged() -> Subject:
+    def packaged() -> ShipAndCamera:
         """The rig and the camera of the packaged configuration."""
-        return Subject(None, default_rig(), build(CameraParameters, packaged_table("camera"), "camera"))
+        return ShipAndCamera(None, default_rig(), build(CameraParameters, packaged_table("camera"), "camera"))
 
     def note(self) -> dict[str, object]:
         """What a folder's note tells of it, so that two ships are not mixed in one; nothing of the packaged ones."""
