@@ -30,6 +30,8 @@ class SwingParameters:
         first: index of the hypothesis that is believed at first.
         followed: share of the bar's swing that a vehicle follows over the deck whose sticks mean a tilt.
         followed_servo: likewise of one that tracks a velocity.
+        followed_within_m: this near to the bar all of that share is followed, beyond twice of it nothing: from afar an
+            aircraft's own sway may pass for the bar's, and one that follows itself swings ever more.
         deck: the swing of a deck below such a bar.
         spread: of a ship's swing over its axes.
         deviations_m, frequencies_rad_s: of the hypotheses that it does, each with each.
@@ -44,6 +46,7 @@ class SwingParameters:
     first: int
     followed: float
     followed_servo: float
+    followed_within_m: float
     deck: Swing
     spread: Spread
     deviations_m: tuple[float, ...]
@@ -65,6 +68,11 @@ class SwingParameters:
         )
         for share in (self.followed, self.followed_servo):
             require(0.0 <= share <= 1.0, f"followed and followed_servo must be shares, got {share}")
+        require(self.followed_within_m > 0.0, f"followed_within_m must be positive, got {self.followed_within_m}")
+
+    def followed_at(self, distance_m: float) -> float:
+        """How much of `followed` or `followed_servo` is followed at a distance from the bar, 0 to 1."""
+        return min(max(2.0 - distance_m / self.followed_within_m, 0.0), 1.0)
 
     @property
     def believed(self) -> tuple[Swing, ...]:

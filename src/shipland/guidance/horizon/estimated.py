@@ -22,6 +22,7 @@ class Estimated:
         across: place and motion against the bar, horizontally; downward.
         down: likewise, downward.
         swing: what both take the deck's and the bar's swing for.
+        near: how much of `swing.aimed` is followed from here, 0 to 1.
         place_m, speed_mps: (2,) of the aircraft from the bar, in the axes of the flight, and its rate.
         followed_m, followed_mps: (2,) of the aircraft from what it follows of the bar: the place that errs over the
             deck, and its rate.
@@ -36,6 +37,7 @@ class Estimated:
     across: Belief
     down: Belief
     swing: Swing
+    near: float
     place_m: Array
     speed_mps: Array
     followed_m: Array

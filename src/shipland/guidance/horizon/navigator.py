@@ -355,13 +355,17 @@ class Navigator:
         (nose, both, _), (_, bar, _), _ = headings.covariance.tolist()
         swing = self.swing
         below, sinking = less_swing(down.mean, swing.shown)
+        place_m, speed_mps = less_swing(across.mean, swing.shown)
+        near = self._swing.followed_at(math.hypot(*place_m.tolist()))
         return Estimated(
             t_s,
             across,
             down,
             swing,
-            *less_swing(across.mean, swing.shown),
-            *less_swing(across.mean, swing.aimed),
+            near,
+            place_m,
+            speed_mps,
+            *less_swing(across.mean, near * swing.aimed),
             float(below[0]),
             float(sinking[0]),
             nose_rad,

@@ -164,7 +164,7 @@ class HorizonPilot:
 
     def _unfit_m(self, estimate: Estimated) -> float:
         """Standard deviation of the place at the command's effect, the worse axis."""
-        covariance, share = estimate.across.covariance, estimate.swing.aimed
+        covariance, share = estimate.across.covariance, estimate.near * estimate.swing.aimed
         spread = [
             covariance[i, i] + share * (share * covariance[i + SWING, i + SWING] - 2.0 * covariance[i, i + SWING])
             for i in (PLACE, STATES + PLACE)
@@ -257,6 +257,7 @@ class HorizonPilot:
         state = np.empty(STATES + 1)
         state[:STATES], state[INPUT] = estimate.across.mean[STATES * axis : STATES * (axis + 1)], before
         thrust = float(reference.rate_mps2[axis]) + response.drag_per_s * float(reference.speed_mps[axis])
+        state[SWING : SWING + SWING_STATES] *= estimate.near  # what is followed enters the gains linearly
         state[PLACE] -= reference.place_m[axis]
         state[SPEED] -= reference.speed_mps[axis]
         state[THRUST] -= thrust
