@@ -2,7 +2,7 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-run olympe peers demo test check bench docs wheel-test train clean
+.PHONY: help setup setup-run setup-train olympe peers demo test check bench docs wheel-test train clean
 
 BIN := .venv/bin
 ARGS ?=
@@ -20,6 +20,9 @@ setup: ## make .venv with everything that developing needs
 
 setup-run:
 	@tools/setup.sh run
+
+setup-train:
+	@tools/setup.sh train
 
 olympe: .venv-olympe/made ## make .venv-olympe with Parrot's SDK, for the ANAFI and its tests
 
@@ -58,7 +61,7 @@ bench: setup ## run every benchmark, one after the other; tables on screen and i
 	done; \
 	[[ $${#failed[@]} == 0 ]] || { echo "shipland: failed: $${failed[*]}" >&2; exit 1; }
 
-train: setup ## make the far detectors' weights anew: pictures, training, rounds of what fooled them; four core-hours, resumes
+train: setup-train ## make the far detectors' weights anew: pictures, training, rounds of what fooled them; four core-hours, resumes
 	tools/train_shipped.sh out/train $(ARGS)
 
 docs: setup ## build the documentation into site/; a warning is an error

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes .venv ready for `make`: tools/setup.sh run | dev. Says nothing when there is nothing to do.
+# Makes .venv ready for `make`: tools/setup.sh run | dev | train. Says nothing when there is nothing to do.
 # A stamp in .venv holds this folder's path and a checksum of pyproject.toml; when either changes, it installs again.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -8,7 +8,8 @@ extra=${1:-run}
 case $extra in
 run) requirement=. ;;
 dev) requirement='.[dev]' ;;
-*) echo "usage: tools/setup.sh run | dev" >&2 && exit 2 ;;
+train) requirement='.[dev,train]' ;; # torch for Linux is gigabytes of CUDA; one that .venv has already is kept
+*) echo "usage: tools/setup.sh run | dev | train" >&2 && exit 2 ;;
 esac
 graphics_packages=(libegl1 libgl1 libgl1-mesa-dri libegl-mesa0)
 stamp="$PWD $(cksum <pyproject.toml)"
@@ -18,7 +19,7 @@ fail() {
     exit 1
 }
 
-stamped() { # stamped run|dev: is that stamp there and current?
+stamped() { # stamped run|dev|train: is that stamp there and current?
     [[ -f .venv/.ready-$1 && $(<".venv/.ready-$1") == "$stamp" ]]
 }
 
@@ -54,7 +55,7 @@ install_packages() {
         fail "apt-get install -y $* failed; see the lines above"
 }
 
-if stamped dev || stamped "$extra"; then
+if { [[ $extra != train ]] && stamped dev; } || stamped "$extra"; then
     .venv/bin/python -c '' 2>/dev/null && exit 0
 fi
 

@@ -1,6 +1,7 @@
 """Gains, references and the descent of the pilot `horizon`."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from shipland.estimation.relative_state import (
     discretised,
     dynamics,
 )
-from shipland.estimation.swing import Swing
+from shipland.estimation.swing import SWING_STATES, Swing
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.gains import INPUT, gains_of
 from shipland.guidance.horizon.parameters import HorizonParameters
@@ -50,6 +51,16 @@ def _closed(motion, swing, true_motion=None):
 def test_the_loop_is_stable_for_vehicles_that_answer_faster_and_slower(motion, lag):
     true = Motion(motion.lag_s * lag, motion.drag_per_s, motion.servo_per_s)
     assert np.max(np.abs(np.linalg.eigvals(_closed(motion, STILL, true)))) < 1.0
+
+
+@pytest.mark.parametrize("motion", [TILT, SERVO])
+def test_a_swing_followed_by_half_is_half_of_the_swing_in_the_gains(motion):
+    whole, half = (gains_of(motion, NOISE, replace(SHIP, followed=it), PARAMETERS.weights, 33) for it in (1.0, 0.5))
+    halved = np.ones(STATES + 1)
+    halved[SWING : SWING + SWING_STATES] = 0.5
+    assert np.abs(whole.steady[SWING : SWING + SWING_STATES]).max() > 0.1
+    assert half.steady == pytest.approx(halved * whole.steady, rel=1e-5, abs=1e-6)
+    assert half.offset_to_contact[-1] == pytest.approx(halved * whole.offset_to_contact[-1], rel=1e-5, abs=1e-6)
 
 
 @pytest.mark.parametrize("motion", [TILT, SERVO])

@@ -8,7 +8,7 @@ import pytest
 
 from shipland.camera import Camera
 from shipland.config import build
-from shipland.estimation.relative_state import GUST, PUSH, STATES
+from shipland.estimation.relative_state import GUST, PLACE, PUSH, STATES, SWING
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.horizon.navigator import Navigator
 from shipland.guidance.parameters import GuidanceParameters
@@ -23,9 +23,10 @@ CAMERA_IN_BODY_M = np.array([0.09, 0.0, 0.0])
 HOVER_IN_BAR_M = RIG.deck_in_bar_m - np.array([0.0, 0.0, 1.2])
 
 
-def _flown(bar_down_m=lambda _: 0.0, tilt_rad=0.0, seconds=3.0):
+def _flown(bar_down_m=lambda _: 0.0, tilt_rad=0.0, seconds=3.0, within_m=math.inf):
     """A navigator after a hover with released sticks that the vehicle holds by a roll."""
-    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    swing = replace(PARAMETERS.horizon.swing, followed_within_m=within_m)
+    navigator = Navigator(replace(PARAMETERS.horizon, swing=swing), ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
     for index in range(round(30 * seconds)):
         t_s = index / 30.0
         place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M - np.array([0.0, 0.0, bar_down_m(t_s)])
@@ -47,6 +48,19 @@ def test_a_bar_swings_until_it_is_seen_to_stand_still():
     assert _flown(seconds=0.2).swing.carries_bar
     assert not _flown(seconds=5.0).swing.carries_bar
     assert _flown(lambda t_s: 0.15 * math.sin(1.8 * t_s), seconds=5.0).swing.carries_bar
+
+
+def test_a_bars_swing_is_followed_near_it_and_less_from_afar():
+    def heaving(t_s):
+        return 0.15 * math.sin(1.8 * t_s)
+
+    away_m = math.hypot(*_flown(heaving, seconds=5.0).estimate(5.3).place_m)
+    for within_m, near in ((math.inf, 1.0), (away_m, 1.0), (away_m / 1.5, 0.5), (away_m / 2.0, 0.0)):
+        estimate = _flown(heaving, seconds=5.0, within_m=within_m).estimate(5.3)
+        assert estimate.near == pytest.approx(near, abs=0.01)
+        swing_m, share = estimate.across.of(SWING), estimate.swing.aimed * near
+        assert estimate.followed_m == pytest.approx(estimate.across.of(PLACE) - share * swing_m, abs=0.002)
+        assert estimate.followed_states(1)[SWING] == pytest.approx(near * swing_m[1], abs=0.002)
 
 
 def test_the_covariance_turns_with_the_bar_and_shrinks_with_what_is_seen():

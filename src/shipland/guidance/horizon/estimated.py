@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from shipland.estimation.relative_state import PLACE, STATES, Belief, spread_of_place
-from shipland.estimation.swing import Swing
+from shipland.estimation.relative_state import PLACE, STATES, SWING, Belief, spread_of_place
+from shipland.estimation.swing import SWING_STATES, Swing
 from shipland.frames import Array, turned
 
 
@@ -55,6 +55,12 @@ class Estimated:
         """Standard deviation of the place along the worse axis."""
         covariance = self.across.covariance
         return math.sqrt(max(covariance[PLACE, PLACE], covariance[STATES + PLACE, STATES + PLACE], 0.0))
+
+    def followed_states(self, axis: int) -> Array:
+        """(STATES,) of an axis as gains take them: they are linear in the swing, so a part followed is a part of it."""
+        states = self.across.mean[STATES * axis : STATES * (axis + 1)].copy()
+        states[SWING : SWING + SWING_STATES] *= self.near
+        return np.asarray(states)
 
     @cached_property
     def aircraft_in_bar_m(self) -> Array:

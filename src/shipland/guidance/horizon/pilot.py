@@ -255,9 +255,8 @@ class HorizonPilot:
         assert self._reference is not None
         reference, response = self._reference, self._response
         state = np.empty(STATES + 1)
-        state[:STATES], state[INPUT] = estimate.across.mean[STATES * axis : STATES * (axis + 1)], before
+        state[:STATES], state[INPUT] = estimate.followed_states(axis), before
         thrust = float(reference.rate_mps2[axis]) + response.drag_per_s * float(reference.speed_mps[axis])
-        state[SWING : SWING + SWING_STATES] *= estimate.near  # what is followed enters the gains linearly
         state[PLACE] -= reference.place_m[axis]
         state[SPEED] -= reference.speed_mps[axis]
         state[THRUST] -= thrust
