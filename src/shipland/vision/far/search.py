@@ -74,7 +74,8 @@ class TargetSearch:
             return None
         self._since_search += 1
         predicted_px = self.target.predicted_px(frame, self.camera.focal_px)
-        tile_px, reduction = tile_for(float(self.target.size_px.max()), self.parameters)
+        reach_px = self.target.reach_px(frame, self.parameters) if self.target.misses > 0 else 0.0
+        tile_px, reduction = tile_for(float(self.target.size_px.max()), self.parameters, reach_px)
         centre = (float(predicted_px[0]), float(predicted_px[1]))
         found = self.detector.detect_in_tile(picture, centre, tile_px, reduction, self.confirmation.track_confidence)
         return self._update_target(apart(self.standing.on_the_sea(found, frame.gimbal)), frame)
@@ -154,11 +155,17 @@ class TargetSearch:
         return box
 
 
-def tile_for(longer_px: float, parameters: DetectorParameters) -> tuple[int, int]:
-    """Side of the tile that the network sees and the reduction, for a target of this longer side."""
+def tile_for(longer_px: float, parameters: DetectorParameters, reach_px: float = 0.0) -> tuple[int, int]:
+    """Side of the tile that the network sees and the reduction.
+
+    Args:
+        longer_px: longer side of the target; the reduction goes by it alone.
+        parameters: sizes of tiles.
+        reach_px: how far from the tile's middle the target may be; the tile covers as much of that as it may.
+    """
     wanted = parameters.tile_per_target * longer_px
     reduction = max(1, int(np.ceil(wanted / parameters.tile_max_px)))
-    side = NETWORK_STEP_PX * int(np.ceil(wanted / reduction / NETWORK_STEP_PX))
+    side = NETWORK_STEP_PX * int(np.ceil(max(wanted, 2.0 * reach_px) / reduction / NETWORK_STEP_PX))
     return min(max(side, parameters.tile_min_px), parameters.tile_max_px), reduction
 
 

@@ -79,14 +79,17 @@ class Track:
         elapsed_s = max(frame.t_s - self.t_s, 0.0)
         return self.centre_px + self.velocity_px_s * elapsed_s + self.turned_px(frame.gimbal, focal_px)
 
+    def reach_px(self, frame: Frame, parameters: DetectorParameters) -> float:
+        """How far from the prediction the target may be in `frame`."""
+        elapsed_s = max(frame.t_s - self.t_s, 0.0)
+        longer = float(self.size_px.max())
+        return parameters.gate_px + parameters.gate_px_s * elapsed_s + parameters.gate_sizes * longer
+
     def takes(self, box: Box, frame: Frame, predicted_px: Array, parameters: DetectorParameters) -> bool:
         """Whether a box of `frame` can be this target: near the prediction, and of like size."""
-        longer = float(self.size_px.max())
-        elapsed_s = max(frame.t_s - self.t_s, 0.0)
-        reach = parameters.gate_px + parameters.gate_px_s * elapsed_s + parameters.gate_sizes * longer
-        growth = max(box.size_px) / longer
+        growth = max(box.size_px) / float(self.size_px.max())
         return (
-            float(np.hypot(*(np.array(box.centre_px) - predicted_px))) <= reach
+            float(np.hypot(*(np.array(box.centre_px) - predicted_px))) <= self.reach_px(frame, parameters)
             and 1.0 / parameters.gate_growth <= growth <= parameters.gate_growth
         )
 
@@ -116,8 +119,9 @@ class Track:
         self.sureness += parameters.sureness_gain * (odds - self.sureness)
 
     def miss(self, confirmation: Confirmation) -> None:
-        """Note a frame without a box."""
+        """Note a frame without a box; the motion until then foretells no more: a nose that yaws swings back."""
         self.hits.append(False)
+        self.velocity_px_s = np.zeros(2)
         self.misses += 1
         self.evidence -= confirmation.miss_evidence
 
