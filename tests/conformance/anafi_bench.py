@@ -95,7 +95,7 @@ def bench(log: Path | None = None, **changes: float) -> Iterator[tuple[AnafiVehi
     """The vehicle, not yet open, and its aircraft; `changes` of `[anafi]` of vehicles.toml."""
     with device() as (aircraft, stream):
         table = packaged_toml("vehicles")
-        table["anafi"] |= {"engage_timeout_s": 5.0, "video_timeout_s": 2.0} | changes
+        table["anafi"] |= {"connect_timeout_s": 60.0, "engage_timeout_s": 5.0, "video_timeout_s": 2.0} | changes
         options = {"python": olympe_python(), "stream": stream, "takeoff": "1"}
         made = anafi(VehicleSetup(Address("anafi", "127.0.0.1", options), CAMERA, table, log))
         assert isinstance(made, AnafiVehicle)
