@@ -434,21 +434,21 @@ def test_the_reflection_of_a_followed_bar_is_refused():
     assert eyes.see(Frame(1.5, bar_at((-6.0, 0.2, -0.75)), level)).bar_pose is not None  # the last is forgotten
 
 
-def test_a_growth_does_not_excuse_another_bar():
-    """A gap wider by 14 % on rectangles lower by 9 %, as if all sides had grown inward by three pixels."""
-    sides = [[(-1, -1), (1, -1), (1, 1), (-1, 1)]] * 2
-    middles_m = (-0.396, 0.396)
-    other = Target(
-        tuple(
-            Quad(tuple((middle_m + 0.225 * x, 0.068 * y) for x, y in quad))
-            for middle_m, quad in zip(middles_m, sides, strict=True)
-        )
-    )
-    pose, rng = camera_from_bar((-3.1, 0.15, 0.0)), np.random.default_rng(2)
-    seen = NearVision(BAR, CAMERA, PARAMETERS).see(
-        Frame(0.0, bar_picture(other, CAMERA, pose, rng, Look(0.2, 1.5)), GimbalAttitude(0.0, 0.0))
-    )
-    assert seen.bar_pose is None
+@pytest.mark.parametrize(
+    ("width_m", "height_m", "middle_m", "place_m"),
+    [
+        (0.450, 0.136, 0.396, (-3.1, 0.15, 0.0)),  # as if all sides had grown inward by three pixels
+        (0.503, 0.150, 0.433, (-4.4, 3.3, -0.44)),
+        (0.376, 0.150, 0.297, (-7.8, -1.5, 0.36)),
+        (0.450, 0.175, 0.330, (-16.2, 2.5, 0.0)),
+    ],
+)
+def test_a_growth_does_not_excuse_another_bar(width_m, height_m, middle_m, place_m):
+    """One or two dimensions are off by 9 to 21 %."""
+    other = Target(tuple(Quad.rectangle((side * middle_m, 0.0), width_m, height_m) for side in (-1.0, 1.0)))
+    pose = camera_from_bar(place_m, np.arctan2(-place_m[1], -place_m[0]))
+    image = bar_picture(other, CAMERA, pose, np.random.default_rng(2), Look(0.4, 1.5))
+    assert NearVision(BAR, CAMERA, PARAMETERS).see(Frame(0.0, image, GimbalAttitude(0.0, 0.0))).bar_pose is None
 
 
 def test_two_ellipses_are_no_rectangles():

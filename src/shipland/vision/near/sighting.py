@@ -50,7 +50,7 @@ _NARROW = 0.5
 _REPROJECTION_NOISE = 4.0
 """Standard deviations of a corner that the reprojection error may reach besides."""
 
-_MOST_COMMON = 5.0
+_MOST_COMMON = 3.0
 """Standard deviations of what corners may err by in common; more excuses rectangles of other dimensions."""
 
 _MOST_NOISE_PX = 0.1
