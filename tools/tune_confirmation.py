@@ -63,6 +63,12 @@ def box_of(row: SureBox) -> Box:
     return Box((row[0] - PIXEL_CENTRE, row[1] - PIXEL_CENTRE), (row[2], row[3]), row[4])
 
 
+def row_of(box: Box) -> SureBox:
+    """A message as a kept row."""
+    column, row = (at + PIXEL_CENTRE for at in box.centre_px)
+    return (column, row, *box.size_px, box.confidence)
+
+
 @dataclass(frozen=True)
 class Replay:
     """What confirmation made of some scenes.
@@ -124,6 +130,25 @@ _TOUCHING = 1e-3
 """Overlap (IoU) of boxes that have anything in common."""
 
 
+def replayed_boxes(
+    record: SceneRecord, kind: str, camera: Camera, parameters: DetectorParameters, *, heights: bool = True
+) -> list[SureBox | None]:
+    """What the far vision says in each frame of a scene; without `heights` as where no vehicle tells them."""
+    picture = np.zeros((camera.height_px, camera.width_px, 3), np.uint8)
+    detector = KeptBoxes()
+    far = FarVision(
+        detector if kind == "ship" else None, detector if kind == "bar" else None, camera, parameters, default_rig()
+    )
+    told: list[SureBox | None] = []
+    for number, rows in enumerate(record.frames):
+        detector.boxes = [box_of(row) for row in rows]
+        height_m = record.heights_m[number] if heights and record.heights_m else None
+        seen = far.see(Frame(FRAME_S * number, picture, GimbalAttitude(*record.gimbal_rad), height_m))
+        box = seen.ship_box if kind == "ship" else seen.bar_box
+        told.append(None if box is None else row_of(box))
+    return told
+
+
 def replayed(
     records: Sequence[SceneRecord],
     kind: str,
@@ -134,23 +159,12 @@ def replayed(
     heights: bool = True,
 ) -> Replay:
     """Scenes through the far vision, frame by frame; without `heights` as where no vehicle tells them."""
-    picture = np.zeros((camera.height_px, camera.width_px, 3), np.uint8)
-    detector = KeptBoxes()
-    far = FarVision(
-        detector if kind == "ship" else None, detector if kind == "bar" else None, camera, parameters, default_rig()
-    )
     counts = np.zeros(9, int)
     frames = 0
     for record in records:
-        far.reset()
         right, loose, false = [], 0, 0
-        for number, rows in enumerate(record.frames):
-            detector.boxes = [box_of(row) for row in rows]
-            height_m = record.heights_m[number] if heights and record.heights_m else None
-            seen = far.see(Frame(FRAME_S * number, picture, GimbalAttitude(*record.gimbal_rad), height_m))
-            box = seen.ship_box if kind == "ship" else seen.bar_box
-            row = None if box is None else (*(at + PIXEL_CENTRE for at in box.centre_px), *box.size_px)
-            target = record.believed[number][0]
+        told = replayed_boxes(record, kind, camera, parameters, heights=heights)
+        for row, (target, _) in zip(told, record.believed, strict=True):
             right.append(row is not None and hits(row, target, min_iou))
             if row is not None and not right[-1]:
                 beside = hits(row, target, _TOUCHING)

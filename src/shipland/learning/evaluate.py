@@ -224,6 +224,20 @@ def _labelled(
     return records, missed
 
 
+def fresh_scenes(parameters: EvaluateParameters, config: Path | None = None) -> SynthParameters:
+    """How the scenes of an evaluation are drawn: as `[synth]` says, but for range, place and share of empty ones."""
+    return replace(
+        synth_parameters(config),
+        ship_range_m=parameters.ship_range_m,
+        bar_range_m=parameters.bar_range_m,
+        uniform_share=1.0,
+        empty_share=parameters.empty_share,
+        edge_px=parameters.edge_px,
+        least_contrast=0.0,
+        pictures_per_scene=parameters.pictures_per_scene,
+    )
+
+
 def fresh_records(
     arguments: EvaluateArguments,
     parameters: EvaluateParameters,
@@ -235,16 +249,7 @@ def fresh_records(
     made = _claim(arguments, drawn)
     yield from made.values()
     missing = [number for number in range(arguments.scenes) if number not in made]
-    synth = replace(
-        synth_parameters(arguments.config),
-        ship_range_m=parameters.ship_range_m,
-        bar_range_m=parameters.bar_range_m,
-        uniform_share=1.0,
-        empty_share=parameters.empty_share,
-        edge_px=parameters.edge_px,
-        least_contrast=0.0,
-        pictures_per_scene=parameters.pictures_per_scene,
-    )
+    synth = fresh_scenes(parameters, arguments.config)
     blocks = [list(block) for _, block in itertools.groupby(missing, lambda n: n // synth.pictures_per_scene)]
     own = None if arguments.workers > 1 else detector
     work = partial(look_at_scenes, arguments=arguments, synth=synth, drawn=drawn, settings=settings, detector=own)
