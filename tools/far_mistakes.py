@@ -107,7 +107,7 @@ class Redrawn:
                     away = replace(shot, ship_position_in_ned_m=shot.ship_position_in_ned_m - [AWAY_M, 0.0, 0.0])
                     without, _ = draw(away, 0.0, scene, self.camera, self.drawn.rig, synth)
                     levels = apart(first, without, record.target)
-                like = self._like(shot, t_s, box) if mistake == "false" and box is not None else ""
+                like = self.like(shot, t_s, box) if mistake == "false" and box is not None else ""
                 row = Judged(
                     record.number,
                     mistake,
@@ -126,7 +126,7 @@ class Redrawn:
             scene.close()
         return judged
 
-    def _like(self, shot: Shot, t_s: float, box: SureBox) -> str:
+    def like(self, shot: Shot, t_s: float, box: SureBox) -> str:
         """The kind of the decoy that a box lies on, its mirror image included; else sea and sky."""
         camera_from_ned = shot.at(t_s, self.drawn.rig).ned_from_camera.inverse()
         for decoy in shot.decoys:
