@@ -127,12 +127,14 @@ def plain_canvas(camera: Camera, colour=SKY) -> Array:
     return np.full((camera.height_px, camera.width_px, 3), light_of(colour))
 
 
-def add_target(canvas, target: Target, camera: Camera, pose: Pose, look: Look = Look(), colour=GREEN, margin_m=0.075):
+def add_target(
+    canvas, target: Target, camera: Camera, pose: Pose, look: Look = Look(), colour=GREEN, margin_m=0.075, board=GREY
+):
     """Paint board and quadrilaterals on a canvas."""
     plane = target.points_in_bar_m[:, 1:]
     low, high = plane.min(axis=0) - margin_m, plane.max(axis=0) + margin_m
-    board = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
-    paint(canvas, project_plane(board, camera, pose), GREY, 2, look.blur_px)
+    edges = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+    paint(canvas, project_plane(edges, camera, pose), board, 2, look.blur_px)
     for quad in target.quad:
         paint(canvas, project_plane(quad.corners_m, camera, pose), colour, look.samples, look.blur_px)
 

@@ -21,6 +21,7 @@ from pictures import (
     decoys,
     finish,
     foliage,
+    light_of,
     project_plane,
 )
 from shipland.camera import Camera, CameraParameters
@@ -83,6 +84,21 @@ def test_a_tone_curve_costs_little(tone):
         told_m = np.linalg.norm(seen.bar_pose.position_in_bar_m)
         assert abs(told_m / range_m - 1.0) < 0.006, (range_m, told_m)
         assert abs(seen.bar_pose.yaw_rad - azimuth_rad - 0.05) < np.radians(1.0), range_m
+
+
+@pytest.mark.parametrize("range_m", [10.0, 11.6, 13.2, 14.8])
+def test_a_clipped_lamp_is_measured_by_luma_where_colour_is_coded(range_m):
+    """JPEG's colour at half resolution: the colours that do not clip hardly differ here and their edges are smeared."""
+    place_m = (-range_m, 0.2 * range_m, 0.05)
+    look_at, rng = camera_from_bar(place_m, np.arctan2(-0.2, 1.0)), np.random.default_rng(1)
+    canvas = np.full((720, 1280, 3), light_of((200.0, 170.0, 140.0)))
+    add_target(canvas, BAR, CAMERA, look_at, Look(0.6), (90.0, 250.0, 110.0), board=(90.0, 90.0, 90.0))
+    written = cv2.imencode(".jpg", finish(canvas, rng, Look(noise=2.0)), [cv2.IMWRITE_JPEG_QUALITY, 85])[1]
+    picture = cv2.imdecode(written, cv2.IMREAD_COLOR)
+    seen = NearVision(BAR, CAMERA, PARAMETERS).see(Frame(0.0, picture, GimbalAttitude(0.0, 0.0)))
+    assert seen.bar_pose is not None, seen.reason
+    error_m = seen.bar_pose.position_in_bar_m - place_m
+    assert error_m @ np.linalg.solve(seen.bar_pose.covariance[:3, :3], error_m) < 12.0
 
 
 def test_gimbal_settles_what_corners_leave_open():

@@ -319,8 +319,10 @@ def _fit(image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: 
     fits = [it for it in (fit, by_luma) if it is not None]
     if not fits:
         return None
-    best = min(fits, key=lambda it: float(it.variance[0].sum()))
-    return _as_coded(best, floor) if best.noisy else best
+    stated = [_as_coded(it, floor) if it.noisy else it for it in fits]
+    # Of two coded fits their pixels tell the better; beside a clean one what coding adds counts.
+    compared = fits if all(it.noisy for it in fits) else stated
+    return stated[int(np.argmin([float(it.variance[0].sum()) for it in compared]))]
 
 
 def _as_coded(fit: SideFit, floor: EdgeFloor) -> SideFit:
