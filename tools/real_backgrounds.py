@@ -1,6 +1,6 @@
 """How far the bar is found in real photographs: drawn into them, as sharp as a lens leaves it, at known places.
 
-    python tools/real_backgrounds.py PHOTOGRAPHS...     # files or folders; two pictures of each range from every one
+    python tools/real_backgrounds.py PHOTOGRAPHS...     # files or folders; three pictures of each range from every one
 
 A photograph counts as a window out of the camera's picture, at the camera's own scale. The lit bar on its board is
 drawn in light (tests/pictures.py), at ranges from 2 to 20 m and up to 30° off its axis, blurred by 0.3 to 1.0 px, its
@@ -39,7 +39,6 @@ OFF_AXIS_DEG = 30.0
 GIMBAL_RAD = 1e-3
 GRAIN = 2.0
 """Grey levels."""
-JPEG_QUALITY = 85
 WRONG_SIGMA = 5.0
 GREENS = ((60.0, 190.0, 70.0), (90.0, 250.0, 110.0), (40.0, 255.0, 60.0))
 """BGR, as pictures show the lamp: dim, bright, and clipped."""
@@ -78,9 +77,15 @@ def window(camera: Camera, width_px: int, height_px: int) -> Camera:
 
 
 def trial(
-    setting: Setting, camera: Camera, photograph: Picture | None, blur_px: float, range_m: float, seed: Sequence[int]
+    setting: Setting,
+    camera: Camera,
+    photograph: Picture | None,
+    blur_px: float,
+    range_m: float,
+    quality: int,
+    seed: Sequence[int],
 ) -> tuple[Trial, Picture]:
-    """Draw the bar somewhere in sight, whole, and look for it afresh; None is a plain background."""
+    """Draw the bar somewhere in sight, whole, and look for it afresh; None is a plain background, 0 no JPEG."""
     rng = np.random.default_rng(seed)
     azimuth_rad = np.radians(rng.uniform(-OFF_AXIS_DEG, OFF_AXIS_DEG))
     place_m = range_m * np.array([-np.cos(azimuth_rad), -np.sin(azimuth_rad), rng.uniform(-0.15, 0.15)])
@@ -92,10 +97,10 @@ def trial(
     contrast = abs(float(LUMA @ (np.array(green) - np.array(board))))
     add_target(canvas, setting.rig.target, camera, pose, look, green, board=board)
     picture = finish(canvas, rng, look).astype(float) + rng.normal(0.0, GRAIN, canvas.shape)
-    coded = cv2.imencode(
-        ".jpg", np.clip(np.rint(picture), 0, 255).astype(np.uint8), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-    )[1]
-    image = np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)
+    image = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
+    if quality > 0:
+        coded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        image = np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)
     gimbal = GimbalAttitude(*rng.normal(0.0, GIMBAL_RAD, 2))
     seen = NearVision(setting.rig.target, camera, setting.vision).see(Frame(0.0, image, gimbal))
     name = "plain" if photograph is None else "photograph"
@@ -142,6 +147,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("photographs", nargs="+", type=Path)
     parser.add_argument("--most", type=int, default=1000, help="photographs")
+    parser.add_argument("--quality", type=int, default=85, help="of the JPEG; 0 for none")
     parser.add_argument("--seed", type=int, default=31)
     parser.add_argument("--out", type=Path, default=Path("out/real_backgrounds"))
     arguments = parser.parse_args()
@@ -161,8 +167,9 @@ def main() -> None:
             for turn, blur_px in enumerate(BLURS_PX):
                 seed = [arguments.seed, number, place, turn]
                 range_m = float(np.random.default_rng([*seed, 1]).uniform(low, high))
-                made, image = trial(setting, camera, np.asarray(photograph, np.uint8), blur_px, range_m, seed)
-                trials += [made, trial(setting, camera, None, blur_px, range_m, seed)[0]]
+                drawn = (blur_px, range_m, arguments.quality, seed)
+                made, image = trial(setting, camera, np.asarray(photograph, np.uint8), *drawn)
+                trials += [made, trial(setting, camera, None, *drawn)[0]]
                 if len(shown) < 12 and (place, turn) == (number % 6, 1):
                     shown.append(cv2.resize(image, (400, 400)))
     text = table(trials)
