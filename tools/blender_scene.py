@@ -6,7 +6,10 @@ radiance is that of white paint in full sun, as in `sim.scene.light`.
 
 from __future__ import annotations
 
+import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -210,13 +213,27 @@ class Cycles:
         render.resolution_x, render.resolution_y, render.resolution_percentage = width_px, height_px, 100
         path = Path(self._folder.name) / "picture.exr"
         render.filepath = str(path)
-        bpy.ops.render.render(write_still=True)
+        with _silent():
+            bpy.ops.render.render(write_still=True)
         image = bpy.data.images.load(str(path))
         image.colorspace_settings.name = "Non-Color"
         values = np.empty(4 * width_px * height_px, np.float32)
         image.pixels.foreach_get(values)
         bpy.data.images.remove(image)
         return values.reshape(height_px, width_px, 4)[::-1, :, :3].astype(float)
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Blender tells of every picture on standard output."""
+    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def _matrix(ned_from_mesh: Pose) -> Matrix:

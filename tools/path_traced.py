@@ -27,6 +27,7 @@ import numpy.typing as npt
 from near_views import Setting, View, light, markdown, view_at
 from near_views import look as look_near
 from peers import grain
+from rich.console import Console
 from rich.progress import track
 
 from shipland.camera import Camera
@@ -204,7 +205,8 @@ def draw(arguments: argparse.Namespace) -> None:
     tracer: Cycles | None = None
     scene: tuple[SceneParameters, int] | None = None
     done = len(wanted) - len(missing)
-    for place in track(missing, description="path-traced pictures", total=len(wanted), completed=done):
+    console = Console(stderr=True)  # Blender's own words on standard output are dropped
+    for place in track(missing, "path-traced pictures", total=len(wanted), completed=done, console=console):
         if tracer is None or scene != (place.scene, place.waves):
             scene = place.scene, place.waves
             tracer = Cycles(Setting.packaged().rig, place.scene, np.random.default_rng(place.waves), arguments.samples)
