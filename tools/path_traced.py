@@ -329,24 +329,23 @@ def _tables(looks: Sequence[Looked]) -> Iterator[str]:
         pairs = _pairs(looks, "near", low, high)
         for side, name in enumerate(RENDERERS):
             good = [pair[side] for pair in pairs if pair[side].found]
-            distance = 100.0 * np.array([item.distance_error for item in good] or [np.nan])
-            yaw = np.array([item.yaw_error_deg for item in good] or [np.nan])
-            nees = np.array([item.nees for item in good] or [np.nan])
-            rows.append(
-                [
-                    f"{low:.0f}–{high:.0f}",
-                    name,
-                    f"{len(good)} of {len(pairs)}",
-                    f"{distance.mean():+.2f}",
-                    f"{np.sqrt(np.mean(distance**2)):.2f}",
-                    f"{np.abs(distance).max():.1f}",
-                    f"{yaw.mean():+.2f}",
-                    f"{np.sqrt(np.mean(yaw**2)):.2f}",
-                    f"{np.abs(yaw).max():.1f}",
-                    f"{nees.mean():.2f}",
-                ]
-            )
+            start = [f"{low:.0f}–{high:.0f}", name, f"{len(good)} of {len(pairs)}"]
+            rows.append([*start, *(_errors(good) if good else ["–"] * (len(NEAR_HEADER) - len(start)))])
     yield markdown(NEAR_HEADER, rows)
+
+
+def _errors(good: Sequence[Looked]) -> list[str]:
+    distance = 100.0 * np.array([item.distance_error for item in good])
+    yaw, nees = np.array([item.yaw_error_deg for item in good]), np.array([item.nees for item in good])
+    return [
+        f"{distance.mean():+.2f}",
+        f"{np.sqrt(np.mean(distance**2)):.2f}",
+        f"{np.abs(distance).max():.1f}",
+        f"{yaw.mean():+.2f}",
+        f"{np.sqrt(np.mean(yaw**2)):.2f}",
+        f"{np.abs(yaw).max():.1f}",
+        f"{nees.mean():.2f}",
+    ]
 
 
 def _spans(edges: Sequence[float]) -> list[tuple[float, float]]:
