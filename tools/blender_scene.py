@@ -37,7 +37,8 @@ BLENDER_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 LAMP_RGB = (0.01, 1.0, 0.03)
 PANEL_RGB = (0.02, 0.20, 0.04)
-CUE_AFT_OF_BOARD_M = 0.001
+BEHIND_CUE_M = 0.001
+"""The board's place, so that the cue itself stands at its own."""
 WAVES = 12
 """Blender's resolution of its ocean: a grid of its square a tile."""
 RIPPLES_PER_M, RIPPLE_M = 1.2, 1.5
@@ -112,12 +113,13 @@ class Cycles:
         hull, house = platform(rig, parts)
         face, board = mesh.board(parts)
         plate = np.concatenate([face, board])
+        plate[:, 0] += BEHIND_CUE_M
         ship = (("hull", hull, "ship"), ("house", house, "ship"))
         solids = (*ship, ("deck", mesh.deck(rig, parts), "deck"), ("board", plate, "bar"))
         placed = [(self._object(name, made), frame) for name, made, frame in solids]
-        corners = rig.target.points_in_bar_m - np.array([CUE_AFT_OF_BOARD_M, 0.0, 0.0])
+        corners = rig.target.points_in_bar_m
         cue = bpy.data.meshes.new("cue")
-        cue.from_pydata(corners.tolist(), [], np.arange(len(corners)).reshape(-1, 4).tolist())
+        cue.from_pydata(corners.tolist(), [], np.arange(len(corners)).reshape(-1, 4)[:, ::-1].tolist())
         lamp = parameters.lamp * self._light.dimming
         cue.materials.append(_lamp(lamp, self._light.extinction_per_m, self._horizon_rgb))
         placed.append((_linked("cue", cue), "bar"))
@@ -383,7 +385,11 @@ def _lamp(lamp: float, extinction_per_m: float, horizon_rgb: Rgb) -> bpy.types.M
     nodes, links = _nodes(material)
     glow, panel, both = (nodes.new(f"ShaderNode{name}") for name in ("Emission", "BsdfDiffuse", "AddShader"))
     glow.inputs["Color"].default_value = (*LAMP_RGB, 1.0)
-    glow.inputs["Strength"].default_value = lamp
+    face, strength = nodes.new("ShaderNodeNewGeometry"), nodes.new("ShaderNodeMath")
+    strength.operation = "MULTIPLY_ADD"  # nothing backwards, onto the board
+    strength.inputs[1].default_value, strength.inputs[2].default_value = -lamp, lamp
+    links.new(face.outputs["Backfacing"], strength.inputs[0])
+    links.new(strength.outputs[0], glow.inputs["Strength"])
     panel.inputs["Color"].default_value = (*PANEL_RGB, 1.0)
     links.new(glow.outputs[0], both.inputs[0])
     links.new(panel.outputs[0], both.inputs[1])
