@@ -139,18 +139,20 @@ def test_it_lands_on_what_it_cannot_sink_through(tmp_path: Path) -> None:
 def test_identify_finds_the_aircrafts_own_constants() -> None:
     """From sticks through Olympe to the aircraft, and back through events and metadata to a response.
 
-    A machine that is busy for a tenth of a second delays sticks behind their log, so a second and a third flight count.
+    A busy machine delays sticks behind their log: what the device end saw of it counts as the aircraft's, and a second
+    and a third flight count.
     """
     left = 3
     while True:
         left -= 1
-        found = identify(random_flight(22.0))
+        records, late_s = random_flight(22.0)
+        found = identify(records)
         try:
             assert found.level is not None and found.climb is not None and found.turn is not None
             assert math.degrees(found.level.full) == pytest.approx(15.0, rel=0.05)
-            assert found.level.lag_s + found.level.delay_s == pytest.approx(0.15 + 0.02, abs=0.04)
+            assert found.level.lag_s + found.level.delay_s == pytest.approx(0.15 + late_s, abs=0.04)
             assert found.climb.full == pytest.approx(1.0, rel=0.05)
-            assert found.climb.lag_s + found.climb.delay_s == pytest.approx(0.2 + 0.02, abs=0.05)
+            assert found.climb.lag_s + found.climb.delay_s == pytest.approx(0.2 + late_s, abs=0.05)
             assert math.degrees(found.turn.full) == pytest.approx(40.0, rel=0.05)
             assert found.drag_per_s == pytest.approx(0.3, abs=0.05)
         except AssertionError:
@@ -160,11 +162,11 @@ def test_identify_finds_the_aircrafts_own_constants() -> None:
             return
 
 
-def random_flight(time_s: float) -> list[FlightRecord]:
-    """What a log holds of a flight with other sticks every second."""
+def random_flight(time_s: float) -> tuple[list[FlightRecord], float]:
+    """What a log holds of a flight with other sticks every second, and how late they reached the aircraft [s]."""
     rng = np.random.default_rng(3)
     records: list[FlightRecord] = []
-    with bench(latency_s=0.01, event_latency_s=0.002) as (vehicle, _):  # on this machine nothing is late
+    with bench(latency_s=0.01, event_latency_s=0.002) as (vehicle, aircraft):  # on this machine nothing is late
         vehicle.open()
         for _ in range(int(time_s)):
             sticks = rng.choice([-60.0, -30.0, 30.0, 60.0], 4).tolist()
@@ -174,7 +176,16 @@ def random_flight(time_s: float) -> list[FlightRecord]:
                     seen = Observation(frame.t_s, frame.gimbal)
                     frame = replace(frame, image=None)
                     records.append(FlightRecord(frame, telemetry, seen, Decision(command, None, ""), None))
-    return records
+        report = aircraft.report()
+    commands = [record.decision.command for record in records]
+    logged = [[it.roll_percent, it.pitch_percent, it.yaw_percent, it.heave_percent] for it in commands]
+    heard = list(zip(report["pcmd_s"], report["pcmd"], strict=True))
+    late_s = [
+        next(at_s for at_s, sticks in heard if at_s >= command.t_s and sticks[1:5] == logged[index]) - command.t_s
+        for index, command in enumerate(commands)
+        if index and logged[index] != logged[index - 1]
+    ]
+    return records, float(np.mean(late_s))
 
 
 def test_a_stalled_loop_releases_the_sticks() -> None:
