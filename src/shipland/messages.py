@@ -146,6 +146,23 @@ class BarPose:
 
 
 @dataclass(frozen=True)
+class DeckSight:
+    """The deck below, by its markings: the camera looks down to choose the moment of the landing.
+
+    Attributes:
+        centre_in_level_m: (3,) the deck's centre from the camera: forward, right, down, level, as the nose looks [m].
+        deviation_m: (3,) standard deviation of it along each axis [m].
+    """
+
+    centre_in_level_m: Array
+    deviation_m: Array
+
+    def __post_init__(self) -> None:
+        _check_shape("DeckSight", "centre_in_level_m", self.centre_in_level_m, (3,))
+        _check_shape("DeckSight", "deviation_m", self.deviation_m, (3,))
+
+
+@dataclass(frozen=True)
 class Observation:
     """The best the vision has of one frame, and why the better was refused.
 
@@ -157,6 +174,7 @@ class Observation:
         ship_box: from the ship detector (mode 4).
         reason: why there is no pose, in words; empty when there is one.
         learned: a learned detector ran on the frame, whatever it found; cycles are timed by it.
+        deck: the deck, of a picture that looks down on it; nothing else is looked for there.
     """
 
     t_s: float
@@ -166,6 +184,7 @@ class Observation:
     ship_box: Box | None = None
     reason: str = ""
     learned: bool = False
+    deck: DeckSight | None = None
 
 
 class Intent(enum.Enum):

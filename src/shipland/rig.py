@@ -103,6 +103,29 @@ class Target:
         return build(Target, {"made_to": _HAND_CUT, **read_toml(path)}, str(path))
 
 
+@dataclass(frozen=True)
+class DeckMark:
+    """A line painted on the deck.
+
+    Attributes:
+        points_m: of its middle, one after the other: forward and starboard of the deck's centre; of a circle, its middle.
+        width_m: of it.
+        brightness: against white of 1.5 and a deck of 0.3.
+        radius_m: of a circle; 0 of a line.
+    """
+
+    points_m: tuple[tuple[float, float], ...]
+    width_m: float
+    brightness: float
+    radius_m: float = 0.0
+
+    @staticmethod
+    def frame(side_m: float, width_m: float, brightness: float) -> DeckMark:
+        """A square about the centre."""
+        h = 0.5 * side_m
+        return DeckMark(((h, h), (h, -h), (-h, -h), (-h, h), (h, h)), width_m, brightness)
+
+
 def area_of(rigs: Iterable[Rig]) -> str:
     """What a touchdown must lie in, in a word: `square` or `circle`; `landing area` where rigs differ."""
     kinds: set[str] = {rig.landing_area for rig in rigs}
@@ -200,6 +223,23 @@ class Rig:
         return (
             max(self.board_width_m, 2.0 * (right_m + _BOARD_MARGIN_M)),
             max(self.board_height_m, 2.0 * (down_m + _BOARD_MARGIN_M)),
+        )
+
+    @cached_property
+    def deck_marks(self) -> tuple[DeckMark, ...]:
+        """What is painted on the platform's deck."""
+        size, square, white = self.deck_size_m, self.landing_square_m, 1.5
+        inner, outer, letter = 0.5 * square, 0.4 * size, 0.055
+        cross = [((a * inner, 0.0), (a * outer, 0.0)) for a in (-1.0, 1.0)]
+        cross += [((0.0, a * inner), (0.0, a * outer)) for a in (-1.0, 1.0)]
+        strokes = [((-letter, a * letter), (letter, a * letter)) for a in (-1.0, 1.0)]
+        strokes.append(((0.0, -letter), (0.0, letter)))
+        return (
+            DeckMark.frame(size - 0.05, 0.025, 1.0),
+            DeckMark(((0.0, 0.0),), 0.022, white, outer),
+            DeckMark.frame(square, 0.025, white),
+            *(DeckMark(line, 0.018, white) for line in cross),
+            *(DeckMark(line, 0.016, white) for line in strokes),
         )
 
     @cached_property

@@ -139,16 +139,30 @@ class DelayedFilter:
         """A picture's place (axes,) of its exposure; False where it was refused as astray, or is too old."""
         if self.belief is None or t_s < self.belief.t_s - 1e-3:
             return False
-        limit = self._parameters.picture_gate
-        belief = self._with_velocities(t_s, inputs, turn_rad_s)
-        travelled = self._travelled(belief, t_s, inputs, turn_rad_s)
-        mean, covariance, self.normalised = _with_picture(
-            travelled, self.model.swing.shown, place_m, covariance_m2, limit
-        )
-        self.belief = Belief(_after_s(travelled), mean, covariance)
-        accepted = self.normalised <= limit
+        self.normalised = self._pictured(t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.swing.shown)
+        accepted = self.normalised <= self._parameters.picture_gate
         self._refused = 0 if accepted else self._refused + 1
         return accepted
+
+    def deck(
+        self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0
+    ) -> bool:
+        """The place (axes,) by a picture of the deck, as if the deck lay at its mean place; False as for a picture."""
+        if self.belief is None or t_s < self.belief.t_s - 1e-3:
+            return False
+        normalised = self._pictured(t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.swing.below)
+        return normalised <= self._parameters.picture_gate
+
+    def _pictured(
+        self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float, shown: float
+    ) -> float:
+        """Take a place less this share of the swing, unless it is astray; its normalised innovation squared."""
+        belief = self._with_velocities(t_s, inputs, turn_rad_s)
+        travelled = self._travelled(belief, t_s, inputs, turn_rad_s)
+        gate = self._parameters.picture_gate
+        mean, covariance, normalised = _with_picture(travelled, shown, place_m, covariance_m2, gate)
+        self.belief = Belief(_after_s(travelled), mean, covariance)
+        return normalised
 
     @property
     def refused(self) -> int:

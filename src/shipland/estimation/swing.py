@@ -78,6 +78,12 @@ class Swing:
         """(4,) its states a while later, or earlier."""
         return np.asarray(_passed(self, round(1e3 * passed_s)) @ states)
 
+    def variance_later(self, covariance: Array, passed_s: float) -> float:
+        """Of the swing a while later, from the covariance (4,4) of its states now."""
+        passed = _passed(self, round(1e3 * passed_s))
+        later = passed @ (covariance - self.spread) @ passed.T + self.spread
+        return float(later[0, 0])
+
 
 @lru_cache(maxsize=4096)
 def _passed(swing: Swing, passed_ms: int) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.messages import BarPose, Box, Frame, GimbalAttitude, Observation, Telemetry
+from shipland.messages import BarPose, Box, DeckSight, Frame, GimbalAttitude, Observation, Telemetry
 
 _LEVEL = GimbalAttitude(0.0, 0.0)
 _LEAP_S = 5.0
@@ -105,13 +105,14 @@ class Border:
     def observation(self, observation: Observation, frame: Frame, camera: Camera) -> Observation:
         """The observation without what is not finite or cannot be; its reason says what was refused."""
         pose, bar, ship, refused = observation.bar_pose, observation.bar_box, observation.ship_box, list[str]()
+        deck = observation.deck
         late_s = frame.t_s - observation.t_s
         if not (math.isfinite(late_s) and -1e-9 <= late_s <= _LEAP_S):
-            pose = bar = ship = None
+            pose = bar = ship = deck = None
             refused.append("time of the observation refused")
             observation = replace(observation, t_s=frame.t_s)
         if not _plausible_gimbal(observation.gimbal):
-            pose = bar = ship = None
+            pose = bar = ship = deck = None
             refused.append("gimbal attitude refused")
             observation = replace(observation, gimbal=self.gimbal)
         if pose is not None and not _plausible_pose(pose):
@@ -123,10 +124,13 @@ class Border:
         if ship is not None and not _plausible_box(ship, camera):
             ship = None
             refused.append("ship's box refused: not finite or out of range")
+        if deck is not None and not _plausible_deck(deck):
+            deck = None
+            refused.append("sight of the deck refused: not finite or out of range")
         if not refused:
             return observation
         reason = "; ".join(text for text in (observation.reason, *refused) if text)
-        return replace(observation, bar_pose=pose, bar_box=bar, ship_box=ship, reason=reason)
+        return replace(observation, bar_pose=pose, bar_box=bar, ship_box=ship, deck=deck, reason=reason)
 
     def telemetry(self, telemetry: Telemetry) -> tuple[Telemetry, str]:
         """The telemetry at the flight's time, None for what is refused, and what that is."""
@@ -205,6 +209,14 @@ def _plausible_pose(pose: BarPose) -> bool:
         and _within(pose.covariance, _FARTHEST_M**2)
         and min(np.diag(pose.covariance).tolist()) >= 0.0
         and _within(pose.corners_px, 1e5)
+    )
+
+
+def _plausible_deck(deck: DeckSight) -> bool:
+    return (
+        _within(deck.centre_in_level_m, _HIGHEST_M)
+        and _within(deck.deviation_m, _HIGHEST_M)
+        and min(deck.deviation_m.tolist()) >= 0.0
     )
 
 

@@ -59,6 +59,7 @@ class Situation:
         near_ship: the last known distance to the bar is inside the climb-out radius.
         clear: after a climb-out, height and distance allow another try.
         flying: the vehicle's own word.
+        watching: the camera looks away from the bar on purpose.
     """
 
     now_s: float
@@ -69,6 +70,7 @@ class Situation:
     near_ship: bool
     clear: bool
     flying: bool
+    watching: bool = False
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,7 @@ def next_mode(situation: Situation, memory: ModeMemory, parameters: ModeParamete
     since_s = memory.condition_since_s if memory.condition_since_s is not None else now_s
     memory = replace(
         memory,
-        corners=memory.corners.update(seen.bar_pose is not None, now_s, parameters.lost_s),
+        corners=memory.corners.update(seen.bar_pose is not None or seen.deck is not None, now_s, parameters.lost_s),
         bar=memory.bar.update(seen.bar_box is not None, now_s, parameters.lost_box_s),
         ship=memory.ship.update(seen.ship_box is not None, now_s, parameters.lost_box_s),
         condition_since_s=since_s if held else None,
@@ -145,7 +147,7 @@ def _wanted_landing(situation: Situation, memory: ModeMemory, parameters: ModePa
     blind_s = situation.now_s - memory.corners.last_s
     if blind_s <= parameters.lost_s:
         return Mode.LAND, memory.reason
-    if not situation.committed:
+    if not (situation.committed or (situation.watching and blind_s <= parameters.blind_landing_s)):
         return Mode.CLIMB_OUT, f"corners lost for {blind_s:.1f} s above commit height"
     if blind_s <= parameters.blind_landing_s:
         return Mode.LAND, memory.reason

@@ -1,6 +1,6 @@
 """The safety's own estimate of the aircraft's place: plain, from observation and telemetry alone, in every mode.
 
-Near, the newest pose, not filtered. Far, range from the area of the box and direction from its centre, carried on by
+Near, the newest pose, or sight of the deck, not filtered. Far, range from the area of the box and direction from its centre, carried on by
 the vehicle's own velocity while nothing is seen. Heights over take-off from the barometer, over the deck from the pose,
 and by the barometer afterwards.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.frames import Array, all_finite, rotation_from_euler, turned
 from shipland.guidance.view import View
-from shipland.messages import BarPose, Box, Observation, Telemetry
+from shipland.messages import BarPose, Box, DeckSight, Observation, Telemetry
 from shipland.rig import Rig
 
 _DECK_SHARE = 0.02
@@ -82,7 +82,7 @@ class SafetyEstimator:
     """Updates the estimate; holds dimensions and intrinsics only."""
 
     def __init__(self, rig: Rig, camera: Camera, camera_in_body_m: Array) -> None:
-        self._view, self._deck_down_m = View.of(camera), float(rig.deck_in_bar_m[2])
+        self._view, self._deck_down_m, self._deck_in_bar_m = View.of(camera), float(rig.deck_in_bar_m[2]), rig.deck_in_bar_m
         board_width_m, board_height_m = rig.board_size_m
         self._bar_side_m = math.sqrt(board_width_m * board_height_m)
         self._ship_side_m = math.sqrt(rig.platform_width_m * rig.superstructure_height_m)
@@ -94,6 +94,9 @@ class SafetyEstimator:
         pose, bar, ship = observation.bar_pose, observation.bar_box, observation.ship_box
         if pose is not None and all_finite(pose.position_in_bar_m) and math.isfinite(pose.yaw_rad):
             return self._with_pose(estimate, pose, observation.t_s)
+        deck = observation.deck
+        if deck is not None and all_finite(deck.centre_in_level_m) and estimate.place_in_bar_m is not None:
+            return self._with_deck(estimate, deck, observation.t_s)
         if bar is not None and _usable(bar):
             return self._with_box(estimate, bar, self._bar_side_m, observation.t_s)
         if ship is not None and _usable(ship):
@@ -140,6 +143,12 @@ class SafetyEstimator:
             bar_from_aircraft_m=turned(-place_m[:2], estimate.heading_rad - pose.yaw_rad),
             deck_height_m=deck_height_m,
         )
+
+    def _with_deck(self, estimate: SafetyEstimate, deck: DeckSight, exposure_s: float) -> SafetyEstimate:
+        """Over the deck where it is now, not where it would lie at rest: that is what must not be struck."""
+        bar_from_level = rotation_from_euler(0.0, 0.0, estimate.yaw_rad)
+        place_m = self._deck_in_bar_m - bar_from_level @ (self._camera_in_body_m + deck.centre_in_level_m)
+        return replace(estimate, seen_s=exposure_s, pose_s=exposure_s, place_in_bar_m=place_m)
 
     def _with_box(self, estimate: SafetyEstimate, box: Box, side_m: float, exposure_s: float) -> SafetyEstimate:
         range_m = self._view.focal_px * side_m / math.sqrt(box.area_px2)

@@ -17,6 +17,7 @@ from shipland.config import require
 from shipland.frames import Array, Pose
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.missions.drawn_pose import Measured, inside, pose_from_truth, projected, relative_pose
+from shipland.missions.geometric_deck import DeckErrors
 from shipland.missions.geometric_far import BoxErrors, BoxParameters
 from shipland.rig import Target
 from shipland.vehicles.vehicle import Witness
@@ -37,6 +38,7 @@ class GeometricParameters:
         miss_rate: share of frames without a pose within that range.
         border_px: a corner nearer than this to the picture's edge is cut off.
         ship, bar, boxes: of the far vision.
+        deck: of the look down.
     """
 
     corner_noise_px: float
@@ -47,6 +49,7 @@ class GeometricParameters:
     ship: BoxErrors
     bar: BoxErrors
     boxes: BoxParameters
+    deck: DeckErrors
 
     def __post_init__(self) -> None:
         require(self.corner_noise_px > 0.0, "corner_noise_px must be positive")

@@ -11,6 +11,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.errors import ConfigError
 from shipland.missions.geometric import GeometricVision
+from shipland.missions.geometric_deck import GeometricDeck
 from shipland.missions.geometric_far import GeometricFar
 from shipland.missions.outside import SceneFromTruth
 from shipland.missions.scenarios import Scenario
@@ -76,4 +77,5 @@ def geometric(setup: VisionSetup) -> Vision:
     scenes = vehicle if isinstance(vehicle, SimulatedVehicle) else SceneFromTruth(vehicle)
     near = GeometricVision(vehicle, scenario.rig.target, camera, model, scenario.vision, setup.near_rng)
     far = GeometricFar(scenes, camera, scenario.rig, model.ship, model.bar, model.boxes, setup.far_rng)
-    return Eyes(near, far, scenario.eyes)
+    below = GeometricDeck(vehicle, camera, model.deck, setup.near_rng.spawn(1)[0])
+    return Eyes(near, far, scenario.eyes, below)

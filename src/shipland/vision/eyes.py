@@ -23,34 +23,42 @@ class EyesParameters:
         corners_ship_px: nor, without a bar's box, while the ship's is narrower than this.
         patience_s: after a pose no detector runs for this long: a few frames without corners are no reason to.
         memory_s: boxes older than this decide nothing.
+        deck_pitch_deg: a camera that looks down more steeply sees the deck, or nothing.
     """
 
     corners_bar_px: float
     corners_ship_px: float
     patience_s: float
     memory_s: float
+    deck_pitch_deg: float
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            require(value >= 0.0, f"{name} must not be negative, got {value}")
+            require(value >= 0.0 or name == "deck_pitch_deg", f"{name} must not be negative, got {value}")
+        require(-90.0 <= self.deck_pitch_deg < -25.0, "deck_pitch_deg must lie in [-90, -25): a search looks down too")
 
 
 class Eyes:
-    """The whole vision: a pose where there are corners, else boxes.
+    """The whole vision: a pose where there are corners, else boxes; straight below, the deck.
 
     Args:
         near: looks for the cue's corners.
         far: looks for bar and ship.
         parameters: when to look for what.
+        below: looks for the deck's markings; None finds none.
     """
 
-    def __init__(self, near: Vision, far: Vision, parameters: EyesParameters) -> None:
-        self._near, self._far, self._parameters = near, far, parameters
+    def __init__(self, near: Vision, far: Vision, parameters: EyesParameters, below: Vision | None = None) -> None:
+        self._near, self._far, self._parameters, self._below = near, far, parameters, below
+        self._down_rad = math.radians(parameters.deck_pitch_deg)
         self._pose_s = -math.inf
         self._boxes: Observation | None = None
 
     def see(self, frame: Frame) -> Observation:
         """A pose, or boxes with the reason why there is no pose."""
+        if self._below is not None and frame.gimbal.pitch_rad < self._down_rad:
+            self._pose_s = frame.t_s  # on its way up no detector runs either
+            return self._below.see(frame)
         reason = "too far for corners"
         if self._near_enough(frame.t_s):
             seen = self._near.see(frame)

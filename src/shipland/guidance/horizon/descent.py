@@ -1,6 +1,7 @@
 """The way down as one pure function: sink to just over the deck, wait there for a small error at contact, drop.
 
-No speed gate: what counts is where the aircraft will be at contact, and that is predicted.
+No speed gate: what counts is where the aircraft will be at contact, and that is predicted. Where the deck is watched
+for the moment, the drop begins from where it was watched.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ class Phase(enum.Enum):
     """Of a landing."""
 
     SINK = "sink"
+    WATCH = "watch"
     WAIT = "wait"
     DROP = "drop"
 
@@ -38,6 +40,9 @@ class DescentParameters:
         drop_m: predicted offset at contact at which it begins.
         relax_after_s, relax_per_s: waiting longer, the offset allowed grows by this share a second.
         contact_height_m: of the aircraft's centre when its lowest foot touches the neutral deck.
+        watch_height_m: over the neutral deck that a deck is watched from.
+        watch_m: of a watched deck: predicted offset from its centre at contact at which the drop begins.
+        watch_most_s: watching no longer than this; then the landing goes on as at any time.
     """
 
     sink_mps: float
@@ -50,6 +55,9 @@ class DescentParameters:
     relax_after_s: float
     relax_per_s: float
     contact_height_m: float
+    watch_height_m: float
+    watch_m: float
+    watch_most_s: float
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -84,6 +92,8 @@ class Over:
         offset_at_contact_m: the same, predicted for contact, if the drop began now.
         lull: the moment is one to land in.
         touching: a contact is near that would find the aircraft leaning too much: see `levelling`.
+        from_deck_m: from the deck's centre at contact, predicted, if the drop began now; infinite while the deck is not
+            known well enough, None where it is not watched.
     """
 
     now_s: float
@@ -93,6 +103,7 @@ class Over:
     offset_at_contact_m: float
     lull: bool
     touching: bool = False
+    from_deck_m: float | None = None
 
 
 def contact_in_s(height_m: float, sink_mps: float, lag_s: float, parameters: DescentParameters) -> float:
@@ -123,18 +134,24 @@ def next_descent(before: Descent | None, over: Over, parameters: DescentParamete
         return before
     if over.touching:
         return Descent(Phase.DROP, over.now_s, 0.0)
+    stop_m = parameters.wait_height_m if over.from_deck_m is None else parameters.watch_height_m
     if before.phase is Phase.SINK:
         lower_m = before.height_m
         if over.offset_m <= parameters.pause_m:
-            above_m = lower_m - parameters.wait_height_m
+            above_m = lower_m - stop_m
             sink_mps = min(parameters.sink_mps, _SLOWEST_MPS + parameters.slow_per_s * above_m)
-            lower_m = max(lower_m - sink_mps * over.step_s, parameters.wait_height_m)
-        low = over.height_m <= parameters.wait_height_m + parameters.wait_band_m
-        if not low or lower_m > parameters.wait_height_m:
+            lower_m = max(lower_m - sink_mps * over.step_s, stop_m)
+        low = over.height_m <= stop_m + parameters.wait_band_m
+        if not low or lower_m > stop_m:
             return replace(before, height_m=lower_m)
-        before = Descent(Phase.WAIT, over.now_s, parameters.wait_height_m)
-    waited_s = over.now_s - before.since_s - parameters.relax_after_s
-    allowed_m = parameters.drop_m * (1.0 + parameters.relax_per_s) ** max(waited_s, 0.0)
-    if over.lull and over.offset_at_contact_m <= allowed_m:
+        before = Descent(Phase.WAIT if over.from_deck_m is None else Phase.WATCH, over.now_s, stop_m)
+    waited_s = over.now_s - before.since_s
+    watches = before.phase is Phase.WATCH and over.from_deck_m is not None and waited_s <= parameters.watch_most_s
+    offset_m, least_m = over.offset_at_contact_m, parameters.drop_m
+    if watches and over.from_deck_m is not None:
+        offset_m, least_m = over.from_deck_m, parameters.watch_m
+    allowed_m = least_m * (1.0 + parameters.relax_per_s) ** max(waited_s - parameters.relax_after_s, 0.0)
+    if over.lull and offset_m <= allowed_m:
         return Descent(Phase.DROP, over.now_s, 0.0)
     return before
+

@@ -56,6 +56,26 @@ class Estimated:
         covariance = self.across.covariance
         return math.sqrt(max(covariance[PLACE, PLACE], covariance[STATES + PLACE, STATES + PLACE], 0.0))
 
+    def deck_later(self, passed_s: float) -> tuple[Array, float]:
+        """Where the deck's centre will be.
+
+        Returns:
+            (2,) from the place that errs over the deck (`followed_m`), in the axes of the flight, and the standard
+            deviation of it along the worse axis.
+        """
+        share, swing = self.swing.below - self.near * self.swing.aimed, self.swing
+        shifts, variances = [], []
+        for axis in range(2):
+            states = slice(STATES * axis + SWING, STATES * axis + SWING + SWING_STATES)
+            shifts.append(share * float(swing.later(self.across.mean[states], passed_s)[0]))
+            variances.append(share**2 * swing.variance_later(self.across.covariance[states, states], passed_s))
+        return np.array(shifts), math.sqrt(max(*variances, 0.0))
+
+    def deck_rises_mps(self, passed_s: float) -> float:
+        """Upward speed of the deck a while later."""
+        states = self.down.mean[SWING : SWING + SWING_STATES]
+        return -self.swing.below * float(self.swing.later(states, passed_s)[1])
+
     def followed_states(self, axis: int) -> Array:
         """(STATES,) of an axis as gains take them: they are linear in the swing, so a part followed is a part of it."""
         states = self.across.mean[STATES * axis : STATES * (axis + 1)].copy()

@@ -77,6 +77,8 @@ class Navigator:
         self._headings = HeadingFilters(parameters.heading, parameters.heading_turning, parameters.turn_from_rad_s)
         self._velocity_s = -math.inf
         self._seen_s = self._showed_s = self._posed_s = -math.inf
+        self.deck_s = -math.inf
+        """When the newest picture of the deck was taken."""
         self.landing = False
         """Low over the deck, or on the way up from it: a leap in full view may lead onto what stands there."""
         self.doubted = ""
@@ -221,6 +223,8 @@ class Navigator:
         if pose is not None:
             speed_mps = 0.0 if self._across.belief is None else float(np.linalg.norm(self._across.belief.of(SPEED)))
             self._take_pose(t_s, self._places.of_pose(pose, headings, self._nose_up_rad, speed_mps), turn_rad_s)
+        elif observation.deck is not None and headings.bar_known:
+            self._take_deck(t_s, self._places.of_deck(observation.deck, headings, self._nose_up_rad), turn_rad_s)
         elif box is not None:
             pitch_rad, is_bar = observation.gimbal.pitch_rad, observation.bar_box is not None
             place = self._places.of_box(box, is_bar, pitch_rad, headings)
@@ -282,6 +286,12 @@ class Navigator:
             self.doubted = "a pose where the aircraft cannot be"
         else:
             self._posed_s = t_s
+
+    def _take_deck(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
+        down_m, spread = np.array([place.down_m]), np.array([[place.down_variance]])
+        self._down.deck(t_s, down_m, spread, self._climbs)
+        if self._across.deck(t_s, place.across_m, place.covariance, self._pushes, turn_rad_s):
+            self._seen_s = self.deck_s = t_s
 
     def _judge_gain(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
         """What the sticks do; only where they mean a tilt: a servo brings about the speed that is asked for."""

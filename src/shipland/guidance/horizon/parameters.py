@@ -123,8 +123,13 @@ class HorizonParameters:
     """`[guidance.horizon]`.
 
     Attributes:
-        moment: landings begin at any time, or wait for a lull of the bar's own motion.
-        lull_mps: what counts as one.
+        moment: landings begin at any time, or wait for a lull of the bar's own motion, or the deck is watched, the
+            camera looking down, until it will be below the aircraft at contact.
+        lull_mps: what counts as a lull.
+        watch_blind_s: a glance down at the deck lasts so long at most, then the camera looks up to the bar.
+        watch_seen_s: for so long, before it looks down again.
+        watch_rises_mps: nor does the drop begin where the deck will rise faster than this at contact.
+        watch_known_m: the deck's centre at contact is known when it is no more uncertain (standard deviation).
         land_offset_m: a landing may begin with at most this offset (held for `guidance.modes.settle_s`).
         astray_m: a landing is broken off with more.
         horizontal, vertical: what is not known along an axis of a vehicle whose sticks mean a tilt, and downward.
@@ -138,8 +143,12 @@ class HorizonParameters:
         unfit_m: a landing does not begin while the offset at contact is uncertain by more (standard deviation).
     """
 
-    moment: Literal["any", "lull"]
+    moment: Literal["any", "lull", "deck"]
     lull_mps: float
+    watch_blind_s: float
+    watch_seen_s: float
+    watch_rises_mps: float
+    watch_known_m: float
     land_offset_m: float
     astray_m: float
     unfit_m: float

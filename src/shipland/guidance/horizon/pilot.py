@@ -14,6 +14,7 @@ from shipland.guidance.horizon.blind import blind_climb_out
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.gains import INPUT, INPUT_RATE_SHARE, TRACKED, TRACKED_RATE, Gains, gains_of
+from shipland.guidance.horizon.glance import DOWN_RAD, Glance, next_glance
 from shipland.guidance.horizon.goals import Goals
 from shipland.guidance.horizon.levelling import speed_near_contact, tilt_near_contact
 from shipland.guidance.horizon.navigator import Navigator
@@ -34,6 +35,8 @@ _BLIND_S = 1.5
 """Without a velocity of the vehicle for this long, gains are those for pictures alone."""
 _SILENT_S = 1.0
 """A vehicle that heard no command for so long holds by itself, and nobody followed where it went."""
+_OLD_S = 1.0
+"""A deck that was seen longer ago than this is not landed on by what was seen of it."""
 _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
 
 
@@ -60,6 +63,7 @@ class HorizonPilot:
         self._modes = ModeMemory()
         self._reference: Reference | None = None
         self._descent: Descent | None = None
+        self._glance: Glance | None = None
         self._sticks = Sticks(0.0, 0.0, 0.0, 0.0)
         self._gimbal_pitch_rad = math.radians(self._search.camera_pitch_deg[0])
         self._now_s: float | None = None
@@ -95,7 +99,7 @@ class HorizonPilot:
         )
         mode = self._modes.mode
         if mode is not Mode.LAND:
-            self._descent = None
+            self._descent = self._glance = None
         if mode in _TRACKS and usable and estimate is not None:
             sticks = self._track(mode, estimate, step_s)
         else:
@@ -142,7 +146,12 @@ class HorizonPilot:
             near_ship=self._distance_m < approach.climb_out_radius_m,
             clear=climbing_s >= approach.climb_out_s and (clear or climbing_s >= 4.0 * approach.climb_out_s),
             flying=telemetry.flying,
+            watching=self._watching,
         )
+
+    @property
+    def _watching(self) -> bool:
+        return self._descent is not None and self._descent.phase is Phase.WATCH
 
     def _landing_condition(self, estimate: Estimated | None) -> str:
         limits, approach = self._parameters, self._approach
@@ -275,9 +284,24 @@ class HorizonPilot:
 
     def _offset_at_contact_m(self, estimate: Estimated, gains: Gains) -> float:
         """Predicted for a drop that begins now."""
+        return math.hypot(*self._offsets_at_contact_m(estimate, gains).tolist())
+
+    def _offsets_at_contact_m(self, estimate: Estimated, gains: Gains) -> Array:
+        """(2,) from the landing point, in the axes of the flight."""
         left = min(max(round(self._contact_in_s(estimate) / gains.step_s), 0), len(gains.to_contact))
         rows, before = gains.offset_to_contact[left], self._navigator.input_before()
-        return math.hypot(*(float(rows @ self._control_state(estimate, i, before[i])) for i in range(2)))
+        return np.array([float(rows @ self._control_state(estimate, i, before[i])) for i in range(2)])
+
+    def _from_deck_m(self, estimate: Estimated, gains: Gains) -> float:
+        """From the deck's centre at contact, predicted for a drop that begins now; infinite while it is not known."""
+        left_s, limits = self._contact_in_s(estimate), self._parameters
+        shifts_m, deviation_m = estimate.deck_later(left_s)
+        if estimate.deck_rises_mps(left_s) > limits.watch_rises_mps:
+            return math.inf
+        old = self._now_s is None or self._now_s - self._navigator.deck_s > _OLD_S
+        if old or not deviation_m <= limits.watch_known_m:
+            return math.inf
+        return math.hypot(*(self._offsets_at_contact_m(estimate, gains) - shifts_m).tolist())
 
     def _height_m(self, estimate: Estimated) -> float:
         return float(self._deck_in_bar_m[2]) - estimate.down_m
@@ -294,7 +318,8 @@ class HorizonPilot:
             offset_m = math.hypot(*self._offset(estimate).tolist())
             self._contact_m = self._offset_at_contact_m(estimate, gains)
             lull, touching = self._lull(estimate), self._touching(estimate)
-            over = Over(estimate.t_s, step_s, height_m, offset_m, self._contact_m, lull, touching)
+            from_deck_m = self._from_deck_m(estimate, gains) if self._parameters.moment == "deck" else None
+            over = Over(estimate.t_s, step_s, height_m, offset_m, self._contact_m, lull, touching, from_deck_m)
             before = self._descent
             self._descent = descent = next_descent(before, over, self._parameters.descent)
             rate_mps = self._deck_mps(estimate)
@@ -386,6 +411,15 @@ class HorizonPilot:
     # --- camera ------------------------------------------------------------------------------------------------
 
     def _point_camera(self, mode: Mode, observation: Observation, estimate: Estimated | None, step_s: float) -> None:
+        if self._watching and self._now_s is not None:
+            limits = self._parameters
+            posed_s = self._modes.corners.last_s if observation.bar_pose is not None else -math.inf
+            self._glance = next_glance(
+                self._glance, self._now_s, posed_s, limits.watch_blind_s, limits.watch_seen_s
+            )
+            if self._glance.down:
+                self._gimbal_pitch_rad = DOWN_RAD
+                return
         box = {Mode.TRACK_BAR: observation.bar_box, Mode.TRACK_SHIP: observation.ship_box}.get(mode)
         blind = mode is Mode.SEARCH or (mode is Mode.CLIMB_OUT and estimate is None)
         if blind and self._now_s is not None:
@@ -398,7 +432,8 @@ class HorizonPilot:
             wanted_rad = math.atan2(lens_m, max(ahead_m, 0.3))
         else:
             return
-        share = 1.0 - math.exp(-step_s / self._approach.gimbal_time_constant_s) if step_s > 0.0 else 1.0
+        hasty = step_s <= 0.0 or self._glance is not None
+        share = 1.0 if hasty else 1.0 - math.exp(-step_s / self._approach.gimbal_time_constant_s)
         self._gimbal_pitch_rad += share * (wanted_rad - self._gimbal_pitch_rad)
 
 

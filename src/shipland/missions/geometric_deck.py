@@ -1,0 +1,68 @@
+"""The geometric camera's look down: the true place of the deck with the errors of the rendered one's."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.camera import Camera, level_from_camera
+from shipland.config import require
+from shipland.messages import DeckSight, Frame, Observation
+from shipland.vehicles.vehicle import Witness
+from shipland.vision.near.refusal import Refusal
+
+LEAST_FACING = 0.5
+"""Cosine of the angle at which a deck is seen most steeply."""
+
+
+@dataclass(frozen=True)
+class DeckErrors:
+    """`[geometric.deck]`.
+
+    Attributes:
+        least_m, most_m: from the camera; nearer too little of the markings is in view, farther they are too small.
+        noise_m: standard deviation of a place along each axis.
+        miss_rate: share of frames without a sight.
+    """
+
+    least_m: float
+    most_m: float
+    noise_m: float
+    miss_rate: float
+
+    def __post_init__(self) -> None:
+        require(0.0 < self.least_m < self.most_m, "0 < least_m < most_m must hold")
+        require(self.noise_m > 0.0, "noise_m must be positive")
+        require(0.0 <= self.miss_rate < 1.0, "miss_rate must be in [0, 1)")
+
+
+class GeometricDeck:
+    """Sees the deck's centre where it is in the picture, for a vehicle whose truth is known."""
+
+    def __init__(self, witness: Witness, camera: Camera, errors: DeckErrors, rng: np.random.Generator) -> None:
+        self._witness, self._camera, self._errors, self._rng = witness, camera, errors, rng
+
+    def see(self, frame: Frame) -> Observation:
+        """What the look down would find; never raises."""
+        noise_m = self._errors.noise_m * self._rng.standard_normal(3)
+        missed = self._rng.random() < self._errors.miss_rate
+        truth = self._witness.truth_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)
+        if truth is None:
+            return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
+        nothing = Observation(frame.t_s, frame.gimbal, reason="the deck is not in view")
+        camera, deck = truth.ned_from_camera, truth.ned_from_deck
+        way_m = deck.translation_m - camera.translation_m
+        in_camera_m = camera.rotation.T @ way_m
+        range_m = math.hypot(*way_m.tolist())
+        facing = float(deck.rotation[:, 2] @ way_m) / max(range_m, 1e-9)
+        if missed or not self._errors.least_m <= range_m <= self._errors.most_m or facing < LEAST_FACING:
+            return nothing
+        column_px, row_px = self._camera.project(in_camera_m[None, :])[0].tolist()
+        if not (0.0 <= column_px < self._camera.width_px and 0.0 <= row_px < self._camera.height_px):
+            return nothing
+        # Levelled as the vision levels it: by what the gimbal says of itself, which errs.
+        gimbal = frame.gimbal
+        centre_m = level_from_camera(gimbal) @ in_camera_m + noise_m
+        return Observation(frame.t_s, gimbal, deck=DeckSight(centre_m, np.full(3, self._errors.noise_m)))
