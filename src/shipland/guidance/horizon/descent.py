@@ -1,7 +1,7 @@
 """The way down as one pure function: sink to just over the deck, wait there for a small error at contact, drop.
 
-No speed gate: what counts is where the aircraft will be at contact, and that is predicted. Where the deck is watched
-for the moment, the drop begins from where it was watched.
+No speed gate: what counts is where the aircraft will be at contact, and that is predicted. A deck that is watched is
+foreseen for an instant so far ahead that the camera has time to look up to the bar before the drop.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ class Phase(enum.Enum):
 
     SINK = "sink"
     WATCH = "watch"
+    POISE = "poise"
     WAIT = "wait"
     DROP = "drop"
 
@@ -43,6 +44,9 @@ class DescentParameters:
         watch_height_m: over the neutral deck that a deck is watched from.
         watch_m: of a watched deck: predicted offset from its centre at contact at which the drop begins.
         watch_most_s: watching no longer than this; then the landing goes on as at any time.
+        poise_s: from the last look down to the drop: the camera looks up, and the place is found anew.
+        poise_most_s: the drop begins by then, or the deck is watched again.
+        poise_m: offset from the deck's centre at contact, predicted, with which it begins.
     """
 
     sink_mps: float
@@ -58,6 +62,9 @@ class DescentParameters:
     watch_height_m: float
     watch_m: float
     watch_most_s: float
+    poise_s: float
+    poise_most_s: float
+    poise_m: float
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -92,8 +99,8 @@ class Over:
         offset_at_contact_m: the same, predicted for contact, if the drop began now.
         lull: the moment is one to land in.
         touching: a contact is near that would find the aircraft leaning too much: see `levelling`.
-        from_deck_m: from the deck's centre at contact, predicted, if the drop began now; infinite while the deck is not
-            known well enough, None where it is not watched.
+        from_deck_m: from the deck's centre at contact, predicted for a drop that begins now, or, while it is watched,
+            in `poise_s`; infinite while the deck is not known well enough, None where it is not watched.
     """
 
     now_s: float
@@ -126,6 +133,11 @@ def contact_in_s(height_m: float, sink_mps: float, lag_s: float, parameters: Des
     return time_s
 
 
+def poised_at_m(height_m: float, passed_s: float, parameters: DescentParameters) -> float:
+    """Height over the neutral deck after a part of the way down to where the drop begins."""
+    return max(height_m - parameters.sink_mps * passed_s, parameters.wait_height_m)
+
+
 def next_descent(before: Descent | None, over: Over, parameters: DescentParameters) -> Descent:
     """The descent a cycle later; `before` is None when a landing begins."""
     if before is None:
@@ -146,12 +158,19 @@ def next_descent(before: Descent | None, over: Over, parameters: DescentParamete
             return replace(before, height_m=lower_m)
         before = Descent(Phase.WAIT if over.from_deck_m is None else Phase.WATCH, over.now_s, stop_m)
     waited_s = over.now_s - before.since_s
+    if before.phase is Phase.POISE:
+        fits = over.from_deck_m is not None and over.from_deck_m <= parameters.poise_m
+        if waited_s >= parameters.poise_s and fits:
+            return Descent(Phase.DROP, over.now_s, 0.0)
+        if waited_s > parameters.poise_most_s:
+            return Descent(Phase.WATCH, over.now_s, stop_m)
+        return replace(before, height_m=poised_at_m(before.height_m, over.step_s, parameters))
     watches = before.phase is Phase.WATCH and over.from_deck_m is not None and waited_s <= parameters.watch_most_s
     offset_m, least_m = over.offset_at_contact_m, parameters.drop_m
     if watches and over.from_deck_m is not None:
         offset_m, least_m = over.from_deck_m, parameters.watch_m
     allowed_m = least_m * (1.0 + parameters.relax_per_s) ** max(waited_s - parameters.relax_after_s, 0.0)
     if over.lull and offset_m <= allowed_m:
-        return Descent(Phase.DROP, over.now_s, 0.0)
+        return Descent(Phase.POISE if watches else Phase.DROP, over.now_s, 0.0 if not watches else stop_m)
     return before
 

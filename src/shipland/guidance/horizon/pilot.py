@@ -11,7 +11,7 @@ from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, STATES,
 from shipland.estimation.swing import SWING_STATES
 from shipland.frames import Array, turned, wrap_angle
 from shipland.guidance.horizon.blind import blind_climb_out
-from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
+from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent, poised_at_m
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.gains import INPUT, INPUT_RATE_SHARE, TRACKED, TRACKED_RATE, Gains, gains_of
 from shipland.guidance.horizon.glance import DOWN_RAD, Glance, next_glance
@@ -35,7 +35,7 @@ _BLIND_S = 1.5
 """Without a velocity of the vehicle for this long, gains are those for pictures alone."""
 _SILENT_S = 1.0
 """A vehicle that heard no command for so long holds by itself, and nobody followed where it went."""
-_OLD_S = 1.0
+_OLD_S = 2.0
 """A deck that was seen longer ago than this is not landed on by what was seen of it."""
 _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
 
@@ -146,7 +146,7 @@ class HorizonPilot:
             near_ship=self._distance_m < approach.climb_out_radius_m,
             clear=climbing_s >= approach.climb_out_s and (clear or climbing_s >= 4.0 * approach.climb_out_s),
             flying=telemetry.flying,
-            watching=self._watching,
+            watching=self._descent is not None and self._descent.phase in (Phase.WATCH, Phase.POISE),
         )
 
     @property
@@ -295,12 +295,18 @@ class HorizonPilot:
     def _from_deck_m(self, estimate: Estimated, gains: Gains) -> float:
         """From the deck's centre at contact, predicted for a drop that begins now; infinite while it is not known."""
         left_s, limits = self._contact_in_s(estimate), self._parameters
+        if self._watching:
+            poise_s, lag_s = limits.descent.poise_s, self._response.climb_lag_s
+            height_m = poised_at_m(self._height_m(estimate), poise_s, limits.descent)
+            left_s = poise_s + contact_in_s(height_m, limits.descent.sink_mps, lag_s, limits.descent)
         shifts_m, deviation_m = estimate.deck_later(left_s)
         if estimate.deck_rises_mps(left_s) > limits.watch_rises_mps:
             return math.inf
         old = self._now_s is None or self._now_s - self._navigator.deck_s > _OLD_S
         if old or not deviation_m <= limits.watch_known_m:
             return math.inf
+        if self._watching:  # what is off here until then is flown out
+            return math.hypot(*shifts_m.tolist())
         return math.hypot(*(self._offsets_at_contact_m(estimate, gains) - shifts_m).tolist())
 
     def _height_m(self, estimate: Estimated) -> float:
