@@ -108,7 +108,7 @@ class DeckMark:
     """A line painted on the deck.
 
     Attributes:
-        points_m: of its middle, one after the other: forward and starboard of the deck's centre; of a circle, its middle.
+        points_m: its way, forward and starboard of the deck's centre; of a circle, the middle.
         width_m: of it.
         brightness: against white of 1.5 and a deck of 0.3.
         radius_m: of a circle; 0 of a line.

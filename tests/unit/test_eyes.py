@@ -95,3 +95,15 @@ def test_time_that_runs_back_forgets_rather_than_stalls():
 def test_negative_parameters_are_refused():
     with pytest.raises(ValueError, match="patience_s"):
         replace(PARAMETERS, patience_s=-1.0)
+
+
+def test_a_camera_that_looks_down_sees_the_deck_or_nothing():
+    near, far, below = Told(bar_pose=POSE), Told(ship_box=box(100.0)), Told(reason="no deck")
+    eyes = Eyes(near, far, PARAMETERS, below)
+    steep = GimbalAttitude(0.0, -1.4)
+    assert eyes.see(Frame(0.0, None, steep)).reason == "no deck"
+    assert (near.looks, far.looks, below.looks) == (0, 0, 1)
+    near.says = {"reason": "no green"}
+    assert not eyes.see(Frame(0.1, None, LEVEL)).learned  # on its way up no detector takes half a second
+    assert eyes.see(Frame(1.0, None, LEVEL)).learned
+    assert Eyes(near, far, PARAMETERS).see(Frame(0.0, None, steep)).learned  # without such a vision

@@ -144,9 +144,7 @@ class DelayedFilter:
         self._refused = 0 if accepted else self._refused + 1
         return accepted
 
-    def deck(
-        self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0
-    ) -> bool:
+    def deck(self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0) -> bool:
         """The place (axes,) by a picture of the deck, as if the deck lay at its mean place; False as for a picture."""
         if self.belief is None or t_s < self.belief.t_s - 1e-3:
             return False

@@ -1,8 +1,8 @@
 """The safety's own estimate of the aircraft's place: plain, from observation and telemetry alone, in every mode.
 
-Near, the newest pose, or sight of the deck, not filtered. Far, range from the area of the box and direction from its centre, carried on by
-the vehicle's own velocity while nothing is seen. Heights over take-off from the barometer, over the deck from the pose,
-and by the barometer afterwards.
+Near, the newest pose, or sight of the deck, not filtered. Far, range from the area of the box and direction from its
+centre, carried on by the vehicle's own velocity while nothing is seen. Heights over take-off from the barometer, over
+the deck from the pose, and by the barometer afterwards.
 """
 
 from __future__ import annotations
@@ -82,7 +82,11 @@ class SafetyEstimator:
     """Updates the estimate; holds dimensions and intrinsics only."""
 
     def __init__(self, rig: Rig, camera: Camera, camera_in_body_m: Array) -> None:
-        self._view, self._deck_down_m, self._deck_in_bar_m = View.of(camera), float(rig.deck_in_bar_m[2]), rig.deck_in_bar_m
+        self._view, self._deck_down_m, self._deck_in_bar_m = (
+            View.of(camera),
+            float(rig.deck_in_bar_m[2]),
+            rig.deck_in_bar_m,
+        )
         board_width_m, board_height_m = rig.board_size_m
         self._bar_side_m = math.sqrt(board_width_m * board_height_m)
         self._ship_side_m = math.sqrt(rig.platform_width_m * rig.superstructure_height_m)

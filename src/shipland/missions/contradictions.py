@@ -61,6 +61,11 @@ def _of_rig(rig: Rig) -> Iterator[str]:
 
 def _of_flight(scenario: Scenario) -> Iterator[str]:
     start, safety, approach = scenario.start, scenario.safety, scenario.guidance.approach
+    if scenario.guidance.horizon.moment == "deck" and scenario.rig.hull != "platform":
+        yield (
+            f'guidance.horizon.moment = "deck" watches the markings of a platform, which rig.hull = '
+            f'"{scenario.rig.hull}" is not'
+        )
     to_bar_m = float(scenario.rig.bar_in_ship_m[0])
     farthest_m = math.hypot(start.distance_m + start.distance_spread_m + to_bar_m, start.height_m)
     if farthest_m > safety.fence_distance_m:

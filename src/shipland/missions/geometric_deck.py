@@ -51,7 +51,7 @@ class GeometricDeck:
         truth = self._witness.truth_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)
         if truth is None:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
-        nothing = Observation(frame.t_s, frame.gimbal, reason="the deck is not in view")
+        nothing = Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_DECK.value)
         camera, deck = truth.ned_from_camera, truth.ned_from_deck
         way_m = deck.translation_m - camera.translation_m
         in_camera_m = camera.rotation.T @ way_m

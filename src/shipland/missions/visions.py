@@ -19,6 +19,7 @@ from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import Vehicle, Witness
 from shipland.vision.eyes import Eyes
 from shipland.vision.far.far import FarVision
+from shipland.vision.near.deck import DeckVision
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.vision import Vision
 
@@ -65,7 +66,8 @@ def rendered(setup: VisionSetup) -> Vision:
     """Near and far vision on drawn pictures."""
     scenario = setup.scenario
     near = NearVision(scenario.rig.target, setup.camera, scenario.vision)
-    return Eyes(near, FarVision.load(setup.camera, scenario.detector, scenario.rig), scenario.eyes)
+    below = DeckVision(scenario.rig, setup.camera, scenario.vision.deck)
+    return Eyes(near, FarVision.load(setup.camera, scenario.detector, scenario.rig), scenario.eyes, below)
 
 
 @without_pictures

@@ -173,4 +173,3 @@ def next_descent(before: Descent | None, over: Over, parameters: DescentParamete
     if over.lull and offset_m <= allowed_m:
         return Descent(Phase.POISE if watches else Phase.DROP, over.now_s, 0.0 if not watches else stop_m)
     return before
-

@@ -420,9 +420,7 @@ class HorizonPilot:
         if self._watching and self._now_s is not None:
             limits = self._parameters
             posed_s = self._modes.corners.last_s if observation.bar_pose is not None else -math.inf
-            self._glance = next_glance(
-                self._glance, self._now_s, posed_s, limits.watch_blind_s, limits.watch_seen_s
-            )
+            self._glance = next_glance(self._glance, self._now_s, posed_s, limits.watch_blind_s, limits.watch_seen_s)
             if self._glance.down:
                 self._gimbal_pitch_rad = DOWN_RAD
                 return

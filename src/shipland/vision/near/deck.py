@@ -9,56 +9,38 @@ that changes over the deck changes nothing: both are compared by their local con
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from shipland.camera import Camera, level_from_camera
-from shipland.config import require
 from shipland.frames import Array
 from shipland.messages import DeckSight, Frame, GimbalAttitude, Observation
 from shipland.rig import DeckMark, Rig
+from shipland.vision.near.parameters import DeckVisionParameters
 from shipland.vision.near.refusal import Refusal
 
 Float = npt.NDArray[np.float32]
 _VIEW_PX, _HALF_VIEW = 256, math.tan(math.radians(50.0))
 """Of the level view: its side, and the slope that its edge is seen at."""
-_FOCAL_PX = 0.5 * _VIEW_PX / _HALF_VIEW
-_PLAN_PX = 144
+_FOCAL_PX, _MIDDLE_PX = 0.5 * _VIEW_PX / _HALF_VIEW, 0.5 * (_VIEW_PX - 1)
+_LEAST_AHEAD = 0.2
+"""What lies beside the camera, or behind it, is in no picture."""
+_PLAN_PX, _FINE, _BARE = 144, 4, 0.3
+"""Of the plan: its side, how much finer it is drawn, and the brightness of a bare deck."""
 _BLUR_PX, _LOCAL_PX = 1.0, 9.0
 """Of the contrast: what is smoothed, and what is local."""
-_COARSE = 0.5
-_SCALES = 1.1
-"""From one height that the plan is tried at to the next."""
+_LEAST_SPREAD = 0.1
+"""Share of the mean one: what is flat has no contrast."""
+_COARSE, _SCALES = 0.5, 1.1
+"""Of the search: how much smaller its pictures are, and the ratio of one height that it tries to the next."""
+_LEAST_DRAWN = 0.3
+"""Share of the plan's contrast that must lie in the picture."""
 _UNTIL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-4)
 _FORWARD_RIGHT_DOWN: Array = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """`level` from the level camera's axes: right, back, down."""
-
-
-@dataclass(frozen=True)
-class DeckVisionParameters:
-    """`[vision.deck]`.
-
-    Attributes:
-        least_m, most_m: height of the camera over the deck at which it is looked for.
-        least_correlation: of plan and view; less is no deck.
-        largest_tilt_deg, largest_turn_deg: of the deck against the level, and against the nose; more is no deck.
-        deviation_m: standard deviation of a place along each axis, at a height of a metre; it goes with the height.
-    """
-
-    least_m: float
-    most_m: float
-    least_correlation: float
-    largest_tilt_deg: float
-    largest_turn_deg: float
-    deviation_m: float
-
-    def __post_init__(self) -> None:
-        require(0.0 < self.least_m < self.most_m, "0 < least_m < most_m must hold")
-        require(0.0 < self.least_correlation < 1.0, "least_correlation must be in (0, 1)")
-        require(self.deviation_m > 0.0, "deviation_m must be positive")
 
 
 class DeckVision:
@@ -76,49 +58,46 @@ class DeckVision:
         self._contrast = _contrast(self._plan, np.ones_like(self._plan))
         self._found: Array | None = None
         """(3,3) the last homography, from plan to view."""
+        shrink = max(round(camera.focal_px / (2.0 * _FOCAL_PX)), 1)
+        self._small = camera.scaled(camera.width_px // shrink, camera.height_px // shrink)
+        side = (np.arange(_VIEW_PX, dtype=np.float32) - 0.5 * (_VIEW_PX - 1)) / _FOCAL_PX
+        right, back = np.meshgrid(side, side)
+        rays = np.stack([right, back, np.ones_like(right)], axis=-1).reshape(-1, 3)
+        self._rays_in_level = rays @ _FORWARD_RIGHT_DOWN.T.astype(np.float32)
 
     def see(self, frame: Frame) -> Observation:
         """The deck, or why there is none."""
-        nothing = Observation(frame.t_s, frame.gimbal)
         image = frame.image
         if image is None:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
         if image.shape != (self._camera.height_px, self._camera.width_px, 3):
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.WRONG_SIZE.value)
         view, valid = self._level_view(image, frame.gimbal)
-        for start in self._starts(view, valid):
-            sight = self._refined(view, valid, start)
-            if sight is not None:
-                return Observation(frame.t_s, frame.gimbal, deck=sight)
-        self._found = None
-        return Observation(nothing.t_s, nothing.gimbal, reason="the deck's markings are not in view")
+        sight = None if self._found is None else self._refined(view, valid, self._found)
+        if sight is None:
+            sight = self._refined(view, valid, self._searched(view, valid))
+        if sight is None:
+            return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_DECK.value)
+        return Observation(frame.t_s, frame.gimbal, deck=sight)
 
     def _level_view(self, image: npt.NDArray[np.uint8], gimbal: GimbalAttitude) -> tuple[Float, Float]:
         """Local contrast (n,n) as seen straight down, and 1 where the picture reaches."""
-        middle = 0.5 * (_VIEW_PX - 1)
-        columns, rows = np.meshgrid(*[(np.arange(_VIEW_PX) - middle) / _FOCAL_PX] * 2)
-        rays = np.stack([columns, rows, np.ones_like(columns)], axis=-1).reshape(-1, 3) @ _FORWARD_RIGHT_DOWN.T
-        in_camera = rays @ level_from_camera(gimbal)
-        ahead = in_camera[:, 2] > 0.2
-        in_camera[~ahead] = (0.0, 0.0, 1.0)
-        pixels = self._camera.project(in_camera).astype(np.float32)
-        pixels[~ahead] = -1e4
-        x, y = (pixels[:, i].reshape(_VIEW_PX, _VIEW_PX) for i in (0, 1))
-        grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-        shrink = max(self._camera.focal_px / (2.0 * _FOCAL_PX), 1.0)
-        grey = cv2.GaussianBlur(grey, (0, 0), 0.4 * shrink)
-        view = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderValue=0).astype(np.float32)
-        inside = (x >= 0.0) & (x <= self._camera.width_px - 1) & (y >= 0.0) & (y <= self._camera.height_px - 1)
+        small, level = self._small, level_from_camera(gimbal)
+        rotation = (_FORWARD_RIGHT_DOWN.T @ level).astype(np.float32)
+        straight = np.array([[_FOCAL_PX, 0.0, _MIDDLE_PX], [0.0, _FOCAL_PX, _MIDDLE_PX], [0.0, 0.0, 1.0]])
+        size = (_VIEW_PX, _VIEW_PX)
+        x, y = cv2.initUndistortRectifyMap(small.matrix, small.distortion, rotation, straight, size, cv2.CV_32FC1)
+        ahead = (self._rays_in_level @ level[:, 2].astype(np.float32)).reshape(size) > _LEAST_AHEAD
+        grey = cv2.cvtColor(
+            cv2.resize(image, (small.width_px, small.height_px), interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY
+        )
+        view = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
+        inside = (x >= 0.0) & (x <= small.width_px - 1) & (y >= 0.0) & (y <= small.height_px - 1) & ahead
         valid = inside.astype(np.float32)
         return _contrast(view, valid), valid
 
-    def _starts(self, view: Float, valid: Float) -> list[Array]:
-        """Homographies to begin with: the last one, then where the plan correlates best."""
-        found = [] if self._found is None else [self._found]
-        return [*found, self._searched(view, valid)]
-
     def _searched(self, view: Float, valid: Float) -> Array:
-        """The plan at every scale, everywhere: where it correlates best."""
+        """(3,3) from plan to view, where the plan correlates best of every scale and place."""
         small = cv2.resize(view * valid, None, fx=_COARSE, fy=_COARSE, interpolation=cv2.INTER_AREA)
         room = cv2.resize(valid, None, fx=_COARSE, fy=_COARSE, interpolation=cv2.INTER_AREA)
         best = (-1.0, np.eye(3))
@@ -129,11 +108,12 @@ class DeckVision:
             side = round(_COARSE * _FOCAL_PX * self._size_m / height_m)
             plan = cv2.resize(self._contrast, (side, side), interpolation=cv2.INTER_AREA)
             edge = side // 2
-            padded, within = (cv2.copyMakeBorder(it, edge, edge, edge, edge, cv2.BORDER_CONSTANT) for it in (small, room))
+            border = (edge, edge, edge, edge, cv2.BORDER_CONSTANT)
+            padded, within = cv2.copyMakeBorder(small, *border), cv2.copyMakeBorder(room, *border)
             shared = cv2.matchTemplate(padded, plan, cv2.TM_CCORR)
             seen = cv2.matchTemplate(padded * padded, np.ones_like(plan), cv2.TM_CCORR)
             drawn = cv2.matchTemplate(within, plan * plan, cv2.TM_CCORR)
-            enough = drawn > 0.3 * float((plan * plan).sum())
+            enough = drawn > _LEAST_DRAWN * float((plan * plan).sum())
             score = np.where(enough, shared / np.sqrt(np.maximum(seen * drawn, 1e-6)), -1.0)
             _, most, _, (column, row) = cv2.minMaxLoc(score)
             if most > best[0]:
@@ -144,18 +124,17 @@ class DeckVision:
         return best[1]
 
     def _refined(self, view: Float, valid: Float, start: Array) -> DeckSight | None:
-        warp = start.astype(np.float32)
-        mask = (valid > 0.5).astype(np.uint8)
+        """The sight that ECC comes to from a first homography; None, and nothing remembered, where it is no deck."""
+        self._found, mask = None, (valid > 0.5).astype(np.uint8)
         try:
-            correlation, warp = cv2.findTransformECC(
-                self._contrast, view, warp, cv2.MOTION_HOMOGRAPHY, _UNTIL, mask, 1
+            correlation, found = cv2.findTransformECC(
+                self._contrast, view, start.astype(np.float32), cv2.MOTION_HOMOGRAPHY, _UNTIL, mask, 1
             )
         except cv2.error:  # it does not converge
             return None
-        if correlation < self._parameters.least_correlation:
-            return None
-        sight = self._sight(np.asarray(warp, float))
-        self._found = None if sight is None else np.asarray(warp, float)
+        warp = np.asarray(found, dtype=float)
+        sight = self._sight(warp) if correlation >= self._parameters.least_correlation else None
+        self._found = None if sight is None else warp
         return sight
 
     def _sight(self, warp: Array) -> DeckSight | None:
@@ -184,28 +163,24 @@ class DeckVision:
 
 def _plan(marks: tuple[DeckMark, ...], size_m: float) -> Float:
     """(n,n) the deck from above, ahead up: how bright."""
-    fine = 4
-    picture = np.full((fine * _PLAN_PX, fine * _PLAN_PX), 0.3, np.float32)
-    scale, half = fine * _PLAN_PX / size_m, 0.5 * fine * _PLAN_PX
+    side = _FINE * _PLAN_PX
+    picture = np.full((side, side), _BARE, np.float32)
+    scale, half = side / size_m, 0.5 * side
     for mark in marks:
         thick = max(1, round(mark.width_m * scale))
-        points = [tuple(np.rint([half + y * scale, half - x * scale]).astype(int).tolist()) for x, y in mark.points_m]
+        points = [(round(half + right * scale), round(half - ahead * scale)) for ahead, right in mark.points_m]
         if mark.radius_m > 0.0:
             cv2.circle(picture, points[0], round(mark.radius_m * scale), mark.brightness, thick, cv2.LINE_AA)
-        for a, b in zip(points, points[1:], strict=False):
+        for a, b in pairwise(points):
             cv2.line(picture, a, b, mark.brightness, thick, cv2.LINE_AA)
-    return np.asarray(cv2.resize(picture, (_PLAN_PX, _PLAN_PX), interpolation=cv2.INTER_AREA), np.float32)
+    return cv2.resize(picture, (_PLAN_PX, _PLAN_PX), interpolation=cv2.INTER_AREA).astype(np.float32)
 
 
 def _contrast(picture: Float, valid: Float) -> Float:
     """How much brighter than around it, in standard deviations of what is around it."""
-
-    def around(values: Float) -> Float:
-        return np.asarray(cv2.GaussianBlur(values * valid, (0, 0), _LOCAL_PX) / room, np.float32)
-
     room = np.maximum(cv2.GaussianBlur(valid, (0, 0), _LOCAL_PX), 1e-3)
     smooth = cv2.GaussianBlur(picture, (0, 0), _BLUR_PX)
-    mean = around(smooth)
-    spread = np.sqrt(np.maximum(around((smooth - mean) ** 2), 0.0))
-    least = 0.1 * float(np.mean(spread)) + 1e-6
-    return np.asarray((smooth - mean) / (spread + least) * valid, np.float32)
+    over = smooth - cv2.GaussianBlur(smooth * valid, (0, 0), _LOCAL_PX) / room
+    spread = np.sqrt(cv2.GaussianBlur(over * over * valid, (0, 0), _LOCAL_PX) / room)
+    least = _LEAST_SPREAD * float(np.mean(spread)) + 1e-6
+    return (over / (spread + least) * valid).astype(np.float32)

@@ -11,6 +11,30 @@ Band = tuple[int, int]
 
 
 @dataclass(frozen=True)
+class DeckVisionParameters:
+    """`[vision.deck]`.
+
+    Attributes:
+        least_m, most_m: height of the camera over the deck at which it is looked for.
+        least_correlation: of plan and view; less is no deck.
+        largest_tilt_deg, largest_turn_deg: of the deck against the level, and against the nose; more is no deck.
+        deviation_m: standard deviation of a place along each axis, at a height of a metre; it goes with the height.
+    """
+
+    least_m: float
+    most_m: float
+    least_correlation: float
+    largest_tilt_deg: float
+    largest_turn_deg: float
+    deviation_m: float
+
+    def __post_init__(self) -> None:
+        require(0.0 < self.least_m < self.most_m, "0 < least_m < most_m must hold")
+        require(0.0 < self.least_correlation < 1.0, "least_correlation must be in (0, 1)")
+        require(self.deviation_m > 0.0, "deviation_m must be positive")
+
+
+@dataclass(frozen=True)
 class VisionParameters:
     """The near chain [Lee2022, §Classical Computer Vision Based Approach].
 
@@ -64,6 +88,7 @@ class VisionParameters:
         track_margin_px: its least.
         gimbal_noise_rad: standard deviation of the gimbal's roll and pitch as the frame states them, for use as
             a prior of the cue's level; 0 leaves the gimbal out.
+        deck: of the look down.
     """
 
     hue: Band
@@ -104,6 +129,7 @@ class VisionParameters:
     track_margin: float
     track_margin_px: float
     gimbal_noise_rad: float
+    deck: DeckVisionParameters
 
     def __post_init__(self) -> None:
         for name, (low, high), top in (

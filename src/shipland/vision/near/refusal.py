@@ -21,4 +21,5 @@ class Refusal(enum.Enum):
     REPROJECTION = "the corners do not fit the cue's dimensions (made_to)"
     OUT_OF_REACH = "the pose lies outside the range or obliquity that is accepted"
     JUMP = "the pose is higher or lower than the last one by more than an aircraft climbs"
+    NO_DECK = "the deck's markings are not in view"
     NO_SOLUTION = "no pose solves the corners"
