@@ -28,6 +28,19 @@ def test_near_landing_is_inside_the_square(pilot, kind):
     assert [mode for mode in Mode if mode in modes] == [Mode.LAND, Mode.APPROACH, Mode.SEARCH, Mode.DONE]
 
 
+@pytest.mark.parametrize("seed", [4, 26])
+def test_a_deck_that_is_watched_is_landed_on_where_it_would_have_swayed_away(seed):
+    """Seed 4 misses by the deck's sway and 26 comes down too hard when they land at any instant."""
+    calm = {"wind.mean_mps": 0.0}
+    assert not fly_quietly(load_scenario("rig-sea6", **calm), "horizon", "geometric", seed).succeeded
+    rows = []
+    watched = load_scenario("rig-sea6", **calm, **{"guidance.horizon.moment": "deck"})
+    flown = fly_quietly(watched, "horizon", "geometric", seed, rows.append)
+    assert flown.succeeded, flown.reason
+    sights = sum(row.observation.deck is not None for row in rows)
+    assert sights > 10
+
+
 @pytest.mark.parametrize("pilot", ["p", "pid"])
 def test_linear_pilots_land_in_still_air_where_a_stick_is_a_velocity(pilot):
     scenario = load_scenario("rig-natops", **{"aircraft.loop.kind": "velocity", "wind.mean_mps": 0.0})

@@ -79,6 +79,12 @@ def descent_parameters() -> DescentParameters:
         relax_after_s=6.0,
         relax_per_s=0.1,
         contact_height_m=0.08,
+        watch_height_m=0.65,
+        watch_m=0.03,
+        watch_most_s=20.0,
+        poise_s=0.75,
+        poise_most_s=2.0,
+        poise_m=0.04,
     )
 
 
