@@ -23,9 +23,11 @@ from shipland.vision.near.parameters import DeckVisionParameters
 from shipland.vision.near.refusal import Refusal
 
 Float = npt.NDArray[np.float32]
+Grey = npt.NDArray[np.uint8]
 _VIEW_PX, _HALF_VIEW = 256, math.tan(math.radians(50.0))
 """Of the level view: its side, and the slope that its edge is seen at."""
 _FOCAL_PX, _MIDDLE_PX = 0.5 * _VIEW_PX / _HALF_VIEW, 0.5 * (_VIEW_PX - 1)
+"""Of the view that a search looks at; the homography is refined in one that shows the deck as large as its plan."""
 _LEAST_AHEAD = 0.2
 """What lies beside the camera, or behind it, is in no picture."""
 _PLAN_PX, _FINE, _BARE = 144, 4, 0.3
@@ -36,8 +38,8 @@ _LEAST_SPREAD = 0.1
 """Share of the mean one: what is flat has no contrast."""
 _COARSE, _SCALES = 0.5, 1.1
 """Of the search: how much smaller its pictures are, and the ratio of one height that it tries to the next."""
-_LEAST_DRAWN = 0.3
-"""Share of the plan's contrast that must lie in the picture."""
+_LEAST_DRAWN = 0.5
+"""Share of the plan's contrast that must lie in the picture, of what does at the best place of that height."""
 _UNTIL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-4)
 _FORWARD_RIGHT_DOWN: Array = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """`level` from the level camera's axes: right, back, down."""
@@ -54,16 +56,15 @@ class DeckVision:
 
     def __init__(self, rig: Rig, camera: Camera, parameters: DeckVisionParameters) -> None:
         self._camera, self._parameters, self._size_m = camera, parameters, rig.deck_size_m
-        self._plan = _plan(rig.deck_marks, rig.deck_size_m)
-        self._contrast = _contrast(self._plan, np.ones_like(self._plan))
+        fine = _plan(rig.deck_marks, rig.deck_size_m)
+        self._plan = _drawn(fine, _PLAN_PX)
+        count = math.ceil(math.log(parameters.most_m / parameters.least_m) / math.log(_SCALES))
+        heights_m = [parameters.least_m * _SCALES**i for i in range(count + 1)]
+        self._plans = [(height_m, self._coarse(fine, height_m)) for height_m in heights_m]
         self._found: Array | None = None
-        """(3,3) the last homography, from plan to view."""
+        """(3,3) the last homography: `right, back, down` of the level camera from the plan's ahead-up pixels."""
         shrink = max(round(camera.focal_px / (2.0 * _FOCAL_PX)), 1)
         self._small = camera.scaled(camera.width_px // shrink, camera.height_px // shrink)
-        side = (np.arange(_VIEW_PX, dtype=np.float32) - 0.5 * (_VIEW_PX - 1)) / _FOCAL_PX
-        right, back = np.meshgrid(side, side)
-        rays = np.stack([right, back, np.ones_like(right)], axis=-1).reshape(-1, 3)
-        self._rays_in_level = rays @ _FORWARD_RIGHT_DOWN.T.astype(np.float32)
 
     def see(self, frame: Frame) -> Observation:
         """The deck, or why there is none."""
@@ -72,79 +73,91 @@ class DeckVision:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
         if image.shape != (self._camera.height_px, self._camera.width_px, 3):
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.WRONG_SIZE.value)
-        view, valid = self._level_view(image, frame.gimbal)
-        sight = None if self._found is None else self._refined(view, valid, self._found)
+        size = (self._small.width_px, self._small.height_px)
+        small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
+        sight = None if self._found is None else self._refined(grey, frame.gimbal, self._found)
         if sight is None:
-            sight = self._refined(view, valid, self._searched(view, valid))
+            sight = self._refined(grey, frame.gimbal, self._searched(grey, frame.gimbal))
         if sight is None:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_DECK.value)
         return Observation(frame.t_s, frame.gimbal, deck=sight)
 
-    def _level_view(self, image: npt.NDArray[np.uint8], gimbal: GimbalAttitude) -> tuple[Float, Float]:
+    def _coarse(self, fine: Float, height_m: float) -> Float:
+        """The plan as large as a search sees it from a height: the local contrast of that size."""
+        side_px = _FOCAL_PX * self._size_m / height_m
+        coarse = round(_COARSE * side_px)
+        return _resized(_drawn(fine, round(side_px)), (coarse, coarse))
+
+    def _level_view(self, grey: Grey, gimbal: GimbalAttitude, focal_px: float) -> tuple[Float, Float]:
         """Local contrast (n,n) as seen straight down, and 1 where the picture reaches."""
         small, level = self._small, level_from_camera(gimbal)
         rotation = (_FORWARD_RIGHT_DOWN.T @ level).astype(np.float32)
-        straight = np.array([[_FOCAL_PX, 0.0, _MIDDLE_PX], [0.0, _FOCAL_PX, _MIDDLE_PX], [0.0, 0.0, 1.0]])
-        size = (_VIEW_PX, _VIEW_PX)
+        straight, size = _straight(focal_px), (_VIEW_PX, _VIEW_PX)
         x, y = cv2.initUndistortRectifyMap(small.matrix, small.distortion, rotation, straight, size, cv2.CV_32FC1)
-        ahead = (self._rays_in_level @ level[:, 2].astype(np.float32)).reshape(size) > _LEAST_AHEAD
-        grey = cv2.cvtColor(
-            cv2.resize(image, (small.width_px, small.height_px), interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY
-        )
+        side = (np.arange(_VIEW_PX) - _MIDDLE_PX) / focal_px
+        along = _FORWARD_RIGHT_DOWN.T @ level[:, 2]
+        ahead = along[0] * side[None, :] + along[1] * side[:, None] + along[2] > _LEAST_AHEAD
         view = cv2.remap(grey, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
         inside = (x >= 0.0) & (x <= small.width_px - 1) & (y >= 0.0) & (y <= small.height_px - 1) & ahead
         valid = inside.astype(np.float32)
         return _contrast(view, valid), valid
 
-    def _searched(self, view: Float, valid: Float) -> Array:
-        """(3,3) from plan to view, where the plan correlates best of every scale and place."""
-        small = cv2.resize(view * valid, None, fx=_COARSE, fy=_COARSE, interpolation=cv2.INTER_AREA)
-        room = cv2.resize(valid, None, fx=_COARSE, fy=_COARSE, interpolation=cv2.INTER_AREA)
+    def _searched(self, grey: Grey, gimbal: GimbalAttitude) -> Array:
+        """(3,3) as `_found`, where the plan correlates best of every height and place."""
+        view, valid = self._level_view(grey, gimbal, _FOCAL_PX)
+        half = (round(_COARSE * _VIEW_PX), round(_COARSE * _VIEW_PX))
+        small, room = _resized(view * valid, half), _resized(valid, half)
         best = (-1.0, np.eye(3))
-        parameters = self._parameters
-        count = math.ceil(math.log(parameters.most_m / parameters.least_m) / math.log(_SCALES))
-        for i in range(count + 1):
-            height_m = parameters.least_m * _SCALES**i
-            side = round(_COARSE * _FOCAL_PX * self._size_m / height_m)
-            plan = cv2.resize(self._contrast, (side, side), interpolation=cv2.INTER_AREA)
+        for height_m, plan in self._plans:
+            side = plan.shape[0]
             edge = side // 2
             border = (edge, edge, edge, edge, cv2.BORDER_CONSTANT)
             padded, within = cv2.copyMakeBorder(small, *border), cv2.copyMakeBorder(room, *border)
             shared = cv2.matchTemplate(padded, plan, cv2.TM_CCORR)
             seen = cv2.matchTemplate(padded * padded, np.ones_like(plan), cv2.TM_CCORR)
             drawn = cv2.matchTemplate(within, plan * plan, cv2.TM_CCORR)
-            enough = drawn > _LEAST_DRAWN * float((plan * plan).sum())
+            enough = drawn > _LEAST_DRAWN * float(drawn.max())
             score = np.where(enough, shared / np.sqrt(np.maximum(seen * drawn, 1e-6)), -1.0)
             _, most, _, (column, row) = cv2.minMaxLoc(score)
             if most > best[0]:
                 scale = self._size_m * _FOCAL_PX / height_m / _PLAN_PX
                 centre = np.array([column - edge + 0.5 * side, row - edge + 0.5 * side]) / _COARSE
                 corner = centre - 0.5 * scale * _PLAN_PX
-                best = (most, np.array([[scale, 0.0, corner[0]], [0.0, scale, corner[1]], [0.0, 0.0, 1.0]]))
+                warp = np.array([[scale, 0.0, corner[0]], [0.0, scale, corner[1]], [0.0, 0.0, 1.0]])
+                best = (most, np.linalg.inv(_straight(_FOCAL_PX)) @ warp)
         return best[1]
 
-    def _refined(self, view: Float, valid: Float, start: Array) -> DeckSight | None:
+    def _refined(self, grey: Grey, gimbal: GimbalAttitude, start: Array) -> DeckSight | None:
         """The sight that ECC comes to from a first homography; None, and nothing remembered, where it is no deck."""
-        self._found, mask = None, (valid > 0.5).astype(np.uint8)
+        self._found = None
+        focal_px = start[2, 2] / math.sqrt(abs(start[0, 0] * start[1, 1] - start[0, 1] * start[1, 0]))
+        view, valid = self._level_view(grey, gimbal, focal_px)
+        straight = _straight(focal_px)
+        warp = straight @ start
         try:
-            correlation, found = cv2.findTransformECC(
-                self._contrast, view, start.astype(np.float32), cv2.MOTION_HOMOGRAPHY, _UNTIL, mask, 1
+            correlation, better = cv2.findTransformECC(
+                self._plan,
+                view,
+                (warp / warp[2, 2]).astype(np.float32),
+                cv2.MOTION_HOMOGRAPHY,
+                _UNTIL,
+                (valid > 0.5).astype(np.uint8),
+                1,
             )
         except cv2.error:  # it does not converge
             return None
-        warp = np.asarray(found, dtype=float)
-        sight = self._sight(warp) if correlation >= self._parameters.least_correlation else None
-        self._found = None if sight is None else warp
+        found = np.linalg.inv(straight) @ np.asarray(better, dtype=float)
+        sight = self._sight(found) if correlation >= self._parameters.least_correlation else None
+        self._found = None if sight is None else found
         return sight
 
-    def _sight(self, warp: Array) -> DeckSight | None:
+    def _sight(self, found: Array) -> DeckSight | None:
         """The place that a homography tells, unless no deck lies so."""
-        middle = 0.5 * (_VIEW_PX - 1)
-        rays_from_view = np.array([[1.0, 0.0, -middle], [0.0, 1.0, -middle], [0.0, 0.0, _FOCAL_PX]]) / _FOCAL_PX
         plan_px_per_m = _PLAN_PX / self._size_m
         centre_px = 0.5 * (_PLAN_PX - 1)
         plan_from_deck = np.array([[plan_px_per_m, 0.0, centre_px], [0.0, plan_px_per_m, centre_px], [0.0, 0.0, 1.0]])
-        right, back, place = (rays_from_view @ warp @ plan_from_deck).T
+        right, back, place = (found @ plan_from_deck).T
         lengths = math.hypot(*right.tolist()), math.hypot(*back.tolist())
         scale = math.sqrt(lengths[0] * lengths[1])
         if not (math.isfinite(scale) and scale > 1e-6):
@@ -161,8 +174,13 @@ class DeckVision:
         return DeckSight(_FORWARD_RIGHT_DOWN @ place_m, np.full(3, limits.deviation_m * float(place_m[2])))
 
 
+def _straight(focal_px: float) -> Array:
+    """Intrinsics of the level view."""
+    return np.array([[focal_px, 0.0, _MIDDLE_PX], [0.0, focal_px, _MIDDLE_PX], [0.0, 0.0, 1.0]])
+
+
 def _plan(marks: tuple[DeckMark, ...], size_m: float) -> Float:
-    """(n,n) the deck from above, ahead up: how bright."""
+    """(n,n) the deck from above, ahead up: how bright, drawn finely."""
     side = _FINE * _PLAN_PX
     picture = np.full((side, side), _BARE, np.float32)
     scale, half = side / size_m, 0.5 * side
@@ -173,7 +191,17 @@ def _plan(marks: tuple[DeckMark, ...], size_m: float) -> Float:
             cv2.circle(picture, points[0], round(mark.radius_m * scale), mark.brightness, thick, cv2.LINE_AA)
         for a, b in pairwise(points):
             cv2.line(picture, a, b, mark.brightness, thick, cv2.LINE_AA)
-    return cv2.resize(picture, (_PLAN_PX, _PLAN_PX), interpolation=cv2.INTER_AREA).astype(np.float32)
+    return picture
+
+
+def _drawn(fine: Float, side_px: int) -> Float:
+    """Local contrast of a plan as large as that."""
+    picture = _resized(fine, (side_px, side_px))
+    return _contrast(picture, np.ones_like(picture))
+
+
+def _resized(picture: Float, size: tuple[int, int]) -> Float:
+    return cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.float32)
 
 
 def _contrast(picture: Float, valid: Float) -> Float:
