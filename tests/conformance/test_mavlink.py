@@ -14,6 +14,9 @@ from shipland.messages import Intent, PilotCommand
 from shipland.vehicles.mavlink.setup import Engagement
 from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 
+pytestmark = pytest.mark.flaky(reruns=2, reruns_delay=2)
+"""They fly in real time: other tests beside them can keep the machine from it, not three times."""
+
 
 def fly(vehicle: MavlinkVehicle, seconds: float, *sticks: float, intent: Intent = Intent.FLY) -> bool:
     """Cycles with the same sticks; whether the vehicle still gives frames."""

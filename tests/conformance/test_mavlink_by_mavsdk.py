@@ -10,6 +10,9 @@ pytest.importorskip("mavsdk", reason="an independent MAVLink end: pip install ma
 import test_mavlink
 from mavlink_bench import bench
 
+pytestmark = pytest.mark.flaky(reruns=2, reruns_delay=2)
+"""They fly in real time: other tests beside them can keep the machine from it, not three times."""
+
 TESTS: list[Callable[[], None]] = [
     test_mavlink.test_sticks_become_tilt_climb_and_heading,
     test_mavlink.test_a_px4_gets_set_points_before_offboard_and_velocities_only,
