@@ -110,9 +110,9 @@ class DelayedFilter:
         self._velocity_limits = parameters.velocity_repeats, *variances, parameters.velocity_gate
         self._refused = 0
 
-    def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float) -> None:
-        """Begin at a place."""
-        self.belief = self.model.start(t_s, place_m, covariance_m2, speed_mps)
+    def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float, way_mps: float = 0.0) -> None:
+        """Begin at a place, as `Model.start` does."""
+        self.belief = self.model.start(t_s, place_m, covariance_m2, speed_mps, way_mps)
         self._refused = 0
 
     def copy(self) -> DelayedFilter:

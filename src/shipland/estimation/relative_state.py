@@ -241,10 +241,19 @@ class Model:
                 covariance[_swing(axis), _swing(other)] = self._shape[axis, other] * self.swing.spread
         return covariance
 
-    def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float) -> Belief:
-        """A belief from a first place (axes,) with its covariance (axes, axes), and a spread of the speed."""
+    def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float, way_mps: float = 0.0) -> Belief:
+        """A belief from a first place (axes,) with its covariance (axes, axes).
+
+        Args:
+            t_s: of the place.
+            place_m: from the bar.
+            covariance_m2: of it.
+            speed_mps: standard deviation of the speed, for a ship that lies still.
+            way_mps: standard deviation of the ship's way.
+        """
         noise = self.noise
-        spreads = [0.0, speed_mps, 0.5, noise.gust_mps2, noise.push_mps2, noise.reference_mps]
+        spreads = [0.0, math.hypot(speed_mps, way_mps), 0.5, noise.gust_mps2, noise.push_mps2]
+        spreads.append(max(noise.reference_mps, way_mps))
         deviation = np.array([*spreads, *[0.0] * (STATES - SWING)] * self.axes)
         mean, covariance = np.zeros(len(deviation)), np.diag(deviation**2) + self._swing_spread()
         mean[PLACE::STATES] = place_m

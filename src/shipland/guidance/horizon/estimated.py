@@ -31,6 +31,8 @@ class Estimated:
         turn_rad_s: of the bar.
         bar_known: the bar's heading has been seen.
         yaw_variance: of the difference of the two headings [rad²].
+        to_bar_rad: heading of the bar from the aircraft; by the newest box, where that was seen last: a ship that turns
+            is soon not where the filter takes it to be.
     """
 
     t_s: float
@@ -49,6 +51,7 @@ class Estimated:
     turn_rad_s: float
     bar_known: bool
     yaw_variance: float
+    to_bar_rad: float
 
     @cached_property
     def spread_m(self) -> float:

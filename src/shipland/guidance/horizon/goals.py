@@ -73,14 +73,12 @@ class Goals:
 
     def nose_rad(self, estimate: Estimated) -> float:
         """Along the bar's axis, but never so that the bar leaves the picture sideways; towards it while unknown."""
-        north, east = (-estimate.place_m).tolist()
-        to_bar_rad = math.atan2(east, north)
         if not estimate.bar_known:
-            return to_bar_rad
-        cue_rad = math.atan2(self._half_cue_m, max(math.hypot(north, east), 0.1))
+            return estimate.to_bar_rad
+        cue_rad = math.atan2(self._half_cue_m, max(math.hypot(*estimate.place_m.tolist()), 0.1))
         room_rad = self._view.half_view_rad - cue_rad - math.radians(self._approach.bearing_margin_deg)
         widest_rad = max(clamp(room_rad, math.radians(self._approach.max_bearing_deg)), 0.0)
-        off_rad = wrap_angle(to_bar_rad - estimate.bar_rad)
+        off_rad = wrap_angle(estimate.to_bar_rad - estimate.bar_rad)
         return estimate.bar_rad + off_rad - clamp(off_rad, widest_rad)
 
     def _past_ship(self, estimate: Estimated, goal_in_bar_m: Array) -> Array:

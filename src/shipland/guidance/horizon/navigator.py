@@ -77,6 +77,8 @@ class Navigator:
         self._headings = HeadingFilters(parameters.heading, parameters.heading_turning, parameters.turn_from_rad_s)
         self._velocity_s = -math.inf
         self._seen_s = self._showed_s = self._posed_s = -math.inf
+        self._line_rad: float | None = None
+        """Heading of the newest sight, where that was a box."""
         self.deck_s = -math.inf
         """When the newest picture of the deck was taken."""
         self.landing = False
@@ -221,6 +223,7 @@ class Navigator:
         turn_rad_s, self.doubted = self._headings.turn_rad_s, ""
         box = observation.bar_box or observation.ship_box
         if pose is not None:
+            self._line_rad = None
             speed_mps = 0.0 if self._across.belief is None else float(np.linalg.norm(self._across.belief.of(SPEED)))
             self._take_pose(t_s, self._places.of_pose(pose, headings, self._nose_up_rad, speed_mps), turn_rad_s)
         elif observation.deck is not None and headings.bar_known:
@@ -229,7 +232,7 @@ class Navigator:
             pitch_rad, is_bar = observation.gimbal.pitch_rad, observation.bar_box is not None
             place = self._places.of_box(box, is_bar, pitch_rad, headings)
             if place is not None:
-                self._enter(t_s, place, turn_rad_s)
+                self._take_box(t_s, place, turn_rad_s)
         self._judge_wind()
         self._judge_view()
         self._across.follow(telemetry.t_s, self._pushes, turn_rad_s)
@@ -287,6 +290,14 @@ class Navigator:
         else:
             self._posed_s = t_s
 
+    def _take_box(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
+        measured = self._parameters.measured
+        if t_s - self._seen_s > measured.lost_s:  # the ship went on meanwhile
+            self.forget_place()
+        north, east = (-place.across_m).tolist()
+        self._line_rad = math.atan2(east, north)
+        self._enter(t_s, place, turn_rad_s, measured.first_way_mps)
+
     def _take_deck(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
         down_m, spread = np.array([place.down_m]), np.array([[place.down_variance]])
         self._down.deck(t_s, down_m, spread, self._climbs)
@@ -327,14 +338,15 @@ class Navigator:
             self._gain.adopt(self._gain_models)
             self._down.adopt(self._down_model())
 
-    def _enter(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
+    def _enter(self, t_s: float, place: SeenPlace, turn_rad_s: float, way_mps: float = 0.0) -> None:
+        """Take a place; a first one comes with this standard deviation of the ship's way."""
         across_m, covariance = place.across_m, place.covariance
         down_m, spread = np.array([place.down_m]), np.array([[place.down_variance]])
         measured = self._parameters.measured
         patience_s = measured.lost_s if self.landing else 0.0
         lost = self._across.refused >= measured.lost_refusals and t_s - self._posed_s >= patience_s
         if self._across.belief is None or lost:
-            self._across.start(t_s, across_m, covariance, measured.first_mps)
+            self._across.start(t_s, across_m, covariance, measured.first_mps, way_mps)
             self._down.start(t_s, down_m, spread, measured.first_climb_mps)
             self._latency.forget_place()
             self._gain.forget_place()
@@ -366,6 +378,7 @@ class Navigator:
         swing = self.swing
         below, sinking = less_swing(down.mean, swing.shown)
         place_m, speed_mps = less_swing(across.mean, swing.shown)
+        north, east = (-place_m).tolist()
         near = self._swing.followed_at(math.hypot(*place_m.tolist()))
         return Estimated(
             t_s,
@@ -383,6 +396,7 @@ class Navigator:
             turn_rad_s,
             headings.bar_known,
             nose + bar - 2.0 * both,
+            math.atan2(east, north) if self._line_rad is None else self._line_rad,
         )
 
 

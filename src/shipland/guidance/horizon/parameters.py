@@ -30,6 +30,7 @@ class MeasurementNoise:
             hull is wide.
         box_m: least error of a box's place across the line of sight, and of its height.
         first_mps, first_climb_mps: standard deviation of the speed against the bar when it is first seen.
+        first_way_mps: of the ship's way, where it is first seen as a box.
         lost_refusals, lost_s: so many places refused in a row start the estimate anew; in a landing, if poses were seen
             all the while, not so soon after one that was taken.
         velocity_mps, velocity_down_mps: of the vehicle's velocity, horizontally and downward.
@@ -47,6 +48,7 @@ class MeasurementNoise:
     ship_as_stern: bool
     box_m: float
     first_mps: float
+    first_way_mps: float
     first_climb_mps: float
     lost_refusals: int
     lost_s: float
