@@ -44,11 +44,9 @@ class Goals:
         else:
             distance_m = math.hypot(*estimate.place_m.tolist())
             too_high_m = (-estimate.down_m - path.far_above_m) / math.tan(math.radians(path.glide_path_deg))
-            stand_off_m, round_rad = max(path.stand_off_m, too_high_m), self._round_rad(estimate.t_s, distance_m)
-            if round_rad == 0.0:
-                stand_off_m = min(stand_off_m, distance_m)
-            goal_m = estimate.place_m * (stand_off_m / max(distance_m, 1.0))
-            return turned(goal_m, round_rad), np.zeros(2)
+            # From nearer it backs off: who only kept the least distance would spiral in, or meet a ship that comes.
+            goal_m = estimate.place_m * (max(path.stand_off_m, too_high_m) / max(distance_m, 1.0))
+            return turned(goal_m, self._round_rad(estimate.t_s, distance_m)), np.zeros(2)
         ahead_m = float(self._deck_in_bar_m[0])
         if mode is Mode.CLIMB_OUT:
             ahead_m -= approach.climb_out_back_m
