@@ -10,10 +10,12 @@ from shipland.camera import Camera
 from shipland.config import build
 from shipland.estimation.relative_state import GUST, PLACE, PUSH, STATES, SWING
 from shipland.frames import GRAVITY_MPS2
+from shipland.guidance.horizon.goals import Goals
 from shipland.guidance.horizon.navigator import Navigator
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.response import ANAFI_LIKE
-from shipland.messages import BarPose, GimbalAttitude, Observation, PilotCommand, Telemetry
+from shipland.guidance.view import View
+from shipland.messages import BarPose, Box, GimbalAttitude, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import default_rig, packaged_table
 
 PARAMETERS = build(GuidanceParameters, packaged_table("guidance"))
@@ -201,3 +203,55 @@ def test_a_place_forgotten_begins_anew_at_the_next_pose():
     telemetry = Telemetry(6.3, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
     navigator.take(Observation(6.0, GimbalAttitude(0.0, 0.0), pose), telemetry)
     assert navigator.estimate(6.3).aircraft_in_bar_m[1] == pytest.approx(3.0, abs=0.1)
+
+
+def _box(bar_in_level_m):
+    """The bar's box in a level picture, from where it lies ahead and to the right."""
+    ahead_m, right_m = bar_in_level_m
+    scale, (column_px, row_px) = CAMERA.focal_px / ahead_m, View.of(CAMERA).middle_px
+    width_m, height_m = RIG.board_size_m
+    return Box((column_px + scale * right_m, row_px), (scale * width_m, scale * height_m), 0.9)
+
+
+def _boxed(navigator, from_s, to_s, bar_in_level_m, velocity_mps):
+    """Boxes every half second of a bar at `bar_in_level_m(t_s)`, the vehicle's velocity at 5 Hz, released sticks."""
+    for index in range(round(30 * from_s), round(30 * to_s)):
+        t_s = index / 30.0
+        box = _box(bar_in_level_m(t_s)) if index % 15 == 0 else None
+        velocity = np.array([*velocity_mps, 0.0]) if index % 6 == 0 else None
+        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, velocity, 90.0, 90.0, True)
+        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), bar_box=box), telemetry)
+        navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return navigator.estimate(to_s)
+
+
+def test_a_ship_under_way_is_no_nearer_than_its_boxes_say():
+    """The aircraft trails at the ship's own 3 m/s: what it flies is no way towards the ship."""
+    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimate = _boxed(navigator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
+    assert estimate.place_m == pytest.approx([-40.0, 0.0], abs=6.0)
+    assert estimate.speed_mps == pytest.approx([0.0, 0.0], abs=1.0)
+
+
+def test_the_nose_follows_the_newest_box_of_a_ship_that_turns_away():
+    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    _boxed(navigator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
+    estimate = _boxed(navigator, 15.0, 20.0, lambda t_s: (40.0, 3.0 * (t_s - 15.0)), (3.0, 0.0))
+    assert estimate.to_bar_rad == pytest.approx(math.atan2(13.5, 40.0), abs=0.02)  # of the last one, at 19.5 s
+
+
+def test_a_ship_seen_again_is_where_it_is_seen():
+    """After 20 s in which it went on, and the aircraft stood."""
+    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    _boxed(navigator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
+    estimate = _boxed(navigator, 35.0, 36.0, lambda _: (90.0, 40.0), (0.0, 0.0))
+    assert estimate.place_m == pytest.approx([-90.0, -40.0], abs=3.0)
+
+
+@pytest.mark.parametrize("away_m", [4.0, 12.0, 30.0])
+def test_who_waits_for_corners_keeps_the_stand_off_also_from_a_ship_that_comes(away_m):
+    approach, view = PARAMETERS.approach, View.of(CAMERA)
+    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimate = _boxed(navigator, 0.0, 0.2, lambda _: (away_m, 0.0), (0.0, 0.0))
+    goal_m, _ = Goals(PARAMETERS.horizon, approach, RIG, view).of(Mode.TRACK_BAR, estimate)
+    assert goal_m == pytest.approx([-PARAMETERS.horizon.path.stand_off_m, 0.0], abs=0.2)
