@@ -28,7 +28,7 @@ from shipland.missions.fly import Flown, flight_info
 from shipland.missions.landing import COLUMNS, Landing, row_of
 from shipland.missions.outside import KeyedPilot, Keys
 from shipland.missions.scenarios import Scenario, load_scenario
-from shipland.missions.stopping import stop_requests
+from shipland.missions.stopping import check_stop, stop_requests
 from shipland.missions.tables import summary_of
 from shipland.missions.visions import needs_pictures, without_pictures
 from shipland.missions.workers import run_jobs
@@ -101,7 +101,7 @@ def fly(
     keys: Keys | None = None,
     response: Response | None = None,
 ) -> Flight:
-    """Fly one landing, in the simulator unless a vehicle is given.
+    """Fly one landing, in the simulator unless a vehicle is given; Ctrl-C or SIGTERM ends it at the next cycle.
 
     Args:
         scenario: a scenario, a packaged one's name, or the path of a TOML file.
@@ -123,6 +123,7 @@ def fly(
     pictures = needs_pictures(factories.resolve("visions", vision))
     records: list[FlightRecord] = []
     with ExitStack() as stack:
+        stack.enter_context(stop_requests())
         scene = None
         if vehicle is None and (pictures or (out is not None and video)):
             scene = build_scene(scenario, seed)
@@ -148,6 +149,7 @@ def fly(
                 recorder.append(record)
             records.append(replace(record, frame=replace(record.frame, image=None)))
             on_cycle(record)
+            check_stop()
 
         result = fly_loop(flown, crew, scenario.time_limit_s, time.perf_counter, remember)
         verdict = flown.verdict() if isinstance(flown, Witness) else None

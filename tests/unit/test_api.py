@@ -1,6 +1,7 @@
 """`import shipland`: light, and what it gives is what the command line gives."""
 
 import json
+import signal
 import subprocess
 import sys
 
@@ -35,6 +36,37 @@ def test_a_flight_gives_arrays():
     assert np.isnan(flight.error_m)
     assert "time limit" in flight.reason
     assert all(record.frame.image is None for record in flight.records)
+
+
+class Swallowing:
+    """A pilot in whose third decision Ctrl-C comes, which code of C makes another error of."""
+
+    def __init__(self, setup):
+        self._pilot, self.decisions = paper(setup), 0
+
+    def decide(self, observation, telemetry, sent):
+        self.decisions += 1
+        if self.decisions == 3:
+            try:
+                signal.getsignal(signal.SIGINT)(signal.SIGINT, None)
+            except KeyboardInterrupt as interrupt:
+                raise SystemError("returned a result with an exception set") from interrupt
+        return self._pilot.decide(observation, telemetry, sent)
+
+
+def test_ctrl_c_ends_a_flight_at_the_next_cycle_wherever_it_falls(tmp_path):
+    pilots = []
+
+    def swallowing(setup):
+        pilots.append(Swallowing(setup))
+        return pilots[-1]
+
+    with pytest.raises(KeyboardInterrupt):
+        shipland.fly(shipland.load_scenario("near", **SHORT), pilot=swallowing, out=tmp_path, video=False)
+    assert pilots[0].decisions == 3
+    log = read_log(tmp_path / "flight.mcap")
+    assert log.complete
+    assert len(log.records) == 3
 
 
 def test_a_log_and_its_summary_say_what_was_flown(tmp_path):

@@ -102,6 +102,7 @@ class Fly(ScenarioOptions):
         from shipland.config import layered
         from shipland.missions.fly import fly_quietly
         from shipland.missions.outside import checklist, make_vehicle, refuse_unfit
+        from shipland.missions.stopping import check_stop, stop_requests
         from shipland.vehicles.checks import Check, Real
 
         vehicle = make_vehicle(address, scenario, self.calibration, self.vehicle_config, self.out / "link.tlog")
@@ -109,7 +110,10 @@ class Fly(ScenarioOptions):
             return vehicle
         console.print("rehearsing in the simulator")
         # a pilot's first run compiles and imports for seconds, in which a vehicle in the air would get no command
-        rehearsed = fly_quietly(scenario, self.pilot, "geometric", checked_seed(self.seed))
+        with stop_requests():
+            rehearsed = fly_quietly(
+                scenario, self.pilot, "geometric", checked_seed(self.seed), on_cycle=lambda _: check_stop()
+            )
         console.print(f"connecting to {address}", markup=False)
         vehicle.connect()
         try:

@@ -1,8 +1,8 @@
 """Ctrl-C and SIGTERM as a request that loops look for, instead of an exception at any instruction.
 
 Python raises the KeyboardInterrupt of a signal wherever the main thread happens to be, and drops it where that is a
-finaliser or a weak reference's callback. Work that must stop in order therefore runs within `stop_requests` and calls
-`check_stop` between two steps.
+finaliser or a weak reference's callback; code of C that calls Python makes another error of it. Work that must stop in
+order therefore runs within `stop_requests` and calls `check_stop` between two steps.
 """
 
 from __future__ import annotations
