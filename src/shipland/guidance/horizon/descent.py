@@ -101,6 +101,8 @@ class Over:
         touching: a contact is near that would find the aircraft leaning too much: see `levelling`.
         from_deck_m: from the deck's centre at contact, predicted for a drop that begins now, or, while it is watched,
             in `poise_s`; infinite while the deck is not known well enough, None where it is not watched.
+        drop_height_m: over the neutral deck from which the drop leaves time to level out: the aircraft waits there,
+            where that is higher than `wait_height_m`.
     """
 
     now_s: float
@@ -111,6 +113,7 @@ class Over:
     lull: bool
     touching: bool = False
     from_deck_m: float | None = None
+    drop_height_m: float = 0.0
 
 
 def contact_in_s(height_m: float, sink_mps: float, lag_s: float, parameters: DescentParameters) -> float:
@@ -146,7 +149,8 @@ def next_descent(before: Descent | None, over: Over, parameters: DescentParamete
         return before
     if over.touching:
         return Descent(Phase.DROP, over.now_s, 0.0)
-    stop_m = parameters.wait_height_m if over.from_deck_m is None else parameters.watch_height_m
+    wait_m = max(parameters.wait_height_m, over.drop_height_m)
+    stop_m = wait_m if over.from_deck_m is None else parameters.watch_height_m
     if before.phase is Phase.SINK:
         lower_m = before.height_m
         if over.offset_m <= parameters.pause_m:

@@ -16,7 +16,7 @@ from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.gains import INPUT, INPUT_RATE_SHARE, TRACKED, TRACKED_RATE, Gains, gains_of
 from shipland.guidance.horizon.glance import DOWN_RAD, Glance, next_glance
 from shipland.guidance.horizon.goals import Goals
-from shipland.guidance.horizon.levelling import speed_near_contact, tilt_near_contact
+from shipland.guidance.horizon.levelling import drop_to_level_m, speed_near_contact, tilt_near_contact
 from shipland.guidance.horizon.navigator import Navigator
 from shipland.guidance.horizon.reference import Reference, at_rest, led_anew, moved
 from shipland.guidance.horizon.steering import LONGEST_CONTACT_S, Steered, Steering
@@ -325,7 +325,10 @@ class HorizonPilot:
             self._contact_m = self._offset_at_contact_m(estimate, gains)
             lull, touching = self._lull(estimate), self._touching(estimate)
             from_deck_m = self._from_deck_m(estimate, gains) if self._parameters.moment == "deck" else None
-            over = Over(estimate.t_s, step_s, height_m, offset_m, self._contact_m, lull, touching, from_deck_m)
+            over = Over(
+                estimate.t_s, step_s, height_m, offset_m, self._contact_m, lull, touching, from_deck_m,
+                self._drop_height_m(estimate),
+            )  # fmt: skip
             before = self._descent
             self._descent = descent = next_descent(before, over, self._parameters.descent)
             rate_mps = self._deck_mps(estimate)
@@ -390,8 +393,20 @@ class HorizonPilot:
         levelling = self._parameters.levelling
         above_m = self._height_m(estimate) - self._parameters.descent.contact_height_m
         near = above_m < levelling.touch_m and self._contact_m <= levelling.touch_offset_m
+        return near and self._leans(estimate)
+
+    def _leans(self, estimate: Estimated) -> bool:
+        """The wind takes so much lean to hold that contact must not come by itself."""
         held_mps2 = estimate.across.of(PUSH) if self._navigator.servo is None else self._navigator.trim_mps2
-        return near and math.hypot(*held_mps2.tolist()) > levelling.touch_mps2
+        return math.hypot(*held_mps2.tolist()) > self._parameters.levelling.touch_mps2
+
+    def _drop_height_m(self, estimate: Estimated) -> float:
+        """Over the neutral deck from which a drop leaves time to level out, where the wind takes much lean to hold."""
+        if not self._leans(estimate):
+            return 0.0
+        limits, response = self._parameters, self._response
+        drop_m = drop_to_level_m(limits.descent.drop_mps, response.climb_lag_s, response, limits.levelling)
+        return limits.descent.contact_height_m + drop_m
 
     # --- without an estimate -----------------------------------------------------------------------------------
 
