@@ -8,8 +8,13 @@ import pytest
 
 from responses import SPEED_LIKE
 from shipland.errors import ConfigError
-from shipland.guidance.horizon.descent import Descent, DescentParameters, Over, Phase, next_descent
-from shipland.guidance.horizon.levelling import LevellingParameters, speed_near_contact, tilt_near_contact
+from shipland.guidance.horizon.descent import Descent, DescentParameters, Over, Phase, contact_in_s, next_descent
+from shipland.guidance.horizon.levelling import (
+    LevellingParameters,
+    drop_to_level_m,
+    speed_near_contact,
+    tilt_near_contact,
+)
 from shipland.guidance.response import ANAFI_LIKE
 
 LEVELLING = LevellingParameters(lean_deg=10.0, lags=1.5, touch_deg=16.0, touch_m=0.08, touch_offset_m=0.2)
@@ -64,6 +69,29 @@ def test_a_contact_that_would_come_askew_ends_the_descent(phase: Phase, descent_
     over = Over(2.0, 0.03, 0.15, 0.1, 0.15, lull=True, touching=True)
     assert next_descent(before, over, descent_parameters).phase is Phase.DROP
     assert next_descent(before, replace(over, touching=False), descent_parameters).phase is not Phase.DROP
+
+
+def test_a_drop_from_there_lasts_as_long_as_the_levelling(descent_parameters: DescentParameters) -> None:
+    lag_s = SPEED_LIKE.climb_lag_s
+    drop_m = drop_to_level_m(descent_parameters.drop_mps, lag_s, SPEED_LIKE, LEVELLING)
+    height_m = descent_parameters.contact_height_m + drop_m
+    lasts_s = contact_in_s(height_m, 0.0, lag_s, descent_parameters)
+    assert lasts_s == pytest.approx(LEVELLING.before_contact_s(SPEED_LIKE), abs=1e-3)
+
+
+def test_it_is_waited_where_the_drop_leaves_time_to_level(descent_parameters: DescentParameters) -> None:
+    def waits_at_m(drop_height_m: float) -> float:
+        descent, height_m = None, 1.0
+        for cycle in range(150):
+            now_s = cycle / 30.0
+            over = Over(now_s, 1.0 / 30.0, height_m, 0.1, 0.15, lull=True, drop_height_m=drop_height_m)
+            descent = next_descent(descent, over, descent_parameters)
+            height_m = descent.height_m
+        assert descent is not None and descent.phase is Phase.WAIT
+        return height_m
+
+    assert waits_at_m(0.29) == pytest.approx(0.29)
+    assert waits_at_m(0.1) == waits_at_m(0.0) == pytest.approx(descent_parameters.wait_height_m)
 
 
 @pytest.fixture
