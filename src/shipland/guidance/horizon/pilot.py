@@ -19,6 +19,7 @@ from shipland.guidance.horizon.goals import Goals
 from shipland.guidance.horizon.levelling import drop_to_level_m, speed_near_contact, tilt_near_contact
 from shipland.guidance.horizon.navigator import Navigator
 from shipland.guidance.horizon.reference import Reference, at_rest, led_anew, moved
+from shipland.guidance.horizon.restless import Restless
 from shipland.guidance.horizon.steering import LONGEST_CONTACT_S, Steered, Steering
 from shipland.guidance.laws import clamp
 from shipland.guidance.modes import INTENTS, ModeMemory, Situation, next_mode
@@ -57,6 +58,7 @@ class HorizonPilot:
         self._response = setup.response
         self._navigator = Navigator(guidance.horizon, setup.response, rig, camera, setup.camera_in_body_m)
         self._view = View.of(camera)
+        self._restless = Restless()
         self._goals = Goals(guidance.horizon, guidance.approach, rig, self._view)
         self._camera_in_body_m = np.asarray(setup.camera_in_body_m, dtype=float)
         self._deck_in_bar_m = rig.deck_in_bar_m
@@ -200,7 +202,9 @@ class HorizonPilot:
         reference = moved(self._reference or at_rest(place_m, speed_mps), step_s, goal_m, goal_mps, pace)
         # Far from its reference the aircraft is led anew from where it is: the gains are for small errors.
         self._reference = led_anew(reference, place_m, speed_mps, pace)
-        gains = self._gains(gentle=math.hypot(*self._offset(estimate).tolist()) > self._margins.gentle_m)
+        self._restless.take(self._navigator.input_before() / self._response.full_input, step_s)
+        far = math.hypot(*self._offset(estimate).tolist()) > self._margins.gentle_m
+        gains = self._gains(gentle=far or (self._restless.swinging and mode is not Mode.LAND))
         heave_mps = self._heave_mps(mode, estimate, gains, step_s)
         wanted = self._wanted_input(estimate, gains)
         if self._steering is not None and mode in (Mode.APPROACH, Mode.LAND) and estimate.bar_known:

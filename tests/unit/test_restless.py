@@ -1,0 +1,42 @@
+"""Sticks from stop to stop are told from those that answer gusts."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from shipland.guidance.horizon.restless import Restless
+
+
+def after(seconds: float, share_of: Callable[[float], tuple[float, float]]) -> Restless:
+    restless = Restless()
+    for cycle in range(round(30.0 * seconds)):
+        restless.take(np.array(share_of(cycle / 30.0)), 1.0 / 30.0)
+    return restless
+
+
+@pytest.mark.parametrize("period_s", [0.6, 1.0, 2.0])
+def test_a_swing_from_stop_to_stop_is_known_within_two_seconds(period_s: float) -> None:
+    def stops(t_s: float) -> tuple[float, float]:
+        return math.copysign(1.0, math.sin(2.0 * math.pi * t_s / period_s)), 0.0
+
+    assert after(2.0, stops).swinging
+
+
+def test_a_lean_against_the_wind_and_gusts_are_none() -> None:
+    rng = np.random.default_rng(1)
+
+    def gusty(_: float) -> tuple[float, float]:
+        forward, right = 0.2 * rng.standard_normal(2)
+        return 0.6 + float(forward), float(right)
+
+    assert not after(20.0, gusty).swinging
+
+
+def test_it_ends_when_the_sticks_rest() -> None:
+    def ends(t_s: float) -> tuple[float, float]:
+        return (math.copysign(1.0, math.sin(2.0 * math.pi * t_s)), 0.0) if t_s < 5.0 else (0.0, 0.0)
+
+    assert after(5.0, ends).swinging
+    assert not after(8.0, ends).swinging
