@@ -8,13 +8,16 @@ import pytest
 
 from responses import SPEED_LIKE
 from shipland.errors import ConfigError
-from shipland.guidance.horizon.descent import Descent, DescentParameters, Over, Phase, contact_in_s, next_descent
-from shipland.guidance.horizon.levelling import (
-    LevellingParameters,
-    drop_to_level_m,
-    speed_near_contact,
-    tilt_near_contact,
+from shipland.guidance.horizon.descent import (
+    Descent,
+    DescentParameters,
+    Over,
+    Phase,
+    contact_in_s,
+    dropped,
+    next_descent,
 )
+from shipland.guidance.horizon.levelling import LevellingParameters, speed_near_contact, tilt_near_contact
 from shipland.guidance.response import ANAFI_LIKE
 
 LEVELLING = LevellingParameters(lean_deg=10.0, lags=1.5, touch_deg=16.0, touch_m=0.08, touch_offset_m=0.2)
@@ -73,7 +76,7 @@ def test_a_contact_that_would_come_askew_ends_the_descent(phase: Phase, descent_
 
 def test_a_drop_from_there_lasts_as_long_as_the_levelling(descent_parameters: DescentParameters) -> None:
     lag_s = SPEED_LIKE.climb_lag_s
-    drop_m = drop_to_level_m(descent_parameters.drop_mps, lag_s, SPEED_LIKE, LEVELLING)
+    drop_m, _ = dropped(LEVELLING.before_contact_s(SPEED_LIKE), 0.0, lag_s, descent_parameters)
     height_m = descent_parameters.contact_height_m + drop_m
     lasts_s = contact_in_s(height_m, 0.0, lag_s, descent_parameters)
     assert lasts_s == pytest.approx(LEVELLING.before_contact_s(SPEED_LIKE), abs=1e-3)

@@ -40,3 +40,10 @@ def test_it_ends_when_the_sticks_rest() -> None:
 
     assert after(5.0, ends).swinging
     assert not after(8.0, ends).swinging
+
+
+def test_a_clock_that_leaps_back_raises_nothing() -> None:
+    restless = Restless()
+    restless.take(np.array([1.0, 0.0]), 0.03)
+    restless.take(np.array([-1.0, 0.0]), -1e9)
+    assert not restless.swinging

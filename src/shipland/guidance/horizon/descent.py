@@ -126,14 +126,18 @@ def contact_in_s(height_m: float, sink_mps: float, lag_s: float, parameters: Des
         parameters: of the descent.
     """
     left_m, drop_mps = max(height_m - parameters.contact_height_m, 0.0), parameters.drop_mps
-    slower_mps = max(drop_mps - sink_mps, 0.0)
-    time_s = left_m / drop_mps + lag_s * slower_mps / drop_mps
+    time_s = left_m / drop_mps + lag_s * max(drop_mps - sink_mps, 0.0) / drop_mps
     for _ in range(NEWTON_STEPS):  # the height lost is convex in time, and this begins beyond the solution
-        kept = math.exp(-time_s / lag_s)
-        fallen_m = drop_mps * time_s - slower_mps * lag_s * (1.0 - kept)
-        speed_mps = max(drop_mps - slower_mps * kept, SLOWEST_FALL_MPS)
-        time_s = max(time_s - (fallen_m - left_m) / speed_mps, 0.0)
+        fallen_m, speed_mps = dropped(time_s, sink_mps, lag_s, parameters)
+        time_s = max(time_s - (fallen_m - left_m) / max(speed_mps, SLOWEST_FALL_MPS), 0.0)
     return time_s
+
+
+def dropped(time_s: float, sink_mps: float, lag_s: float, parameters: DescentParameters) -> tuple[float, float]:
+    """Height lost by a drop after a time, and its speed then [m, m/s]; arguments as of `contact_in_s`."""
+    drop_mps = parameters.drop_mps
+    slower_mps, kept = max(drop_mps - sink_mps, 0.0), math.exp(-time_s / lag_s)
+    return drop_mps * time_s - slower_mps * lag_s * (1.0 - kept), drop_mps - slower_mps * kept
 
 
 def poised_at_m(height_m: float, passed_s: float, parameters: DescentParameters) -> float:

@@ -56,19 +56,6 @@ class LevellingParameters:
         return self.lags * (response.lag_s + response.smoothing_s)
 
 
-def drop_to_level_m(drop_mps: float, climb_lag_s: float, response: Response, parameters: LevellingParameters) -> float:
-    """Height over contact from which a drop that begins at rest lasts long enough to level out [m].
-
-    Args:
-        drop_mps: its speed in the end.
-        climb_lag_s: time constant with which it comes about.
-        response: of the vehicle.
-        parameters: of the levelling.
-    """
-    time_s = parameters.before_contact_s(response)
-    return drop_mps * (time_s - climb_lag_s * (1.0 - math.exp(-time_s / climb_lag_s)))
-
-
 def tilt_near_contact(wanted: Array, left_s: float, response: Response, parameters: LevellingParameters) -> Array:
     """(2,) the input of sticks that mean a tilt [m/s²].
 

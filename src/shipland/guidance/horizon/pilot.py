@@ -11,12 +11,12 @@ from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, STATES,
 from shipland.estimation.swing import SWING_STATES
 from shipland.frames import Array, turned, wrap_angle
 from shipland.guidance.horizon.blind import blind_climb_out
-from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent, poised_at_m
+from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, dropped, next_descent, poised_at_m
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.gains import INPUT, INPUT_RATE_SHARE, TRACKED, TRACKED_RATE, Gains, gains_of
 from shipland.guidance.horizon.glance import DOWN_RAD, Glance, next_glance
 from shipland.guidance.horizon.goals import Goals
-from shipland.guidance.horizon.levelling import drop_to_level_m, speed_near_contact, tilt_near_contact
+from shipland.guidance.horizon.levelling import speed_near_contact, tilt_near_contact
 from shipland.guidance.horizon.navigator import Navigator
 from shipland.guidance.horizon.reference import Reference, at_rest, led_anew, moved
 from shipland.guidance.horizon.restless import Restless
@@ -59,6 +59,11 @@ class HorizonPilot:
         self._navigator = Navigator(guidance.horizon, setup.response, rig, camera, setup.camera_in_body_m)
         self._view = View.of(camera)
         self._restless = Restless()
+        limits, response = guidance.horizon, setup.response
+        to_level_s = limits.levelling.before_contact_s(response)
+        self._drop_height_m = (
+            limits.descent.contact_height_m + dropped(to_level_s, 0.0, response.climb_lag_s, limits.descent)[0]
+        )
         self._goals = Goals(guidance.horizon, guidance.approach, rig, self._view)
         self._camera_in_body_m = np.asarray(setup.camera_in_body_m, dtype=float)
         self._deck_in_bar_m = rig.deck_in_bar_m
@@ -327,11 +332,11 @@ class HorizonPilot:
         if mode is Mode.LAND:
             offset_m = math.hypot(*self._offset(estimate).tolist())
             self._contact_m = self._offset_at_contact_m(estimate, gains)
-            lull, touching = self._lull(estimate), self._touching(estimate)
+            lull, leans = self._lull(estimate), self._leans(estimate)
             from_deck_m = self._from_deck_m(estimate, gains) if self._parameters.moment == "deck" else None
             over = Over(
-                estimate.t_s, step_s, height_m, offset_m, self._contact_m, lull, touching, from_deck_m,
-                self._drop_height_m(estimate),
+                estimate.t_s, step_s, height_m, offset_m, self._contact_m, lull,
+                leans and self._touching(height_m), from_deck_m, self._drop_height_m if leans else 0.0,
             )  # fmt: skip
             before = self._descent
             self._descent = descent = next_descent(before, over, self._parameters.descent)
@@ -393,24 +398,16 @@ class HorizonPilot:
         lean = self._navigator.trim_mps2 + estimate.across.of(THRUST) - rate_mps2
         return speed_near_contact(wanted, lean, speed_mps, response, levelling)
 
-    def _touching(self, estimate: Estimated) -> bool:
+    def _touching(self, height_m: float) -> bool:
+        """A contact is near, and foreseen close to the landing point."""
         levelling = self._parameters.levelling
-        above_m = self._height_m(estimate) - self._parameters.descent.contact_height_m
-        near = above_m < levelling.touch_m and self._contact_m <= levelling.touch_offset_m
-        return near and self._leans(estimate)
+        above_m = height_m - self._parameters.descent.contact_height_m
+        return above_m < levelling.touch_m and self._contact_m <= levelling.touch_offset_m
 
     def _leans(self, estimate: Estimated) -> bool:
         """The wind takes so much lean to hold that contact must not come by itself."""
         held_mps2 = estimate.across.of(PUSH) if self._navigator.servo is None else self._navigator.trim_mps2
         return math.hypot(*held_mps2.tolist()) > self._parameters.levelling.touch_mps2
-
-    def _drop_height_m(self, estimate: Estimated) -> float:
-        """Over the neutral deck from which a drop leaves time to level out, where the wind takes much lean to hold."""
-        if not self._leans(estimate):
-            return 0.0
-        limits, response = self._parameters, self._response
-        drop_m = drop_to_level_m(limits.descent.drop_mps, response.climb_lag_s, response, limits.levelling)
-        return limits.descent.contact_height_m + drop_m
 
     # --- without an estimate -----------------------------------------------------------------------------------
 

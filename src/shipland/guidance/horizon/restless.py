@@ -29,7 +29,7 @@ class Restless:
 
     def take(self, share: Array, step_s: float) -> None:
         """The input (2,), as a share of the full one, has been so for a while."""
-        kept = math.exp(-step_s / _MEMORY_S)
+        kept = math.exp(-max(step_s, 0.0) / _MEMORY_S)  # a clock may leap back
         off = share - self._mean
         self._mean = self._mean + (1.0 - kept) * off
         self._variance = kept * self._variance + (1.0 - kept) * float(off @ off)
