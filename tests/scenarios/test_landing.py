@@ -28,6 +28,15 @@ def test_near_landing_is_inside_the_square(pilot, kind):
     assert [mode for mode in Mode if mode in modes] == [Mode.LAND, Mode.APPROACH, Mode.SEARCH, Mode.DONE]
 
 
+@pytest.mark.parametrize("seed", [8, 11])
+def test_pictures_alone_are_enough_in_strong_wind(seed):
+    """No velocity, attitude, height or compass: 9 m/s of wind swing the nose, and only the bar tells where it points."""
+    overlay = {"aircraft": {"loop": {"kind": "attitude"}}, "wind": {"mean_mps": 9.0}}
+    overlay["delays"] = {"telemetry": {"profile": "none"}}
+    flown = fly_quietly(load_scenario("rig-natops", **overlay), "horizon", "geometric", seed)
+    assert flown.succeeded, flown.reason
+
+
 @pytest.mark.parametrize("seed", [4, 26])
 def test_a_deck_that_is_watched_is_landed_on_where_it_would_have_swayed_away(seed):
     """Seed 4 misses by the deck's sway and 26 comes down too hard when they land at any instant."""

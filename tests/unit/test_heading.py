@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from shipland.estimation.heading import Compass, HeadingNoise, first_headings, headings_at, with_compass, with_pose
+from shipland.guidance.horizon.heading_filters import HeadingFilters
+from shipland.messages import BarPose
+from shipland.missions.scenarios import load_scenario
 
 NOISE = HeadingNoise(0.03, 0.01, 0.05, 0.03, 0.01)
 
@@ -74,3 +77,47 @@ def test_a_reading_is_news_once():
     assert compass.since(0.9, 1.1) == (1.0, 0.1)
     assert compass.since(1.0, 1.19) is None
     assert compass.since(0.9, 1.3) == (1.2, 0.2)  # the newer of two
+
+
+@pytest.mark.parametrize("compass_ends_s", [0.0, 10.0])
+def test_a_nose_that_swings_in_the_wind_does_not_turn_the_bar_without_a_compass(compass_ends_s):
+    filters, rng = _filters(), np.random.default_rng(7)
+    bar_deg = []
+    for k in range(900):
+        t_s = k / 30.0
+        nose_rad = math.radians(5.0) * math.sin(2.0 * math.pi * t_s)
+        if t_s < compass_ends_s and k % 6 == 0:
+            filters.compass(t_s, nose_rad + 0.02 * rng.standard_normal())
+        headings = filters.take(t_s, _pose(nose_rad - 0.1 + 0.005 * rng.standard_normal()))
+        if t_s > compass_ends_s + 5.0:
+            bar_deg.append(math.degrees(headings.bar_rad))
+    half_swing = np.array(bar_deg[15:]) - np.array(bar_deg[:-15])  # a slow drift turns axes, bar and place alike
+    assert np.max(np.abs(half_swing)) < 0.2
+
+
+def test_a_ship_that_turns_is_followed_without_a_compass():
+    filters = _filters()
+    for k in range(900):
+        bar_rad = 0.15 * k / 30.0  # the nose keeps its heading, whatever the axes
+        headings = filters.take(k / 30.0, _pose(-bar_rad))
+    assert headings.turn_rad_s == pytest.approx(0.15, abs=0.02)
+    assert headings.nose_rad - headings.bar_rad == pytest.approx(-bar_rad, abs=0.02)
+
+
+def test_a_compass_that_comes_back_with_another_error_does_not_turn_the_nose_against_the_bar():
+    filters = _filters()
+    for k in range(1500):
+        t_s = k / 30.0
+        if k % 6 == 0 and not 10.0 < t_s < 30.0:
+            filters.compass(t_s, 0.2 if t_s < 20.0 else 0.35)
+        headings = filters.take(t_s, _pose(0.1))
+    assert headings.nose_rad - headings.bar_rad == pytest.approx(0.1, abs=0.02)
+
+
+def _filters():
+    horizon = load_scenario("near").guidance.horizon
+    return HeadingFilters(horizon.heading, horizon.heading_turning, horizon.turn_from_rad_s)
+
+
+def _pose(yaw_rad):
+    return BarPose(np.array([-8.0, 0.0, 0.0]), yaw_rad, np.diag([1e-4, 1e-4, 1e-4, 2.5e-5]), 0.1, np.zeros((4, 2)))

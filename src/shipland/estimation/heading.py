@@ -105,6 +105,18 @@ def shifted(before: Headings, by_rad: float) -> Headings:
     return replace(before, mean=before.mean + np.array([by_rad, by_rad, 0.0]))
 
 
+def anchored(after: Headings, bar_rad: float) -> Headings:
+    """With the axes of the flight turned so that the bar's heading is `bar_rad`, and known.
+
+    Without a compass nothing tells where those axes point, only what the headings differ by. Left to the filter, a
+    nose that swings is taken for a turn that has gone on unseen, and axes, bar and place swing with it.
+    """
+    (nose, both, nose_turn), (_, bar, bar_turn), (_, _, turn) = after.covariance.tolist()
+    off, off_turn = nose - 2.0 * both + bar, nose_turn - bar_turn
+    covariance = np.array([[off, 0.0, off_turn], [0.0, 0.0, 0.0], [off_turn, 0.0, turn]])
+    return replace(shifted(after, bar_rad - after.bar_rad), covariance=covariance)
+
+
 def with_compass(before: Headings, heading_rad: float, noise: HeadingNoise) -> Headings:
     """A compass reading of its time; not finite is refused."""
     return _with(before, 0.0, heading_rad - before.nose_rad, noise.compass_rad**2, before.posed_s)
@@ -154,6 +166,10 @@ class Compass:
         if math.isfinite(t_s) and math.isfinite(heading_rad) and not (self._times and t_s <= self._times[-1]):
             self._times.append(t_s)
             self._headings_rad.append(heading_rad)
+
+    def silent(self, t_s: float) -> bool:
+        """No reading for a while before `t_s`, or none at all."""
+        return not self._times or t_s - self._times[-1] > _SILENT_S
 
     def since(self, before_s: float, t_s: float) -> tuple[float, float] | None:
         """The newest reading after `before_s` and not after `t_s`: its time and heading; None without one."""
@@ -206,6 +222,8 @@ class Compass:
 _READINGS_KEPT = 64
 _POSED_S, _LEAP_RAD, _LEAPS_S = 0.5, math.radians(10.0), 1.0
 """With a pose as young as this a compass that is off by more has leapt, and after so long has a new error."""
+_SILENT_S = 5.0
+"""A compass that says nothing for so long is none."""
 _UNSEEN_S = 2.0
 """A turn goes on for so long without a pose …"""
 _TURN_ENDS_S = 5.0

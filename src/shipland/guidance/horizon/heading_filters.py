@@ -9,6 +9,7 @@ from shipland.estimation.heading import (
     Compass,
     HeadingNoise,
     Headings,
+    anchored,
     first_headings,
     headings_at,
     shifted,
@@ -94,5 +95,7 @@ class HeadingFilters:
             read_s, heading_rad = reading
             headings = with_compass(headings, heading_rad + self._turned_rad(read_s, t_s), noise)
         if pose is not None:
-            headings = with_pose(headings, pose.yaw_rad, float(pose.covariance[3, 3]), noise)
+            after = with_pose(headings, pose.yaw_rad, float(pose.covariance[3, 3]), noise)
+            alone = headings.bar_known and self._compass.silent(t_s)
+            headings = anchored(after, headings.bar_rad) if alone else after
         return headings
