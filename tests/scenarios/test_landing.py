@@ -30,7 +30,7 @@ def test_near_landing_is_inside_the_square(pilot, kind):
 
 @pytest.mark.parametrize("seed", [8, 11])
 def test_pictures_alone_are_enough_in_strong_wind(seed):
-    """No velocity, attitude, height or compass: 9 m/s of wind swing the nose, and only the bar tells where it points."""
+    """No velocity, attitude, height or compass: 9 m/s of wind swing the nose; only the bar tells where it points."""
     overlay = {"aircraft": {"loop": {"kind": "attitude"}}, "wind": {"mean_mps": 9.0}}
     overlay["delays"] = {"telemetry": {"profile": "none"}}
     flown = fly_quietly(load_scenario("rig-natops", **overlay), "horizon", "geometric", seed)
