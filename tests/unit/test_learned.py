@@ -106,7 +106,7 @@ def test_wrong_policies_are_refused_in_one_line(policy, tmp_path):
     detector = str(policy_path("residual").parents[1] / "bar.onnx")
     path = policy()
     for name, kind, words in (
-        ("nobody", "residual", "packaged: direct, residual"),
+        ("nobody", "residual", "packaged: direct, residual, td3"),
         (str(broken), "residual", "no ONNX file"),
         (detector, "residual", "shipland learn"),
         (path, "direct", "'residual', not 'direct'"),
@@ -116,7 +116,7 @@ def test_wrong_policies_are_refused_in_one_line(policy, tmp_path):
         assert "\n" not in str(found.value)
 
 
-@pytest.mark.parametrize(("name", "kind"), [("residual", "residual"), ("direct", "direct")])
+@pytest.mark.parametrize(("name", "kind"), [("residual", "residual"), ("direct", "direct"), ("td3", "residual")])
 def test_the_packaged_policies_are_small_and_fly(name, kind):
     path = policy_path(name)
     assert path.stat().st_size < 200_000
