@@ -38,6 +38,8 @@ class SwingParameters:
         damping: of every resonator.
         memory_s: over which innovations count.
         lead: log-likelihood by which a hypothesis must lead to be taken.
+        quick: log-likelihood by which the quickest swings may be behind one that leads, and are taken instead: a small
+            quick heave is hardly told from none, but goes with a sway that a delayed loop amplifies.
         drift_mps, drift_time_s: of the height, other than by the sticks.
         jitter_m: least standard deviation of a picture's height.
     """
@@ -54,6 +56,7 @@ class SwingParameters:
     damping: float
     memory_s: float
     lead: float
+    quick: float
     drift_mps: float
     drift_time_s: float
     jitter_m: float
@@ -68,6 +71,7 @@ class SwingParameters:
         )
         for share in (self.followed, self.followed_servo):
             require(0.0 <= share <= 1.0, f"followed and followed_servo must be shares, got {share}")
+        require(self.quick >= 0.0, f"quick must not be negative, got {self.quick}")
         require(self.followed_within_m > 0.0, f"followed_within_m must be positive, got {self.followed_within_m}")
 
     def followed_at(self, distance_m: float) -> float:
@@ -121,6 +125,9 @@ class SwingBank:
     def __init__(self, parameters: SwingParameters) -> None:
         self._parameters = parameters
         self.hypotheses = parameters.hypotheses
+        quickest_rad_s = max(parameters.frequencies_rad_s)
+        quick = [it.frequency_rad_s == quickest_rad_s for it in self.hypotheses[1:]]
+        self._ahead = parameters.quick * np.array([False, *quick])
 
     def start(self, t_s: float, down_m: float) -> SwingBelief:
         """From a first height."""
@@ -152,9 +159,9 @@ class SwingBank:
         mean, covariance, score = bank_seen(
             before.mean, before.covariance, faded, transition, noise, moved_m, down_m, variance
         )
-        best = int(np.argmax(score))
-        leads = score[best] - score[before.chosen] > self._parameters.lead
-        return SwingBelief(t_s, mean, covariance, score, best if leads else before.chosen)
+        left = float(np.max(score)) - score[before.chosen] > self._parameters.lead
+        chosen = int(np.argmax(score + self._ahead)) if left else before.chosen
+        return SwingBelief(t_s, mean, covariance, score, chosen)
 
     def told(self, before: SwingBelief, drift_mps: float, deviation_mps: float) -> SwingBelief:
         """The aircraft's own vertical speed less what the sticks ask for, both downward; not finite is refused."""
