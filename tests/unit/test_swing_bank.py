@@ -1,6 +1,7 @@
 """The bank of swings: a still bar stays still, a heaving one is found with its frequency."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,3 +44,14 @@ def test_what_is_not_finite_changes_nothing():
     assert BANK.seen(belief, 0.1, 0.0, math.nan, 1e-4) is belief
     assert BANK.seen(belief, 0.1, math.inf, -1.5, 1e-4) is belief
     assert BANK.told(belief, math.nan, 0.05) is belief
+
+
+@pytest.mark.parametrize(("behind", "quick"), [(0.8, True), (1.2, False)])
+def test_a_quick_swing_a_little_behind_is_taken_before_a_bar_at_rest(behind, quick):
+    belief = BANK.start(0.0, -1.5)
+    rates = [it.frequency_rad_s for it in BANK.hypotheses[1:]]
+    small_and_quick = 1 + rates.index(max(rates))
+    score = np.full(len(BANK.hypotheses), -50.0)
+    score[[0, small_and_quick, PARAMETERS.first]] = 0.0, -behind, -10.0
+    taken = BANK.seen(replace(belief, score=score), 1e-3, 0.0, -1.5, 1e-4)
+    assert taken.chosen == (small_and_quick if quick else 0)
