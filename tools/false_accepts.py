@@ -33,9 +33,9 @@ from rich.progress import track
 from spoiling import SPOILERS, noise, vary
 
 from shipland.config import build
-from shipland.guidance.cue_height import CueHeight, CueHeightParameters
 from shipland.messages import Frame, Observation, Telemetry
 from shipland.rig import Target, packaged_table
+from shipland.safety.cue_height import CueHeight, CueHeightParameters
 from shipland.sim.scene.scene import Scene
 
 PICTURES_A_SCENE = 40

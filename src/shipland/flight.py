@@ -8,10 +8,10 @@ from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 
-from shipland.guidance.border import Border, without_repeated
 from shipland.guidance.pilot import Pilot
-from shipland.guidance.safety import Safety
 from shipland.messages import Decision, FlightRecord, Frame, GroundTruth, Observation, PilotCommand, Telemetry
+from shipland.safety.assurance import Safety
+from shipland.safety.input_gate import InputGate, without_repeated
 from shipland.vehicles.checks import Ending
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.vehicle import Vehicle, Witness
@@ -112,37 +112,37 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
     witness = vehicle if isinstance(vehicle, Witness) else None
     sent: PilotCommand | None = None
     before: Observation | None = None
-    border = Border()
+    gate = InputGate()
     vehicle.open()
     try:
         started_s = clock()
         while (pair := vehicle.read()) is not None:
-            border = border.at_receipt(pair[0], pair[1].t_s)
-            if border.now_s is None:
+            gate = gate.at_receipt(pair[0], pair[1].t_s)
+            if gate.now_s is None:
                 continue  # no time yet to fly by
-            now_s = border.now_s
-            border, frame, refused = border.frame(pair[0])
+            now_s = gate.now_s
+            gate, frame, refused = gate.frame(pair[0])
             read_s = clock()
             if refused:
                 observation = Observation(frame.t_s, frame.gimbal, reason=refused)
             else:
                 frame = replace(frame, height_m=pair[1].height_m)
                 seen = see_or_degrade(crew.vision, frame)
-                observation = border.observation(without_repeated(seen, before), frame, vehicle.camera)
+                observation = gate.observation(without_repeated(seen, before), frame, vehicle.camera)
                 before = seen
             seen_s = clock()
             ready_s = now_s + crew.delays.processing_s(observation, seen_s - read_s)
-            telemetry = vehicle.telemetry_at(border.vehicle_s(ready_s))
-            border = border.at_decision(telemetry.t_s, ready_s)
-            telemetry, refused = border.telemetry(telemetry)
+            telemetry = vehicle.telemetry_at(gate.vehicle_s(ready_s))
+            gate = gate.at_decision(telemetry.t_s, ready_s)
+            telemetry, refused = gate.telemetry(telemetry)
             observation = crew.safety.admitted(observation, telemetry)
             decision = decide_or_degrade(crew, observation, telemetry, sent)
             decision = crew.safety.check(decision, observation, telemetry)
             if refused:
                 decision = replace(decision, reason=f"{decision.reason}; {refused}")
             sent = decision.command
-            vehicle.send(replace(sent, t_s=border.vehicle_s(sent.t_s)))
-            truth = witness.truth_at(border.vehicle_s(frame.t_s)) if witness is not None else None
+            vehicle.send(replace(sent, t_s=gate.vehicle_s(sent.t_s)))
+            truth = witness.truth_at(gate.vehicle_s(frame.t_s)) if witness is not None else None
             decided_s = clock()
             cost_s = {Stage.READ: read_s - started_s, Stage.SEE: seen_s - read_s, Stage.DECIDE: decided_s - seen_s}
             yield Cycle(frame, telemetry, observation, decision, truth, cost_s)

@@ -45,6 +45,7 @@ class Frame:
         gimbal: attitude of the camera at exposure, in `level`.
         height_m: about how high the vehicle said it was over the water or its take-off point; None where it did not.
         stamp_s: the exposure by the vehicle's own clock, where that has leapt [s]; None: `t_s`.
+        gimbal_age_s: from the exposure to the nearest reading of the camera's attitude [s]; infinite without any.
     """
 
     t_s: float
@@ -52,6 +53,7 @@ class Frame:
     gimbal: GimbalAttitude
     height_m: float | None = None
     stamp_s: float | None = None
+    gimbal_age_s: float = 0.0
 
     def __post_init__(self) -> None:
         if self.image is not None:
@@ -74,6 +76,7 @@ class Telemetry:
         flying: motors run and the vehicle is not landed.
         attitude_t_s, heading_t_s, height_t_s, velocity_t_s: when these values were true, on the vehicle's clock [s];
             None means `t_s`.
+        alerts: what the vehicle itself says is wrong with it, in words; empty while it is well.
     """
 
     t_s: float
@@ -89,6 +92,7 @@ class Telemetry:
     heading_t_s: float | None = None
     height_t_s: float | None = None
     velocity_t_s: float | None = None
+    alerts: str = ""
 
     def __post_init__(self) -> None:
         if self.velocity_in_level_mps is not None:
@@ -188,11 +192,14 @@ class Observation:
 
 
 class Intent(enum.Enum):
-    """What the command is for; a vehicle may map LAND to its own landing."""
+    """What the command is for: a vehicle flies the sticks of each but HOLD, and may map LAND to its own landing."""
 
     FLY = "fly"
     LAND = "land"
     HOLD = "hold"
+    """Keep the place; the sticks count for nothing."""
+    SEARCH = "search"
+    """Turn and climb without any sight of the ship."""
     CLIMB_OUT = "climb_out"
 
 
@@ -221,6 +228,8 @@ class PilotCommand:
         yaw_percent: clockwise (nose right) positive.
         gimbal_pitch_rad: camera pitch asked for, against the horizon, upward positive.
         intent: what it is for.
+        at_contact_height: a fresh sight of the bar or the deck shows the aircraft low enough to touch. The safety sets
+            it; without it no vehicle presses on the deck or stops its motors by itself.
     """
 
     t_s: float
@@ -230,6 +239,7 @@ class PilotCommand:
     yaw_percent: float
     gimbal_pitch_rad: float
     intent: Intent = Intent.FLY
+    at_contact_height: bool = False
 
     @staticmethod
     def hold(t_s: float, gimbal_pitch_rad: float) -> PilotCommand:

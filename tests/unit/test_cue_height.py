@@ -8,9 +8,9 @@ import pytest
 
 from shipland.config import build
 from shipland.frames import Array
-from shipland.guidance.cue_height import CueHeight, CueHeightParameters
 from shipland.messages import BarPose, GimbalAttitude, Observation, Telemetry
 from shipland.rig import Quad, Target, default_rig, packaged_table
+from shipland.safety.cue_height import CueHeight, CueHeightParameters
 
 PARAMETERS = build(CueHeightParameters, packaged_table("safety")["cue_height"])
 RIG = default_rig()

@@ -9,7 +9,6 @@ import pytest
 from shipland.camera import Camera
 from shipland.config import build
 from shipland.flight import Crew, Stage, cycles, fly
-from shipland.guidance.safety import Safety, SafetyParameters
 from shipland.messages import (
     BarPose,
     Decision,
@@ -22,6 +21,7 @@ from shipland.messages import (
     Telemetry,
 )
 from shipland.rig import default_rig, packaged_table
+from shipland.safety.assurance import Safety, SafetyParameters
 from shipland.vehicles.delays import DelayParameters
 
 LEVEL = GimbalAttitude(0.0, 0.0)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from shipland.camera import Camera
 from shipland.config import build
-from shipland.guidance.safety import Safety, SafetyParameters
 from shipland.messages import (
     BarPose,
     Box,
@@ -24,6 +23,7 @@ from shipland.messages import (
     Telemetry,
 )
 from shipland.rig import default_rig, packaged_table
+from shipland.safety.assurance import Safety, SafetyParameters
 
 PARAMETERS = build(SafetyParameters, packaged_table("safety"))
 CAMERA = Camera.from_fov(1280, 720, 69.0)

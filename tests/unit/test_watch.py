@@ -12,14 +12,14 @@ from shipland.errors import ConfigError
 from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.relative_state import PLACE, SWING, Disturbances, Model, Motion
 from shipland.estimation.swing import Swing
-from shipland.guidance.border import Border
 from shipland.guidance.horizon.descent import DescentParameters, Over, Phase, next_descent
 from shipland.guidance.horizon.glance import Glance, next_glance
 from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
-from shipland.guidance.safety_estimate import SafetyEstimate, SafetyEstimator
 from shipland.messages import BarPose, DeckSight, Frame, GimbalAttitude, Mode, Observation, Telemetry
 from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.rig import default_rig, packaged_table
+from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
+from shipland.safety.input_gate import InputGate
 
 DESCENT = build(DescentParameters, packaged_table("guidance")["horizon"]["descent"])
 STEP_S = 1.0 / 30.0
@@ -128,11 +128,11 @@ def test_the_safety_takes_a_sight_of_the_deck_for_a_place():
 )
 def test_the_border_refuses_what_is_no_sight(sight):
     camera, frame = Camera.from_fov(1280, 720, 69.0), Frame(1.0, None, DOWN)
-    admitted = Border().observation(Observation(1.0, DOWN, deck=sight), frame, camera)
+    admitted = InputGate().observation(Observation(1.0, DOWN, deck=sight), frame, camera)
     assert admitted.deck is None
     assert "sight of the deck refused" in admitted.reason
     good = Observation(1.0, DOWN, deck=SIGHT)
-    assert Border().observation(good, frame, camera) is good
+    assert InputGate().observation(good, frame, camera) is good
 
 
 def test_a_frigates_deck_is_not_watched():

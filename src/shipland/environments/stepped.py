@@ -10,7 +10,6 @@ from shipland import factories
 from shipland.camera import Camera
 from shipland.factories import Factory
 from shipland.flight import Cycle, cycles, decide_or_degrade
-from shipland.guidance.safety import Safety
 from shipland.messages import (
     Decision,
     Frame,
@@ -24,6 +23,7 @@ from shipland.missions.crew import build_crew, build_scene, build_vehicle
 from shipland.missions.faults import with_faults
 from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import needs_pictures
+from shipland.safety.assurance import Safety
 from shipland.vehicles.vehicle import Vehicle
 
 

@@ -182,7 +182,7 @@ INTENTS = {
     Mode.TRACK_BAR: Intent.FLY,
     Mode.TRACK_SHIP: Intent.FLY,
     Mode.NO_VISION: Intent.FLY,
-    Mode.SEARCH: Intent.HOLD,
+    Mode.SEARCH: Intent.SEARCH,
     Mode.CLIMB_OUT: Intent.CLIMB_OUT,
     Mode.DONE: Intent.HOLD,
 }

@@ -32,8 +32,8 @@ class Spoiler:
         return typing.cast(T, _spoil(value, share, self._rng))
 
 
-_BY_THE_LOOP = {"stamp_s"}
-"""Not the vehicle's word; skipped without a draw, so that a flight's spoiled values stay what they were."""
+_NOT_SPOILED = {"stamp_s", "gimbal_age_s", "alerts"}
+"""Skipped without a draw, so that a flight's spoiled values stay what they were."""
 
 
 def _spoil(value: Any, share: float, rng: np.random.Generator) -> Any:  # noqa: ANN401 - messages of any type
@@ -41,7 +41,7 @@ def _spoil(value: Any, share: float, rng: np.random.Generator) -> Any:  # noqa: 
     hints = typing.get_type_hints(type(value))
     changes: dict[str, Any] = {}
     for field in dataclasses.fields(value):
-        if field.name in _BY_THE_LOOP:
+        if field.name in _NOT_SPOILED:
             continue
         before = getattr(value, field.name)
         optional = type(None) in typing.get_args(hints[field.name])

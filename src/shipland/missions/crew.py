@@ -15,11 +15,11 @@ from shipland.flight import Crew
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.pilot import Pilot, PilotSetup
 from shipland.guidance.response import Response
-from shipland.guidance.safety import Safety
 from shipland.missions.follower import DeckFollower
 from shipland.missions.scenarios import Scenario
 from shipland.missions.seeds import generators_of
 from shipland.missions.visions import VisionSetup
+from shipland.safety.assurance import Safety
 from shipland.sim.air.wind import WindParameters, build_wind, drawn_wind
 from shipland.sim.scene.mesh import MOTOR_DIAGONAL_M
 from shipland.sim.scene.scene import Scene

@@ -16,13 +16,13 @@ from shipland.camera import Camera
 from shipland.config import merge, settings
 from shipland.errors import ConfigError, DataError
 from shipland.flight import Crew, cycles, decide_or_degrade
-from shipland.guidance.border import Border, without_repeated
 from shipland.messages import FlightRecord, Observation, PilotCommand
 from shipland.missions.crew import build_crew
 from shipland.missions.outside import replayed_log
 from shipland.missions.scenarios import Scenario, load_scenario
 from shipland.missions.visions import needs_pictures
 from shipland.record.reader import read_log
+from shipland.safety.input_gate import InputGate, without_repeated
 from shipland.vehicles.replay import ReplayVehicle, recorded_video
 from shipland.version import code_version
 from shipland.vision.vision import see_or_degrade
@@ -181,7 +181,7 @@ def _again(recording: Recording, crew: Crew) -> Iterator[FlightRecord]:
             frame = pair[0]
             row = rows[frame.t_s]
             seen = see_or_degrade(crew.vision, frame)
-            observation = Border().observation(without_repeated(seen, last), frame, vehicle.camera)
+            observation = InputGate().observation(without_repeated(seen, last), frame, vehicle.camera)
             last = seen
             decision = decide_or_degrade(crew, observation, row.telemetry, before[frame.t_s])
             decision = crew.safety.check(decision, observation, row.telemetry)

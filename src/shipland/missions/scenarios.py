@@ -13,12 +13,12 @@ from shipland.camera import CameraParameters
 from shipland.config import Table, build, merge, nested, packaged_names, packaged_toml, read_toml, require, settings
 from shipland.errors import ConfigError
 from shipland.guidance.parameters import GuidanceParameters
-from shipland.guidance.safety import SafetyParameters
 from shipland.missions.contradictions import contradictions
 from shipland.missions.fault_kinds import Fault, FaultDraw
 from shipland.missions.follower import FollowParameters
 from shipland.missions.geometric import GeometricParameters
 from shipland.rig import Rig
+from shipland.safety.assurance import SafetyParameters
 from shipland.sim.air.wind import WindParameters
 from shipland.sim.aircraft.parameters import AircraftParameters
 from shipland.sim.contact.touchdown import VerdictParameters

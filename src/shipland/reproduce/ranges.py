@@ -19,7 +19,6 @@ from shipland.flight import Crew, fly
 from shipland.frames import Array
 from shipland.guidance.far import FarKind, FarSight, FarTables, FarTarget, far_control
 from shipland.guidance.laws import FarVariant
-from shipland.guidance.safety import Safety
 from shipland.messages import (
     Box,
     Decision,
@@ -33,6 +32,7 @@ from shipland.messages import (
 from shipland.missions.crew import build_vehicle
 from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
 from shipland.rig import Rig
+from shipland.safety.assurance import Safety
 from shipland.vehicles.simulated import SimulatedVehicle
 
 BAR_RANGE_M = 100.0

@@ -1,7 +1,7 @@
-"""The border of the loop: what comes from vehicle and vision is finite, plausible and in order of time, or refused.
+"""The gate of the loop: what comes from vehicle and vision is finite, plausible and in order of time, or refused.
 
 Refusing never stops a flight: a value becomes None, a picture an observation without content, a time the last good
-one, and the reason says so. What is within range and wrong is for filters and gates behind this border. Behind it runs
+one, and the reason says so. What is within range and wrong is for filters and gates behind this gate. Behind it runs
 the flight's time: the vehicle's, less what its clock has leapt. It never goes back, and on by a minute at most.
 """
 
@@ -30,8 +30,8 @@ _STEEPEST_RAD = 0.6 * math.pi
 
 
 @dataclass(frozen=True)
-class Border:
-    """State of the border between cycles.
+class InputGate:
+    """State of the gate between cycles.
 
     Attributes:
         now_s: the last good time of the flight; None before the first.
@@ -51,7 +51,7 @@ class Border:
         """A time of the flight by the vehicle's clock."""
         return t_s + self.leapt_s
 
-    def at_receipt(self, frame: Frame | None, t_s: float) -> Border:
+    def at_receipt(self, frame: Frame | None, t_s: float) -> InputGate:
         """After the receipt of a frame, or of telemetry without one, at `t_s` by the vehicle's clock."""
         exposed_s = math.nan if frame is None else frame.t_s
         fits_frame = math.isfinite(t_s) and (not math.isfinite(exposed_s) or abs(t_s - exposed_s) <= 2.0 * _LEAP_S)
@@ -63,7 +63,7 @@ class Border:
             return self._leapt(self.now_s, t_s, self.suspect_s)
         return replace(self, suspect_s=t_s if math.isfinite(t_s) else self.suspect_s)
 
-    def _leapt(self, now_s: float, t_s: float, suspect_s: float) -> Border:
+    def _leapt(self, now_s: float, t_s: float, suspect_s: float) -> InputGate:
         """After the vehicle's clock went on from a time that was refused: silent, come back from a leap, or leapt.
 
         A leap takes no time of the flight.
@@ -72,13 +72,13 @@ class Border:
         leapt_s = max(known, default=suspect_s - now_s)
         return replace(self, now_s=t_s - leapt_s, leapt_s=leapt_s, suspect_s=None)
 
-    def at_decision(self, t_s: float, asked_s: float) -> Border:
+    def at_decision(self, t_s: float, asked_s: float) -> InputGate:
         """When the command is decided, at `t_s` by the vehicle's clock; `asked_s` [s] where that is no good time."""
         told_s = t_s - self.leapt_s
         good = math.isfinite(told_s) and self.now_s is not None and 0.0 <= told_s - self.now_s <= 2.0 * _LEAP_S
         return replace(self, now_s=told_s if good else asked_s)
 
-    def frame(self, frame: Frame | None) -> tuple[Border, Frame, str]:
+    def frame(self, frame: Frame | None) -> tuple[InputGate, Frame, str]:
         """The frame at the flight's time, and why it is not looked at; empty when it is.
 
         Of a refused one time and gimbal are the last's.

@@ -14,10 +14,10 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.config import require
 from shipland.frames import Array
-from shipland.guidance.cue_height import CueHeight, CueHeightParameters
-from shipland.guidance.safety_estimate import SafetyEstimate, SafetyEstimator
 from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
+from shipland.safety.cue_height import CueHeight, CueHeightParameters
+from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
 
 _LOOK_AHEAD_S = 0.5
 """A descent is stopped so much earlier: the stick's slew, the uplink and the vehicle's braking."""

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.guidance.border import Border, without_repeated
 from shipland.messages import BarPose, Box, Frame, GimbalAttitude, Observation, Telemetry
+from shipland.safety.input_gate import InputGate, without_repeated
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 LEVEL = GimbalAttitude(0.0, -0.1)
@@ -17,7 +17,7 @@ POSE = BarPose(np.array([-9.0, 0.5, -0.4]), 0.1, np.eye(4) * 1e-4, 0.1, np.full(
 BOX = Box((640.0, 300.0), (40.0, 30.0), 0.9)
 SEEN = Observation(9.8, LEVEL, POSE, BOX, BOX)
 TELEMETRY = Telemetry(10.0, 0.01, 0.02, 1.0, 5.0, np.array([1.0, 0.0, 0.0]), 90.0, 80.0, True)
-AT_10_S = Border(now_s=10.0, exposure_s=9.7, gimbal=LEVEL)
+AT_10_S = InputGate(now_s=10.0, exposure_s=9.7, gimbal=LEVEL)
 BAD = (math.nan, math.inf, -math.inf, 1e9, -1e9)
 
 
