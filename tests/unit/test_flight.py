@@ -9,6 +9,7 @@ import pytest
 from shipland.camera import Camera
 from shipland.config import build
 from shipland.flight import Crew, Stage, cycles, fly
+from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import (
     BarPose,
     Decision,
@@ -83,7 +84,9 @@ class Wild:
 
 def crew(**changes):
     delays = build(DelayParameters, packaged_table("delays"))
-    safety = Safety(build(SafetyParameters, packaged_table("safety")), default_rig(), Recorded.camera, np.zeros(3))
+    safety = Safety(
+        build(SafetyParameters, packaged_table("safety")), default_rig(), Recorded.camera, np.zeros(3), ANAFI_LIKE
+    )
     return replace(Crew(Eyes(), Wild(), safety, delays), **changes)
 
 

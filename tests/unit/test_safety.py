@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from shipland.camera import Camera
 from shipland.config import build
+from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import (
     BarPose,
     Box,
@@ -32,7 +33,7 @@ LEVEL = GimbalAttitude(0.0, 0.0)
 
 
 def made():
-    return Safety(PARAMETERS, RIG, CAMERA, np.zeros(3))
+    return Safety(PARAMETERS, RIG, CAMERA, np.zeros(3), ANAFI_LIKE)
 
 
 def pose(place=(-5.0, 0.0, -0.5), yaw_rad=0.0):

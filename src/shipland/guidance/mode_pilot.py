@@ -87,12 +87,7 @@ class ModePilot:
             sticks=HOLD,
         )
 
-    def decide(
-        self,
-        observation: Observation,
-        telemetry: Telemetry,
-        sent: PilotCommand | None,  # noqa: ARG002 - its laws do not depend on earlier sticks
-    ) -> Decision:
+    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
         """One cycle: estimate, choose the mode, fly its law; never raises."""
         state = self._state
         step_s = 0.0 if state.now_s is None else telemetry.t_s - state.now_s
@@ -103,7 +98,7 @@ class ModePilot:
         observation = without_large_boxes(observation, self._tables, self._guidance.approach.largest_box)
         state = replace(state, belief=self._with_picture(state.belief, observation, telemetry.t_s))
         situation = situation_of(
-            observation, telemetry, state.belief, state.modes, self._references, self._guidance.approach
+            observation, telemetry, state.belief, state.modes, self._references, self._guidance.approach, sent
         )
         state = replace(state, modes=next_mode(situation, state.modes, self._guidance.modes))
         state = replace(state, belief=self._led_to(state.belief, state.modes.mode))

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 from shipland.config import require
-from shipland.messages import Intent, Mode, Observation
+from shipland.messages import Intent, Mode, Observation, PilotCommand
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,7 @@ class Situation:
         clear: after a climb-out, height and distance allow another try.
         flying: the vehicle's own word.
         watching: the camera looks away from the bar on purpose.
+        overruled: the safety flies away from the ship instead of what the pilot commanded.
     """
 
     now_s: float
@@ -71,6 +72,7 @@ class Situation:
     clear: bool
     flying: bool
     watching: bool = False
+    overruled: bool = False
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,8 @@ def _wanted(situation: Situation, memory: ModeMemory, parameters: ModeParameters
         return Mode.DONE, "the vehicle reports landed"
     if mode is Mode.CLIMB_OUT and (not situation.clear or memory.tries > parameters.max_tries):
         return Mode.CLIMB_OUT, memory.reason
+    if mode is Mode.LAND and situation.overruled:
+        return Mode.CLIMB_OUT, "the safety has broken the landing off"
     if mode is Mode.LAND and situation.astray and not situation.committed:
         return Mode.CLIMB_OUT, situation.astray
     if mode is Mode.LAND:
@@ -174,6 +178,11 @@ def _wanted_source(situation: Situation, memory: ModeMemory, parameters: ModePar
     if memory.mode is Mode.CLIMB_OUT:
         return Mode.SEARCH, "clear of the ship; searching"
     return memory.mode, memory.reason
+
+
+def overruled(sent: PilotCommand | None, mode: Mode) -> bool:
+    """Whether the command that left the safety flies away from the ship although the pilot's mode does not."""
+    return sent is not None and sent.intent is Intent.CLIMB_OUT and mode is not Mode.CLIMB_OUT
 
 
 INTENTS = {

@@ -10,10 +10,10 @@ import numpy as np
 from shipland.frames import Array
 from shipland.guidance.estimate import NearEstimate
 from shipland.guidance.far import FarTables
-from shipland.guidance.modes import ModeMemory, Situation
+from shipland.guidance.modes import ModeMemory, Situation, overruled
 from shipland.guidance.parameters import ApproachParameters
 from shipland.guidance.references import References
-from shipland.messages import Box, Mode, Observation, Telemetry
+from shipland.messages import Box, Mode, Observation, PilotCommand, Telemetry
 
 
 @dataclass(frozen=True)
@@ -54,6 +54,7 @@ def situation_of(
     memory: ModeMemory,
     references: References,
     approach: ApproachParameters,
+    sent: PilotCommand | None,
 ) -> Situation:
     """The situation of one cycle."""
     place_m, climbing_s = belief.aircraft_in_bar_m, telemetry.t_s - memory.since_s
@@ -67,6 +68,7 @@ def situation_of(
         near_ship=place_m is not None and float(np.linalg.norm(place_m)) < approach.climb_out_radius_m,
         clear=climbing_s >= approach.climb_out_s and (clear or climbing_s >= 4.0 * approach.climb_out_s),
         flying=telemetry.flying,
+        overruled=overruled(sent, memory.mode),
     )
 
 

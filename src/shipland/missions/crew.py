@@ -100,7 +100,7 @@ def build_crew(
             raise ConfigError("follow.enabled needs the truth, which only a simulated world knows")
         flier = DeckFollower(flier, vehicle, math.radians(scenario.aircraft.settings.max_tilt_deg), scenario.follow)
     sees = factories.resolve("visions", vision)(VisionSetup(scenario, vehicle.camera, vehicle, rng.near, rng.far))
-    safety = Safety(scenario.safety, scenario.rig, vehicle.camera, np.array(scenario.camera.position_in_body_m))
+    safety = Safety(scenario.safety, scenario.rig, vehicle.camera, setup.camera_in_body_m, setup.response)
     delays = replace(scenario.delays, processing="measured") if isinstance(vehicle, Real) else scenario.delays
     return Crew(sees, flier, safety, delays)
 

@@ -29,7 +29,7 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
-from shipland.missions.crew import build_vehicle
+from shipland.missions.crew import build_vehicle, response_of
 from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
 from shipland.rig import Rig
 from shipland.safety.assurance import Safety
@@ -214,7 +214,8 @@ def fly_far(case: FarCase, overlay: dict[str, Any] | None = None) -> FarTrace:
     eyes = TrueBoxes(vehicle, scenario.rig, case.noise_px, np.random.default_rng([case.seed, 1]))
     pilot = FarPilot(scenario, case, vehicle.camera)
     records: list[FlightRecord] = []
-    safety = Safety(scenario.safety, scenario.rig, vehicle.camera, np.array(scenario.camera.position_in_body_m))
+    lens_in_body_m = np.array(scenario.camera.position_in_body_m)
+    safety = Safety(scenario.safety, scenario.rig, vehicle.camera, lens_in_body_m, response_of(scenario))
     crew = Crew(eyes, pilot, safety, scenario.delays)
     result = fly(vehicle, crew, case.duration_s, lambda: 0.0, records.append)
     return _trace(records, scenario, vehicle.camera, result.reason)

@@ -1,7 +1,8 @@
-"""Safety between every pilot and the vehicle: bounds, slew, stale data, fence, floor.
+"""Run-time assurance: every pilot is untrusted, what it commands is bounded, monitored, and replaced when need be.
 
-Outside every pilot: places come from its own estimate, what a command is for from its intent; the pilot's estimate and
-mode are never used.
+A cycle is one sentence: update the estimate, let the monitor look, let the switch choose who flies, bound the sticks.
+Places come from the safety's own estimate, what a command is for from its intent; the pilot's estimate and mode are
+never used. The pattern is that of ASTM F3269.
 """
 
 from __future__ import annotations
@@ -14,10 +15,14 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.config import require
 from shipland.frames import Array
+from shipland.guidance.response import Response
 from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
 from shipland.safety.cue_height import CueHeight, CueHeightParameters
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
+from shipland.safety.monitor import Look, MonitorParameters, Ship, findings
+from shipland.safety.recovery import RecoveryParameters, Rung, sticks_of
+from shipland.safety.switch import Switch, next_switch
 
 _LOOK_AHEAD_S = 0.5
 """A descent is stopped so much earlier: the stick's slew, the uplink and the vehicle's braking."""
@@ -41,7 +46,11 @@ class SafetyParameters:
         fence_height_m: greatest height over the take-off point.
         low_battery_percent: below this a warning stands in the reason; nothing is broken off, because the deck is the
             only place to land and any other course spends what is left.
+        contact_height_m: of the aircraft's centre over the neutral deck: no contact is higher.
+        contact_sight_s: a sight of the bar or the deck that is older does not show contact height.
         cue_height: which first poses hang too low.
+        monitor: what is looked for.
+        recovery: what is done about it.
     """
 
     max_percent: float
@@ -53,31 +62,54 @@ class SafetyParameters:
     fence_distance_m: float
     fence_height_m: float
     low_battery_percent: float
+    contact_height_m: float
+    contact_sight_s: float
     cue_height: CueHeightParameters
+    monitor: MonitorParameters
+    recovery: RecoveryParameters
 
     def __post_init__(self) -> None:
-        require(0.0 < self.max_percent <= 100.0, "max_percent must be in (0, 100]")
-        require(self.slew_percent_per_s > 0.0, "slew_percent_per_s must be positive")
+        bounds = {
+            "max_percent": (1.0, 100.0),
+            "slew_percent_per_s": (10.0, 10_000.0),
+            "stale_s": (0.1, 5.0),
+            "floor_m": (0.0, 100.0),
+            "floor_height_m": (0.0, 100.0),
+            "bar_clearance_m": (0.1, 100.0),
+            "fence_distance_m": (5.0, 20_000.0),
+            "fence_height_m": (1.0, 1000.0),
+            "low_battery_percent": (0.0, 100.0),
+            "contact_height_m": (0.05, 20.0),
+            "contact_sight_s": (0.1, 5.0),
+        }
+        for name, (least, most) in bounds.items():
+            value = getattr(self, name)
+            require(least <= value <= most, f"{name} must be {least:g} to {most:g}, got {value}")
         require(self.fence_distance_m > self.bar_clearance_m, "fence_distance_m > bar_clearance_m must hold")
         require(self.fence_height_m > self.floor_height_m, "fence_height_m > floor_height_m must hold")
 
 
 class Safety:
-    """Bounds every command; each intervention is named in the decision's reason.
+    """Bounds every command, and flies itself away where the pilot would come to harm; each act is named in the reason.
 
     Args:
         parameters: the bounds.
-        rig: dimensions, for the deck's place and for ranges from boxes.
+        rig: dimensions, for the deck's place, what must not be struck, and ranges from boxes.
         camera: intrinsics, for ranges from boxes.
         camera_in_body_m: (3,) the camera's optical centre.
+        response: what the sticks do on this vehicle.
     """
 
-    def __init__(self, parameters: SafetyParameters, rig: Rig, camera: Camera, camera_in_body_m: Array) -> None:
-        self._parameters = parameters
+    def __init__(
+        self, parameters: SafetyParameters, rig: Rig, camera: Camera, camera_in_body_m: Array, response: Response
+    ) -> None:
+        self._parameters, self._response = parameters, response
         self._deck_in_bar_m = rig.deck_in_bar_m
         self._half_deck_m = 0.5 * rig.deck_size_m
+        self._ship = Ship.of(rig)
         self._estimator = SafetyEstimator(rig, camera, camera_in_body_m)
         self._estimate = SafetyEstimate()
+        self._switch = Switch()
         self._cue_height = CueHeight.of(parameters.cue_height, rig)
         self._last: PilotCommand | None = None
 
@@ -92,26 +124,26 @@ class Safety:
         return observation
 
     def check(self, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:
-        """The decision with its command made safe; never raises."""
+        """The decision with its command made safe, or the recovery's; never raises."""
         self._estimate = self._estimator.updated(self._estimate, observation, telemetry)
-        command, notes = replace(decision.command, t_s=telemetry.t_s), list[str]()
-        if not all(map(math.isfinite, (*_sticks(command), command.gimbal_pitch_rad))):
-            before_rad = 0.0 if self._last is None else self._last.gimbal_pitch_rad
-            gimbal_rad = command.gimbal_pitch_rad if math.isfinite(command.gimbal_pitch_rad) else before_rad
-            command, notes = PilotCommand.hold(command.t_s, gimbal_rad), ["command not finite: hold"]
-        stale_s = telemetry.t_s - self._estimate.seen_s
-        if command.intent is Intent.FLY and stale_s > self._parameters.stale_s and any(_sticks(command)):
-            command = PilotCommand.hold(command.t_s, command.gimbal_pitch_rad)
-            notes.append(f"data {stale_s:.1f} s old: hold" if math.isfinite(stale_s) else "nothing seen yet: hold")
-        command = self._bounded_height(command, telemetry, notes)
-        command = self._bounded_place(command, telemetry.t_s, notes)
-        command = self._limited(command)
+        command, notes = self._sound(decision.command, telemetry.t_s)
+        look = self._look(command, telemetry)
+        self._switch = next_switch(self._switch, look, findings(look), self._parameters.recovery)
+        recovery, mode = self._switch.recovery, decision.mode
+        if recovery is not None:
+            estimate, limits = self._estimate, self._parameters.recovery
+            before_rad = command.gimbal_pitch_rad
+            command = sticks_of(recovery.rung, estimate, telemetry.t_s, before_rad, self._response, limits)
+            mode = Mode.CLIMB_OUT
+            notes.append(f"{'refused' if recovery.final else 'safety'}: {recovery.words}: {recovery.rung.value}")
+        command = self._limited(self._bounded(command, telemetry, notes))
+        command = replace(command, at_contact_height=self._at_contact_height(telemetry.t_s))
         self._last = command
         battery = telemetry.battery_percent
         if battery is not None and battery < self._parameters.low_battery_percent:
             notes.append(f"battery at {battery:.0f} %")
         reason = "; ".join(text for text in (decision.reason, *notes) if text)
-        return replace(decision, command=command, reason=reason)
+        return replace(decision, command=command, mode=mode, reason=reason)
 
     def without_pilot(self, reason: str, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
         """What is flown when there is no pilot: up and away from a deck that is near, else hold; never raises."""
@@ -123,6 +155,46 @@ class Safety:
             return Decision(hold, None, f"{reason}: hold")
         climb = replace(hold, heave_percent=_CLIMB_PERCENT, intent=Intent.CLIMB_OUT)
         return Decision(climb, Mode.CLIMB_OUT, f"{reason}: climb out")
+
+    def _sound(self, command: PilotCommand, t_s: float) -> tuple[PilotCommand, list[str]]:
+        """The pilot's command at this time, or a hold where it is no number or flown on data that is too old."""
+        command, notes = replace(command, t_s=t_s), list[str]()
+        if not all(map(math.isfinite, (*_sticks(command), command.gimbal_pitch_rad))):
+            before_rad = 0.0 if self._last is None else self._last.gimbal_pitch_rad
+            gimbal_rad = command.gimbal_pitch_rad if math.isfinite(command.gimbal_pitch_rad) else before_rad
+            command, notes = PilotCommand.hold(t_s, gimbal_rad), ["command not finite: hold"]
+        stale_s = t_s - self._estimate.seen_s
+        if command.intent is Intent.FLY and stale_s > self._parameters.stale_s and any(_sticks(command)):
+            command = PilotCommand.hold(t_s, command.gimbal_pitch_rad)
+            notes.append(f"data {stale_s:.1f} s old: hold" if math.isfinite(stale_s) else "nothing seen yet: hold")
+        return command, notes
+
+    def _look(self, command: PilotCommand, telemetry: Telemetry) -> Look:
+        estimate, stale_s, t_s = self._estimate, self._parameters.stale_s, telemetry.t_s
+        return Look(
+            t_s=t_s,
+            command=command,
+            telemetry=telemetry,
+            estimate=estimate,
+            place_m=estimate.place_at(t_s, stale_s),
+            velocity_mps=estimate.velocity_at(t_s, stale_s),
+            over_deck_m=estimate.over_deck_at(t_s, stale_s),
+            ship=self._ship,
+            response=self._response,
+            limits=self._parameters.monitor,
+        )
+
+    def _at_contact_height(self, t_s: float) -> bool:
+        """Whether a fresh sight shows the aircraft low enough to touch."""
+        limits, place_m = self._parameters, self._estimate.place_at(t_s, self._parameters.contact_sight_s)
+        return place_m is not None and self._estimate.deck_down_m - float(place_m[2]) <= limits.contact_height_m
+
+    def _bounded(self, command: PilotCommand, telemetry: Telemetry, notes: list[str]) -> PilotCommand:
+        """Inside fence, floor and clearance; a ditching that was asked for has no floor."""
+        recovery = self._switch.recovery
+        if recovery is not None and recovery.rung is Rung.LAND:
+            return command
+        return self._bounded_place(self._bounded_height(command, telemetry, notes), telemetry.t_s, notes)
 
     def _bounded_height(self, command: PilotCommand, telemetry: Telemetry, notes: list[str]) -> PilotCommand:
         """No climb above the fence, no descent below the floor unless over the deck to land on it."""

@@ -1,26 +1,67 @@
-"""The safety's own estimate of the aircraft's place: plain, from observation and telemetry alone, in every mode.
+"""The safety's own estimate: plain, from observation and telemetry alone, the same in every mode and over every pilot.
 
-Near, the newest pose, or sight of the deck, not filtered. Far, range from the area of the box and direction from its
-centre, carried on by the vehicle's own velocity while nothing is seen. Heights over take-off from the barometer, over
-the deck from the pose, and by the barometer afterwards.
+Near, the newest pose, or sight of the deck, carried on from its exposure by the velocity against the bar. Far, range
+from the area of the box and direction from its centre, carried on by the vehicle's own velocity. Heights over take-off
+from the barometer, over the deck from the pose, and by the barometer afterwards.
+
+The velocity against the bar is the slope of the poses of the last second, brought up to date by what the vehicle's own
+velocity changed since. The two differ by the ship's way and by what the vehicle's velocity errs (`reference_mps`); a
+difference that leaps is a sensor that lies or a ship that manoeuvres.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.frames import Array, all_finite, rotation_from_euler, turned
+from shipland.frames import GRAVITY_MPS2, Array, all_finite, rotation_from_euler, turned, wrap_angle
 from shipland.guidance.view import View
 from shipland.messages import BarPose, Box, DeckSight, Observation, Telemetry
 from shipland.rig import Rig
 
+Vector = tuple[float, float]
+
 _DECK_SHARE = 0.02
 """Share of a new difference in the deck's height over the take-off point: about two seconds at 30 Hz."""
 _LONGEST_STEP_S = 1.0
+_KEPT_S = 4.0
+"""Of the way travelled: the oldest picture that is flown on, and the window of its slope before that."""
+_WINDOW_S, _SHORTEST_WINDOW_S = 1.0, 0.4
+"""In which the poses' slope is taken; a shorter one says nothing at 15 m."""
+_REFERENCE_TIME_S = 8.0
+"""Of the slow velocity reference: about two periods of the waves at the rig's scale."""
+_TILT_TIME_S = 2.0
+"""Of the mean tilt: gusts pass, the wind stays."""
+
+
+@dataclass(frozen=True)
+class Instant:
+    """Where the vehicle's own velocity had brought it, in axes that lie still.
+
+    Attributes:
+        t_s: of the telemetry.
+        travelled_m: (north, east) since the flight's begin.
+    """
+
+    t_s: float
+    travelled_m: Vector
+
+
+@dataclass(frozen=True)
+class Sight:
+    """A pose, as far as the safety needs it.
+
+    Attributes:
+        t_s: exposure.
+        place_in_bar_m: (3,) the aircraft's centre of mass.
+    """
+
+    t_s: float
+    place_in_bar_m: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -30,14 +71,24 @@ class SafetyEstimate:
     Attributes:
         t_s: of the last telemetry; None before the first.
         seen_s: exposure of the newest pose or box.
-        pose_s: exposure of the newest pose.
-        place_in_bar_m: (3,) the aircraft's centre of mass by that pose.
-        yaw_rad: heading against the bar by that pose.
+        pose_s: exposure of the newest pose or sight of the deck.
+        place_in_bar_m: (3,) the aircraft's centre of mass at `t_s`, carried on from that pose.
+        yaw_rad: heading against the bar by the newest pose.
+        velocity_in_bar_mps: (3,) against the bar at `t_s`; None before poses have shown it.
+        reference_mps: (2,) north and east, the vehicle's own velocity less that against the bar; None where one of the
+            two is not known.
+        slow_reference_mps: (2,) the same, of the last `_REFERENCE_TIME_S`.
         bar_from_aircraft_m: (2,) horizontal way to the bar, in axes that lie still: north and east by the compass.
         heading_rad: compass, the last one known; 0 where there never was one.
-        height_m, height_s: over the take-off point, and its time.
+        bar_heading_rad: of the bar, clockwise from the axes that lie still; None before the first pose.
+        velocity_mps: (2,) north and east, the vehicle's own; None where it does not say.
+        held_mps2: (2,) north and east, the horizontal acceleration of the mean tilt: what holds against the wind.
+        height_m, height_s: over the take-off point, and when that was measured.
         deck_height_m: of the neutral deck over the take-off point.
-        sink_mps: downward speed, not negative.
+        deck_leap_m: newest pose's deck height less `deck_height_m`.
+        sink_mps: downward speed by the vehicle itself, not negative.
+        travelled: way of the last `_KEPT_S`.
+        sights: poses of the last `_WINDOW_S`.
     """
 
     t_s: float | None = None
@@ -45,17 +96,30 @@ class SafetyEstimate:
     pose_s: float = -math.inf
     place_in_bar_m: Array | None = None
     yaw_rad: float = 0.0
+    velocity_in_bar_mps: Array | None = None
+    reference_mps: Array | None = None
+    slow_reference_mps: Array | None = None
     bar_from_aircraft_m: Array | None = None
     heading_rad: float = 0.0
+    bar_heading_rad: float | None = None
+    velocity_mps: Array | None = None
+    held_mps2: Array | None = None
     height_m: float | None = None
     height_s: float = -math.inf
     deck_height_m: float | None = None
+    deck_leap_m: float = 0.0
     deck_down_m: float = 0.0
     sink_mps: float = 0.0
+    travelled: tuple[Instant, ...] = ()
+    sights: tuple[Sight, ...] = ()
 
     def place_at(self, t_s: float, stale_s: float) -> Array | None:
         """(3,) in `bar` by a pose no older than `stale_s`."""
         return self.place_in_bar_m if t_s - self.pose_s <= stale_s else None
+
+    def velocity_at(self, t_s: float, stale_s: float) -> Array | None:
+        """(3,) against the bar, by poses no older than `stale_s`."""
+        return self.velocity_in_bar_mps if t_s - self.pose_s <= stale_s else None
 
     def height_at(self, t_s: float, stale_s: float) -> float | None:
         """Over the take-off point, by a barometer no older than `stale_s`."""
@@ -77,16 +141,33 @@ class SafetyEstimate:
         distance_m = math.hypot(*self.bar_from_aircraft_m.tolist())
         return distance_m, turned(self.bar_from_aircraft_m, -self.heading_rad) / max(distance_m, 1e-9)
 
+    def in_level(self, in_still: Array) -> Array:
+        """A vector (2,) of the axes that lie still, forward and right of the aircraft."""
+        return turned(in_still, -self.heading_rad)
+
+    def bar_in_level_rad(self) -> float:
+        """Direction of the bar's axis (forward, into the superstructure), clockwise from the nose."""
+        return -self.yaw_rad if self.bar_heading_rad is None else wrap_angle(self.bar_heading_rad - self.heading_rad)
+
+    def travelled_at(self, t_s: float) -> Vector | None:
+        """(north, east) travelled at a time, between the readings; None where that is not remembered."""
+        rows = self.travelled
+        if not rows or t_s < rows[0].t_s:
+            return None
+        for before, after in pairwise(rows):
+            if t_s <= after.t_s:
+                share = (t_s - before.t_s) / max(after.t_s - before.t_s, 1e-9)
+                (n0, e0), (n1, e1) = before.travelled_m, after.travelled_m
+                return n0 + share * (n1 - n0), e0 + share * (e1 - e0)
+        return rows[-1].travelled_m
+
 
 class SafetyEstimator:
     """Updates the estimate; holds dimensions and intrinsics only."""
 
     def __init__(self, rig: Rig, camera: Camera, camera_in_body_m: Array) -> None:
-        self._view, self._deck_down_m, self._deck_in_bar_m = (
-            View.of(camera),
-            float(rig.deck_in_bar_m[2]),
-            rig.deck_in_bar_m,
-        )
+        self._view = View.of(camera)
+        self._deck_in_bar_m, self._deck_down_m = rig.deck_in_bar_m, float(rig.deck_in_bar_m[2])
         board_width_m, board_height_m = rig.board_size_m
         self._bar_side_m = math.sqrt(board_width_m * board_height_m)
         self._ship_side_m = math.sqrt(rig.platform_width_m * rig.superstructure_height_m)
@@ -108,45 +189,60 @@ class SafetyEstimator:
         return estimate
 
     def _with_telemetry(self, estimate: SafetyEstimate, telemetry: Telemetry) -> SafetyEstimate:
-        heading_rad, velocity_mps = telemetry.heading_rad, telemetry.velocity_in_level_mps
+        now_s, heading_rad = telemetry.t_s, telemetry.heading_rad
         if heading_rad is None or not math.isfinite(heading_rad):
             heading_rad = estimate.heading_rad
         height_m, height_s = estimate.height_m, estimate.height_s
         if telemetry.height_m is not None and math.isfinite(telemetry.height_m):
-            height_m, height_s = telemetry.height_m, telemetry.t_s
-        way_m, sink_mps = estimate.bar_from_aircraft_m, 0.0
-        step_s = 0.0 if estimate.t_s is None else telemetry.t_s - estimate.t_s
-        if velocity_mps is not None and all_finite(velocity_mps):
-            sink_mps = max(0.0, float(velocity_mps[2]))
+            height_m = telemetry.height_m
+            height_s = now_s if telemetry.height_t_s is None else telemetry.height_t_s
+        step_s = 0.0 if estimate.t_s is None else min(max(now_s - estimate.t_s, 0.0), _LONGEST_STEP_S)
+        velocity_mps, sink_mps, way_m = None, 0.0, estimate.bar_from_aircraft_m
+        north_m, east_m = estimate.travelled[-1].travelled_m if estimate.travelled else (0.0, 0.0)
+        told_mps = telemetry.velocity_in_level_mps
+        if told_mps is not None and all_finite(told_mps):
+            velocity_mps = turned(told_mps[:2], heading_rad)
+            sink_mps = max(0.0, float(told_mps[2]))
+            north_m, east_m = north_m + step_s * float(velocity_mps[0]), east_m + step_s * float(velocity_mps[1])
             if way_m is not None:
-                way_m = way_m - min(max(step_s, 0.0), _LONGEST_STEP_S) * turned(velocity_mps[:2], heading_rad)
-        return replace(
+                way_m = way_m - step_s * velocity_mps
+        travelled = (
+            *(row for row in estimate.travelled if now_s - row.t_s <= _KEPT_S),
+            Instant(now_s, (north_m, east_m)),
+        )
+        estimate = replace(
             estimate,
-            t_s=telemetry.t_s,
+            t_s=now_s,
             heading_rad=heading_rad,
+            velocity_mps=velocity_mps,
+            held_mps2=_mean_tilt(estimate.held_mps2, telemetry, heading_rad, step_s),
             height_m=height_m,
             height_s=height_s,
             bar_from_aircraft_m=way_m,
             deck_down_m=self._deck_down_m,
             sink_mps=sink_mps,
+            travelled=travelled,
         )
+        return _carried(_with_velocity(estimate))
 
     def _with_pose(self, estimate: SafetyEstimate, pose: BarPose, exposure_s: float) -> SafetyEstimate:
         bar_from_level = rotation_from_euler(0.0, 0.0, pose.yaw_rad)
         place_m = pose.position_in_bar_m - bar_from_level @ self._camera_in_body_m
-        deck_height_m, known_m = estimate.deck_height_m, estimate.height_m
+        deck_height_m, leap_m, known_m = estimate.deck_height_m, 0.0, estimate.height_m
         if known_m is not None:
             seen_m = known_m - (self._deck_down_m - float(place_m[2]))
-            deck_height_m = seen_m if deck_height_m is None else deck_height_m + _DECK_SHARE * (seen_m - deck_height_m)
-        return replace(
+            deck_height_m = seen_m if deck_height_m is None else deck_height_m
+            leap_m = seen_m - deck_height_m
+            deck_height_m += _DECK_SHARE * leap_m
+        estimate = replace(
             estimate,
-            seen_s=exposure_s,
-            pose_s=exposure_s,
-            place_in_bar_m=place_m,
             yaw_rad=pose.yaw_rad,
+            bar_heading_rad=wrap_angle(estimate.heading_rad - pose.yaw_rad),
             bar_from_aircraft_m=turned(-place_m[:2], estimate.heading_rad - pose.yaw_rad),
             deck_height_m=deck_height_m,
+            deck_leap_m=leap_m,
         )
+        return _sighted(estimate, place_m, exposure_s)
 
     def _with_deck(self, estimate: SafetyEstimate, deck: DeckSight, exposure_s: float) -> SafetyEstimate:
         """Over the deck where it is now, not where it would lie at rest: that is what must not be struck."""
@@ -159,6 +255,77 @@ class SafetyEstimator:
         direction_rad = estimate.heading_rad + self._view.bearing_rad(box.centre_px[0])
         way_m = range_m * np.array([math.cos(direction_rad), math.sin(direction_rad)])
         return replace(estimate, seen_s=exposure_s, bar_from_aircraft_m=way_m)
+
+
+def _mean_tilt(before: Array | None, telemetry: Telemetry, heading_rad: float, step_s: float) -> Array | None:
+    """(2,) north and east, the acceleration of the tilt, smoothed over `_TILT_TIME_S`."""
+    roll_rad, pitch_rad = telemetry.roll_rad, telemetry.pitch_rad
+    if roll_rad is None or pitch_rad is None or not max(abs(roll_rad), abs(pitch_rad)) < 1.2:
+        return before
+    now = GRAVITY_MPS2 * turned(np.array([-math.tan(pitch_rad), math.tan(roll_rad)]), heading_rad)
+    return now if before is None else before + min(step_s / _TILT_TIME_S, 1.0) * (now - before)
+
+
+def _sighted(estimate: SafetyEstimate, place_m: Array, exposure_s: float) -> SafetyEstimate:
+    """After a pose: its slope over the last second, and the place carried on to now."""
+    x_m, y_m, z_m = place_m.tolist()
+    kept = (row for row in estimate.sights if 0.0 < exposure_s - row.t_s <= _WINDOW_S)
+    sights = (*kept, Sight(exposure_s, (x_m, y_m, z_m)))
+    estimate = replace(estimate, seen_s=exposure_s, pose_s=exposure_s, sights=sights)
+    return _carried(_with_velocity(_with_reference(estimate)))
+
+
+def _slope_mps(sights: tuple[Sight, ...]) -> Array | None:
+    """(3,) least-squares slope of the places; None where they are too few or too close together."""
+    if len(sights) < 3 or sights[-1].t_s - sights[0].t_s < _SHORTEST_WINDOW_S:
+        return None
+    times = np.array([row.t_s for row in sights])
+    times -= times.mean()
+    places = np.array([row.place_in_bar_m for row in sights])
+    return np.asarray(times @ places / float(times @ times))
+
+
+def _with_reference(estimate: SafetyEstimate) -> SafetyEstimate:
+    """The vehicle's own mean velocity over the window less the poses' slope, and its slow mean."""
+    slope = _slope_mps(estimate.sights)
+    if slope is None or estimate.bar_heading_rad is None:
+        return replace(estimate, velocity_in_bar_mps=None, reference_mps=None)
+    first_s, last_s = estimate.sights[0].t_s, estimate.sights[-1].t_s
+    begun, ended = estimate.travelled_at(first_s), estimate.travelled_at(last_s)
+    if estimate.velocity_mps is None or begun is None or ended is None:
+        return replace(estimate, velocity_in_bar_mps=slope, reference_mps=None)
+    own = (np.array(ended) - np.array(begun)) / (last_s - first_s)
+    reference = own - turned(slope[:2], estimate.bar_heading_rad)
+    slow = estimate.slow_reference_mps
+    step_s = last_s - estimate.sights[-2].t_s
+    slow = reference if slow is None else slow + min(step_s / _REFERENCE_TIME_S, 1.0) * (reference - slow)
+    return replace(estimate, velocity_in_bar_mps=slope, reference_mps=reference, slow_reference_mps=slow)
+
+
+def _with_velocity(estimate: SafetyEstimate) -> SafetyEstimate:
+    """The velocity against the bar, brought up to date by the vehicle's own."""
+    before, reference, heading_rad = estimate.velocity_in_bar_mps, estimate.reference_mps, estimate.bar_heading_rad
+    if before is None or reference is None or heading_rad is None or estimate.velocity_mps is None:
+        return estimate
+    level_mps = turned(estimate.velocity_mps - reference, -heading_rad)
+    return replace(estimate, velocity_in_bar_mps=np.array([*level_mps.tolist(), float(before[2])]))
+
+
+def _carried(estimate: SafetyEstimate) -> SafetyEstimate:
+    """The place carried on from the newest pose to the newest telemetry."""
+    if not estimate.sights or estimate.t_s is None or estimate.pose_s > estimate.sights[-1].t_s:
+        return estimate  # none yet, or the deck itself was seen since
+    last = estimate.sights[-1]
+    age_s = min(max(estimate.t_s - last.t_s, 0.0), _KEPT_S)
+    moved_m = np.zeros(3)
+    velocity, reference, heading_rad = estimate.velocity_in_bar_mps, estimate.reference_mps, estimate.bar_heading_rad
+    begun = estimate.travelled_at(last.t_s)
+    if velocity is not None:
+        moved_m = age_s * velocity
+        if reference is not None and heading_rad is not None and begun is not None:
+            still_m = np.array(estimate.travelled[-1].travelled_m) - np.array(begun) - age_s * reference
+            moved_m[:2] = turned(still_m, -heading_rad)
+    return replace(estimate, place_in_bar_m=np.array(last.place_in_bar_m) + moved_m)
 
 
 def _usable(box: Box) -> bool:

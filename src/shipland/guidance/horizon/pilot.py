@@ -22,7 +22,7 @@ from shipland.guidance.horizon.reference import Reference, at_rest, led_anew, mo
 from shipland.guidance.horizon.restless import Restless
 from shipland.guidance.horizon.steering import LONGEST_CONTACT_S, Steered, Steering
 from shipland.guidance.laws import clamp
-from shipland.guidance.modes import INTENTS, ModeMemory, Situation, next_mode
+from shipland.guidance.modes import INTENTS, ModeMemory, Situation, next_mode, overruled
 from shipland.guidance.near import Sticks
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.response import Response
@@ -102,7 +102,12 @@ class HorizonPilot:
             fresh_s <= self._mode_parameters.memory_s + 1.0 or estimate.spread_m <= self._parameters.known_m
         )
         self._modes = next_mode(
-            self._situation(observation, telemetry, estimate if usable else None), self._modes, self._mode_parameters
+            replace(
+                self._situation(observation, telemetry, estimate if usable else None),
+                overruled=overruled(sent, self._modes.mode),
+            ),
+            self._modes,
+            self._mode_parameters,
         )
         mode = self._modes.mode
         if mode is not Mode.LAND:

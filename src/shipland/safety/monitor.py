@@ -1,0 +1,260 @@
+"""The monitor: what is about to go wrong, one pure function a rule, asked in every cycle and of every pilot.
+
+A rule looks ahead along the distance in which the aircraft can stop, never at the pilot's own estimate or mode. What
+it finds is named in words and says what has to be done about it; doing it is the recovery's.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from shipland.config import require
+from shipland.frames import GRAVITY_MPS2, Array
+from shipland.guidance.response import Response
+from shipland.messages import Intent, PilotCommand, Telemetry
+from shipland.rig import Rig
+from shipland.safety.estimate import SafetyEstimate
+
+
+class Action(enum.IntEnum):
+    """What a finding asks for, the gravest last."""
+
+    NO_GO = 1
+    """No landing is begun; one that is not committed yet is broken off."""
+    BRAKE = 2
+    """Away from the superstructure, now."""
+    GO_AROUND = 3
+    """A landing is broken off at any height."""
+    REFUSE = 4
+    """Away from the ship, and no other try."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a rule found.
+
+    Attributes:
+        action: what it asks for.
+        words: for the log and for people.
+    """
+
+    action: Action
+    words: str
+
+
+@dataclass(frozen=True)
+class MonitorParameters:
+    """`[safety.monitor]`.
+
+    Attributes:
+        reaction_s: from a command to the deceleration that it asks for.
+        brake_mps2: deceleration that is counted on.
+        least_to_bar_m: of the aircraft's centre to the bar's plane, where it can stop.
+        foot_m: of the aircraft's feet from its centre: within the deck by this much.
+        wind_share: of the acceleration that full tilt gives, which holding against the wind may take.
+        wind_time_s: so long, before a wind is refused.
+        leap_mps: difference that the vehicle's own velocity and the poses may take on in seconds: a flow that lies, or
+            a ship that manoeuvres.
+        height_leap_m: the same of barometer and poses.
+        telemetry_s: oldest attitude, velocity and height to land with, of those that the vehicle gives.
+        commit_m: height over the neutral deck below which only GO_AROUND breaks a landing off: a deck that is so near
+            is safer than a climb.
+    """
+
+    reaction_s: float
+    brake_mps2: float
+    least_to_bar_m: float
+    foot_m: float
+    wind_share: float
+    wind_time_s: float
+    leap_mps: float
+    height_leap_m: float
+    telemetry_s: float
+    commit_m: float
+
+    def __post_init__(self) -> None:
+        bounds = {
+            "reaction_s": (0.05, 2.0),
+            "brake_mps2": (0.2, 10.0),
+            "least_to_bar_m": (0.1, 50.0),
+            "foot_m": (0.0, 10.0),
+            "wind_share": (0.1, 1.0),
+            "wind_time_s": (0.5, 60.0),
+            "leap_mps": (0.2, 20.0),
+            "height_leap_m": (0.1, 20.0),
+            "telemetry_s": (0.1, 5.0),
+            "commit_m": (0.0, 20.0),
+        }
+        for name, (least, most) in bounds.items():
+            value = getattr(self, name)
+            require(least <= value <= most, f"{name} must be {least:g} to {most:g}, got {value}")
+
+
+@dataclass(frozen=True)
+class Ship:
+    """What must not be struck, in `bar`.
+
+    Attributes:
+        deck_in_bar_m: (3,) its neutral centre.
+        half_deck_m: half the deck's side.
+        half_house_m: half the superstructure's width.
+        house_top_m: down coordinate of the superstructure's highest edge (negative: above the bar's centre).
+    """
+
+    deck_in_bar_m: Array
+    half_deck_m: float
+    half_house_m: float
+    house_top_m: float
+
+    @staticmethod
+    def of(rig: Rig) -> Ship:
+        """From the rig's dimensions; the board stands above a superstructure that is lower."""
+        top_m = min(rig.bar_height_m - rig.superstructure_height_m, -0.5 * rig.board_size_m[1])
+        return Ship(rig.deck_in_bar_m, 0.5 * rig.deck_size_m, 0.5 * rig.platform_width_m, top_m)
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the rules are asked of.
+
+    Attributes:
+        t_s: now.
+        command: the pilot's.
+        telemetry: now.
+        estimate: the safety's own.
+        place_m, velocity_mps: (3,) in `bar`, now; None where no pose of late tells.
+        over_deck_m: of the aircraft's centre over the neutral deck; None where unknown.
+        ship: what must not be struck.
+        response: of the vehicle.
+        limits: bounds.
+    """
+
+    t_s: float
+    command: PilotCommand
+    telemetry: Telemetry
+    estimate: SafetyEstimate
+    place_m: Array | None
+    velocity_mps: Array | None
+    over_deck_m: float | None
+    ship: Ship
+    response: Response
+    limits: MonitorParameters
+
+    @property
+    def landing(self) -> bool:
+        """A landing is commanded."""
+        return self.command.intent is Intent.LAND
+
+
+Rule = Callable[[Look], Finding | None]
+
+
+def stopping_distance_m(speed_mps: float, limits: MonitorParameters) -> float:
+    """Way until a speed is braked: v·t + v²/(2a); 0 for what does not approach.
+
+    >>> from types import SimpleNamespace
+    >>> stopping_distance_m(2.0, SimpleNamespace(reaction_s=0.5, brake_mps2=2.0))
+    2.0
+    """
+    speed_mps = max(speed_mps, 0.0)
+    return speed_mps * limits.reaction_s + speed_mps**2 / (2.0 * limits.brake_mps2)
+
+
+def bar_ahead(look: Look) -> Finding | None:
+    """It cannot stop ahead of the bar's plane any more, where bar and superstructure stand in its way."""
+    place_m, velocity_mps, limits, ship = look.place_m, look.velocity_mps, look.limits, look.ship
+    if place_m is None or velocity_mps is None:
+        return None
+    to_bar_m = -float(place_m[0]) - stopping_distance_m(float(velocity_mps[0]), limits)
+    beside = abs(float(place_m[1])) > ship.half_house_m + limits.least_to_bar_m
+    above = float(place_m[2]) < ship.house_top_m - limits.least_to_bar_m
+    if beside or above or to_bar_m >= limits.least_to_bar_m:
+        return None
+    return Finding(Action.BRAKE, f"it would stop {max(to_bar_m, 0.0):.2f} m ahead of the bar")
+
+
+def off_the_deck(look: Look) -> Finding | None:
+    """A landing whose contact, at the present speeds, would not be on the deck with every foot."""
+    place_m, velocity_mps, over_m, ship = look.place_m, look.velocity_mps, look.over_deck_m, look.ship
+    if not look.landing or place_m is None or velocity_mps is None or over_m is None:
+        return None
+    sink_mps = max(float(velocity_mps[2]), _SLOWEST_MPS)
+    contact_s = max(over_m, 0.0) / sink_mps
+    if not look.limits.reaction_s <= contact_s <= _CONTACT_NEAR_S:  # nearer, nothing changes it any more
+        return None
+    aside_m = max(abs(float(place_m[i] + contact_s * velocity_mps[i] - ship.deck_in_bar_m[i])) for i in range(2))
+    if aside_m <= ship.half_deck_m - look.limits.foot_m:
+        return None
+    return Finding(Action.GO_AROUND, f"contact foreseen {aside_m:.2f} m from the deck's centre")
+
+
+def wind_share(look: Look) -> float:
+    """Of the acceleration that full tilt gives, what holding against the wind takes; 0 where it is not known."""
+    held_mps2 = look.estimate.held_mps2
+    if held_mps2 is None:
+        return 0.0
+    return math.hypot(*held_mps2.tolist()) / (GRAVITY_MPS2 * math.tan(look.response.max_tilt_rad))
+
+
+def velocity_contradicts(look: Look) -> Finding | None:
+    """The vehicle's own velocity and the poses part: a flow that lies, pictures that are late, a ship that turns."""
+    now_mps, slow_mps = look.estimate.reference_mps, look.estimate.slow_reference_mps
+    if now_mps is None or slow_mps is None:
+        return None
+    leap_mps = math.hypot(*(now_mps - slow_mps).tolist())
+    if leap_mps <= look.limits.leap_mps:
+        return None
+    return Finding(Action.NO_GO, f"the vehicle's velocity and the poses differ by {leap_mps:.1f} m/s more than of late")
+
+
+def height_contradicts(look: Look) -> Finding | None:
+    """Barometer and poses part: a pose that lies in height, or a barometer that does."""
+    leap_m = look.estimate.deck_leap_m
+    if abs(leap_m) <= look.limits.height_leap_m:
+        return None
+    return Finding(Action.NO_GO, f"barometer and poses differ by {abs(leap_m):.1f} m more than of late")
+
+
+def telemetry_old(look: Look) -> Finding | None:
+    """Of what the vehicle gives, something is older than a landing may be flown with."""
+    told = look.telemetry
+    ages_s = {
+        "attitude": None if told.roll_rad is None else told.attitude_t_s,
+        "velocity": None if told.velocity_in_level_mps is None else told.velocity_t_s,
+        "height": None if told.height_m is None else told.height_t_s,
+    }
+    for name, t_s in ages_s.items():
+        if t_s is not None and look.t_s - t_s > look.limits.telemetry_s:
+            return Finding(Action.NO_GO, f"{name} {look.t_s - t_s:.1f} s old")
+    return None
+
+
+def vehicle_complains(look: Look) -> Finding | None:
+    """The vehicle itself says that it is not well."""
+    return Finding(Action.NO_GO, f"the vehicle says: {look.telemetry.alerts}") if look.telemetry.alerts else None
+
+
+RULES: tuple[Rule, ...] = (
+    bar_ahead,
+    off_the_deck,
+    velocity_contradicts,
+    height_contradicts,
+    telemetry_old,
+    vehicle_complains,
+)
+"""All of them; order says nothing."""
+
+
+def findings(look: Look) -> list[Finding]:
+    """What the rules find now, the gravest first."""
+    found = [finding for rule in RULES if (finding := rule(look)) is not None]
+    return sorted(found, key=lambda finding: -finding.action)
+
+
+_SLOWEST_MPS = 0.3
+"""Slower than this the time to contact says nothing."""
+_CONTACT_NEAR_S = 0.6
+"""Farther ahead a straight line says nothing of where contact will be."""

@@ -1,0 +1,179 @@
+"""The recovery: plain manoeuvres away from the ship, flown by the safety itself on its own estimate.
+
+One law for all of them: a velocity against the bar is asked for, and held against the wind by the mean tilt of late.
+The way out is known to be free, because the aircraft came along it: up, and astern of the deck. Without poses the
+vehicle holds its place by itself, where its released sticks do that, and only climbs.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from shipland.config import require
+from shipland.frames import Array, turned
+from shipland.guidance.response import Response
+from shipland.messages import Intent, PilotCommand
+from shipland.safety.estimate import SafetyEstimate
+
+
+class Rung(enum.Enum):
+    """One step of the ladder, in words of the configuration."""
+
+    GO_AROUND = "go_around"
+    """Up, and astern of the deck."""
+    HOLD = "hold"
+    """Where it is, until what was found has passed."""
+    RETURN = "return"
+    """Astern, the way that it came, and hold there."""
+    LAND = "land"
+    """Straight down where it is, when the battery is low: a ditching, for those who ask for it."""
+
+
+@dataclass(frozen=True)
+class RecoveryParameters:
+    """`[safety.recovery]`.
+
+    Attributes:
+        ladder: steps one after the other while what was found does not pass; the last one lasts.
+        tries: landings that may be broken off before the ladder goes on past its first step.
+        climb_percent: heave stick of a climb.
+        astern_mps: speed against the bar, astern.
+        clear_height_m: over the neutral deck, and with `clear_back_m` astern of its centre: a go-around ends.
+        clear_back_m: see there.
+        most_s: a go-around that is not clear by then ends all the same.
+        hold_s: how long the ladder waits on `hold`.
+        return_m: from the bar, where a return ends.
+        velocity_per_s: from an error of velocity to the acceleration that is asked for.
+        blind_s: the velocity against the bar is carried on by the vehicle's own for so long without poses.
+    """
+
+    ladder: tuple[Rung, ...]
+    tries: int
+    climb_percent: float
+    astern_mps: float
+    clear_height_m: float
+    clear_back_m: float
+    most_s: float
+    hold_s: float
+    return_m: float
+    velocity_per_s: float
+    blind_s: float
+
+    def __post_init__(self) -> None:
+        require(len(self.ladder) > 0, "ladder must hold at least one step")
+        require(1 <= self.tries <= 100, f"tries must be 1 to 100, got {self.tries}")
+        bounds = {
+            "climb_percent": (10.0, 100.0),
+            "astern_mps": (0.1, 20.0),
+            "clear_height_m": (0.5, 100.0),
+            "clear_back_m": (0.5, 500.0),
+            "most_s": (1.0, 120.0),
+            "hold_s": (1.0, 600.0),
+            "return_m": (1.0, 5000.0),
+            "velocity_per_s": (0.1, 5.0),
+            "blind_s": (0.5, 30.0),
+        }
+        for name, (least, most) in bounds.items():
+            value = getattr(self, name)
+            require(least <= value <= most, f"{name} must be {least:g} to {most:g}, got {value}")
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """A recovery that is flown.
+
+    Attributes:
+        rung: of the ladder.
+        since_s: when it began.
+        words: why.
+        final: no landing is tried again.
+    """
+
+    rung: Rung
+    since_s: float
+    words: str
+    final: bool = False
+
+
+def is_clear(estimate: SafetyEstimate, t_s: float, deck_in_bar_m: Array, parameters: RecoveryParameters) -> bool:
+    """Whether a go-around has ended: high enough and astern of the deck, by poses or by what was known last."""
+    over_m = estimate.over_deck_at(t_s, parameters.blind_s)
+    place_m = estimate.place_at(t_s, parameters.blind_s)
+    if over_m is None or over_m < parameters.clear_height_m:
+        return False
+    return place_m is None or float(place_m[0]) <= float(deck_in_bar_m[0]) - parameters.clear_back_m
+
+
+def sticks_of(
+    rung: Rung,
+    estimate: SafetyEstimate,
+    t_s: float,
+    gimbal_rad: float,
+    response: Response,
+    parameters: RecoveryParameters,
+) -> PilotCommand:
+    """The command of one cycle of a rung, at `t_s` [s]; `gimbal_rad` is the camera's pitch where nothing tells it."""
+    over_m = estimate.over_deck_at(t_s, parameters.blind_s)
+    low = over_m is None or over_m < parameters.clear_height_m
+    climb_percent = parameters.climb_percent if rung in (Rung.GO_AROUND, Rung.RETURN) and low else 0.0
+    if rung is Rung.LAND:
+        climb_percent = -parameters.climb_percent
+    astern_mps = parameters.astern_mps if rung in (Rung.GO_AROUND, Rung.RETURN) else 0.0
+    if over_m is not None and over_m < _FEET_FREE_M:
+        astern_mps = 0.0  # feet that still stand would tip it over
+    if rung is Rung.RETURN and estimate.bar_in_level()[0] >= parameters.return_m:
+        astern_mps = 0.0
+    pitch_percent, roll_percent = _level_sticks(estimate, t_s, -astern_mps, response, parameters)
+    still = climb_percent == pitch_percent == roll_percent == 0.0
+    intent = Intent.LAND if rung is Rung.LAND else Intent.HOLD if still else Intent.CLIMB_OUT
+    return PilotCommand(t_s, pitch_percent, roll_percent, climb_percent, 0.0, _gimbal_rad(estimate, gimbal_rad), intent)
+
+
+def _level_sticks(
+    estimate: SafetyEstimate, t_s: float, forward_mps: float, response: Response, parameters: RecoveryParameters
+) -> tuple[float, float]:
+    """Pitch and roll for a speed along the bar's axis, and none across it: a = a_wind + k·(v_wanted − v)."""
+    velocity_mps = estimate.velocity_at(t_s, parameters.blind_s)
+    if velocity_mps is None:
+        return _blind_sticks(estimate, forward_mps, response)
+    error = turned(np.array([forward_mps, 0.0]) - velocity_mps[:2], estimate.bar_in_level_rad())
+    if response.kind == "velocity":
+        own_mps = np.zeros(2) if estimate.velocity_mps is None else estimate.in_level(estimate.velocity_mps)
+        asked = own_mps + error
+    else:
+        asked = _held_in_level(estimate) + parameters.velocity_per_s * error
+    return _stick(asked[0], response), _stick(asked[1], response)
+
+
+def _blind_sticks(estimate: SafetyEstimate, forward_mps: float, response: Response) -> tuple[float, float]:
+    """Without poses: back along the nose, where a stick means a speed; else what holds the place."""
+    if response.kind == "velocity":
+        return _stick(forward_mps, response), 0.0
+    if response.hold_below_percent > 0.0:
+        return 0.0, 0.0  # released sticks hold
+    held = _held_in_level(estimate)
+    return _stick(held[0], response), _stick(held[1], response)
+
+
+def _held_in_level(estimate: SafetyEstimate) -> Array:
+    return np.zeros(2) if estimate.held_mps2 is None else estimate.in_level(estimate.held_mps2)
+
+
+def _stick(wanted: float, response: Response) -> float:
+    return min(max(response.stick_of(float(wanted)), -100.0), 100.0)
+
+
+def _gimbal_rad(estimate: SafetyEstimate, before_rad: float) -> float:
+    """To the bar, where its place is known."""
+    place_m = estimate.place_in_bar_m
+    if place_m is None:
+        return before_rad
+    return math.atan2(float(place_m[2]), max(math.hypot(float(place_m[0]), float(place_m[1])), 0.3))
+
+
+_FEET_FREE_M = 0.3
+"""Over the neutral deck, of the aircraft's centre: lower, a foot may still stand."""
