@@ -47,7 +47,8 @@ class Outcome:
     words: str = ""
 
 
-IN_SQUARE, OUTSIDE, BEYOND_LIMIT, STRUCK, NEVER = (
+IN_SQUARE, OUTSIDE, NEVER = "in the square", "outside", "never touched"
+BEYOND_LIMIT, STRUCK = "beyond a limit", "struck"
     "in the square",
     "outside",
     "beyond a limit",

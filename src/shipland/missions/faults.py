@@ -171,9 +171,9 @@ class FaultyVehicle:
                 return None
             frame = old[-1]
         self._given_s = frame.t_s
-        old = self.now(FaultKind.OLD_PICTURES)
-        if old is not None:
-            shown_s = frame.t_s - old.amount
+        aged = self.now(FaultKind.OLD_PICTURES)
+        if aged is not None:
+            shown_s = frame.t_s - aged.amount
             shown = next((held for held in reversed(self._held) if held.t_s <= shown_s), self._held[0])
             # Whoever looks up what the picture shows finds it by `stamp_s`.
             frame = replace(frame, image=shown.image, stamp_s=shown.t_s)
