@@ -49,12 +49,6 @@ class Outcome:
 
 IN_SQUARE, OUTSIDE, NEVER = "in the square", "outside", "never touched"
 BEYOND_LIMIT, STRUCK = "beyond a limit", "struck"
-    "in the square",
-    "outside",
-    "beyond a limit",
-    "struck",
-    "never touched",
-)
 BAD = (BEYOND_LIMIT, STRUCK)
 
 
