@@ -54,13 +54,20 @@ class Failed:
         """It touched something and was no landing."""
         return not self.landing.landed and not self.landing.reason.startswith("no touchdown")
 
-    def flown_again(self, faults: tuple[Fault, ...], climbs_from_s: float | None = None) -> Landing:
-        """The same flight with these faults; from a time on climbing out."""
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """What failed."""
+        return faults_of(self.scenario, self.landing.seed)
+
+    def flown_again(
+        self, faults: tuple[Fault, ...], climbs_from_s: float | None = None, until_s: float | None = None
+    ) -> Landing:
+        """The same flight with these faults; from a time on climbing out, and ended at another."""
         none = replace(self.scenario.fault_draw, kinds=(), every_kind=False)
         scenario = replace(self.scenario, fault=faults, fault_draw=none)
         if climbs_from_s is None:
             return land_quietly(Flight(scenario, self.pilot, self.vision, self.landing.seed))
-        end_s = max(fault.end_s for fault in faults) + _CLEAR_S
+        end_s = max(fault.end_s for fault in faults) + _CLEAR_S if until_s is None else until_s
 
         def climber(setup: PilotSetup) -> Pilot:
             return _Climber(resolve("pilots", self.pilot)(setup), climbs_from_s)
@@ -100,7 +107,7 @@ def failed_in(folder: Path) -> list[Failed]:
 
 def row_of(failed: Failed) -> str:
     """A row of the table."""
-    landing, faults = failed.landing, faults_of(failed.scenario, failed.landing.seed)
+    landing, faults = failed.landing, failed.faults
     lands_without = [
         each.kind.value
         for each in faults

@@ -206,7 +206,7 @@ def test_cells_are_chosen_by_pattern_and_a_wrong_one_is_named():
     assert [cell.group for cell in chosen] == ["ship-sea6_mean_mps=5"]
     with pytest.raises(ConfigError, match="no cell is called nothing"):
         bench_cells(GRID, Asked(("paper",), only=("nothing",)))
-    with pytest.raises(ConfigError, match="no suite 'nowhere'; there are: faults, full, near"):
+    with pytest.raises(ConfigError, match="no suite 'nowhere'; there are: faults, full, hazards, near"):
         load_suite("nowhere")
 
 

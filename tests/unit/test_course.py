@@ -25,7 +25,7 @@ def speeds(of: Course, times_s: np.ndarray) -> np.ndarray:
     return np.array([np.hypot(*of.at(t).velocity_in_ned_mps) for t in times_s])
 
 
-@pytest.mark.parametrize("kind", ["still", "straight", "s", "turn", "turn90", "random"])
+@pytest.mark.parametrize("kind", ["still", "straight", "s", "turn", "turn90", "random", "reverse"])
 def test_derivatives_are_those_of_the_values(kind: str) -> None:
     way = course(kind=kind, course_deg=40.0, speed_mps=3.0)
     for t_s in np.random.default_rng(1).uniform(0.0, 200.0, 300):
@@ -52,6 +52,15 @@ def test_nothing_jumps_along_the_way(kind: str) -> None:
     assert np.abs(np.diff(position, axis=0)).max() <= 4.5 * 0.01 + 1e-9
     assert np.abs(np.diff(velocity, axis=0)).max() < 0.05
     assert np.abs(np.diff(acceleration, axis=0)).max() < 0.1
+
+
+def test_a_ship_that_reverses_stops_and_goes_astern_as_fast() -> None:
+    way = course(kind="reverse", speed_mps=2.0, start_s=10.0, leg_s=2.0)
+    north_mps = [float(way.at(t_s).velocity_in_ned_mps[0]) for t_s in (9.9, 11.0, 12.1, 60.0)]
+    assert north_mps == pytest.approx([2.0, 0.0, -2.0, -2.0], abs=1e-9)
+    assert {way.at(t_s).course_rad for t_s in (9.9, 11.0, 12.1)} == {0.0}
+    with pytest.raises(ConfigError, match="needs a leg_s above 0"):
+        course(kind="reverse", leg_s=0.0)
 
 
 def test_the_ship_moves_along_its_course() -> None:

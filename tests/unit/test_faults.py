@@ -128,6 +128,78 @@ def test_compass_is_off_by_its_size():
     assert math.degrees(first.telemetry.heading_rad) - before == pytest.approx(20.0, abs=8.0)  # it has begun to turn
 
 
+@pytest.mark.parametrize(("kind", "age_s"), [("frozen_gimbal", 0.0), ("stale_gimbal", 1.8)])
+def test_a_gimbals_reading_stands_still_and_says_so_or_not(kind, age_s):
+    records = flown(kind)[0]
+    still, before = during(records), [it for it in records if it.frame.t_s < START_S]
+    assert len({(it.frame.gimbal.roll_rad, it.frame.gimbal.pitch_rad) for it in still}) == 1
+    assert np.ptp([it.frame.gimbal.pitch_rad for it in before]) > 1e-3
+    ages_s = [it.frame.gimbal_age_s for it in still]
+    assert max(ages_s) == pytest.approx(age_s, abs=0.3)
+    assert age_s == 0.0 or np.allclose(np.diff(ages_s), np.diff([it.frame.t_s for it in still]))
+
+
+def test_a_frozen_gimbal_moves_the_height_by_what_it_is_off_at_that_range():
+    scenario = load_scenario("rig-natops", fault=[{"kind": "frozen_gimbal", "start_s": 5.0, "duration_s": 9.0}])
+    records = []
+    fly_quietly(scenario, "horizon", "geometric", 3, lambda it: records.append(it) if it.telemetry.t_s < 14.0 else None)
+    checked = 0
+    for record in records:
+        pose, truth, off = record.observation.bar_pose, record.truth, record.frame.gimbal
+        if pose is None or truth is None or not 5.4 < record.frame.t_s < 13.0:
+            continue
+        camera_in_bar = truth.ned_from_bar.inverse() @ truth.ned_from_camera
+        true_pitch_rad = -math.asin(camera_in_bar.rotation[2, 2])
+        wrong_rad = off.pitch_rad - true_pitch_rad
+        if abs(wrong_rad) < math.radians(1.0):
+            continue
+        wrong_m = float(pose.position_in_bar_m[2] - camera_in_bar.translation_m[2])
+        lever_m = -float(camera_in_bar.translation_m[0])
+        # Either the corners prove the reading wrong, or it turns the line of sight by its error.
+        assert abs(wrong_m) < 0.1 or wrong_m == pytest.approx(wrong_rad * lever_m, rel=0.35)
+        checked += abs(wrong_m) > 0.1
+    assert checked > 10
+
+
+@pytest.mark.parametrize(("direction", "axis"), [([0.0, 1.0, 0.0], 1), ([0.0, 0.0, 1.0], 2)])
+def test_flow_is_off_in_the_direction_that_is_said(direction, axis):
+    records = flown("flow_bias", size=2.0, direction_in_level=direction)[0]
+    false = next(it for it in records if it.telemetry.t_s > START_S + 0.02)
+    sound = next(it for it in clean() if it.telemetry.t_s > START_S + 0.02)
+    off_mps = false.telemetry.velocity_in_level_mps - sound.telemetry.velocity_in_level_mps
+    assert off_mps.tolist() == pytest.approx([2.0 if i == axis else 0.0 for i in range(3)], abs=0.05)
+
+
+def test_old_pictures_show_what_was_and_are_stamped_as_new():
+    records = flown("old_pictures", size=1.0)[0]
+    places_m = {round(it.frame.t_s, 3): it.truth for it in records if it.truth is not None}
+    for record in during(records, 1.0):
+        assert record.telemetry.t_s - record.frame.t_s < 0.4
+        assert record.frame.t_s - record.frame.stamp_s == pytest.approx(1.0, abs=0.04)
+        camera = places_m[round(record.frame.stamp_s, 3)]
+        shown_m = (camera.ned_from_bar.inverse() @ camera.ned_from_camera).translation_m
+        assert np.linalg.norm(record.observation.bar_pose.position_in_bar_m - shown_m) < 0.5  # 1.5 m in that second
+
+
+@pytest.mark.parametrize(("kind", "goes_on"), [("frozen_barometer", True), ("stale_barometer", False)])
+def test_a_barometer_stands_still_and_its_time_or_not(kind, goes_on):
+    still = during(flown(kind)[0])
+    assert np.ptp([it.telemetry.height_m for it in still]) == 0.0
+    assert (np.ptp([it.telemetry.height_t_s for it in still]) > 1.0) == goes_on
+    assert np.ptp([it.telemetry.attitude_t_s for it in still]) > 1.0
+
+
+def test_a_cue_stated_too_large_is_seen_as_much_too_far_away():
+    for share in (0.1, -0.1):
+        seen = [it for it in during(flown("misstated_cue", size=share)[0]) if it.observation.bar_pose is not None]
+        assert len(seen) > 10
+        for record in seen:
+            truth, pose = record.truth, record.observation.bar_pose
+            true_m = (truth.ned_from_bar.inverse() @ truth.ned_from_camera).translation_m
+            far_m = float(np.linalg.norm(pose.position_in_bar_m))
+            assert far_m / float(np.linalg.norm(true_m)) == pytest.approx(1.0 + share, abs=0.03)
+
+
 def test_a_stalled_process_decides_nothing_meanwhile():
     records = flown("process_stall", duration_s=1.5)[0]
     assert max(np.diff([it.telemetry.t_s for it in records])) == pytest.approx(1.5, abs=0.1)
@@ -241,6 +313,16 @@ def test_nothing_drawn_leaves_a_flight_as_it_was():
         ({"kind": "gremlins", "start_s": 1.0, "duration_s": 1.0}, "none of dropped_frames"),
         ({"kind": "glare", "start_s": 1.0, "duration_s": 1.0, "size": 2.0}, "size of glare is a share"),
         ({"kind": "glare", "start_s": 1.0, "duration_s": 0.0}, "duration_s must be positive"),
+        ({"kind": "misstated_cue", "start_s": 1.0, "duration_s": 1.0, "size": -1.0}, "must be above -1"),
+        ({"kind": "old_pictures", "start_s": 1.0, "duration_s": 1.0, "size": 0.0}, "must be positive"),
+        (
+            {"kind": "flow_bias", "start_s": 1.0, "duration_s": 1.0, "direction_in_level": [0.0, 2.0, 0.0]},
+            "must be a unit vector, got length 2",
+        ),
+        (
+            {"kind": "glare", "start_s": 1.0, "duration_s": 1.0, "direction_in_level": [0.0, 1.0, 0.0]},
+            "glare has no direction_in_level",
+        ),
     ],
 )
 def test_wrong_faults_are_named(table, words):
@@ -254,6 +336,14 @@ def test_drawn_faults_begin_and_last_within_what_is_asked():
     assert all(3.0 <= it.start_s <= 5.0 and 0.5 <= it.duration_s <= 1.0 and 0.0 < it.size <= 1.0 for it in faults)
     assert {it.kind for it in replace(draw, every_kind=True).draw(np.random.default_rng(1))} == set(FaultKind)
     assert list(faults) == sorted(faults, key=lambda it: it.start_s)
+
+
+def test_drawn_faults_are_as_large_and_directed_as_is_said():
+    draw = FaultDraw((FaultKind.FLOW_BIAS,), False, 3, 3.0, 5.0, 0.5, 1.0, size=2.0, direction_in_level=(0.0, 1.0, 0.0))
+    faults = draw.draw(np.random.default_rng(1))
+    assert {(it.size, it.direction_in_level) for it in faults} == {(2.0, (0.0, 1.0, 0.0))}
+    usual = replace(draw, size=None, direction_in_level=None).draw(np.random.default_rng(1))
+    assert [it.start_s for it in usual] == [it.start_s for it in faults]
 
 
 def test_recovery_is_the_time_until_the_place_is_true():

@@ -70,6 +70,44 @@ def test_the_cue_is_seen_as_obliquely_as_near_vision_sees_it_and_never_from_behi
     assert seen or observation.reason == Refusal.OUT_OF_REACH.value
 
 
+@pytest.mark.parametrize("range_m", [2.5, 4.0, 8.0, 12.0, 18.0])
+@pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(1, 0), (3, 0), (10, 0), (25, 0), (0, 3), (0, 10)])
+def test_a_wrong_gimbal_reading_moves_the_pose_as_it_moves_the_solvers(range_m, pitch_deg, roll_deg):
+    """The very same corners: both take the reading in, or both see that it contradicts the corners and leave it out."""
+    rig, vision = default_rig(), build(VisionParameters, packaged_table("vision"))
+    parameters = build(GeometricParameters, packaged_table("geometric"))
+    seen = true_pose(range_m, 10.0, -8.0, GimbalAttitude(0.0, PITCH_RAD))
+    reading = GimbalAttitude(math.radians(roll_deg), PITCH_RAD + math.radians(pitch_deg))
+    eyes = GeometricVision(_Still(seen), rig.target, CAMERA, parameters, vision, np.random.default_rng(1))
+    pose = eyes.see(Frame(0.0, None, reading)).bar_pose
+    sigma_px = parameters.corner_noise_px + parameters.corner_noise_px_per_m * range_m
+    corners_px = pose.corners_px.reshape(-1, 4, 2)
+    corners = Corners(corners_px, np.tile(np.eye(8) / sigma_px, (2, 1, 1)), PLANE_M.reshape(-1, 4, 2))
+    solved = bar_pose_of(
+        solve(corners, CAMERA, LevelPrior(_down_in_camera(reading), vision.gimbal_noise_rad)), corners_px
+    )
+    # Of errors of metres; where both iterate, each stops near the minimum.
+    np.testing.assert_allclose(pose.position_in_bar_m, solved.position_in_bar_m, atol=0.02)
+    assert pose.yaw_rad == pytest.approx(solved.yaw_rad, abs=0.003)
+    if range_m == 8.0 and pitch_deg == 3:
+        height_m = pose.position_in_bar_m[2] - seen.translation_m[2]
+        assert height_m == pytest.approx(8.0 * math.radians(3.0), abs=0.05)  # taken in
+    if range_m <= 12.0 and pitch_deg == 25:
+        assert np.linalg.norm(pose.position_in_bar_m - seen.translation_m) < 0.5  # left out
+
+
+def test_a_pose_that_leaps_in_height_is_refused_as_near_vision_refuses_it():
+    rig, vision = default_rig(), build(VisionParameters, packaged_table("vision"))
+    parameters, gimbal = build(GeometricParameters, packaged_table("geometric")), GimbalAttitude(0.0, 0.0)
+    world = _Still(true_pose(6.0, 0.0, 0.0, gimbal))
+    eyes = GeometricVision(world, rig.target, CAMERA, parameters, vision, np.random.default_rng(1))
+    assert eyes.see(Frame(0.0, None, gimbal)).bar_pose is not None
+    world._camera = true_pose(6.0, 0.0, 0.0, gimbal)
+    world._camera.translation_m[2] -= 1.0
+    assert eyes.see(Frame(0.03, None, gimbal)).reason == Refusal.JUMP.value
+    assert eyes.see(Frame(2.0, None, gimbal)).bar_pose is not None  # long enough ago
+
+
 def test_the_vertical_is_the_gimbals():
     gimbal = GimbalAttitude(0.1, -0.2)
     np.testing.assert_allclose(_down_in_camera(gimbal), level_from_camera(gimbal).T[:, 2], atol=1e-15)

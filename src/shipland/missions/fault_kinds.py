@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,12 @@ class FaultKind(enum.Enum):
     """The sun in the lens; size: share of pictures in which nothing is left to see."""
     LATENCY_JUMP = "latency_jump"
     """Pictures come later; size: by how much [s]."""
+    OLD_PICTURES = "old_pictures"
+    """Pictures show what was longer ago than their time stamps say; size: by how much [s]."""
+    FROZEN_GIMBAL = "frozen_gimbal"
+    """The reading of the camera's attitude stands still, with new time stamps, while the camera moves."""
+    STALE_GIMBAL = "stale_gimbal"
+    """The reading of the camera's attitude stands still, and says how old it is."""
     NAN_TELEMETRY = "nan_telemetry"
     """Every value of the telemetry is NaN."""
     STALE_TELEMETRY = "stale_telemetry"
@@ -34,11 +41,17 @@ class FaultKind(enum.Enum):
     COMPASS_BIAS = "compass_bias"
     """The compass is off; size: by how much [deg]."""
     FLOW_BIAS = "flow_bias"
-    """The velocity is off, in a direction that is drawn; size: by how much [m/s]."""
+    """The velocity is off, in the fault's direction or a level one that is drawn; size: by how much [m/s]."""
+    FROZEN_BAROMETER = "frozen_barometer"
+    """The height stands still, with new time stamps."""
+    STALE_BAROMETER = "stale_barometer"
+    """The height stands still, its time with it."""
     SPOILED_VALUES = "spoiled_values"
     """Any field of frames, observations and telemetry is NaN, infinite, out of range, missing or old; size: share."""
     FALSE_POSE = "false_pose"
     """A decoy's pose instead of the bar's; size: how far it is off, sideways [m]."""
+    MISSTATED_CUE = "misstated_cue"
+    """The cue is stated larger than it is, and so is every distance to it; size: by what share of its own size."""
     REFLECTION = "reflection"
     """The pose of the bar's mirror image; size: height of the bar over the mirror [m]."""
     FALSE_BOX = "false_box"
@@ -64,10 +77,12 @@ SIZES = {
     FaultKind.CORRUPT_FRAMES: 0.5,
     FaultKind.GLARE: 0.7,
     FaultKind.LATENCY_JUMP: 0.4,
+    FaultKind.OLD_PICTURES: 0.5,
     FaultKind.COMPASS_BIAS: 20.0,
     FaultKind.FLOW_BIAS: 0.5,
     FaultKind.SPOILED_VALUES: 0.5,
     FaultKind.FALSE_POSE: 1.5,
+    FaultKind.MISSTATED_CUE: 0.1,
     FaultKind.REFLECTION: 1.0,
     FaultKind.LOW_BATTERY: 10.0,
     FaultKind.WEAK_MOTOR: 0.15,
@@ -85,12 +100,14 @@ class Fault:
         start_s: when, in the flight's time.
         duration_s: for how long.
         size: how much, as `FaultKind` says; None: `SIZES`.
+        direction_in_level: (3,) of a velocity that is off, forward, right, down, as a unit vector; None: drawn.
     """
 
     kind: FaultKind
     start_s: float
     duration_s: float
     size: float | None = None
+    direction_in_level: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         require(self.start_s >= 0.0, f"start_s must not be negative, got {self.start_s}")
@@ -99,6 +116,14 @@ class Fault:
             require(0.0 < self.amount <= 1.0, f"size of {self.kind.value} is a share, got {self.size}")
         if self.kind is FaultKind.WEAK_MOTOR:
             require(0.0 < self.amount < 1.0, f"size of weak_motor must be in (0, 1), got {self.size}")
+        if self.kind is FaultKind.OLD_PICTURES:
+            require(self.amount > 0.0, f"size of old_pictures must be positive, got {self.size}")
+        if self.kind is FaultKind.MISSTATED_CUE:
+            require(self.amount > -1.0, f"size of misstated_cue must be above -1, got {self.size}")
+        if self.direction_in_level is not None:
+            require(self.kind is FaultKind.FLOW_BIAS, f"{self.kind.value} has no direction_in_level")
+            length = math.hypot(*self.direction_in_level)
+            require(abs(length - 1.0) < 1e-6, f"direction_in_level must be a unit vector, got length {length:g}")
 
     @property
     def end_s(self) -> float:
@@ -125,6 +150,8 @@ class FaultDraw:
         count: faults a flight.
         earliest_s, latest_s: between which each begins.
         shortest_s, longest_s: between which each lasts.
+        size: of each; None: a half to one and a half of its usual size.
+        direction_in_level: of each that has one, as in `Fault`.
     """
 
     kinds: tuple[FaultKind, ...]
@@ -134,6 +161,8 @@ class FaultDraw:
     latest_s: float
     shortest_s: float
     longest_s: float
+    size: float | None = None
+    direction_in_level: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
         require(self.count >= 1, f"count must be 1 or more, got {self.count}")
@@ -141,7 +170,7 @@ class FaultDraw:
         require(0.0 < self.shortest_s <= self.longest_s, "0 < shortest_s <= longest_s must hold")
 
     def draw(self, rng: np.random.Generator) -> tuple[Fault, ...]:
-        """Faults in order of time, each of a half to one and a half of its usual size."""
+        """Faults in order of time."""
         kinds = tuple(FaultKind) if self.every_kind else self.kinds
         if not kinds:
             return ()
@@ -151,5 +180,7 @@ class FaultDraw:
             start_s = float(rng.uniform(self.earliest_s, self.latest_s))
             duration_s = float(rng.uniform(self.shortest_s, self.longest_s))
             size = SIZES.get(kind, 1.0) * float(rng.uniform(0.5, 1.5))
-            drawn.append(Fault(kind, start_s, duration_s, min(size, 1.0) if kind in _SHARES else size))
+            size = size if self.size is None else self.size
+            direction = self.direction_in_level if kind is FaultKind.FLOW_BIAS else None
+            drawn.append(Fault(kind, start_s, duration_s, min(size, 1.0) if kind in _SHARES else size, direction))
         return tuple(sorted(drawn, key=lambda fault: fault.start_s))

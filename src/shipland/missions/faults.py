@@ -13,7 +13,18 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.flight import Crew
 from shipland.guidance.pilot import Pilot
-from shipland.messages import Box, Decision, Frame, GroundTruth, Observation, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.messages import (
+    BarPose,
+    Box,
+    Decision,
+    Frame,
+    GimbalAttitude,
+    GroundTruth,
+    Observation,
+    PilotCommand,
+    Telemetry,
+    TouchdownVerdict,
+)
 from shipland.missions.corruption import Spoiler
 from shipland.missions.fault_kinds import Fault, FaultKind
 from shipland.missions.scenarios import Scenario
@@ -24,8 +35,8 @@ from shipland.vision.vision import Vision
 
 _LONGEST_ASKED_S = 1.0
 """Time that one call lets pass at most: by a spoiled clock the loop may ask for hours, and the world has not leapt."""
-_HELD = 60
-"""Pictures kept for one that comes late: two seconds."""
+_HELD = 100
+"""Pictures kept for one that comes late or shows what is long gone: three seconds."""
 _BLOCK_PX = 32
 
 
@@ -64,6 +75,8 @@ class FaultyVehicle:
         self._given_s = -math.inf
         self._last_image: npt.NDArray[np.uint8] | None = None
         self._last: Telemetry | None = None
+        self._last_gimbal: tuple[float, GimbalAttitude] | None = None
+        self._last_height: tuple[float | None, float] | None = None
         self._served: set[int] = set()
         self._rotor = int(rng.integers(4))
         self._weak: Fault | None = None
@@ -106,7 +119,7 @@ class FaultyVehicle:
             self._weaken()
             frame = self._delivered(pair[0])
             if frame is not None:
-                return self.spoiled(self._spoiled_image(frame)), self._telemetry(pair[1])
+                return self.spoiled(self._with_gimbal(self._spoiled_image(frame))), self._telemetry(pair[1])
             if self.now_s - begun_s >= LONGEST_WAIT_S:
                 return None, self._telemetry(pair[1])
         return None
@@ -158,6 +171,21 @@ class FaultyVehicle:
                 return None
             frame = old[-1]
         self._given_s = frame.t_s
+        aged = self.now(FaultKind.OLD_PICTURES)
+        if aged is not None:
+            shown_s = frame.t_s - aged.amount
+            shown = next((held for held in reversed(self._held) if held.t_s <= shown_s), self._held[0])
+            # Whoever looks up what the picture shows finds it by `stamp_s`.
+            frame = replace(frame, image=shown.image, stamp_s=shown.t_s)
+        return frame
+
+    def _with_gimbal(self, frame: Frame) -> Frame:
+        """The frame with the camera's attitude as it is read."""
+        stale = self.now(FaultKind.STALE_GIMBAL) is not None
+        if self._last_gimbal is not None and (stale or self.now(FaultKind.FROZEN_GIMBAL) is not None):
+            read_s, gimbal = self._last_gimbal
+            return replace(frame, gimbal=gimbal, gimbal_age_s=frame.t_s - read_s if stale else frame.gimbal_age_s)
+        self._last_gimbal = frame.t_s, frame.gimbal
         return frame
 
     def _spoiled_image(self, frame: Frame) -> Frame:
@@ -208,12 +236,23 @@ class FaultyVehicle:
         if compass is not None and telemetry.heading_rad is not None:
             telemetry = replace(telemetry, heading_rad=telemetry.heading_rad + math.radians(compass.amount))
         if flow is not None and velocity_mps is not None:
-            telemetry = replace(telemetry, velocity_in_level_mps=velocity_mps + flow.amount * self._direction)
+            direction = self._direction if flow.direction_in_level is None else np.array(flow.direction_in_level)
+            telemetry = replace(telemetry, velocity_in_level_mps=velocity_mps + flow.amount * direction)
+        telemetry = self._with_height(telemetry)
         if self.now(FaultKind.NAN_TELEMETRY) is not None:
             nan = math.nan
             telemetry = Telemetry(telemetry.t_s, nan, nan, nan, nan, np.full(3, nan), nan, nan, telemetry.flying)
         spoiled: Telemetry = self.spoiled(telemetry)
         return spoiled
+
+    def _with_height(self, telemetry: Telemetry) -> Telemetry:
+        """The telemetry with the height as the barometer says it."""
+        stale = self.now(FaultKind.STALE_BAROMETER) is not None
+        if self._last_height is not None and (stale or self.now(FaultKind.FROZEN_BAROMETER) is not None):
+            height_m, read_s = self._last_height
+            return replace(telemetry, height_m=height_m, height_t_s=read_s if stale else telemetry.height_t_s)
+        self._last_height = telemetry.height_m, _time(telemetry.height_t_s, telemetry)
+        return telemetry
 
     def _weaken(self) -> None:
         weak = self.now(FaultKind.WEAK_MOTOR)
@@ -241,6 +280,9 @@ class _FaultyVision:
         seen = self._vision.see(frame)
         if frame.image is None:
             seen = self._without_picture(frame, seen)
+        misstated = now(FaultKind.MISSTATED_CUE)
+        if seen.bar_pose is not None and misstated is not None:
+            seen = replace(seen, bar_pose=_scaled(seen.bar_pose, 1.0 + misstated.amount))
         pose, decoy, mirror = seen.bar_pose, now(FaultKind.FALSE_POSE), now(FaultKind.REFLECTION)
         if pose is not None and decoy is not None:
             offset_m = np.array([0.0, decoy.amount, 0.0])
@@ -274,6 +316,13 @@ class _FaultyVision:
         else:
             return seen
         return Observation(frame.t_s, frame.gimbal, reason=reason, learned=seen.learned)
+
+
+def _scaled(pose: BarPose, scale: float) -> BarPose:
+    """The pose that the same corners give of a cue so many times as large: as far away in cue's sizes, turned alike."""
+    stretch = np.array([scale, scale, scale, 1.0])
+    covariance = pose.covariance * np.outer(stretch, stretch)
+    return replace(pose, position_in_bar_m=scale * pose.position_in_bar_m, covariance=covariance)
 
 
 class _FaultyPilot:

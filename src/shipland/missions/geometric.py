@@ -2,7 +2,8 @@
 
 It answers the same `Observation` as the near vision and costs a fiftieth, so that thousands of landings can be
 flown. Its error model is fitted to rendered pictures (`tools/fit_geometric.py`); a test compares the two. The pose is
-the near vision's solver's, found from the truth (`drawn_pose`); another compares these.
+the near vision's solver's, found from the truth (`drawn_pose`); another compares these. Where the gimbal's word does
+not fit the corners, the solver itself decides, and the pose must pass the near vision's gates.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from shipland.missions.geometric_far import BoxErrors, BoxParameters
 from shipland.rig import Target
 from shipland.vehicles.vehicle import Witness
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import NOTHING_IN_COMMON, Solution
+from shipland.vision.near.pose import DOUBTFUL_CHI2, NOTHING_IN_COMMON, Corners, LevelPrior, Solution, solve
 from shipland.vision.near.refusal import Refusal
-from shipland.vision.near.sighting import bar_pose_of
+from shipland.vision.near.sighting import bar_pose_of, jumps, most_reprojection_px, ordered, sides_agree, within_reach
 
 
 @dataclass(frozen=True)
@@ -71,14 +72,16 @@ class GeometricVision:
         near: VisionParameters,
         rng: np.random.Generator,
     ) -> None:
-        self._witness = witness
+        self._witness, self._camera, self._near = witness, camera, near
         self._matrix = np.ascontiguousarray(camera.matrix)
         self._parameters = parameters
         self._gimbal_noise_rad = near.gimbal_noise_rad
         self._least_facing = math.cos(math.radians(near.max_obliquity_deg))
         self._rng = rng
+        self._made_to = target.made_to
         self._plane_m = np.ascontiguousarray(target.points_in_bar_m[:, 1:])
         border_px = parameters.border_px
+        self._last: tuple[float, Pose] | None = None
         self._low_px = border_px
         self._high_px = np.array([camera.width_px - 1 - border_px, camera.height_px - 1 - border_px])
 
@@ -103,12 +106,40 @@ class GeometricVision:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.CUT_BY_FRAME.value)
         down = _down_in_camera(frame.gimbal)
         measured = Measured(self._plane_m, self._matrix, corners_px, sigma_px, down, self._gimbal_noise_rad)
-        settled, *pose, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
-        if not settled:
+        last = self._last if self._last is not None and 0.0 <= frame.t_s - self._last[0] <= self._near.track_s else None
+        solutions = self._solved(rotation, sight_m, measured, None if last is None else last[1])
+        quads_px = corners_px.reshape(-1, 4, 2)
+        if not solutions:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_SOLUTION.value)
-        freedom = residual_px.size - 6 + (2 if self._gimbal_noise_rad > 0.0 else 0)
-        found = Solution(Pose(*pose), chi2, 0.0, covariance, NOTHING_IN_COMMON, residual_px.reshape(-1, 4, 2), freedom)
-        return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose_of([found], corners_px.reshape(-1, 4, 2)))
+        bar_pose = bar_pose_of(solutions, quads_px)
+        refusal = self._refusal(solutions[0], quads_px, sigma_px)
+        if refusal is None and last is not None and jumps(bar_pose, last[1], frame.t_s - last[0], self._near):
+            refusal = Refusal.JUMP
+        if refusal is not None:
+            return Observation(frame.t_s, frame.gimbal, reason=refusal.value)
+        self._last = frame.t_s, solutions[0].camera_from_plane
+        return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose)
+
+    def _solved(self, rotation: Array, sight_m: Array, measured: Measured, last: Pose | None) -> list[Solution]:
+        """What the solver makes of measured corners, the pose to take first."""
+        settled, *pose, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
+        if settled and chi2 < DOUBTFUL_CHI2 * residual_px.size:
+            freedom = residual_px.size - 6 + (2 if measured.level_rad > 0.0 else 0)
+            residual_px = residual_px.reshape(-1, 4, 2)
+            return [Solution(Pose(*pose), chi2, 0.0, covariance, NOTHING_IN_COMMON, residual_px, freedom)]
+        quads_px, quads_m = measured.corners_px.reshape(-1, 4, 2), measured.plane_m.reshape(-1, 4, 2)
+        corners = Corners(quads_px, np.broadcast_to(np.eye(8) / measured.sigma_px, (len(quads_px), 8, 8)), quads_m)
+        prior = LevelPrior(measured.down_in_camera, measured.level_rad) if measured.level_rad > 0.0 else None
+        return ordered(solve(corners, self._camera, prior, last), last)
+
+    def _refusal(self, taken: Solution, quads_px: Array, sigma_px: float) -> Refusal | None:
+        """Why near vision would not believe a pose."""
+        near = self._near
+        if not taken.reprojection_px <= most_reprojection_px(quads_px, sigma_px, self._made_to, near):
+            return Refusal.REPROJECTION
+        if not sides_agree(quads_px, quads_px + taken.residual_px, sigma_px, near):
+            return Refusal.SIDES_UNEQUAL
+        return None if within_reach(taken.camera_from_plane, near) else Refusal.OUT_OF_REACH
 
 
 def _down_in_camera(gimbal: GimbalAttitude) -> Array:

@@ -120,7 +120,7 @@ class GeometricFar:
     def see(self, frame: Frame) -> Observation:
         """What the detectors would make of the picture; never raises."""
         luck = np.column_stack([self._rng.random(2), self._rng.normal(size=(2, 3))])
-        scene = self._scenes.scene_at(frame.t_s)
+        scene = self._scenes.scene_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)
         if scene is None:
             return Observation(frame.t_s, frame.gimbal, reason="far: no picture")
         boxes = []

@@ -98,6 +98,7 @@ _OF_THE_FLIER = ("description", "vision", "detector", "eyes", "guidance", "safet
 _ADDED: dict[str, tuple[tuple[str, Any], ...]] = {
     "rig": (("landing_area", "square"), ("hull", "platform"), ("house_length_m", None)),
     "scene": (("wake", 0.0),),
+    "fault_draw": (("size", None), ("direction_in_level", None)),
 }
 """Keys younger than the digests on record, with the values that leave a flight as it was."""
 

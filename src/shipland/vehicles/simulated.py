@@ -21,7 +21,7 @@ from shipland.vehicles.vehicle import unless_late
 if TYPE_CHECKING:
     from shipland.sim.scene.scene import Scene
 
-_REMEMBERED = 64
+_REMEMBERED = 100
 """Given frames whose truth and scene are kept."""
 
 

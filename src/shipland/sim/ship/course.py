@@ -208,18 +208,19 @@ class CourseParameters:
     Attributes:
         kind: `still`; `straight`; `s`, swings of `change_deg` to either side of the course; `turn`, one turn of
             `change_deg`; `turn90`, one of 90°; `random`, turns within ±`change_deg` and speeds between half and all
-            of `speed_mps`.
+            of `speed_mps`; `reverse`, a stop and as fast astern.
         course_deg: the first heading, clockwise from north.
         speed_mps: speed.
         speed_max_mps: the platform's fastest.
         start_s: straight ahead before the first manoeuvre.
         change_deg: change of course, clockwise positive.
-        leg_s: straight stretch between manoeuvres; of a random course, the mean (0.5 to 1.5 times it).
+        leg_s: straight stretch between manoeuvres; of a random course, the mean (0.5 to 1.5 times it); of a reverse,
+            from full ahead to full astern.
         turn_radius_m: tightest radius of a turn.
         manoeuvres: number of them in an S or a random course.
     """
 
-    kind: Literal["still", "straight", "s", "turn", "turn90", "random"]
+    kind: Literal["still", "straight", "s", "turn", "turn90", "random", "reverse"]
     course_deg: float
     speed_mps: float
     speed_max_mps: float
@@ -237,6 +238,7 @@ class CourseParameters:
         require(self.start_s >= 0.0, f"start_s must not be negative, got {self.start_s}")
         require(-180.0 <= self.change_deg <= 180.0, f"change_deg must be in -180…180, got {self.change_deg}")
         require(self.leg_s >= 0.0, f"leg_s must not be negative, got {self.leg_s}")
+        require(self.kind != "reverse" or self.leg_s > 0.0, "a course of kind 'reverse' needs a leg_s above 0")
         require(self.turn_radius_m > 0.0, f"turn_radius_m must be positive, got {self.turn_radius_m}")
         require(0 <= self.manoeuvres <= 1000, f"manoeuvres must be in 0…1000, got {self.manoeuvres}")
 
@@ -249,6 +251,8 @@ def build_course(parameters: CourseParameters, rng: np.random.Generator) -> Cour
         return StillCourse(course_rad)
     if p.kind == "straight":
         return StraightCourse(course_rad, p.speed_mps)
+    if p.kind == "reverse":
+        return ManoeuvringCourse(course_rad, p.speed_mps, [Manoeuvre(p.start_s, p.leg_s, 0.0, -2.0 * p.speed_mps)])
     change_rad = math.radians(90.0 if p.kind == "turn90" else p.change_deg)
     if p.kind == "random":
         turns = rng.uniform(-abs(change_rad), abs(change_rad), p.manoeuvres)

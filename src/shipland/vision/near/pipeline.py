@@ -14,20 +14,17 @@ from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target
 from shipland.vision.near.matching import Match, match_by_geometry, match_by_prediction
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import LevelPrior, position_and_yaw
+from shipland.vision.near.pose import LevelPrior
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.regions import Window, adapted, coloured_window, find_quads, find_regions, is_cut_quad
 from shipland.vision.near.rows import Followed
-from shipland.vision.near.sighting import Evidence, Judge, Sighting
+from shipland.vision.near.sighting import Evidence, Judge, Sighting, jumps
 
 __all__ = ["NearVision", "Refusal", "VisionParameters"]
 
 _MOST_JUDGED = 8
 """Hypotheses that are measured in one picture; each takes about a millisecond."""
 
-
-_JUMP_M, _JUMP_SIGMAS = 0.5, 4.0
-"""Change of height, and its standard deviations, that poses may differ by in no time."""
 
 _LIKE_SIZE = 2.0
 """Ratio of areas up to which two quadrilaterals are thought to belong together."""
@@ -106,23 +103,11 @@ class NearVision:
             again = self._search(predicted_px, evidence, adapted(image, self._parameters))
             found = again if isinstance(again, Sighting) else found
         if isinstance(found, Sighting):
-            if track is not None and self._jumps(track, frame.t_s, found):
+            since = None if track is None else (track.camera_from_plane, frame.t_s - track.t_s)
+            if since is not None and jumps(found.bar_pose, *since, self._parameters):
                 return Refusal.JUMP
             self._remember(frame.t_s, found)
         return found
-
-    def _jumps(self, track: _Track, t_s: float, sighting: Sighting) -> bool:
-        """Whether the camera would have risen or sunk since the last pose faster than an aircraft does.
-
-        The image of a cue that is its own reflection, in a wet deck or in water, is that of a cue which hangs lower.
-        """
-        if self._parameters.track_climb_mps <= 0.0:
-            return False
-        pose = sighting.bar_pose
-        last_in_bar_m, _ = position_and_yaw(track.camera_from_plane)
-        risen_m = abs(float(pose.position_in_bar_m[2] - last_in_bar_m[2]))
-        unsure_m = _JUMP_SIGMAS * math.sqrt(max(float(pose.covariance[2, 2]), 0.0))
-        return risen_m > _JUMP_M + unsure_m + self._parameters.track_climb_mps * (t_s - track.t_s)
 
     def _search(
         self, predicted_px: Array | None, evidence: Evidence, parameters: VisionParameters

@@ -38,7 +38,7 @@ _TRUST = 2.0
 _NUDGE = 1e-7
 """OpenCV's IPPE divides zero by zero on exact pixels of some symmetrical views: it gets them a little off then."""
 
-_DOUBTFUL_CHI2 = 2.5
+DOUBTFUL_CHI2 = 2.5
 """Sum of squared standard deviations a coordinate, from which a prior is put to the test."""
 
 _CONTRADICTION_CHI2 = 20.0
@@ -139,10 +139,10 @@ def solve(
     """
     if prior is not None and near is not None:
         followed = _Refiner(corners, camera, prior).follow(near)
-        if followed is not None and followed.chi2 < _DOUBTFUL_CHI2 * corners.plane_m.size:
+        if followed is not None and followed.chi2 < DOUBTFUL_CHI2 * corners.plane_m.size:
             return [followed]
     solutions = _solve(corners, camera, prior)
-    if prior is None or not solutions or solutions[0].chi2 < _DOUBTFUL_CHI2 * corners.plane_m.size:
+    if prior is None or not solutions or solutions[0].chi2 < DOUBTFUL_CHI2 * corners.plane_m.size:
         return solutions
     free = _solve(corners, camera, None)
     contradicted = (

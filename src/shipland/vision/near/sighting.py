@@ -56,6 +56,9 @@ _MOST_COMMON = 3.0
 _MOST_NOISE_PX = 0.1
 """What these may amount to: sides that are smeared or frayed state a noise that would excuse any shape."""
 
+_JUMP_M, _JUMP_SIGMAS = 0.5, 4.0
+"""Change of height, and its standard deviations, that poses may differ by in no time."""
+
 _EDGE_PX = 1.0
 """How far beyond the picture's edge a side that seems to lie on it may be."""
 
@@ -221,7 +224,6 @@ class Judge:
         self._made_to = target.made_to
         self._camera = camera
         self._parameters = parameters
-        self._least_facing = math.cos(math.radians(parameters.max_obliquity_deg))
 
     def judge(self, match: Match, evidence: Evidence) -> Sighting | Refusal:
         """Sub-pixel corners, pose, reprojection gate, screening, reach."""
@@ -251,15 +253,15 @@ class Judge:
         seen_px = measured.corners_px
         if measured.growth_px is not None:
             seen_px = seen_px - taken.common[0] * measured.growth_px
-        diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
-        most_px = self._parameters.reprojection_px + self._made_to * diagonal_px
-        if not taken.reprojection_px <= most_px + min(_REPROJECTION_NOISE * measured.noise_px, _MOST_NOISE_PX):
+        if not taken.reprojection_px <= most_reprojection_px(
+            corners_px, measured.noise_px, self._made_to, self._parameters
+        ):
             return Refusal.REPROJECTION
         if measured.held and self._beyond_edge(seen_px, taken.residual_px, evidence.image):
             return Refusal.CUT_BY_FRAME
         if not sides_agree(corners_px, corners_px + taken.residual_px, measured.noise_px, self._parameters):
             return Refusal.SIDES_UNEQUAL
-        if not self._within_reach(taken.camera_from_plane):
+        if not within_reach(taken.camera_from_plane, self._parameters):
             return Refusal.OUT_OF_REACH
         raw_px = distort(seen_px.reshape(-1, 2), self._camera).reshape(-1, 4, 2)
         spread = spread_of(taken, corners, self._camera, evidence.prior)
@@ -327,11 +329,45 @@ class Judge:
         off_px = np.abs(residual_px[..., [0, 1, 0, 1]])
         return bool(np.any(held & (off_px > _EDGE_PX)))
 
-    def _within_reach(self, camera_from_plane: Pose) -> bool:
-        sight_m = camera_from_plane.translation_m
-        distance_m = float(np.linalg.norm(sight_m))
-        facing = float(camera_from_plane.rotation[:, 2] @ sight_m)
-        return distance_m <= self._parameters.max_distance_m and facing >= self._least_facing * distance_m
+
+def most_reprojection_px(corners_px: Array, noise_px: float, made_to: float, parameters: VisionParameters) -> float:
+    """The reprojection error that a pose may have.
+
+    Args:
+        corners_px: (k,4,2) as measured.
+        noise_px: standard deviation of each.
+        made_to: how exactly the cue is made, as in `Target`.
+        parameters: the bound for a perfect cue.
+    """
+    diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
+    return parameters.reprojection_px + made_to * diagonal_px + min(_REPROJECTION_NOISE * noise_px, _MOST_NOISE_PX)
+
+
+def within_reach(camera_from_plane: Pose, parameters: VisionParameters) -> bool:
+    """Whether a pose lies within the range and obliquity that are accepted."""
+    sight_m = camera_from_plane.translation_m
+    distance_m, facing = float(np.linalg.norm(sight_m)), float(camera_from_plane.rotation[:, 2] @ sight_m)
+    least_facing = math.cos(math.radians(parameters.max_obliquity_deg))
+    return distance_m <= parameters.max_distance_m and facing >= least_facing * distance_m
+
+
+def jumps(pose: BarPose, last: Pose, passed_s: float, parameters: VisionParameters) -> bool:
+    """Whether the camera would have risen or sunk since the last pose faster than an aircraft does.
+
+    The image of a cue that is its own reflection, in a wet deck or in water, is that of a cue which hangs lower.
+
+    Args:
+        pose: found now.
+        last: the last pose, camera_from_plane.
+        passed_s: time between them.
+        parameters: how fast that is.
+    """
+    if parameters.track_climb_mps <= 0.0:
+        return False
+    last_in_bar_m, _ = position_and_yaw(last)
+    risen_m = abs(float(pose.position_in_bar_m[2] - last_in_bar_m[2]))
+    unsure_m = _JUMP_SIGMAS * math.sqrt(max(float(pose.covariance[2, 2]), 0.0))
+    return risen_m > _JUMP_M + unsure_m + parameters.track_climb_mps * passed_s
 
 
 def _shortest_px(quads_px: Array) -> float:
