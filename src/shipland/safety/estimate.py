@@ -36,6 +36,8 @@ _REFERENCE_TIME_S = 8.0
 """Of the slow velocity reference: about two periods of the waves at the rig's scale."""
 _TILT_TIME_S = 2.0
 """Of the mean tilt: gusts pass, the wind stays."""
+_STEEPEST_RAD = 1.2
+"""A steeper tilt is none that is flown."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,9 @@ class SafetyEstimate:
         heading_rad: compass, the last one known; 0 where there never was one.
         bar_heading_rad: of the bar, clockwise from the axes that lie still; None before the first pose.
         velocity_mps: (2,) north and east, the vehicle's own; None where it does not say.
-        held_mps2: (2,) north and east, the horizontal acceleration of the mean tilt: what holds against the wind.
+        tilt_mps2: (2,) north and east, the horizontal acceleration of the tilt; None where it was never told.
+        mean_tilt_mps2, mean_velocity_mps: (2,) the same and `velocity_mps`, smoothed over `_TILT_TIME_S`.
+        held_mps2: (2,) north and east, what holds against the wind: the mean tilt, less the mean acceleration.
         height_m, height_s: over the take-off point, and when that was measured.
         deck_height_m: of the neutral deck over the take-off point.
         deck_leap_m: newest pose's deck height less `deck_height_m`.
@@ -103,6 +107,9 @@ class SafetyEstimate:
     heading_rad: float = 0.0
     bar_heading_rad: float | None = None
     velocity_mps: Array | None = None
+    tilt_mps2: Array | None = None
+    mean_tilt_mps2: Array | None = None
+    mean_velocity_mps: Array | None = None
     held_mps2: Array | None = None
     height_m: float | None = None
     height_s: float = -math.inf
@@ -210,12 +217,15 @@ class SafetyEstimator:
             *(row for row in estimate.travelled if now_s - row.t_s <= _KEPT_S),
             Instant(now_s, (north_m, east_m)),
         )
+        tilt_mps2 = _tilt_mps2(estimate.tilt_mps2, telemetry, heading_rad)
         estimate = replace(
             estimate,
             t_s=now_s,
             heading_rad=heading_rad,
             velocity_mps=velocity_mps,
-            held_mps2=_mean_tilt(estimate.held_mps2, telemetry, heading_rad, step_s),
+            tilt_mps2=tilt_mps2,
+            mean_tilt_mps2=_smoothed(estimate.mean_tilt_mps2, tilt_mps2, step_s),
+            mean_velocity_mps=_smoothed(estimate.mean_velocity_mps, velocity_mps, step_s),
             height_m=height_m,
             height_s=height_s,
             bar_from_aircraft_m=way_m,
@@ -223,7 +233,7 @@ class SafetyEstimator:
             sink_mps=sink_mps,
             travelled=travelled,
         )
-        return _carried(_with_velocity(estimate))
+        return _carried(_with_velocity(replace(estimate, held_mps2=_held_mps2(estimate))))
 
     def _with_pose(self, estimate: SafetyEstimate, pose: BarPose, exposure_s: float) -> SafetyEstimate:
         bar_from_level = rotation_from_euler(0.0, 0.0, pose.yaw_rad)
@@ -257,13 +267,26 @@ class SafetyEstimator:
         return replace(estimate, seen_s=exposure_s, bar_from_aircraft_m=way_m)
 
 
-def _mean_tilt(before: Array | None, telemetry: Telemetry, heading_rad: float, step_s: float) -> Array | None:
-    """(2,) north and east, the acceleration of the tilt, smoothed over `_TILT_TIME_S`."""
+def _tilt_mps2(before: Array | None, telemetry: Telemetry, heading_rad: float) -> Array | None:
+    """(2,) north and east, the acceleration of the tilt: g·tan; `before` where none was told."""
     roll_rad, pitch_rad = telemetry.roll_rad, telemetry.pitch_rad
-    if roll_rad is None or pitch_rad is None or not max(abs(roll_rad), abs(pitch_rad)) < 1.2:
+    if roll_rad is None or pitch_rad is None or not max(abs(roll_rad), abs(pitch_rad)) < _STEEPEST_RAD:
         return before
-    now = GRAVITY_MPS2 * turned(np.array([-math.tan(pitch_rad), math.tan(roll_rad)]), heading_rad)
-    return now if before is None else before + min(step_s / _TILT_TIME_S, 1.0) * (now - before)
+    return GRAVITY_MPS2 * turned(np.array([-math.tan(pitch_rad), math.tan(roll_rad)]), heading_rad)
+
+
+def _smoothed(before: Array | None, now: Array | None, step_s: float) -> Array | None:
+    if before is None or now is None:
+        return now
+    return before + min(step_s / _TILT_TIME_S, 1.0) * (now - before)
+
+
+def _held_mps2(estimate: SafetyEstimate) -> Array | None:
+    """(2,) the mean tilt less the mean acceleration, which is what a smoothed velocity lags by."""
+    tilt_mps2, mean_mps = estimate.mean_tilt_mps2, estimate.mean_velocity_mps
+    if tilt_mps2 is None or mean_mps is None or estimate.velocity_mps is None:
+        return tilt_mps2
+    return np.asarray(tilt_mps2 - (estimate.velocity_mps - mean_mps) / _TILT_TIME_S)
 
 
 def _sighted(estimate: SafetyEstimate, place_m: Array, exposure_s: float) -> SafetyEstimate:
@@ -287,17 +310,20 @@ def _slope_mps(sights: tuple[Sight, ...]) -> Array | None:
 
 def _with_reference(estimate: SafetyEstimate) -> SafetyEstimate:
     """The vehicle's own mean velocity over the window less the poses' slope, and its slow mean."""
-    slope = _slope_mps(estimate.sights)
+    sights = estimate.sights
+    if estimate.velocity_mps is not None:  # of before its first reading nobody knows the way
+        sights = tuple(row for row in sights if row.t_s >= estimate.travelled[0].t_s)
+    slope = _slope_mps(sights)
     if slope is None or estimate.bar_heading_rad is None:
         return replace(estimate, velocity_in_bar_mps=None, reference_mps=None)
-    first_s, last_s = estimate.sights[0].t_s, estimate.sights[-1].t_s
+    first_s, last_s = sights[0].t_s, sights[-1].t_s
     begun, ended = estimate.travelled_at(first_s), estimate.travelled_at(last_s)
     if estimate.velocity_mps is None or begun is None or ended is None:
         return replace(estimate, velocity_in_bar_mps=slope, reference_mps=None)
     own = (np.array(ended) - np.array(begun)) / (last_s - first_s)
     reference = own - turned(slope[:2], estimate.bar_heading_rad)
     slow = estimate.slow_reference_mps
-    step_s = last_s - estimate.sights[-2].t_s
+    step_s = last_s - sights[-2].t_s
     slow = reference if slow is None else slow + min(step_s / _REFERENCE_TIME_S, 1.0) * (reference - slow)
     return replace(estimate, velocity_in_bar_mps=slope, reference_mps=reference, slow_reference_mps=slow)
 

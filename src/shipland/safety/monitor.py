@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from shipland.config import require
-from shipland.frames import GRAVITY_MPS2, Array
+from shipland.frames import GRAVITY_MPS2, Array, turned
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand, Telemetry
 from shipland.rig import Rig
@@ -51,7 +51,7 @@ class MonitorParameters:
 
     Attributes:
         reaction_s: from a command to the deceleration that it asks for.
-        brake_mps2: deceleration that is counted on.
+        brake_mps2: deceleration that is counted on at most; less where tilt and wind do not leave so much.
         least_to_bar_m: of the aircraft's centre to the bar's plane, where it can stop.
         foot_m: of the aircraft's feet from its centre: within the deck by this much.
         wind_share: of the acceleration that full tilt gives, which holding against the wind may take.
@@ -152,15 +152,35 @@ class Look:
 Rule = Callable[[Look], Finding | None]
 
 
-def stopping_distance_m(speed_mps: float, limits: MonitorParameters) -> float:
-    """Way until a speed is braked: v·t + v²/(2a); 0 for what does not approach.
+def stopping_distance_m(speed_mps: float, acceleration_mps2: float, brake_mps2: float, reaction_s: float) -> float:
+    """Way until a speed is braked: v·t + a·t²/2, then (v + a·t)²/(2·brake); 0 for what does not approach.
 
-    >>> from types import SimpleNamespace
-    >>> stopping_distance_m(2.0, SimpleNamespace(reaction_s=0.5, brake_mps2=2.0))
+    Args:
+        speed_mps: now.
+        acceleration_mps2: until the brake takes effect.
+        brake_mps2: deceleration from then on.
+        reaction_s: until then.
+
+    >>> stopping_distance_m(2.0, 0.0, 2.0, 0.5)
     2.0
     """
-    speed_mps = max(speed_mps, 0.0)
-    return speed_mps * limits.reaction_s + speed_mps**2 / (2.0 * limits.brake_mps2)
+    gained_mps = max(acceleration_mps2, 0.0) * reaction_s
+    later_mps = max(speed_mps + gained_mps, 0.0)
+    return max(speed_mps + 0.5 * gained_mps, 0.0) * reaction_s + later_mps**2 / (2.0 * brake_mps2)
+
+
+def brake_mps2(look: Look) -> float:
+    """Deceleration that tilt can give against the bar's direction: what the wind does not take of it."""
+    full_mps2 = GRAVITY_MPS2 * math.tan(look.response.max_tilt_rad)
+    taken_mps2 = max(-_along_bar(look, look.estimate.held_mps2), 0.0)
+    return min(look.limits.brake_mps2, max(_BRAKE_SHARE * (full_mps2 - taken_mps2), _LEAST_BRAKE_MPS2))
+
+
+def _along_bar(look: Look, in_still: Array | None) -> float:
+    """The part towards the bar's plane of a vector (2,) of the axes that lie still; 0 where it is not known."""
+    if in_still is None or look.estimate.bar_heading_rad is None:
+        return 0.0
+    return float(turned(in_still, -look.estimate.bar_heading_rad)[0])
 
 
 def bar_ahead(look: Look) -> Finding | None:
@@ -168,7 +188,9 @@ def bar_ahead(look: Look) -> Finding | None:
     place_m, velocity_mps, limits, ship = look.place_m, look.velocity_mps, look.limits, look.ship
     if place_m is None or velocity_mps is None:
         return None
-    to_bar_m = -float(place_m[0]) - stopping_distance_m(float(velocity_mps[0]), limits)
+    leant_mps2 = _along_bar(look, look.estimate.tilt_mps2) - _along_bar(look, look.estimate.held_mps2)
+    stop_m = stopping_distance_m(float(velocity_mps[0]), leant_mps2, brake_mps2(look), limits.reaction_s)
+    to_bar_m = -float(place_m[0]) - stop_m
     beside = abs(float(place_m[1])) > ship.half_house_m + limits.least_to_bar_m
     above = float(place_m[2]) < ship.house_top_m - limits.least_to_bar_m
     if beside or above or to_bar_m >= limits.least_to_bar_m:
@@ -254,6 +276,8 @@ def findings(look: Look) -> list[Finding]:
     return sorted(found, key=lambda finding: -finding.action)
 
 
+_BRAKE_SHARE, _LEAST_BRAKE_MPS2 = 0.8, 0.3
+"""Of the tilt that is left, what is counted on; and never nothing."""
 _SLOWEST_MPS = 0.3
 """Slower than this the time to contact says nothing."""
 _CONTACT_NEAR_S = 0.6

@@ -16,7 +16,7 @@ from shipland.safety.recovery import Recovery, RecoveryParameters, Rung, is_clea
 _CALM_S = 1.0
 """What was found has passed when it was not found for so long."""
 _SLOW_MPS = 2.0
-"""Faster against the ship than this the mean tilt is that of the flight, not of the wind."""
+"""Faster against the ship than this the drag of the aircraft's own way counts as well."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def _with_wind(before: Switch, look: Look, found: Sequence[Finding]) -> tuple[Sw
     """A wind that lasts and takes too much of the tilt is refused, near the ship and before anything is tried."""
     velocity_mps = look.velocity_mps
     if velocity_mps is None or math.hypot(float(velocity_mps[0]), float(velocity_mps[1])) > _SLOW_MPS:
-        return before, found
+        return before, found  # a tilt against the aircraft's own way says little of the wind
     share = wind_share(look)
     if share <= look.limits.wind_share:
         return replace(before, windy_since_s=None), found

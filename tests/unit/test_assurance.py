@@ -1,0 +1,272 @@
+"""Run-time assurance: what the monitor finds, what the recovery flies, who has the aircraft."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shipland.camera import Camera
+from shipland.config import build
+from shipland.errors import ConfigError
+from shipland.guidance.response import ANAFI_LIKE
+from shipland.messages import BarPose, Decision, GimbalAttitude, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.rig import default_rig, packaged_table
+from shipland.safety.assurance import Safety, SafetyParameters
+from shipland.safety.monitor import Action, stopping_distance_m
+from shipland.safety.recovery import Recovery, Rung
+from shipland.safety.switch import Switch, next_switch
+
+TABLE = packaged_table("safety")
+PARAMETERS = build(SafetyParameters, TABLE)
+RECOVERY = PARAMETERS.recovery
+CAMERA = Camera.from_fov(1280, 720, 69.0)
+RIG = default_rig()
+DECK_M = RIG.deck_in_bar_m
+SPEEDS = replace(ANAFI_LIKE, kind="velocity", max_speed_mps=4.0, servo_per_s=1.0, hold_below_percent=0.0)
+TILTS = replace(ANAFI_LIKE, hold_below_percent=0.0)
+STEP_S = 0.05
+
+
+class Flight:
+    """A point mass that follows its sticks, poses of it that come late, and the safety over what it is told to do.
+
+    Args:
+        place_m: (3,) in `bar`; the bar's axis points north.
+        velocity_mps: (3,) over ground.
+        response: of the vehicle.
+        wind_mps2: (2,) acceleration by the wind.
+        tell: alters the telemetry.
+        parameters: of the safety.
+    """
+
+    def __init__(
+        self, place_m, velocity_mps=(0, 0, 0), response=ANAFI_LIKE, wind_mps2=(0, 0), tell=None, parameters=PARAMETERS
+    ):
+        self.place_m, self.velocity_mps = np.array(place_m, dtype=float), np.array(velocity_mps, dtype=float)
+        self.response, self.wind_mps2, self.tell = response, np.array(wind_mps2, dtype=float), tell
+        self.safety = Safety(parameters, RIG, CAMERA, np.zeros(3), response)
+        self.t_s, self.tilt_mps2 = 100.0, -self.wind_mps2
+        self.ship_mps = np.zeros(3)
+        self.seen = True
+        self.late = [(self.t_s, self.place_m.copy())] * 6
+        self.decisions = []
+
+    def fly(self, seconds, asked):
+        for _ in range(round(seconds / STEP_S)):
+            self.t_s += STEP_S
+            pitch_rad, roll_rad = -math.atan(self.tilt_mps2[0] / 9.81), math.atan(self.tilt_mps2[1] / 9.81)
+            telemetry = Telemetry(
+                self.t_s, roll_rad, pitch_rad, 0.0, 5.0 - self.place_m[2], self.velocity_mps.copy(), 80.0, 90.0, True,
+                self.t_s, self.t_s, self.t_s, self.t_s,
+            )  # fmt: skip
+            if self.tell is not None:
+                telemetry = self.tell(telemetry)
+            self.late = [*self.late[1:], (self.t_s, self.place_m.copy())]
+            exposed_s, place_m = self.late[0]
+            pose = BarPose(place_m, 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2))) if self.seen else None
+            command = replace(PilotCommand(self.t_s, 0.0, 0.0, 0.0, 0.0, 0.0), **asked)
+            decision = Decision(command, Mode.LAND, "asked")
+            decision = self.safety.check(decision, Observation(exposed_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+            self.decisions.append(decision)
+            self.move(decision.command)
+        return self
+
+    def move(self, command):
+        given = np.array([self.response.input_of(stick) for stick in (command.pitch_percent, command.roll_percent)])
+        if command.intent is Intent.HOLD or (not given.any() and self.response.hold_below_percent > 0.0):
+            given = (
+                self.velocity_mps[:2] * 0.0
+                if self.response.kind == "velocity"
+                else -self.wind_mps2 - self.velocity_mps[:2]
+            )
+        if self.response.kind == "velocity":
+            given = -self.wind_mps2 + 2.0 * (given - self.velocity_mps[:2])
+        self.tilt_mps2 = self.tilt_mps2 + STEP_S / 0.2 * (given - self.tilt_mps2)
+        down_mps = -0.01 * command.heave_percent * self.response.max_climb_mps
+        self.velocity_mps[:2] += STEP_S * (self.tilt_mps2 + self.wind_mps2)
+        self.velocity_mps[2] += STEP_S / 0.3 * (down_mps - self.velocity_mps[2])
+        self.place_m += STEP_S * (self.velocity_mps - self.ship_mps)
+
+    @property
+    def said(self):
+        return "; ".join(dict.fromkeys(decision.reason for decision in self.decisions))
+
+    @property
+    def over_deck_m(self):
+        return DECK_M[2] - self.place_m[2]
+
+
+def over_deck(height_m, forward_m=0.0, right_m=0.0):
+    return DECK_M + np.array([forward_m, right_m, -height_m])
+
+
+LANDING = {"heave_percent": -40.0, "intent": Intent.LAND}
+
+
+def test_a_landing_without_anything_wrong_is_left_alone():
+    flight = Flight(over_deck(1.2)).fly(2.0, {}).fly(1.0, LANDING)
+    assert flight.said == "asked"
+    assert flight.decisions[-1].command.heave_percent == -40.0
+
+
+@pytest.mark.parametrize("response", [ANAFI_LIKE, TILTS, SPEEDS])
+@pytest.mark.parametrize("wind_mps2", [(0.0, 0.0), (1.2, 0.0), (0.0, -1.2)])
+def test_who_flies_at_the_bar_is_braked_ahead_of_it_and_brought_back(response, wind_mps2):
+    """The stick towards the bar from 9 m, all the while: the aircraft never comes to the superstructure."""
+    flight = Flight((-9.0, 0.0, -0.2), response=response, wind_mps2=wind_mps2)
+    roll_percent = response.stick_of(-wind_mps2[1]) if response.kind == "attitude" else 0.0
+    nearest_m = math.inf
+    for _ in range(200):
+        flight.fly(STEP_S, {"pitch_percent": 60.0, "roll_percent": roll_percent})
+        above = flight.place_m[2] < -1.0  # the superstructure lies below it
+        nearest_m = nearest_m if above else min(nearest_m, -flight.place_m[0])
+    assert nearest_m > 0.25
+    assert "ahead of the bar" in flight.said
+
+
+def test_a_flow_that_begins_to_lie_breaks_the_landing_off_in_words():
+    def lie(telemetry):
+        off = np.array([0.0, 2.5, 0.0]) if telemetry.t_s > 104.0 else np.zeros(3)
+        return replace(telemetry, velocity_in_level_mps=telemetry.velocity_in_level_mps + off)
+
+    flight = Flight(over_deck(1.2), tell=lie).fly(3.5, {}).fly(2.5, {**LANDING, "heave_percent": -5.0})
+    assert "the vehicle's velocity and the poses differ by" in flight.said
+    assert flight.decisions[-1].command.intent is Intent.CLIMB_OUT
+
+
+def test_a_ships_way_is_no_contradiction():
+    flight = Flight(over_deck(1.2), velocity_mps=(3.0, 1.0, 0.0))
+    flight.ship_mps = np.array([3.0, 1.0, 0.0])
+    flight.fly(4.0, {"pitch_percent": 1e-3})
+    assert "safety" not in flight.said
+
+
+@pytest.mark.parametrize("part", ["attitude", "velocity", "height"])
+def test_no_landing_on_a_reading_that_stands_still(part):
+    def stand(telemetry):
+        return replace(telemetry, **{f"{part}_t_s": min(telemetry.t_s, 102.0)})
+
+    flight = Flight(over_deck(1.2), tell=stand).fly(4.0, {}).fly(0.5, LANDING)
+    assert f"{part} " in flight.said
+    assert " s old" in flight.said
+    assert flight.decisions[-1].command.heave_percent > 0.0
+
+
+def test_what_the_vehicle_complains_of_is_not_landed_with():
+    flight = Flight(over_deck(1.2), tell=lambda it: replace(it, alerts="estimator unhealthy")).fly(2.0, {})
+    assert "safety" not in flight.said
+    flight.fly(0.5, LANDING)
+    assert "the vehicle says: estimator unhealthy" in flight.said
+
+
+def test_a_landing_beside_the_deck_is_broken_off_while_that_helps():
+    flight = Flight(over_deck(1.2, 0.0, 0.1), velocity_mps=(0.0, 0.4, 0.7), response=SPEEDS)
+    flight.fly(1.5, {"heave_percent": -70.0, "roll_percent": 12.0, "intent": Intent.LAND})
+    assert "from the deck's centre: go_around" in flight.said
+    assert flight.over_deck_m > 0.1
+
+
+@pytest.mark.parametrize("response", [ANAFI_LIKE, TILTS, SPEEDS])
+def test_a_go_around_ends_high_and_astern_and_hands_the_aircraft_back(response):
+    alerts = {"words": "compass"}
+    flight = Flight(
+        over_deck(1.0), response=response, wind_mps2=(0.8, -0.5), tell=lambda it: replace(it, alerts=alerts["words"])
+    )
+    flight.fly(2.0, {}).fly(0.5, LANDING)
+    alerts["words"] = ""
+    lowest_m = flight.over_deck_m
+    for _ in range(300):
+        flight.fly(STEP_S, {"intent": Intent.HOLD})
+        lowest_m = min(lowest_m, flight.over_deck_m)
+        if "safety" not in flight.decisions[-1].reason:
+            break
+    assert "safety" not in flight.decisions[-1].reason
+    assert lowest_m > 0.5
+    assert flight.over_deck_m > 0.9 * RECOVERY.clear_height_m
+    assert flight.place_m[0] < DECK_M[0] - 0.8 * RECOVERY.clear_back_m
+    assert abs(flight.place_m[1]) < 1.5
+
+
+def test_a_wind_that_takes_the_tilt_is_refused_before_anything_is_tried():
+    most_mps2 = 9.81 * math.tan(ANAFI_LIKE.max_tilt_rad)
+    flight = Flight((-12.0, 0.0, -1.0), response=TILTS, wind_mps2=(0.0, -0.93 * most_mps2))
+    held = {"roll_percent": TILTS.stick_of(0.93 * most_mps2)}
+    flight.fly(6.0, held)
+    assert "refused: the wind takes 9" in flight.said
+    assert flight.decisions[-1].mode is Mode.CLIMB_OUT
+    calm = Flight((-12.0, 0.0, -1.0), response=TILTS, wind_mps2=(0.0, -0.6 * most_mps2))
+    calm.fly(6.0, {"roll_percent": TILTS.stick_of(0.6 * most_mps2)})
+    assert "refused" not in calm.said
+
+
+def test_what_does_not_pass_is_tried_three_times_and_then_left():
+    """Alerts that last: each landing is broken off, then the ladder is climbed to its end."""
+    flight = Flight(over_deck(1.0), response=SPEEDS, tell=lambda it: replace(it, alerts="motor"))
+    flight.fly(40.0, LANDING)
+    assert "refused: the vehicle says: motor: return" in flight.said
+    assert -flight.place_m[0] > RECOVERY.return_m - 3.0
+    assert flight.decisions[-1].command.intent in (Intent.HOLD, Intent.CLIMB_OUT)
+
+
+def test_contact_height_needs_a_fresh_sight_of_it():
+    flight = Flight(over_deck(0.5)).fly(0.5, {})
+    assert flight.decisions[-1].command.at_contact_height
+    flight.seen = False
+    flight.fly(PARAMETERS.contact_sight_s + 0.5, {"intent": Intent.HOLD})
+    assert not flight.decisions[-1].command.at_contact_height
+    assert not Flight(over_deck(3.0)).fly(0.5, {}).decisions[-1].command.at_contact_height
+
+
+def test_the_place_is_carried_on_from_the_exposure_to_now():
+    """Poses 0.25 s late at 1 m/s: the safety's place is that of now, not of then."""
+    flight = Flight((-12.0, 0.0, -1.0), velocity_mps=(1.0, 0.0, 0.0), response=SPEEDS)
+    flight.fly(3.0, {"pitch_percent": 25.0})
+    place_m = flight.safety.estimate.place_in_bar_m
+    assert place_m[0] == pytest.approx(flight.place_m[0], abs=0.12)  # a step of 5 cm, and the poses' slope
+
+
+@pytest.mark.parametrize("calm", [True, False])
+@pytest.mark.parametrize("rung", list(Rung))
+@pytest.mark.parametrize("tries", [1, RECOVERY.tries + 1])
+def test_the_ladder_is_climbed_one_way_and_ends(rung, tries, calm):
+    """From every rung: the pilot's again, the same, or the next one; a final one stays."""
+    flight = Flight(over_deck(5.0, -6.0)).fly(1.0, {})
+    look = flight.safety._look(PilotCommand.hold(flight.t_s, 0.0), flight_telemetry(flight))
+    before = Switch(Recovery(rung, flight.t_s - 100.0, "why"), tries, -math.inf if calm else flight.t_s)
+    after = next_switch(before, look, [], RECOVERY)
+    ladder = [*RECOVERY.ladder, *RECOVERY.ladder[-1:]]
+    if rung is Rung.LAND or rung is Rung.RETURN:
+        assert after.recovery is not None
+    elif calm and tries <= RECOVERY.tries:
+        assert after.recovery is None
+    else:
+        assert after.recovery.rung is ladder[ladder.index(rung) + 1]
+    final = Switch(Recovery(rung, 0.0, "why", final=True), tries)
+    assert next_switch(final, look, [], RECOVERY).recovery == final.recovery
+
+
+def flight_telemetry(flight):
+    return Telemetry(flight.t_s, 0.0, 0.0, 0.0, 5.0, np.zeros(3), 80.0, 90.0, True)
+
+
+def test_stopping_distance_by_hand():
+    assert stopping_distance_m(3.0, 0.0, 2.0, 0.5) == pytest.approx(1.5 + 9.0 / 4.0)
+    assert stopping_distance_m(3.0, 2.0, 2.0, 0.5) == pytest.approx(1.5 + 0.25 + 16.0 / 4.0)
+    assert stopping_distance_m(-3.0, 0.0, 2.0, 0.5) == 0.0
+
+
+def test_graver_findings_come_first():
+    assert sorted(Action) == [Action.NO_GO, Action.BRAKE, Action.GO_AROUND, Action.REFUSE]
+
+
+@pytest.mark.parametrize("section", ["", "monitor", "recovery"])
+def test_no_bound_of_the_safety_can_be_set_out_of_the_world(section):
+    inner = TABLE[section] if section else TABLE
+    for key, value in inner.items():
+        if not isinstance(value, float):
+            continue
+        for wrong in (1e300, math.inf, math.nan, -1.0):
+            table = {**TABLE, section: {**inner, key: wrong}} if section else {**TABLE, key: wrong}
+            with pytest.raises(ConfigError, match=key):
+                build(SafetyParameters, table)
