@@ -6,11 +6,9 @@ whoever takes the mode or the sticks has the vehicle at once and keeps it. See `
 
 from __future__ import annotations
 
-import logging
 import math
 import threading
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 
 from shipland.camera import Camera
@@ -21,7 +19,7 @@ from shipland.vehicles.camera_stream import CameraStream, Shot
 from shipland.vehicles.checks import Check
 from shipland.vehicles.mavlink.control import MOTORS_STOPPED, Control
 from shipland.vehicles.mavlink.dialect import dialect
-from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, guided_name, mode_name, obeys_us
+from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, obeys_us
 from shipland.vehicles.mavlink.motors import MotorStop
 from shipland.vehicles.mavlink.parameters import (
     ARDUPILOT_NAMES,
@@ -32,14 +30,13 @@ from shipland.vehicles.mavlink.parameters import (
 )
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setpoints import HOLD, AttitudeTarget, Wanted, pressed, velocity_message, wanted_of
-from shipland.vehicles.mavlink.setup import Engagement, MavlinkSetup, open_session
+from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
-from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of, transmitter_heard
+from shipland.vehicles.mavlink.taking import Taking
+from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of
 from shipland.vehicles.pace import Pace
 from shipland.vehicles.touchdown import Contact
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
-
-_log = logging.getLogger(__name__)
 
 _REMEMBERED = 64
 """Given frames whose truth is kept."""
@@ -67,7 +64,7 @@ class MavlinkVehicle:
         self._lock = threading.Lock()
         self._command: tuple[PilotCommand, float] | None = None
         self._control = Control(self._parameters.stick_takeover_us)
-        self._engaged = self._opening = self._closed = self._taking_off = False
+        self._engaged = self._opening = self._closed = False
         self._end_reason = ""
         self._hand_overs, self._handed_s = 0, -math.inf
         self._last_exposed_s = self._pictured_s = -math.inf
@@ -131,6 +128,7 @@ class MavlinkVehicle:
             limits = self._limits = VehicleLimits.of(autopilot, values)
             self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
             hover = limits.hover_throttle or parameters.hover_throttle
+            self._taking = Taking(session, self._control, parameters, lambda: self._closed)
             self._motors = MotorStop(session, parameters, self._setup.touchdown, hover)
             self._press_mps = min(self._setup.touchdown.press_mps, limits.down_mps)
             self._tilts = None
@@ -155,7 +153,9 @@ class MavlinkVehicle:
         self.connect()
         self._opening = True
         try:
-            self._engage(self._setup.engagement)
+            self._taking.run(self._setup.engagement)
+            self._pictured_s = time.monotonic()
+            self._engaged = True
         except BaseException:
             self.close()
             raise
@@ -213,7 +213,7 @@ class MavlinkVehicle:
                 self._control.released = True
                 session.link.send(velocity_message(HOLD, session.target, int(1e3 * time.monotonic()) & 0xFFFFFFFF))
                 session.ask_hold()
-            until_s = time.monotonic() + _HAND_OVER_S
+            until_s = time.monotonic() + 3.0 * _HAND_OVER_S
             while self._control.by_sticks and obeys_us(session.state) and time.monotonic() < until_s:
                 time.sleep(0.02)  # the set-points' thread is asking for a mode that obeys the pilot
         self._stack.close()
@@ -243,91 +243,6 @@ class MavlinkVehicle:
         return words if self._pace.preferred else f"{words}; among other processes: CAP_SYS_NICE puts them first"
 
     # Taking and losing the vehicle
-
-    def _engage(self, engagement: Engagement) -> None:
-        session = self.session
-        if not transmitter_heard(session.state, time.monotonic()):
-            _log.warning("no transmitter is heard: taking over by stick is not possible, only by mode or key")
-        self._control.begin(session.state, engagement.asks)
-        if engagement.asks:
-            # PX4 wants set-points before it gives OFFBOARD
-            time.sleep(1.0 if session.state.autopilot == PX4 else 0.0)
-            self._insist(self._ask_guided, "the autopilot refuses its guided mode")
-        else:
-            _log.warning(self._hand_over_words())
-        self._await_control()
-        if engagement.take_off_m > 0.0:
-            self._take_off(engagement.take_off_m)
-        elif not session.state.armed:
-            raise VehicleError("the vehicle is not armed; arm it and take off, or ask for it: takeoff=METRES")
-        self._pictured_s = time.monotonic()
-        self._engaged = True
-
-    def _await_control(self) -> None:
-        """Wait until the guided mode is ours; VehicleError when it is not given in time."""
-        timeout_s = self._parameters.engage_timeout_s
-        until_s = time.monotonic() + timeout_s
-        while not self._control.granted:
-            self._refuse_if_over()
-            if time.monotonic() > until_s:
-                raise VehicleError(f"the mode was not given to us within {timeout_s:g} s: {self._hand_over_words()}")
-            time.sleep(0.02)
-
-    def _hand_over_words(self) -> str:
-        """What the operator has to do."""
-        state = self.session.state
-        if obeys_us(state):
-            return f"the vehicle is in {mode_name(state)} already: switch out of it and back to hand over"
-        return f"switch to {guided_name(state)} to hand over (it is {mode_name(state)})"
-
-    def _refuse_if_over(self) -> None:
-        """VehicleError where control was lost, or the vehicle closed, while it was being engaged."""
-        if self._control.lost or self._closed:
-            raise VehicleError(self._control.lost or "the flight was ended here")
-
-    def _over(self) -> bool:
-        return bool(self._control.lost) or self._closed
-
-    def _wait(self, until: Callable[[AutopilotState], bool], timeout_s: float, otherwise: str) -> None:
-        """As `Session.wait`, while control is ours."""
-        self.session.wait(lambda state: self._over() or until(state), timeout_s, otherwise)
-        self._refuse_if_over()
-
-    def _ask_guided(self) -> int:
-        """Ask for the mode that obeys us, until it is given or a pilot chose another; its MAV_RESULT."""
-        control = self._control
-        result = self.session.ask_guided(lambda: control.granted or self._over())
-        return 0 if control.granted else result
-
-    def _insist(self, ask: Callable[[], int], otherwise: str) -> None:
-        """Ask every second until it is granted: an autopilot that has just booted refuses until it knows its place."""
-        until_s = time.monotonic() + self._parameters.engage_timeout_s
-        while (result := ask()) != 0:
-            self._refuse_if_over()
-            if time.monotonic() > until_s:
-                said = "; ".join(self.session.state.texts[-3:])
-                raise VehicleError(f"{otherwise} (MAV_RESULT {result}): {said}")
-            time.sleep(1.0)
-        self._refuse_if_over()
-
-    def _take_off(self, height_m: float) -> None:
-        session = self.session
-        if not session.state.armed:
-            arm = dialect.MAV_CMD_COMPONENT_ARM_DISARM
-            self._insist(lambda: session.ask(arm, 1, 0, unless=self._over), "the autopilot does not arm")
-        self._wait(lambda state: state.armed, 5.0, "the motors did not start")
-        self._taking_off = True
-        try:
-            if session.state.autopilot != PX4:
-                climb = dialect.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m
-                refused = session.ask(*climb, unless=self._over) != 0
-                self._refuse_if_over()
-                if refused:
-                    raise VehicleError(f"the autopilot does not take off: {'; '.join(session.state.texts[-3:])}")
-            near_m = max(0.3, 0.1 * height_m)
-            self._wait(lambda state: state.height_m > height_m - near_m, 30.0, "the take-off did not end")
-        finally:
-            self._taking_off = False
 
     def _end(self, reason: str) -> None:
         """No more frames; the first reason stands. Where control is still ours, set-points to hold go on."""
@@ -368,7 +283,7 @@ class MavlinkVehicle:
         if not self._may_command(state):
             return
         if not self._engaged:
-            climbs = self._taking_off and now_s - state.height_t_s <= _HEIGHT_S
+            climbs = self._taking.climbing and now_s - state.height_t_s <= _HEIGHT_S
             climb = Wanted(0.0, 0.0, self.response().max_climb_mps, 0.0)
             self._set_point(climb if climbs else HOLD, state, step_s, boot_ms)
             return
@@ -389,7 +304,7 @@ class MavlinkVehicle:
         A PX4 wants them before it gives OFFBOARD, and to climb, for its own take-off would leave OFFBOARD. In an
         OFFBOARD that was not given to us they may be another's.
         """
-        if state.autopilot == PX4 and self._opening and not (self._control.granted or self._over()):
+        if state.autopilot == PX4 and self._opening and not (self._control.granted or self._end_reason):
             return self._control.asking or not obeys_us(state)
         return self._control.has(state) and (self._engaged or state.autopilot == PX4)
 
