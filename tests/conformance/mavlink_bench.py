@@ -86,6 +86,7 @@ def setup_for(
         camera=Camera.from_fov(1280, 720, 69.0),
         source=source,
         brings_gimbal=True,
+        latency_s=None,
         fixed_pitch_rad=None,
         open_timeout_s=5.0,
         engagement=engagement,
@@ -107,10 +108,10 @@ def bench(
     engagement: Engagement | None = None,
     **overrides: Any,
 ) -> Iterator[tuple[MavlinkVehicle, StandIn, Blank]]:
-    """The vehicle, not yet open, its autopilot (which signs with `other_key`), its camera."""
+    """The vehicle, not yet open, its autopilot (which signs with `other_key`), its camera; it asks for its mode."""
     port, source = free_port(socket.SOCK_DGRAM), Blank()
     autopilot = StandIn(port, kind, key if other_key is _SAME else other_key)
-    vehicle = MavlinkVehicle(setup_for(port, source, key, engagement or Engagement(), overrides))
+    vehicle = MavlinkVehicle(setup_for(port, source, key, engagement or Engagement(take=True), overrides))
     try:
         yield vehicle, autopilot, source
     finally:

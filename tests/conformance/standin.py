@@ -4,8 +4,10 @@ It knows nothing of shipland. It keeps to what real ones were seen to do: ArduPi
 rates are partly ignored, takes thrust 0.5 as holding the height, obeys set-points in GUIDED only, holds when they stop,
 and refuses a plain disarm while the deck moves; PX4 gives OFFBOARD only after set-points and leaves it without them.
 
-Words on standard input: `mode N`, `sticks US`, `silent S`, `reboot`, `deck` (a moving deck just below), `report`.
-`report` answers a line of JSON on standard output.
+Words on standard input: `mode N`, `sticks ROLL PITCH THROTTLE YAW` (pulse widths; the rest stay, and none is no
+receiver), `silent S`, `reboot`, `deck` (a moving deck just below), `updraft` (it sinks evenly at 0.59 of the hover
+throttle), `lose NAME` (no answer for that parameter), `deaf N` (the next N requests for a mode are lost), `sick` (an
+unhealthy gyroscope), `well`, `report`. `report` answers a line of JSON on standard output.
 """
 
 from __future__ import annotations
@@ -50,14 +52,17 @@ class Autopilot:
         self.booted_s = time.monotonic() - 5.0
         self.mode, self.armed = (OFFBOARD if px4 else GUIDED), True
         self.silent_until_s = 0.0
-        self.sticks_us = 1500
+        self.sticks_us = [1500] * 4
+        self.heartbeat_every = 100
+        self.unanswered: set[str] = set()
+        self.sick, self.deaf = False, 0
         self.north = self.east = 0.0
         self.up = 10.0
         self.velocity = [0.0, 0.0, 0.0]  # north, east, up
         self.roll = self.pitch = self.yaw = 0.0
         self.target: tuple[str, list[float]] = ("hold", [])
         self.target_s = -math.inf
-        self.deck = False
+        self.deck = self.updraft = False
         self.deck_s = 0.0
         self.throttle = 0.39
         self.counts: dict[str, int] = {}
@@ -114,8 +119,13 @@ class Autopilot:
         result = 0
         if it.command == 400:
             result = self.arm(it.param1, it.param2)
+        elif it.command == 176 and self.deaf:
+            self.deaf -= 1
+            return
         elif it.command == 176:
             result = self.change_mode(int(it.param2), int(it.param3))
+        elif it.command == 511 and it.param1 == 0.0:
+            self.heartbeat_every = max(1, round(it.param2 * 1e-6 / STEP_S))
         elif it.command == 22:
             self.target, self.target_s = ("up", [it.param7]), time.monotonic() + 1e6
         self.send(m.MAVLink_command_ack_message(it.command, result))
@@ -138,7 +148,7 @@ class Autopilot:
 
     def on_param_request_read(self, it: Any) -> None:
         values = PX4_PARAMETERS if self.px4 else PARAMETERS
-        if it.param_id in values:
+        if it.param_id in values and it.param_id not in self.unanswered:
             kind = m.MAV_PARAM_TYPE_REAL32
             self.send(m.MAVLink_param_value_message(it.param_id.encode(), values[it.param_id], kind, len(values), 0))
 
@@ -183,6 +193,8 @@ class Autopilot:
         if self.deck:  # stands on a deck that heaves; a commanded descent runs the throttle down
             self.velocity[2] = 0.6 * math.sin(1.2 * (now_s - self.deck_s))
             throttle = 0.05 if wanted[2] < -0.05 else 0.39
+        if self.updraft:
+            self.velocity[2], throttle = -0.4, 0.59 * 0.39
         self.throttle += (throttle - self.throttle) * STEP_S / 0.3
         if not self.armed:
             self.velocity, self.throttle = [0.0, 0.0, 0.0], 0.0
@@ -201,10 +213,11 @@ class Autopilot:
     def tell(self, turn: int) -> None:
         boot_ms = int((time.monotonic() - self.booted_s) * 1000)
         north, east, up = self.velocity
-        if turn % 100 == 0:
+        if turn % self.heartbeat_every == 0:
             kind = m.MAV_AUTOPILOT_PX4 if self.px4 else m.MAV_AUTOPILOT_ARDUPILOTMEGA
             base = (128 if self.armed else 0) | 1
             self.send(m.MAVLink_heartbeat_message(m.MAV_TYPE_QUADROTOR, kind, base, self.mode, 4, 3))
+        if turn % 100 == 0:
             self.send(m.MAVLink_battery_status_message(0, 0, 0, 300, [65535] * 10, 0, 0, 0, 87))
         if turn % 2 == 0:
             self.send(m.MAVLink_attitude_message(boot_ms, self.roll, self.pitch, self.yaw, 0, 0, 0))
@@ -214,8 +227,10 @@ class Autopilot:
             height_mm = int(1000 * self.up)
             self.send(m.MAVLink_global_position_int_message(boot_ms, 0, 0, height_mm, height_mm, 0, 0, 0, 0))
         if turn % 10 == 0:
-            sticks = [self.sticks_us, 1500, 1500, 1500, *[0] * 14]
-            self.send(m.MAVLink_rc_channels_message(boot_ms, 8, *sticks, 255))
+            sticks = [*self.sticks_us, *[0] * (18 - len(self.sticks_us))]
+            self.send(m.MAVLink_rc_channels_message(boot_ms, 8 if self.sticks_us else 0, *sticks, 255))
+            healthy = 0x7FFFFFFE if self.sick else 0x7FFFFFFF
+            self.send(m.MAVLink_sys_status_message(0xFFFF, 0xFFFF, healthy, 0, 12000, 0, 87, 0, 0, 0, 0, 0, 0))
 
     def report(self) -> dict[str, Any]:
         return {
@@ -230,13 +245,22 @@ class Autopilot:
         if words[0] == "mode":
             self.mode = int(words[1])
         elif words[0] == "sticks":
-            self.sticks_us = int(words[1])
+            given = [int(word) for word in words[1:]]
+            self.sticks_us = [*given, *self.sticks_us[len(given) :]] if given else []
         elif words[0] == "silent":
             self.silent_until_s = now_s + float(words[1])
         elif words[0] == "reboot":
             self.booted_s = now_s
         elif words[0] == "deck":
             self.deck, self.deck_s, self.up = True, now_s, 0.0
+        elif words[0] == "updraft":
+            self.updraft = True
+        elif words[0] == "lose":
+            self.unanswered.add(words[1])
+        elif words[0] == "deaf":
+            self.deaf = int(words[1])
+        elif words[0] in ("sick", "well"):
+            self.sick = words[0] == "sick"
         elif words[0] == "report":
             print(json.dumps(self.report()), flush=True)
 

@@ -1,13 +1,17 @@
 """What a MAVLink vehicle does when link, video, process, autopilot or pilot do not do what they should."""
 
 import math
+import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 
 import pytest
 
 pytest.importorskip("pymavlink")
 
-from mavlink_bench import bench
+from mavlink_bench import StandIn, bench
 
 from shipland.errors import VehicleError
 from shipland.messages import Intent, PilotCommand
@@ -18,15 +22,254 @@ pytestmark = pytest.mark.flaky(reruns=2, reruns_delay=2)
 """They fly in real time: other tests beside them can keep the machine from it, not three times."""
 
 
-def fly(vehicle: MavlinkVehicle, seconds: float, *sticks: float, intent: Intent = Intent.FLY) -> bool:
-    """Cycles with the same sticks; whether the vehicle still gives frames."""
+def fly(
+    vehicle: MavlinkVehicle, seconds: float, *sticks: float, intent: Intent = Intent.FLY, low: bool = False
+) -> bool:
+    """Cycles with the same sticks, at contact height or not; whether the vehicle still gives frames."""
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         pair = vehicle.read()
         if pair is None:
             return False
-        vehicle.send(PilotCommand(pair[1].t_s, *sticks, -0.2, intent))
+        vehicle.send(PilotCommand(pair[1].t_s, *sticks, -0.2, intent, low))
     return True
+
+
+def until(what: Callable[[], bool], timeout_s: float = 10.0) -> None:
+    end_s = time.monotonic() + timeout_s
+    while not what():
+        assert time.monotonic() < end_s
+        time.sleep(0.02)
+
+
+SET_POINTS = ("SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED")
+POSITION = {"ardupilot": (5, "LOITER"), "px4": (3 << 16, "POSITION")}
+"""A mode that a pilot flies, and its name."""
+
+
+def set_points(autopilot: StandIn) -> int:
+    counts = autopilot.report()["counts"]
+    return sum(counts.get(name, 0) for name in SET_POINTS)
+
+
+def commands(autopilot: StandIn, number: int) -> list[list[float]]:
+    return [command for command in autopilot.report()["commands"] if command[0] == number]
+
+
+@contextmanager
+def opening(vehicle: MavlinkVehicle) -> Iterator[Callable[[], str]]:
+    """The vehicle's `open`, at work; what it gives waits for its end and says why it failed, empty where it did not."""
+    said: list[str] = []
+
+    def run() -> None:
+        try:
+            vehicle.open()
+        except VehicleError as error:
+            said.append(str(error))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+
+    def ended() -> str:
+        thread.join(20.0)
+        assert not thread.is_alive()
+        return "".join(said)
+
+    yield ended
+    thread.join()
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_a_takeover_in_our_own_take_off_ends_the_flight(kind: str) -> None:
+    mode, name = POSITION[kind]
+    with bench(kind, engagement=Engagement(take_off_m=40.0)) as (vehicle, autopilot, _), opening(vehicle) as ended:
+        until(lambda: autopilot.report()["up"] > 10.5)
+        autopilot.say(f"mode {mode}")
+        assert ended() == f"the pilot took over: {name}"
+        assert vehicle.end_reason == f"the pilot took over: {name}"
+        before = set_points(autopilot)
+        assert vehicle.read() is None
+        vehicle.send(PilotCommand(time.monotonic(), 0.0, 0.0, -60.0, 0.0, 0.0, Intent.LAND, True))
+        autopilot.say("deck")  # they land by hand
+        time.sleep(1.0)
+        assert set_points(autopilot) == before
+        assert commands(autopilot, 400) == []
+        assert autopilot.report()["mode"] == mode
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_interrupted_in_its_own_take_off_it_holds(kind: str) -> None:
+    with bench(kind, engagement=Engagement(take_off_m=40.0)) as (vehicle, autopilot, _), opening(vehicle) as ended:
+        until(lambda: autopilot.report()["up"] > 10.5)
+        vehicle.close()
+        assert "ended here" in ended()
+        report = autopilot.report()
+        assert (report["mode"], report["target"]) == (17 if kind == "ardupilot" else 4 << 16 | 3 << 24, "hold")
+        assert vehicle.in_command == "the autopilot"
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_no_motor_is_stopped_and_nothing_pressed_in_the_pilots_mode(kind: str) -> None:
+    mode, name = POSITION[kind]
+    with bench(kind) as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.5, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
+        assert vehicle.in_command == "shipland"
+        autopilot.say(f"mode {mode}")
+        until(lambda: vehicle.in_command == f"the pilot ({name})")
+        before = set_points(autopilot)
+        autopilot.say("deck")
+        for _ in range(40):
+            vehicle.send(PilotCommand(time.monotonic(), 0.0, 0.0, -40.0, 0.0, 0.0, Intent.LAND, True))
+            time.sleep(0.03)
+        autopilot.say(f"mode {4 if kind == 'ardupilot' else 6 << 16}")  # ours again, but it was taken
+        until(lambda: vehicle.in_command == f"nobody: the pilot took over: {name}")
+        time.sleep(0.5)
+        assert set_points(autopilot) == before
+        assert commands(autopilot, 400) == []
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_a_guided_mode_that_was_set_already_is_not_a_hand_over(kind: str, caplog: pytest.LogCaptureFixture) -> None:
+    mode, _ = POSITION[kind]
+    with bench(kind, engagement=Engagement()) as (vehicle, autopilot, _), opening(vehicle) as ended:
+        until(lambda: "switch out of it and back to hand over" in caplog.text)
+        time.sleep(0.3)
+        assert set_points(autopilot) == 0
+        assert "is not handed over" in vehicle.in_command
+        autopilot.say(f"mode {mode}")
+        until(lambda: "the pilot" in vehicle.in_command)
+        autopilot.say(f"mode {4 if kind == 'ardupilot' else 6 << 16}")
+        assert ended() == ""
+        assert fly(vehicle, 0.5, 0.0, 0.0, 0.0, 0.0)
+        assert vehicle.in_command == "shipland"
+        assert commands(autopilot, 176) == []
+
+
+def test_a_hand_over_that_does_not_come_says_what_to_do() -> None:
+    said = pytest.raises(VehicleError, match="GUIDED already: switch out of it and back")
+    with bench(engagement=Engagement(), engage_timeout_s=0.5) as (vehicle, _, _), said:
+        vehicle.open()
+
+
+def test_a_pilot_who_chooses_a_mode_while_we_ask_is_not_overruled() -> None:
+    with bench("px4") as (vehicle, autopilot, _):
+        autopilot.say(f"mode {3 << 16}")
+        autopilot.say("deaf 1000")
+        with opening(vehicle) as ended:
+            until(lambda: autopilot.report()["counts"].get("COMMAND_LONG", 0) > 0 and vehicle._control.asking)
+            autopilot.say(f"mode {2 << 16}")
+            assert ended() == "the pilot took over: ALTITUDE"
+
+
+def test_an_updraft_at_height_neither_presses_nor_stops_the_motors() -> None:
+    """Throttle at 0.59 of hover at a constant sink reads as standing."""
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.3, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        autopilot.say("updraft")
+        for _ in range(3):
+            assert fly(vehicle, 0.5, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+            assert autopilot.report()["values"][3] == pytest.approx(-0.4, abs=1e-3)  # the pilot's, not 1.5 m/s
+        assert commands(autopilot, 400) == []
+        assert not fly(vehicle, 6.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)  # it was seen as standing
+        assert len(commands(autopilot, 400)) >= 1
+
+
+def test_a_receiver_in_failsafe_has_not_moved_the_sticks() -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+        autopilot.say("sticks 1500 1500 900 1500")
+        assert fly(vehicle, 1.0, 10.0, 0.0, 0.0, 0.0)
+        assert vehicle.telemetry_at(time.monotonic()).alerts == "the receiver is in failsafe"
+        assert {check.name: check.ok for check in vehicle.checks()}["transmitter"] is False
+        assert commands(autopilot, 176)[1:] == []  # but for our own GUIDED
+        autopilot.say("sticks 1500 1500 1500 1500")
+        assert fly(vehicle, 0.5, 10.0, 0.0, 0.0, 0.0)
+        assert vehicle.telemetry_at(time.monotonic()).alerts == ""
+        autopilot.say("sticks 1700")
+        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        assert vehicle.end_reason == "the pilot moved the sticks"
+
+
+def test_a_pilot_at_the_sticks_gets_a_mode_that_obeys_them_though_requests_are_lost() -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        assert fly(vehicle, 0.3, 10.0, 0.0, 0.0, 0.0)
+        autopilot.say("deaf 1")
+        autopilot.say("sticks 1500 1700")
+        assert not fly(vehicle, 3.0, 10.0, 0.0, 0.0, 0.0)
+        until(lambda: autopilot.report()["mode"] == 5)
+        assert vehicle.in_command == "the pilot (LOITER)" or vehicle.in_command.startswith("nobody: the pilot moved")
+
+
+def test_without_a_transmitter_it_is_said_before_take_off(caplog: pytest.LogCaptureFixture) -> None:
+    with bench() as (vehicle, autopilot, _):
+        autopilot.say("sticks")
+        vehicle.connect()
+        line = {check.name: check for check in vehicle.checks()}["transmitter"]
+        assert line.ok
+        assert "no transmitter is heard" in line.words
+        vehicle.open()
+        assert "no transmitter is heard" in caplog.text
+
+
+def test_what_the_vehicle_says_is_wrong_stands_in_the_telemetry_until_it_is_not() -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        autopilot.say("sick")
+        until(lambda: vehicle.telemetry_at(time.monotonic()).alerts == "not healthy: 3d gyro")
+        line = {check.name: check for check in vehicle.checks()}["health"]
+        assert (line.ok, line.words) == (False, "not healthy: 3d gyro")
+        autopilot.say("well")
+        until(lambda: vehicle.telemetry_at(time.monotonic()).alerts == "")
+
+
+def test_a_change_of_mode_is_seen_at_once() -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.connect()
+        asked = {number: interval_us for _, number, interval_us in commands(autopilot, 511)}
+        assert asked[0.0] <= 2e5
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_a_required_parameter_that_is_not_told_is_not_assumed(kind: str) -> None:
+    name = {"ardupilot": "GUID_OPTIONS", "px4": "MPC_TILTMAX_AIR"}[kind]
+    with bench(kind) as (vehicle, autopilot, _):
+        autopilot.say(f"lose {name}")
+        with pytest.raises(VehicleError, match=f"does not tell {name}"):
+            vehicle.connect()
+
+
+def test_when_it_holds_by_itself_is_not_assumed() -> None:
+    with bench() as (vehicle, autopilot, _):
+        autopilot.say("lose GUID_TIMEOUT")
+        vehicle.connect()
+        line = {check.name: check for check in vehicle.checks()}["own hold"]
+        assert not line.ok
+        assert "GUID_TIMEOUT" in line.words
+
+
+def test_a_check_fails_for_what_has_stopped() -> None:
+    with bench() as (vehicle, autopilot, camera):
+        vehicle.connect()
+        names = ("telemetry", "pictures")
+        lines = lambda: {check.name: check.ok for check in vehicle.checks()}  # noqa: E731
+        until(lambda: all(lines()[name] for name in names))
+        camera.frozen = True
+        autopilot.say("silent 60")
+        until(lambda: not any(lines()[name] for name in names))
+
+
+def test_the_pictures_age_is_not_called_measured_where_it_was_stated() -> None:
+    with bench() as (vehicle, _, _):
+        vehicle.connect()
+        assert "measured; at most" in {check.name: check.words for check in vehicle.checks()}["picture's age"]
+        vehicle._setup = replace(vehicle._setup, latency_s=0.1)
+        words = {check.name: check.words for check in vehicle.checks()}["picture's age"]
+        assert "0.100 s stated, not measured" in words
+        assert "0.000 s behind the quickest picture, measured" in words
 
 
 def test_sticks_become_tilt_climb_and_heading() -> None:
@@ -70,7 +313,7 @@ def test_a_px4_takes_off_in_offboard() -> None:
 
 
 def test_nothing_is_taken_or_armed_unasked() -> None:
-    with bench(engage_timeout_s=1.0) as (vehicle, autopilot, _):
+    with bench(engagement=Engagement(), engage_timeout_s=1.0) as (vehicle, autopilot, _):
         autopilot.say("mode 5")
         assert autopilot.report()["mode"] == 5
         time.sleep(0.3)  # a heartbeat with the mode before may be on its way
@@ -150,10 +393,10 @@ def test_whoever_takes_the_vehicle_keeps_it(words: str, reason: str) -> None:
 def test_touchdown_on_a_moving_deck_stops_the_motors_by_force() -> None:
     with bench() as (vehicle, autopilot, _):
         vehicle.open()
-        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert fly(vehicle, 1.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
         assert autopilot.report()["armed"]  # low throttle alone is no touchdown: it has just begun to sink
         autopilot.say("deck")
-        assert not fly(vehicle, 8.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert not fly(vehicle, 8.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
         assert vehicle.end_reason.startswith("landed")
         disarms = [command for command in autopilot.report()["commands"] if command[0] == 400]
         assert disarms[:2] == [[400, 0.0, 0.0], [400, 0.0, 21196.0]]  # by force as soon as it was denied
@@ -176,8 +419,8 @@ def test_after_a_touch_the_descent_goes_on_whatever_the_pilot_does(kind: str) ->
         vehicle.open()
         assert fly(vehicle, 1.0, 0.0, 0.0, -80.0, 0.0, intent=Intent.LAND)
         autopilot.say("deck")
-        assert fly(vehicle, 0.3, 0.0, 0.0, -80.0, 0.0, intent=Intent.LAND)  # too short to tell that it stands
-        assert not fly(vehicle, 4.0, 100.0, -100.0, 20.0, 0.0, intent=Intent.LAND)
+        assert fly(vehicle, 0.3, 0.0, 0.0, -80.0, 0.0, intent=Intent.LAND, low=True)  # too short to tell that it stands
+        assert not fly(vehicle, 4.0, 100.0, -100.0, 20.0, 0.0, intent=Intent.LAND, low=True)
         assert vehicle.end_reason.startswith("landed")
 
 
@@ -185,7 +428,7 @@ def test_the_motors_are_not_stopped_while_not_landing() -> None:
     with bench() as (vehicle, autopilot, _):
         vehicle.open()
         autopilot.say("deck")
-        assert fly(vehicle, 2.5, 0.0, 0.0, -40.0, 0.0)
+        assert fly(vehicle, 2.5, 0.0, 0.0, -40.0, 0.0, low=True)
         assert not [command for command in autopilot.report()["commands"] if command[0] == 400]
 
 

@@ -94,7 +94,9 @@ def over_mavlink(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], StandI
     port = free_port(socket.SOCK_DGRAM)
     autopilot = StandIn(port, "ardupilot")
     try:
-        with flying(f"mavlink://udp:127.0.0.1:{port}?camera={tmp_path / 'film.mp4'}&mount_deg=-5", tmp_path) as process:
+        with flying(
+            f"mavlink://udp:127.0.0.1:{port}?camera={tmp_path / 'film.mp4'}&mount_deg=-5&take=1", tmp_path
+        ) as process:
             until(lambda: autopilot.report()["target"] == "tilt", process)
             pitch_rad = autopilot.report()["values"][1]
             until(lambda: autopilot.report()["speed"] > 1.0, process)

@@ -39,8 +39,12 @@ def history(
     down_mps: float = 0.0,
     landing: bool = True,
     leap: tuple[float, float] = (math.inf, 0.0),
+    low: Callable[[float], bool] = lambda _: True,
 ) -> list[tuple[float, Contact]]:
-    """What was said when, in seconds from the start; `leap` is (time, change) of the velocity told."""
+    """What was said when, in seconds from the start.
+
+    `leap` is (time, change) of the velocity told, `low` when contact height is seen.
+    """
     said = []
     for index in range(1, int(seconds / STEP_S)):
         t_s = index * STEP_S
@@ -48,7 +52,7 @@ def history(
         down_mps += down_mps2 * STEP_S
         told_mps = down_mps + (leap[1] if t_s >= leap[0] else 0.0)
         now_s = start_s + t_s
-        said.append((t_s, watch.see(Touch(now_s, landing, throttle, now_s, told_mps, now_s, None))))
+        said.append((t_s, watch.see(Touch(now_s, landing, low(t_s), throttle, now_s, told_mps, now_s, None))))
     return said
 
 
@@ -160,14 +164,31 @@ def test_only_while_landing_and_for_a_while_after_the_pilot_left_it() -> None:
     assert late[Contact.NONE] == pytest.approx(LIMITS.insist_s, abs=0.25)
 
 
+def test_there_is_no_touch_but_at_contact_height() -> None:
+    """An updraft carries an aircraft at 0.59 of its hover throttle as a deck does."""
+    never = lambda _: False  # noqa: E731
+    for throttle in (0.05, 0.59 * HOVER):
+        flown = lambda _, u=throttle: (u, 0.0)  # noqa: E731
+        assert set(fly(TouchdownWatch(LIMITS, HOVER), flown, 3.0, low=never)) == {Contact.NONE}
+        assert Contact.STANDS in fly(TouchdownWatch(LIMITS, HOVER), flown, 3.0)
+
+
+def test_a_touch_outlives_a_short_loss_of_sight_and_no_long_one() -> None:
+    said = history(watch_of_a_touch(), lambda _: (0.2, 0.0), 3.0, start_s=10.0, low=lambda _: False)
+    assert (0.5, Contact.STANDS) in [(round(t_s, 2), contact) for t_s, contact in said]
+    assert {contact for t_s, contact in said if t_s > LIMITS.insist_s} == {Contact.NONE}
+    short = history(watch_of_a_touch(), lambda _: (0.2, 0.0), 3.0, start_s=10.0, low=lambda t_s: t_s > 0.9)
+    assert Contact.NONE not in {contact for _, contact in short}
+
+
 def test_old_unknown_or_frozen_telemetry_is_no_touch() -> None:
     watch = TouchdownWatch(LIMITS, HOVER)
     for index in range(200):
         t_s = index * STEP_S
-        assert watch.see(Touch(t_s, True, math.nan, t_s, 0.0, t_s, None)) is Contact.NONE
-        assert watch.see(Touch(t_s, True, 0.05, t_s, 0.0, t_s, 1.0)) is Contact.NONE  # a rangefinder says 1 m
-        assert watch.see(Touch(t_s, True, 0.05, t_s - 0.3, 0.0, t_s, None)) is Contact.NONE
-        assert watch.see(Touch(t_s, True, 0.05, t_s, 0.0, 0.0, None)) is Contact.NONE
+        assert watch.see(Touch(t_s, True, True, math.nan, t_s, 0.0, t_s, None)) is Contact.NONE
+        assert watch.see(Touch(t_s, True, True, 0.05, t_s, 0.0, t_s, 1.0)) is Contact.NONE  # a rangefinder says 1 m
+        assert watch.see(Touch(t_s, True, True, 0.05, t_s - 0.3, 0.0, t_s, None)) is Contact.NONE
+        assert watch.see(Touch(t_s, True, True, 0.05, t_s, 0.0, 0.0, None)) is Contact.NONE
 
 
 def test_what_presses_it_is_level_and_goes_along_with_the_deck() -> None:

@@ -169,7 +169,7 @@ def test_from_a_flights_log_to_the_pilot_of_every_vehicle(tmp_path: Path) -> Non
     assert (anafi.max_tilt_rad, anafi.lag_s, anafi.climb_lag_s, anafi.max_climb_mps) == pytest.approx(
         (simulated.max_tilt_rad, simulated.lag_s, simulated.climb_lag_s, simulated.max_climb_mps)
     )
-    limits = VehicleLimits.of(ARDUPILOT, {})
+    limits = VehicleLimits(math.inf, math.inf, math.inf, math.inf, None, False, math.nan)
     table = layered("vehicles", path)
     parameters = build(MavlinkParameters, table["mavlink"], "mavlink")
     ardupilot = response_within(parameters, limits, ARDUPILOT, table["response"])

@@ -1,7 +1,9 @@
 """The wire and the state of a MAVLink vehicle, without a wire."""
 
+import itertools
 import math
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +16,12 @@ from fuzz_mavlink import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
 
 from shipland.errors import ConfigError, VehicleError  # noqa: E402
 from shipland.vehicles.camera_stream import ExposureClock  # noqa: E402
+from shipland.vehicles.mavlink.control import Control  # noqa: E402
 from shipland.vehicles.mavlink.link import open_port, read_key  # noqa: E402
 from shipland.vehicles.mavlink.parameters import VehicleLimits  # noqa: E402
 from shipland.vehicles.mavlink.session import Session  # noqa: E402
 from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, Target, Wanted  # noqa: E402
-from shipland.vehicles.mavlink.state import ARDUPILOT  # noqa: E402
+from shipland.vehicles.mavlink.state import ARDUPILOT, AutopilotState  # noqa: E402
 from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of  # noqa: E402
 
 
@@ -87,6 +90,192 @@ def test_times_of_messages_are_on_our_clock_and_jitter_is_not_in_them() -> None:
     assert telemetry.height_m is None
 
 
+def feed(made: Session, message: object, t_s: float, system: int = 1, component: int = 1) -> None:
+    made.link.take(message.pack(m.MAVLink(None, srcSystem=system, srcComponent=component)), OURS, t_s)
+
+
+def heard_session() -> Session:
+    made = session()[0]
+    feed(made, heartbeat(), 100.0)
+    return made
+
+
+def mount(boot_ms: int, pitch_rad: float, device: int = 0) -> object:
+    q = [math.cos(0.5 * pitch_rad), 0.0, math.sin(0.5 * pitch_rad), 0.0]
+    return m.MAVLink_gimbal_device_attitude_status_message(0, 0, boot_ms, 0, q, 0, 0, 0, 0, gimbal_device_id=device)
+
+
+def test_another_components_messages_do_not_count() -> None:
+    made = heard_session()
+    feed(made, m.MAVLink_attitude_message(60_000, 0.1, 0.2, 0.3, 0, 0, 0), 100.1)
+    for component in (154, 191, 158):
+        feed(made, m.MAVLink_attitude_message(10, 0.5, 0.5, 0.5, 0, 0, 0), 100.2, component=component)
+        feed(made, heartbeat(5), 100.2, component=component)
+        feed(made, m.MAVLink_rc_channels_message(10, 8, *[1900] * 18, 255), 100.2, component=component)
+    assert (made.state.reboots, made.state.mode, made.state.sticks_us) == (0, 4, ())
+    assert made.state.roll_rad == pytest.approx(0.1)
+
+
+def test_a_gimbals_clock_is_its_own_and_the_first_gimbal_is_followed() -> None:
+    made = heard_session()
+    feed(made, m.MAVLink_attitude_message(60_000, 0.1, 0.2, 0.3, 0, 0, 0), 100.0)
+    feed(made, mount(2_000, -0.3), 100.1, component=154)
+    feed(made, mount(9_000, 0.9), 100.2, component=171)
+    feed(made, m.MAVLink_attitude_message(60_300, 0.1, 0.2, 0.3, 0, 0, 0), 100.3)
+    assert made.state.reboots == 0
+    assert made.mounts == [(pytest.approx(100.1), 0.0, pytest.approx(-0.3))]
+    feed(made, mount(5, -0.4), 101.0, component=154)  # the gimbal starts anew, and the autopilot does not
+    assert made.state.reboots == 0
+    assert made.state.gimbal_t_s == pytest.approx(101.0)
+
+
+def test_answers_to_another_ground_station_are_not_ours() -> None:
+    made = heard_session()
+    feed(made, m.MAVLink_command_ack_message(400, 0, 0, 0, 255, 190), 100.1)
+    assert made.state.acknowledged == {}
+    for targets in ((0, 0), (245, 191), (245, 0)):
+        feed(made, m.MAVLink_command_ack_message(400, 4, 0, 0, *targets), 100.2)
+    assert made.state.acknowledged == {400: (4, 3)}
+
+
+def test_a_second_batterys_charge_is_not_the_firsts() -> None:
+    made = heard_session()
+    for number, percent in ((0, 30), (1, 95)):
+        message = m.MAVLink_battery_status_message(number, 0, 0, 300, [65535] * 10, 0, 0, 0, percent)
+        feed(made, message, 100.1)
+    assert telemetry_of(made.state, 100.2).battery_percent == 30.0
+
+
+def test_a_radio_is_heard_from_the_vehicles_address_only() -> None:
+    made = heard_session()
+    radio = m.MAVLink_radio_status_message(127, 100, 100, 10, 10, 0, 0)
+    made.link.take(radio.pack(m.MAVLink(None, srcSystem=51, srcComponent=68)), STRANGER, 100.1)
+    assert made.state.link_percent is None
+    feed(made, radio, 100.2, system=51, component=68)
+    assert telemetry_of(made.state, 100.3).link_percent == pytest.approx(50.0)
+    feed(made, m.MAVLink_attitude_message(10, 0.5, 0.5, 0.5, 0, 0, 0), 100.4, system=51, component=68)
+    assert math.isnan(made.state.roll_rad)
+
+
+def test_nothing_old_is_stamped_new() -> None:
+    made = heard_session()
+    feed(made, m.MAVLink_battery_status_message(0, 0, 0, 300, [65535] * 10, 0, 0, 0, 87), 100.0)
+    feed(made, m.MAVLink_attitude_message(1_000, 0.1, 0.2, 0.3, 0, 0, 0), 100.0)
+    feed(made, m.MAVLink_local_position_ned_message(4_000, 0, 0, 0, 1, 0, 0), 103.0)
+    telemetry = telemetry_of(made.state, 103.0)
+    assert telemetry.attitude_t_s == telemetry.velocity_t_s == pytest.approx(100.0)  # turned by a heading 3 s old
+    assert telemetry_of(made.state, 111.0).battery_percent is None
+
+
+def test_a_link_that_becomes_slow_shows_in_the_round_trip() -> None:
+    made = heard_session()
+    for index in range(20):
+        trip_s = 0.01 if index < 10 else 0.8
+        asked_s = 100.0 + index
+        feed(made, m.MAVLink_timesync_message(5, int(1e9 * asked_s)), asked_s + trip_s)
+    assert made.state.round_trip_s == pytest.approx(0.8)
+
+
+SENSORS = 0xFFFF
+FLYING = 1 | 2 | 4 | 8 | 16 | 32
+
+
+@pytest.mark.parametrize(
+    ("message", "well", "words"),
+    [
+        (
+            m.MAVLink_sys_status_message(SENSORS, SENSORS, SENSORS & ~4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+            m.MAVLink_sys_status_message(SENSORS, SENSORS & ~4, SENSORS & ~4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0),
+            "not healthy: 3d mag",
+        ),
+        (
+            m.MAVLink_ekf_status_report_message(FLYING, 0.1, 0.1, 0.1, 1.2, 0.1),
+            m.MAVLink_ekf_status_report_message(FLYING, 0.1, 0.1, 0.1, 0.7, 9.0),
+            "estimator: compass innovation 1.5 of its limit",
+        ),
+        (
+            m.MAVLink_ekf_status_report_message(32768 | 128 | 1 | 4, 0.1, 0.1, 0.1, 0.1, 0.1),
+            m.MAVLink_ekf_status_report_message(FLYING, 0.1, 0.1, 0.1, 0.1, 0.1),
+            "estimator: no position, GPS glitch",
+        ),
+        (
+            m.MAVLink_estimator_status_message(0, FLYING & ~4 | 2048, 2.0, 0.1, 0.1, math.nan, 9.0, 9.0, 1.0, 1.0),
+            m.MAVLink_estimator_status_message(0, FLYING, 0.9, 0.1, 0.1, 0.1, 9.0, 9.0, 1.0, 1.0),
+            "estimator: no vertical speed, accelerometer error, velocity innovation 2.0 of its limit",
+        ),
+        (m.MAVLink_heartbeat_message(2, 3, 129, 4, 5, 3), heartbeat(), "the autopilot says CRITICAL"),
+        (
+            m.MAVLink_rc_channels_message(10, 8, 1500, 1500, 900, *[1500] * 15, 255),
+            m.MAVLink_rc_channels_message(10, 8, *[1500] * 18, 255),
+            "the receiver is in failsafe",
+        ),
+    ],
+    ids=["sensors", "EKF variance", "EKF flags", "PX4's estimator", "system status", "receiver"],
+)
+def test_what_the_vehicle_complains_of_is_an_alert_until_it_is_well_or_silent(
+    message: object, well: object, words: str
+) -> None:
+    made = heard_session()
+    feed(made, message, 100.1)
+    assert telemetry_of(made.state, 100.2).alerts == words
+    assert telemetry_of(made.state, 105.0).alerts == ""
+    feed(made, message, 106.0)
+    feed(made, well, 106.1)
+    assert telemetry_of(made.state, 106.2).alerts == ""
+
+
+def test_histories_can_be_read_while_messages_come() -> None:
+    """The checklist and the gimbal's attitude read what the receiving thread writes."""
+    made, stop, interval_s = heard_session(), threading.Event(), sys.getswitchinterval()
+    count, rows = itertools.count(1_000), list[tuple[float, float, float]]()
+
+    def write() -> None:
+        while not stop.is_set():
+            boot_ms = next(count)
+            feed(made, m.MAVLink_attitude_message(boot_ms, 0.1, 0.2, 0.3, 0, 0, 0), 1e-3 * boot_ms)
+
+    for boot_ms in (next(count) for _ in range(512)):
+        feed(made, m.MAVLink_attitude_message(boot_ms, 0.1, 0.2, 0.3, 0, 0, 0), 1e-3 * boot_ms)
+    writer = threading.Thread(target=write)
+    sys.setswitchinterval(1e-6)
+    writer.start()
+    try:
+        for _ in range(300):
+            rows = [row for row in made.attitudes if row[0] > 0.0]
+            gimbal_at(1.0, made.attitudes, made.mounts, 0.0)
+    finally:
+        stop.set()
+        writer.join()
+        sys.setswitchinterval(interval_s)
+    assert rows
+
+
+def test_a_vehicle_that_is_no_multicopter_is_not_flown() -> None:
+    """Mode 4 of an ArduPlane is ACRO."""
+    made = session()[0]
+    feed(made, m.MAVLink_heartbeat_message(1, 3, 129, 4, 4, 3), 100.0)
+    made.link.start = lambda: None
+    with pytest.raises(VehicleError, match="multicopters"):
+        made.connect(0.1)
+
+
+def test_a_hand_over_is_a_change_and_a_takeover_is_for_good() -> None:
+    loiter, guided = (AutopilotState(autopilot=ARDUPILOT, mode=mode, armed=True) for mode in (5, 4))
+    control = Control(80)
+    control.see(loiter, guided)
+    assert not control.has(guided)  # before we were ready
+    control.begin(guided, asking=False)
+    control.see(guided, guided)
+    assert (control.has(guided), control.holder(guided)) == (False, "nobody: GUIDED is not handed over")
+    control.see(guided, loiter)
+    control.see(loiter, guided)
+    assert (control.has(guided), control.holder(guided)) == (True, "shipland")
+    assert not control.has(loiter)  # at the very set-point
+    control.see(guided, loiter)
+    control.see(loiter, guided)
+    assert (control.has(guided), control.lost) == (False, "the pilot took over: LOITER")
+
+
 def test_a_clock_that_runs_slow_does_not_make_telemetry_look_old() -> None:
     made, _, codec = session()
     made.link.take(heartbeat().pack(codec), OURS, 0.0)
@@ -118,13 +307,17 @@ def test_a_heading_that_is_held_up_does_not_wind_up() -> None:
 
 
 def test_limits_are_the_vehicles() -> None:
-    limits = VehicleLimits.of(ARDUPILOT, {"ANGLE_MAX": 2000.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0})
+    told = {"GUID_OPTIONS": 0.0, "ANGLE_MAX": 2000.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0}
+    limits = VehicleLimits.of(ARDUPILOT, told)
     assert math.degrees(limits.tilt_rad) == pytest.approx(20.0)
     assert limits.climb_scale == ClimbScale(2.5, 1.5)
-    with pytest.raises(VehicleError, match="GUID_OPTIONS"):
-        VehicleLimits.of(ARDUPILOT, {"GUID_OPTIONS": 8.0})
+    with pytest.raises(VehicleError, match="clear that bit"):
+        VehicleLimits.of(ARDUPILOT, told | {"GUID_OPTIONS": 8.0})
     with pytest.raises(VehicleError, match="thrust has no meaning"):
-        _ = VehicleLimits.of(ARDUPILOT, {}).climb_scale
+        _ = VehicleLimits.of(ARDUPILOT, told | {"WPNAV_SPEED_UP": 0.0}).climb_scale
+    for name in told:
+        with pytest.raises(VehicleError, match=f"does not tell {name}"):
+            VehicleLimits.of(ARDUPILOT, {other: value for other, value in told.items() if other != name})
 
 
 def test_exposures_are_free_of_the_networks_jitter() -> None:
@@ -139,10 +332,19 @@ def test_exposures_are_free_of_the_networks_jitter() -> None:
 
 def test_a_fixed_camera_tilts_with_the_aircraft() -> None:
     attitudes = [(0.0, 0.0, 0.0), (1.0, 0.2, -0.1)]
-    at = gimbal_at(0.5, attitudes, [], -0.3)
+    at, age_s = gimbal_at(0.5, attitudes, [], -0.3)
     assert at.pitch_rad == pytest.approx(-0.35, abs=0.01)
     assert at.roll_rad == pytest.approx(0.1, abs=0.01)
-    assert gimbal_at(0.5, attitudes, [(0.4, 0.0, -0.2)], None).pitch_rad == pytest.approx(-0.2)
+    assert age_s == pytest.approx(0.5)
+
+
+def test_a_gimbals_attitude_says_how_old_it_is() -> None:
+    for t_s, age_s in ((0.5, 0.1), (0.4, 0.0), (60.4, 60.0)):
+        at, found_s = gimbal_at(t_s, [(t_s, 0.0, 0.0)], [(0.4, 0.0, -0.2)], None)
+        assert at.pitch_rad == pytest.approx(-0.2)
+        assert found_s == pytest.approx(age_s)
+    assert gimbal_at(0.5, [(0.5, 0.0, 0.0)], [], None)[1] == math.inf
+    assert gimbal_at(60.0, [(0.5, 0.0, 0.0)], [(60.0, 0.0, 0.0)], -0.3)[1] == pytest.approx(59.5)
 
 
 def test_ports_and_keys(tmp_path: Path) -> None:

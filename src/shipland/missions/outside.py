@@ -143,20 +143,33 @@ def checklist(
     points_m = target.points_in_bar_m
     wide_m, tall_m = np.ptp(points_m[:, 1]), np.ptp(points_m[:, 2])
     words = str(calibration) if calibration is not None else "none: --calibration FILE (`shipland calibrate` makes it)"
-    holds_mps = math.inf
-    if response.kind == "attitude":
-        holds_mps = GRAVITY_MPS2 * math.tan(response.max_tilt_rad) / max(response.drag_per_s, 1e-3)
-    most_mps = limits.wind_share * holds_mps
     return [
         Check("calibration", calibration is not None, words),
         Check("cue", True, f"{target.count} quadrilaterals, {wide_m:.3f} × {tall_m:.3f} m: measure the real one"),
         *vehicle.checks(),
-        Check("wind", wind_mps <= most_mps, f"{wind_mps:g} m/s expected, at most {most_mps:.1f} at this tilt"),
+        wind_check(wind_mps, response, limits.wind_share),
         Check(
             "own fence", True,
             f"{safety.fence_distance_m:g} m from the bar, {safety.fence_height_m:g} m over the take-off point",
         ),
     ]  # fmt: skip
+
+
+def wind_check(wind_mps: float, response: Response, share: float) -> Check:
+    """Whether the wind leaves enough of the tilt there is: g tan(tilt) holds against drag × wind.
+
+    Args:
+        wind_mps: what is expected, gusts included.
+        response: of the vehicle; one that flies speeds leans for them by its own limit.
+        share: of the wind that full tilt holds against.
+    """
+    tilt_rad, drag_per_s = response.max_tilt_rad, response.drag_per_s
+    if not (0.0 < tilt_rad < 0.5 * math.pi and 0.0 < drag_per_s < math.inf):
+        words = "what it holds against is unknown: state its tilt limit, and drag_per_s in [response] (`identify`)"
+        return Check("wind", False, f"{wind_mps:g} m/s expected; {words}")
+    most_mps = share * GRAVITY_MPS2 * math.tan(tilt_rad) / drag_per_s
+    words = f"{wind_mps:g} m/s expected, at most {most_mps:.1f} at {math.degrees(tilt_rad):.0f}° of tilt"
+    return Check("wind", wind_mps <= most_mps, words)
 
 
 def refuse_unfit(checks: list[Check]) -> None:

@@ -117,7 +117,7 @@ def publish(
         if seen.bar_pose is None or not math.isfinite(state.heading_rad):
             continue
         # the autopilot's clock: what it has said of it, and the exposure's age since
-        exposed_us = int(1e6 * max(0.0, state.boot_s - (time.monotonic() - frame.t_s)))
+        exposed_us = int(1e6 * max(0.0, state.clock.boot_s - (time.monotonic() - frame.t_s)))
         vehicle.session.link.send(landing_target(seen.bar_pose, state, mounting, exposed_us))
         if with_position:
             vehicle.session.link.send(position_estimate(seen.bar_pose, state, mounting, exposed_us))

@@ -34,7 +34,8 @@ class TouchdownParameters:
         low_share: of the hover throttle, below which the throttle is low.
         confirm_s: how long every window must be supported, at a low throttle, for it to stand.
         release_s: so long without another such lack, and a touch was none, or has been bounced off.
-        insist_s: from the touch on, in which the descent goes on although the pilot has left it.
+        insist_s: from the touch on, in which the descent goes on although the pilot has left it; and from the last
+            sight of the contact height on, in which a touch stays one.
         press_mps: descent that is asked for after a touch, within the vehicle's own limit.
         stale_s: older telemetry tells nothing.
         range_m: where a downward rangefinder says more than this, there is no touchdown.
@@ -73,6 +74,7 @@ class Touch:
     Attributes:
         t_s: now.
         landing: landing is commanded, by the pilot and now.
+        at_contact_height: a fresh sight shows the aircraft low enough to touch.
         throttle: 0 … 1 of full.
         throttle_t_s: when.
         down_mps: downward speed.
@@ -82,6 +84,7 @@ class Touch:
 
     t_s: float
     landing: bool
+    at_contact_height: bool
     throttle: float
     throttle_t_s: float
     down_mps: float
@@ -114,10 +117,18 @@ class TouchdownWatch:
         self._flown = math.nan
         self._samples: deque[_Sample] = deque()
         self._touched_s = self._renewed_s = self._low_since_s = math.nan
+        self._sighted_s = -math.inf
 
     def see(self, now: Touch) -> Contact:
-        """Take in what is known now; what cannot be known counts as in the air."""
+        """Take in what is known now; what cannot be known counts as in the air.
+
+        An updraft carries an aircraft as a deck does: there is no touch but at contact height.
+        """
         limits = self._limits
+        if now.at_contact_height:
+            self._sighted_s = now.t_s
+        elif now.t_s - self._sighted_s > limits.insist_s:
+            self._release()
         known = math.isfinite(now.throttle) and math.isfinite(now.down_mps)
         known = known and now.t_s - min(now.throttle_t_s, now.down_t_s) <= limits.stale_s
         over = now.range_m is not None and now.range_m > limits.range_m
@@ -157,7 +168,7 @@ class TouchdownWatch:
         lack_mps = (last.free_mps - first.free_mps) - (last.down_mps - first.down_mps)
         touches = whole and lack_mps > limits.touch_mps
         if math.isnan(self._touched_s):
-            if not (now.landing and touches):
+            if not (now.landing and now.at_contact_height and touches):
                 return
             self._touched_s = last.t_s
         if touches:

@@ -3,27 +3,39 @@
 from __future__ import annotations
 
 import math
+import time
 
 from shipland.guidance.response import Response
 from shipland.vehicles.camera_stream import CameraStream
 from shipland.vehicles.checks import Check
+from shipland.vehicles.mavlink.modes import mode_name
 from shipland.vehicles.mavlink.parameters import VehicleLimits
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import MavlinkSetup
-from shipland.vehicles.mavlink.state import PX4
+from shipland.vehicles.mavlink.state import PX4, AutopilotState
+from shipland.vehicles.mavlink.telemetry import alerts_at, battery_at, transmitter_heard
+
+_RATE_S = 2.0
+"""Over which a rate is counted, up to now: what has stopped has none."""
+_LONGEST_OWN_HOLD_S = 5.0
+"""An autopilot that flies the last set-point for longer goes too far with it."""
+_THROTTLE_US = (1300, 1700)
+"""A throttle stick in the middle: LOITER neither sinks nor climbs by it."""
 
 
 def link_checks(
     session: Session, stream: CameraStream, limits: VehicleLimits, setup: MavlinkSetup, response: Response
 ) -> list[Check]:
     """What is known after a few seconds of listening."""
-    state, wanted = session.state, setup.preflight
-    times_s = [t_s for t_s, _, _ in session.attitudes][-100:]
-    span_s = times_s[-1] - times_s[0] if len(times_s) > 1 else 0.0
-    rate_hz = (len(times_s) - 1) / span_s if span_s > 0.0 else 0.0
+    state, wanted, now_s = session.state, setup.preflight, time.monotonic()
+    times_s = [t_s for t_s, _, _ in session.attitudes if now_s - t_s <= _RATE_S]
+    rate_hz = len(times_s) / _RATE_S
+    battery = battery_at(state, now_s)
     name = "PX4" if state.autopilot == PX4 else "ArduPilot"
     lines = [
-        Check("autopilot", True, f"{name}, system {session.link.vehicle}, mode {session.mode_name}"),
+        Check("autopilot", True, f"{name}, system {session.link.vehicle}, mode {mode_name(state)}"),
+        _health(state, now_s),
+        _transmitter(state, now_s),
         Check(
             "telemetry", rate_hz >= wanted.telemetry_hz,
             f"attitude {rate_hz:.0f} Hz, at least {wanted.telemetry_hz:g}",
@@ -32,23 +44,16 @@ def link_checks(
             "round trip", 0.0 < state.round_trip_s <= wanted.round_trip_s,
             f"{1e3 * state.round_trip_s:.0f} ms, at most {1e3 * wanted.round_trip_s:.0f}; 0 is no answer (TIMESYNC)",
         ),
-        Check(
-            "pictures", stream.rate_hz >= wanted.picture_hz,
-            f"{stream.rate_hz:.1f} Hz, at least {wanted.picture_hz:g}",
-        ),
-        Check(
-            "picture's age", stream.age_s <= wanted.picture_age_s,
-            f"{stream.age_s:.3f} s at receipt, at most {wanted.picture_age_s:g}",
-        ),
+        _pictures(stream, setup, now_s),
+        Check("picture's age", stream.age_s <= wanted.picture_age_s, _age_words(stream, setup)),
         Check("limits", True, limits_text(response)),
         Check(
             "geofence", limits.fence,
             "on" if limits.fence else "off on the vehicle: set FENCE_ENABLE = 1 (ArduPilot) or GF_ACTION (PX4)",
         ),
         Check(
-            "battery", state.battery_percent is not None and state.battery_percent >= wanted.battery_percent,
-            "unknown" if state.battery_percent is None
-            else f"{state.battery_percent:.0f} %, at least {wanted.battery_percent:g}",
+            "battery", battery is not None and battery >= wanted.battery_percent,
+            "unknown" if battery is None else f"{battery:.0f} %, at least {wanted.battery_percent:g}",
         ),
         Check(
             "signing", True,
@@ -59,11 +64,59 @@ def link_checks(
             "our own touchdown detection stops them, by force if need be" if setup.parameters.force_disarm
             else "stopped by a plain disarm only (force_disarm = false)",
         ),
-        Check("own hold", math.isfinite(limits.hold_after_s), f"{limits.hold_after_s:g} s after the last set-point"),
+        Check("own hold", limits.hold_after_s <= _LONGEST_OWN_HOLD_S, _own_hold_words(limits)),
     ]  # fmt: skip
     if setup.fixed_pitch_rad is None and not math.isfinite(state.gimbal_t_s) and not setup.brings_gimbal:
         lines.append(Check("gimbal", False, "it does not tell its attitude; a fixed camera is ?mount_deg=PITCH"))
     return lines
+
+
+def _health(state: AutopilotState, now_s: float) -> Check:
+    """On the ground the autopilot's own arming checks decide."""
+    alerts = alerts_at(state, now_s)
+    words = alerts or "the vehicle complains of nothing"
+    return Check("health", not (alerts and state.armed), words if state.armed else f"{words}; it is not armed")
+
+
+def _transmitter(state: AutopilotState, now_s: float) -> Check:
+    """A flight without a transmitter is the user's to choose; one whose receiver has lost it is not."""
+    if transmitter_heard(state, now_s):
+        throttle_us = state.sticks_us[2]
+        centred = _THROTTLE_US[0] <= throttle_us <= _THROTTLE_US[1]
+        advice = "" if centred else ": put it in the middle, or taking over by stick begins with a climb or a descent"
+        return Check("transmitter", True, f"heard, throttle stick at {throttle_us} µs{advice}")
+    if state.alerts.get("receiver", (now_s, ""))[1]:
+        return Check("transmitter", False, "the receiver is in failsafe: it hears no transmitter; switch that on")
+    return Check(
+        "transmitter", True,
+        "WARNING: no transmitter is heard: taking over by stick is not possible, only by mode or key",
+    )  # fmt: skip
+
+
+def _pictures(stream: CameraStream, setup: MavlinkSetup, now_s: float) -> Check:
+    """Their rate, and that they still come."""
+    least_hz, newest = setup.preflight.picture_hz, stream.newest(-math.inf, 0.0)
+    silent_s = math.inf if newest is None else now_s - newest.arrived_s
+    words = f"{stream.rate_hz:.1f} Hz, at least {least_hz:g}; the newest came {silent_s:.1f} s ago"
+    return Check("pictures", stream.rate_hz >= least_hz and silent_s <= 5.0 / least_hz, words)
+
+
+def _age_words(stream: CameraStream, setup: MavlinkSetup) -> str:
+    """What of the pictures' age was measured, and what only stated."""
+    age_s, most = stream.age_s, f"at most {setup.preflight.picture_age_s:g}"
+    if setup.latency_s is None:
+        return f"{age_s:.3f} s at receipt, measured; {most}"
+    late_s = max(0.0, age_s - setup.latency_s)
+    return (
+        f"{age_s:.3f} s, {most}: {setup.latency_s:.3f} s stated, not measured (film a running clock: docs/fly-it.md), "
+        f"and {late_s:.3f} s behind the quickest picture, measured"
+    )
+
+
+def _own_hold_words(limits: VehicleLimits) -> str:
+    if math.isnan(limits.hold_after_s):
+        return "it does not tell GUID_TIMEOUT (ArduPilot) or COM_OF_LOSS_T (PX4): when it holds by itself is unknown"
+    return f"{limits.hold_after_s:g} s after the last set-point, at most {_LONGEST_OWN_HOLD_S:g}"
 
 
 def limits_text(response: Response) -> str:

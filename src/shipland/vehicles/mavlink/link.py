@@ -309,7 +309,10 @@ class MavlinkLink:
                 self._hand_on(message, received_s)
 
     def _is_ours(self, message: Message, sender: object) -> bool:
-        """Whether a message is of the vehicle that is followed; the first autopilot's heartbeat makes it that."""
+        """Whether a message is of the vehicle that is followed; the first autopilot's heartbeat makes it that.
+
+        A telemetry radio has a system id of its own, and speaks from the vehicle's address.
+        """
         system, component = message.get_srcSystem(), message.get_srcComponent()
         if self._peer is None:
             wanted = self._vehicle or self._wanted
@@ -317,7 +320,7 @@ class MavlinkLink:
             if not autopilot or message.autopilot == dialect.MAV_AUTOPILOT_INVALID or wanted not in (None, system):
                 return False
             self._peer, self._vehicle = sender, system
-        return sender == self._peer and system == self._vehicle
+        return sender == self._peer and (system == self._vehicle or message.get_type() == "RADIO_STATUS")
 
     def _hand_on(self, message: Message, received_s: float) -> None:
         self.counts.accepted += 1

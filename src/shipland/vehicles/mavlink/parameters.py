@@ -11,7 +11,7 @@ from shipland.config import build, require
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.vehicles.mavlink.setpoints import ClimbScale
-from shipland.vehicles.mavlink.state import PX4
+from shipland.vehicles.mavlink.state import ARDUPILOT, PX4
 from shipland.vehicles.pace import First
 
 
@@ -77,19 +77,33 @@ PX4_NAMES = (
 )  # fmt: skip
 """Read from a PX4."""
 
+_REQUIRED = {
+    ARDUPILOT: (
+        ("GUID_OPTIONS",), ("ANGLE_MAX", "ATC_ANGLE_MAX"), ("WPNAV_SPEED_UP", "WP_SPD_UP"),
+        ("WPNAV_SPEED_DN", "WP_SPD_DN"),
+    ),
+    PX4: (("MPC_TILTMAX_AIR",), ("MPC_XY_VEL_MAX",), ("MPC_Z_VEL_MAX_UP",), ("MPC_Z_VEL_MAX_DN",)),
+}  # fmt: skip
+"""One name of each group must be told: nothing is assumed of what sticks mean."""
+
 _RAW_THRUST_BIT = 8
 """GUID_OPTIONS: SET_ATTITUDE_TARGET carries raw thrust."""
 
 
+def untold(autopilot: int, values: Mapping[str, float]) -> list[str]:
+    """Required parameters that the vehicle has not told, under their usual names."""
+    return [group[0] for group in _REQUIRED[autopilot] if not any(name in values for name in group)]
+
+
 @dataclass(frozen=True)
 class VehicleLimits:
-    """What the vehicle's parameters allow; infinite where it does not say.
+    """What the vehicle's parameters allow.
 
     Attributes:
-        tilt_rad, speed_mps, up_mps, down_mps: largest.
+        tilt_rad, speed_mps, up_mps, down_mps: largest; an ArduPilot's speed is infinite where it does not say.
         hover_throttle: 0 … 1; None where it does not say.
         fence: whether its own geofence is on.
-        hold_after_s: after the last set-point it holds by itself.
+        hold_after_s: after the last set-point it holds by itself; NaN where it does not say.
     """
 
     tilt_rad: float
@@ -105,19 +119,24 @@ class VehicleLimits:
         """The limits that parameters set.
 
         Raises:
-            VehicleError: a parameter that turns thrust from a climb rate into raw thrust.
+            VehicleError: a required parameter was not told, or one turns thrust from a climb rate into raw thrust.
         """
+        if missing := untold(autopilot, values):
+            raise VehicleError(
+                f"the vehicle does not tell {', '.join(missing)}: without these nobody knows what sticks mean; try "
+                "again where the link loses messages, and see that the firmware has them"
+            )
         if autopilot == PX4:
             return VehicleLimits(
-                tilt_rad=math.radians(values.get("MPC_TILTMAX_AIR", math.inf)),
-                speed_mps=values.get("MPC_XY_VEL_MAX", math.inf),
-                up_mps=values.get("MPC_Z_VEL_MAX_UP", math.inf),
-                down_mps=values.get("MPC_Z_VEL_MAX_DN", math.inf),
+                tilt_rad=math.radians(values["MPC_TILTMAX_AIR"]),
+                speed_mps=values["MPC_XY_VEL_MAX"],
+                up_mps=values["MPC_Z_VEL_MAX_UP"],
+                down_mps=values["MPC_Z_VEL_MAX_DN"],
                 hover_throttle=values.get("MPC_THR_HOVER"),
                 fence=values.get("GF_ACTION", 0.0) > 0.0,
-                hold_after_s=values.get("COM_OF_LOSS_T", 1.0),
+                hold_after_s=values.get("COM_OF_LOSS_T", math.nan),
             )
-        if int(values.get("GUID_OPTIONS", 0.0)) & _RAW_THRUST_BIT:
+        if int(values["GUID_OPTIONS"]) & _RAW_THRUST_BIT:
             raise VehicleError(
                 "GUID_OPTIONS makes thrust raw thrust (bit 3); climb rates are needed: clear that bit on the vehicle"
             )
@@ -133,7 +152,7 @@ class VehicleLimits:
             down_mps=abs(either("WPNAV_SPEED_DN", "WP_SPD_DN")),
             hover_throttle=hover if hover is not None and 0.05 < hover < 0.95 else None,
             fence=values.get("FENCE_ENABLE", 0.0) > 0.0,
-            hold_after_s=values.get("GUID_TIMEOUT", 3.0),
+            hold_after_s=values.get("GUID_TIMEOUT", math.nan),
         )
 
     @property

@@ -3,42 +3,57 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import BinaryIO
 
 from shipland.errors import VehicleError
 from shipland.vehicles.mavlink.dialect import Message, dialect
 from shipland.vehicles.mavlink.link import MavlinkLink, Port
+from shipland.vehicles.mavlink.modes import (
+    ALT_HOLD,
+    BRAKE,
+    GUIDED,
+    LOITER,
+    PX4_ALTITUDE,
+    PX4_AUTO,
+    PX4_HOLD,
+    PX4_OFFBOARD,
+    PX4_POSITION,
+    obeys_us,
+)
 from shipland.vehicles.mavlink.setpoints import Target
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
 
 FORCE = 21196
 """Second parameter of a disarm command that is obeyed in the air."""
 _STREAMS_HZ = {
-    "ATTITUDE": 50, "LOCAL_POSITION_NED": 50, "GLOBAL_POSITION_INT": 20, "VFR_HUD": 25, "EXTENDED_SYS_STATE": 5,
-    "BATTERY_STATUS": 1, "RC_CHANNELS": 10, "DISTANCE_SENSOR": 20, "GIMBAL_DEVICE_ATTITUDE_STATUS": 30,
+    "HEARTBEAT": 10, "ATTITUDE": 50, "LOCAL_POSITION_NED": 50, "GLOBAL_POSITION_INT": 20, "VFR_HUD": 25,
+    "BATTERY_STATUS": 1, "RC_CHANNELS": 10, "DISTANCE_SENSOR": 20, "GIMBAL_DEVICE_ATTITUDE_STATUS": 30, "SYS_STATUS": 2,
+    "EKF_STATUS_REPORT": 2, "ESTIMATOR_STATUS": 2,
 }  # fmt: skip
-"""Messages asked for, a second."""
-
-GUIDED, GUIDED_NOGPS = 4, 20
-"""ArduPilot's modes that obey set-points."""
-_BRAKE, _LOITER = 17, 5
-"""ArduPilot's that hold: BRAKE whatever the transmitter's sticks say, if there is one; LOITER obeys them."""
-_PX4_OFFBOARD, _PX4_AUTO, _PX4_POSITION = 6, 4, 3
-_PX4_HOLD = 3
-"""Sub-mode of AUTO."""
-_MODE_NAMES = {
-    ARDUPILOT: {
-        0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 7: "CIRCLE",
-        9: "LAND", 16: "POSHOLD", 17: "BRAKE", 20: "GUIDED_NOGPS", 21: "SMART_RTL",
-    },
-}  # fmt: skip
+"""Messages asked for, a second; a change of mode is seen at the next heartbeat."""
+_STREAM_ANSWER_S = 1.5
+"""How long the answer to each of these requests is waited for; within it is asked twice."""
 _HOLD_ANSWER_S = 1.5
 """How long the answer to the last word is waited for; within it is said twice."""
 _HISTORY = 512
 """Attitudes that are kept: ten seconds."""
+_PATIENT_HAND_OVERS = 3
+"""How often a mode that keeps the place is asked for, for a pilot at the sticks, before one that keeps the height."""
+_MULTICOPTERS = {2, 3, 4, 13, 14, 15, 29, 35, 43}
+"""MAV_TYPE; a mode's number means something else on an ArduPilot of another kind."""
+_PX4_VTOLS = set(range(19, 26))
+"""MAV_TYPE; they hover, and PX4's modes are the same on all its vehicles."""
+
+History = list[tuple[float, float, float]]
+"""(time, roll, pitch), in order of time."""
+
+
+def _never() -> bool:
+    return False
 
 
 class Session:
@@ -70,45 +85,48 @@ class Session:
         """The newest; replaced as a whole by the receiving thread."""
         self.refused = 0
         """Sound messages with impossible values."""
-        self.attitudes: deque[tuple[float, float, float]] = deque(maxlen=_HISTORY)
-        """(time, roll, pitch) of the body."""
-        self.mounts: deque[tuple[float, float, float]] = deque(maxlen=_HISTORY)
-        """(time, roll, pitch) of the camera's mount against the horizon."""
+        self._lock = threading.Lock()
+        self._attitudes: deque[tuple[float, float, float]] = deque(maxlen=_HISTORY)
+        self._mounts: deque[tuple[float, float, float]] = deque(maxlen=_HISTORY)
+
+    @property
+    def attitudes(self) -> History:
+        """Of the body, as received so far."""
+        with self._lock:
+            return list(self._attitudes)
+
+    @property
+    def mounts(self) -> History:
+        """Of the camera's mount against the horizon, as received so far."""
+        with self._lock:
+            return list(self._mounts)
 
     def _take(self, message: Message, received_s: float) -> None:
         before = self.state
+        if message.get_type() == "COMMAND_ACK" and not self._is_for_us(message):
+            return
         try:
             after = absorb(before, message, received_s)
         except (RefusedError, ValueError, TypeError, OverflowError):
             self.refused += 1
             return
-        if after.attitude_t_s != before.attitude_t_s:
-            self.attitudes.append((after.attitude_t_s, after.roll_rad, after.pitch_rad))
-        if after.gimbal_t_s != before.gimbal_t_s:
-            self.mounts.append((after.gimbal_t_s, after.gimbal_roll_rad, after.gimbal_pitch_rad))
+        with self._lock:
+            if after.attitude_t_s != before.attitude_t_s and math.isfinite(after.attitude_t_s):
+                self._attitudes.append((after.attitude_t_s, after.roll_rad, after.pitch_rad))
+            if after.gimbal_t_s != before.gimbal_t_s and math.isfinite(after.gimbal_t_s):
+                self._mounts.append((after.gimbal_t_s, after.gimbal_roll_rad, after.gimbal_pitch_rad))
         self.state = after
         self._on_state(before, after)
+
+    def _is_for_us(self, answer: Message) -> bool:
+        """Whether a command's answer is to us, or to nobody in particular, and not to another ground station."""
+        system, component = self.link.own
+        return answer.target_system in (0, system) and answer.target_component in (0, component)
 
     @property
     def target(self) -> Target:
         """Who we talk to."""
         return Target(self.link.vehicle)
-
-    @property
-    def mode_name(self) -> str:
-        """The flight mode in words."""
-        state = self.state
-        if state.autopilot == PX4:
-            main, sub = (state.mode >> 16) & 0xFF, (state.mode >> 24) & 0xFF
-            names = {1: "MANUAL", 2: "ALTITUDE", _PX4_POSITION: "POSITION", _PX4_AUTO: f"AUTO {sub}", 6: "OFFBOARD"}
-            return names.get(main, f"mode {main}")
-        return _MODE_NAMES.get(state.autopilot, {}).get(state.mode, f"mode {state.mode}")
-
-    def is_ours(self, state: AutopilotState) -> bool:
-        """Whether a mode obeys our set-points."""
-        if state.autopilot == PX4:
-            return (state.mode >> 16) & 0xFF == _PX4_OFFBOARD
-        return state.mode in (GUIDED, GUIDED_NOGPS)
 
     def connect(self, timeout_s: float) -> None:
         """Wait for a heartbeat and ask for what is needed; VehicleError when nobody is there."""
@@ -119,16 +137,16 @@ class Session:
                 f"the autopilot says that it is of kind {self.state.autopilot} (MAV_AUTOPILOT); "
                 "ArduPilot (3) and PX4 (12) can be flown"
             )
+        if self.state.kind not in _MULTICOPTERS | (_PX4_VTOLS if self.state.autopilot == PX4 else set()):
+            raise VehicleError(
+                f"the autopilot says that it flies a vehicle of kind {self.state.kind} (MAV_TYPE); multicopters can be "
+                "flown"
+            )
         for name, rate_hz in _STREAMS_HZ.items():
             number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
-            self.command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6 / rate_hz)
-        self.command(dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, self.link_ids[0], self.link_ids[1], -1, -1)
+            self.ask(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6 / rate_hz, timeout_s=_STREAM_ANSWER_S)
+        self.command(dialect.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE, *self.link.own, -1, -1)
         self.wait(lambda state: math.isfinite(state.attitude_t_s), timeout_s, "no attitude from the vehicle")
-
-    @property
-    def link_ids(self) -> tuple[int, int]:
-        """Our system and component id."""
-        return self.link.own
 
     def wait(self, until: Callable[[AutopilotState], bool], timeout_s: float, otherwise: str) -> None:
         """Wait for the state to become something; VehicleError says what did not come."""
@@ -144,55 +162,85 @@ class Session:
         values = [*map(float, parameters), *[0.0] * (7 - len(parameters))]
         self.link.send(dialect.MAVLink_command_long_message(target.system, target.component, number, 0, *values))
 
-    def ask(self, number: int, *parameters: float, timeout_s: float = 3.0) -> int:
-        """Send a command and wait for its MAV_RESULT, sending again each second; -1 when none comes."""
+    def ask(self, number: int, *parameters: float, timeout_s: float = 3.0, unless: Callable[[], bool] = _never) -> int:
+        """Send a command and wait for its MAV_RESULT, sending again each second.
+
+        Args:
+            number: of the command.
+            parameters: of the command.
+            timeout_s: how long.
+            unless: ends the asking: what is asked for has come about, or is not wanted any more.
+
+        Returns:
+            The result; -1 when none came.
+        """
         before = self.state.acknowledged.get(number, (0, 0))[1]
-        end_s = time.monotonic() + timeout_s
-        while time.monotonic() < end_s:
-            self.command(number, *parameters)
-            again_s = time.monotonic() + 1.0
-            while time.monotonic() < min(again_s, end_s):
-                result, count = self.state.acknowledged.get(number, (0, 0))
-                if count > before:
-                    return result
-                time.sleep(0.01)
+        end_s, again_s = time.monotonic() + timeout_s, -math.inf
+        while (now_s := time.monotonic()) < end_s:
+            result, count = self.state.acknowledged.get(number, (0, 0))
+            if count > before:
+                return result
+            if unless():
+                return -1
+            if now_s >= again_s:
+                self.command(number, *parameters)
+                again_s = now_s + 1.0
+            time.sleep(0.01)
         return -1
 
-    def ask_mode(self, ardupilot: int, px4: tuple[int, int]) -> int:
-        """Ask for a flight mode, in the autopilot's own numbers; its MAV_RESULT."""
-        numbers = px4 if self.state.autopilot == PX4 else (ardupilot, 0)
-        return self.ask(dialect.MAV_CMD_DO_SET_MODE, 1, *numbers)
+    def ask_guided(self, unless: Callable[[], bool]) -> int:
+        """Ask for the mode that obeys us; see `ask`."""
+        mode = (PX4_OFFBOARD, 0) if self.state.autopilot == PX4 else (GUIDED, 0)
+        return self.ask(dialect.MAV_CMD_DO_SET_MODE, 1, *mode, unless=unless)
 
-    def ask_guided(self) -> int:
-        """Ask for the mode that obeys us."""
-        return self.ask_mode(GUIDED, (_PX4_OFFBOARD, 0))
-
-    def ask_hold(self) -> int:
-        """Ask for a mode in which the vehicle holds its place by itself; its MAV_RESULT.
+    def ask_hold(self) -> None:
+        """Ask for a mode in which the vehicle holds its place by itself, until it has left ours.
 
         Where that is refused, as without a position, the last set-point stands until the autopilot's own timeout.
         """
-        numbers = (_PX4_AUTO, _PX4_HOLD) if self.state.autopilot == PX4 else (_BRAKE, 0)
-        return self.ask(dialect.MAV_CMD_DO_SET_MODE, 1, *numbers, timeout_s=_HOLD_ANSWER_S)
+        mode = (PX4_AUTO, PX4_HOLD) if self.state.autopilot == PX4 else (BRAKE, 0)
+        # a mode that is not ours any more may be the pilot's: it is not asked again
+        taken = lambda: not obeys_us(self.state)  # noqa: E731
+        self.ask(dialect.MAV_CMD_DO_SET_MODE, 1, *mode, timeout_s=_HOLD_ANSWER_S, unless=taken)
 
-    def hand_over(self) -> None:
-        """Ask for a mode that obeys the sticks; without waiting for the answer."""
-        numbers = (_PX4_POSITION, 0) if self.state.autopilot == PX4 else (_LOITER, 0)
-        self.command(dialect.MAV_CMD_DO_SET_MODE, 1, *numbers)
+    def hand_over(self, attempt: int) -> None:
+        """Ask for a mode that obeys the sticks; without waiting for the answer.
 
-    def read_parameters(self, names: Sequence[str], timeout_s: float = 3.0) -> dict[str, float]:
-        """The values of those parameters that the vehicle has."""
-        end_s = time.monotonic() + timeout_s
-        while time.monotonic() < end_s and (missing := [name for name in names if name not in self.state.parameters]):
+        Args:
+            attempt: from 0; a mode that keeps the place may be refused for want of one, and then the height is kept.
+        """
+        patient = attempt < _PATIENT_HAND_OVERS
+        if self.state.autopilot == PX4:
+            mode = PX4_POSITION if patient else PX4_ALTITUDE
+        else:
+            mode = LOITER if patient else ALT_HOLD
+        self.command(dialect.MAV_CMD_DO_SET_MODE, 1, mode, 0)
+
+    def read_parameters(
+        self, names: Sequence[str], enough: Callable[[Mapping[str, float]], bool], timeout_s: float = 3.0
+    ) -> dict[str, float]:
+        """The values of those parameters that the vehicle has.
+
+        Args:
+            names: of all that may be of use; a vehicle answers nothing for one that it does not have.
+            enough: whether those that have come will do; until then a lost answer is asked for again.
+            timeout_s: how long.
+        """
+        end_s, known = time.monotonic() + timeout_s, dict[str, float]()
+        while time.monotonic() < end_s:
+            missing = [name for name in names if name not in known]
             for name in missing:
                 target = self.target
                 self.link.send(
                     dialect.MAVLink_param_request_read_message(target.system, target.component, name.encode(), -1)
                 )
             time.sleep(0.3)
-            if len(missing) == len([name for name in names if name not in self.state.parameters]) < len(names):
-                break  # the rest it does not have
-        return {name: self.state.parameters[name] for name in names if name in self.state.parameters}
+            told = self.state.parameters
+            known = {name: told[name] for name in names if name in told}
+            nothing_new = len(known) + len(missing) == len(names)
+            if len(known) == len(names) or (nothing_new and enough(known)):
+                break
+        return known
 
     def beat(self) -> None:
         """Our heartbeat, and the question for the round trip."""

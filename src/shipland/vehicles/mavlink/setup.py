@@ -29,12 +29,17 @@ class Engagement:
     """What we may do by ourselves.
 
     Attributes:
-        take: ask for the guided mode; otherwise the operator gives it.
+        take: ask for the guided mode.
         take_off_m: arm and take off to this height; 0: somebody else does.
     """
 
     take: bool = False
     take_off_m: float = 0.0
+
+    @property
+    def asks(self) -> bool:
+        """Whether we ask for the guided mode; otherwise the operator gives it."""
+        return self.take or self.take_off_m > 0.0
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,7 @@ class MavlinkSetup:
         camera: intrinsics.
         source: of the pictures.
         brings_gimbal: the pictures come with the camera's attitude.
+        latency_s: stated, from exposure to receipt of the quickest picture; None where the pictures tell it.
         fixed_pitch_rad: of a camera fixed to the body; None for a gimbal.
         open_timeout_s: to the first picture.
         engagement: what we may do by ourselves.
@@ -63,6 +69,7 @@ class MavlinkSetup:
     camera: Camera
     source: PictureSource
     brings_gimbal: bool
+    latency_s: float | None
     fixed_pitch_rad: float | None
     open_timeout_s: float
     engagement: Engagement
@@ -82,7 +89,8 @@ class MavlinkSetup:
         system = address.number("system", 0.0)
         if not (0.0 <= system < 256.0 and system == int(system)):
             raise ConfigError(f"mavlink://…?system={system:g}: expected 1 to 255")
-        source, brings_gimbal = _source(address, setup)
+        latency_s = address.number("latency_s", float(str(setup.table["camera"]["latency_s"])))
+        source, brings_gimbal = _source(address, setup, latency_s)
         take_off_m = address.number("takeoff", 0.0)
         if not 0.0 <= take_off_m <= 50.0:
             raise ConfigError(f"mavlink://…?takeoff={take_off_m:g}: expected 0 to 50 m")
@@ -95,6 +103,7 @@ class MavlinkSetup:
             camera=setup.camera,
             source=source,
             brings_gimbal=brings_gimbal,
+            latency_s=None if brings_gimbal else latency_s,
             fixed_pitch_rad=None if pitch_deg is None else math.radians(pitch_deg),
             open_timeout_s=float(str(table["camera"]["open_timeout_s"])),
             engagement=Engagement(address.flag("take"), take_off_m),
@@ -105,7 +114,7 @@ class MavlinkSetup:
         )
 
 
-def _source(address: Address, setup: VehicleSetup) -> tuple[PictureSource, bool]:
+def _source(address: Address, setup: VehicleSetup, latency_s: float) -> tuple[PictureSource, bool]:
     """Where the pictures come from, and whether they bring the camera's attitude."""
     url = address.options.get("camera")
     if url is None:
@@ -115,7 +124,6 @@ def _source(address: Address, setup: VehicleSetup) -> tuple[PictureSource, bool]
         )
     if url.startswith("frames:"):
         return FrameSource.at(url.removeprefix("frames:"), setup.camera), True
-    latency_s = address.number("latency_s", float(str(setup.table["camera"]["latency_s"])))
     size_px = setup.camera.width_px, setup.camera.height_px
     return VideoSource(url, latency_s, size_px, float(str(setup.table["camera"]["open_timeout_s"]))), False
 

@@ -9,6 +9,12 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from shipland.frames import wrap_angle
+from shipland.vehicles.mavlink.health import (
+    ardupilot_estimator_alert,
+    heartbeat_alert,
+    px4_estimator_alert,
+    sensors_alert,
+)
 
 ARDUPILOT, PX4 = 3, 12
 """MAV_AUTOPILOT of the two that are flown."""
@@ -21,8 +27,55 @@ _WINDOW_S = 1.0
 """A while in which the clocks' difference is constant; short, because a simulated vehicle's clock may run slow."""
 _LONGEST_TRIP_S = 2.0
 """An answer later than this is none."""
+_TRIPS = 5
+"""Round trips of which the quickest counts: a link that has become slow shows after so many."""
+_AUTOPILOT = 1
+"""MAV_COMP_ID_AUTOPILOT1."""
+_GIMBALS = {_AUTOPILOT, 154, 171, 172, 173, 174, 175}
+"""Components that tell a gimbal's attitude: gimbals themselves, and an autopilot for one that speaks no MAVLink."""
+_ANY_COMPONENT = {"GIMBAL_DEVICE_ATTITUDE_STATUS", "RADIO_STATUS"}
+"""Messages that count from others than the autopilot."""
+_FIRST_BATTERY = 0
+_STICKS_US = (950, 2050)
+"""Pulse widths of sticks; what lies outside is a receiver's word that it hears no transmitter."""
 
 Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A component's own clock against ours; a message makes the next one.
+
+    Attributes:
+        boot_s: newest time of it.
+        offset_s: our clock minus it and the quickest message's way, of the last while.
+        next_offset_s, window_s: the same of the while that has begun, and when that was.
+        restarts: how often it began anew.
+    """
+
+    boot_s: float = math.nan
+    offset_s: float = math.inf
+    next_offset_s: float = math.inf
+    window_s: float = -math.inf
+    restarts: int = 0
+
+    def at(self, boot_ms: int, received_s: float) -> tuple[Clock, float]:
+        """The clock moved on, and when a message was sent, on ours, but for the quickest one's way.
+
+        Args:
+            boot_ms: the message's own time.
+            received_s: when it came.
+        """
+        boot_s, known = 1e-3 * boot_ms, self
+        if boot_s < self.boot_s - _REBOOT_S:
+            known = Clock(boot_s, restarts=self.restarts + 1)
+        offset_s = received_s - boot_s
+        known_s, next_s, window_s = known.offset_s, known.next_offset_s, known.window_s
+        if received_s - window_s > _WINDOW_S:  # the clocks run apart, or a simulated one falls behind
+            known_s, next_s, window_s = min(next_s, offset_s), math.inf, received_s
+        known_s, next_s = min(known_s, offset_s), min(next_s, offset_s)
+        newest_s = boot_s if not known.boot_s > boot_s else known.boot_s
+        return Clock(newest_s, known_s, next_s, window_s, known.restarts), boot_s + known_s
 
 
 @dataclass(frozen=True)
@@ -30,16 +83,13 @@ class AutopilotState:
     """The newest of everything; times are ours, `time.monotonic` [s], and NaN before the first message.
 
     Attributes:
-        heard_s: any message.
         heartbeat_s: last heartbeat.
         autopilot: MAV_AUTOPILOT.
+        kind: MAV_TYPE.
         mode: custom mode.
         armed: motors may run.
-        reboots: how often the autopilot's clock began anew.
-        boot_s: newest time of the autopilot's clock.
-        offset_s: our clock minus the autopilot's and the quickest message's way, of the last while.
-        next_offset_s, window_s: the same of the while that has begun, and when that was.
-        round_trip_s: of the quickest exchange of times; 0 before the first.
+        clock: the autopilot's.
+        trips_s: the last round trips.
         attitude_t_s: when the attitude was true.
         roll_rad, pitch_rad, heading_rad: attitude.
         rates_rad_s: body rates.
@@ -49,28 +99,27 @@ class AutopilotState:
         height_t_s, height_m: above the take-off point.
         throttle_percent: of the motors.
         throttle_t_s: when.
-        range_m: downward rangefinder; None without.
-        battery_percent: None where unknown.
-        link_percent: of a telemetry radio; None without one.
-        landed: the autopilot takes itself for landed.
+        range_t_s, range_m: when it came, and the downward rangefinder; None without.
+        battery_t_s, battery_percent: when it came, and the first battery's charge; None where unknown.
+        link_t_s, link_percent: when it came, and a telemetry radio's signal; None without one.
+        gimbal: component and device that are followed: the first that told an attitude; None before.
+        gimbal_clock: its own.
         gimbal_t_s, gimbal_roll_rad, gimbal_pitch_rad: the mount against the horizon; NaN without one.
-        sticks_us: pulse widths of roll, pitch, throttle and yaw; empty without a receiver.
+        sticks_t_s, sticks_us: when they came, and pulse widths of roll, pitch, throttle and yaw; empty without a
+            transmitter.
+        alerts: what it says is wrong, in words, by what is looked at, and when; empty words while it is well.
         parameters: read so far, by name.
         acknowledged: result of the last command of each number, with a running count.
         texts: what it said in words, newest last.
     """
 
-    heard_s: float = math.nan
     heartbeat_s: float = math.nan
     autopilot: int = 0
+    kind: int = 0
     mode: int = -1
     armed: bool = False
-    reboots: int = 0
-    boot_s: float = math.nan
-    offset_s: float = math.inf
-    next_offset_s: float = math.inf
-    window_s: float = -math.inf
-    round_trip_s: float = 0.0
+    clock: Clock = Clock()
+    trips_s: tuple[float, ...] = ()
     attitude_t_s: float = math.nan
     roll_rad: float = math.nan
     pitch_rad: float = math.nan
@@ -85,17 +134,33 @@ class AutopilotState:
     height_m: float = math.nan
     throttle_t_s: float = math.nan
     throttle_percent: float = math.nan
+    range_t_s: float = math.nan
     range_m: float | None = None
+    battery_t_s: float = math.nan
     battery_percent: float | None = None
+    link_t_s: float = math.nan
     link_percent: float | None = None
-    landed: bool = False
+    gimbal: tuple[int, int] | None = None
+    gimbal_clock: Clock = Clock()
     gimbal_t_s: float = math.nan
     gimbal_roll_rad: float = math.nan
     gimbal_pitch_rad: float = math.nan
+    sticks_t_s: float = math.nan
     sticks_us: tuple[int, ...] = ()
+    alerts: dict[str, tuple[float, str]] = field(default_factory=dict)
     parameters: dict[str, float] = field(default_factory=dict)
     acknowledged: dict[int, tuple[int, int]] = field(default_factory=dict)
     texts: tuple[str, ...] = ()
+
+    @property
+    def reboots(self) -> int:
+        """How often the autopilot has started anew."""
+        return self.clock.restarts
+
+    @property
+    def round_trip_s(self) -> float:
+        """Of the quickest of the last exchanges of times; 0 before the first."""
+        return min(self.trips_s, default=0.0)
 
     @property
     def velocity_in_level_mps(self) -> Vector | None:
@@ -112,15 +177,16 @@ class RefusedError(ValueError):
 
 
 def absorb(state: AutopilotState, message: Any, received_s: float) -> AutopilotState:  # noqa: ANN401 - generated
-    """The state after a message; the same state, but for its being heard, where the message says nothing new.
+    """The state after a message; the same where it says nothing new, or comes from a component that does not count.
 
     Raises:
         RefusedError: a value is not finite or out of all bounds; the state stays as it was.
     """
-    handler = _HANDLERS.get(message.get_type())
-    if handler is None:
-        return replace(state, heard_s=received_s)
-    return replace(handler(state, message, received_s), heard_s=received_s)
+    name = message.get_type()
+    handler = _HANDLERS.get(name)
+    if handler is None or not (name in _ANY_COMPONENT or message.get_srcComponent() == _AUTOPILOT):
+        return state
+    return handler(state, message, received_s)
 
 
 def _finite(*values: float, bound: float = 1e6) -> None:
@@ -133,24 +199,20 @@ def _clock(state: AutopilotState, boot_ms: int, received_s: float) -> tuple[Auto
 
     The quickest message of a while tells the clocks' difference; half of the quickest round trip is its own way.
     """
-    boot_s = 1e-3 * boot_ms
-    if boot_s < state.boot_s - _REBOOT_S:
-        state = replace(state, reboots=state.reboots + 1, boot_s=boot_s, offset_s=math.inf, next_offset_s=math.inf)
-    offset_s, next_s, window_s = received_s - boot_s, state.next_offset_s, state.window_s
-    known_s = state.offset_s
-    if received_s - window_s > _WINDOW_S:  # the clocks run apart, or a simulated one falls behind
-        known_s, next_s, window_s = min(next_s, offset_s), math.inf, received_s
-    known_s, next_s = min(known_s, offset_s), min(next_s, offset_s)
-    newest_s = boot_s if not state.boot_s > boot_s else state.boot_s
-    state = replace(state, boot_s=newest_s, offset_s=known_s, next_offset_s=next_s, window_s=window_s)
-    return state, boot_s + known_s - 0.5 * state.round_trip_s
+    clock, sent_s = state.clock.at(boot_ms, received_s)
+    return replace(state, clock=clock), sent_s - 0.5 * state.round_trip_s
+
+
+def _alerted(state: AutopilotState, about: str, received_s: float, words: str) -> AutopilotState:
+    return replace(state, alerts=state.alerts | {about: (received_s, words)})
 
 
 def _heartbeat(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
-    if it.get_srcComponent() != 1:
-        return state
     armed = bool(it.base_mode & ARMED_FLAG)
-    return replace(state, heartbeat_s=received_s, autopilot=it.autopilot, mode=it.custom_mode, armed=armed)
+    state = _alerted(state, "autopilot", received_s, heartbeat_alert(it))
+    return replace(
+        state, heartbeat_s=received_s, autopilot=it.autopilot, kind=it.type, mode=it.custom_mode, armed=armed
+    )
 
 
 def _attitude(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
@@ -178,38 +240,60 @@ def _hud(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  
     return replace(state, throttle_t_s=received_s, throttle_percent=float(it.throttle))
 
 
-def _range(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+def _range(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
     if it.orientation != 25:  # MAV_SENSOR_ROTATION_PITCH_270: downwards
         return state
     known = it.min_distance <= it.current_distance <= it.max_distance
-    return replace(state, range_m=1e-2 * it.current_distance if known else None)
+    return replace(state, range_t_s=received_s, range_m=1e-2 * it.current_distance if known else None)
 
 
-def _battery(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+def _battery(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    if it.id != _FIRST_BATTERY:
+        return state
     remaining = it.battery_remaining
-    return replace(state, battery_percent=float(remaining) if 0 <= remaining <= 100 else None)
+    percent = float(remaining) if 0 <= remaining <= 100 else None
+    return replace(state, battery_t_s=received_s, battery_percent=percent)
 
 
-def _radio(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
-    return replace(state, link_percent=None if it.rssi == _NONE_U8 else 100.0 * it.rssi / 254.0)
-
-
-def _extended(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
-    return replace(state, landed=it.landed_state == 1)  # MAV_LANDED_STATE_ON_GROUND
+def _radio(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    percent = None if it.rssi == _NONE_U8 else 100.0 * it.rssi / 254.0
+    return replace(state, link_t_s=received_s, link_percent=percent)
 
 
 def _gimbal(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    speaker = it.get_srcComponent(), it.gimbal_device_id
+    if speaker[0] not in _GIMBALS or state.gimbal not in (None, speaker):
+        return state
     w, x, y, z = it.q
     _finite(w, x, y, z, bound=2.0)
-    state, t_s = _clock(state, it.time_boot_ms, received_s)
+    clock, sent_s = state.gimbal_clock.at(it.time_boot_ms, received_s)
     roll_rad = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch_rad = math.asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
-    return replace(state, gimbal_t_s=t_s, gimbal_roll_rad=roll_rad, gimbal_pitch_rad=pitch_rad)
+    return replace(
+        state, gimbal=speaker, gimbal_clock=clock, gimbal_t_s=sent_s - 0.5 * state.round_trip_s,
+        gimbal_roll_rad=roll_rad, gimbal_pitch_rad=pitch_rad,
+    )  # fmt: skip
 
 
-def _receiver(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
+def _receiver(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
     sticks = (it.chan1_raw, it.chan2_raw, it.chan3_raw, it.chan4_raw)
-    return replace(state, sticks_us=sticks if it.chancount >= 4 and _NONE_U16 not in sticks else ())
+    told = it.chancount >= 4 and _NONE_U16 not in sticks
+    moved_by_hand = told and all(_STICKS_US[0] <= stick <= _STICKS_US[1] for stick in sticks)
+    words = "the receiver is in failsafe" if told and not moved_by_hand else ""
+    state = _alerted(state, "receiver", received_s, words)
+    return replace(state, sticks_t_s=received_s, sticks_us=sticks if moved_by_hand else ())
+
+
+def _sensors(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    return _alerted(state, "sensors", received_s, sensors_alert(it))
+
+
+def _ardupilot_estimator(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    return _alerted(state, "estimator", received_s, ardupilot_estimator_alert(it))
+
+
+def _px4_estimator(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
+    return _alerted(state, "estimator", received_s, px4_estimator_alert(it))
 
 
 def _parameter(state: AutopilotState, it: Any, _received_s: float) -> AutopilotState:  # noqa: ANN401
@@ -234,8 +318,7 @@ def _times(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:
     round_trip_s = received_s - 1e-9 * it.ts1
     if it.tc1 <= 0 or not 0.0 <= round_trip_s < _LONGEST_TRIP_S:
         return state
-    known_s = state.round_trip_s
-    return replace(state, round_trip_s=min(known_s, round_trip_s) if known_s > 0.0 else round_trip_s)
+    return replace(state, trips_s=(*state.trips_s[1 - _TRIPS :], round_trip_s))
 
 
 _Handler = Callable[[AutopilotState, Any, float], AutopilotState]
@@ -248,7 +331,9 @@ _HANDLERS: dict[str, _Handler] = {
     "DISTANCE_SENSOR": _range,
     "BATTERY_STATUS": _battery,
     "RADIO_STATUS": _radio,
-    "EXTENDED_SYS_STATE": _extended,
+    "SYS_STATUS": _sensors,
+    "EKF_STATUS_REPORT": _ardupilot_estimator,
+    "ESTIMATOR_STATUS": _px4_estimator,
     "GIMBAL_DEVICE_ATTITUDE_STATUS": _gimbal,
     "RC_CHANNELS": _receiver,
     "PARAM_VALUE": _parameter,

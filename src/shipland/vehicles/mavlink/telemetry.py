@@ -9,14 +9,22 @@ import numpy as np
 
 from shipland.frames import euler_from_rotation, rotation_from_euler
 from shipland.messages import GimbalAttitude, Telemetry
+from shipland.vehicles.mavlink.health import ALERT_S
 from shipland.vehicles.mavlink.state import AutopilotState
+
+_SLOW_S = 10.0
+"""Battery and radio are told about once a second; what is older is not known."""
+_STICKS_S = 2.0
+"""Likewise the transmitter's sticks, ten times a second."""
+_HEADING_S = 0.2
+"""A velocity that is turned by a heading older than this is as old as the heading."""
 
 History = Sequence[tuple[float, float, float]]
 """(time, roll, pitch), in order of time."""
 
 
 def telemetry_of(state: AutopilotState, t_s: float) -> Telemetry:
-    """The newest of everything, stamped with `t_s`; each part with its own time."""
+    """The newest of everything, stamped with `t_s`; each part with its own time, or None where it is too old."""
     attitude, height = math.isfinite(state.attitude_t_s), math.isfinite(state.height_t_s)
     velocity = state.velocity_in_level_mps
     return Telemetry(
@@ -26,18 +34,45 @@ def telemetry_of(state: AutopilotState, t_s: float) -> Telemetry:
         heading_rad=state.heading_rad if attitude else None,
         height_m=state.height_m if height else None,
         velocity_in_level_mps=None if velocity is None else np.array(velocity),
-        battery_percent=state.battery_percent,
-        link_percent=state.link_percent,
+        battery_percent=battery_at(state, t_s),
+        link_percent=state.link_percent if t_s - state.link_t_s <= _SLOW_S else None,
         flying=state.armed,
         attitude_t_s=state.attitude_t_s if attitude else None,
         heading_t_s=state.attitude_t_s if attitude else None,
         height_t_s=state.height_t_s if height else None,
-        velocity_t_s=None if velocity is None else state.velocity_t_s,
+        velocity_t_s=None if velocity is None else _velocity_t_s(state),
+        alerts=alerts_at(state, t_s),
     )
 
 
-def gimbal_at(t_s: float, attitudes: History, mounts: History, fixed_pitch_rad: float | None) -> GimbalAttitude:
-    """The camera's attitude in `level` at a time.
+def _velocity_t_s(state: AutopilotState) -> float:
+    """When the velocity was true, and the heading by which it is turned [s]."""
+    fresh = state.velocity_t_s - state.attitude_t_s <= _HEADING_S
+    return state.velocity_t_s if fresh else state.attitude_t_s
+
+
+def battery_at(state: AutopilotState, t_s: float) -> float | None:
+    """The first battery's charge [percent]; None where it is not known, or not any more."""
+    return state.battery_percent if t_s - state.battery_t_s <= _SLOW_S else None
+
+
+def transmitter_heard(state: AutopilotState, t_s: float) -> bool:
+    """Whether a transmitter's sticks are told at this time."""
+    return bool(state.sticks_us) and t_s - state.sticks_t_s <= _STICKS_S
+
+
+def alerts_at(state: AutopilotState, t_s: float) -> str:
+    """What the vehicle says is wrong with it at this time, in words; empty while it is well."""
+    words = [text for said_s, text in state.alerts.values() if text and t_s - said_s <= ALERT_S]
+    if state.sticks_us and not transmitter_heard(state, t_s):
+        words.append("the transmitter's sticks are not told any more")
+    return "; ".join(words)
+
+
+def gimbal_at(
+    t_s: float, attitudes: History, mounts: History, fixed_pitch_rad: float | None
+) -> tuple[GimbalAttitude, float]:
+    """The camera's attitude in `level` at a time, and how far from it the nearest reading is [s]; infinite without any.
 
     Args:
         t_s: of the exposure.
@@ -45,11 +80,13 @@ def gimbal_at(t_s: float, attitudes: History, mounts: History, fixed_pitch_rad: 
         mounts: of a gimbal, against the horizon.
         fixed_pitch_rad: of a camera fixed to the body, upward positive; None for one on a gimbal.
     """
+    readings = mounts if fixed_pitch_rad is None else attitudes
+    age_s = min((abs(t_s - read_s) for read_s, _, _ in readings), default=math.inf)
+    roll_rad, pitch_rad = attitude_at(readings, t_s) or (0.0, 0.0)
     if fixed_pitch_rad is None:
-        return GimbalAttitude(*(attitude_at(mounts, t_s) or (0.0, 0.0)))
-    roll_rad, pitch_rad = attitude_at(attitudes, t_s) or (0.0, 0.0)
+        return GimbalAttitude(roll_rad, pitch_rad), age_s
     turned = rotation_from_euler(roll_rad, pitch_rad, 0.0) @ rotation_from_euler(0.0, fixed_pitch_rad, 0.0)
-    return GimbalAttitude(*euler_from_rotation(turned))
+    return GimbalAttitude(*euler_from_rotation(turned)), age_s
 
 
 def attitude_at(history: History, t_s: float) -> tuple[float, float] | None:
@@ -58,13 +95,12 @@ def attitude_at(history: History, t_s: float) -> tuple[float, float] | None:
     >>> attitude_at([(0.0, 0.0, 0.0), (2.0, 0.2, 0.4)], 1.0)
     (0.1, 0.2)
     """
-    rows = list(history)
-    if not rows:
+    if not history:
         return None
-    after = next((index for index, row in enumerate(rows) if row[0] >= t_s), len(rows))
-    if after in (0, len(rows)):
-        _, roll_rad, pitch_rad = rows[min(after, len(rows) - 1)]
+    after = next((index for index, row in enumerate(history) if row[0] >= t_s), len(history))
+    if after in (0, len(history)):
+        _, roll_rad, pitch_rad = history[min(after, len(history) - 1)]
         return roll_rad, pitch_rad
-    (t0_s, roll0, pitch0), (t1_s, roll1, pitch1) = rows[after - 1], rows[after]
+    (t0_s, roll0, pitch0), (t1_s, roll1, pitch1) = history[after - 1], history[after]
     share = (t_s - t0_s) / (t1_s - t0_s)
     return roll0 + share * (roll1 - roll0), pitch0 + share * (pitch1 - pitch0)

@@ -1,7 +1,7 @@
 """An ArduPilot or PX4 vehicle over MAVLink, with a camera beside it.
 
-Set-points leave at a steady rate from a thread of their own, whatever the loop does. Whoever takes the mode or the
-sticks has the vehicle at once and keeps it: nothing here takes it back.
+Set-points leave at a steady rate from a thread of their own, whatever the loop does, and only while control is ours:
+whoever takes the mode or the sticks has the vehicle at once and keeps it. See `control`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 
 from shipland.camera import Camera
@@ -18,26 +17,35 @@ from shipland.guidance.response import Response
 from shipland.messages import Frame, GroundTruth, Intent, PilotCommand, Telemetry, TouchdownVerdict
 from shipland.vehicles.camera_stream import CameraStream, Shot
 from shipland.vehicles.checks import Check
+from shipland.vehicles.mavlink.control import MOTORS_STOPPED, Control
 from shipland.vehicles.mavlink.dialect import dialect
+from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, obeys_us
+from shipland.vehicles.mavlink.motors import MotorStop
 from shipland.vehicles.mavlink.parameters import (
     ARDUPILOT_NAMES,
     PX4_NAMES,
     VehicleLimits,
     response_within,
+    untold,
 )
-from shipland.vehicles.mavlink.session import FORCE, GUIDED_NOGPS, Session
+from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setpoints import HOLD, AttitudeTarget, Wanted, pressed, velocity_message, wanted_of
-from shipland.vehicles.mavlink.setup import Engagement, MavlinkSetup, open_session
+from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
+from shipland.vehicles.mavlink.taking import Taking
 from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of
 from shipland.vehicles.pace import Pace
-from shipland.vehicles.touchdown import Contact, Touch, TouchdownWatch
+from shipland.vehicles.touchdown import Contact
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
 
 _REMEMBERED = 64
 """Given frames whose truth is kept."""
 _VERDICT_S = 5.0
 """How long a simulated touchdown's verdict is waited for."""
+_HEIGHT_S = 1.0
+"""A take-off of ours does not climb on a height older than this."""
+_HAND_OVER_S = 0.5
+"""From one request to the next for a mode that obeys the pilot's sticks."""
 
 
 class MavlinkVehicle:
@@ -55,13 +63,12 @@ class MavlinkVehicle:
         self._pace: Pace | None = None
         self._lock = threading.Lock()
         self._command: tuple[PilotCommand, float] | None = None
-        self._engaged = self._opening = self._closed = self._holding = self._taking_off = False
+        self._control = Control(self._parameters.stick_takeover_us)
+        self._engaged = self._opening = self._closed = False
         self._end_reason = ""
-        self._sticks_us: tuple[int, ...] = ()
-        self._moved = 0
+        self._hand_overs, self._handed_s = 0, -math.inf
         self._last_exposed_s = self._pictured_s = -math.inf
         self._truths: dict[float, GroundTruth] = {}
-        self._disarm_s, self._disarms, self._answers = -math.inf, 0, 0
         self._beat_s = self._gimbal_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
@@ -77,6 +84,11 @@ class MavlinkVehicle:
     def end_reason(self) -> str:
         """Why the flight is over, in words; empty in flight."""
         return self._end_reason
+
+    @property
+    def in_command(self) -> str:
+        """Who flies: `shipland`, `the pilot (MODE)`, `the autopilot` after the end, or `nobody: WHY`."""
+        return "nobody: not connected" if self._session is None else self._control.holder(self._session.state)
 
     def response(self) -> Response:
         """What full sticks mean here; known once connected."""
@@ -110,11 +122,14 @@ class MavlinkVehicle:
             self._stack.callback(session.link.close)
             session.connect(parameters.connect_timeout_s)
             autopilot = session.state.autopilot
-            values = session.read_parameters(PX4_NAMES if autopilot == PX4 else ARDUPILOT_NAMES)
+            values = session.read_parameters(
+                PX4_NAMES if autopilot == PX4 else ARDUPILOT_NAMES, lambda told: not untold(autopilot, told)
+            )
             limits = self._limits = VehicleLimits.of(autopilot, values)
             self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
             hover = limits.hover_throttle or parameters.hover_throttle
-            self._watch = TouchdownWatch(self._setup.touchdown, hover)
+            self._taking = Taking(session, self._control, parameters, lambda: self._closed)
+            self._motors = MotorStop(session, parameters, self._setup.touchdown, hover)
             self._press_mps = min(self._setup.touchdown.press_mps, limits.down_mps)
             self._tilts = None
             if self._response.kind == "attitude":
@@ -138,7 +153,9 @@ class MavlinkVehicle:
         self.connect()
         self._opening = True
         try:
-            self._engage(self._setup.engagement)
+            self._taking.run(self._setup.engagement)
+            self._pictured_s = time.monotonic()
+            self._engaged = True
         except BaseException:
             self.close()
             raise
@@ -160,7 +177,7 @@ class MavlinkVehicle:
                 time.sleep(max(0.0, until_s - time.monotonic()))  # a stream that has ended does not wait
                 return None, self.telemetry_at(time.monotonic())
             words = stream.problem or f"no picture for {self._parameters.video_timeout_s:g} s"
-            self._end(f"video lost: {words}; the vehicle holds", hold=True)
+            self._end(f"video lost: {words}; the vehicle holds")
         if self._truths:  # a simulator's camera; it gives its verdict when the aircraft has come to rest
             until_s = time.monotonic() + _VERDICT_S
             while stream.verdict() is None and not stream.problem and time.monotonic() < until_s:
@@ -190,11 +207,15 @@ class MavlinkVehicle:
         with self._lock:
             self._command = None
         session = self._session
-        if session is not None and self._engaged:
-            self._end("the flight was ended here; the vehicle holds", hold=True)
-            if self._holding and session.is_ours(session.state):
+        if session is not None and self._control.granted:
+            self._end("the flight was ended here; the vehicle holds")
+            if self._control.has(session.state):
+                self._control.released = True
                 session.link.send(velocity_message(HOLD, session.target, int(1e3 * time.monotonic()) & 0xFFFFFFFF))
                 session.ask_hold()
+            until_s = time.monotonic() + 3.0 * _HAND_OVER_S
+            while self._control.by_sticks and obeys_us(session.state) and time.monotonic() < until_s:
+                time.sleep(0.02)  # the set-points' thread is asking for a mode that obeys the pilot
         self._stack.close()
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
@@ -223,74 +244,22 @@ class MavlinkVehicle:
 
     # Taking and losing the vehicle
 
-    def _engage(self, engagement: Engagement) -> None:
-        session, parameters = self.session, self._parameters
-        if engagement.take or engagement.take_off_m > 0.0:
-            # PX4 wants set-points before it gives OFFBOARD
-            time.sleep(1.0 if session.state.autopilot == PX4 else 0.0)
-            self._insist(session.ask_guided, "the autopilot refuses its guided mode")
-        session.wait(
-            session.is_ours, parameters.engage_timeout_s, f"the mode was not given to us (it is {session.mode_name})"
-        )
-        if engagement.take_off_m > 0.0:
-            self._take_off(engagement.take_off_m)
-        elif not session.state.armed:
-            raise VehicleError("the vehicle is not armed; arm it and take off, or ask for it: takeoff=METRES")
-        self._sticks_us = session.state.sticks_us
-        self._pictured_s = time.monotonic()
-        self._engaged = True
-
-    def _insist(self, ask: Callable[[], int], otherwise: str) -> None:
-        """Ask every second until it is granted: an autopilot that has just booted refuses until it knows its place."""
-        until_s = time.monotonic() + self._parameters.engage_timeout_s
-        while (result := ask()) != 0:
-            if time.monotonic() > until_s:
-                said = "; ".join(self.session.state.texts[-3:])
-                raise VehicleError(f"{otherwise} (MAV_RESULT {result}): {said}")
-            time.sleep(1.0)
-
-    def _take_off(self, height_m: float) -> None:
-        session = self.session
-        if not session.state.armed:
-            arm = dialect.MAV_CMD_COMPONENT_ARM_DISARM
-            self._insist(lambda: session.ask(arm, 1, 0), "the autopilot does not arm")
-        session.wait(lambda state: state.armed, 5.0, "the motors did not start")
-        self._taking_off = True
-        try:
-            by_itself = session.state.autopilot != PX4
-            if by_itself and session.ask(dialect.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) != 0:
-                raise VehicleError(f"the autopilot does not take off: {'; '.join(session.state.texts[-3:])}")
-            near_m = max(0.3, 0.1 * height_m)
-            session.wait(lambda state: state.height_m > height_m - near_m, 30.0, "the take-off did not end")
-        finally:
-            self._taking_off = False
-
-    def _end(self, reason: str, hold: bool = False) -> None:
-        """No more frames; the first reason stands. With `hold`, set-points to hold go on until `close`."""
+    def _end(self, reason: str) -> None:
+        """No more frames; the first reason stands. Where control is still ours, set-points to hold go on."""
         if not self._end_reason:
-            self._end_reason, self._holding = reason, hold
+            self._end_reason = reason
             with self._lock:
                 self._command = None
 
     def _on_state(self, before: AutopilotState, after: AutopilotState) -> None:
         """Notice on the receiving thread that the vehicle is no longer ours."""
-        if not self._engaged or self._end_reason:
-            return
-        session = self.session
-        if after.reboots != before.reboots:
-            self._end("the autopilot has restarted")
-        elif not session.is_ours(after) and after.mode != before.mode:
-            self._end(f"the pilot took over: {session.mode_name}")
-        elif before.armed and not after.armed:
-            landed = self._landing()
-            self._end("landed: the motors have stopped" if landed else "the motors have stopped")
-        elif self._sticks_us and after.sticks_us and after.sticks_us is not before.sticks_us:
-            off_us = [abs(now - then) for now, then in zip(after.sticks_us, self._sticks_us, strict=True)]
-            moved = max(off_us) > self._parameters.stick_takeover_us
-            self._moved = self._moved + 1 if moved else 0
-            if self._moved >= 2:
-                self._end("the pilot moved the sticks")
-                session.hand_over()
+        self._control.see(before, after)
+        self._end_if_lost()
+
+    def _end_if_lost(self) -> None:
+        lost = self._control.lost
+        if lost:
+            self._end(f"landed: {lost}" if lost == MOTORS_STOPPED and self._landing() else lost)
 
     # The thread of the set-points
 
@@ -299,39 +268,45 @@ class MavlinkVehicle:
             return self._command is not None and self._command[0].intent is Intent.LAND
 
     def _tick(self, step_s: float) -> None:
-        session, now_s = self.session, time.monotonic()
+        session, control, now_s = self.session, self._control, time.monotonic()
         boot_ms = int(1e3 * now_s) & 0xFFFFFFFF
         if now_s - self._beat_s >= 1.0:
             self._beat_s = now_s
             session.beat()
         state = session.state
-        if self._engaged and not self._end_reason and now_s - state.heartbeat_s > self._parameters.link_timeout_s:
-            self._end(f"link lost: no heartbeat for {self._parameters.link_timeout_s:g} s")
-        if self._taking_off:
-            if state.autopilot == PX4:  # its own take-off would leave OFFBOARD
-                climb = Wanted(0.0, 0.0, self.response().max_climb_mps, 0.0)
-                self._set_point(climb, state, step_s, boot_ms)
+        if control.granted and now_s - state.heartbeat_s > self._parameters.link_timeout_s:
+            control.lose(f"link lost: no heartbeat for {self._parameters.link_timeout_s:g} s")
+            self._end_if_lost()
+        if control.by_sticks and obeys_us(state) and now_s - self._handed_s > _HAND_OVER_S:
+            session.hand_over(self._hand_overs)
+            self._handed_s, self._hand_overs = now_s, self._hand_overs + 1
+        if not self._may_command(state):
             return
-        if not self._may_command():
+        if not self._engaged:
+            climbs = self._taking.climbing and now_s - state.height_t_s <= _HEIGHT_S
+            climb = Wanted(0.0, 0.0, self.response().max_climb_mps, 0.0)
+            self._set_point(climb if climbs else HOLD, state, step_s, boot_ms)
             return
         with self._lock:
             command = self._command
-        stale = command is None or now_s - command[1] > self._parameters.stale_s
-        wanted = HOLD if command is None or stale else wanted_of(command[0], self.response())
-        if self._engaged and not self._end_reason:
-            landing = command is not None and not stale and command[0].intent is Intent.LAND
-            contact = self._look_for_touchdown(landing, state, now_s)
-            if contact is not Contact.NONE:
-                wanted = pressed(self.response(), state.velocity_in_level_mps, self._press_mps)
+        fresh = command is not None and not self._end_reason and now_s - command[1] <= self._parameters.stale_s
+        newest = command[0] if command is not None and fresh else None
+        wanted = HOLD if newest is None else wanted_of(newest, self.response())
+        if not self._end_reason and self._motors.look(newest, state, now_s) is not Contact.NONE:
+            wanted = pressed(self.response(), state.velocity_in_level_mps, self._press_mps)
         self._set_point(wanted, state, step_s, boot_ms)
-        if command is not None and not stale:
-            self._turn_gimbal(command[0].gimbal_pitch_rad, now_s)
+        if newest is not None:
+            self._turn_gimbal(newest.gimbal_pitch_rad, now_s)
 
-    def _may_command(self) -> bool:
-        """Whether set-points may leave: ours and not over; a PX4 wants them before it is ours."""
-        if self._end_reason:
-            return self._holding and self.session.is_ours(self.session.state)
-        return self._engaged or (self.session.state.autopilot == PX4 and self._opening)
+    def _may_command(self, state: AutopilotState) -> bool:
+        """Whether set-points may leave: control is ours now.
+
+        A PX4 wants them before it gives OFFBOARD, and to climb, for its own take-off would leave OFFBOARD. In an
+        OFFBOARD that was not given to us they may be another's.
+        """
+        if state.autopilot == PX4 and self._opening and not (self._control.granted or self._end_reason):
+            return self._control.asking or not obeys_us(state)
+        return self._control.has(state) and (self._engaged or state.autopilot == PX4)
 
     def _set_point(self, wanted: Wanted, state: AutopilotState, step_s: float, boot_ms: int) -> None:
         session = self.session
@@ -355,37 +330,6 @@ class MavlinkVehicle:
             )
         )
 
-    def _look_for_touchdown(self, landing: bool, state: AutopilotState, now_s: float) -> Contact:
-        """Whether it has touched the deck; where it stands, ask for the motors to stop."""
-        touch = Touch(
-            t_s=now_s,
-            landing=landing and state.armed,
-            throttle=0.01 * state.throttle_percent,
-            throttle_t_s=state.throttle_t_s,
-            down_mps=state.velocity_in_ned_mps[2],
-            down_t_s=state.velocity_t_s,
-            range_m=state.range_m,
-        )
-        contact = self._watch.see(touch)
-        if contact is Contact.STANDS and state.armed:
-            self._disarm(state, now_s)
-        elif contact is Contact.NONE:
-            self._disarms = 0  # it was none: the next one is asked for politely again
-        return contact
-
-    def _disarm(self, state: AutopilotState, now_s: float) -> None:
-        """Ask politely; by force as soon as that was denied, or was not obeyed for a while."""
-        number = dialect.MAV_CMD_COMPONENT_ARM_DISARM
-        result, answers = state.acknowledged.get(number, (0, 0))
-        done = (dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS)
-        denied = self._disarms == 1 and answers > self._answers and result not in done
-        if self._disarms > 0 and not denied and now_s - self._disarm_s < self._parameters.disarm_retry_s:
-            return
-        self._disarm_s, self._answers = now_s, answers
-        self._disarms += 1
-        force = FORCE if self._disarms > 1 and self._parameters.force_disarm else 0
-        self.session.command(number, 0, force)
-
     def _frame(self, shot: Shot) -> Frame:
         self._last_exposed_s = shot.exposed_s
         if shot.truth is not None:
@@ -393,7 +337,8 @@ class MavlinkVehicle:
             for stamp_s in list(self._truths)[:-_REMEMBERED]:
                 del self._truths[stamp_s]
         session = self.session
-        gimbal = shot.gimbal or gimbal_at(
-            shot.exposed_s, session.attitudes, session.mounts, self._setup.fixed_pitch_rad
-        )
-        return Frame(shot.exposed_s, shot.image, gimbal)
+        gimbal, age_s = shot.gimbal, 0.0
+        if gimbal is None:
+            pitch_rad = self._setup.fixed_pitch_rad
+            gimbal, age_s = gimbal_at(shot.exposed_s, session.attitudes, session.mounts, pitch_rad)
+        return Frame(shot.exposed_s, shot.image, gimbal, gimbal_age_s=age_s)

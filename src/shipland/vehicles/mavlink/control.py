@@ -1,0 +1,96 @@
+"""Who flies the vehicle: the guided mode is given to us once, and whoever takes it back has it for good."""
+
+from __future__ import annotations
+
+from shipland.vehicles.mavlink.modes import mode_name, obeys_us
+from shipland.vehicles.mavlink.state import AutopilotState
+
+MOTORS_STOPPED = "the motors have stopped"
+
+
+class Control:
+    """The hand-over and the takeover; told every state by the receiving thread, asked at every set-point.
+
+    Control begins with the guided mode: set by the operator after `begin`, or asked for by us. From then on another
+    mode, a moved stick, stopped motors or a restart ends it, whatever mode comes later.
+
+    Args:
+        stick_takeover_us: a stick moved by more takes over.
+    """
+
+    def __init__(self, stick_takeover_us: int) -> None:
+        self._stick_takeover_us = stick_takeover_us
+        self._begun = self._left_guided = False
+        self._asked_in: int | None = None
+        self._sticks_us: tuple[int, ...] = ()
+        self._moved = 0
+        self.granted = False
+        """The guided mode was given to us."""
+        self.lost = ""
+        """Why control is gone for good, in words; empty while it is not."""
+        self.by_sticks = False
+        """It went to a pilot who moved the sticks, and whose mode does not obey them until that is changed."""
+        self.released = False
+        """We have let go of it, and asked for a mode in which the autopilot holds by itself."""
+
+    @property
+    def asking(self) -> bool:
+        """Whether we may ask for the mode ourselves."""
+        return self._asked_in is not None
+
+    def begin(self, state: AutopilotState, asking: bool) -> None:
+        """From now on the guided mode counts.
+
+        Args:
+            state: the newest.
+            asking: we ask for the mode: it counts however it came, and any third mode is the pilot's word. Otherwise
+                only a change into the guided mode counts: one that is set already was not set for us.
+        """
+        self._left_guided = asking or not obeys_us(state)
+        self._asked_in = state.mode if asking else None
+        self._begun = True
+
+    def see(self, before: AutopilotState, after: AutopilotState) -> None:
+        """Notice what a message has changed."""
+        if self.lost or not self._begun:
+            return
+        ours = obeys_us(after)
+        if not self.granted:
+            self._left_guided = self._left_guided or not ours
+            self.granted = ours and self._left_guided
+            if not ours and self._asked_in not in (None, after.mode):
+                self.lose(f"the pilot took over: {mode_name(after)}")
+        elif after.reboots != before.reboots:
+            self.lose("the autopilot has restarted")
+        elif before.armed and not after.armed:
+            self.lose(MOTORS_STOPPED)
+        elif not ours:
+            self.lose(f"the pilot took over: {mode_name(after)}")
+        elif after.sticks_us is not before.sticks_us and self._moved_sticks(after.sticks_us):
+            self.by_sticks = True
+            self.lose("the pilot moved the sticks")
+
+    def lose(self, reason: str) -> None:
+        """Control is gone for good; the first reason stands."""
+        self.lost = self.lost or reason
+
+    def has(self, state: AutopilotState) -> bool:
+        """Whether we may command now: given to us, not taken, and the mode obeys us."""
+        return self.granted and not self.lost and obeys_us(state)
+
+    def holder(self, state: AutopilotState) -> str:
+        """Who flies, in words."""
+        if self.released:
+            return "the autopilot"
+        if not obeys_us(state):
+            return f"the pilot ({mode_name(state)})"
+        if self.has(state):
+            return "shipland"
+        return f"nobody: {self.lost or f'{mode_name(state)} is not handed over'}"
+
+    def _moved_sticks(self, sticks_us: tuple[int, ...]) -> bool:
+        """Whether they stand twice on end away from where they stood when control was given, or first heard later."""
+        self._sticks_us = self._sticks_us or sticks_us
+        off_us = [abs(now - then) for now, then in zip(sticks_us, self._sticks_us, strict=False)]
+        self._moved = self._moved + 1 if max(off_us, default=0) > self._stick_takeover_us else 0
+        return self._moved >= 2

@@ -1,0 +1,42 @@
+"""Flight modes of the two autopilots, in their own numbers."""
+
+from __future__ import annotations
+
+from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState
+
+GUIDED, GUIDED_NOGPS = 4, 20
+"""ArduPilot's modes that obey set-points."""
+BRAKE, LOITER, ALT_HOLD = 17, 5, 2
+"""ArduPilot's that hold: BRAKE whatever the transmitter's sticks say, if there is one; the others obey them."""
+PX4_OFFBOARD, PX4_AUTO, PX4_POSITION, PX4_ALTITUDE = 6, 4, 3, 2
+PX4_HOLD = 3
+"""Sub-mode of AUTO."""
+_NAMES = {
+    ARDUPILOT: {
+        0: "STABILIZE", 1: "ACRO", 2: "ALT_HOLD", 3: "AUTO", 4: "GUIDED", 5: "LOITER", 6: "RTL", 7: "CIRCLE",
+        9: "LAND", 16: "POSHOLD", 17: "BRAKE", 20: "GUIDED_NOGPS", 21: "SMART_RTL",
+    },
+    PX4: {1: "MANUAL", PX4_ALTITUDE: "ALTITUDE", PX4_POSITION: "POSITION", PX4_OFFBOARD: "OFFBOARD"},
+}  # fmt: skip
+
+
+def mode_name(state: AutopilotState) -> str:
+    """The flight mode in words."""
+    number = state.mode
+    if state.autopilot == PX4:
+        number, sub = (state.mode >> 16) & 0xFF, (state.mode >> 24) & 0xFF
+        if number == PX4_AUTO:
+            return f"AUTO {sub}"
+    return _NAMES.get(state.autopilot, {}).get(number, f"mode {number}")
+
+
+def guided_name(state: AutopilotState) -> str:
+    """The mode that obeys set-points, in words."""
+    return "OFFBOARD" if state.autopilot == PX4 else "GUIDED"
+
+
+def obeys_us(state: AutopilotState) -> bool:
+    """Whether the mode obeys our set-points."""
+    if state.autopilot == PX4:
+        return (state.mode >> 16) & 0xFF == PX4_OFFBOARD
+    return state.mode in (GUIDED, GUIDED_NOGPS)

@@ -1,0 +1,72 @@
+"""From a touch of the deck to motors at rest."""
+
+from __future__ import annotations
+
+import math
+
+from shipland.messages import Intent, PilotCommand
+from shipland.vehicles.mavlink.dialect import dialect
+from shipland.vehicles.mavlink.parameters import MavlinkParameters
+from shipland.vehicles.mavlink.session import FORCE, Session
+from shipland.vehicles.mavlink.state import AutopilotState
+from shipland.vehicles.touchdown import Contact, Touch, TouchdownParameters, TouchdownWatch
+
+_MODE_KNOWN_S = 1.5
+"""A heartbeat older than this does not tell whose mode it is: no motor is stopped in a pilot's."""
+_RANGE_S = 1.0
+"""A rangefinder's word that is older does not count."""
+
+
+class MotorStop:
+    """Watches for the touchdown, and asks for the motors to stop; called only while the mode is ours.
+
+    Args:
+        session: the conversation.
+        parameters: of the vehicle.
+        touchdown: of the watch.
+        hover_throttle: 0 … 1, as the vehicle states it.
+    """
+
+    def __init__(
+        self, session: Session, parameters: MavlinkParameters, touchdown: TouchdownParameters, hover_throttle: float
+    ) -> None:
+        self._session, self._parameters = session, parameters
+        self._watch = TouchdownWatch(touchdown, hover_throttle)
+        self._asked_s, self._asked, self._answers = -math.inf, 0, 0
+
+    def look(self, command: PilotCommand | None, state: AutopilotState, now_s: float) -> Contact:
+        """Whether it has touched the deck; where it stands, ask for the motors to stop.
+
+        Args:
+            command: the newest, or None where that is too old.
+            state: of the autopilot.
+            now_s: our time.
+        """
+        touch = Touch(
+            t_s=now_s,
+            landing=command is not None and command.intent is Intent.LAND and state.armed,
+            at_contact_height=command is not None and command.at_contact_height,
+            throttle=0.01 * state.throttle_percent,
+            throttle_t_s=state.throttle_t_s,
+            down_mps=state.velocity_in_ned_mps[2],
+            down_t_s=state.velocity_t_s,
+            range_m=state.range_m if now_s - state.range_t_s <= _RANGE_S else None,
+        )
+        contact = self._watch.see(touch)
+        if contact is Contact.STANDS and state.armed and now_s - state.heartbeat_s <= _MODE_KNOWN_S:
+            self._disarm(state, now_s)
+        elif contact is Contact.NONE:
+            self._asked = 0  # it was none: the next one is asked for politely again
+        return contact
+
+    def _disarm(self, state: AutopilotState, now_s: float) -> None:
+        """Ask politely; by force as soon as that was denied, or was not obeyed for a while."""
+        number = dialect.MAV_CMD_COMPONENT_ARM_DISARM
+        result, answers = state.acknowledged.get(number, (0, 0))
+        done = (dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_IN_PROGRESS)
+        denied = self._asked == 1 and answers > self._answers and result not in done
+        if self._asked > 0 and not denied and now_s - self._asked_s < self._parameters.disarm_retry_s:
+            return
+        self._asked_s, self._answers = now_s, answers
+        self._asked += 1
+        self._session.command(number, 0, FORCE if self._asked > 1 and self._parameters.force_disarm else 0)
