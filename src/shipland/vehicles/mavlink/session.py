@@ -9,9 +9,10 @@ from collections.abc import Callable, Sequence
 from typing import BinaryIO
 
 from shipland.errors import VehicleError
-from shipland.vehicles.mavlink.dialect import Message, dialect
+from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
+from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import MavlinkLink, Port
-from shipland.vehicles.mavlink.setpoints import Target
+from shipland.vehicles.mavlink.setpoints import HOLD, Target, level_message, velocity_message
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
 
 FORCE = 21196
@@ -63,7 +64,7 @@ class Session:
         log: BinaryIO | None,
         on_state: Callable[[AutopilotState, AutopilotState], None],
     ) -> None:
-        self._on_state = on_state
+        self._on_state, self._key = on_state, key
         self.link = MavlinkLink(port, system, component, self._take, key, log)
         self.link.follow(vehicle)
         self.state = AutopilotState()
@@ -172,8 +173,48 @@ class Session:
 
         Where that is refused, as without a position, the last set-point stands until the autopilot's own timeout.
         """
-        numbers = (_PX4_AUTO, _PX4_HOLD) if self.state.autopilot == PX4 else (_BRAKE, 0)
-        return self.ask(dialect.MAV_CMD_DO_SET_MODE, 1, *numbers, timeout_s=_HOLD_ANSWER_S)
+        return self.ask(dialect.MAV_CMD_DO_SET_MODE, 1, *self._hold_mode, timeout_s=_HOLD_ANSWER_S)
+
+    @property
+    def _hold_mode(self) -> tuple[int, int]:
+        return (_PX4_AUTO, _PX4_HOLD) if self.state.autopilot == PX4 else (_BRAKE, 0)
+
+    def guard_orders(self, setpoint_hz: float, gap_s: float, silence_s: float) -> Orders:
+        """What the link's guard is to do without us, on this autopilot; see `Orders`."""
+        target, (system, component) = self.target, self.link_ids
+        codec = Codec(system, component)
+
+        def packed(message: Message) -> str:
+            return codec.encode(message).hex()
+
+        hold = packed(velocity_message(HOLD, target, 0))
+        px4 = self.state.autopilot == PX4
+        ask = dialect.MAVLink_command_long_message(
+            target.system,
+            target.component,
+            dialect.MAV_CMD_DO_SET_MODE,
+            0,
+            1.0,
+            *map(float, self._hold_mode),
+            0,
+            0,
+            0,
+            0,
+        )
+        return Orders(
+            own=self.link_ids,
+            vehicle=target.system,
+            key="" if self._key is None else self._key.hex(),
+            setpoint_hz=setpoint_hz,
+            gap_s=gap_s,
+            silence_s=silence_s,
+            mode_mask=0xFF0000 if px4 else 0xFFFFFFFF,
+            holds={str(_PX4_OFFBOARD << 16): hold}
+            if px4
+            else {str(GUIDED): hold, str(GUIDED_NOGPS): packed(level_message(target))},
+            ask=packed(ask),
+            beat=packed(_heartbeat()),
+        )
 
     def hand_over(self) -> None:
         """Ask for a mode that obeys the sticks; without waiting for the answer."""
@@ -196,9 +237,11 @@ class Session:
 
     def beat(self) -> None:
         """Our heartbeat, and the question for the round trip."""
-        self.link.send(
-            dialect.MAVLink_heartbeat_message(
-                dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
-            )
-        )
+        self.link.send(_heartbeat())
         self.link.send(dialect.MAVLink_timesync_message(0, time.monotonic_ns()))
+
+
+def _heartbeat() -> Message:
+    return dialect.MAVLink_heartbeat_message(
+        dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
+    )

@@ -62,7 +62,7 @@ class MavlinkVehicle:
         self._last_exposed_s = self._pictured_s = -math.inf
         self._truths: dict[float, GroundTruth] = {}
         self._disarm_s, self._disarms, self._answers = -math.inf, 0, 0
-        self._beat_s = self._gimbal_s = -math.inf
+        self._beat_s = self._gimbal_s = self._awake_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
 
@@ -119,6 +119,8 @@ class MavlinkVehicle:
             self._tilts = None
             if self._response.kind == "attitude":
                 self._tilts = AttitudeTarget(limits.climb_scale, session.target)
+            hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
+            session.link.watch(session.guard_orders(hz, gap_s, silence_s))
             stream = self._stream = CameraStream(self._setup.source)
             self._stack.callback(stream.close)
             stream.start()
@@ -195,6 +197,7 @@ class MavlinkVehicle:
             if self._holding and session.is_ours(session.state):
                 session.link.send(velocity_message(HOLD, session.target, int(1e3 * time.monotonic()) & 0xFFFFFFFF))
                 session.ask_hold()
+            session.link.watch(None)
         self._stack.close()
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
@@ -268,7 +271,10 @@ class MavlinkVehicle:
     def _end(self, reason: str, hold: bool = False) -> None:
         """No more frames; the first reason stands. With `hold`, set-points to hold go on until `close`."""
         if not self._end_reason:
-            self._end_reason, self._holding = reason, hold
+            link = self.session.link
+            self._end_reason, self._holding = f"{reason}; {link.problem}" if link.problem else reason, hold
+            if not hold:
+                link.watch(None)  # silence is meant from now on
             with self._lock:
                 self._command = None
 
@@ -305,7 +311,10 @@ class MavlinkVehicle:
             self._beat_s = now_s
             session.beat()
         state = session.state
-        if self._engaged and not self._end_reason and now_s - state.heartbeat_s > self._parameters.link_timeout_s:
+        if step_s > self._parameters.setpoint_gap_s:
+            self._awake_s = now_s  # what came while this process stood still is not read yet
+        unheard_s = now_s - max(state.heartbeat_s, self._awake_s)
+        if self._engaged and not self._end_reason and unheard_s > self._parameters.link_timeout_s:
             self._end(f"link lost: no heartbeat for {self._parameters.link_timeout_s:g} s")
         if self._taking_off:
             if state.autopilot == PX4:  # its own take-off would leave OFFBOARD
