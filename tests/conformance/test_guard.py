@@ -385,3 +385,38 @@ def test_udpout_hears_only_the_stated_peer() -> None:
         until(lambda: session.link.connected)
         assert session.link.vehicle == 1
         assert session.link.counts.foreign == 0
+
+
+@pytest.mark.parametrize("kind", ["udp", "tcp", "serial"])
+def test_every_kind_of_port_carries_bytes_both_ways_and_is_silent_once_its_end_has_gone(kind: str) -> None:
+    heard: list[tuple[bytes, object]] = []
+    with ExitStack() as stack:
+        if kind == "serial":
+            pytest.importorskip("serial")
+            far, near = os.openpty()
+            port = GuardedPort(f"serial:{os.ttyname(near)}:57600")
+            os.close(near)
+            read, write, hang_up = lambda: os.read(far, 100), lambda data: os.write(far, data), lambda: os.close(far)
+        elif kind == "tcp":
+            server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+            port = GuardedPort(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+            end = server.accept()[0]
+            read, write, hang_up = lambda: end.recv(100), end.sendall, end.close
+        else:
+            end = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            number = free_port(socket.SOCK_DGRAM)
+            end.connect(("127.0.0.1", number))
+            port = GuardedPort(f"udp::{number}")
+            read, write, hang_up = lambda: end.recv(100), end.send, end.close
+        stack.callback(port.close)
+        assert port.stream == (kind != "udp")
+        write(b"up")
+        until(lambda: (got := port.receive()) is not None and heard.append(got) is None)
+        ((data, peer),) = heard
+        assert data == b"up"
+        port.send(b"down", peer)
+        assert read() == b"down"
+        hang_up()
+        assert [port.receive() for _ in range(5)] == [None] * 5
+        port.send(b"into the void", peer)
+        assert port.problem == ""
