@@ -15,6 +15,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as m
 
+from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import LinkCounts
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, Target, Wanted
@@ -26,7 +27,7 @@ MOVING = {"SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED", "COMMAND_LONG"
 class Nowhere:
     """A port that keeps what is sent."""
 
-    stream = False
+    stream, problem = False, ""
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
@@ -40,6 +41,9 @@ class Nowhere:
         """Keep it."""
         del to
         self.sent.append(data)
+
+    def watch(self, orders: Orders | None) -> None:
+        """Nobody holds in our place."""
 
     def close(self) -> None:
         """Nothing to let go."""

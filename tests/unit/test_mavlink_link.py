@@ -17,8 +17,9 @@ from fuzz_mavlink import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
 from shipland.errors import ConfigError, VehicleError  # noqa: E402
 from shipland.vehicles.camera_stream import ExposureClock  # noqa: E402
 from shipland.vehicles.mavlink.control import Control  # noqa: E402
-from shipland.vehicles.mavlink.link import open_port, read_key  # noqa: E402
+from shipland.vehicles.mavlink.link import read_key  # noqa: E402
 from shipland.vehicles.mavlink.parameters import VehicleLimits  # noqa: E402
+from shipland.vehicles.mavlink.ports import Place  # noqa: E402
 from shipland.vehicles.mavlink.session import Session  # noqa: E402
 from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, Target, Wanted  # noqa: E402
 from shipland.vehicles.mavlink.state import ARDUPILOT, AutopilotState  # noqa: E402
@@ -350,7 +351,7 @@ def test_a_gimbals_attitude_says_how_old_it_is() -> None:
 def test_ports_and_keys(tmp_path: Path) -> None:
     for wrong in ("udp:127.0.0.1", "udp:127.0.0.1:0", "mqtt:host:1", "serial:57600"):
         with pytest.raises(ConfigError, match="expected"):
-            open_port(wrong)
+            Place.of(wrong)
     secret = tmp_path / "key"
     secret.write_text("correct horse\n")
     assert len(read_key(secret)) == 32

@@ -41,7 +41,7 @@ class _Attributes(ctypes.Structure):
     )  # fmt: skip
 
 
-def _go_first(first: First) -> bool:
+def go_first(first: First) -> bool:
     """Run before others, as far as the system lets us; False without the privilege: the thread is one of many.
 
     This thread waits for the interpreter as long as whoever holds it, such as vision, waits for a core: the process's
@@ -119,7 +119,7 @@ class Pace:
 
     def _run(self) -> None:
         niceness = os.getpriority(os.PRIO_PROCESS, 0) if hasattr(os, "getpriority") else 0
-        self.preferred = _go_first(self._first)
+        self.preferred = go_first(self._first)
         try:
             self._take_turns()
         finally:

@@ -23,6 +23,8 @@ class MavlinkParameters:
         kind: what pitch and roll sticks mean: a tilt or a speed; PX4 always flies speeds.
         system_id, component_id: ours.
         setpoint_hz, gimbal_hz: messages a second.
+        setpoint_gap_s: without a set-point for so long, the guard process of the link sends holds in our place; after
+            `link_timeout_s` it asks for a mode that holds.
         goes_first: what goes before other processes where the system lets it: the set-points' thread, or all of ours.
         connect_timeout_s: to the first heartbeat, and to the first of everything needed.
         engage_timeout_s: for the operator to give us the mode.
@@ -40,6 +42,7 @@ class MavlinkParameters:
     system_id: int
     component_id: int
     setpoint_hz: float
+    setpoint_gap_s: float
     goes_first: First
     gimbal_hz: float
     connect_timeout_s: float
@@ -62,6 +65,10 @@ class MavlinkParameters:
                 require(value > 0.0, f"{name} must be positive, got {value}")
         require(0 < self.system_id < 256 and 0 < self.component_id < 256, "ids must be 1 to 255")
         require(5.0 <= self.setpoint_hz <= 200.0, f"setpoint_hz must be 5 to 200, got {self.setpoint_hz}")
+        require(
+            self.setpoint_gap_s > 1.0 / self.setpoint_hz,
+            f"setpoint_gap_s must be above the {1.0 / self.setpoint_hz:g} s of setpoint_hz, got {self.setpoint_gap_s}",
+        )
         require(self.hover_throttle < 1.0, "hover_throttle must be below 1")
 
 

@@ -10,12 +10,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import BinaryIO
 
 from shipland.errors import VehicleError
-from shipland.vehicles.mavlink.dialect import Message, dialect
+from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
+from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import MavlinkLink, Port
 from shipland.vehicles.mavlink.modes import (
     ALT_HOLD,
     BRAKE,
     GUIDED,
+    GUIDED_NOGPS,
     LOITER,
     PX4_ALTITUDE,
     PX4_AUTO,
@@ -24,7 +26,7 @@ from shipland.vehicles.mavlink.modes import (
     PX4_POSITION,
     obeys_us,
 )
-from shipland.vehicles.mavlink.setpoints import Target
+from shipland.vehicles.mavlink.setpoints import HOLD, Target, level_message, velocity_message
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
 
 FORCE = 21196
@@ -78,7 +80,7 @@ class Session:
         log: BinaryIO | None,
         on_state: Callable[[AutopilotState, AutopilotState], None],
     ) -> None:
-        self._on_state = on_state
+        self._on_state, self._key = on_state, key
         self.link = MavlinkLink(port, system, component, self._take, key, log)
         self.link.follow(vehicle)
         self.state = AutopilotState()
@@ -198,10 +200,41 @@ class Session:
 
         Where that is refused, as without a position, the last set-point stands until the autopilot's own timeout.
         """
-        mode = (PX4_AUTO, PX4_HOLD) if self.state.autopilot == PX4 else (BRAKE, 0)
         # a mode that is not ours any more may be the pilot's: it is not asked again
         taken = lambda: not obeys_us(self.state)  # noqa: E731
-        self.ask(dialect.MAV_CMD_DO_SET_MODE, 1, *mode, timeout_s=_HOLD_ANSWER_S, unless=taken)
+        self.ask(dialect.MAV_CMD_DO_SET_MODE, 1, *self._hold_mode, timeout_s=_HOLD_ANSWER_S, unless=taken)
+
+    @property
+    def _hold_mode(self) -> tuple[int, int]:
+        return (PX4_AUTO, PX4_HOLD) if self.state.autopilot == PX4 else (BRAKE, 0)
+
+    def guard_orders(self, setpoint_hz: float, gap_s: float, silence_s: float) -> Orders:
+        """What the link's guard is to do without us, on this autopilot; see `Orders`."""
+        target = self.target
+        codec = Codec(*self.link.own)
+
+        def packed(message: Message) -> str:
+            return codec.encode(message).hex()
+
+        hold = packed(velocity_message(HOLD, target, 0))
+        holds = {str(GUIDED): hold, str(GUIDED_NOGPS): packed(level_message(target))}
+        px4 = self.state.autopilot == PX4
+        mode = (1.0, *map(float, self._hold_mode), 0.0, 0.0, 0.0, 0.0)
+        ask = dialect.MAVLink_command_long_message(
+            target.system, target.component, dialect.MAV_CMD_DO_SET_MODE, 0, *mode
+        )
+        return Orders(
+            own=self.link.own,
+            vehicle=target.system,
+            key="" if self._key is None else self._key.hex(),
+            setpoint_hz=setpoint_hz,
+            gap_s=gap_s,
+            silence_s=silence_s,
+            mode_mask=0xFF0000 if px4 else 0xFFFFFFFF,
+            holds={str(PX4_OFFBOARD << 16): hold} if px4 else holds,
+            ask=packed(ask),
+            beat=packed(_heartbeat()),
+        )
 
     def hand_over(self, attempt: int) -> None:
         """Ask for a mode that obeys the sticks; without waiting for the answer.
@@ -244,9 +277,11 @@ class Session:
 
     def beat(self) -> None:
         """Our heartbeat, and the question for the round trip."""
-        self.link.send(
-            dialect.MAVLink_heartbeat_message(
-                dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
-            )
-        )
+        self.link.send(_heartbeat())
         self.link.send(dialect.MAVLink_timesync_message(0, time.monotonic_ns()))
+
+
+def _heartbeat() -> Message:
+    return dialect.MAVLink_heartbeat_message(
+        dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
+    )

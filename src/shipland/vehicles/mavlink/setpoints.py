@@ -80,6 +80,13 @@ def velocity_message(wanted: Wanted, target: Target, boot_ms: int) -> Message:
     )  # fmt: skip
 
 
+def level_message(target: Target) -> Message:
+    """SET_ATTITUDE_TARGET that levels an ArduPilot heading north and holds its height: a hold without a position."""
+    return dialect.MAVLink_set_attitude_target_message(
+        0, target.system, target.component, 0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, 0.5
+    )
+
+
 @dataclass(frozen=True)
 class ClimbScale:
     """What an ArduPilot makes of SET_ATTITUDE_TARGET's thrust: 0.5 holds, 1 and 0 are these rates [m/s]."""

@@ -14,7 +14,8 @@ from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.camera_stream import PictureSource, VideoSource
 from shipland.vehicles.checks import PreflightParameters
 from shipland.vehicles.frame_link import FrameSource
-from shipland.vehicles.mavlink.link import open_port, read_key
+from shipland.vehicles.mavlink.guard_process import GuardedPort
+from shipland.vehicles.mavlink.link import read_key
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.state import AutopilotState
@@ -47,7 +48,7 @@ class MavlinkSetup:
     """What a MAVLink vehicle is made from.
 
     Attributes:
-        place: of the link, as `open_port` takes it.
+        place: of the link, as `Place.of` takes it.
         vehicle: system id; None for the first that is heard.
         key: for signing, or None.
         log: file for the raw messages, or None.
@@ -138,7 +139,7 @@ def open_session(setup: MavlinkSetup, on_state: Callable[[AutopilotState, Autopi
         except OSError as error:
             raise VehicleError(f"message log {setup.log} cannot be written: {error.strerror}") from None
     try:
-        port = open_port(setup.place)
+        port = GuardedPort(setup.place)
     except BaseException:
         if log is not None:
             log.close()

@@ -69,7 +69,7 @@ class MavlinkVehicle:
         self._hand_overs, self._handed_s = 0, -math.inf
         self._last_exposed_s = self._pictured_s = -math.inf
         self._truths: dict[float, GroundTruth] = {}
-        self._beat_s = self._gimbal_s = -math.inf
+        self._beat_s = self._gimbal_s = self._awake_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
 
@@ -134,6 +134,8 @@ class MavlinkVehicle:
             self._tilts = None
             if self._response.kind == "attitude":
                 self._tilts = AttitudeTarget(limits.climb_scale, session.target)
+            hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
+            session.link.watch(session.guard_orders(hz, gap_s, silence_s))
             stream = self._stream = CameraStream(self._setup.source)
             self._stack.callback(stream.close)
             stream.start()
@@ -216,6 +218,7 @@ class MavlinkVehicle:
             until_s = time.monotonic() + 3.0 * _HAND_OVER_S
             while self._control.by_sticks and obeys_us(session.state) and time.monotonic() < until_s:
                 time.sleep(0.02)  # the set-points' thread is asking for a mode that obeys the pilot
+            session.link.watch(None)
         self._stack.close()
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
@@ -247,7 +250,10 @@ class MavlinkVehicle:
     def _end(self, reason: str) -> None:
         """No more frames; the first reason stands. Where control is still ours, set-points to hold go on."""
         if not self._end_reason:
-            self._end_reason = reason
+            link = self.session.link
+            self._end_reason = f"{reason}; {link.problem}" if link.problem else reason
+            if self._control.lost:
+                link.watch(None)  # silence is meant from now on
             with self._lock:
                 self._command = None
 
@@ -274,7 +280,10 @@ class MavlinkVehicle:
             self._beat_s = now_s
             session.beat()
         state = session.state
-        if control.granted and now_s - state.heartbeat_s > self._parameters.link_timeout_s:
+        if step_s > self._parameters.setpoint_gap_s:
+            self._awake_s = now_s  # what came while this process stood still is not read yet
+        unheard_s = now_s - max(state.heartbeat_s, self._awake_s)
+        if control.granted and unheard_s > self._parameters.link_timeout_s:
             control.lose(f"link lost: no heartbeat for {self._parameters.link_timeout_s:g} s")
             self._end_if_lost()
         if control.by_sticks and obeys_us(state) and now_s - self._handed_s > _HAND_OVER_S:

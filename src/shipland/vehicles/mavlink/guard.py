@@ -1,0 +1,158 @@
+"""What is sent in our place when no set-point of ours comes any more: pure, on the times that it is given.
+
+It speaks only while the autopilot's newest heartbeat shows a mode that obeys us: a person's mode is never touched.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass
+
+from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
+
+_SET_POINTS = ("SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED")
+_BEAT_S = 1.0
+_ASKS = 3
+"""How often the mode that holds is asked for."""
+_ASK_S = 0.8
+"""From one to the next: under a second, the time between two heartbeats."""
+_FRESH_S = 0.1
+"""A heartbeat this young shows the mode of now."""
+_ALONE_S = 5.0
+"""How long our process is outlived: time for every ask and its answer."""
+
+
+@dataclass(frozen=True)
+class Orders:
+    """What is to be done without us. Messages are MAVLink's bytes, in hexadecimal digits.
+
+    Attributes:
+        own: our system and component id.
+        vehicle: system id.
+        key: for signing, in hexadecimal digits; empty for none.
+        setpoint_hz: holds a second.
+        gap_s: without a set-point for so long we hold.
+        silence_s: without a set-point for so long the mode that holds is asked for; without a heartbeat of the vehicle
+            for so long its mode is not known, and nothing is sent.
+        mode_mask: the part of a heartbeat's custom mode that says who is obeyed.
+        holds: set-point to hold, by each mode that obeys us.
+        ask: command for the mode that holds.
+        beat: our heartbeat.
+    """
+
+    own: tuple[int, int]
+    vehicle: int
+    key: str
+    setpoint_hz: float
+    gap_s: float
+    silence_s: float
+    mode_mask: int
+    holds: dict[str, str]
+    ask: str
+    beat: str
+
+    def to_json(self) -> bytes:
+        """To be read by `from_json`."""
+        return json.dumps(asdict(self)).encode()
+
+    @staticmethod
+    def from_json(text: bytes) -> Orders:
+        """The orders that `to_json` wrote."""
+        return Orders(**json.loads(text))
+
+
+class Guard:
+    """Listens to both sides and says what is to be sent; times are `time.monotonic` [s].
+
+    Args:
+        orders: what to do.
+        stream: whether messages of the vehicle may be cut anywhere.
+    """
+
+    def __init__(self, orders: Orders, stream: bool) -> None:
+        system, component = orders.own
+        key = bytes.fromhex(orders.key) or None
+        self._orders, self._stream, self._period_s = orders, stream, 1.0 / orders.setpoint_hz
+        self._codec = Codec(system, component, key, link=(component + 1) % 256)
+        self._ours = Codec(system, component)
+        self._holds = {int(mode): self._message(text) for mode, text in orders.holds.items()}
+        self._ask, self._beat = self._message(orders.ask), self._message(orders.beat)
+        self._hold: Message | None = None
+        """Set-point to hold in the newest heartbeat's mode; None: the mode is not ours."""
+        self._level: list[float] | None = None
+        """Quaternion of the heading that was asked for last."""
+        self._heard_s = -math.inf
+        """Newest heartbeat."""
+        self._set_point_s: float | None = None
+        """Newest set-point of ours that was obeyed; None: nothing to guard."""
+        self._gone_s: float | None = None
+        """End of our process."""
+        self._turn_s = self._beat_s = self._ask_s = -math.inf
+        self._asks = 0
+        self.asked = False
+        """Whether the mode that holds was ever asked for."""
+
+    def hear_us(self, data: bytes, now_s: float) -> None:
+        """What leaves for the vehicle; a set-point in a mode that obeys it begins the watch."""
+        for message in self._ours.decode_some(data, stream=False)[0]:
+            if message.get_type() in _SET_POINTS and self._hold is not None:
+                self._set_point_s, self._asks = now_s, 0
+            if message.get_type() == "SET_ATTITUDE_TARGET":
+                w, _, _, z = message.q
+                if (norm := math.hypot(w, z)) > 0.0:
+                    self._level = [w / norm, 0.0, 0.0, z / norm]
+
+    def hear_vehicle(self, data: bytes, now_s: float) -> None:
+        """What came from the vehicle; a mode that is not ours ends the watch."""
+        for message in self._codec.decode_some(data, self._stream)[0]:
+            sender = message.get_srcSystem(), message.get_srcComponent()
+            if message.get_type() != "HEARTBEAT" or sender != (self._orders.vehicle, dialect.MAV_COMP_ID_AUTOPILOT1):
+                continue
+            armed = message.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED
+            self._heard_s = now_s
+            self._hold = self._holds.get(message.custom_mode & self._orders.mode_mask) if armed else None
+            if self._hold is None:
+                self._set_point_s = None
+
+    def lose_us(self, now_s: float) -> None:
+        """Our process has gone."""
+        self._gone_s = now_s
+
+    def over(self, now_s: float) -> bool:
+        """Whether our process has gone and nothing is left to do."""
+        return self._gone_s is not None and (self._set_point_s is None or now_s - self._gone_s > _ALONE_S)
+
+    def due_s(self) -> float:
+        """When `due` has something to send, as far as is known now."""
+        if self._set_point_s is None:
+            return math.inf
+        silent_s = self._set_point_s + self._orders.gap_s if self._gone_s is None else self._gone_s
+        return max(silent_s, self._turn_s + self._period_s)
+
+    def due(self, now_s: float) -> list[bytes]:
+        """What is to be sent now."""
+        if now_s < self.due_s():
+            return []
+        self._turn_s = now_s
+        heard_ago_s = now_s - self._heard_s
+        if self._hold is None or self._set_point_s is None or heard_ago_s > self._orders.silence_s:
+            return []
+        if self._hold.get_type() == "SET_ATTITUDE_TARGET":
+            if self._level is None:
+                return []
+            self._hold.q = self._level
+        self._hold.time_boot_ms = int(1e3 * now_s) & 0xFFFFFFFF
+        messages = [self._hold]
+        if now_s - self._beat_s >= _BEAT_S:
+            self._beat_s = now_s
+            messages.append(self._beat)
+        silent = self._gone_s is not None or now_s - self._set_point_s >= self._orders.silence_s
+        # only straight after a heartbeat of our mode: a mode that a person chose since must not be taken away
+        if silent and heard_ago_s < _FRESH_S and self._asks < _ASKS and now_s - self._ask_s >= _ASK_S:
+            self._asks, self._ask_s, self.asked = self._asks + 1, now_s, True
+            messages.append(self._ask)
+        return [self._codec.encode(message) for message in messages]
+
+    def _message(self, text: str) -> Message:
+        return self._ours.decode_some(bytes.fromhex(text), stream=False)[0][0]

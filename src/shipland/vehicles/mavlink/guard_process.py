@@ -1,0 +1,221 @@
+"""The process that owns the port of a MAVLink vehicle, and our end of it.
+
+It carries every message between the port and us. When no set-point of ours comes any more, because our process hangs,
+was stopped or has died, it holds the vehicle in our place (`Guard`). It is in a session of its own, hears no signal
+that ends us, and goes when our end of the socket is closed and nothing is left to hold.
+
+    python -P -m shipland.vehicles.mavlink.guard_process PLACE SOCKET
+
+PLACE is as in `mavlink://PLACE`, SOCKET the number of an inherited SOCK_SEQPACKET socket. Its records begin with a
+letter. To the process: D, a message; W and orders, or W alone. From it: R (port open; 1: a stream), E (why it could not
+be opened), D, P (what it did in our place, in words). After D stands the length of the other end's address, the
+address, and the bytes.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+from contextlib import suppress
+
+from shipland.errors import VehicleError
+from shipland.vehicles.mavlink.guard import Guard, Orders
+from shipland.vehicles.mavlink.ports import Place, Port, Sender
+from shipland.vehicles.pace import go_first
+
+_RECORD_BYTES = 70_000
+_START_S = 20.0
+"""Until the port is open: on a busy machine, to a TCP end that answers late."""
+_GOODBYE_S = 2.0
+
+
+def _message_record(peer: str, data: bytes) -> bytes:
+    address = peer.encode()
+    return b"D" + bytes([len(address)]) + address + data
+
+
+def _message_of(record: bytes) -> tuple[str, bytes]:
+    end = 2 + record[1]
+    return record[2:end].decode(), record[end:]
+
+
+class GuardedPort:
+    """The port as the link sees it, see `shipland.vehicles.mavlink.link.Port`.
+
+    Args:
+        place: as in `mavlink://PLACE`.
+
+    Raises:
+        ConfigError: the place is none.
+        VehicleError: the process cannot be started or the port not be opened.
+    """
+
+    def __init__(self, place: str) -> None:
+        Place.of(place)
+        self.problem = ""
+        self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        command = [sys.executable, "-P", "-m", __name__, place, str(theirs.fileno())]
+        paths = os.pathsep.join(filter(None, sys.path))  # the very code that runs here
+        with theirs:
+            try:
+                self._process = subprocess.Popen(  # noqa: S603 - our own module
+                    command, env=os.environ | {"PYTHONPATH": paths}, pass_fds=[theirs.fileno()],
+                    stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                    start_new_session=True,
+                )  # fmt: skip
+            except OSError as error:
+                self._socket.close()
+                raise VehicleError(f"the guard process of the link cannot be started: {error.strerror}") from None
+        try:
+            self.stream = self._opened()
+        except BaseException:
+            self.close()
+            raise
+        self._socket.setblocking(False)
+        self._poll = select.poll()
+        self._poll.register(self._socket, select.POLLIN)
+
+    def _opened(self) -> bool:
+        """Whether the port, once open, is a stream."""
+        self._socket.settimeout(_START_S)
+        try:
+            record = self._socket.recv(_RECORD_BYTES)
+        except TimeoutError:
+            raise VehicleError(f"the guard process of the link did not start within {_START_S:g} s") from None
+        if record[:1] != b"R":
+            words = record[1:].decode() or f"the guard process of the link ended (status {self._process.wait()})"
+            raise VehicleError(words)
+        return record[1:] == b"1"
+
+    def receive(self) -> tuple[bytes, object] | None:
+        """See `Port`."""
+        if not self._poll.poll(100):
+            return None
+        with suppress(BlockingIOError, ConnectionError):
+            record = self._socket.recv(_RECORD_BYTES)
+            if record[:1] == b"D":
+                peer, data = _message_of(record)
+                return data, peer
+            if record[:1] == b"P":
+                self.problem = record[1:].decode()
+            elif not record:
+                self.problem = "the guard process of the link has ended"
+                time.sleep(0.1)  # silence, which is noticed above
+        return None
+
+    def send(self, data: bytes, to: object) -> None:
+        """See `Port`."""
+        self._socket.send(_message_record(str(to or ""), data))
+
+    def watch(self, orders: Orders | None) -> None:
+        """See `Port`."""
+        with suppress(OSError):  # it has ended: `receive` says so
+            self._socket.send(b"W" + (b"" if orders is None else orders.to_json()))
+
+    def close(self) -> None:
+        """Let go of the port; nothing is held from then on."""
+        self.watch(None)
+        self._socket.close()
+        try:
+            self._process.wait(_GOODBYE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+class _Relay:
+    """Both directions, and what is due in our place."""
+
+    def __init__(self, port: Port, ours: socket.socket) -> None:
+        self._port, self._ours = port, ours
+        self._poll = select.poll()
+        for end in (port, ours):
+            self._poll.register(end.fileno(), select.POLLIN)
+        self._guard: Guard | None = None
+        self._peer = ""
+        self._gone = self._told = False
+
+    def run(self) -> None:
+        """Until our process has gone and nothing is left to hold."""
+        while not (self._gone and (self._guard is None or self._guard.over(time.monotonic()))):
+            due_s = 1.0 if self._guard is None else self._guard.due_s() - time.monotonic()
+            ready = {number for number, _ in self._poll.poll(1e3 * min(max(0.0, due_s), 1.0))}
+            self._tell()  # before the vehicle's next message, which may be of the mode that we asked for
+            if self._port.fileno() in ready:
+                self._from_vehicle()
+            if self._ours.fileno() in ready:
+                self._from_us()
+            for data in [] if self._guard is None else self._guard.due(time.monotonic()):
+                self._send(data)
+
+    def _from_vehicle(self) -> None:
+        try:
+            got = self._port.receive()
+        except OSError:  # the port is gone: silence, which our process notices
+            self._poll.unregister(self._port.fileno())
+            return
+        if got is not None:
+            data, (name, number) = got
+            peer = f"{name}:{number}"
+            with suppress(OSError):  # our process hangs, or has gone
+                self._ours.send(_message_record(peer, data))
+            if self._guard is not None and peer == self._peer:
+                self._guard.hear_vehicle(data, time.monotonic())
+
+    def _from_us(self) -> None:
+        try:
+            record = self._ours.recv(_RECORD_BYTES)
+        except OSError:  # it went with messages unread; what it sent before comes next
+            return
+        if record[:1] == b"D":
+            self._peer, data = _message_of(record)
+            self._send(data)
+            if self._guard is not None:
+                self._guard.hear_us(data, time.monotonic())
+        elif record[:1] == b"W":
+            self._guard = Guard(Orders.from_json(record[1:]), self._port.stream) if record[1:] else None
+        else:
+            self._gone = True
+            self._poll.unregister(self._ours.fileno())
+            if self._guard is not None:
+                self._guard.lose_us(time.monotonic())
+
+    def _send(self, data: bytes) -> None:
+        name, _, number = self._peer.rpartition(":")
+        to: Sender | None = (name, int(number)) if name else None
+        with suppress(OSError):  # the port will not take it now: the next one
+            self._port.send(data, to)
+
+    def _tell(self) -> None:
+        """What our process is to know when it wakes."""
+        if self._guard is not None and self._guard.asked and not self._told:
+            words = "our process had fallen silent, so its guard asked for a mode that holds"
+            with suppress(OSError):  # full as long as nobody reads: later
+                self._ours.send(b"P" + words.encode())
+                self._told = True
+
+
+def main() -> None:
+    """Open the port, say so, carry messages until our process has gone and the vehicle holds."""
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    place, descriptor = sys.argv[1:]
+    ours = socket.socket(fileno=int(descriptor))
+    try:
+        port = Place.of(place).open()
+    except VehicleError as error:
+        ours.send(b"E" + str(error).encode())
+        return
+    ours.send(b"R1" if port.stream else b"R0")
+    ours.setblocking(False)
+    go_first("thread")
+    _Relay(port, ours).run()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,422 @@
+"""The guard process of a MAVLink link: it holds the vehicle when our process hangs or dies, and only then."""
+
+import math
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+m = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+
+from mavlink_bench import StandIn, bench  # noqa: E402
+
+from ports import free_port  # noqa: E402
+from shipland.errors import ConfigError, VehicleError  # noqa: E402
+from shipland.messages import PilotCommand  # noqa: E402
+from shipland.vehicles.mavlink.dialect import Codec  # noqa: E402
+from shipland.vehicles.mavlink.guard import Guard  # noqa: E402
+from shipland.vehicles.mavlink.guard_process import GuardedPort  # noqa: E402
+from shipland.vehicles.mavlink.session import Session  # noqa: E402
+
+BRAKE, LOITER, GUIDED, GUIDED_NOGPS = 17, 5, 4, 20
+OFFBOARD, PX4_HOLD = 6 << 16, 4 << 16 | 3 << 24
+GAP_S, SILENCE_S = 0.3, 3.0
+KEY = bytes(range(32))
+
+
+def until(what: Callable[[], bool], timeout_s: float = 30.0) -> None:
+    end_s = time.monotonic() + timeout_s
+    while not what():
+        assert time.monotonic() < end_s
+        time.sleep(0.02)
+
+
+# The decision, on times that are given
+
+
+class Nowhere:
+    """A port that nothing comes from."""
+
+    stream, problem = False, ""
+
+    def receive(self) -> None:
+        time.sleep(0.05)
+
+    def send(self, data: bytes, to: object) -> None:
+        pass
+
+    def watch(self, orders: object) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+class Air:
+    """A guard between a vehicle and us, on a clock of its own."""
+
+    def __init__(self, autopilot: int = 3, mode: int = GUIDED, key: bytes | None = None) -> None:
+        self.autopilot, self.mode, self.armed, self.t_s = autopilot, mode, True, 100.0
+        self.vehicle = Codec(1, 1, key)
+        session = Session(Nowhere(), 245, 191, None, key, None, lambda *_: None)
+        session.link.take(self._heartbeat(self.vehicle), "air:1", 0.0)
+        self.guard = Guard(session.guard_orders(50.0, GAP_S, SILENCE_S), stream=False)
+        self.ours, self.seen = Codec(245, 191, key, link=191), Codec(1, 1, key)
+        self.sent: list[Any] = []
+        self.beat()
+
+    def _heartbeat(self, codec: Codec) -> bytes:
+        base = 128 if self.armed else 0
+        return codec.encode(m.MAVLink_heartbeat_message(2, self.autopilot, base | 1, self.mode, 4, 3))
+
+    def beat(self, codec: Codec | None = None) -> None:
+        self.beat_s = self.t_s
+        self.guard.hear_vehicle(self._heartbeat(codec or self.vehicle), self.t_s)
+
+    def set_point(self, heading_rad: float = 1.0) -> None:
+        c, s = math.cos(0.5 * heading_rad), math.sin(0.5 * heading_rad)
+        tilted = [c * math.cos(0.1), s * math.sin(0.1), c * math.sin(0.1), s * math.cos(0.1)]
+        message = m.MAVLink_set_attitude_target_message(0, 1, 1, 0, tilted, 0.0, 0.0, 0.0, 0.7)
+        self.guard.hear_us(self.ours.encode(message), self.t_s)
+
+    def go(self, seconds: float, beats: bool = True) -> list[str]:
+        """Names of what the guard sent meanwhile; the vehicle's heartbeat comes each second."""
+        begun = len(self.sent)
+        for _ in range(round(1000 * seconds)):
+            self.t_s += 0.001
+            if beats and self.t_s - self.beat_s >= 1.0:
+                self.beat()
+            for data in self.guard.due(self.t_s):
+                messages, malformed = self.seen.decode_some(data, stream=False)
+                assert malformed == 0
+                self.sent += messages
+        return [message.get_type() for message in self.sent[begun:]]
+
+
+VELOCITY, ATTITUDE, COMMAND = "SET_POSITION_TARGET_LOCAL_NED", "SET_ATTITUDE_TARGET", "COMMAND_LONG"
+
+
+def test_set_points_keep_the_guard_silent_and_a_gap_makes_it_hold_at_their_rate() -> None:
+    air = Air()
+    for _ in range(100):
+        air.set_point()
+        assert air.go(0.02) == []
+    assert air.go(GAP_S - 0.05) == []
+    names = air.go(1.0)
+    assert 45 <= names.count(VELOCITY) <= 50
+    assert names.count("HEARTBEAT") == 1
+    assert COMMAND not in names
+    hold = air.sent[0]
+    assert (hold.get_srcSystem(), hold.get_srcComponent(), hold.target_system) == (245, 191, 1)
+    assert [hold.vx, hold.vy, hold.vz, hold.yaw_rate] == [0.0, 0.0, 0.0, 0.0]
+    air.set_point()
+    assert air.go(GAP_S - 0.05) == []
+
+
+def test_after_a_long_silence_the_mode_that_holds_is_asked_for_a_few_times() -> None:
+    air = Air()
+    air.set_point()
+    assert COMMAND not in air.go(SILENCE_S - 0.1)
+    assert air.go(10.0).count(COMMAND) == 3
+    asked = next(message for message in air.sent if message.get_type() == COMMAND)
+    assert (asked.command, asked.param1, asked.param2, asked.param3) == (176, 1.0, BRAKE, 0.0)
+
+
+@pytest.mark.parametrize("autopilot", [3, 12])
+def test_without_our_process_it_holds_at_once_asks_for_the_mode_and_ends(autopilot: int) -> None:
+    air = Air(autopilot, OFFBOARD if autopilot == 12 else GUIDED)
+    air.set_point()
+    air.guard.lose_us(air.t_s)
+    assert air.go(0.1).count(VELOCITY) >= 4
+    assert air.go(0.8).count(VELOCITY) >= 35
+    (asked,) = (message for message in air.sent if message.get_type() == COMMAND)
+    wanted = (4.0, 3.0) if autopilot == 12 else (BRAKE, 0.0)
+    assert (asked.param2, asked.param3) == wanted
+    assert not air.guard.over(air.t_s)
+    air.mode = PX4_HOLD if autopilot == 12 else BRAKE
+    air.beat()
+    assert air.guard.over(air.t_s)
+    assert air.go(2.0) == []
+
+
+def test_a_mode_that_is_refused_does_not_keep_the_process_for_ever() -> None:
+    air = Air()
+    air.set_point()
+    air.guard.lose_us(air.t_s)
+    air.go(4.9)
+    assert not air.guard.over(air.t_s)
+    air.go(0.2)
+    assert air.guard.over(air.t_s)
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_a_mode_that_a_person_chose_is_never_touched(gone: bool) -> None:
+    air = Air()
+    air.set_point()
+    air.mode = LOITER
+    air.beat()
+    air.set_point()  # one that was on its way
+    if gone:
+        air.guard.lose_us(air.t_s)
+    assert air.go(6.0) == []
+    air.mode = GUIDED  # given to somebody else since
+    assert air.go(6.0) == []
+
+
+@pytest.mark.parametrize("what", ["disarmed", "no set-point yet"])
+def test_where_nothing_is_to_be_held_nothing_is_sent(what: str) -> None:
+    air = Air()
+    if what == "disarmed":
+        air.set_point()
+        air.armed = False
+        air.beat()
+    assert air.go(5.0) == []
+    air.guard.lose_us(air.t_s)
+    assert air.guard.over(air.t_s)
+
+
+def test_a_vehicle_that_is_not_heard_is_sent_nothing() -> None:
+    """Its mode is then not known."""
+    air = Air()
+    air.set_point()
+    assert air.go(SILENCE_S, beats=False).count(VELOCITY) > 100
+    assert air.go(5.0, beats=False) == []
+
+
+def test_other_senders_heartbeats_say_nothing_of_the_mode() -> None:
+    air = Air()
+    air.set_point()
+    air.mode = LOITER
+    air.beat(Codec(2, 1))  # another vehicle
+    air.beat(Codec(1, 154))  # a gimbal of this one
+    air.mode = GUIDED
+    assert VELOCITY in air.go(1.0)
+
+
+def test_without_a_position_it_holds_level_with_the_heading_that_was_asked_for() -> None:
+    air = Air(mode=GUIDED_NOGPS)
+    air.set_point(heading_rad=1.0)
+    assert ATTITUDE in air.go(0.5)
+    hold = air.sent[0]
+    assert hold.q == pytest.approx([math.cos(0.5), 0.0, 0.0, math.sin(0.5)], abs=1e-3)
+    assert (hold.thrust, hold.type_mask) == (0.5, 0)
+
+
+def test_what_it_sends_is_signed_on_a_stream_of_its_own() -> None:
+    air = Air(key=KEY)
+    air.seen.decode_some(air.ours.encode(m.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)), stream=False)
+    air.set_point()
+    forger = Codec(1, 1)
+    air.mode = LOITER
+    air.beat(forger)
+    air.mode = GUIDED
+    assert VELOCITY in air.go(1.0)  # unsigned, so the mode is ours still; what it sends is accepted
+    assert {stream[0] for stream in air.seen.signing.stream_timestamps} == {191, 192}
+
+
+# The process
+
+
+Flight = tuple[subprocess.Popen[str], StandIn, int]
+"""Our process, the autopilot's, the UDP port between them."""
+
+
+def is_free(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):
+        probe.bind(("127.0.0.1", port))
+        return True
+    return False
+
+
+def set_points(report: dict[str, Any]) -> int:
+    return sum(report["counts"].get(name, 0) for name in (VELOCITY, ATTITUDE))
+
+
+def holds(report: dict[str, Any]) -> bool:
+    return report["target"] == "speed" and report["values"] == [0.0, 0.0, 0.0, 0.0] and report["age_s"] < 0.2
+
+
+@pytest.fixture
+def flying() -> Iterator[Flight]:
+    """In flight with full forward sticks, in a process of its own."""
+    with ExitStack() as stack:
+        port = free_port(socket.SOCK_DGRAM)
+        autopilot = StandIn(port, "ardupilot")
+        stack.callback(autopilot.close)
+        command = [sys.executable, str(Path(__file__).with_name("held_flight.py")), str(port)]
+        process = stack.enter_context(
+            subprocess.Popen(
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            )
+        )
+        stack.callback(process.kill)
+        assert process.stdout is not None
+        assert process.stdout.readline() == "flying\n"
+        until(lambda: autopilot.report()["target"] == "tilt")
+        yield process, autopilot, port
+
+
+def test_a_held_interpreter_is_held_for_and_flies_on(flying: Flight) -> None:
+    process, autopilot, _ = flying
+    assert process.stdin is not None
+    held_s = time.monotonic()
+    process.stdin.write("2.0\n")
+    process.stdin.flush()
+    until(lambda: holds(autopilot.report()), timeout_s=1.0)
+    until(lambda: autopilot.report()["target"] == "tilt")
+    assert time.monotonic() - held_s >= 2.0
+    velocities = autopilot.report()["counts"][VELOCITY]
+    time.sleep(0.3)
+    report = autopilot.report()
+    assert report["counts"][VELOCITY] == velocities  # set-points have come again: the guard is silent
+    assert report["mode"] == GUIDED
+
+
+def test_a_process_that_stays_frozen_is_left_holding_and_learns_it(
+    flying: Flight,
+) -> None:
+    process, autopilot, _ = flying
+    process.send_signal(signal.SIGSTOP)
+    until(lambda: holds(autopilot.report()))
+    until(lambda: autopilot.report()["mode"] == BRAKE)
+    process.send_signal(signal.SIGCONT)
+    assert process.stdout is not None
+    said = process.stdout.readline()
+    assert "BRAKE" in said
+    assert "our process had fallen silent" in said
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGHUP, signal.SIGQUIT])
+def test_a_process_that_dies_is_held_for_and_the_mode_that_holds_is_asked_for(
+    how: signal.Signals, flying: Flight
+) -> None:
+    process, autopilot, port = flying
+    velocities = autopilot.report()["counts"].get(VELOCITY, 0)
+    process.send_signal(how)
+    assert process.wait() == -how
+    until(lambda: autopilot.report()["mode"] == BRAKE)
+    report = autopilot.report()
+    assert report["counts"][VELOCITY] > velocities
+    assert report["armed"]
+    until(lambda: is_free(port))  # the guard has gone as well
+
+
+def test_a_person_who_took_over_is_left_alone_when_our_process_freezes_and_dies(
+    flying: Flight,
+) -> None:
+    process, autopilot, _ = flying
+    process.send_signal(signal.SIGSTOP)
+    until(lambda: holds(autopilot.report()))
+    autopilot.say(f"mode {LOITER}")
+    until(lambda: autopilot.report()["age_s"] > 0.5)  # the heartbeat has been heard
+    before = autopilot.report()
+    process.kill()
+    time.sleep(2.0)
+    after = autopilot.report()
+    assert after["counts"] == before["counts"]
+    assert (after["commands"], after["mode"]) == (before["commands"], LOITER)
+
+
+def test_a_flight_that_ended_here_is_not_guarded() -> None:
+    with bench() as (vehicle, autopilot, _):
+        vehicle.open()
+        vehicle.send(PilotCommand(time.monotonic(), 50.0, 0.0, 0.0, 0.0, -0.2))
+        until(lambda: autopilot.report()["target"] == "tilt")
+        vehicle.close()
+        before = autopilot.report()
+        assert before["mode"] == BRAKE
+        autopilot.say(f"mode {GUIDED}")
+        time.sleep(1.5)
+        assert set_points(autopilot.report()) == set_points(before)
+
+
+def test_a_guard_that_dies_is_a_lost_link_in_words() -> None:
+    with bench(link_timeout_s=1.5) as (vehicle, _, _):
+        vehicle.open()
+        os.kill(vehicle.session.link._port._process.pid, signal.SIGKILL)
+        until(lambda: vehicle.read() is None)
+        assert "link lost" in vehicle.end_reason
+        assert "guard process of the link has ended" in vehicle.end_reason
+
+
+def test_a_port_that_cannot_be_opened_is_said_before_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        with pytest.raises(VehicleError, match=f"cannot listen on 127.0.0.1:{port}"):
+            GuardedPort(f"udp:127.0.0.1:{port}")
+    with pytest.raises(ConfigError, match="expected udp:HOST:PORT"):
+        GuardedPort("mqtt:host:1")
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    with pytest.raises(VehicleError, match="guard process of the link ended"):
+        GuardedPort(f"udp:127.0.0.1:{port}")
+    monkeypatch.setattr(sys, "executable", "/nowhere")
+    with pytest.raises(VehicleError, match="cannot be started"):
+        GuardedPort(f"udp:127.0.0.1:{port}")
+
+
+def test_udpout_hears_only_the_stated_peer() -> None:
+    """Another sender that knows our port must not become the vehicle by being the first with a heartbeat."""
+    with ExitStack() as stack:
+        stated, stranger = (stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(2))
+        stated.bind(("127.0.0.1", 0))
+        stated.settimeout(10.0)
+        port = GuardedPort(f"udpout:127.0.0.1:{stated.getsockname()[1]}")
+        session = Session(port, 245, 191, None, None, None, lambda *_: None)
+        stack.callback(session.link.close)
+        session.link.start()
+        session.beat()
+        our_address = stated.recvfrom(1000)[1]
+        heartbeat = m.MAVLink_heartbeat_message(2, 3, 129, GUIDED, 4, 3)
+        stranger.sendto(Codec(7, 1).encode(heartbeat), our_address)
+        stated.sendto(Codec(1, 1).encode(heartbeat), our_address)
+        until(lambda: session.link.connected)
+        assert session.link.vehicle == 1
+        assert session.link.counts.foreign == 0
+
+
+@pytest.mark.parametrize("kind", ["udp", "tcp", "serial"])
+def test_every_kind_of_port_carries_bytes_both_ways_and_is_silent_once_its_end_has_gone(kind: str) -> None:
+    heard: list[tuple[bytes, object]] = []
+    with ExitStack() as stack:
+        if kind == "serial":
+            pytest.importorskip("serial")
+            far, near = os.openpty()
+            port = GuardedPort(f"serial:{os.ttyname(near)}:57600")
+            os.close(near)
+            read, write, hang_up = lambda: os.read(far, 100), lambda data: os.write(far, data), lambda: os.close(far)
+        elif kind == "tcp":
+            server = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+            port = GuardedPort(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+            end = server.accept()[0]
+            read, write, hang_up = lambda: end.recv(100), end.sendall, end.close
+        else:
+            end = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            number = free_port(socket.SOCK_DGRAM)
+            end.connect(("127.0.0.1", number))
+            port = GuardedPort(f"udp::{number}")
+            read, write, hang_up = lambda: end.recv(100), end.send, end.close
+        stack.callback(port.close)
+        assert port.stream == (kind != "udp")
+        write(b"up")
+        until(lambda: (got := port.receive()) is not None and heard.append(got) is None)
+        ((data, peer),) = heard
+        assert data == b"up"
+        port.send(b"down", peer)
+        assert read() == b"down"
+        hang_up()
+        assert [port.receive() for _ in range(5)] == [None] * 5
+        port.send(b"into the void", peer)
+        assert port.problem == ""
