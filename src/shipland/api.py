@@ -28,13 +28,13 @@ from shipland.missions.fly import Flown, flight_info
 from shipland.missions.landing import COLUMNS, Landing, row_of
 from shipland.missions.outside import KeyedPilot, Keys
 from shipland.missions.scenarios import Scenario, load_scenario
-from shipland.missions.stopping import check_stop, stop_requests
 from shipland.missions.tables import summary_of
 from shipland.missions.visions import needs_pictures, without_pictures
 from shipland.missions.workers import run_jobs
 from shipland.record.columns import FlightColumns
 from shipland.report.chase import chase_view
 from shipland.report.outputs import Recorder, load_outputs
+from shipland.stopping import check_stop, stop_requests
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import Vehicle, Witness
 

@@ -29,6 +29,7 @@ from shipland.commands.synth import Synth
 from shipland.commands.train import Train
 from shipland.commands.version import Version
 from shipland.errors import ShiplandError
+from shipland.stopping import signals_interrupt
 
 COMMANDS: tuple[type[Command], ...] = (
     Fly,
@@ -87,9 +88,7 @@ def main() -> None:
             "`shipland COMMAND --help` explains one command, with an example. A first flight: "
             "shipland fly --out out/first",
         )
-        from shipland.missions.stopping import sigterm_interrupts
-
-        with sigterm_interrupts():
+        with signals_interrupt():
             code = command.run()
     except ShiplandError as error:
         print(f"shipland: {' '.join(str(error).split())}", file=sys.stderr)

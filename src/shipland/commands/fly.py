@@ -102,7 +102,7 @@ class Fly(ScenarioOptions):
         from shipland.config import layered
         from shipland.missions.fly import fly_quietly
         from shipland.missions.outside import checklist, make_vehicle, refuse_unfit
-        from shipland.missions.stopping import check_stop, stop_requests
+        from shipland.stopping import check_stop, stop_requests
         from shipland.vehicles.checks import Check, Real
 
         vehicle = make_vehicle(address, scenario, self.calibration, self.vehicle_config, self.out / "link.tlog")
