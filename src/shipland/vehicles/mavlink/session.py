@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import BinaryIO
 
 from shipland.errors import VehicleError
+from shipland.stopping import check_stop, sleep_or_stop
 from shipland.vehicles.mavlink.dialect import Message, dialect
 from shipland.vehicles.mavlink.link import MavlinkLink, Port
 from shipland.vehicles.mavlink.setpoints import Target
@@ -134,6 +135,7 @@ class Session:
         """Wait for the state to become something; VehicleError says what did not come."""
         end_s = time.monotonic() + timeout_s
         while not until(self.state):
+            check_stop()
             if time.monotonic() > end_s:
                 raise VehicleError(f"{otherwise} within {timeout_s:g} s")
             time.sleep(0.02)
@@ -155,6 +157,7 @@ class Session:
                 result, count = self.state.acknowledged.get(number, (0, 0))
                 if count > before:
                     return result
+                check_stop()
                 time.sleep(0.01)
         return -1
 
@@ -189,7 +192,7 @@ class Session:
                 self.link.send(
                     dialect.MAVLink_param_request_read_message(target.system, target.component, name.encode(), -1)
                 )
-            time.sleep(0.3)
+            sleep_or_stop(0.3)
             if len(missing) == len([name for name in names if name not in self.state.parameters]) < len(names):
                 break  # the rest it does not have
         return {name: self.state.parameters[name] for name in names if name in self.state.parameters}

@@ -16,6 +16,7 @@ from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.messages import Frame, GroundTruth, Intent, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.stopping import sleep_or_stop, uninterrupted
 from shipland.vehicles.camera_stream import CameraStream, Shot
 from shipland.vehicles.checks import Check
 from shipland.vehicles.mavlink.dialect import dialect
@@ -55,7 +56,7 @@ class MavlinkVehicle:
         self._pace: Pace | None = None
         self._lock = threading.Lock()
         self._command: tuple[PilotCommand, float] | None = None
-        self._engaged = self._opening = self._closed = self._holding = self._taking_off = False
+        self._engaged = self._opening = self._closed = self._holding = self._taking_off = self._took_off = False
         self._end_reason = ""
         self._sticks_us: tuple[int, ...] = ()
         self._moved = 0
@@ -182,15 +183,16 @@ class MavlinkVehicle:
             now_s = time.monotonic()
             self._command = unless_late(command, now_s), now_s
 
+    @uninterrupted()
     def close(self) -> None:
-        """Leave the vehicle holding, where it is still ours, and let go of it."""
+        """Leave the vehicle holding, where it is still ours, and let go of it; no signal cuts it short."""
         if self._closed:
             return
         self._closed = True
         with self._lock:
             self._command = None
         session = self._session
-        if session is not None and self._engaged:
+        if session is not None and (self._engaged or self._took_off):
             self._end("the flight was ended here; the vehicle holds", hold=True)
             if self._holding and session.is_ours(session.state):
                 session.link.send(velocity_message(HOLD, session.target, int(1e3 * time.monotonic()) & 0xFFFFFFFF))
@@ -227,7 +229,7 @@ class MavlinkVehicle:
         session, parameters = self.session, self._parameters
         if engagement.take or engagement.take_off_m > 0.0:
             # PX4 wants set-points before it gives OFFBOARD
-            time.sleep(1.0 if session.state.autopilot == PX4 else 0.0)
+            sleep_or_stop(1.0 if session.state.autopilot == PX4 else 0.0)
             self._insist(session.ask_guided, "the autopilot refuses its guided mode")
         session.wait(
             session.is_ours, parameters.engage_timeout_s, f"the mode was not given to us (it is {session.mode_name})"
@@ -247,7 +249,7 @@ class MavlinkVehicle:
             if time.monotonic() > until_s:
                 said = "; ".join(self.session.state.texts[-3:])
                 raise VehicleError(f"{otherwise} (MAV_RESULT {result}): {said}")
-            time.sleep(1.0)
+            sleep_or_stop(1.0)
 
     def _take_off(self, height_m: float) -> None:
         session = self.session
@@ -255,7 +257,7 @@ class MavlinkVehicle:
             arm = dialect.MAV_CMD_COMPONENT_ARM_DISARM
             self._insist(lambda: session.ask(arm, 1, 0), "the autopilot does not arm")
         session.wait(lambda state: state.armed, 5.0, "the motors did not start")
-        self._taking_off = True
+        self._taking_off = self._took_off = True
         try:
             by_itself = session.state.autopilot != PX4
             if by_itself and session.ask(dialect.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m) != 0:
