@@ -113,6 +113,13 @@ def signals_interrupt() -> Iterator[None]:
         yield
 
 
+@contextmanager
+def ignored(signals: tuple[signal.Signals, ...]) -> Iterator[None]:
+    """The signals do nothing within the block."""
+    with _handled(signals, signal.SIG_IGN):
+        yield
+
+
 def _interrupt(_signal: int, _frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
@@ -122,7 +129,9 @@ def _in_main_thread() -> bool:
 
 
 @contextmanager
-def _handled(signals: tuple[signal.Signals, ...], handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+def _handled(
+    signals: tuple[signal.Signals, ...], handler: Callable[[int, FrameType | None], None] | signal.Handlers
+) -> Iterator[None]:
     if not _in_main_thread():
         yield
         return
