@@ -105,7 +105,7 @@ def over_mavlink(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], StandI
         autopilot.close()
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 def test_mavlink_interrupted_says_hold_and_closes_its_log(
     how: signal.Signals, over_mavlink: tuple[subprocess.Popen[str], StandIn], tmp_path: Path
 ) -> None:
@@ -123,7 +123,7 @@ def test_mavlink_interrupted_says_hold_and_closes_its_log(
 
 
 def test_mavlink_killed_leaves_the_autopilot_to_its_own_hold(
-    over_mavlink: tuple[subprocess.Popen[str], StandIn],
+    over_mavlink: tuple[subprocess.Popen[str], StandIn], tmp_path: Path
 ) -> None:
     process, autopilot = over_mavlink
     process.kill()
@@ -136,6 +136,7 @@ def test_mavlink_killed_leaves_the_autopilot_to_its_own_hold(
     assert set_points(report) == set_points(last)
     assert report["age_s"] > 3.0
     assert report["armed"]
+    assert len(read_log(tmp_path / "out/flight.mcap").records) > 0
 
 
 def test_mavlink_frozen_sends_nothing_and_goes_on_with_level_sticks_first(
