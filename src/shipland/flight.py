@@ -133,6 +133,7 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
     of_vision, of_pilot = set[type[Exception]](), set[type[Exception]]()
     try:
         vehicle.open()
+        commanded = vehicle if isinstance(vehicle, Commanded) else None
         started_s = clock()
         while (pair := vehicle.read()) is not None:
             gate = gate.at_receipt(pair[0], pair[1].t_s)
@@ -158,8 +159,8 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
             decision = crew.safety.check(decision, observation, telemetry)
             if refused:
                 decision = replace(decision, reason=f"{decision.reason}; {refused}")
-            if isinstance(vehicle, Commanded) and vehicle.in_command != commander:
-                commander = vehicle.in_command
+            if commanded is not None and commanded.in_command != commander:
+                commander = commanded.in_command
                 decision = replace(decision, reason=f"{decision.reason}; in command: {commander}")
             sent = decision.command
             vehicle.send(replace(sent, t_s=gate.vehicle_s(sent.t_s)))

@@ -2,8 +2,10 @@
 
 import json
 import math
+import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -127,10 +129,20 @@ def test_a_stop_while_it_waits_for_the_take_off_is_answered_and_lets_go(tmp_path
         assert flown._process is not None
         begun_s = time.monotonic()
         with pytest.raises(KeyboardInterrupt), stop_requests():
-            signal.raise_signal(signal.SIGINT)
+            interrupt = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+            interrupt.start()
             flown.open()
         assert time.monotonic() - begun_s < 15.0
         assert flown._process._process.poll() is not None  # which releases the sticks at its end
+
+
+def test_a_stop_before_the_take_off_is_answered_before_it(tmp_path: Path) -> None:
+    with vehicle(tmp_path) as (flown, log):
+        flown.connect()
+        with pytest.raises(KeyboardInterrupt), stop_requests():
+            signal.raise_signal(signal.SIGINT)
+            flown.open()
+        assert not any("take_off" in line for line in asked(log))
 
 
 def test_sticks_and_events() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -207,11 +208,11 @@ class ProgressLine:
         from shipland.vehicles.checks import Commanded
 
         vehicle: object = self._vehicle
-        while isinstance(vehicle, Commanded) and not self._over.wait(_WATCHED_S):
-            commander = vehicle.in_command
-            if commander != self._commander:
-                self._commander = commander
-                self._terminal.say(f"in command: {commander}")
+        while vehicle is not None and not self._over.wait(_WATCHED_S):
+            with suppress(Exception):  # what it says here is for the eye alone
+                if isinstance(vehicle, Commanded) and vehicle.in_command != self._commander:
+                    self._commander = vehicle.in_command
+                    self._terminal.say(f"in command: {self._commander}")
 
 
 _WATCHED_S = 0.1

@@ -236,6 +236,7 @@ class AnafiVehicle:
     def _wait(self, until: Callable[[], bool], otherwise: str, timeout_s: float | None = None) -> None:
         timeout_s = timeout_s or self._parameters.connect_timeout_s
         end_s = time.monotonic() + timeout_s
+        check_stop()  # also where nothing is left to wait for: a take-off may be next
         with self._changed:
             while not (until() or self._problem or self._end_reason) and time.monotonic() < end_s:
                 check_stop()
