@@ -28,13 +28,14 @@ from shipland.missions.fly import Flown, flight_info
 from shipland.missions.landing import COLUMNS, Landing, row_of
 from shipland.missions.outside import KeyedPilot, Keys
 from shipland.missions.scenarios import Scenario, load_scenario
-from shipland.missions.stopping import check_stop, stop_requests
 from shipland.missions.tables import summary_of
 from shipland.missions.visions import needs_pictures, without_pictures
 from shipland.missions.workers import run_jobs
 from shipland.record.columns import FlightColumns
 from shipland.report.chase import chase_view
 from shipland.report.outputs import Recorder, load_outputs
+from shipland.stopping import check_stop, stop_requests
+from shipland.vehicles.checks import Real
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import Vehicle, Witness
 
@@ -101,7 +102,7 @@ def fly(
     keys: Keys | None = None,
     response: Response | None = None,
 ) -> Flight:
-    """Fly one landing, in the simulator unless a vehicle is given; Ctrl-C or SIGTERM ends it at the next cycle.
+    """Fly one landing, in the simulator unless a vehicle is given; Ctrl-C and its like end it at the next cycle.
 
     Args:
         scenario: a scenario, a packaged one's name, or the path of a TOML file.
@@ -141,7 +142,9 @@ def fly(
             if scene is not None and video:
                 chase = chase_view(scene, flown.camera, aircraft_scale(scenario), scenario.ship.full_ship)
             recorder = stack.enter_context(
-                Recorder(Path(out), info, scenario.rig, flown.camera, load_outputs(), chase, video)
+                Recorder(
+                    Path(out), info, scenario.rig, flown.camera, load_outputs(), chase, video, isinstance(flown, Real)
+                )
             )
 
         def remember(record: FlightRecord) -> None:

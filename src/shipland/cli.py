@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import os
 import sys
+from contextlib import suppress
 from typing import Annotated, Any, Protocol, Union
 
 import tyro
@@ -29,6 +30,7 @@ from shipland.commands.synth import Synth
 from shipland.commands.train import Train
 from shipland.commands.version import Version
 from shipland.errors import ShiplandError
+from shipland.stopping import signals_interrupt
 
 COMMANDS: tuple[type[Command], ...] = (
     Fly,
@@ -73,7 +75,7 @@ def subcommand(command: type[Command], *, brief: bool) -> Any:  # noqa: ANN401 -
 
 
 def main() -> None:
-    """Entry point. An error prints one line, exit 2; after Ctrl-C or SIGTERM the files are complete, exit 130."""
+    """Entry point. An error prints one line, exit 2; after Ctrl-C and its like the files are complete, exit 130."""
     # Matrices here are small: threads of their own would only spin. Before NumPy is imported; workers inherit it.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     brief = not any(word in map(name_of, COMMANDS) for word in sys.argv[1:2])  # the list of all commands
@@ -87,23 +89,38 @@ def main() -> None:
             "`shipland COMMAND --help` explains one command, with an example. A first flight: "
             "shipland fly --out out/first",
         )
-        from shipland.missions.stopping import sigterm_interrupts
-
-        with sigterm_interrupts():
+        with signals_interrupt():
             code = command.run()
     except ShiplandError as error:
-        print(f"shipland: {' '.join(str(error).split())}", file=sys.stderr)
+        _tell(" ".join(str(error).split()))
         code = 2
     except KeyboardInterrupt:
-        print("shipland: interrupted; what was written is complete", file=sys.stderr)
+        _tell("interrupted; what was written is complete")
         code = 130
     except BrokenPipeError:
         code = 1
     except OSError as error:  # a full disk, a missing permission
         where = f"{error.filename}: " if error.filename else ""
-        print(f"shipland: {where}{error.strerror or error}", file=sys.stderr)
+        _tell(f"{where}{error.strerror or error}")
         code = 2
+    _let_go_of_broken_streams()
     raise SystemExit(code)
+
+
+def _tell(words: str) -> None:
+    """One line, where there still is somebody to read it."""
+    with suppress(OSError, ValueError):
+        print(f"shipland: {words}", file=sys.stderr)
+
+
+def _let_go_of_broken_streams() -> None:
+    """Python flushes once more at its end, and would make exit code 120 of a reader that has gone."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            with suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 if __name__ == "__main__":

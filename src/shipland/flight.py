@@ -12,7 +12,9 @@ from shipland.guidance.pilot import Pilot
 from shipland.messages import Decision, FlightRecord, Frame, GroundTruth, Observation, PilotCommand, Telemetry
 from shipland.safety.assurance import Safety
 from shipland.safety.input_gate import InputGate, without_repeated
-from shipland.vehicles.checks import Ending
+from shipland.soundness import is_new, sound_decision, words_of
+from shipland.stopping import uninterrupted
+from shipland.vehicles.checks import Commanded, Ending
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.vehicle import Vehicle, Witness
 from shipland.vision.vision import Vision, see_or_degrade
@@ -85,21 +87,36 @@ class FlightResult:
 
 
 def decide_or_degrade(
-    crew: Crew, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None
+    crew: Crew,
+    observation: Observation,
+    telemetry: Telemetry,
+    sent: PilotCommand | None,
+    known: set[type[Exception]] | None = None,
 ) -> Decision:
-    """What the pilot decides; if it raises, the safety's own decision, and the traceback in the log."""
+    """What the pilot decides; where it raises or gives what is no decision, the safety's own.
+
+    Args:
+        crew: pilot and safety.
+        observation: see `Pilot.decide`, as the next two.
+        telemetry: likewise.
+        sent: likewise.
+        known: kinds of its errors whose traceback the log of this flight holds already; a new one is added.
+    """
     try:
-        return crew.pilot.decide(observation, telemetry, sent)
+        return sound_decision(crew.pilot.decide(observation, telemetry, sent))
     except Exception as error:  # whatever a foreign pilot raises
-        _log.exception("pilot failed at %.3f s", telemetry.t_s)
-        return crew.safety.without_pilot(f"pilot failed: {type(error).__name__}: {error}", telemetry, sent)
+        if is_new(error, known):
+            _log.exception("pilot failed at %.3f s", telemetry.t_s)
+        return crew.safety.without_pilot(f"pilot failed: {words_of(error)}", telemetry, sent)
 
 
 def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generator[Cycle]:
     """Fly cycle by cycle until the vehicle gives no more.
 
     The vehicle is opened at the first step and closed at the end, whether it is the vehicle's, an error's or the
-    caller's: closing the generator closes the vehicle.
+    caller's: closing the generator closes the vehicle, and no signal cuts that short. A pilot or a vision that fails
+    costs its cycle; whatever else raises ends the flight, with the vehicle left holding. Where the vehicle says who is
+    in command, a change stands in the reason of the cycle that it falls into.
 
     Args:
         vehicle: what is flown; its clock may start anywhere.
@@ -112,9 +129,11 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
     witness = vehicle if isinstance(vehicle, Witness) else None
     sent: PilotCommand | None = None
     before: Observation | None = None
-    gate = InputGate()
-    vehicle.open()
+    gate, commander = InputGate(), ""
+    of_vision, of_pilot = set[type[Exception]](), set[type[Exception]]()
     try:
+        vehicle.open()
+        commanded = vehicle if isinstance(vehicle, Commanded) else None
         started_s = clock()
         while (pair := vehicle.read()) is not None:
             gate = gate.at_receipt(pair[0], pair[1].t_s)
@@ -127,7 +146,7 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
                 observation = Observation(frame.t_s, frame.gimbal, reason=refused)
             else:
                 frame = replace(frame, height_m=pair[1].height_m)
-                seen = see_or_degrade(crew.vision, frame)
+                seen = see_or_degrade(crew.vision, frame, of_vision)
                 observation = gate.observation(without_repeated(seen, before), frame, vehicle.camera)
                 before = seen
             seen_s = clock()
@@ -136,10 +155,13 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
             gate = gate.at_decision(telemetry.t_s, ready_s)
             telemetry, refused = gate.telemetry(telemetry)
             observation = crew.safety.admitted(observation, telemetry)
-            decision = decide_or_degrade(crew, observation, telemetry, sent)
+            decision = decide_or_degrade(crew, observation, telemetry, sent, of_pilot)
             decision = crew.safety.check(decision, observation, telemetry)
             if refused:
                 decision = replace(decision, reason=f"{decision.reason}; {refused}")
+            if commanded is not None and commanded.in_command != commander:
+                commander = commanded.in_command
+                decision = replace(decision, reason=f"{decision.reason}; in command: {commander}")
             sent = decision.command
             vehicle.send(replace(sent, t_s=gate.vehicle_s(sent.t_s)))
             truth = witness.truth_at(gate.vehicle_s(frame.t_s)) if witness is not None else None
@@ -148,7 +170,8 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
             yield Cycle(frame, telemetry, observation, decision, truth, cost_s)
             started_s = clock()
     finally:
-        vehicle.close()
+        with uninterrupted():
+            vehicle.close()
 
 
 def fly(

@@ -25,7 +25,9 @@ def fly(vehicle: MavlinkVehicle) -> None:
 
 
 def main() -> None:
-    vehicle = MavlinkVehicle(setup_for(int(sys.argv[1]), Blank(), None, Engagement(take=True), {"video_timeout_s": 10.0}))
+    vehicle = MavlinkVehicle(
+        setup_for(int(sys.argv[1]), Blank(), None, Engagement(take=True), {"video_timeout_s": 10.0})
+    )
     vehicle.connect()
     connected_s = vehicle.session.state.heartbeat_s
     # the guard then knows the mode from the first set-point on

@@ -1,6 +1,8 @@
 """What a MAVLink vehicle does when link, video, process, autopilot or pilot do not do what they should."""
 
 import math
+import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -13,8 +15,11 @@ pytest.importorskip("pymavlink")
 
 from mavlink_bench import StandIn, bench
 
+from shipland import stopping
 from shipland.errors import VehicleError
 from shipland.messages import Intent, PilotCommand
+from shipland.stopping import stop_requests
+from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import Engagement
 from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 
@@ -411,6 +416,68 @@ def test_closed_in_flight_it_leaves_the_vehicle_in_a_mode_that_holds(kind: str, 
         report = autopilot.report()
         assert (report["mode"], report["target"]) == (mode, "hold")
         assert report["armed"]
+
+
+def interrupted_above(autopilot: StandIn, height_m: float) -> threading.Thread:
+    """A Ctrl-C as soon as the vehicle is that high."""
+
+    def watch() -> None:
+        while autopilot.report()["up"] < height_m:
+            time.sleep(0.05)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=watch, daemon=True)
+    thread.start()
+    return thread
+
+
+HOLDS = {"ardupilot": 17, "px4": 4 << 16 | 3 << 24}
+"""BRAKE; AUTO, HOLD."""
+
+
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_a_stop_in_take_off_is_answered_at_once_and_leaves_a_hold(kind: str) -> None:
+    with bench(kind, engagement=Engagement(take_off_m=40.0)) as (vehicle, autopilot, _):
+        watching = interrupted_above(autopilot, 10.5)  # it starts at 10 m
+        with pytest.raises(KeyboardInterrupt), stop_requests():
+            vehicle.open()
+        watching.join()
+        report = autopilot.report()
+        assert (report["mode"], report["target"]) == (HOLDS[kind], "hold")
+        assert report["armed"]
+        assert report["up"] < 16.0  # at 1 and 2 m/s: a stop that waits for the take-off's end comes at 36 m
+
+
+def test_a_second_ctrl_c_does_not_cut_the_hold_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    ask_hold = Session.ask_hold
+
+    def interrupted(session: Session) -> int:
+        for _ in range(2):
+            signal.raise_signal(signal.SIGINT)
+        return ask_hold(session)
+
+    monkeypatch.setattr(stopping, "_GRACE_S", -1.0)
+    monkeypatch.setattr(Session, "ask_hold", interrupted)
+    with bench(engagement=Engagement(take_off_m=40.0)) as (vehicle, autopilot, _):
+        watching = interrupted_above(autopilot, 10.2)
+        with pytest.raises(KeyboardInterrupt), stop_requests():
+            vehicle.open()
+        watching.join()
+        assert autopilot.report()["mode"] == HOLDS["ardupilot"]
+
+
+def test_a_stop_while_we_wait_for_the_operator_is_answered_at_once() -> None:
+    with bench(engage_timeout_s=20.0) as (vehicle, autopilot, _):
+        autopilot.say("mode 5")
+        vehicle.connect()
+        assert autopilot.report()["mode"] == 5
+        time.sleep(1.1)  # a heartbeat with the mode before may be on its way
+        begun_s = time.monotonic()
+        with pytest.raises(KeyboardInterrupt), stop_requests():
+            signal.raise_signal(signal.SIGINT)
+            vehicle.open()
+        assert time.monotonic() - begun_s < 15.0
+        assert autopilot.report()["mode"] == 5  # never ours
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])

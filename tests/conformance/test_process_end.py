@@ -107,7 +107,7 @@ def over_mavlink(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], StandI
         autopilot.close()
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 def test_mavlink_interrupted_says_hold_and_closes_its_log(
     how: signal.Signals, over_mavlink: tuple[subprocess.Popen[str], StandIn], tmp_path: Path
 ) -> None:
@@ -125,7 +125,7 @@ def test_mavlink_interrupted_says_hold_and_closes_its_log(
 
 
 def test_mavlink_killed_leaves_the_vehicle_to_the_guard_of_its_link_which_holds_it(
-    over_mavlink: tuple[subprocess.Popen[str], StandIn],
+    over_mavlink: tuple[subprocess.Popen[str], StandIn], tmp_path: Path
 ) -> None:
     process, autopilot = over_mavlink
     process.kill()
@@ -135,6 +135,7 @@ def test_mavlink_killed_leaves_the_vehicle_to_the_guard_of_its_link_which_holds_
     report = autopilot.report()
     assert report["counts"]["SET_POSITION_TARGET_LOCAL_NED"] > 0
     assert report["armed"]
+    assert len(read_log(tmp_path / "out/flight.mcap").records) > 0
 
 
 def test_mavlink_frozen_is_held_for_and_goes_on_with_level_sticks_first(

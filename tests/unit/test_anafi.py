@@ -2,7 +2,10 @@
 
 import json
 import math
+import os
+import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,6 +20,7 @@ from shipland.config import packaged_toml
 from shipland.errors import VehicleError
 from shipland.frames import quaternion_from_euler
 from shipland.messages import Intent, PilotCommand, Telemetry
+from shipland.stopping import stop_requests
 from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.anafi.factory import anafi
 from shipland.vehicles.anafi.records import merged, moment_of, sticks_of, with_moment
@@ -55,12 +59,12 @@ for line in sys.stdin:
 
 
 @contextmanager
-def vehicle(tmp_path: Path, **changes: float) -> Iterator[tuple[AnafiVehicle, Path]]:
+def vehicle(tmp_path: Path, options: str = "takeoff=1", **changes: float) -> Iterator[tuple[AnafiVehicle, Path]]:
     script, log = tmp_path / "far_end.py", tmp_path / "asked.txt"
     script.write_text(FAR_END)
     table = packaged_toml("vehicles")
     table["anafi"] |= {"connect_timeout_s": 5.0, "engage_timeout_s": 2.0, "video_timeout_s": 0.5} | changes
-    setup = VehicleSetup(Address.parse("anafi://127.0.0.1?takeoff=1"), Camera.from_fov(64, 36, 69.0), table)
+    setup = VehicleSetup(Address.parse(f"anafi://127.0.0.1?{options}"), Camera.from_fov(64, 36, 69.0), table)
     made = anafi(setup)
     assert isinstance(made, AnafiVehicle)
     made._setup.command[:] = [sys.executable, str(script), str(log)]
@@ -117,6 +121,28 @@ def test_nobody_there_is_one_line(tmp_path: Path) -> None:
         flown._setup.command[:] = [str(tmp_path / "no-python"), "x"]
         with pytest.raises(VehicleError, match="cannot be started"):
             flown.open()
+
+
+def test_a_stop_while_it_waits_for_the_take_off_is_answered_and_lets_go(tmp_path: Path) -> None:
+    with vehicle(tmp_path, "takeoff=0", engage_timeout_s=20.0) as (flown, _):
+        flown.connect()
+        assert flown._process is not None
+        begun_s = time.monotonic()
+        with pytest.raises(KeyboardInterrupt), stop_requests():
+            interrupt = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+            interrupt.start()
+            flown.open()
+        assert time.monotonic() - begun_s < 15.0
+        assert flown._process._process.poll() is not None  # which releases the sticks at its end
+
+
+def test_a_stop_before_the_take_off_is_answered_before_it(tmp_path: Path) -> None:
+    with vehicle(tmp_path) as (flown, log):
+        flown.connect()
+        with pytest.raises(KeyboardInterrupt), stop_requests():
+            signal.raise_signal(signal.SIGINT)
+            flown.open()
+        assert not any("take_off" in line for line in asked(log))
 
 
 def test_sticks_and_events() -> None:

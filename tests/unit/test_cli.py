@@ -1,6 +1,7 @@
 """The command line: answers at once, teaches, and turns every bad input into one line and exit code 2."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -141,17 +142,59 @@ def test_a_full_disk_is_one_line_after_the_flight(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == ["timing.json"]
 
 
-def test_sigterm_leaves_what_ctrl_c_leaves(tmp_path):
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGQUIT])
+def test_other_signals_leave_what_ctrl_c_leaves(how, tmp_path):
     words = ["fly", "--vision", "geometric", "--no-video", "--out", str(tmp_path)]
     with subprocess.Popen([sys.executable, "-m", "shipland.cli", *words], stderr=subprocess.PIPE, text=True) as process:
         try:
             assert "SEARCH" in process.stderr.readline()  # it flies
-            process.send_signal(signal.SIGTERM)
+            process.send_signal(how)
             said = process.stderr.read()
             assert process.wait(60.0) == 130
         finally:
             process.kill()
     assert "interrupted" in said and "Traceback" not in said
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "flight.mcap", "plots.png", "summary.json", "timing.json",
+    ]  # fmt: skip
+    assert read_log(tmp_path / "flight.mcap").complete
+
+
+SHORT = ("fly", "--vision", "geometric", "--no-video", "--set", "time_limit_s=4", "--out")
+
+
+def test_a_reader_that_has_gone_does_not_end_the_flight(tmp_path):
+    with subprocess.Popen([sys.executable, "-m", "shipland.cli", *SHORT, tmp_path], stderr=subprocess.PIPE) as process:
+        try:
+            assert b"SEARCH" in process.stderr.readline()
+            process.stderr.close()  # as `| head -1` does
+            assert process.wait(120.0) == 1  # it did not land: nothing else
+        finally:
+            process.kill()
+    log = read_log(tmp_path / "flight.mcap")
+    assert log.complete
+    assert log.records[-1].telemetry.t_s > 3.9
+
+
+_ON_ITS_TERMINAL = (
+    "import fcntl, os, sys, termios; os.setsid(); fcntl.ioctl(0, termios.TIOCSCTTY, 0); "
+    "from shipland.cli import main; main()"
+)
+
+
+def test_a_connection_that_is_lost_ends_the_flight_in_order(tmp_path):
+    master, slave = os.openpty()
+    words = [sys.executable, "-c", _ON_ITS_TERMINAL, "fly", "--vision", "geometric", "--no-video", "--out", tmp_path]
+    with subprocess.Popen(words, stdin=slave, stdout=slave, stderr=slave) as process:
+        try:
+            os.close(slave)
+            said = b""
+            while b"SEARCH" not in said:
+                said += os.read(master, 4096)
+            os.close(master)  # its shell gets a hang-up, what it prints an error
+            assert process.wait(120.0) == 130
+        finally:
+            process.kill()
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "flight.mcap", "plots.png", "summary.json", "timing.json",
     ]  # fmt: skip

@@ -1,6 +1,9 @@
 """The loop: one row a cycle, the vehicle is closed whatever happens, nothing flies past its time."""
 
 import itertools
+import logging
+import math
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +15,9 @@ from shipland.flight import Crew, Stage, cycles, fly
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import (
     BarPose,
+    Box,
     Decision,
+    Estimate,
     Frame,
     GimbalAttitude,
     Intent,
@@ -23,6 +28,7 @@ from shipland.messages import (
 )
 from shipland.rig import default_rig, packaged_table
 from shipland.safety.assurance import Safety, SafetyParameters
+from shipland.stopping import stop_requests
 from shipland.vehicles.delays import DelayParameters
 
 LEVEL = GimbalAttitude(0.0, 0.0)
@@ -212,6 +218,199 @@ def test_vehicle_is_closed_when_the_loop_is_broken_off(error):
 
     with pytest.raises(error):
         fly(vehicle, crew(), 10.0, lambda: 0.0, stop)
+    assert vehicle.closed
+
+
+class UnspeakableError(Exception):
+    def __str__(self):
+        raise RuntimeError("and no words for it")
+
+
+SOUND = PilotCommand(0.0, 10.0, 0.0, 0.0, 0.0, -0.2, Intent.CLIMB_OUT)
+ESTIMATE = Estimate(0.0, np.zeros(3), 0.0)
+MALFORMED_DECISIONS = {
+    "nothing": None,
+    "a text": "forward",
+    "a bare command": SOUND,
+    "no command": Decision(None, None, ""),
+    "a command of another kind": Decision((10.0, 0.0, 0.0, 0.0), None, ""),
+    "a stick beyond a float": Decision(replace(SOUND, pitch_percent=10**400), None, ""),
+    "a stick beyond any": Decision(replace(SOUND, pitch_percent=1e300, roll_percent=-1e300), None, ""),
+    "a stick that is none": Decision(replace(SOUND, roll_percent=None), None, ""),
+    "a stick in words": Decision(replace(SOUND, heave_percent="50"), None, ""),
+    "sticks in an array": Decision(replace(SOUND, yaw_percent=np.zeros(3)), None, ""),
+    "a complex stick": Decision(replace(SOUND, yaw_percent=1j), None, ""),
+    "a stick that is no number": Decision(replace(SOUND, yaw_percent=math.nan), None, ""),
+    "a gimbal in words": Decision(replace(SOUND, gimbal_pitch_rad="down"), None, ""),
+    "a gimbal beyond any": Decision(replace(SOUND, gimbal_pitch_rad=1e300), None, ""),
+    "a time in words": Decision(replace(SOUND, t_s="now"), None, ""),
+    "an intent in words": Decision(replace(SOUND, intent="fly"), None, ""),
+    "a mode in words": Decision(SOUND, "LAND", ""),
+    "a reason that is none": Decision(SOUND, None, None),
+    "a reason of bytes": Decision(SOUND, None, b"because"),
+    "an estimate that is none": Decision(SOUND, None, "", np.zeros(3)),
+    "an estimate in words": Decision(SOUND, None, "", replace(ESTIMATE, aircraft_in_bar_m=np.array(["a", "b", "c"]))),
+    "an estimate of objects": Decision(SOUND, None, "", replace(ESTIMATE, aircraft_in_bar_m=np.array([10**400, 1, 2]))),
+    "an estimate's heading": Decision(SOUND, None, "", replace(ESTIMATE, yaw_rad=None)),
+    "an error without words": UnspeakableError(),
+    "a StopIteration": StopIteration(),
+    "no memory": MemoryError(),
+}
+
+LIKE = Observation(0.0, LEVEL)
+POSE = BarPose(np.zeros(3), 0.0, np.eye(4), 0.1, np.zeros((8, 2)))
+MALFORMED_OBSERVATIONS = {
+    "nothing": None,
+    "a pose alone": POSE,
+    "a time that is none": replace(LIKE, t_s=None),
+    "a time beyond a float": replace(LIKE, t_s=10**400),
+    "a gimbal that is none": replace(LIKE, gimbal=None),
+    "a gimbal's pitch in words": replace(LIKE, gimbal=GimbalAttitude(0.0, "down")),
+    "a gimbal's roll beyond a float": replace(LIKE, gimbal=GimbalAttitude(10**400, 0.0)),
+    "a pose that is none": replace(LIKE, bar_pose=(0.0, 0.0, 0.0)),
+    "a pose in words": replace(LIKE, bar_pose=replace(POSE, position_in_bar_m=np.array(["a", "b", "c"]))),
+    "a pose of objects": replace(LIKE, bar_pose=replace(POSE, position_in_bar_m=np.array([None, None, None]))),
+    "a heading that is none": replace(LIKE, bar_pose=replace(POSE, yaw_rad=None)),
+    "a covariance of complex numbers": replace(LIKE, bar_pose=replace(POSE, covariance=1j * np.eye(4))),
+    "a box that is none": replace(LIKE, bar_box=(1.0, 2.0)),
+    "a box of one side": replace(LIKE, ship_box=Box((1.0, 2.0), (3.0,), 0.5)),
+    "a box without size": replace(LIKE, ship_box=Box((1.0, 2.0), None, 0.5)),
+    "a box in words": replace(LIKE, bar_box=Box((1.0, 2.0), ("wide", "tall"), 0.5)),
+    "a reason that is none": replace(LIKE, reason=None),
+    "learned in an array": replace(LIKE, learned=np.zeros(2)),
+    "a deck that is none": replace(LIKE, deck="below"),
+    "an error without words": UnspeakableError(),
+    "a StopIteration": StopIteration(),
+}
+
+
+def given(result):
+    """What a pilot's or a vision's method does that gives a result, or raises it."""
+
+    def method(self, *_):
+        if isinstance(result, Exception):
+            raise result
+        return result
+
+    return method
+
+
+def safely_flown(crew):
+    vehicle, rows = Recorded(4), []
+    fly(vehicle, crew, 10.0, lambda: 0.0, rows.append)
+    assert len(vehicle.commands) == len(rows) == 4
+    assert vehicle.closed
+    for command in vehicle.commands:
+        sticks = (command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent)
+        assert all(type(stick) is float and abs(stick) <= 100.0 for stick in sticks)
+        assert math.isfinite(command.gimbal_pitch_rad) and abs(command.gimbal_pitch_rad) < 7.0
+    return rows
+
+
+@pytest.mark.parametrize("name", MALFORMED_DECISIONS)
+def test_a_pilot_that_gives_no_decision_costs_its_cycle(name, caplog):
+    pilot = type("Malformed", (), {"decide": given(MALFORMED_DECISIONS[name])})()
+    rows = safely_flown(crew(pilot=pilot))
+    if name == "a stick that is no number":  # this one the safety takes
+        assert all("command not finite" in row.decision.reason for row in rows)
+        return
+    assert all(row.decision.reason.startswith("pilot failed: ") for row in rows)
+    assert all(row.decision.command.intent is Intent.HOLD for row in rows)
+    (record,) = [record for record in caplog.records if record.name == "shipland.flight"]  # not one a cycle
+    assert record.exc_info is not None
+
+
+@pytest.mark.vision_fails
+@pytest.mark.parametrize("name", MALFORMED_OBSERVATIONS)
+def test_a_vision_that_gives_no_observation_costs_its_frame(name, caplog):
+    vision = type("Malformed", (), {"see": given(MALFORMED_OBSERVATIONS[name])})()
+    rows = safely_flown(crew(vision=vision))
+    assert all(row.observation.reason.startswith("vision failed: ") for row in rows)
+    assert all(row.observation.bar_pose is None and row.observation.gimbal == LEVEL for row in rows)
+    (record,) = [record for record in caplog.records if record.name == "shipland.vision.vision"]
+    assert record.exc_info is not None
+
+
+def test_of_ever_new_errors_the_first_few_are_logged(caplog):
+    class Inventive:
+        def decide(self, observation, telemetry, sent):
+            raise type("NewError", (Exception,), {})
+
+    fly(Recorded(60), crew(pilot=Inventive()), 10.0, lambda: 0.0, lambda _: None)
+    assert 1 <= len([record for record in caplog.records if record.levelno >= logging.ERROR]) <= 10
+
+
+def test_numbers_of_other_types_are_numbers_and_words_are_fit_for_a_log():
+    class Numpys:
+        def decide(self, observation, telemetry, sent):
+            command = PilotCommand(
+                telemetry.t_s, np.float32(8.0), np.int64(4), True, 0.0, np.float64(-0.2), Intent.HOLD, True
+            )
+            return Decision(command, None, "half a pair: \ud800", replace(ESTIMATE, aircraft_in_bar_m=[1, 2, 3]))
+
+    row = safely_flown(crew(pilot=Numpys()))[-1]
+    command = row.decision.command
+    assert (command.pitch_percent, command.roll_percent, command.heave_percent) == (8.0, 4.0, 1.0)
+    assert not command.at_contact_height  # the pilot's own word for it is none
+    assert row.decision.estimate.aircraft_in_bar_m.tolist() == [1.0, 2.0, 3.0]
+    assert row.decision.reason.encode() == b"half a pair: ?"
+
+
+class Handed(Recorded):
+    """Somebody else takes it after two cycles."""
+
+    @property
+    def in_command(self):
+        return "shipland" if len(self.commands) < 2 else "the pilot: LOITER"
+
+
+def test_who_is_in_command_stands_in_the_row_in_which_that_changes():
+    rows = []
+    fly(Handed(4), crew(), 10.0, lambda: 0.0, rows.append)
+    told = [row.decision.reason.partition("in command: ")[2] for row in rows]
+    assert told == ["shipland", "", "the pilot: LOITER", ""]
+
+
+@pytest.mark.parametrize("where", ["open", "read", "telemetry_at", "send"])
+def test_a_vehicle_that_fails_is_closed(where):
+    def fail(*_):
+        raise RuntimeError("broken")
+
+    vehicle = Recorded(5)
+    setattr(vehicle, where, fail)
+    with pytest.raises(RuntimeError, match="broken"):
+        fly(vehicle, crew(), 10.0, lambda: 0.0, lambda _: None)
+    assert vehicle.closed
+
+
+@pytest.mark.parametrize("who", ["pilot", "vision"])
+@pytest.mark.parametrize("error", [SystemExit, KeyboardInterrupt, GeneratorExit])
+def test_who_ends_the_process_leaves_the_vehicle_closed(who, error):
+    vehicle = Recorded(5)
+    end = type("End", (), {"decide": given(None), "see": given(None)})()
+
+    def leave(*_):
+        raise error
+
+    end.decide = end.see = leave
+    with pytest.raises(error):
+        fly(vehicle, crew(**{who: end}), 10.0, lambda: 0.0, lambda _: None)
+    assert vehicle.closed
+
+
+def test_a_second_ctrl_c_does_not_cut_the_closing_short(monkeypatch):
+    monkeypatch.setattr("shipland.stopping._GRACE_S", -1.0)
+    signals = (signal.SIGINT, signal.SIGINT)
+
+    class Slow(Recorded):
+        def close(self):
+            for which in signals:
+                signal.getsignal(which)(which, None)
+            super().close()
+
+    vehicle = Slow(5)
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        fly(vehicle, crew(), 10.0, lambda: 0.0, lambda _: None)
     assert vehicle.closed
 
 

@@ -222,6 +222,27 @@ def test_a_killed_flight_leaves_what_was_on_the_disk(landing_log, tmp_path):
     assert counts[-1] == 105
 
 
+def test_of_a_flight_that_is_killed_all_but_the_last_second_is_on_the_disk(tmp_path):
+    path, seen = tmp_path / "flight.mcap", tmp_path / "seen.mcap"
+    with LogWriter(path, INFO, RIG, CAMERA, PARAMETERS) as writer:
+        for count, record in enumerate(flight(from_s=20.0, to_s=25.0, pictures=False)):
+            writer.append(record)
+            if count % 10 == 0:
+                seen.write_bytes(path.read_bytes())  # what a SIGKILL would leave
+                log = read_log(seen)
+                assert not log.complete
+                assert record.frame.t_s - log.records[-1].frame.t_s < 1.0
+                assert len(log.records) > 30 * (log.records[-1].frame.t_s - 20.0)
+
+
+def test_the_log_says_why_the_flight_ended(tmp_path):
+    with LogWriter(tmp_path / "f.mcap", INFO, RIG, CAMERA, PARAMETERS) as writer:
+        writer.append(next(flight(from_s=20.0, to_s=20.1, pictures=False)))
+        writer.finish(None, "the pilot took over: LOITER")
+    told = messages(tmp_path / "f.mcap", "/log")[-1]
+    assert (told.name, told.message) == ("flight", "the pilot took over: LOITER")
+
+
 def test_what_is_no_flight_log_is_said_in_words(tmp_path):
     with pytest.raises(DataError, match="cannot be read: No such file"):
         read_log(tmp_path / "none.mcap")

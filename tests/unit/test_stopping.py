@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from shipland.missions import stopping
-from shipland.missions.stopping import check_stop, stop_requests
+from shipland import stopping
 from shipland.missions.workers import run_jobs
+from shipland.stopping import ENDING, check_stop, signals_interrupt, sleep_or_stop, stop_requests, uninterrupted
 
 
 def receive(which):
@@ -44,7 +44,7 @@ def test_a_request_that_falls_into_a_finaliser_is_kept():
     assert reached
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", ENDING)
 def test_a_request_that_nobody_looked_for_is_answered_at_the_end(how):
     with pytest.raises(KeyboardInterrupt), stop_requests():
         receive(how)
@@ -63,8 +63,7 @@ def test_an_answered_request_is_not_answered_again():
         check_stop()
 
 
-def test_a_second_signal_interrupts_where_it_falls(monkeypatch):
-    monkeypatch.setattr(stopping, "_GRACE_S", -1.0)
+def test_a_second_signal_interrupts_where_it_falls(no_grace):
     reached = False
     with pytest.raises(KeyboardInterrupt), stop_requests():
         receive(signal.SIGINT)
@@ -73,6 +72,79 @@ def test_a_second_signal_interrupts_where_it_falls(monkeypatch):
         time.sleep(0.0)
         reached = False
     assert reached
+
+
+@pytest.fixture
+def no_grace(monkeypatch):
+    monkeypatch.setattr(stopping, "_GRACE_S", -1.0)
+
+
+def test_what_must_not_be_cut_short_is_not_by_any_number_of_signals(no_grace):
+    done = []
+
+    @uninterrupted()
+    def let_go():
+        for _ in range(3):
+            receive(signal.SIGINT)
+            check_stop()
+        done.append("hold")
+
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        let_go()
+        done.append("after")
+        check_stop()
+        done.append("never")
+    assert done == ["hold", "after"]
+
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        try:
+            receive(signal.SIGINT)
+            check_stop()
+        finally:
+            let_go()
+    assert done == ["hold", "after", "hold"]
+
+
+@pytest.mark.parametrize("how", ENDING)
+def test_where_signals_interrupt_they_do_so_after_what_must_not_be_cut_short(how):
+    done, before = [], signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt), signals_interrupt(), uninterrupted():
+            receive(how)
+            done.append("hold")
+        with pytest.raises(KeyboardInterrupt), signals_interrupt():
+            receive(how)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert done == ["hold"]
+
+
+def test_a_second_signal_soon_after_the_answer_is_the_same_request():
+    done = []
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        receive(signal.SIGINT)
+        stopping._request.last_s -= 10.0  # it was not looked for so long
+        try:
+            check_stop()
+        finally:
+            receive(signal.SIGINT)
+            done.append("let go of")
+    assert done == ["let go of"]
+
+
+def test_a_wait_answers_a_request():
+    with pytest.raises(KeyboardInterrupt), stop_requests():
+        receive(signal.SIGINT)
+        sleep_or_stop(1e6)
+
+
+def test_a_hang_up_that_nohup_has_taken_away_stays_away():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with stop_requests():
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 @pytest.mark.parametrize("workers", [1, 2])

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import threading
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from shipland.frames import euler_from_rotation
 from shipland.messages import Estimate, Observation
 from shipland.record.info import FORMAT_VERSION, LogHeader
 from shipland.record.reader import FlightLog, read_log
+from shipland.record.writer import LogWriter
 from shipland.report.outputs import OutputParameters, Recorder, load_outputs
 from shipland.report.summary import kinds_of, summarise, write_json
 
@@ -163,6 +165,30 @@ def test_an_output_that_fails_is_given_up_and_the_flight_goes_on(tmp_path):
     assert recorder.problems == ["video given up: no OpenGL"]
     assert summary.cycles == 15
     assert read_log(tmp_path / "flight.mcap").complete
+
+
+def test_a_real_flight_does_not_wait_for_its_disk_and_what_that_costs_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr("shipland.report.outputs._MOST_ROWS", 20)
+    monkeypatch.setattr("shipland.report.outputs._MOST_PICTURES", 3)
+    disk, pictures = threading.Event(), []
+    write = LogWriter.append
+
+    def slowly(log, record):
+        disk.wait()
+        pictures.append(record.frame.image is not None)
+        write(log, record)
+
+    monkeypatch.setattr(LogWriter, "append", slowly)
+    with Recorder(tmp_path, INFO, RIG, CAMERA, QUICK, video=False, aside=True) as recorder:
+        for record in flight(from_s=33.0, to_s=34.0):
+            recorder.append(record)  # the disk stands still: this comes back all the same
+        disk.set()
+        recorder.finish(None)
+    log = read_log(tmp_path / "flight.mcap")
+    assert log.complete
+    assert 20 <= len(log.records) <= 21
+    assert recorder.problems == [f"{30 - len(log.records)} cycles left out: the disk was too slow"]
+    assert sum(pictures) in (3, 4)
 
 
 def test_a_flight_without_a_cycle_leaves_no_picture(tmp_path):

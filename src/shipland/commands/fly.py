@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import threading
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +13,8 @@ from shipland.commands.options import ScenarioOptions, checked_seed, command_lin
 from shipland.errors import DataError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from shipland.api import Flight
+    from shipland.commands.terminal import Terminal
     from shipland.messages import FlightRecord, Mode
     from shipland.missions.scenarios import Scenario
     from shipland.vehicles.vehicle import Vehicle
@@ -60,23 +61,26 @@ class Fly(ScenarioOptions):
 
     def run(self) -> int:
         """Fly, record and report on the terminal; 0 when landed in the square, 1 when not."""
-        from rich.console import Console
+        from shipland.commands.terminal import Terminal
 
+        with Terminal() as terminal:
+            return self._fly(terminal)
+
+    def _fly(self, terminal: Terminal) -> int:
         from shipland.api import fly
         from shipland.missions.crew import response_of
         from shipland.missions.outside import Keys, identified
 
-        console = Console(stderr=True, highlight=False, soft_wrap=True)
         scenario, vehicle = self.load(), None
         response = None
         if self.vehicle is None and self.vehicle_config is not None:
             response = identified(self.vehicle_config, response_of(scenario))
         if self.vehicle is not None:
-            vehicle = self._outside(self.vehicle, scenario, console)
+            vehicle = self._outside(self.vehicle, scenario, terminal)
             if self.check:
                 vehicle.close()
                 return 0
-        with ProgressLine(console) as progress:
+        with ProgressLine(terminal, vehicle) as progress:
             flight = fly(
                 scenario,
                 pilot=self.pilot,
@@ -90,39 +94,40 @@ class Fly(ScenarioOptions):
                 keys=None if vehicle is None else Keys(),
                 response=response,
             )
-        _report(console, self, flight)
+        _report(terminal, self, flight)
         if flight.problems:
             raise DataError(f"the flight is not on record as asked: {'; '.join(flight.problems)}")
         return 0 if flight.landed else 1
 
-    def _outside(self, address: str, scenario: Scenario, console: Console) -> Vehicle:
+    def _outside(self, address: str, scenario: Scenario, terminal: Terminal) -> Vehicle:
         """The vehicle, connected where it is a real one, and fit to fly; VehicleError when it is not."""
         import time
 
         from shipland.config import layered
         from shipland.missions.fly import fly_quietly
         from shipland.missions.outside import checklist, make_vehicle, refuse_unfit
-        from shipland.missions.stopping import check_stop, stop_requests
+        from shipland.stopping import check_stop, stop_requests
         from shipland.vehicles.checks import Check, Real
 
-        vehicle = make_vehicle(address, scenario, self.calibration, self.vehicle_config, self.out / "link.tlog")
+        # an earlier flight's messages are its record
+        log = self.out / ("check.tlog" if self.check else "link.tlog")
+        vehicle = make_vehicle(address, scenario, self.calibration, self.vehicle_config, log)
         if not isinstance(vehicle, Real):
             return vehicle
-        console.print("rehearsing in the simulator")
+        terminal.say("rehearsing in the simulator")
         # a pilot's first run compiles and imports for seconds, in which a vehicle in the air would get no command
         with stop_requests():
             rehearsed = fly_quietly(
                 scenario, self.pilot, "geometric", checked_seed(self.seed), on_cycle=lambda _: check_stop()
             )
-        console.print(f"connecting to {address}", markup=False)
+        terminal.say(f"connecting to {address}")
         vehicle.connect()
         try:
             time.sleep(_LISTENING_S)
             table = layered("vehicles", self.vehicle_config)
             checks = checklist(vehicle, scenario, self.calibration, self.wind_mps, table)
             checks.insert(0, Check("rehearsal", True, rehearsed.reason))
-            for check in checks:
-                console.print(check.line(), markup=False)
+            terminal.say(*(check.line() for check in checks))
             if not self.check:
                 refuse_unfit(checks)
         except BaseException:
@@ -135,57 +140,80 @@ _LISTENING_S = 3.0
 """In which a vehicle's rates are counted."""
 
 
-def _report(console: Console, command: Fly, flight: Flight) -> None:
+def _report(terminal: Terminal, command: Fly, flight: Flight) -> None:
     which = f"seed {command.seed}, " if command.vehicle is None else ""
     first_s = flight.records[0].frame.t_s if flight.records else 0.0
-    console.print(f"{flight.reason} ({which}{max(0.0, flight.result.t_s - first_s):.1f} s of flight)")
+    terminal.say(f"{flight.reason} ({which}{max(0.0, flight.result.t_s - first_s):.1f} s of flight)")
     verdict = flight.verdict
     if verdict is not None and verdict.touched:
         forward_m, starboard_m = verdict.touchdown_in_deck_m
         sink_mps = verdict.relative_velocity_in_deck_mps[2]
-        console.print(
+        terminal.say(
             f"touchdown {forward_m:+.3f} m forward, {starboard_m:+.3f} m starboard of the deck's centre at "
             f"{verdict.t_s:.1f} s, {sink_mps:.2f} m/s down against the deck, slip {verdict.slip_m:.3f} m"
         )
+    if terminal.lost:
+        terminal.say(f"{terminal.lost} lines were not shown: the terminal stood still")
     names = ", ".join(sorted(path.name for path in command.out.iterdir() if path.is_file()))
-    console.print(f"{command.out}: {names or 'nothing could be written'}")
+    terminal.say(f"{command.out}: {names or 'nothing could be written'}")
 
 
 class ProgressLine:
-    """The live line: time since the first picture, mode, distance, sticks; with no terminal, one a change of mode."""
+    """The live line: time since the first picture, mode, distance, sticks; a line each change of mode and of command.
 
-    def __init__(self, console: Console) -> None:
-        self._console = console
+    Who is in command is shown from a thread of its own, whatever the flight does meanwhile.
+    """
+
+    def __init__(self, terminal: Terminal, vehicle: Vehicle | None = None) -> None:
+        self._terminal, self._vehicle = terminal, vehicle
         self._first_s: float | None = None
         self._mode: Mode | None = None
         self._shown_s = -1.0
-        self._status = console.status("starting") if console.is_terminal else None
+        self._commander = ""
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="in-command", daemon=True)
 
     def __enter__(self) -> ProgressLine:
-        if self._status is not None:
-            self._status.start()
+        self._terminal.status("starting")
+        self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._status is not None:
-            self._status.stop()
+        self._over.set()
+        self._thread.join(1.0)
+        self._terminal.status("")
 
     def show(self, record: FlightRecord) -> None:
-        """Show one cycle."""
+        """Show one cycle; never waits."""
         if self._first_s is None:
             self._first_s = record.frame.t_s
         decision, t_s = record.decision, record.telemetry.t_s - self._first_s
         mode = "-" if decision.mode is None else decision.mode.name
         if decision.mode is not self._mode:
             self._mode = decision.mode
-            self._console.print(f"{t_s:6.1f} s  {mode:<10} {decision.reason}")
-        if self._status is None or t_s - self._shown_s < 0.1:
+            self._terminal.say(f"{t_s:6.1f} s  {mode:<10} {decision.reason}")
+        if t_s - self._shown_s < 0.1:
             return
         self._shown_s = t_s
         estimate = decision.estimate
         distance = "      – m" if estimate is None else f"{math.hypot(*estimate.aircraft_in_bar_m):7.2f} m"
         command = decision.command
-        self._status.update(
+        self._terminal.status(
             f"{t_s:6.1f} s  {mode:<10} {distance} to the bar  pitch {command.pitch_percent:+4.0f} "
             f"roll {command.roll_percent:+4.0f} heave {command.heave_percent:+4.0f} yaw {command.yaw_percent:+4.0f} %"
+            + (f"  {self._commander}" if self._commander else "")
         )
+
+    def _watch(self) -> None:
+        from shipland.vehicles.checks import Commanded
+
+        vehicle: object = self._vehicle
+        while vehicle is not None and not self._over.wait(_WATCHED_S):
+            with suppress(Exception):  # what it says here is for the eye alone
+                if isinstance(vehicle, Commanded) and vehicle.in_command != self._commander:
+                    self._commander = vehicle.in_command
+                    self._terminal.say(f"in command: {self._commander}")
+
+
+_WATCHED_S = 0.1
+"""How often who is in command is looked at."""

@@ -17,12 +17,12 @@ from shipland.errors import DataError
 from shipland.missions.campaign import Flight, land_once
 from shipland.missions.folder import campaign_key, claimed, folder_in, read_campaign
 from shipland.missions.landing import Landing
-from shipland.missions.stopping import stop_requests
 from shipland.missions.suite import BenchCell
 from shipland.missions.workers import run_jobs
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import AirframeParameters
 from shipland.sim.ship.ship import ShipParameters
+from shipland.stopping import stop_requests
 
 Keep = Callable[[Flight, Landing], None]
 Lose = Callable[[Flight, str], None]

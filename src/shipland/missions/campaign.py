@@ -12,8 +12,8 @@ from shipland.missions.fly import flight_log, fly_quietly
 from shipland.missions.folder import campaign_key, open_folder
 from shipland.missions.landing import Landing, landing_of
 from shipland.missions.scenarios import Scenario
-from shipland.missions.stopping import check_stop, stop_requests
 from shipland.missions.workers import run_jobs
+from shipland.stopping import check_stop, stop_requests
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from shipland.missions.bench import Crew, Keep, Lose, land_quietly
 from shipland.missions.campaign import Flight
 from shipland.missions.folder import source_digest
 from shipland.missions.landing import Landing
-from shipland.missions.stopping import check_stop
 from shipland.missions.workers import POLL_S
+from shipland.stopping import check_stop
 
 _RETRIES = 3
 """Of a flight whose process or machine died; its result counts once."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 import select
+import signal
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,8 @@ from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand,
 from shipland.missions.scenarios import Scenario
 from shipland.record.reader import read_log
 from shipland.sim.state import SceneState
+from shipland.soundness import sound_decision, words_of
+from shipland.stopping import ignored
 from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.checks import Check, PreflightParameters, Real
 from shipland.vehicles.replay import Recorded, ReplayVehicle, recorded_video
@@ -188,6 +192,7 @@ class Keys:
 
     def __init__(self) -> None:
         self._pressed = ""
+        self._terminal: int | None = None
 
     def press(self, key: str) -> None:
         """A key was pressed; others than the three do nothing."""
@@ -198,42 +203,91 @@ class Keys:
 
     @property
     def pressed(self) -> str:
-        """What holds now; empty while the pilot flies."""
-        while sys.stdin.isatty() and select.select([sys.stdin], [], [], 0.0)[0]:
-            self.press(sys.stdin.read(1))
+        """What holds now, by the last key; empty while the pilot flies. Never waits, never raises."""
+        for key in self._typed():
+            self.press(key)
         return self._pressed
+
+    def _typed(self) -> str:
+        """Everything that was typed since; nothing from a terminal that has gone."""
+        if self._terminal is None:
+            return ""
+        try:
+            if not select.select([self._terminal], [], [], 0.0)[0]:
+                return ""
+            typed = os.read(self._terminal, 1024)  # not by sys.stdin, whose buffer `select` does not see
+        except (OSError, ValueError):
+            typed = b""
+        if not typed:
+            self._terminal = None
+        return typed.decode("ascii", "ignore")
 
     @contextmanager
     def listening(self) -> Iterator[Keys]:
-        """Take keys without the return key, where there is a terminal."""
-        if not sys.stdin.isatty():
+        """Take keys without the return key, where there is a terminal; one in the background stops nothing."""
+        terminal = _terminal()
+        if terminal is None:
             yield self
             return
         import termios
         import tty
 
-        before = termios.tcgetattr(sys.stdin)
-        tty.setcbreak(sys.stdin)
-        try:
-            yield self
-        finally:
-            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+        with ignored((signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)), ExitStack() as stack:
+            with suppress(OSError, termios.error):  # it has gone
+                before = termios.tcgetattr(terminal)
+                tty.setcbreak(terminal, termios.TCSANOW)
+                self._terminal = terminal
+                stack.callback(_restore, terminal, before)
+            try:
+                yield self
+            finally:
+                self._terminal = None
+
+
+def _terminal() -> int | None:
+    """The descriptor of standard input where that is a terminal and this process is in its foreground."""
+    try:
+        descriptor = sys.stdin.fileno()
+    except (AttributeError, OSError, ValueError):  # there is none, or it is closed
+        return None
+    with suppress(OSError):  # not the terminal that controls us
+        if os.tcgetpgrp(descriptor) != os.getpgrp():
+            return None
+    return descriptor if os.isatty(descriptor) else None
+
+
+def _restore(terminal: int, before: list[Any]) -> None:
+    import termios
+
+    with suppress(OSError, termios.error):  # it has gone
+        termios.tcsetattr(terminal, termios.TCSANOW, before)  # TCSADRAIN waits for a terminal that stands still
 
 
 class KeyedPilot:
-    """Another pilot, until a key holds the vehicle or sends it up; the other keeps deciding, so that it can resume."""
+    """Another pilot, until a key holds the vehicle or sends it up; the other keeps deciding, so that it can resume.
+
+    A key holds whatever becomes of the other: where that fails, the camera stays as it is.
+    """
 
     def __init__(self, pilot: Pilot, keys: Keys) -> None:
         self._pilot, self._keys = pilot, keys
 
     def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
         """The other's decision, or the key's."""
-        decision = self._pilot.decide(observation, telemetry, sent)
-        key, command = self._keys.pressed, decision.command
+        key = self._keys.pressed
+        camera_rad = 0.0 if sent is None else sent.gimbal_pitch_rad
+        try:
+            decision = sound_decision(self._pilot.decide(observation, telemetry, sent))
+        except Exception as error:
+            if not key:
+                raise
+            decision = Decision(PilotCommand.hold(telemetry.t_s, camera_rad), None, f"pilot failed: {words_of(error)}")
+        if not key:
+            return decision
+        if math.isfinite(decision.command.gimbal_pitch_rad):
+            camera_rad = decision.command.gimbal_pitch_rad
+        held = PilotCommand.hold(telemetry.t_s, camera_rad)
         if key == HOLD_KEY:
-            held = PilotCommand.hold(command.t_s, command.gimbal_pitch_rad)
             return replace(decision, command=held, reason=f"held by key {HOLD_KEY}")
-        if key == CLIMB_KEY:
-            up = PilotCommand(command.t_s, 0.0, 0.0, _CLIMB_PERCENT, 0.0, command.gimbal_pitch_rad, Intent.CLIMB_OUT)
-            return replace(decision, command=up, mode=Mode.CLIMB_OUT, reason=f"climbing by key {CLIMB_KEY}")
-        return decision
+        up = replace(held, heave_percent=_CLIMB_PERCENT, intent=Intent.CLIMB_OUT)
+        return replace(decision, command=up, mode=Mode.CLIMB_OUT, reason=f"climbing by key {CLIMB_KEY}")

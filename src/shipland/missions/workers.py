@@ -17,7 +17,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
 from shipland.errors import DataError
-from shipland.missions.stopping import check_stop
+from shipland.stopping import check_stop
 
 Job = TypeVar("Job")
 Done = TypeVar("Done")
@@ -158,7 +158,8 @@ def _received(worker: _Worker[Any]) -> Any:  # noqa: ANN401 - what the job gave
 
 def _work(link: Connection, do: Callable[[Any], Any]) -> None:
     """A worker process: jobs in, results out, until killed or the parent is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
+    for which in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):  # they reach the whole group; the parent decides
+        signal.signal(which, signal.SIG_IGN)
     threading.Thread(target=_die_with_parent, daemon=True).start()
     try:
         while True:

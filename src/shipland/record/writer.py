@@ -16,7 +16,9 @@ one fixed turn of `frames.MUJOCO_FROM_NED`, everything else below `ned` with the
 | /camera/calibration | foxglove.CameraCalibration | with each picture                                         |
 | /camera/annotations | foxglove.ImageAnnotations  | with each picture: corners and boxes                      |
 | /scene              | foxglove.SceneUpdate       | once: platform, deck, bar, aircraft                       |
-| /log                | foxglove.Log               | when the mode changes, with the reason                    |
+| /log                | foxglove.Log               | when the mode changes, with the reason; why it ended      |
+
+Each second of flight what was written goes to the disk: a process that is killed leaves all but its last second.
 """
 
 from __future__ import annotations
@@ -44,6 +46,9 @@ from shipland.record.rows import json_schema, to_row
 from shipland.record.sink import Sink
 from shipland.rig import Rig
 from shipland.vision.log_pictures import IMAGE_TOPIC
+
+_FLUSH_S = 1.0
+"""Of flight, between two flushes."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +102,7 @@ class LogWriter:
         self._log = channels.LogChannel("/log", context=self._context)
         self._mode: Mode | None = None
         self._image_due_s: float | None = None
+        self._flushed_s: float | None = None
         self._time_ns = 0
         self._started = self._closed = False
 
@@ -125,12 +131,17 @@ class LogWriter:
         if decision.mode is not None and decision.mode is not self._mode:
             self._mode = decision.mode
             self._say(f"{decision.mode.name}: {decision.reason}", "pilot", LogLevel.Info)
+        if self._flushed_s is None or not 0.0 <= record.frame.t_s - self._flushed_s < _FLUSH_S:
+            self._flushed_s = record.frame.t_s
+            self._writer.flush()
 
-    def finish(self, verdict: TouchdownVerdict | None) -> None:
-        """Write the verdict and close; DataError when something could not be written."""
+    def finish(self, verdict: TouchdownVerdict | None, end: str = "") -> None:
+        """Write why the flight ended, and the verdict, and close; DataError when something could not be written."""
         if not self._closed:
             if not self._started:
                 self._start()
+            if end:
+                self._say(end, "flight", LogLevel.Info)
             if verdict is not None:
                 self._verdict.log(to_row(verdict), log_time=self._time_ns)
                 good = verdict.landed and verdict.in_square

@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
 
+from shipland.aside import Aside
 from shipland.camera import Camera
 from shipland.config import build, merge, packaged_toml, read_toml
 from shipland.errors import DataError
@@ -25,6 +26,9 @@ from shipland.rig import Rig
 
 LOG_NAME, VIDEO_NAME, PLOTS_NAME = "flight.mcap", "flight.mp4", "plots.png"
 SUMMARY_NAME, TIMING_NAME = "summary.json", "timing.json"
+
+_MOST_ROWS, _MOST_PICTURES = 3000, 30
+"""Of a flight that does not wait: rows that wait for the disk, and beyond how many waiting ones without pictures."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,7 @@ class Recorder:
         parameters: OutputParameters,
         chase: Chase | None = None,
         video: bool = True,
+        aside: bool = False,
     ) -> None:
         """Open the files in `folder`, writing over those of an earlier flight.
 
@@ -87,6 +92,8 @@ class Recorder:
             parameters: rates and qualities.
             chase: renders the outside view of a moment (`chase.chase_view`); None for the onboard view alone.
             video: whether to write the video.
+            aside: the flight does not wait for a slow disk or encoder: a thread writes, and where it falls far behind
+                pictures are left out, then rows, which `problems` says.
 
         Raises:
             DataError: the folder or the log cannot be written.
@@ -107,9 +114,18 @@ class Recorder:
         self._outputs: dict[str, LogWriter | FlightVideo] = {"log": self._log}
         if video:
             self._outputs["video"] = FlightVideo(folder / VIDEO_NAME, rig, camera, parameters.video, timed_chase)
+        self._aside = Aside(self._write, _MOST_ROWS, "recorder") if aside else None
 
     def append(self, record: FlightRecord) -> None:
         """Take one cycle; never raises."""
+        if self._aside is None:
+            self._write(record)
+            return
+        if self._aside.waiting >= _MOST_PICTURES:
+            record = replace(record, frame=replace(record.frame, image=None))
+        self._aside.give(record)
+
+    def _write(self, record: FlightRecord) -> None:
         self._cycles += 1
         for name, output in list(self._outputs.items()):
             self._attempt(name, partial(output.append, record))
@@ -128,8 +144,14 @@ class Recorder:
             The figures; None when the log failed.
         """
         self._finished = True
-        for name, output in list(self._outputs.items()):
-            self._attempt(name, partial(output.finish, verdict))
+        if self._aside is not None:
+            self._aside.close()
+            if self._aside.lost:
+                self.problems.append(f"{self._aside.lost} cycles left out: the disk was too slow")
+        if "log" in self._outputs:
+            self._attempt("log", partial(self._log.finish, verdict, end))
+        if isinstance(video := self._outputs.get("video"), FlightVideo):
+            self._attempt("video", partial(video.finish, verdict))
         self._close()
         if not self._log_failed:  # they are made from the log
             self._attempt("summary", partial(self._write_summary, end))

@@ -74,3 +74,12 @@ class Ending(Protocol):
     @property
     def end_reason(self) -> str:
         """In words; empty in flight."""
+
+
+@runtime_checkable
+class Commanded(Protocol):
+    """A vehicle that says whose commands it obeys."""
+
+    @property
+    def in_command(self) -> str:
+        """Who flies it now, in words, as soon as that is known; empty before."""

@@ -19,6 +19,7 @@ from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.messages import Frame, GimbalAttitude, Intent, PilotCommand, Telemetry
+from shipland.stopping import check_stop, uninterrupted
 from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
 from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.anafi.process import AnafiProcess
@@ -28,6 +29,8 @@ from shipland.vehicles.checks import Check, PreflightParameters
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
 
 _GIMBAL_S = 0.1
+_LOOK_S = 0.1
+"""How often a wait looks for a request to stop."""
 _LANDED_S = 1.0
 """Descent commanded and none seen for so long, while landing: it stands, and is told to land."""
 _PLANES = {"I420": cv2.COLOR_YUV2BGR_I420, "NV12": cv2.COLOR_YUV2BGR_NV12}
@@ -175,8 +178,9 @@ class AnafiVehicle:
                 self._process.say({"gimbal_deg": math.degrees(command.gimbal_pitch_rad)})
             self._land_when_down(command, now_s)
 
+    @uninterrupted()
     def close(self) -> None:
-        """Release the sticks and let go; the ANAFI holds its place."""
+        """Release the sticks and let go; the ANAFI holds its place. No signal cuts it short."""
         if self._closed:
             return
         self._closed = True
@@ -231,8 +235,12 @@ class AnafiVehicle:
 
     def _wait(self, until: Callable[[], bool], otherwise: str, timeout_s: float | None = None) -> None:
         timeout_s = timeout_s or self._parameters.connect_timeout_s
+        end_s = time.monotonic() + timeout_s
+        check_stop()  # also where nothing is left to wait for: a take-off may be next
         with self._changed:
-            self._changed.wait_for(lambda: until() or bool(self._problem or self._end_reason), timeout_s)
+            while not (until() or self._problem or self._end_reason) and time.monotonic() < end_s:
+                check_stop()
+                self._changed.wait(_LOOK_S)
         if not until():
             raise VehicleError(self._problem or self._end_reason or f"{otherwise} within {timeout_s:g} s")
 

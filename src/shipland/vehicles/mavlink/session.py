@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import BinaryIO
 
 from shipland.errors import VehicleError
+from shipland.stopping import check_stop, sleep_or_stop
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import MavlinkLink, Port
@@ -154,6 +155,7 @@ class Session:
         """Wait for the state to become something; VehicleError says what did not come."""
         end_s = time.monotonic() + timeout_s
         while not until(self.state):
+            check_stop()
             if time.monotonic() > end_s:
                 raise VehicleError(f"{otherwise} within {timeout_s:g} s")
             time.sleep(0.02)
@@ -187,6 +189,7 @@ class Session:
             if now_s >= again_s:
                 self.command(number, *parameters)
                 again_s = now_s + 1.0
+            check_stop()
             time.sleep(0.01)
         return -1
 
@@ -267,7 +270,7 @@ class Session:
                 self.link.send(
                     dialect.MAVLink_param_request_read_message(target.system, target.component, name.encode(), -1)
                 )
-            time.sleep(0.3)
+            sleep_or_stop(0.3)
             told = self.state.parameters
             known = {name: told[name] for name in names if name in told}
             nothing_new = len(known) + len(missing) == len(names)

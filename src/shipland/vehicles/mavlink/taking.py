@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 from shipland.errors import VehicleError
+from shipland.stopping import sleep_or_stop
 from shipland.vehicles.mavlink.control import Control
 from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.modes import guided_name, mode_name, obeys_us
@@ -45,7 +46,7 @@ class Taking:
         self._control.begin(session.state, engagement.asks)
         if engagement.asks:
             # PX4 wants set-points before it gives OFFBOARD
-            time.sleep(1.0 if session.state.autopilot == PX4 else 0.0)
+            sleep_or_stop(1.0 if session.state.autopilot == PX4 else 0.0)
             self._insist(self._ask_guided, "the autopilot refuses its guided mode")
         else:
             _log.warning(self._hand_over_words())
@@ -62,7 +63,7 @@ class Taking:
             if time.monotonic() > until_s:
                 words = self._hand_over_words()
                 raise VehicleError(f"the mode was not given to us within {self._timeout_s:g} s: {words}")
-            time.sleep(0.02)
+            sleep_or_stop(0.02)
 
     def _hand_over_words(self) -> str:
         """What the operator has to do."""
@@ -97,7 +98,7 @@ class Taking:
             if time.monotonic() > until_s:
                 said = "; ".join(self._session.state.texts[-3:])
                 raise VehicleError(f"{otherwise} (MAV_RESULT {result}): {said}")
-            time.sleep(1.0)
+            sleep_or_stop(1.0)
         self._refuse_if_over()
 
     def _take_off(self, height_m: float) -> None:

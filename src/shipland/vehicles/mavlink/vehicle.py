@@ -15,6 +15,7 @@ from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.messages import Frame, GroundTruth, Intent, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.stopping import uninterrupted
 from shipland.vehicles.camera_stream import CameraStream, Shot
 from shipland.vehicles.checks import Check
 from shipland.vehicles.mavlink.control import MOTORS_STOPPED, Control
@@ -201,8 +202,9 @@ class MavlinkVehicle:
             now_s = time.monotonic()
             self._command = unless_late(command, now_s), now_s
 
+    @uninterrupted()
     def close(self) -> None:
-        """Leave the vehicle holding, where it is still ours, and let go of it."""
+        """Leave the vehicle holding, where it is still ours, and let go of it; no signal cuts it short."""
         if self._closed:
             return
         self._closed = True

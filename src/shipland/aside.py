@@ -1,0 +1,80 @@
+"""Work that must not keep a control loop: handed over, and done on a thread of its own."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+Thing = TypeVar("Thing")
+
+
+class Aside(Generic[Thing]):
+    """Does what it is given on a thread of its own, in order; whoever gives never waits and gets no error.
+
+    Args:
+        do: takes one thing; where it raises, nothing more is done, and `error` says why.
+        most: so many things wait; what is given beyond them is lost, and counted.
+        name: of the thread.
+    """
+
+    def __init__(self, do: Callable[[Thing], None], most: int, name: str) -> None:
+        self._do, self._most = do, most
+        self._changed = threading.Condition()
+        self._things: deque[Thing] = deque()
+        self._ending = False
+        self.lost = 0
+        """Things that were given and are not done."""
+        self.error: Exception | None = None
+        """What `do` raised."""
+        # a daemon: work that never ends must not keep the process
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._thread.start()
+
+    @property
+    def waiting(self) -> int:
+        """Things that nobody has begun yet."""
+        return len(self._things)
+
+    def give(self, thing: Thing) -> None:
+        """Hand over."""
+        with self._changed:
+            if self._ending or self.error is not None or len(self._things) >= self._most:
+                self.lost += 1
+                return
+            self._things.append(thing)
+            self._changed.notify()
+
+    def close(self, timeout_s: float | None = None) -> bool:
+        """Take no more, and wait until all is done; False where it is not in time [s]. None waits as long as it takes.
+
+        After a False the thread may still be at work on the thing that it began; those that wait are lost.
+        """
+        with self._changed:
+            self._ending = True
+            self._changed.notify()
+        end_s = None if timeout_s is None else time.monotonic() + timeout_s
+        while self._thread.is_alive() and (end_s is None or time.monotonic() < end_s):
+            self._thread.join(0.1 if end_s is None else max(0.0, min(0.1, end_s - time.monotonic())))
+        with self._changed:
+            self.lost += len(self._things)
+            self._things.clear()
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._things or self._ending)
+                if not self._things:
+                    return
+                thing = self._things.popleft()
+            try:
+                self._do(thing)
+            except Exception as error:  # whatever a stream or a disk does
+                with self._changed:
+                    self.error = error
+                    self.lost += 1 + len(self._things)
+                    self._things.clear()
+                return
