@@ -25,6 +25,9 @@ from shipland.files import MOST_LEVELS, refuse_deep
 T = TypeVar("T")
 Table = dict[str, Any]
 
+LARGEST = 1e9
+"""No number of a configuration is larger, whatever its unit; what guards something has bounds of its own."""
+
 
 def read_toml(path: Path) -> Table:
     """The table in a TOML file; ConfigError when it is missing or broken."""
@@ -79,16 +82,19 @@ def layered(name: str, path: Path | None) -> Table:
     """The packaged TOML `name` with the user's file laid over it.
 
     Raises:
-        ConfigError: the file is missing or broken, or holds a section that the packaged one lacks; names the nearest.
+        ConfigError: the file is missing or broken, or holds a section that the packaged one lacks; names the nearest;
+            or a value in place of a section.
     """
     base = packaged_toml(name)
     if path is None:
         return base
     user = read_toml(path)
-    for section in user:
+    for section, table in user.items():
         if section not in base:
             near = difflib.get_close_matches(section, base, n=1, cutoff=0.0)[0]
             raise ConfigError(f"{path}: unknown section [{section}]; did you mean [{near}]?")
+        if not isinstance(table, Mapping):
+            raise ConfigError(f"{path}: expected a section [{section}], got {_shown(table)}")
     return merge(base, user)
 
 
@@ -241,8 +247,8 @@ def _convert_scalar(value: Any, hint: Any, where: str) -> Any:  # noqa: ANN401
             number = float(value)
         except OverflowError:
             number = math.inf
-        if not math.isfinite(number):
-            raise ConfigError(f"{where}: expected a finite number, got {_shown(value)}")
+        if not abs(number) <= LARGEST:
+            raise ConfigError(f"{where}: expected {-LARGEST:g} to {LARGEST:g}, got {_shown(value)}")
         return number
     if hint is Path and isinstance(value, str | Path) and "\0" not in str(value):
         return Path(value)
@@ -265,6 +271,13 @@ def _shown(value: object) -> str:
 
 def _shortened(text: str) -> str:
     return text if len(text) <= 80 else f"{text[:79]}…"
+
+
+def require_within(value: object, **bounds: tuple[float, float]) -> None:
+    """ValueError unless each attribute named lies within its bounds, both included; NaN does not."""
+    for name, (low, high) in bounds.items():
+        found = getattr(value, name)
+        require(low <= found <= high, f"{name}: expected {low:g} to {high:g}, got {found:g}")
 
 
 def require(condition: bool, message: str) -> None:

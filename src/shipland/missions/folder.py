@@ -194,7 +194,8 @@ def _whole_rows(text: str) -> str:
 
 def _landings(path: Path, text: str) -> dict[int, Landing]:
     """By seed; `path` is for messages."""
-    done, rows = {}, csv.DictReader(text.splitlines())
+    done: dict[int, Landing] = {}
+    rows = csv.DictReader(text.splitlines())
     while True:
         try:
             if (row := next(rows, None)) is None:

@@ -11,7 +11,7 @@ from shipland.camera import Camera
 from shipland.config import build, merge
 from shipland.errors import ConfigError, VehicleError
 from shipland.vehicles.address import Address, VehicleSetup
-from shipland.vehicles.camera_stream import PictureSource, VideoSource
+from shipland.vehicles.camera_stream import PictureSource, StreamParameters, VideoSource
 from shipland.vehicles.checks import PreflightParameters
 from shipland.vehicles.frame_link import FrameSource
 from shipland.vehicles.mavlink.link import open_port, read_key
@@ -96,7 +96,7 @@ class MavlinkSetup:
             source=source,
             brings_gimbal=brings_gimbal,
             fixed_pitch_rad=None if pitch_deg is None else math.radians(pitch_deg),
-            open_timeout_s=float(str(table["camera"]["open_timeout_s"])),
+            open_timeout_s=build(StreamParameters, table["camera"], "vehicles.camera").open_timeout_s,
             engagement=Engagement(address.flag("take"), take_off_m),
             parameters=build(MavlinkParameters, section, "vehicles.mavlink"),
             touchdown=build(TouchdownParameters, table["touchdown"], "vehicles.touchdown"),
@@ -115,9 +115,11 @@ def _source(address: Address, setup: VehicleSetup) -> tuple[PictureSource, bool]
         )
     if url.startswith("frames:"):
         return FrameSource.at(url.removeprefix("frames:"), setup.camera), True
-    latency_s = address.number("latency_s", float(str(setup.table["camera"]["latency_s"])))
+    stream = build(StreamParameters, setup.table["camera"], "vehicles.camera")
+    stated = {**vars(stream), "latency_s": address.number("latency_s", stream.latency_s)}
+    stream = build(StreamParameters, stated, f"{address.scheme}://…")
     size_px = setup.camera.width_px, setup.camera.height_px
-    return VideoSource(url, latency_s, size_px, float(str(setup.table["camera"]["open_timeout_s"]))), False
+    return VideoSource(url, stream.latency_s, size_px, stream.open_timeout_s), False
 
 
 def open_session(setup: MavlinkSetup, on_state: Callable[[AutopilotState, AutopilotState], None]) -> Session:
