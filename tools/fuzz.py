@@ -41,24 +41,24 @@ TARGETS = {
     "calibrations": "fuzz_files:calibrations",
     "mavlink": "fuzz_link:mavlink",
 }
-"""`module:function` by name; modules lie beside this file and are imported by who runs them alone."""
+"""`module:function` by name; the modules lie beside this file."""
 
 HANG_S = 120.0
 """A single input that takes longer hangs."""
 
 
-def target(name: str) -> Callable[[np.random.Generator], None]:
-    """The function of a target."""
-    module, _, function = TARGETS[name].partition(":")
+def target(path: str) -> Callable[[np.random.Generator], None]:
+    """The function of a target, `module:function`."""
+    module, _, function = path.partition(":")
     found: Callable[[np.random.Generator], None] = getattr(importlib.import_module(module), function)
     return found
 
 
-def run(name: str, seed: int, folder: Path, parent: Connection) -> None:
+def run(path: str, seed: int, folder: Path, parent: Connection) -> None:
     """Inputs from `seed` on, within `folder`; tells the parent each seed begun, and what it raised."""
     logging.disable()
     os.chdir(folder)
-    function = target(name)
+    function = target(path)
     while True:
         parent.send((seed, ""))
         try:
@@ -71,12 +71,12 @@ def run(name: str, seed: int, folder: Path, parent: Connection) -> None:
         seed += 1
 
 
-def steps(name: str, seed: int, folder: Path) -> Iterator[tuple[int, str]]:
+def steps(path: str, seed: int, folder: Path) -> Iterator[tuple[int, str]]:
     """Each seed begun with an empty text, and each finding with its words; without end."""
-    context = multiprocessing.get_context("fork")
+    context = multiprocessing.get_context("spawn")
     while True:
         ours, theirs = context.Pipe()
-        child = context.Process(target=run, args=(name, seed, folder, theirs), daemon=name != "signals")
+        child = context.Process(target=run, args=(path, seed, folder, theirs), daemon=True)
         child.start()
         theirs.close()
         try:
@@ -115,7 +115,7 @@ def fuzz(name: str, seed: int, seconds: float, count: int | None, out: Path, pro
     task = progress.add_task(name, total=count or seconds, words="")
     begun_s, done, found = time.monotonic(), 0, set[str]()
     with tempfile.TemporaryDirectory() as scratch:
-        running = steps(name, seed, Path(scratch))
+        running = steps(TARGETS[name], seed, Path(scratch))
         for at, words in running:
             spent_s = time.monotonic() - begun_s
             if words and where(words) not in found:

@@ -127,9 +127,7 @@ def test_code_that_a_logs_configuration_names_is_not_run(own_code, tmp_path):
     assert not own_code()
 
 
-@pytest.mark.parametrize(
-    "text", ["{", "[1]", '{"a": ' * 500 + "1" + "}" * 500, '{"a": ' + "1" * 5000 + "}"]
-)
+@pytest.mark.parametrize("text", ["{", "[1]", '{"a": ' * 500 + "1" + "}" * 500, '{"a": ' + "1" * 5000 + "}"])
 def test_a_log_whose_configuration_is_broken_is_one_line(tmp_path, text):
     with pytest.raises(DataError, match="the log's configuration cannot be read"):
         recorded_flight(log_of(tmp_path / "flight.mcap", configuration=text))
