@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -166,10 +167,11 @@ class Camera:
     def from_opencv_yaml(path: Path) -> Camera:
         """Read an OpenCV calibration file (`camera_matrix`, `distortion_coefficients`, `image_width/height`).
 
-        OpenCV knows no `row_time_s`: a line of that name gives it, in seconds.
+        OpenCV knows no `row_time_s`: a line of that name gives it, in seconds. A line `digest`, as `to_opencv_yaml`
+        writes it, must be that of the numbers.
 
         Raises:
-            DataError: the file is missing, broken, or lacks one of them.
+            DataError: the file is missing, broken, lacks one of them, or its digest is another's.
         """
         if not path.is_file():
             raise DataError(f"calibration file {path} does not exist")
@@ -184,7 +186,14 @@ class Camera:
             row_time = storage.getNode("row_time_s")
             row_time_s = 0.0 if row_time.empty() else float(row_time.real())
             size = int(width.real()), int(height.real())
-            return Camera(*size, np.asarray(matrix, dtype=float), coefficients, row_time_s)
+            camera = Camera(*size, np.asarray(matrix, dtype=float), coefficients, row_time_s)
+            digest = storage.getNode("digest")
+            if not digest.empty() and digest.string() != camera.digest:
+                raise DataError(
+                    f"calibration file {path} is not as it was written: its numbers do not have its digest; copy it "
+                    "again, or take out the line 'digest' if you changed them"
+                )
+            return camera
         except ValueError as error:
             raise DataError(f"calibration file {path} cannot be used: {error}") from None
         except (cv2.error, SystemError):  # OpenCV's own words name its source files, not the fault
@@ -194,7 +203,7 @@ class Camera:
             ) from None
 
     def to_opencv_yaml(self, path: Path) -> None:
-        """Write an OpenCV calibration file; DataError when it cannot be written."""
+        """Write an OpenCV calibration file, with a digest of its numbers; DataError when it cannot be written."""
         if not path.parent.is_dir():
             raise DataError(f"calibration file {path} cannot be written: its folder does not exist")
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
@@ -206,7 +215,14 @@ class Camera:
         storage.write("distortion_coefficients", self.distortion.reshape(1, -1))
         if self.row_time_s > 0.0:
             storage.write("row_time_s", self.row_time_s)
+        storage.write("digest", self.digest)
         storage.release()
+
+    @property
+    def digest(self) -> str:
+        """First 16 hex digits of the SHA-256 of its numbers, by which a damaged calibration file is known."""
+        numbers = [self.width_px, self.height_px, *self.matrix.ravel(), *self.distortion, self.row_time_s]
+        return hashlib.sha256((np.array(numbers, "<f8") + 0.0).tobytes()).hexdigest()[:16]
 
 
 def level_from_camera(gimbal: GimbalAttitude) -> Array:

@@ -20,23 +20,35 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from shipland.errors import ConfigError
+from shipland.files import MOST_LEVELS, refuse_deep
 
 T = TypeVar("T")
 Table = dict[str, Any]
+
+LARGEST = 1e9
+"""No number of a configuration is larger, whatever its unit; what guards something has bounds of its own."""
 
 
 def read_toml(path: Path) -> Table:
     """The table in a TOML file; ConfigError when it is missing or broken."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # -sig: some editors write a byte-order mark
+        return _parsed(path.read_text(encoding="utf-8-sig"))  # -sig: some editors write a byte-order mark
     except FileNotFoundError:
         raise ConfigError(f"configuration file {path} does not exist") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"configuration file {path} cannot be read: {error}") from None
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise ConfigError(f"configuration file {path} is not valid TOML: {error}") from None
+
+
+def _parsed(text: str) -> Table:
+    """The table of a TOML text; ValueError, whatever is wrong with it."""
+    try:
+        table = tomllib.loads(text)
     except RecursionError:
-        raise ConfigError(f"configuration file {path} is not valid TOML: nested too deeply") from None
+        raise ValueError("nested too deeply") from None
+    refuse_deep(table)
+    return table
 
 
 def packaged_toml(name: str) -> Table:
@@ -70,16 +82,19 @@ def layered(name: str, path: Path | None) -> Table:
     """The packaged TOML `name` with the user's file laid over it.
 
     Raises:
-        ConfigError: the file is missing or broken, or holds a section that the packaged one lacks; names the nearest.
+        ConfigError: the file is missing or broken, or holds a section that the packaged one lacks; names the nearest;
+            or a value in place of a section.
     """
     base = packaged_toml(name)
     if path is None:
         return base
     user = read_toml(path)
-    for section in user:
+    for section, table in user.items():
         if section not in base:
             near = difflib.get_close_matches(section, base, n=1, cutoff=0.0)[0]
             raise ConfigError(f"{path}: unknown section [{section}]; did you mean [{near}]?")
+        if not isinstance(table, Mapping):
+            raise ConfigError(f"{path}: expected a section [{section}], got {_shown(table)}")
     return merge(base, user)
 
 
@@ -94,14 +109,14 @@ def setting(text: str) -> tuple[str, list[Any]]:
     """
     key, equals, rest = text.partition("=")
     key = key.strip()
-    if not equals or not re.fullmatch(r"[\w-]+(\.[\w-]+)*", key):
-        raise ConfigError(f"--set {text}: expected section.key=value, as wind.mean_mps=5")
+    if not equals or not re.fullmatch(r"[\w-]+(\.[\w-]+)*", key) or key.count(".") >= MOST_LEVELS:
+        raise ConfigError(f"--set {_shortened(text)}: expected section.key=value, as wind.mean_mps=5")
     values = _toml_value(f"[{rest}]")
     if values is _INVALID:
         several = [] if re.search(r"[\[\]{}\"']", rest) else rest.split(",")
         values = [_toml_or_text(part) for part in several] or [_toml_or_text(rest)]
     if not values:
-        raise ConfigError(f"--set {text}: a value is missing")
+        raise ConfigError(f"--set {_shortened(text)}: a value is missing")
     return key, values
 
 
@@ -110,8 +125,8 @@ _INVALID = object()
 
 def _toml_value(text: str) -> Any:  # noqa: ANN401 - any TOML type
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return _parsed(f"value = {text}")["value"]
+    except ValueError:
         return _INVALID
 
 
@@ -130,7 +145,7 @@ def settings(texts: Iterable[str]) -> Table:
     for text in texts:
         key, values = setting(text)
         if len(values) > 1:
-            raise ConfigError(f"--set {text}: one value is wanted here; a list is written in brackets")
+            raise ConfigError(f"--set {_shortened(text)}: one value is wanted here; a list is written in brackets")
         table = merge(table, nested({key: values[0]}))
     return table
 
@@ -160,7 +175,7 @@ def build(cls: type[T], table: Mapping[str, Any], where: str = "configuration") 
             the dataclass itself refuses with ValueError.
     """
     if not isinstance(table, Mapping):
-        raise ConfigError(f"{where}: expected a table, got {table!r}")
+        raise ConfigError(f"{where}: expected a table, got {_shown(table)}")
     hints = typing.get_type_hints(cls)
     fields = {field.name: field for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
     for key in table:
@@ -187,7 +202,7 @@ def _convert(value: Any, hint: Any, where: str) -> Any:  # noqa: ANN401 - values
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is typing.Literal:
         if value not in arguments:
-            raise ConfigError(f"{where}: {value!r} is none of {', '.join(map(repr, arguments))}")
+            raise ConfigError(f"{where}: {_shown(value)} is none of {', '.join(map(repr, arguments))}")
         return value
     if origin in (typing.Union, types.UnionType):
         choices = [argument for argument in arguments if argument is not type(None)]
@@ -206,15 +221,16 @@ def _convert(value: Any, hint: Any, where: str) -> Any:  # noqa: ANN401 - values
         return value if isinstance(value, typing.cast(type, hint)) else build(typing.cast(type, hint), value, where)
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
         names = {str(member.value): member for member in hint}
-        if str(value) not in names:
-            raise ConfigError(f"{where}: {value!r} is none of {', '.join(names)}")
-        return names[str(value)]
+        name = value if isinstance(value, str) else _shown(value)
+        if name not in names:
+            raise ConfigError(f"{where}: {_shown(value)} is none of {', '.join(names)}")
+        return names[name]
     return _convert_scalar(value, hint, where)
 
 
 def _convert_tuple(value: Any, arguments: tuple[Any, ...], where: str) -> tuple[Any, ...]:  # noqa: ANN401
     if not isinstance(value, list | tuple):
-        raise ConfigError(f"{where}: expected a list, got {value!r}")
+        raise ConfigError(f"{where}: expected a list, got {_shown(value)}")
     if len(arguments) == 2 and arguments[1] is Ellipsis:
         arguments = (arguments[0],) * len(value)
     if len(value) != len(arguments):
@@ -231,16 +247,37 @@ def _convert_scalar(value: Any, hint: Any, where: str) -> Any:  # noqa: ANN401
             number = float(value)
         except OverflowError:
             number = math.inf
-        if not math.isfinite(number):
-            raise ConfigError(f"{where}: expected a finite number, got {value!r}")
+        if not abs(number) <= LARGEST:
+            raise ConfigError(f"{where}: expected {-LARGEST:g} to {LARGEST:g}, got {_shown(value)}")
         return number
-    if hint is Path and isinstance(value, str | Path):
+    if hint is Path and isinstance(value, str | Path) and "\0" not in str(value):
         return Path(value)
     if hint is int and isinstance(value, int) and not isinstance(value, bool):
+        if abs(value) >= 2**63:
+            raise ConfigError(f"{where}: expected a whole number of 64 bits, got {_shown(value)}")
         return value
     if hint in (bool, str) and isinstance(value, hint):
         return value
-    raise ConfigError(f"{where}: expected {getattr(hint, '__name__', hint)}, got {value!r}")
+    raise ConfigError(f"{where}: expected {getattr(hint, '__name__', hint)}, got {_shown(value)}")
+
+
+def _shown(value: object) -> str:
+    """A value of the user's, for a message."""
+    try:
+        return _shortened(repr(value))
+    except ValueError:  # Python does not write out an integer of thousands of digits
+        return "a number of thousands of digits"
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= 80 else f"{text[:79]}…"
+
+
+def require_within(value: object, **bounds: tuple[float, float]) -> None:
+    """ValueError unless each attribute named lies within its bounds, both included; NaN does not."""
+    for name, (low, high) in bounds.items():
+        found = getattr(value, name)
+        require(low <= found <= high, f"{name}: expected {low:g} to {high:g}, got {found:g}")
 
 
 def require(condition: bool, message: str) -> None:

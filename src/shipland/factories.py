@@ -3,6 +3,9 @@
 A name is one of three things: a packaged one (`paper`), an entry point of the group `shipland.pilots` and so on that
 an installed package declares, or `module:factory` of any module that Python can import, files of the current folder
 included. Names are passed on, not objects: a name pickles, and a worker process looks it up again.
+
+`module:factory` is code that runs where it is named: the user names it, on the command line or in their own
+configuration; a name found in a log or a table does not count (`is_own_code`).
 """
 
 from __future__ import annotations
@@ -69,13 +72,21 @@ def resolve(group: str, name: str | Factory) -> Factory:
         return name
     if name in PACKAGED[group]:
         return _load(group, PACKAGED[group][name])
-    if ":" in name:
+    if is_own_code(name):
+        here = str(Path.cwd())
+        if here not in sys.path and "" not in sys.path:
+            sys.path.append(here)  # at the end: a file named like a library must not take the library's place
         return _load(group, name)
     for point in metadata.entry_points(group=f"shipland.{group}", name=name):
         return _load(group, point.value)
     known = ", ".join(names(group))
     listed = f"there are: {known}" if known else "none are packaged"
     raise ConfigError(f"no {name!r} among the {group}; {listed}; your own is given as module:factory")
+
+
+def is_own_code(name: str) -> bool:
+    """Whether `resolve` would import a module that the name itself gives: neither packaged nor an entry point."""
+    return ":" in name
 
 
 def name_of(factory: str | Factory) -> str:
@@ -88,9 +99,6 @@ def name_of(factory: str | Factory) -> str:
 
 def _load(group: str, path: str) -> Factory:
     module_name, _, attribute = path.partition(":")
-    here = str(Path.cwd())
-    if here not in sys.path and "" not in sys.path:
-        sys.path.append(here)  # at the end: a file named like a library must not take the library's place
     try:
         found: Any = importlib.import_module(module_name)
     except ModuleNotFoundError as error:

@@ -231,6 +231,50 @@ class TestBadCalibrationFiles:
         assert Camera.from_opencv_yaml(path).focal_px == 600.0
 
 
+class TestDigest:
+    """What is written carries a digest of its numbers; a file without one is taken as it is."""
+
+    CAMERA = Camera(
+        1280,
+        720,
+        np.array([[926.0, 0.0, 640.1], [0.0, 925.5, 359.2], [0.0, 0.0, 1.0]]),
+        np.array([0.1, -0.25, 1e-4, -2e-4, 1.0 / 3.0]),
+        1.2e-5,
+    )
+
+    @pytest.mark.parametrize("name", ["camera.yaml", "camera.xml", "camera.json"])
+    def test_a_number_that_was_changed_is_known(self, tmp_path, name):
+        path = tmp_path / name
+        self.CAMERA.to_opencv_yaml(path)
+        assert Camera.from_opencv_yaml(path).digest == self.CAMERA.digest
+        text = path.read_text()
+        for whole, changed in (("925.5", "955.5"), ("1280", "1288"), ("row_time_s", "row_tome_s"), ("-0.25", "-0.24")):
+            path.write_text(text.replace(whole, changed))
+            with pytest.raises(DataError, match=r"not have its digest; copy it again, or take out the line"):
+                Camera.from_opencv_yaml(path)
+
+    def test_edited_by_hand_without_its_digest_it_is_taken(self, tmp_path):
+        path = tmp_path / "camera.yaml"
+        self.CAMERA.to_opencv_yaml(path)
+        kept = [line for line in path.read_text().splitlines() if not line.startswith("digest")]
+        path.write_text("\n".join(kept).replace("925.5", "955.5"))
+        assert Camera.from_opencv_yaml(path).matrix[1, 1] == 955.5
+
+    def test_with_one_bit_turned_it_is_refused_or_means_the_same(self, tmp_path, rng):
+        path = tmp_path / "camera.yaml"
+        self.CAMERA.to_opencv_yaml(path)
+        whole, refused = path.read_bytes(), 0
+        for _ in range(300):
+            damaged = bytearray(whole)
+            damaged[rng.integers(len(whole))] ^= 1 << int(rng.integers(8))
+            path.write_bytes(damaged)
+            try:
+                assert Camera.from_opencv_yaml(path).digest == self.CAMERA.digest
+            except DataError:
+                refused += 1
+        assert refused > 100
+
+
 class TestConstruction:
     @pytest.mark.parametrize(
         ("matrix", "coefficients", "fault"),

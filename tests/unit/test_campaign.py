@@ -15,7 +15,7 @@ from shipland.errors import DataError
 from shipland.missions import campaign as campaigns
 from shipland.missions import folder as folders
 from shipland.missions.campaign import CampaignPlan, run_campaign
-from shipland.missions.folder import open_folder
+from shipland.missions.folder import open_folder, read_campaign
 from shipland.missions.landing import COLUMNS, Conditions, Landing, Phases, landing_from, row_of
 from shipland.missions.rules import rules_table
 from shipland.missions.scenarios import load_scenario
@@ -123,6 +123,40 @@ def test_a_row_cut_short_is_flown_again(request_):
     assert flown == [1, 2, 3, 3]
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="wants a device that is always full")
+def test_a_repair_that_fails_leaves_the_table_whole(request_):
+    request, _ = request_
+    list(run_campaign(request))
+    path = request.out / "landings.csv"
+    cut = path.read_bytes()[:-20]
+    path.write_bytes(cut)
+    (request.out / f".landings.csv.{os.getpid()}.part").symlink_to("/dev/full")
+    with pytest.raises(DataError, match="No space left on device"):
+        list(run_campaign(request))
+    assert path.read_bytes() == cut
+    assert len(list(run_campaign(request))) == 3  # there is space again
+
+
+def test_who_reads_a_table_leaves_it_as_it_is(request_):
+    request, _ = request_
+    list(run_campaign(request))
+    path = request.out / "landings.csv"
+    path.write_bytes(path.read_bytes()[:-20])  # the campaign that flies in it is writing this row
+    before = path.read_bytes()
+    assert [it.seed for it in read_campaign(request.out)] == [1, 2]
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("damage", [b"\xff\xfe", b"\x00", b'"' + b"9" * 200_000, b"9" * 5000])
+def test_a_table_of_any_content_is_one_line(request_, damage):
+    request, _ = request_
+    list(run_campaign(request))
+    path = request.out / "landings.csv"
+    path.write_bytes(path.read_bytes().replace(b"\n2,", b"\n" + damage + b"2,"))
+    with pytest.raises(DataError, match=r"not a landing|not text in UTF-8"):
+        read_campaign(request.out)
+
+
 def test_a_second_campaign_in_the_folder_is_refused(request_):
     request, _ = request_
     with closing(run_campaign(request)) as first:
@@ -154,12 +188,11 @@ def test_a_full_disk_is_one_line(tmp_path):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="wants a device that is always full")
 def test_after_a_full_disk_the_folder_can_be_used(tmp_path):
     key = dict.fromkeys(("version", "source", "configuration", "pilot", "vision", "own_code", "weights"), "")
-    (tmp_path / "campaign.part").symlink_to("/dev/full")
+    (tmp_path / f".campaign.json.{os.getpid()}.part").symlink_to("/dev/full")
     with pytest.raises(DataError, match="No space left on device"), open_folder(tmp_path, key):
         pass
     assert not (tmp_path / "campaign.json").exists()
-    (tmp_path / "campaign.part").unlink()  # there is space again
-    with open_folder(tmp_path, key) as folder:
+    with open_folder(tmp_path, key) as folder:  # there is space again
         assert not folder.seeds
 
 

@@ -12,6 +12,12 @@ from hypothesis import given
 
 from shipland.config import build, merge, nested, packaged_names, packaged_toml, read_toml, require, setting, settings
 from shipland.errors import ConfigError, ShiplandError
+from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.vehicles.anafi.parameters import AnafiParameters
+from shipland.vehicles.camera_stream import StreamParameters
+from shipland.vehicles.checks import PreflightParameters
+from shipland.vehicles.mavlink.parameters import MavlinkParameters
+from shipland.vehicles.touchdown import TouchdownParameters
 
 
 class Law(enum.Enum):
@@ -104,15 +110,15 @@ class TestBuild:
             ("point_m", 1.0, r"s\.point_m: expected a list, got 1\.0"),
             ("point_m", "123", r"s\.point_m: expected a list, got '123'"),
             ("point_m", [1, 2], r"s\.point_m: expected 3 values, got 2"),
-            ("point_m", [1, 2, math.nan], r"s\.point_m\[2\]: expected a finite number, got nan"),
+            ("point_m", [1, 2, math.nan], r"s\.point_m\[2\]: expected -1e\+09 to 1e\+09, got nan"),
             ("point_m", [1, True, 3], r"s\.point_m\[1\]: expected float, got True"),
             ("gains", [{"k_p": 1, "k_i": 0}, {"k_p": 1}], r"s\.gains\[1\]: missing key 'k_i'"),
             ("processing", "fast", r"s\.processing: 'fast' is none of 'paper', 'zero'"),
             ("limit", "none", r"s\.limit: expected float, got 'none'"),
-            ("margin_m", math.inf, r"s\.margin_m: expected a finite number, got inf"),
-            ("margin_m", -math.inf, r"s\.margin_m: expected a finite number, got -inf"),
-            ("margin_m", math.nan, r"s\.margin_m: expected a finite number, got nan"),
-            ("margin_m", 10**400, r"s\.margin_m: expected a finite number, got 1000"),
+            ("margin_m", math.inf, r"s\.margin_m: expected -1e\+09 to 1e\+09, got inf"),
+            ("margin_m", -math.inf, r"s\.margin_m: expected -1e\+09 to 1e\+09, got -inf"),
+            ("margin_m", math.nan, r"s\.margin_m: expected -1e\+09 to 1e\+09, got nan"),
+            ("margin_m", 10**400, r"s\.margin_m: expected -1e\+09 to 1e\+09, got 1000"),
         ],
     )
     def test_wrong_values_are_refused_with_their_place(self, key, value, fault):
@@ -274,3 +280,89 @@ class TestSettings:
 
     def test_dotted_keys_nest(self):
         assert nested({"a.b": 1, "a": {"c.d": 2}}) == {"a": {"b": 1, "c": {"d": 2}}}
+
+
+DEEP = ["=" + "[" * 2000, "=" + "[" * 40 + "]" * 40, "=" + "{a=" * 400 + "1" + "}" * 400, ".a" * 2000 + "=1"]
+
+
+class TestHostile:
+    @pytest.mark.parametrize("text", [*DEEP, "=" + "9" * 5000, "=0x" + "f" * 5000, "=1e999999"])
+    def test_a_setting_of_any_text_is_one_short_line(self, text):
+        with pytest.raises(ConfigError) as told:
+            load_scenario(scenario_table("near", None, [f"wind.mean_mps{text}"] * 2))
+        assert len(str(told.value)) < 300
+        assert "\n" not in str(told.value)
+
+    @pytest.mark.parametrize("text", [*DEEP, "=" + "9" * 5000])
+    def test_a_file_of_any_text_is_one_line(self, text, tmp_path):
+        path = tmp_path / "own.toml"
+        path.write_text(f"[wind]\nmean_mps{text}\n")
+        with pytest.raises(ConfigError, match=r"own\.toml is not valid TOML: |expected float") as told:
+            load_scenario(path)
+        assert "\n" not in str(told.value)
+
+    def test_a_whole_number_is_of_64_bits(self):
+        with pytest.raises(ConfigError, match=r"s\.steps: expected a whole number of 64 bits, got 9223372036854775808"):
+            build(Settings, table(steps=2**63), "s")
+
+
+def floats(values, section):
+    return [(section, key) for key, value in values.items() if isinstance(value, float)]
+
+
+NEAR, VEHICLES = scenario_table("near"), packaged_toml("vehicles")
+GUARDS = {
+    "vehicles": {
+        "mavlink": MavlinkParameters,
+        "anafi": AnafiParameters,
+        "touchdown": TouchdownParameters,
+        "preflight": PreflightParameters,
+        "camera": StreamParameters,
+    },
+    "guidance.approach": "max_height_error_m max_speed_mps max_yaw_error_deg max_data_age_s gate_m astray_m "
+    "climb_out_radius_m climb_out_height_m climb_out_percent climb_out_s",
+    "guidance.modes": "lost_s lost_box_s memory_s blind_landing_s",
+    "guidance.horizon": "astray_m unfit_m known_m watch_known_m",
+    "guidance.horizon.descent": "sink_mps drop_mps",
+    "guidance.horizon.delayed": "velocity_gate picture_gate lag_s",
+    "vision": "max_blur max_noise length_tolerance slope_tolerance screening_px reprojection_px max_distance_m track_s "
+    "track_climb_mps gimbal_noise_rad",
+    "eyes": "patience_s memory_s",
+    "detector": "stale_s",
+    "safety.cue_height": "gap_s patience_s",
+    "aircraft.settings": "command_timeout_s",
+}
+OF_VEHICLES = [each for section in GUARDS["vehicles"] for each in floats(VEHICLES[section], section)]
+OF_SCENARIOS = [(section, key) for section, keys in GUARDS.items() if section != "vehicles" for key in keys.split()]
+
+
+class TestBounds:
+    """What guards something cannot be switched off by a number without end."""
+
+    @pytest.mark.parametrize(("section", "key"), OF_VEHICLES)
+    def test_of_real_vehicles(self, section, key):
+        build(GUARDS["vehicles"][section], VEHICLES[section])
+        for value in (1e300, 1e6, math.inf, math.nan, -1.0):
+            with pytest.raises(ConfigError, match=rf"{key}: expected [^ ]+ to [^ ]+, got"):
+                build(GUARDS["vehicles"][section], VEHICLES[section] | {key: value}, "vehicles")
+
+    @pytest.mark.parametrize(("section", "key"), OF_SCENARIOS)
+    def test_of_a_flight(self, section, key):
+        for text in ("1e300", "1e6", "inf", "nan"):
+            with pytest.raises(ConfigError, match=rf"{key}: expected [^ ]+ to [^ ]+, got"):
+                load_scenario(merge(NEAR, settings([f"{section}.{key}={text}"])))
+
+    def test_no_number_of_a_flight_is_beyond_all_bounds(self):
+        def numbers(values, where=""):
+            for key, value in values.items():
+                if isinstance(value, dict):
+                    yield from numbers(value, f"{where}{key}.")
+                elif isinstance(value, float):
+                    yield f"{where}{key}"
+
+        names = list(numbers(NEAR))
+        assert len(names) > 500
+        for name in names[::30]:
+            for text in ("1e300", "-1e300"):
+                with pytest.raises(ConfigError):
+                    load_scenario(merge(NEAR, settings([f"{name}={text}"])))

@@ -11,6 +11,8 @@ from shipland.learning.augment import clip_targets, training_window, window
 from shipland.learning.dataset import IGNORED, Dataset, coco_table, read_dataset, sequences
 from shipland.learning.settings import AugmentParameters
 
+LATIN = "Brücke\n".encode("latin-1")
+
 PLAIN = AugmentParameters(
     scale_min=1.0,
     scale_max=1.0,
@@ -220,3 +222,21 @@ def test_frames_of_one_burst_are_held_out_together(folder):
     alone = replace(dataset, samples=dataset.samples[:10])
     numbers = sorted(int(item.path.stem[2:]) for item in alone.split(0.3, 3)[1].samples)
     assert numbers == list(range(numbers[0], numbers[0] + 3))
+
+
+@pytest.mark.parametrize("name", ["classes.txt", "data.yaml", "scenes.jsonl"])
+def test_a_table_in_another_encoding_is_one_line(folder, name):
+    if name == "data.yaml":
+        (folder / "classes.txt").unlink()
+    (folder / name).write_bytes(LATIN)
+    with pytest.raises(DataError, match=rf"{name} is not text in UTF-8"):
+        read_dataset(folder)
+
+
+@pytest.mark.parametrize(
+    "line", ["[" * 100_000, '{"file": ' * 100 + "1" + "}" * 100, "1" * 5000, '{"file": [1]}', "[]"]
+)
+def test_a_line_of_scenes_that_is_none_is_named(folder, line):
+    (folder / "scenes.jsonl").write_text(f'{{"file": "0.jpg"}}\n{line}\n')
+    with pytest.raises(DataError, match=r"scenes\.jsonl, line 2: expected a JSON object with a key 'file'"):
+        read_dataset(folder)

@@ -12,7 +12,7 @@ import pytest
 m = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
 sys.path.append(str(Path(__file__).parents[2] / "tools"))
 
-from fuzz_mavlink import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
+from fuzz_link import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
 
 from shipland.errors import ConfigError, VehicleError  # noqa: E402
 from shipland.vehicles.camera_stream import ExposureClock  # noqa: E402

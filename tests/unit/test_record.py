@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_up_flight import CAMERA, INFO, RIG, VERDICT, corners_px, flight, record_at, truth_at
 from mcap.reader import make_reader
+from mcap.writer import CompressionType, Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 from shipland.camera import Camera
@@ -32,12 +33,13 @@ from shipland.messages import (
 )
 from shipland.record.columns import Derived, FlightColumns, derive
 from shipland.record.foxglove_scene import nanoseconds, timestamp
-from shipland.record.info import FlightInfo, LogHeader, config_digest
+from shipland.record.info import FORMAT_VERSION, FlightInfo, LogHeader, config_digest
 from shipland.record.reader import read_log
 from shipland.record.rows import from_row, json_schema, to_row
 from shipland.record.writer import LogParameters, LogWriter
 from shipland.report.outputs import load_outputs
 from shipland.report.plots import plot_flight
+from shipland.vision.log_pictures import read_pictures
 
 PARAMETERS = LogParameters(image_rate_hz=10.0, image_width_px=640, image_quality=85)
 
@@ -252,6 +254,46 @@ def test_what_is_no_flight_log_is_said_in_words(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(DataError, match="cannot be written"):
         LogWriter(tmp_path / "file" / "flight.mcap", INFO, RIG, CAMERA, PARAMETERS)
+
+
+@pytest.fixture(scope="module")
+def small_log(tmp_path_factory):
+    return write(tmp_path_factory.mktemp("small") / "flight.mcap", flight(from_s=33.8, to_s=33.84))
+
+
+@pytest.mark.parametrize("value", [2**40, 2**63])
+def test_lengths_that_no_file_has_end_the_log_or_are_one_line(small_log, tmp_path, value):
+    """Every length and time of the first records and of the first chunk, in turn."""
+    whole, path = small_log.read_bytes(), tmp_path / "hostile.mcap"
+    for start in range(8, 408, 2):
+        path.write_bytes(whole[:start] + value.to_bytes(8, "little") + whole[start + 8 :])
+        for read in (read_log, lambda path: list(read_pictures(path))):
+            try:
+                read(path)
+            except DataError as error:
+                assert "\n" not in str(error)
+
+
+def test_a_row_that_is_no_json_is_one_line(tmp_path, rng):
+    def logged(*rows):
+        path = tmp_path / "rows.mcap"
+        with path.open("wb") as stream:
+            writer = Writer(stream, compression=CompressionType.NONE)
+            writer.start()
+            header = json.dumps(to_row(LogHeader(FORMAT_VERSION, INFO, RIG, CAMERA))).encode()
+            for topic, data in (("/header", header), *(("/flight", row) for row in rows)):
+                channel = writer.register_channel(topic, "json", 0)
+                writer.add_message(channel, log_time=0, publish_time=0, data=data)
+            writer.finish()
+        return path
+
+    good = json.dumps(to_row(record_at(33.0, rng))).encode()
+    assert len(read_log(logged(good, good)).records) == 2
+    for bad in (b'{"a": ', b"[" * 100_000, b'{"a": ' + b"1" * 5000 + b"}", b"\xff", b"3"):
+        with pytest.raises(DataError, match=r"rows\.mcap: message 2 of /flight is no row"):
+            read_log(logged(good, bad, good))
+    with pytest.raises(DataError, match="a row of FlightRecord"):
+        read_log(logged(good, b"[]", good))
 
 
 # What viewers see

@@ -1,17 +1,24 @@
 """Vision and pilot over a recording again: the same give the same, others differ and it is said by how much."""
 
+import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import av
 import numpy as np
 import pytest
+from made_up_flight import CAMERA, INFO, RIG, flight
 
 from shipland.errors import ConfigError, DataError
 from shipland.missions.campaign import Flight, land_once
 from shipland.missions.replays import recorded_film, recorded_flight, replay
-from shipland.missions.scenarios import load_scenario
+from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.record.writer import LogWriter
+from shipland.report.outputs import load_outputs
 from shipland.report.viewer import Viewer
+
+CONFIGURATION = json.dumps(scenario_table("near"))
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +85,52 @@ def test_without_rerun_one_line_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(ConfigError, match=r"shipland\[viewer\]"):
         Viewer(load_scenario("near").rig, Path("nowhere.rrd"))
+
+
+@pytest.fixture
+def own_code(tmp_path, monkeypatch):
+    """A folder with a module that leaves a mark when it is imported, and whether it was."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    lines = ["from pathlib import Path", "from shipland.guidance.pilots import paper as pilot"]
+    lines += ["from shipland.missions.visions import geometric as vision", "Path('imported').touch()"]
+    (tmp_path / "left_by_someone.py").write_text("\n".join(lines))
+    yield lambda: (tmp_path / "imported").exists()
+    sys.modules.pop("left_by_someone", None)
+
+
+def log_of(path, pilot="paper", vision="geometric", configuration=CONFIGURATION):
+    """A log of three cycles with this in its header."""
+    info = replace(INFO, pilot=pilot, vision=vision, configuration=configuration)
+    with LogWriter(path, info, RIG, CAMERA, load_outputs().log) as writer:
+        for record in flight(from_s=20.0, to_s=20.09, pictures=False):
+            writer.append(record)
+        writer.finish(None)
+    return path
+
+
+@pytest.mark.parametrize("option", ["pilot", "vision"])
+def test_code_that_a_log_names_runs_only_when_the_user_names_it(own_code, tmp_path, option):
+    name = f"left_by_someone:{option}"
+    log = log_of(tmp_path / "flight.mcap", **{option: name})
+    with pytest.raises(ConfigError, match=rf"names code as its {option}.*give --{option} {name} to run it"):
+        recorded_flight(log)
+    assert not own_code()
+    assert len(replay(recorded_flight(log, **{option: name})).pairs) == 3
+    assert own_code()
+
+
+def test_code_that_a_logs_configuration_names_is_not_run(own_code, tmp_path):
+    table = json.loads(CONFIGURATION)
+    table["aircraft"]["kind"] = table["aircraft"]["loop"]["kind"] = "left_by_someone:pilot"
+    replay(recorded_flight(log_of(tmp_path / "flight.mcap", configuration=json.dumps(table))))
+    assert not own_code()
+
+
+@pytest.mark.parametrize("text", ["{", "[1]", '{"a": ' * 500 + "1" + "}" * 500, '{"a": ' + "1" * 5000 + "}"])
+def test_a_log_whose_configuration_is_broken_is_one_line(tmp_path, text):
+    with pytest.raises(DataError, match="the log's configuration cannot be read"):
+        recorded_flight(log_of(tmp_path / "flight.mcap", configuration=text))
 
 
 def test_a_log_of_another_version_says_so_where_its_configuration_is_none_today(log, monkeypatch):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shipland.compiled import compiled
+from shipland.config import require_within
 from shipland.estimation.kernels import add_input, corrected, mean_after, mean_input, spread_after
 from shipland.estimation.relative_state import REFERENCE, SPEED, STATES, Belief, Model, seen_of, velocity_of
 from shipland.frames import Array
@@ -79,6 +80,9 @@ class DelayedParameters:
     velocity_repeats: float
     flow_settle_s: float
     lag_s: float
+
+    def __post_init__(self) -> None:
+        require_within(self, velocity_gate=(1.0, 200.0), picture_gate=(1.0, 200.0), lag_s=(0.0, 5.0))
 
 
 @dataclass(frozen=True)

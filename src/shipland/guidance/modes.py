@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from shipland.config import require
+from shipland.config import require, require_within
 from shipland.messages import Intent, Mode, Observation, PilotCommand
 
 
@@ -40,6 +40,14 @@ class ModeParameters:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             require(value >= 0, f"{name} must not be negative, got {value}")
+        require_within(
+            self,
+            lost_s=(0.0, 5.0),
+            lost_box_s=(0.0, 10.0),
+            memory_s=(0.0, 30.0),
+            blind_landing_s=(0.0, 10.0),
+            max_tries=(0, 100),
+        )
 
     def lost_after_s(self, source: str) -> float:
         """How long evidence of `corners`, `bar` or `ship` lasts [s]."""

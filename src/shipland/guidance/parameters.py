@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from shipland.config import require
+from shipland.config import require, require_within
 from shipland.guidance.far import FarBaselines, FarKind, FarParameters
 from shipland.guidance.horizon.learned import LearnedParameters
 from shipland.guidance.horizon.parameters import HorizonParameters
@@ -64,6 +64,20 @@ class ApproachParameters:
 
     def __post_init__(self) -> None:
         require(self.hover_height_m > self.commit_height_m > 0.0, "hover_height_m > commit_height_m > 0 must hold")
+        require_within(
+            self,
+            hover_height_m=(0.1, 50.0),
+            max_height_error_m=(0.01, 10.0),
+            max_speed_mps=(0.01, 5.0),
+            max_yaw_error_deg=(0.5, 45.0),
+            max_data_age_s=(0.05, 3.0),
+            gate_m=(0.01, 5.0),
+            astray_m=(0.05, 20.0),
+            climb_out_radius_m=(1.0, 1000.0),
+            climb_out_height_m=(0.5, 100.0),
+            climb_out_percent=(10.0, 100.0),
+            climb_out_s=(0.5, 60.0),
+        )
         require(0.0 < self.square_margin <= 1.0, "square_margin must be in (0, 1]")
         require(0.0 < self.descent_percent <= 100.0, "descent_percent must be in (0, 100]")
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from shipland.config import require
+from shipland.config import require, require_within
 from shipland.frames import GRAVITY_MPS2
 
 
@@ -56,6 +56,8 @@ class Response:
     def __post_init__(self) -> None:
         for name in ("max_tilt_rad", "lag_s", "max_climb_mps", "climb_lag_s", "max_turn_rad_s", "turn_lag_s"):
             require(getattr(self, name) > 0.0, f"{name} must be positive, got {getattr(self, name)}")
+        require_within(self, max_tilt_rad=(0.0, 1.2), max_climb_mps=(0.0, 20.0), max_turn_rad_s=(0.0, 10.0))
+        require_within(self, lag_s=(0.0, 10.0), uplink_s=(0.0, 3.0), dead_time_s=(0.0, 3.0))
         for name in ("drag_per_s", "uplink_s", "dead_time_s", "hold_below_percent"):
             require(getattr(self, name) >= 0.0, f"{name} must not be negative, got {getattr(self, name)}")
         if self.kind == "velocity":

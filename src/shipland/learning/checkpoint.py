@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from shipland.errors import DataError
-from shipland.learning.dataset import write_atomically
+from shipland.files import json_of, write_atomically
 from shipland.vision.far.decode import DetectorSpec
 
 FORMAT = "shipland-checkpoint-2"
@@ -77,9 +77,12 @@ def save_checkpoint(path: Path, tensors: dict[str, Tensor], spec: DetectorSpec, 
 def load_checkpoint(path: Path) -> tuple[dict[str, Tensor], DetectorSpec, Progress]:
     """Read what `save_checkpoint` wrote; DataError when it is missing, truncated or another file."""
     tensors, metadata = read_tensors(path, FORMAT, "train")
-    progress: dict[str, Any] = json.loads(metadata["progress"])
-    progress["hard"] = [tuple(point) for point in progress["hard"]]
-    return tensors, DetectorSpec.from_json(metadata["spec"], str(path)), Progress(**progress)
+    try:
+        progress: dict[str, Any] = json_of(metadata["progress"])
+        progress["hard"] = [tuple(point) for point in progress["hard"]]
+        return tensors, DetectorSpec.from_json(metadata["spec"], str(path)), Progress(**progress)
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"checkpoint {path} is damaged: its progress cannot be read: {error}") from None
 
 
 def prefixed(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from shipland.errors import DataError
-from shipland.learning.dataset import write_atomically
+from shipland.files import write_atomically
 from shipland.learning.yolov3 import (
     Conv,
     ConvWeights,

@@ -7,8 +7,6 @@ an error. `classes.txt` or `data.yaml` names the classes.
 
 from __future__ import annotations
 
-import json
-import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -20,6 +18,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from shipland.errors import DataError
+from shipland.files import json_of, read_text
 from shipland.vision.pictures import PICTURE_SUFFIXES, Picture, read_picture
 
 Targets = npt.NDArray[np.float32]
@@ -162,7 +161,7 @@ def _class_names(folder: Path, classes: Sequence[str] | None) -> tuple[str, ...]
         return tuple(classes)
     listed = folder / "classes.txt"
     if listed.is_file():
-        names = tuple(line.strip() for line in listed.read_text(encoding="utf-8").splitlines() if line.strip())
+        names = tuple(line.strip() for line in read_text(listed).splitlines() if line.strip())
         if not names:
             raise DataError(f"{listed} names no class")
         return names
@@ -175,7 +174,7 @@ def _class_names(folder: Path, classes: Sequence[str] | None) -> tuple[str, ...]
 
 def yaml_names(path: Path) -> tuple[str, ...]:
     """The `names` of a data.yaml as labelling tools export it: a list in brackets, a list of lines, or `0: name`."""
-    text = path.read_text(encoding="utf-8")
+    text = read_text(path)
     match = re.search(r"^names:[ \t]*(\[[^\]]*\]|\{[^}]*\}|(?:\s*\n[ \t]*(?:- *|\d+ *:).*)+)", text, re.MULTILINE)
     body = "" if match is None else match[1].strip()
     items = body[1:-1].split(",") if body[:1] in ("[", "{") else body.splitlines()
@@ -193,11 +192,11 @@ def read_scenes(folder: Path) -> dict[str, dict[str, Any]]:
     if not path.is_file():
         return {}
     scenes: dict[str, dict[str, Any]] = {}
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(read_text(path).splitlines(), 1):
         try:
-            scene = json.loads(line)
+            scene = json_of(line)
             scenes[scene["file"]] = scene
-        except (json.JSONDecodeError, KeyError, TypeError):
+        except (KeyError, TypeError, ValueError):
             raise DataError(f"{path}, line {number}: expected a JSON object with a key 'file'") from None
     return scenes
 
@@ -270,17 +269,3 @@ def coco_table(dataset: Dataset) -> dict[str, Any]:
             )
     categories = [{"id": index, "name": name} for index, name in enumerate(dataset.classes, 1)]
     return {"images": images, "annotations": annotations, "categories": categories}
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write `data` beside `path`, then put it in its place: a reader sees the old file or the new one, whole."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with beside.open("wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)

@@ -20,8 +20,9 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.config import build, require
 from shipland.errors import DataError
+from shipland.files import json_of, read_text, write_atomically
 from shipland.learning.arguments import EvaluateArguments
-from shipland.learning.dataset import Dataset, read_dataset, write_atomically
+from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.metrics import COCO_IOUS, Tally
 from shipland.learning.progress import followed
 from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
@@ -272,14 +273,17 @@ def _claim(arguments: EvaluateArguments, drawn: ShipAndCamera) -> dict[int, Scen
     } | drawn.note()
     note, lines = out / "evaluate.json", out / "scenes.jsonl"
     if note.is_file():
-        there = json.loads(note.read_text(encoding="utf-8"))
+        try:
+            there = json_of(read_text(note))
+        except ValueError:
+            raise DataError(f"{note} is broken: choose another folder") from None
         if there != wanted:
             raise DataError(f"{out} holds an evaluation with {there}, not {wanted}: choose another folder")
     out.mkdir(parents=True, exist_ok=True)
     write_atomically(note, json.dumps(wanted).encode())
     if not lines.is_file():
         return {}
-    text = lines.read_text(encoding="utf-8")
+    text = read_text(lines)
     whole = text[: text.rfind("\n") + 1]  # a line that was cut off is made again
     if whole != text:
         write_atomically(lines, whole.encode())

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.errors import DataError, SystemLibraryError
-from shipland.learning.dataset import write_atomically
+from shipland.files import check_digest, write_with_digest
 from shipland.learning.yolov3 import (
     LEAKY_SLOPE,
     NORM_EPSILON,
@@ -143,16 +143,17 @@ def write_onnx(
     half: bool = True,
     rgb: bool = False,
 ) -> None:
-    """Write the network as ONNX, whole or not at all."""
-    write_atomically(path, onnx_bytes(layers, weights, spec, half=half, rgb=rgb))
+    """Write the network as ONNX, whole or not at all, with its digest."""
+    write_with_digest(path, onnx_bytes(layers, weights, spec, half=half, rgb=rgb))
 
 
 def read_onnx(path: Path, layers: Sequence[Layer]) -> tuple[list[ConvWeights], DetectorSpec]:
     """The numbers of a file that `write_onnx` wrote, and its spec; normalisation stays folded into the kernels.
 
     Raises:
-        DataError: no ONNX file of this project, or a network of another shape.
+        DataError: damaged (`check_digest`), no ONNX file of this project, or a network of another shape.
     """
+    check_digest(path)
     onnx = _onnx()
     from google.protobuf.message import DecodeError  # type: ignore[import-untyped]
 
@@ -191,7 +192,7 @@ def write_int8(
     *,
     rgb: bool = False,
 ) -> None:
-    """Write the network with 8-bit weights and activations.
+    """Write the network with 8-bit weights and activations, whole or not at all, with its digest.
 
     Args:
         path: file to write.
@@ -241,7 +242,7 @@ def write_int8(
         onnx = _onnx()
         model = onnx.load(str(small))
         onnx.helper.set_model_props(model, {METADATA_KEY: spec.to_json()})
-        write_atomically(path, bytes(model.SerializeToString()))
+        write_with_digest(path, bytes(model.SerializeToString()))
 
 
 def planes(picture: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from shipland.config import build
 from shipland.errors import ConfigError, DataError
+from shipland.files import json_of
 from shipland.learning.metrics import Tally, wilson_interval
 from shipland.vision.far.decode import iou
 
@@ -58,8 +59,8 @@ class SceneRecord:
     def from_json(line: str, where: str) -> SceneRecord:
         """Read what `to_json` wrote; DataError names the place `where`."""
         try:
-            return build(SceneRecord, json.loads(line), where)
-        except (json.JSONDecodeError, ConfigError) as error:
+            return build(SceneRecord, json_of(line), where)
+        except (ValueError, ConfigError) as error:
             raise DataError(f"{where}: no scene of `shipland evaluate`: {error}") from None
 
 

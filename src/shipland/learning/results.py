@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from shipland.files import write_atomically
 from shipland.learning.arguments import TrainArguments
 from shipland.learning.augment import window
 from shipland.learning.checkpoint import Progress
-from shipland.learning.dataset import Dataset, write_atomically
+from shipland.learning.dataset import Dataset
 from shipland.learning.export import write_int8, write_onnx
 from shipland.learning.network import Network, weights_of
 from shipland.learning.settings import TrainParameters

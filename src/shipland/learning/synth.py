@@ -25,8 +25,9 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.config import build
 from shipland.errors import DataError
+from shipland.files import write_atomically
 from shipland.learning.arguments import Kind, SynthArguments
-from shipland.learning.dataset import coco_table, read_dataset, write_atomically
+from shipland.learning.dataset import coco_table, read_dataset
 from shipland.learning.decoys import foot_box_px, paint
 from shipland.learning.progress import followed
 from shipland.learning.sensor import degrade

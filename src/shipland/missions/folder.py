@@ -20,6 +20,7 @@ from typing import Any
 
 from shipland import factories
 from shipland.errors import DataError
+from shipland.files import json_of, read_text, write_atomically
 from shipland.missions.landing import COLUMNS, Landing, landing_from, row_of
 from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import needs_pictures
@@ -67,7 +68,7 @@ def campaign_key(scenario: Scenario, pilot: str, vision: str) -> dict[str, Any]:
         "configuration": config_digest(table),
         "pilot": pilot,
         "vision": vision,
-        "own_code": {name: _own_code_digest(name) for name in (pilot, vision) if ":" in name},
+        "own_code": {name: _own_code_digest(name) for name in (pilot, vision) if factories.is_own_code(name)},
         "weights": weights,
         "python": platform.python_version(),
         "libraries": {name: _version_of(name) for name in _LIBRARIES},
@@ -107,13 +108,13 @@ class CampaignFolder:
         if self._path.exists() or beside.exists():
             _check_key(beside, key)
         else:
-            part = beside.with_suffix(".part")  # a full disk leaves no half of it
-            part.write_text(json.dumps(key, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-            part.replace(beside)
-        self.done = _read_done(self._path) if self._path.exists() else {}
+            write_atomically(beside, (json.dumps(key, indent=1, ensure_ascii=False) + "\n").encode())
+        text = read_text(self._path) if self._path.exists() else ""
+        whole = _whole_rows(text) or ",".join(COLUMNS) + "\n"
+        self.done = _landings(self._path, whole)
         self.seeds = set(self.done)
-        if not self._path.exists():
-            self._path.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
+        if whole != text:
+            write_atomically(self._path, whole.encode())
 
     def append(self, landing: Landing) -> None:
         """Write one more row; DataError when it cannot be written."""
@@ -165,10 +166,10 @@ def claimed(out: Path) -> Iterator[None]:
 
 
 def _check_key(beside: Path, key: dict[str, Any]) -> None:
+    if not beside.exists():
+        raise DataError(f"{beside.parent} holds landings without campaign.json; give another folder")
     try:
-        found = json.loads(beside.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(f"{beside.parent} holds landings without campaign.json; give another folder") from None
+        found = json_of(read_text(beside))
     except ValueError:
         raise DataError(f"{beside} is not readable; give another folder") from None
     differ = [words for name, words in _BOUND.items() if not isinstance(found, dict) or found.get(name) != key[name]]
@@ -183,18 +184,23 @@ def read_campaign(folder: Path) -> list[Landing]:
         within = ", ".join(str(each.parent) for each in sorted(folder.glob("*/landings.csv")))
         hint = f"; give one of {within}" if within else ""
         raise DataError(f"{folder} holds no campaign: {path} does not exist{hint}")
-    return list(_read_done(path).values())
+    return list(_landings(path, _whole_rows(read_text(path))).values())
 
 
-def _read_done(path: Path) -> dict[int, Landing]:
-    text = path.read_text(encoding="utf-8")
-    if not text.endswith("\n"):  # the last row was cut short, by a full disk for instance: it is flown again
-        text = text[: text.rfind("\n") + 1]
-        path.write_text(text, encoding="utf-8")
-    done = {}
-    for number, row in enumerate(csv.DictReader(text.splitlines()), start=2):
+def _whole_rows(text: str) -> str:
+    """Without a last row that was cut short, by a full disk for instance: it is flown again."""
+    return text[: text.rfind("\n") + 1]
+
+
+def _landings(path: Path, text: str) -> dict[int, Landing]:
+    """By seed; `path` is for messages."""
+    done: dict[int, Landing] = {}
+    rows = csv.DictReader(text.splitlines())
+    while True:
         try:
+            if (row := next(rows, None)) is None:
+                return done
             done[int(row["seed"])] = landing_from(row)
-        except (KeyError, TypeError, ValueError):
-            raise DataError(f"{path}, line {number}: not a landing; remove the line to fly it again") from None
-    return done
+        except (csv.Error, KeyError, TypeError, ValueError):
+            line = max(rows.line_num, 1)
+            raise DataError(f"{path}, line {line}: not a landing; remove the line to fly it again") from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -108,18 +107,24 @@ def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequ
 
     Args:
         path: of the log.
-        pilot: who flies; empty: who flew.
-        vision: who sees; empty: who saw.
+        pilot: who flies; empty: who flew, if that is no `module:factory`.
+        vision: who sees; empty: who saw, likewise.
         changes: texts `section.key=value` laid over the scenario that flew.
 
     Raises:
         DataError: the log cannot be read.
-        ConfigError: it was flown with a configuration that is none today, or a change is wrong.
+        ConfigError: it was flown with a configuration that is none today, a change is wrong, or it names a module of
+            the user's, which a log does not get to run.
     """
     log = read_log(path)
     info = log.header.info
+    for option, given, recorded in (("pilot", pilot, info.pilot), ("vision", vision, info.vision)):
+        if not given and factories.is_own_code(recorded):
+            raise ConfigError(
+                f"{path} names code as its {option}, which a log does not get run: give --{option} {recorded} to run it"
+            )
     try:
-        scenario = load_scenario(merge(json.loads(info.configuration), settings(changes)))
+        scenario = load_scenario(merge(info.table(), settings(changes)))
     except ConfigError as error:
         if info.code_version == code_version():
             raise

@@ -11,6 +11,8 @@ from typing import Any
 
 from shipland.camera import Camera
 from shipland.config import require
+from shipland.errors import DataError
+from shipland.files import json_of
 from shipland.rig import Rig
 
 FORMAT_VERSION = 2
@@ -46,6 +48,13 @@ class FlightInfo:
     weights_digest: str = ""
     command: str = ""
     configuration: str = "{}"
+
+    def table(self) -> dict[str, Any]:
+        """The configuration; DataError when it is no table in JSON."""
+        try:
+            return dict(json_of(self.configuration))
+        except (TypeError, ValueError) as error:
+            raise DataError(f"the log's configuration cannot be read: {error}") from None
 
     def __post_init__(self) -> None:
         require(self.aircraft_diagonal_m > 0.0, f"aircraft_diagonal_m must be positive, got {self.aircraft_diagonal_m}")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from dataclasses import dataclass
 from pathlib import Path
 
 from shipland.errors import DataError
+from shipland.files import json_of
+from shipland.mcap_records import mcap_records
 from shipland.messages import FlightRecord, TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.info import FORMAT_VERSION, LogHeader
@@ -41,7 +41,7 @@ def read_log(path: Path) -> FlightLog:
     """Read `flight.mcap`; of a broken-off file, what there is.
 
     Raises:
-        DataError: the file is missing, no MCAP file, or no flight log of this version.
+        DataError: the file is missing, no MCAP file, no flight log of this version, or a row in it is none.
     """
     rows, complete = _read_rows(path)
     if not rows[HEADER_TOPIC]:
@@ -58,27 +58,23 @@ def read_log(path: Path) -> FlightLog:
 
 
 def _read_rows(path: Path) -> tuple[dict[str, list[Row]], bool]:
-    from mcap.exceptions import McapError
+    """By topic, and whether the file was closed in order."""
     from mcap.records import Channel, Footer, Message
-    from mcap.stream_reader import StreamReader
-    from zstandard import ZstdError
 
     rows: dict[str, list[Row]] = {FLIGHT_TOPIC: [], HEADER_TOPIC: [], VERDICT_TOPIC: []}
     topics: dict[int, str] = {}
-    complete = False
-    try:
-        with path.open("rb") as stream:
+    broken: DataError | None = None
+    for item in mcap_records(path):
+        if broken is not None:  # at the file's end it was broken off
+            raise broken
+        if isinstance(item, Channel) and item.topic in rows:
+            topics[item.id] = item.topic
+        elif isinstance(item, Message) and item.channel_id in topics:
+            topic = topics[item.channel_id]
             try:
-                for item in StreamReader(stream).records:
-                    if isinstance(item, Channel) and item.topic in rows:
-                        topics[item.id] = item.topic
-                    elif isinstance(item, Message) and item.channel_id in topics:
-                        rows[topics[item.channel_id]].append(json.loads(item.data))
-                    elif isinstance(item, Footer):
-                        complete = True
-            except (McapError, ZstdError, struct.error, ValueError) as error:
-                if not topics:
-                    raise DataError(f"{path} is not an MCAP file, or broken off at its start: {error}") from None
-    except OSError as error:
-        raise DataError(f"flight log {path} cannot be read: {error.strerror}") from None
-    return rows, complete
+                rows[topic].append(dict(json_of(item.data)))
+            except (TypeError, ValueError) as error:
+                broken = DataError(f"{path}: message {len(rows[topic]) + 1} of {topic} is no row: {error}")
+        elif isinstance(item, Footer):
+            return rows, True
+    return rows, False

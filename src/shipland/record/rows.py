@@ -22,6 +22,7 @@ import numpy as np
 
 from shipland.config import build
 from shipland.errors import DataError
+from shipland.files import json_of
 from shipland.record.descriptions import descriptions
 
 T = TypeVar("T")
@@ -72,7 +73,7 @@ def from_row(cls: type[T], row: Row) -> T:
         raise DataError(
             f"a row of {cls.__name__} lacks the column {error}; was it written by another version?"
         ) from None
-    except (TypeError, ValueError) as error:
+    except (AttributeError, OverflowError, TypeError, ValueError) as error:
         raise DataError(f"a row of {cls.__name__} cannot be read: {error}") from None
 
 
@@ -170,7 +171,7 @@ def _read(row: Row, part: _Part) -> Any:  # noqa: ANN401
         return part.kind[value]
     item = _item(part)
     if item is not None:
-        return tuple(build(item, each, part.column) for each in json.loads(value))
+        return tuple(build(item, each, part.column) for each in json_of(value))
     origin = typing.get_origin(part.kind)
     if origin is np.ndarray:
         array = np.array(value, dtype=float)  # None becomes NaN

@@ -160,7 +160,7 @@ def summarise(log: FlightLog, end: str = "") -> FlightSummary:
         max_deck_roll_deg=_largest(np.degrees(columns.deck_turn_rad[:, 0])),
         max_deck_pitch_deg=_largest(np.degrees(columns.deck_turn_rad[:, 1])),
         max_deck_heave_m=_largest(columns.deck_shift_m[:, 2]),
-        configuration=json.loads(info.configuration),
+        configuration=info.table(),
     )
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.config import require
+from shipland.config import require, require_within
 from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
@@ -69,22 +69,20 @@ class SafetyParameters:
     recovery: RecoveryParameters
 
     def __post_init__(self) -> None:
-        bounds = {
-            "max_percent": (1.0, 100.0),
-            "slew_percent_per_s": (10.0, 10_000.0),
-            "stale_s": (0.1, 5.0),
-            "floor_m": (0.0, 100.0),
-            "floor_height_m": (0.0, 100.0),
-            "bar_clearance_m": (0.1, 100.0),
-            "fence_distance_m": (5.0, 20_000.0),
-            "fence_height_m": (1.0, 1000.0),
-            "low_battery_percent": (0.0, 100.0),
-            "contact_height_m": (0.05, 20.0),
-            "contact_sight_s": (0.1, 5.0),
-        }
-        for name, (least, most) in bounds.items():
-            value = getattr(self, name)
-            require(least <= value <= most, f"{name} must be {least:g} to {most:g}, got {value}")
+        require_within(
+            self,
+            max_percent=(1.0, 100.0),
+            slew_percent_per_s=(10.0, 10_000.0),
+            stale_s=(0.1, 5.0),
+            floor_m=(0.0, 100.0),
+            floor_height_m=(0.0, 100.0),
+            bar_clearance_m=(0.1, 100.0),
+            fence_distance_m=(5.0, 20_000.0),
+            fence_height_m=(1.0, 1000.0),
+            low_battery_percent=(0.0, 100.0),
+            contact_height_m=(0.05, 20.0),
+            contact_sight_s=(0.1, 5.0),
+        )
         require(self.fence_distance_m > self.bar_clearance_m, "fence_distance_m > bar_clearance_m must hold")
         require(self.fence_height_m > self.floor_height_m, "fence_height_m > floor_height_m must hold")
 

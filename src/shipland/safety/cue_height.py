@@ -13,7 +13,7 @@ from bisect import bisect_right
 from dataclasses import dataclass, replace
 from operator import itemgetter
 
-from shipland.config import require
+from shipland.config import require, require_within
 from shipland.messages import Observation, Telemetry
 from shipland.rig import Rig
 
@@ -36,8 +36,7 @@ class CueHeightParameters:
     over_takeoff_m: float | None = None
 
     def __post_init__(self) -> None:
-        require(self.gap_s > 0.0, "gap_s must be positive")
-        require(self.patience_s >= 0.0, "patience_s must not be negative")
+        require_within(self, gap_s=(0.05, 30.0), patience_s=(0.0, 120.0))
         require(0.0 < self.share <= 1.0, "share must lie in 0 … 1")
 
 

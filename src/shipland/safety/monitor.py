@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from shipland.config import require
+from shipland.config import require_within
 from shipland.frames import GRAVITY_MPS2, Array, turned
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand, Telemetry
@@ -76,21 +76,19 @@ class MonitorParameters:
     commit_m: float
 
     def __post_init__(self) -> None:
-        bounds = {
-            "reaction_s": (0.05, 2.0),
-            "brake_mps2": (0.2, 10.0),
-            "least_to_bar_m": (0.1, 50.0),
-            "foot_m": (0.0, 10.0),
-            "wind_share": (0.1, 1.0),
-            "wind_time_s": (0.5, 60.0),
-            "leap_mps": (0.2, 20.0),
-            "height_leap_m": (0.1, 20.0),
-            "telemetry_s": (0.1, 5.0),
-            "commit_m": (0.0, 20.0),
-        }
-        for name, (least, most) in bounds.items():
-            value = getattr(self, name)
-            require(least <= value <= most, f"{name} must be {least:g} to {most:g}, got {value}")
+        require_within(
+            self,
+            reaction_s=(0.05, 2.0),
+            brake_mps2=(0.2, 10.0),
+            least_to_bar_m=(0.1, 50.0),
+            foot_m=(0.0, 10.0),
+            wind_share=(0.1, 1.0),
+            wind_time_s=(0.5, 60.0),
+            leap_mps=(0.2, 20.0),
+            height_leap_m=(0.1, 20.0),
+            telemetry_s=(0.1, 5.0),
+            commit_m=(0.0, 20.0),
+        )
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import require, require_within
 from shipland.frames import Array, turned
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand
@@ -66,20 +66,18 @@ class RecoveryParameters:
     def __post_init__(self) -> None:
         require(len(self.ladder) > 0, "ladder must hold at least one step")
         require(1 <= self.tries <= 100, f"tries must be 1 to 100, got {self.tries}")
-        bounds = {
-            "climb_percent": (10.0, 100.0),
-            "astern_mps": (0.1, 20.0),
-            "clear_height_m": (0.5, 100.0),
-            "clear_back_m": (0.5, 500.0),
-            "most_s": (1.0, 120.0),
-            "hold_s": (1.0, 600.0),
-            "return_m": (1.0, 5000.0),
-            "velocity_per_s": (0.1, 5.0),
-            "blind_s": (0.5, 30.0),
-        }
-        for name, (least, most) in bounds.items():
-            value = getattr(self, name)
-            require(least <= value <= most, f"{name} must be {least:g} to {most:g}, got {value}")
+        require_within(
+            self,
+            climb_percent=(10.0, 100.0),
+            astern_mps=(0.1, 20.0),
+            clear_height_m=(0.5, 100.0),
+            clear_back_m=(0.5, 500.0),
+            most_s=(1.0, 120.0),
+            hold_s=(1.0, 600.0),
+            return_m=(1.0, 5000.0),
+            velocity_per_s=(0.1, 5.0),
+            blind_s=(0.5, 30.0),
+        )
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,28 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from shipland.config import require_within
 from shipland.errors import VehicleError
 from shipland.messages import GimbalAttitude, GroundTruth, TouchdownVerdict
 
 _WINDOW_S = 10.0
 """In which the quickest picture tells the difference of the two clocks."""
+
+
+@dataclass(frozen=True)
+class StreamParameters:
+    """`[camera]` of vehicles.toml.
+
+    Attributes:
+        latency_s: from exposure to receipt.
+        open_timeout_s: to the first picture.
+    """
+
+    latency_s: float
+    open_timeout_s: float
+
+    def __post_init__(self) -> None:
+        require_within(self, latency_s=(0.0, 3.0), open_timeout_s=(0.5, 120.0))
 
 
 @dataclass(frozen=True)

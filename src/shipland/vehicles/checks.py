@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
-from shipland.config import require
+from shipland.config import require_within
 from shipland.guidance.response import Response
 
 
@@ -49,8 +49,15 @@ class PreflightParameters:
     wind_share: float
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value > 0.0, f"{name} must be positive, got {value}")
+        require_within(
+            self,
+            picture_hz=(1.0, 240.0),
+            picture_age_s=(0.01, 3.0),
+            telemetry_hz=(1.0, 400.0),
+            round_trip_s=(0.01, 3.0),
+            battery_percent=(1.0, 100.0),
+            wind_share=(0.01, 1.0),
+        )
 
 
 @runtime_checkable

@@ -14,7 +14,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from shipland.config import require
+from shipland.config import require_within
 from shipland.frames import GRAVITY_MPS2
 
 _LEAST_HOVER = 0.4
@@ -53,10 +53,19 @@ class TouchdownParameters:
     range_m: float
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value > 0.0, f"{name} must be positive, got {value}")
-        require(self.low_share < 0.8, f"low_share must be below 0.8, got {self.low_share}")
-        require(self.support_share < 1.0, f"support_share must be below 1, got {self.support_share}")
+        require_within(
+            self,
+            window_s=(0.05, 1.0),
+            touch_mps=(0.05, 5.0),
+            support_share=(0.05, 0.95),
+            low_share=(0.05, 0.8),
+            confirm_s=(0.05, 5.0),
+            release_s=(0.05, 5.0),
+            insist_s=(0.05, 5.0),
+            press_mps=(0.05, 3.0),
+            stale_s=(0.05, 1.0),
+            range_m=(0.05, 5.0),
+        )
 
 
 class Contact(enum.Enum):

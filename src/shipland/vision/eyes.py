@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from shipland.config import require
+from shipland.config import require, require_within
 from shipland.messages import Frame, Observation
 from shipland.vision.vision import Vision
 
@@ -35,6 +35,7 @@ class EyesParameters:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             require(value >= 0.0 or name == "deck_pitch_deg", f"{name} must not be negative, got {value}")
+        require_within(self, patience_s=(0.0, 10.0), memory_s=(0.0, 30.0))
         require(-90.0 <= self.deck_pitch_deg < -25.0, "deck_pitch_deg must lie in [-90, -25): a search looks down too")
 
 

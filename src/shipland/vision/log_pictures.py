@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from shipland.errors import DataError
+from shipland.mcap_records import mcap_records
 
 IMAGE_TOPIC = "/camera/image"
 _DATA_FIELD = 2
@@ -23,27 +22,20 @@ def read_pictures(path: Path) -> Iterator[tuple[int, npt.NDArray[np.uint8]]]:
     Raises:
         DataError: the file cannot be read.
     """
-    from mcap.exceptions import McapError
     from mcap.records import Channel, Message
-    from mcap.stream_reader import StreamReader
-    from zstandard import ZstdError
 
     channel_id = None
-    try:
-        with path.open("rb") as stream:
+    for item in mcap_records(path):
+        if isinstance(item, Channel) and item.topic == IMAGE_TOPIC:
+            channel_id = item.id
+        elif isinstance(item, Message) and item.channel_id == channel_id:
+            jpeg = _bytes_field(item.data, _DATA_FIELD)
             try:
-                for item in StreamReader(stream).records:
-                    if isinstance(item, Channel) and item.topic == IMAGE_TOPIC:
-                        channel_id = item.id
-                    elif isinstance(item, Message) and item.channel_id == channel_id:
-                        jpeg = _bytes_field(item.data, _DATA_FIELD)
-                        image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR) if jpeg else None
-                        if image is not None:
-                            yield item.log_time, np.asarray(image, np.uint8)
-            except (McapError, ZstdError, struct.error, ValueError):
-                return
-    except OSError as error:
-        raise DataError(f"flight log {path} cannot be read: {error.strerror}") from None
+                image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR) if jpeg else None
+            except cv2.error:  # a damaged head asks for a picture larger than OpenCV takes
+                image = None
+            if image is not None:
+                yield item.log_time, np.asarray(image, np.uint8)
 
 
 def _bytes_field(message: bytes, number: int) -> bytes:
@@ -67,7 +59,7 @@ def _bytes_field(message: bytes, number: int) -> bytes:
 def _varint(message: bytes, at: int) -> tuple[int, int]:
     """A variable-length integer and where the next thing stands."""
     value = shift = 0
-    while at < len(message):
+    while at < len(message) and shift < 64:
         byte = message[at]
         value |= (byte & 0x7F) << shift
         at, shift = at + 1, shift + 7

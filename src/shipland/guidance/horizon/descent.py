@@ -10,7 +10,7 @@ import enum
 import math
 from dataclasses import dataclass, replace
 
-from shipland.config import require
+from shipland.config import require, require_within
 
 _SLOWEST_MPS = 0.1
 """Of the way down, at its end."""
@@ -69,7 +69,7 @@ class DescentParameters:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             require(value >= 0.0, f"{name} must not be negative, got {value}")
-        require(self.sink_mps > 0.0 and self.drop_mps > 0.0, "sink_mps and drop_mps must be positive")
+        require_within(self, sink_mps=(0.01, 5.0), drop_mps=(0.01, 5.0))
 
 
 @dataclass(frozen=True)

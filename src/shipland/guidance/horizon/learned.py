@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from shipland.errors import ConfigError
+from shipland.files import check_digest, json_of
 from shipland.frames import Array
 from shipland.guidance.horizon.steering import AXIS_ENTRIES, ENTRIES, LIMIT, WHOLE_ENTRIES, Action, Kind, Steered
 from shipland.guidance.response import Response
@@ -50,6 +50,7 @@ class LearnedSteering:
 
     Raises:
         ConfigError: no such policy, a broken file, or one of another kind or for another observation.
+        DataError: a damaged file (`check_digest`).
     """
 
     def __init__(self, name: str, kind: Kind, response: Response) -> None:
@@ -110,6 +111,7 @@ def _load(path: Path) -> tuple[Any, Action]:
     """The policy's session on one thread, and what its action means."""
     import onnxruntime
 
+    check_digest(path)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
@@ -121,9 +123,10 @@ def _load(path: Path) -> tuple[Any, Action]:
         raise ConfigError(f"policy {path} is no ONNX file that can be run: {error}") from None
     if about.get("format") != FORMAT:
         raise ConfigError(f"policy {path} was not written by this version's `shipland learn`")
-    if json.loads(about["entries"]) != list(ENTRIES) or shape[-1] != len(ENTRIES):
-        raise ConfigError(f"policy {path} wants to see other things than this version's pilot shows; train it anew")
     try:
-        return session, Action(**json.loads(about["action"]))
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"policy {path}: {error}") from None
+        entries, action = json_of(about["entries"]), Action(**json_of(about["action"]))
+    except (KeyError, TypeError, ValueError) as error:
+        raise ConfigError(f"policy {path}: its metadata is broken: {error}") from None
+    if entries != list(ENTRIES) or shape[-1] != len(ENTRIES):
+        raise ConfigError(f"policy {path} wants to see other things than this version's pilot shows; train it anew")
+    return session, action

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from shipland.config import require
+from shipland.config import require, require_within
 from shipland.estimation.delayed import DelayedParameters
 from shipland.estimation.gain import GainParameters
 from shipland.estimation.heading import HeadingNoise
@@ -178,6 +178,8 @@ class HorizonParameters:
 
     def __post_init__(self) -> None:
         require(self.land_offset_m > 0.0, "land_offset_m must be positive")
+        limits_m = {"astray_m": (0.05, 20.0), "unfit_m": (0.01, 5.0), "known_m": (0.05, 20.0)}
+        require_within(self, **limits_m, watch_known_m=(0.005, 5.0))
         require(self.astray_m > self.land_offset_m, "astray_m must be above land_offset_m")
 
     def horizontal_at(self, gust_mps2: float) -> Disturbances:

@@ -10,9 +10,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from shipland.files import write_with_digest
 from shipland.guidance.horizon.learned import FORMAT
 from shipland.guidance.horizon.steering import ENTRIES, Action
-from shipland.learning.dataset import write_atomically
 
 ACTIONS = 2
 
@@ -32,7 +32,7 @@ class Dense(NamedTuple):
 
 
 def write_policy(path: Path, layers: Sequence[Dense], action: Action, note: str) -> None:
-    """Write a policy that `--pilot residual` and `learned` fly, whole or not at all."""
+    """Write a policy that `--pilot residual` and `learned` fly, whole or not at all, with its digest."""
     import onnx
     from onnx import TensorProto, helper, numpy_helper
 
@@ -57,4 +57,4 @@ def write_policy(path: Path, layers: Sequence[Dense], action: Action, note: str)
     about = {"format": FORMAT, "action": json.dumps(vars(action)), "entries": json.dumps(ENTRIES), "note": note}
     helper.set_model_props(model, about)
     onnx.checker.check_model(model)
-    write_atomically(path, model.SerializeToString())
+    write_with_digest(path, model.SerializeToString())

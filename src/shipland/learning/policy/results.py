@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from shipland.files import write_atomically
 from shipland.guidance.horizon.steering import Action
-from shipland.learning.dataset import write_atomically
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.export import write_policy
 from shipland.learning.policy.network import PolicyNetwork

@@ -12,7 +12,6 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import onnx  # noqa: F401 - for the end: better missed before training than after
@@ -20,6 +19,7 @@ import safetensors  # noqa: F401 - likewise
 import torch
 
 from shipland.errors import DataError
+from shipland.files import json_of
 from shipland.guidance.horizon.steering import Action
 from shipland.learning.checkpoint import (
     optimizer_tensors,
@@ -92,8 +92,10 @@ class Run:
             DataError: it is missing, truncated or another file.
         """
         tensors, metadata = read_tensors(path, FORMAT, "learn")
-        values: dict[str, Any] = json.loads(metadata["progress"])
-        self.progress = Progress(**values)
+        try:
+            self.progress = Progress(**json_of(metadata["progress"]))
+        except (KeyError, TypeError, ValueError) as error:
+            raise DataError(f"checkpoint {path} is damaged: its progress cannot be read: {error}") from None
         self.network.load_state_dict(with_prefix("network", tensors))
         state = with_prefix("optimizer", tensors)
         if state:

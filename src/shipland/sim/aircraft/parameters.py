@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from shipland.config import require
+from shipland.config import require, require_within
 from shipland.frames import GRAVITY_MPS2
 
 Vector = tuple[float, float, float]
@@ -175,7 +175,7 @@ class PilotingSettings:
         require(3.0 <= self.max_yaw_rate_deg_s <= 200.0, "max_yaw_rate_deg_s must be 3 to 200, as on the ANAFI")
         require(40.0 <= self.max_tilt_rate_deg_s <= 300.0, "max_tilt_rate_deg_s must be 40 to 300, as on the ANAFI")
         require(0.0 <= self.stick_step_percent <= 10.0, "stick_step_percent must be 0 to 10")
-        require(self.command_timeout_s > 0.0, "command_timeout_s must be positive")
+        require_within(self, command_timeout_s=(0.05, 10.0))
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from shipland.config import require
+from shipland.config import require_within
 
 
 @dataclass(frozen=True)
@@ -32,5 +32,15 @@ class AnafiParameters:
     event_latency_s: float
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value > 0.0, f"{name} must be positive, got {value}")
+        require_within(
+            self,
+            max_tilt_deg=(1.0, 45.0),
+            max_climb_mps=(0.1, 5.0),
+            max_turn_deg_s=(1.0, 180.0),
+            connect_timeout_s=(1.0, 600.0),
+            engage_timeout_s=(1.0, 3600.0),
+            link_timeout_s=(0.5, 30.0),
+            video_timeout_s=(0.5, 60.0),
+            latency_s=(0.0, 3.0),
+            event_latency_s=(0.0, 3.0),
+        )

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from shipland.config import build, require
+from shipland.config import build, require, require_within
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.vehicles.mavlink.setpoints import ClimbScale
@@ -60,16 +60,30 @@ class MavlinkParameters:
     disarm_retry_s: float
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if isinstance(value, float):
-                require(value > 0.0, f"{name} must be positive, got {value}")
-        require(0 < self.system_id < 256 and 0 < self.component_id < 256, "ids must be 1 to 255")
-        require(5.0 <= self.setpoint_hz <= 200.0, f"setpoint_hz must be 5 to 200, got {self.setpoint_hz}")
+        require_within(
+            self,
+            system_id=(1, 255),
+            component_id=(1, 255),
+            setpoint_hz=(5.0, 200.0),
+            setpoint_gap_s=(0.05, 2.0),
+            gimbal_hz=(0.1, 100.0),
+            connect_timeout_s=(1.0, 600.0),
+            engage_timeout_s=(1.0, 3600.0),
+            stale_s=(0.1, 5.0),
+            link_timeout_s=(0.5, 30.0),
+            video_timeout_s=(0.5, 60.0),
+            max_tilt_deg=(1.0, 45.0),
+            max_speed_mps=(0.1, 20.0),
+            max_climb_mps=(0.1, 5.0),
+            max_turn_deg_s=(1.0, 180.0),
+            stick_takeover_us=(20, 400),
+            hover_throttle=(0.05, 0.95),
+            disarm_retry_s=(0.1, 10.0),
+        )
         require(
             self.setpoint_gap_s > 1.0 / self.setpoint_hz,
             f"setpoint_gap_s must be above the {1.0 / self.setpoint_hz:g} s of setpoint_hz, got {self.setpoint_gap_s}",
         )
-        require(self.hover_throttle < 1.0, "hover_throttle must be below 1")
 
 
 ARDUPILOT_NAMES = (

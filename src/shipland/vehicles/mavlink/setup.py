@@ -11,7 +11,7 @@ from shipland.camera import Camera
 from shipland.config import build, merge
 from shipland.errors import ConfigError, VehicleError
 from shipland.vehicles.address import Address, VehicleSetup
-from shipland.vehicles.camera_stream import PictureSource, VideoSource
+from shipland.vehicles.camera_stream import PictureSource, StreamParameters, VideoSource
 from shipland.vehicles.checks import PreflightParameters
 from shipland.vehicles.frame_link import FrameSource
 from shipland.vehicles.mavlink.guard_process import GuardedPort
@@ -90,8 +90,10 @@ class MavlinkSetup:
         system = address.number("system", 0.0)
         if not (0.0 <= system < 256.0 and system == int(system)):
             raise ConfigError(f"mavlink://…?system={system:g}: expected 1 to 255")
-        latency_s = address.number("latency_s", float(str(setup.table["camera"]["latency_s"])))
-        source, brings_gimbal = _source(address, setup, latency_s)
+        stream = build(StreamParameters, table["camera"], "vehicles.camera")
+        stated = {**vars(stream), "latency_s": address.number("latency_s", stream.latency_s)}
+        stream = build(StreamParameters, stated, f"{address.scheme}://…")
+        source, brings_gimbal = _source(address, setup, stream)
         take_off_m = address.number("takeoff", 0.0)
         if not 0.0 <= take_off_m <= 50.0:
             raise ConfigError(f"mavlink://…?takeoff={take_off_m:g}: expected 0 to 50 m")
@@ -104,9 +106,9 @@ class MavlinkSetup:
             camera=setup.camera,
             source=source,
             brings_gimbal=brings_gimbal,
-            latency_s=None if brings_gimbal else latency_s,
+            latency_s=None if brings_gimbal else stream.latency_s,
             fixed_pitch_rad=None if pitch_deg is None else math.radians(pitch_deg),
-            open_timeout_s=float(str(table["camera"]["open_timeout_s"])),
+            open_timeout_s=stream.open_timeout_s,
             engagement=Engagement(address.flag("take"), take_off_m),
             parameters=build(MavlinkParameters, section, "vehicles.mavlink"),
             touchdown=build(TouchdownParameters, table["touchdown"], "vehicles.touchdown"),
@@ -115,7 +117,7 @@ class MavlinkSetup:
         )
 
 
-def _source(address: Address, setup: VehicleSetup, latency_s: float) -> tuple[PictureSource, bool]:
+def _source(address: Address, setup: VehicleSetup, stream: StreamParameters) -> tuple[PictureSource, bool]:
     """Where the pictures come from, and whether they bring the camera's attitude."""
     url = address.options.get("camera")
     if url is None:
@@ -126,7 +128,7 @@ def _source(address: Address, setup: VehicleSetup, latency_s: float) -> tuple[Pi
     if url.startswith("frames:"):
         return FrameSource.at(url.removeprefix("frames:"), setup.camera), True
     size_px = setup.camera.width_px, setup.camera.height_px
-    return VideoSource(url, latency_s, size_px, float(str(setup.table["camera"]["open_timeout_s"]))), False
+    return VideoSource(url, stream.latency_s, size_px, stream.open_timeout_s), False
 
 
 def open_session(setup: MavlinkSetup, on_state: Callable[[AutopilotState, AutopilotState], None]) -> Session:

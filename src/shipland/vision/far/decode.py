@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from shipland.config import build, require
 from shipland.errors import ConfigError, DataError
+from shipland.files import json_of
 from shipland.messages import Box
 
 Float32 = npt.NDArray[np.float32]
@@ -82,9 +83,8 @@ class DetectorSpec:
     def from_json(text: str, where: str) -> DetectorSpec:
         """Read what `to_json` wrote; DataError names the file `where`."""
         try:
-            table: Any = json.loads(text)
-            return build(DetectorSpec, table, where)
-        except (json.JSONDecodeError, ConfigError) as error:
+            return build(DetectorSpec, json_of(text), where)
+        except (ValueError, ConfigError) as error:
             raise DataError(f"{where}: its detector metadata is broken: {error}") from None
 
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from shipland.config import build, layered, require
+from shipland.config import build, layered, require, require_within
 from shipland.errors import DataError
 from shipland.messages import Box
 from shipland.vision.far.decode import STRIDES, Float32, decode, suppress, to_boxes
@@ -141,9 +141,9 @@ class DetectorParameters:
             require(getattr(self, name) > 0.0, f"{name} must be positive, got {getattr(self, name)}")
         require(self.tile_per_target > 1.0, "tile_per_target must exceed 1")
         require(self.gate_growth > 1.0, "gate_growth must exceed 1")
-        for name in ("lost_frames", "recheck_frames", "doubt_frames", "most_candidates"):
+        for name in ("recheck_frames", "doubt_frames"):
             require(getattr(self, name) >= 1, f"{name} must be positive")
-        require(self.threads >= 0, "threads must not be negative")
+        require_within(self, threads=(0, 256), stale_s=(0.1, 10.0), lost_frames=(1, 1000), most_candidates=(1, 100))
 
 
 def detector_parameters(config: Path | None = None) -> DetectorParameters:

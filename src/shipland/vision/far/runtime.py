@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.errors import DataError, SystemLibraryError
+from shipland.files import check_digest
 from shipland.vision.far.decode import STRIDES, DetectorSpec, Float32
 
 INPUT_NAME = "picture"
@@ -45,11 +46,12 @@ def load_engine(path: Path, runtime: Runtime = "auto", precision: Precision = "a
         threads: 0 leaves the number to the runtime.
 
     Raises:
-        DataError: the file is missing, broken or no detector of this project.
+        DataError: the file is missing, damaged (`check_digest`), broken or no detector of this project.
         SystemLibraryError: the runtime asked for, or any, is not installed.
     """
     if not path.is_file():
         raise DataError(f"detector weights {path} do not exist")
+    check_digest(path)
     with path.open("rb") as stream:
         if stream.read(1) != FIRST_BYTE:
             raise DataError(f"{path} is no ONNX network")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from shipland.config import require
+from shipland.config import require, require_within
 
 Band = tuple[int, int]
 
@@ -141,7 +141,6 @@ class VisionParameters:
         require(self.adaptive_hue >= 0, f"adaptive_hue must not be negative, got {self.adaptive_hue}")
         require(0.0 < self.adaptive_floor <= 1.0, f"adaptive_floor must be in 0 … 1, got {self.adaptive_floor}")
         require(self.kernel_px >= 1 and self.kernel_px % 2 == 1, f"kernel_px must be odd, got {self.kernel_px}")
-        require(self.max_candidates >= 1, "max_candidates must be at least 1")
         for name in (
             "edge_floor_px",
             "edge_clipped_px",
@@ -171,6 +170,20 @@ class VisionParameters:
             "track_margin_px",
         ):
             require(getattr(self, name) > 0.0, f"{name} must be positive, got {getattr(self, name)}")
-        require(1.0 <= self.edge_reach_px <= 20.0, "edge_reach_px must be between 1 and 20")
+        require_within(
+            self,
+            edge_reach_px=(1.0, 20.0),
+            max_candidates=(1, 1000),
+            max_blur=(0.0, 1.0),
+            max_noise=(0.0, 1.0),
+            length_tolerance=(0.0, 1.0),
+            slope_tolerance=(0.0, 1.0),
+            screening_px=(0.0, 10.0),
+            reprojection_px=(0.0, 10.0),
+            max_distance_m=(0.0, 1000.0),
+            track_s=(0.0, 10.0),
+            track_climb_mps=(0.0, 50.0),
+            gimbal_noise_rad=(0.0, 0.2),
+        )
         require(0.0 < self.max_obliquity_deg < 90.0, "max_obliquity_deg must be between 0 and 90")
         require(0.0 < self.max_roll_deg <= 90.0, "max_roll_deg must be between 0 and 90")

@@ -1,0 +1,120 @@
+"""Files of every kind: read with errors of one line, written whole or not at all, told from damaged ones by a digest.
+
+A folder's digests stand in its `SHA256SUMS`, a line a file, as `sha256sum` writes and checks them. A file that is
+listed is refused when it differs; one that is not listed is taken as it is.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from shipland.errors import DataError
+
+DIGESTS = "SHA256SUMS"
+"""Name of the file that lists the digests of a folder."""
+
+MOST_LEVELS = 32
+"""Of tables in tables; the deepest that means anything has eight."""
+
+
+def read_text(path: Path) -> str:
+    """The text of a file in UTF-8; DataError when it cannot be read or is in another encoding."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise DataError(
+            f"{path} is not text in UTF-8 (byte {error.start} is {error.object[error.start]:#04x}): "
+            "save it again in that encoding"
+        ) from None
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}") from None
+
+
+def refuse_deep(value: object) -> None:
+    """ValueError when dicts and lists are nested deeper than `MOST_LEVELS`: what follows walks them by recursion."""
+    level: list[object] = [value]
+    for _ in range(MOST_LEVELS):
+        nodes = [node.values() if isinstance(node, dict) else node for node in level if isinstance(node, dict | list)]
+        level = [each for node in nodes for each in node]
+    if level:
+        raise ValueError("nested too deeply")
+
+
+def json_of(text: str | bytes) -> Any:  # noqa: ANN401 - any JSON
+    """The value of a JSON text; ValueError, whatever is wrong with it."""
+    try:
+        value = json.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+    refuse_deep(value)
+    return value
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write `data` beside `path`, then put it in its place: a reader sees the old file or the new one, whole."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with beside.open("wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def write_with_digest(path: Path, data: bytes) -> None:
+    """Write a file whole, and its digest into its folder's list; DataError when that list is none."""
+    digests = _digests(path.parent / DIGESTS) | {path.name: hashlib.sha256(data).hexdigest()}
+    write_atomically(path, data)
+    lines = (f"{digest}  {name}\n" for name, digest in sorted(digests.items()))
+    write_atomically(path.parent / DIGESTS, "".join(lines).encode())
+
+
+def check_digest(path: Path) -> None:
+    """Nothing where the file is the one that its folder's list means, or is not listed.
+
+    Raises:
+        DataError: the file is damaged or another one, or cannot be read; or the list is none.
+    """
+    listed = path.parent / DIGESTS
+    wanted = _digests(listed).get(path.name)
+    if wanted is None:
+        return
+    try:
+        status = path.stat()
+        found = _digest(path, status.st_mtime_ns, status.st_size)
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}") from None
+    if found != wanted:
+        raise DataError(
+            f"{path} is damaged: its SHA-256 is {found[:16]}…, {listed} says {wanted[:16]}…; copy it again, or take "
+            f"its line out of {DIGESTS} if you changed it"
+        )
+
+
+def _digests(listed: Path) -> dict[str, str]:
+    """By file name; empty without a list."""
+    if not listed.is_file():
+        return {}
+    digests = {}
+    for number, line in enumerate(read_text(listed).splitlines(), 1):
+        match = re.fullmatch(r"([0-9a-f]{64}) [ *](.+)", line)
+        if match is None:
+            raise DataError(f"{listed}, line {number}: expected a SHA-256 and a file name, as sha256sum writes them")
+        digests[match[2]] = match[1]
+    return digests
+
+
+@lru_cache
+def _digest(path: Path, _modified_ns: int, _size: int) -> str:
+    """Of a file; asked for again only after it was written."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
