@@ -36,6 +36,12 @@ _REFERENCE_TIME_S = 8.0
 """Of the slow velocity reference: about two periods of the waves at the rig's scale."""
 _TILT_TIME_S = 2.0
 """Of the mean tilt: gusts pass, the wind stays."""
+_LEAN_TIME_S = 1.0
+"""Of the largest lean: telemetry of 5 Hz sees a swing of 0.4 s now and then only."""
+_LEAP_M, _LEAP_SHARE, _LEAP_MPS = 1.0, 0.05, 1.0
+"""A pose may lie so far from where those before lead to, more by a share of its range and by the time between."""
+_PATIENCE_S, _REMEMBERED_S = 4.0, 2.0
+"""Poses that contradict those before are believed after so long; after so long without any, the next one is."""
 _STEEPEST_RAD = 1.2
 """A steeper tilt is none that is flown."""
 
@@ -91,6 +97,9 @@ class SafetyEstimate:
         deck_height_m: of the neutral deck over the take-off point.
         deck_leap_m: newest pose's deck height less `deck_height_m`.
         sink_mps: downward speed by the vehicle itself, not negative.
+        lean_rad: largest tilt against the vertical of about the last second.
+        leap_m: by which the newest pose contradicts the way from those before; 0 for one that does not.
+        leapt_s: exposure since which poses do so, and are not flown on; None while they do not.
         travelled: way of the last `_KEPT_S`.
         sights: poses of the last `_WINDOW_S`.
     """
@@ -117,6 +126,9 @@ class SafetyEstimate:
     deck_leap_m: float = 0.0
     deck_down_m: float = 0.0
     sink_mps: float = 0.0
+    lean_rad: float = 0.0
+    leap_m: float = 0.0
+    leapt_s: float | None = None
     travelled: tuple[Instant, ...] = ()
     sights: tuple[Sight, ...] = ()
 
@@ -231,6 +243,7 @@ class SafetyEstimator:
             bar_from_aircraft_m=way_m,
             deck_down_m=self._deck_down_m,
             sink_mps=sink_mps,
+            lean_rad=max(_lean_rad(tilt_mps2), estimate.lean_rad * math.exp(-step_s / _LEAN_TIME_S)),
             travelled=travelled,
         )
         return _carried(_with_velocity(replace(estimate, held_mps2=_held_mps2(estimate))))
@@ -289,13 +302,39 @@ def _held_mps2(estimate: SafetyEstimate) -> Array | None:
     return np.asarray(tilt_mps2 - (estimate.velocity_mps - mean_mps) / _TILT_TIME_S)
 
 
+def _lean_rad(tilt_mps2: Array | None) -> float:
+    """Tilt against the vertical, by its horizontal acceleration."""
+    return 0.0 if tilt_mps2 is None else math.atan(math.hypot(*tilt_mps2.tolist()) / GRAVITY_MPS2)
+
+
 def _sighted(estimate: SafetyEstimate, place_m: Array, exposure_s: float) -> SafetyEstimate:
-    """After a pose: its slope over the last second, and the place carried on to now."""
+    """After a pose: its slope over the last second, and the place carried on to now.
+
+    A pose that lies where no way leads from those before is not flown on; those that go on saying so for `_PATIENCE_S`
+    are, as a track of its own.
+    """
     x_m, y_m, z_m = place_m.tolist()
-    kept = (row for row in estimate.sights if 0.0 < exposure_s - row.t_s <= _WINDOW_S)
+    leap_m, sights = _leap_m(estimate, place_m, exposure_s), estimate.sights
+    if leap_m > 0.0:
+        leapt_s = exposure_s if estimate.leapt_s is None else estimate.leapt_s
+        if exposure_s - leapt_s < _PATIENCE_S:
+            return replace(estimate, leap_m=leap_m, leapt_s=leapt_s)
+        sights = ()
+    kept = (row for row in sights if 0.0 < exposure_s - row.t_s <= _WINDOW_S)
     sights = (*kept, Sight(exposure_s, (x_m, y_m, z_m)))
-    estimate = replace(estimate, seen_s=exposure_s, pose_s=exposure_s, sights=sights)
+    estimate = replace(estimate, seen_s=exposure_s, pose_s=exposure_s, sights=sights, leap_m=0.0, leapt_s=None)
     return _carried(_with_velocity(_with_reference(estimate)))
+
+
+def _leap_m(estimate: SafetyEstimate, place_m: Array, exposure_s: float) -> float:
+    """How far a pose lies from where those before lead to; 0 within what poses, ways and waves may err."""
+    expected_m = _place_m(estimate, exposure_s)
+    if expected_m is None or not 0.0 < exposure_s - estimate.sights[-1].t_s <= _REMEMBERED_S:
+        return 0.0
+    leap_m = float(np.linalg.norm(place_m - expected_m))
+    distance_m = float(np.linalg.norm(place_m))
+    since_s = exposure_s - estimate.sights[-1].t_s
+    return leap_m if leap_m > _LEAP_M + _LEAP_SHARE * distance_m + _LEAP_MPS * since_s else 0.0
 
 
 def _slope_mps(sights: tuple[Sight, ...]) -> Array | None:
@@ -339,19 +378,27 @@ def _with_velocity(estimate: SafetyEstimate) -> SafetyEstimate:
 
 def _carried(estimate: SafetyEstimate) -> SafetyEstimate:
     """The place carried on from the newest pose to the newest telemetry."""
-    if not estimate.sights or estimate.t_s is None or estimate.pose_s > estimate.sights[-1].t_s:
+    if estimate.t_s is None or not estimate.sights or estimate.pose_s > estimate.sights[-1].t_s:
         return estimate  # none yet, or the deck itself was seen since
+    place_m = _place_m(estimate, max(estimate.t_s, estimate.sights[-1].t_s))
+    return estimate if place_m is None else replace(estimate, place_in_bar_m=place_m)
+
+
+def _place_m(estimate: SafetyEstimate, t_s: float) -> Array | None:
+    """(3,) in `bar`, from the newest pose carried on to a time; None before the first."""
+    if not estimate.sights:
+        return None
     last = estimate.sights[-1]
-    age_s = min(max(estimate.t_s - last.t_s, 0.0), _KEPT_S)
+    age_s = min(max(t_s - last.t_s, 0.0), _KEPT_S)
     moved_m = np.zeros(3)
     velocity, reference, heading_rad = estimate.velocity_in_bar_mps, estimate.reference_mps, estimate.bar_heading_rad
-    begun = estimate.travelled_at(last.t_s)
+    begun, ended = estimate.travelled_at(last.t_s), estimate.travelled_at(t_s)
     if velocity is not None:
         moved_m = age_s * velocity
-        if reference is not None and heading_rad is not None and begun is not None:
-            still_m = np.array(estimate.travelled[-1].travelled_m) - np.array(begun) - age_s * reference
+        if reference is not None and heading_rad is not None and begun is not None and ended is not None:
+            still_m = np.array(ended) - np.array(begun) - age_s * reference
             moved_m[:2] = turned(still_m, -heading_rad)
-    return replace(estimate, place_in_bar_m=np.array(last.place_in_bar_m) + moved_m)
+    return np.array(last.place_in_bar_m) + moved_m
 
 
 def _usable(box: Box) -> bool:

@@ -54,7 +54,10 @@ class MonitorParameters:
         brake_mps2: deceleration that is counted on at most; less where tilt and wind do not leave so much.
         least_to_bar_m: of the aircraft's centre to the bar's plane, where it can stop.
         foot_m: of the aircraft's feet from its centre: within the deck by this much.
-        wind_share: of the acceleration that full tilt gives, which holding against the wind may take.
+        near_m: nearer to the bar than this, poses that leap are not waited for.
+        lean_deg: of about the last second, against the vertical, to land with.
+        lean_height_m: over the neutral deck; lower, a go-around leans no less.
+        wind_share: of the acceleration that the tilt gives, which holding against the wind may take.
         wind_time_s: so long, before a wind is refused.
         leap_mps: difference that the vehicle's own velocity and the poses may take on in seconds: a flow that lies, or
             a ship that manoeuvres.
@@ -68,6 +71,9 @@ class MonitorParameters:
     brake_mps2: float
     least_to_bar_m: float
     foot_m: float
+    near_m: float
+    lean_deg: float
+    lean_height_m: float
     wind_share: float
     wind_time_s: float
     leap_mps: float
@@ -82,6 +88,9 @@ class MonitorParameters:
             brake_mps2=(0.2, 10.0),
             least_to_bar_m=(0.1, 50.0),
             foot_m=(0.0, 10.0),
+            near_m=(1.0, 200.0),
+            lean_deg=(5.0, 45.0),
+            lean_height_m=(0.0, 20.0),
             wind_share=(0.1, 1.0),
             wind_time_s=(0.5, 60.0),
             leap_mps=(0.2, 20.0),
@@ -186,7 +195,7 @@ def bar_ahead(look: Look) -> Finding | None:
     place_m, velocity_mps, limits, ship = look.place_m, look.velocity_mps, look.limits, look.ship
     if place_m is None or velocity_mps is None:
         return None
-    leant_mps2 = _along_bar(look, look.estimate.tilt_mps2) - _along_bar(look, look.estimate.held_mps2)
+    leant_mps2 = _along_bar(look, look.estimate.tilt_mps2)  # in the superstructure's lee no wind holds against it
     stop_m = stopping_distance_m(float(velocity_mps[0]), leant_mps2, brake_mps2(look), limits.reaction_s)
     to_bar_m = -float(place_m[0]) - stop_m
     beside = abs(float(place_m[1])) > ship.half_house_m + limits.least_to_bar_m
@@ -211,12 +220,33 @@ def off_the_deck(look: Look) -> Finding | None:
     return Finding(Action.GO_AROUND, f"contact foreseen {aside_m:.2f} m from the deck's centre")
 
 
+def leaning(look: Look) -> Finding | None:
+    """A landing with more lean than the deck bears, while there is time to break it off."""
+    over_m, lean_deg = look.over_deck_m, math.degrees(look.estimate.lean_rad)
+    if not look.landing or over_m is None or over_m < look.limits.lean_height_m or lean_deg <= look.limits.lean_deg:
+        return None
+    return Finding(Action.GO_AROUND, f"leaning by {lean_deg:.0f}° over the deck, at most {look.limits.lean_deg:g}")
+
+
+def poses_leap(look: Look) -> Finding | None:
+    """Poses that no way leads to: the picture is older than it says, or it is not the bar."""
+    leap_m, place_m = look.estimate.leap_m, look.place_m
+    if leap_m <= 0.0:
+        return None
+    near = place_m is not None and -float(place_m[0]) < look.limits.near_m
+    return Finding(Action.GO_AROUND if near else Action.NO_GO, f"poses leap by {leap_m:.1f} m")
+
+
 def wind_share(look: Look) -> float:
-    """Of the acceleration that full tilt gives, what holding against the wind takes; 0 where it is not known."""
+    """Of the tilt that there is, what holding against the wind takes; 0 where it is not known.
+
+    There is no more than full tilt, and no more than the lean that a deck bears.
+    """
     held_mps2 = look.estimate.held_mps2
     if held_mps2 is None:
         return 0.0
-    return math.hypot(*held_mps2.tolist()) / (GRAVITY_MPS2 * math.tan(look.response.max_tilt_rad))
+    most_rad = min(look.response.max_tilt_rad, math.radians(look.limits.lean_deg))
+    return math.hypot(*held_mps2.tolist()) / (GRAVITY_MPS2 * math.tan(most_rad))
 
 
 def velocity_contradicts(look: Look) -> Finding | None:
@@ -260,6 +290,8 @@ def vehicle_complains(look: Look) -> Finding | None:
 RULES: tuple[Rule, ...] = (
     bar_ahead,
     off_the_deck,
+    leaning,
+    poses_leap,
     velocity_contradicts,
     height_contradicts,
     telemetry_old,

@@ -138,12 +138,16 @@ def _level_sticks(
     velocity_mps = estimate.velocity_at(t_s, parameters.blind_s)
     if velocity_mps is None:
         return _blind_sticks(estimate, forward_mps, response)
-    error = turned(np.array([forward_mps, 0.0]) - velocity_mps[:2], estimate.bar_in_level_rad())
+    axis_rad = estimate.bar_in_level_rad()
+    error = np.array([forward_mps, 0.0]) - velocity_mps[:2]
     if response.kind == "velocity":
         own_mps = np.zeros(2) if estimate.velocity_mps is None else estimate.in_level(estimate.velocity_mps)
-        asked = own_mps + error
+        asked = turned(own_mps, -axis_rad) + error
     else:
-        asked = _held_in_level(estimate) + parameters.velocity_per_s * error
+        asked = turned(_held_in_level(estimate), -axis_rad) + parameters.velocity_per_s * error
+        if forward_mps < 0.0:  # a wind from ahead may blow it astern; in the superstructure's lee there is none
+            asked[0] = min(asked[0], 0.0)
+    asked = turned(asked, axis_rad)
     return _stick(asked[0], response), _stick(asked[1], response)
 
 

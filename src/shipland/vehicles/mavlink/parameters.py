@@ -68,7 +68,7 @@ class MavlinkParameters:
             setpoint_gap_s=(0.05, 2.0),
             gimbal_hz=(0.1, 100.0),
             connect_timeout_s=(1.0, 600.0),
-            engage_timeout_s=(1.0, 3600.0),
+            engage_timeout_s=(0.1, 3600.0),
             stale_s=(0.1, 5.0),
             link_timeout_s=(0.5, 30.0),
             video_timeout_s=(0.5, 60.0),
