@@ -1,6 +1,7 @@
 """The geometric camera's pose is the solver's: the same errors, and a covariance that says how large they are."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -68,6 +69,34 @@ def test_the_cue_is_seen_as_obliquely_as_near_vision_sees_it_and_never_from_behi
     observation = eyes.see(Frame(0.0, np.zeros((1, 1, 3), np.uint8), gimbal))
     assert (observation.bar_pose is not None) == seen
     assert seen or observation.reason == Refusal.OUT_OF_REACH.value
+
+
+@pytest.mark.parametrize(
+    ("range_m", "off_deg", "reason"),
+    [
+        (4.0, 10.0, "gimbal"),
+        (4.0, -3.0, "gimbal"),
+        (9.0, 10.0, "gimbal"),
+        (4.0, 50.0, Refusal.REPROJECTION.value),  # another cue, it may be
+        (4.0, 0.05, ""),
+        (12.0, 0.05, ""),
+    ],
+)
+def test_a_gimbal_that_contradicts_the_corners_is_refused_as_near_vision_refuses_it(range_m, off_deg, reason):
+    gimbal = GimbalAttitude(0.0, PITCH_RAD)
+    world = _Still(true_pose(range_m, 0.0, 0.0, gimbal))
+    parameters = replace(build(GeometricParameters, packaged_table("geometric")), miss_rate=0.0)
+    near = build(VisionParameters, packaged_table("vision"))
+    eyes = GeometricVision(world, default_rig().target, CAMERA, parameters, near, np.random.default_rng(1))
+    told = GimbalAttitude(0.0, PITCH_RAD + math.radians(off_deg))
+    seen = [eyes.see(Frame(0.0, None, told)) for _ in range(50)]
+    assert {it.bar_pose is None for it in seen} == {reason != ""}
+    off = [it.reason.rpartition(" ")[2] for it in seen]
+    if reason == "gimbal":
+        assert all(it.reason.startswith(Refusal.GIMBAL_OFF.value) for it in seen)
+        assert max(abs(float(it.rstrip("°")) - abs(off_deg)) for it in off) <= 3.0  # what corners at 9 m tell
+    else:
+        assert {it.reason for it in seen} == {reason}
 
 
 def test_the_vertical_is_the_gimbals():

@@ -22,9 +22,9 @@ from shipland.missions.geometric_far import BoxErrors, BoxParameters
 from shipland.rig import Target
 from shipland.vehicles.vehicle import Witness
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import NOTHING_IN_COMMON, Solution
-from shipland.vision.near.refusal import Refusal
-from shipland.vision.near.sighting import bar_pose_of
+from shipland.vision.near.pose import CONTRADICTION_CHI2, NOTHING_IN_COMMON, LevelPrior, Solution, level_off
+from shipland.vision.near.refusal import Refusal, gimbal_off
+from shipland.vision.near.sighting import bar_pose_of, largest_reprojection_px
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class GeometricVision:
         self._witness = witness
         self._matrix = np.ascontiguousarray(camera.matrix)
         self._parameters = parameters
-        self._gimbal_noise_rad = near.gimbal_noise_rad
+        self._near, self._made_to = near, target.made_to
         self._least_facing = math.cos(math.radians(near.max_obliquity_deg))
         self._rng = rng
         self._plane_m = np.ascontiguousarray(target.points_in_bar_m[:, 1:])
@@ -101,14 +101,36 @@ class GeometricVision:
         corners_px = projected(rotation, sight_m, self._plane_m, self._matrix) + sigma_px * noise
         if not inside(corners_px, self._low_px, self._high_px):
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.CUT_BY_FRAME.value)
-        down = _down_in_camera(frame.gimbal)
-        measured = Measured(self._plane_m, self._matrix, corners_px, sigma_px, down, self._gimbal_noise_rad)
-        settled, *pose, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
-        if not settled:
+        measured = Measured(
+            self._plane_m, self._matrix, corners_px, sigma_px, _down_in_camera(frame.gimbal), self._near.gimbal_noise_rad
+        )
+        held = _solution(rotation, sight_m, measured)
+        if held is None:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_SOLUTION.value)
-        freedom = residual_px.size - 6 + (2 if self._gimbal_noise_rad > 0.0 else 0)
-        found = Solution(Pose(*pose), chi2, 0.0, covariance, NOTHING_IN_COMMON, residual_px.reshape(-1, 4, 2), freedom)
-        return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose_of([found], corners_px.reshape(-1, 4, 2)))
+        if held.chi2 > CONTRADICTION_CHI2 and (refused := self._refused(held, rotation, sight_m, measured)):
+            return Observation(frame.t_s, frame.gimbal, reason=refused)
+        return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose_of([held], corners_px.reshape(-1, 4, 2)))
+
+    def _refused(self, held: Solution, rotation: Array, sight_m: Array, measured: Measured) -> str:
+        """Why near vision would refuse a pose that fits badly; empty where it would not."""
+        if measured.level_rad > 0.0:
+            free = _solution(rotation, sight_m, measured._replace(level_rad=0.0))
+            prior = LevelPrior(measured.down_in_camera, measured.level_rad)
+            off_rad = 0.0 if free is None else level_off(held, free, prior)
+            if off_rad > 0.0:
+                return gimbal_off(off_rad)
+        corners_px = measured.corners_px.reshape(-1, 4, 2)
+        most_px = largest_reprojection_px(corners_px, measured.sigma_px, self._made_to, self._near)
+        return "" if held.reprojection_px <= most_px else Refusal.REPROJECTION.value
+
+
+def _solution(rotation: Array, sight_m: Array, measured: Measured) -> Solution | None:
+    """The pose that the solver would find; None when the corners do not settle one."""
+    settled, *pose, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
+    if not settled:
+        return None
+    freedom = residual_px.size - 6 + (2 if measured.level_rad > 0.0 else 0)
+    return Solution(Pose(*pose), chi2, 0.0, covariance, NOTHING_IN_COMMON, residual_px.reshape(-1, 4, 2), freedom)
 
 
 def _down_in_camera(gimbal: GimbalAttitude) -> Array:
