@@ -101,9 +101,8 @@ class GeometricVision:
         corners_px = projected(rotation, sight_m, self._plane_m, self._matrix) + sigma_px * noise
         if not inside(corners_px, self._low_px, self._high_px):
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.CUT_BY_FRAME.value)
-        measured = Measured(
-            self._plane_m, self._matrix, corners_px, sigma_px, _down_in_camera(frame.gimbal), self._near.gimbal_noise_rad
-        )
+        down, noise_rad = _down_in_camera(frame.gimbal), self._near.gimbal_noise_rad
+        measured = Measured(self._plane_m, self._matrix, corners_px, sigma_px, down, noise_rad)
         held = _solution(rotation, sight_m, measured)
         if held is None:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_SOLUTION.value)

@@ -46,8 +46,9 @@ CONTRADICTION_CHI2 = 25.0
 cue's vertical and the gimbal's are five standard deviations of both apart."""
 
 _CONTRADICTION_PX = 0.06
-"""Reprojection error that the prior must add, in square: small systematic errors of the corners, which look like a tilt,
-added at most 0.046 px where χ² said so in two rendered landings. It is a gimbal off by 1.7° at 4 m, 7° at 9 m."""
+"""Reprojection error that the prior must add, in square. Small systematic errors of the corners look like a tilt: they
+added at most 0.046 px where χ² contradicted in two rendered landings. A gimbal off by 1.7° at 4 m adds it, or by 7° at
+9 m."""
 
 DISPROVED = 4.0
 """Excess of χ² from which what the corners were stated to be known to is given up: an error twice as large. They prove
