@@ -45,16 +45,16 @@ CONTRADICTION_CHI2 = 25.0
 """χ² that leaving the prior out must gain, in units of what the corners err by without it (`Solution.excess`): the
 cue's vertical and the gimbal's are five standard deviations of both apart."""
 
-_CONTRADICTION_PX = 0.06
-"""Reprojection error that the prior must add, in square. Small systematic errors of the corners look like a tilt: they
-added at most 0.046 px where χ² contradicted in two rendered landings. A gimbal off by 1.7° at 4 m adds it, or by 7° at
-9 m."""
+_LEAST_OFF_COSINE = float(np.cos(np.radians(2.0)))
+"""By less than this nothing is proved: a rolling shutter that nobody told of leans the cue by 1.2° at 9°/s of yaw, and
+systematic errors of the corners leaned it by 0.7° in a rendered landing. A gimbal off by 2° moves the height by 0.13 m
+at 4 m."""
 
 DISPROVED = 4.0
 """Excess of χ² from which what the corners were stated to be known to is given up: an error twice as large. They prove
 nothing against the gimbal then."""
 
-_CONTRADICTION_COSINE = float(np.cos(np.radians(30.0)))
+_ANOTHER_CUE_COSINE = float(np.cos(np.radians(30.0)))
 """By more than this a prior is not thought wrong; rather is it another cue, of other proportions."""
 
 
@@ -164,8 +164,7 @@ def level_off(held: Solution, free: Solution, prior: LevelPrior) -> float:
     contradicted = (
         free.excess < DISPROVED
         and held.chi2 - free.chi2 > CONTRADICTION_CHI2 * free.excess
-        and held.reprojection_px**2 - free.reprojection_px**2 > _CONTRADICTION_PX**2
-        and cosine > _CONTRADICTION_COSINE
+        and _ANOTHER_CUE_COSINE < cosine < _LEAST_OFF_COSINE
     )
     return math.acos(min(cosine, 1.0)) if contradicted else 0.0
 
