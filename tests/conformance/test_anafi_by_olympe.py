@@ -4,6 +4,7 @@ import json
 import math
 import os
 import signal
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -22,13 +23,18 @@ pytestmark = pytest.mark.flaky(reruns=2, reruns_delay=2)
 
 
 def fly(
-    vehicle: AnafiVehicle, seconds: float, *sticks: float, gimbal_rad: float = -0.2, intent: Intent = Intent.FLY
+    vehicle: AnafiVehicle,
+    seconds: float,
+    *sticks: float,
+    gimbal_rad: float = -0.2,
+    intent: Intent = Intent.FLY,
+    low: bool = False,
 ) -> list[tuple[Frame | None, Telemetry]]:
     """Cycles with the same sticks, until the vehicle gives no more."""
     pairs, end_s = [], time.monotonic() + seconds
     while time.monotonic() < end_s and (pair := vehicle.read()) is not None:
         pairs.append(pair)
-        vehicle.send(PilotCommand(pair[1].t_s, *sticks, gimbal_rad, intent))
+        vehicle.send(PilotCommand(pair[1].t_s, *sticks, gimbal_rad, intent, at_contact_height=low))
     return pairs
 
 
@@ -102,6 +108,7 @@ def test_pictures_come_with_the_cameras_attitude() -> None:
         assert image[176, 320].tolist() == pytest.approx(GREEN_BGR, abs=12)
         assert image[20, 20].tolist() == pytest.approx((90, 90, 90), abs=12)
         assert frames[-1].gimbal.pitch_rad == pytest.approx(-0.3, abs=1e-3)
+        assert {frame.gimbal_age_s for frame in frames} == {0.0}
         assert frames[-1].gimbal.roll_rad == pytest.approx(0.02, abs=1e-3)  # of the picture, not of the event
         exposed_s = np.array([frame.t_s for frame in frames])
         assert np.diff(exposed_s).min() > 0.0
@@ -110,10 +117,11 @@ def test_pictures_come_with_the_cameras_attitude() -> None:
 
 
 def test_the_checklist_finds_what_is_not_in_order() -> None:
-    with bench() as (vehicle, _):
+    with bench() as (vehicle, aircraft):
         vehicle.connect()
         time.sleep(1.5)
         assert [check.name for check in vehicle.checks() if not check.ok] == []
+        assert aircraft.report()["pcmd"] == []  # who only looks sends no sticks
     with bench(max_tilt_deg=60.0) as (vehicle, _):  # an ANAFI tilts by 40° at most
         vehicle.connect()
         lines = {check.name: check for check in vehicle.checks()}
@@ -127,7 +135,9 @@ def test_it_lands_on_what_it_cannot_sink_through(tmp_path: Path) -> None:
         fly(vehicle, 0.5, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
         assert "ardrone3.Piloting.Landing" not in [name for name, _ in aircraft.report()["heard"]]
         aircraft.say("deck")
-        fly(vehicle, 6.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        fly(vehicle, 2.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND)
+        assert "ardrone3.Piloting.Landing" not in [name for name, _ in aircraft.report()["heard"]]
+        fly(vehicle, 6.0, 0.0, 0.0, -40.0, 0.0, intent=Intent.LAND, low=True)
         assert vehicle.end_reason == "landed: the motors have stopped"
         report = aircraft.report()
         assert report["state"] == "landed"
@@ -261,6 +271,22 @@ def test_whoever_takes_the_aircraft_keeps_it(words: str, reason: str) -> None:
         time.sleep(0.7)
         vehicle.close()
         assert len(aircraft.report()["pcmd"]) == before
+
+
+def test_whoever_lands_it_during_our_take_off_keeps_it() -> None:
+    with bench(engage_timeout_s=20.0) as (vehicle, aircraft):
+        threading.Timer(0.0, lambda: land_as_soon_as_it_rises(aircraft)).start()
+        with pytest.raises(VehicleError, match="somebody else lands"):
+            vehicle.open()
+        assert aircraft.report()["pcmd"] == []
+        assert vehicle.in_command == "somebody else (landing)"
+
+
+def land_as_soon_as_it_rises(aircraft: Device) -> None:
+    until_s = time.monotonic() + 60.0
+    while time.monotonic() < until_s and aircraft.report()["state"] != "takingoff":
+        time.sleep(0.02)
+    aircraft.say("state landing")
 
 
 def test_the_death_of_olympes_process_is_noticed() -> None:

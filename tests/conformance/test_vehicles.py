@@ -1,13 +1,15 @@
 """The contract of `Vehicle`, held by everything that can be flown here."""
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from typing import Any
 
 import numpy as np
 import pytest
 
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build
+from shipland.guidance.modes import INTENTS
 from shipland.messages import Frame, Intent, PilotCommand, Telemetry
 from shipland.rig import default_rig, packaged_table
 from shipland.sim.air.wind import SteadyWind
@@ -196,6 +198,79 @@ def test_a_closed_vehicle_is_at_its_end(make: Made) -> None:
     assert vehicle.read() is None
     vehicle.send(PilotCommand.hold(9.0, 0.0))
     vehicle.close()
+
+
+# What arrives at the far side.
+
+Arrived = Callable[[], list[float]]
+"""The sticks that the far side goes by now: forward, right, up, in whatever unit."""
+
+
+@contextmanager
+def simulated_and_its_world() -> Iterator[tuple[Vehicle, Arrived]]:
+    vehicle = simulated(5)
+    assert isinstance(vehicle, SimulatedVehicle)
+    sticks = vehicle.world
+    yield vehicle, lambda: [sticks._sticks.pitch, sticks._sticks.roll, sticks._sticks.heave]
+
+
+def mavlink_and_its_autopilot(kind: str) -> Callable[[], AbstractContextManager[tuple[Vehicle, Arrived]]]:
+    @contextmanager
+    def both() -> Iterator[tuple[Vehicle, Arrived]]:
+        pytest.importorskip("pymavlink")
+        from mavlink_bench import bench
+
+        with bench(kind) as (vehicle, autopilot, _):
+            yield vehicle, lambda: targeted(autopilot.report())
+
+    return both
+
+
+def targeted(report: dict[str, Any]) -> list[float]:
+    if report["target"] == "tilt":
+        roll, pitch, _, climb = report["values"]
+        return [-pitch, roll, climb]
+    return report["values"][:3] if report["target"] == "speed" else [np.nan] * 3
+
+
+@contextmanager
+def anafi_and_its_aircraft() -> Iterator[tuple[Vehicle, Arrived]]:
+    from anafi_bench import bench
+
+    with bench() as (vehicle, aircraft):
+
+        def arrived() -> list[float]:
+            _, roll, pitch, _, up = (aircraft.report()["pcmd"] or [[np.nan] * 5])[-1][:5]
+            return [pitch, roll, up]
+
+        yield vehicle, arrived
+
+
+@pytest.mark.parametrize(
+    "both",
+    [
+        simulated_and_its_world,
+        mavlink_and_its_autopilot("ardupilot"),
+        mavlink_and_its_autopilot("px4"),
+        anafi_and_its_aircraft,
+    ],
+    ids=["simulated", "ardupilot", "px4", "anafi"],
+)
+def test_every_modes_sticks_leave_and_those_of_a_hold_do_not(
+    both: Callable[[], AbstractContextManager[tuple[Vehicle, Arrived]]],
+) -> None:
+    with both() as (vehicle, arrived):
+        vehicle.open()
+        for turn, (mode, intent) in enumerate(INTENTS.items()):
+            sign = -1.0 if turn % 2 else 1.0  # another than the mode's before
+            wanted = [0.0, 0.0, 0.0] if intent is Intent.HOLD else [sign, -sign, sign]
+            for _ in range(400):
+                cycles(vehicle, 1, sign * 20.0, -sign * 20.0, sign * 20.0, 0.0, intent=intent)
+                if np.sign(np.round(arrived(), 6)).tolist() == wanted:
+                    break
+            else:
+                pytest.fail(f"{mode.name}: the sticks of {intent} arrive as {arrived()}")
+        vehicle.close()
 
 
 # What only a simulator promises.

@@ -7,10 +7,11 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,16 +20,17 @@ from shipland.camera import Camera
 from shipland.config import packaged_toml
 from shipland.errors import VehicleError
 from shipland.frames import quaternion_from_euler
-from shipland.messages import Intent, PilotCommand, Telemetry
+from shipland.guidance.modes import INTENTS
+from shipland.messages import Intent, Mode, PilotCommand, Telemetry
 from shipland.stopping import stop_requests
 from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.anafi.factory import anafi
-from shipland.vehicles.anafi.records import merged, moment_of, sticks_of, with_moment
+from shipland.vehicles.anafi.records import gimbal_at, merged, moment_of, sticks_of, with_moment
 from shipland.vehicles.anafi.vehicle import AnafiVehicle
 
 FAR_END = """
 import json, sys, threading, time
-log = open(sys.argv[1], "w")
+log, take_off = open(sys.argv[1], "w"), json.loads(sys.argv[2])
 def say(record, data=b""):
     head = json.dumps({**record, "t_s": time.monotonic(), "bytes": len(data)})
     sys.stdout.buffer.write(head.encode() + b"\\n" + data)
@@ -51,15 +53,26 @@ for line in sys.stdin:
     log.write(line); log.flush()
     asked = json.loads(line)
     if "limits" in asked: say({"kind": "limits", "values": {**asked["limits"], "fence": 1.0}})
-    if asked.get("take_off"): say({"kind": "flying", "values": {"state": "hovering"}})
+    if asked.get("take_off"): [say(record) for record in take_off]
+    if "say" in asked: say(asked["say"])
+    if "write" in asked: sys.stdout.buffer.write(asked["write"].encode() + b"\\n"); sys.stdout.buffer.flush()
     if asked.get("land"): say({"kind": "flying", "values": {"state": "landed"}})
     if asked.get("gimbal_deg", 0) > 80: mute.set()
     if asked.get("gimbal_deg", 0) < -80: sys.exit()
 """
 
 
+def flying(state: str) -> dict[str, Any]:
+    return {"kind": "flying", "values": {"state": state}}
+
+
 @contextmanager
-def vehicle(tmp_path: Path, options: str = "takeoff=1", **changes: float) -> Iterator[tuple[AnafiVehicle, Path]]:
+def vehicle(
+    tmp_path: Path,
+    options: str = "takeoff=1",
+    take_off: Sequence[dict[str, Any]] = (flying("hovering"),),
+    **changes: float,
+) -> Iterator[tuple[AnafiVehicle, Path]]:
     script, log = tmp_path / "far_end.py", tmp_path / "asked.txt"
     script.write_text(FAR_END)
     table = packaged_toml("vehicles")
@@ -67,7 +80,7 @@ def vehicle(tmp_path: Path, options: str = "takeoff=1", **changes: float) -> Ite
     setup = VehicleSetup(Address.parse(f"anafi://127.0.0.1?{options}"), Camera.from_fov(64, 36, 69.0), table)
     made = anafi(setup)
     assert isinstance(made, AnafiVehicle)
-    made._setup.command[:] = [sys.executable, str(script), str(log)]
+    made._setup.command[:] = [sys.executable, str(script), str(log), json.dumps(take_off)]
     try:
         yield made, log
     finally:
@@ -92,7 +105,7 @@ def test_it_takes_off_streams_and_lands(tmp_path: Path) -> None:
             assert frame.image is not None
             assert frame.image.shape == (36, 64, 3)
             assert telemetry.t_s > frame.t_s
-            flown.send(PilotCommand(telemetry.t_s, 10.0, -20.0, -40.0, 0.0, -0.3, Intent.LAND))
+            flown.send(PilotCommand(telemetry.t_s, 10.0, -20.0, -40.0, 0.0, -0.3, Intent.LAND, at_contact_height=True))
         assert flown.end_reason.startswith("landed")
         assert seen > 20
         assert flown.refused >= 1
@@ -114,6 +127,181 @@ def test_lost_video_and_a_lost_process_end_the_flight(tmp_path: Path, gimbal_deg
             flown.send(PilotCommand(pair[1].t_s, 0.0, 0.0, 0.0, 0.0, math.radians(gimbal_deg)))
         assert reason in flown.end_reason
         assert (None in frames) == (reason == "video lost")  # telemetry goes on where only the video is gone
+
+
+def fly_until(flown: AnafiVehicle, done: Callable[[], bool], *sticks: float, intent: Intent = Intent.FLY) -> bool:
+    """Cycles with the same sticks until something is so, or the flight is over."""
+    until_s = time.monotonic() + 20.0
+    while not done() and time.monotonic() < until_s and (pair := flown.read()) is not None:
+        flown.send(PilotCommand(pair[1].t_s, *sticks or (0.0, 0.0, 0.0, 0.0), 0.0, intent))
+    return done()
+
+
+@pytest.mark.parametrize(
+    ("taken", "reason", "in_command"),
+    [
+        (flying("landing"), "somebody else lands", "somebody else (landing)"),
+        (flying("landed"), "motors have stopped", "nobody: the motors have stopped"),
+        (
+            {"kind": "home", "values": {"state": "pending", "reason": "userRequest"}},
+            "flies home by itself: userRequest",
+            "the ANAFI itself (returns home)",
+        ),
+    ],
+)
+def test_a_takeover_during_our_own_take_off_ends_the_flight_without_a_stick(
+    tmp_path: Path, taken: dict[str, Any], reason: str, in_command: str
+) -> None:
+    with vehicle(tmp_path, [flying("takingoff"), taken], engage_timeout_s=20.0) as (flown, log):
+        assert flown.in_command.startswith("somebody else")
+        begun_s = time.monotonic()
+        with pytest.raises(VehicleError, match=reason):
+            flown.open()
+        assert time.monotonic() - begun_s < 15.0
+        assert flown.in_command == in_command
+        assert not any("sticks" in line for line in asked(log))
+        assert {"stop": True} in asked(log)  # nor are they released: they are not ours
+
+
+def test_the_take_off_is_not_asked_of_an_aircraft_that_somebody_lands(tmp_path: Path) -> None:
+    with vehicle(tmp_path, engage_timeout_s=0.5) as (flown, log):
+        flown.connect()
+        flown._process.say({"say": flying("landing")})
+        assert wait_until(lambda: flown._state == "landing")
+        with pytest.raises(VehicleError, match="has not taken off"):
+            flown.open()
+        assert not any("take_off" in line for line in asked(log))
+
+
+def wait_until(done: Callable[[], bool]) -> bool:
+    until_s = time.monotonic() + 20.0
+    while not done() and time.monotonic() < until_s:
+        time.sleep(0.01)
+    return done()
+
+
+def test_who_is_in_command_is_told(tmp_path: Path) -> None:
+    for record, in_command in (
+        (flying("landing"), "somebody else (landing)"),
+        ({"kind": "home", "values": {"state": "inProgress"}}, "the ANAFI itself (returns home)"),
+        ({"kind": "lost"}, "nobody: link lost"),
+    ):
+        with vehicle(tmp_path) as (flown, _):
+            flown.open()
+            assert flown.in_command == "shipland"
+            flown._process.say({"say": record})
+            assert fly_until(flown, lambda flown=flown: bool(flown.end_reason))
+            assert flown.in_command == in_command
+    with vehicle(tmp_path) as (flown, _):
+        flown.open()
+        flown.close()
+        assert flown.in_command == "the ANAFI itself (holds)"
+
+
+@pytest.mark.parametrize(("mode", "intent"), INTENTS.items())
+def test_every_modes_sticks_leave_but_a_holds(mode: Mode, intent: Intent) -> None:
+    assert sticks_of(PilotCommand(0.0, 10.0, -20.0, 30.0, 40.0, 0.0, intent)) == (
+        [0, 0, 0, 0] if mode is Mode.DONE else [-20, 10, 40, 30]
+    )
+
+
+def test_without_contact_height_it_never_uses_its_own_landing(tmp_path: Path) -> None:
+    """Its own landing comes down where it is; what stops a descent over water is an updraft."""
+    with vehicle(tmp_path) as (flown, log):
+        flown.open()
+        begun_s = time.monotonic()
+        down = (0.0, 0.0, -40.0, 0.0)
+        assert fly_until(flown, lambda: time.monotonic() - begun_s > 2.0, *down, intent=Intent.LAND)
+        assert flown._telemetry.velocity_in_level_mps is not None  # it stands still, and it is known
+        assert not any("land" in line for line in asked(log))
+        until_s = time.monotonic() + 20.0
+        while (pair := flown.read()) is not None and time.monotonic() < until_s:
+            flown.send(PilotCommand(pair[1].t_s, *down, 0.0, Intent.LAND, at_contact_height=True))
+        assert flown.end_reason.startswith("landed")
+
+
+MALFORMED = [
+    {"kind": "picture", "stamp_s": 1.0, "size_px": "ab", "planes": "NV12"},
+    {"kind": "picture", "stamp_s": 1.0, "size_px": [64, 36, 3], "planes": "NV12"},
+    {"kind": "picture", "stamp_s": 10**400, "size_px": [64, 36], "planes": "NV12"},
+    {"kind": "picture", "stamp_s": 1.0, "size_px": [64, 36], "planes": ["NV12"]},
+    {"kind": "picture", "stamp_s": 1.0, "size_px": [64, 36], "planes": "NV12"},  # without its bytes
+    {"kind": "limits", "values": {"tilt_deg": "much"}},
+    {"kind": "limits", "values": [1, 2]},
+    {"kind": "flying", "values": {"state": ["hovering"]}},
+    {"kind": "flying", "values": {"state": "sleeping"}},
+    {"kind": "flying", "values": 7},
+    {"kind": "link", "values": {"value": 1e400}},
+    {"kind": "battery", "values": {"percent": 10**400}},
+    {"kind": "gimbal", "values": {"roll_absolute": {}}},
+    {"kind": "altitude"},
+    {"values": {}},
+]
+LINES = [
+    "[]", "7", "null", '{"kind": "picture", "bytes": -1}', '{"kind": "picture", "bytes": 1e400}',
+    '{"kind": "picture", "bytes": 99999999999999999999}', '{"kind": "picture", "bytes": "many"}', "[" * 100_000,
+    '{"kind": "attitude", "t_s": NaN, "values": {"roll": 0, "pitch": 0, "yaw": 0}}',
+    '{"kind": "attitude", "t_s": "late", "values": {"roll": 0, "pitch": 0, "yaw": 0}}',
+]  # fmt: skip
+
+
+def test_malformed_records_are_refused_and_counted_and_the_flight_goes_on(tmp_path: Path) -> None:
+    with vehicle(tmp_path) as (flown, _):
+        flown.open()
+        before = flown.refused
+        for record in MALFORMED:
+            flown._process.say({"say": record})
+        for line in LINES:
+            flown._process.say({"write": line})
+        assert fly_until(flown, lambda: flown.refused - before >= len(MALFORMED) + len(LINES))
+        flown._process.say({"say": {"kind": "battery", "values": {"percent": 55}}})
+        assert fly_until(flown, lambda: flown._telemetry.battery_percent == 55.0)
+        assert not flown.end_reason
+        assert flown.checks()
+
+
+def test_the_gimbals_age_is_told_with_every_picture(tmp_path: Path) -> None:
+    with vehicle(tmp_path) as (flown, _):
+        flown.open()
+        frame = next(pair[0] for pair in iter(flown.read, None) if pair[0] is not None)
+        assert frame.gimbal_age_s == math.inf  # nothing was told yet
+        flown._process.say({"say": {"kind": "gimbal", "values": {"roll_absolute": 0.0, "pitch_absolute": -20.0}}})
+        ages_s = []
+        assert fly_until(flown, lambda: bool(flown._gimbals))
+        while len(ages_s) < 15:
+            pair = flown.read()
+            assert pair is not None
+            if pair[0] is not None:
+                assert pair[0].gimbal.pitch_rad == pytest.approx(math.radians(-20.0))
+                ages_s.append(pair[0].gimbal_age_s)
+        assert ages_s[-1] > 0.1  # it stands still while the pictures go on
+
+
+def test_a_gimbal_is_read_between_its_events() -> None:
+    readings = [(1.0, 0.0, -0.1), (1.2, 0.02, -0.3), (1.4, 0.02, -0.3)]
+    gimbal, age_s = gimbal_at(readings, 1.05)
+    assert (gimbal.roll_rad, gimbal.pitch_rad) == pytest.approx((0.005, -0.15))
+    assert age_s == pytest.approx(0.05)
+    assert gimbal_at(readings, 4.4)[1] == pytest.approx(3.0)
+    assert gimbal_at([], 1.0)[1] == math.inf
+
+
+def test_the_picture_s_age_says_what_is_stated_and_what_is_measured(tmp_path: Path) -> None:
+    with vehicle(tmp_path) as (flown, _):
+        flown.connect()
+        assert wait_until(lambda: len(flown._late) > 20)
+        flown._late.extend([0.5] * 280)  # most come that late
+        check = next(check for check in flown.checks() if check.name == "picture's age")
+        assert not check.ok
+        assert "0.28 s to the quickest, stated and not measured, and 0.500 s more, measured" in check.words
+
+
+def test_an_alert_of_the_aircraft_is_told(tmp_path: Path) -> None:
+    with vehicle(tmp_path) as (flown, _):
+        flown.open()
+        for state, alerts in (("cut_out", "alert: cut_out"), ("none", "")):
+            flown._process.say({"say": {"kind": "alert", "values": {"state": state}}})
+            assert fly_until(flown, lambda alerts=alerts: flown.telemetry_at(1.0).alerts == alerts)
 
 
 def test_nobody_there_is_one_line(tmp_path: Path) -> None:

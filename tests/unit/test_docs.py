@@ -133,3 +133,10 @@ def load(path: Path):
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
     return module
+
+
+def test_the_tests_that_a_page_names_exist():
+    written = "".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "tests").rglob("test_*.py")))
+    for path in PAGES:
+        for name in re.findall(r"`(test_\w+)`", path.read_text(encoding="utf-8")):
+            assert f"def {name}(" in written, f"{page_id(path)} names {name}"

@@ -167,7 +167,7 @@ def test_without_sight_only_yaw_and_climb_are_flown():
     env.close()
     assert (blind.pitch_percent, blind.roll_percent, blind.heave_percent, blind.yaw_percent) == (0.0, 0.0, 0.0, 50.0)
     assert (sees.pitch_percent, sees.heave_percent, sees.intent) == (100.0, -100.0, Intent.LAND)
-    assert blind.intent is Intent.HOLD
+    assert blind.intent is Intent.SEARCH
 
 
 def test_the_time_limit_truncates():

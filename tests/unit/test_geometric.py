@@ -1,6 +1,7 @@
 """The geometric camera's pose is the solver's: the same errors, and a covariance that says how large they are."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -73,13 +74,18 @@ def test_the_cue_is_seen_as_obliquely_as_near_vision_sees_it_and_never_from_behi
 @pytest.mark.parametrize("range_m", [2.5, 4.0, 8.0, 12.0, 18.0])
 @pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(1, 0), (3, 0), (10, 0), (25, 0), (0, 3), (0, 10)])
 def test_a_wrong_gimbal_reading_moves_the_pose_as_it_moves_the_solvers(range_m, pitch_deg, roll_deg):
-    """The very same corners: both take the reading in, or both see that it contradicts the corners and leave it out."""
+    """The very same corners: both take the reading in, or both see that it contradicts the corners."""
     rig, vision = default_rig(), build(VisionParameters, packaged_table("vision"))
     parameters = build(GeometricParameters, packaged_table("geometric"))
     seen = true_pose(range_m, 10.0, -8.0, GimbalAttitude(0.0, PITCH_RAD))
     reading = GimbalAttitude(math.radians(roll_deg), PITCH_RAD + math.radians(pitch_deg))
     eyes = GeometricVision(_Still(seen), rig.target, CAMERA, parameters, vision, np.random.default_rng(1))
-    pose = eyes.see(Frame(0.0, None, reading)).bar_pose
+    observation = eyes.see(Frame(0.0, None, reading))
+    pose = observation.bar_pose
+    if pose is None:
+        assert observation.reason.startswith((Refusal.GIMBAL_OFF.value, Refusal.REPROJECTION.value))
+        assert max(pitch_deg, roll_deg) > 2
+        return
     sigma_px = parameters.corner_noise_px + parameters.corner_noise_px_per_m * range_m
     corners_px = pose.corners_px.reshape(-1, 4, 2)
     corners = Corners(corners_px, np.tile(np.eye(8) / sigma_px, (2, 1, 1)), PLANE_M.reshape(-1, 4, 2))
@@ -92,8 +98,7 @@ def test_a_wrong_gimbal_reading_moves_the_pose_as_it_moves_the_solvers(range_m, 
     if range_m == 8.0 and pitch_deg == 3:
         height_m = pose.position_in_bar_m[2] - seen.translation_m[2]
         assert height_m == pytest.approx(8.0 * math.radians(3.0), abs=0.05)  # taken in
-    if range_m <= 12.0 and pitch_deg == 25:
-        assert np.linalg.norm(pose.position_in_bar_m - seen.translation_m) < 0.5  # left out
+    assert range_m > 4.0 or max(pitch_deg, roll_deg) < 3  # near, what is wrong is seen
 
 
 def test_a_pose_that_leaps_in_height_is_refused_as_near_vision_refuses_it():
@@ -106,6 +111,34 @@ def test_a_pose_that_leaps_in_height_is_refused_as_near_vision_refuses_it():
     world._camera.translation_m[2] -= 1.0
     assert eyes.see(Frame(0.03, None, gimbal)).reason == Refusal.JUMP.value
     assert eyes.see(Frame(2.0, None, gimbal)).bar_pose is not None  # long enough ago
+
+
+@pytest.mark.parametrize(
+    ("range_m", "off_deg", "reason"),
+    [
+        (4.0, 10.0, "gimbal"),
+        (4.0, -3.0, "gimbal"),
+        (9.0, 10.0, "gimbal"),
+        (4.0, 50.0, Refusal.REPROJECTION.value),  # another cue, it may be
+        (4.0, 0.05, ""),
+        (12.0, 0.05, ""),
+    ],
+)
+def test_a_gimbal_that_contradicts_the_corners_is_refused_as_near_vision_refuses_it(range_m, off_deg, reason):
+    gimbal = GimbalAttitude(0.0, PITCH_RAD)
+    world = _Still(true_pose(range_m, 0.0, 0.0, gimbal))
+    parameters = replace(build(GeometricParameters, packaged_table("geometric")), miss_rate=0.0)
+    near = build(VisionParameters, packaged_table("vision"))
+    eyes = GeometricVision(world, default_rig().target, CAMERA, parameters, near, np.random.default_rng(1))
+    told = GimbalAttitude(0.0, PITCH_RAD + math.radians(off_deg))
+    seen = [eyes.see(Frame(0.0, None, told)) for _ in range(50)]
+    assert {it.bar_pose is None for it in seen} == {reason != ""}
+    off = [it.reason.rpartition(" ")[2] for it in seen]
+    if reason == "gimbal":
+        assert all(it.reason.startswith(Refusal.GIMBAL_OFF.value) for it in seen)
+        assert max(abs(float(it.rstrip("°")) - abs(off_deg)) for it in off) <= 3.0  # what corners at 9 m tell
+    else:
+        assert {it.reason for it in seen} == {reason}
 
 
 def test_the_vertical_is_the_gimbals():

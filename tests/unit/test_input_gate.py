@@ -110,6 +110,17 @@ def test_a_picture_from_the_past_or_the_future_is_not_looked_at():
         assert frame.t_s == border.exposure_s == 9.7
 
 
+@pytest.mark.parametrize(
+    ("age_s", "words"),
+    [(3.0, "gimbal attitude 3.0 s old"), (0.21, "0.2 s old"), (math.inf, "no gimbal attitude"), (math.nan, "unknown")],
+)
+def test_a_picture_whose_gimbal_reading_is_old_is_not_looked_at(age_s, words):
+    border, frame, refused = AT_10_S.frame(replace(FRAME, gimbal=GimbalAttitude(0.0, 0.3), gimbal_age_s=age_s))
+    assert words in refused
+    assert (frame.gimbal, border) == (LEVEL, AT_10_S)
+    assert AT_10_S.frame(replace(FRAME, gimbal_age_s=0.2))[2] == ""
+
+
 def test_a_picture_that_comes_again_is_refused_and_its_twin_with_other_noise_is_not():
     again = without_repeated(SEEN, SEEN)
     assert again.bar_pose is None

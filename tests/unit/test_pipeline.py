@@ -81,8 +81,21 @@ def test_40_degrees_off_the_axis(range_m, azimuth_deg, rng, camera):
 def test_over_the_deck_looking_up(rng, camera):
     where, pitch = np.array([-2.0, 0.05, 0.7]), np.radians(19.0)
     image = bar_picture(BAR, camera, camera_from_bar(where, -0.02, pitch), rng, QUIET)
-    for gimbal in (GimbalAttitude(0.0, pitch), GimbalAttitude(np.nan, 0.0), LEVEL):  # right, unknown, wrong
+    for gimbal in (GimbalAttitude(0.0, pitch), GimbalAttitude(np.nan, 0.0)):  # right, unknown
         assert_pose(look_at(vision(camera=camera), image, gimbal=gimbal), where, -0.02)
+
+
+@pytest.mark.parametrize(("off_deg", "range_m"), [(-10.0, 4.0), (10.0, 4.0), (5.0, 4.0), (19.0, 2.5)])
+def test_a_pose_is_refused_where_gimbal_and_horizon_disagree(rng, camera, off_deg, range_m):
+    """A gimbal that is off by 10° would move the height by 0.7 m at 4 m."""
+    where, pitch = np.array([-range_m, 0.05, 0.3]), np.radians(5.0)
+    image, eyes = bar_picture(BAR, camera, camera_from_bar(where, -0.02, pitch), rng, QUIET), vision(camera=camera)
+    for _ in range(2):  # the second time near the first
+        seen = look_at(eyes, image, gimbal=GimbalAttitude(0.0, pitch + np.radians(off_deg)))
+        assert seen.bar_pose is None
+        assert seen.reason.startswith("gimbal and horizon disagree by ")
+        assert float(seen.reason.split()[-1].rstrip("°")) == pytest.approx(abs(off_deg), abs=1.5)  # what corners tell
+    assert_pose(look_at(eyes, image, gimbal=GimbalAttitude(0.0, pitch)), where, -0.02)
 
 
 def test_a_rolled_camera(rng):

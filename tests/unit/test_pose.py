@@ -170,11 +170,23 @@ def test_gimbal_makes_the_height_known():
     assert np.sqrt(held[2, 2]) < 0.02  # m
 
 
-def test_a_gimbal_that_is_plainly_wrong_is_left_out():
+def test_a_gimbal_that_is_plainly_wrong_is_left_out_and_told():
     pose = camera_from_bar([-3.0, 0.2, 0.7], 0.05, 0.25)
     for said in (0.0, 0.25):
         solution = solve(corners_at(pose, noise_px=0.02), CAMERA, prior_at(said))[0]
         np.testing.assert_allclose(position_and_yaw(solution.camera_from_plane)[0], [-3.0, 0.2, 0.7], atol=2e-3)
+        assert solution.level_off_rad == pytest.approx(0.25 - said, abs=1e-3)
+
+
+def test_a_gimbal_within_its_noise_contradicts_nothing():
+    rng = np.random.default_rng(5)
+    for range_m in (2.5, 4.0, 9.0):
+        for _ in range(50):
+            corners = corners_at(
+                camera_from_bar([-range_m, 0.2, 0.3], 0.05), noise_px=0.03, error_px=rng.normal(0.0, 0.03, (2, 4, 2))
+            )
+            prior = prior_at(rng.normal(0.0, 0.001), roll_rad=rng.normal(0.0, 0.001))
+            assert solve(corners, CAMERA, prior)[0].level_off_rad == 0.0
 
 
 def test_another_cue_is_not_excused_by_a_wrong_gimbal():

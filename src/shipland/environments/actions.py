@@ -64,7 +64,7 @@ class StickPilot:
         pitch, roll, heave, yaw = (100.0 * self.action).tolist()
         intent, reason = Intent.LAND if heave < 0.0 else Intent.FLY, "action"
         if blind:
-            pitch, roll, heave, intent, reason = 0.0, 0.0, max(heave, 0.0), Intent.HOLD, "action: nothing seen"
+            pitch, roll, heave, intent, reason = 0.0, 0.0, max(heave, 0.0), Intent.SEARCH, "action: nothing seen"
         command = PilotCommand(now_s, pitch, roll, heave, yaw, self._pitch_rad, intent)
         return Decision(command, None, reason)
 

@@ -23,9 +23,25 @@ from shipland.missions.geometric_far import BoxErrors, BoxParameters
 from shipland.rig import Target
 from shipland.vehicles.vehicle import Witness
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import DOUBTFUL_CHI2, NOTHING_IN_COMMON, Corners, LevelPrior, Solution, solve
-from shipland.vision.near.refusal import Refusal
-from shipland.vision.near.sighting import bar_pose_of, jumps, most_reprojection_px, ordered, sides_agree, within_reach
+from shipland.vision.near.pose import (
+    CONTRADICTION_CHI2,
+    DOUBTFUL_CHI2,
+    NOTHING_IN_COMMON,
+    Corners,
+    LevelPrior,
+    Solution,
+    level_off,
+    solve,
+)
+from shipland.vision.near.refusal import Refusal, gimbal_off
+from shipland.vision.near.sighting import (
+    bar_pose_of,
+    jumps,
+    largest_reprojection_px,
+    ordered,
+    sides_agree,
+    within_reach,
+)
 
 
 @dataclass(frozen=True)
@@ -75,7 +91,6 @@ class GeometricVision:
         self._witness, self._camera, self._near = witness, camera, near
         self._matrix = np.ascontiguousarray(camera.matrix)
         self._parameters = parameters
-        self._gimbal_noise_rad = near.gimbal_noise_rad
         self._least_facing = math.cos(math.radians(near.max_obliquity_deg))
         self._rng = rng
         self._made_to = target.made_to
@@ -104,42 +119,55 @@ class GeometricVision:
         corners_px = projected(rotation, sight_m, self._plane_m, self._matrix) + sigma_px * noise
         if not inside(corners_px, self._low_px, self._high_px):
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.CUT_BY_FRAME.value)
-        down = _down_in_camera(frame.gimbal)
-        measured = Measured(self._plane_m, self._matrix, corners_px, sigma_px, down, self._gimbal_noise_rad)
+        down, noise_rad = _down_in_camera(frame.gimbal), self._near.gimbal_noise_rad
+        measured = Measured(self._plane_m, self._matrix, corners_px, sigma_px, down, noise_rad)
         last = self._last if self._last is not None and 0.0 <= frame.t_s - self._last[0] <= self._near.track_s else None
         solutions = self._solved(rotation, sight_m, measured, None if last is None else last[1])
         quads_px = corners_px.reshape(-1, 4, 2)
         if not solutions:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_SOLUTION.value)
         bar_pose = bar_pose_of(solutions, quads_px)
-        refusal = self._refusal(solutions[0], quads_px, sigma_px)
-        if refusal is None and last is not None and jumps(bar_pose, last[1], frame.t_s - last[0], self._near):
-            refusal = Refusal.JUMP
-        if refusal is not None:
-            return Observation(frame.t_s, frame.gimbal, reason=refusal.value)
+        refused = self._refused(solutions[0], quads_px, sigma_px)
+        if not refused and last is not None and jumps(bar_pose, last[1], frame.t_s - last[0], self._near):
+            refused = Refusal.JUMP.value
+        if refused:
+            return Observation(frame.t_s, frame.gimbal, reason=refused)
         self._last = frame.t_s, solutions[0].camera_from_plane
         return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose)
 
     def _solved(self, rotation: Array, sight_m: Array, measured: Measured, last: Pose | None) -> list[Solution]:
         """What the solver makes of measured corners, the pose to take first."""
-        settled, *pose, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
-        if settled and chi2 < DOUBTFUL_CHI2 * residual_px.size:
-            freedom = residual_px.size - 6 + (2 if measured.level_rad > 0.0 else 0)
-            residual_px = residual_px.reshape(-1, 4, 2)
-            return [Solution(Pose(*pose), chi2, 0.0, covariance, NOTHING_IN_COMMON, residual_px, freedom)]
+        held = _solution(rotation, sight_m, measured)
+        prior = LevelPrior(measured.down_in_camera, measured.level_rad) if measured.level_rad > 0.0 else None
+        if held is not None and held.chi2 < DOUBTFUL_CHI2 * measured.corners_px.size:
+            free = None
+            if prior is not None and held.chi2 > CONTRADICTION_CHI2:
+                free = _solution(rotation, sight_m, measured._replace(level_rad=0.0))
+            if prior is None or free is None or level_off(held, free, prior) == 0.0:
+                return [held]
         quads_px, quads_m = measured.corners_px.reshape(-1, 4, 2), measured.plane_m.reshape(-1, 4, 2)
         corners = Corners(quads_px, np.broadcast_to(np.eye(8) / measured.sigma_px, (len(quads_px), 8, 8)), quads_m)
-        prior = LevelPrior(measured.down_in_camera, measured.level_rad) if measured.level_rad > 0.0 else None
         return ordered(solve(corners, self._camera, prior, last), last)
 
-    def _refusal(self, taken: Solution, quads_px: Array, sigma_px: float) -> Refusal | None:
-        """Why near vision would not believe a pose."""
+    def _refused(self, taken: Solution, quads_px: Array, sigma_px: float) -> str:
+        """Why near vision would not believe a pose; empty where it would."""
         near = self._near
-        if not taken.reprojection_px <= most_reprojection_px(quads_px, sigma_px, self._made_to, near):
-            return Refusal.REPROJECTION
+        if taken.level_off_rad > 0.0:
+            return gimbal_off(taken.level_off_rad)
+        if not taken.reprojection_px <= largest_reprojection_px(quads_px, sigma_px, self._made_to, near):
+            return Refusal.REPROJECTION.value
         if not sides_agree(quads_px, quads_px + taken.residual_px, sigma_px, near):
-            return Refusal.SIDES_UNEQUAL
-        return None if within_reach(taken.camera_from_plane, near) else Refusal.OUT_OF_REACH
+            return Refusal.SIDES_UNEQUAL.value
+        return "" if within_reach(taken.camera_from_plane, near) else Refusal.OUT_OF_REACH.value
+
+
+def _solution(rotation: Array, sight_m: Array, measured: Measured) -> Solution | None:
+    """The pose that the solver would find; None when the corners do not settle one."""
+    settled, *pose, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
+    if not settled:
+        return None
+    freedom = residual_px.size - 6 + (2 if measured.level_rad > 0.0 else 0)
+    return Solution(Pose(*pose), chi2, 0.0, covariance, NOTHING_IN_COMMON, residual_px.reshape(-1, 4, 2), freedom)
 
 
 def _down_in_camera(gimbal: GimbalAttitude) -> Array:

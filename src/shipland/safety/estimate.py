@@ -36,6 +36,8 @@ _REFERENCE_TIME_S = 8.0
 """Of the slow velocity reference: about two periods of the waves at the rig's scale."""
 _TILT_TIME_S = 2.0
 """Of the mean tilt: gusts pass, the wind stays."""
+_WIND_TIME_S, _SLOW_MPS = 10.0, 2.0
+"""Of the wind: several gusts long. Faster than this the drag of the aircraft's own way counts."""
 _LEAN_TIME_S = 1.0
 """Of the largest lean: telemetry of 5 Hz sees a swing of 0.4 s now and then only."""
 _LEAP_M, _LEAP_SHARE, _LEAP_MPS = 1.0, 0.05, 1.0
@@ -97,6 +99,8 @@ class SafetyEstimate:
         deck_height_m: of the neutral deck over the take-off point.
         deck_leap_m: newest pose's deck height less `deck_height_m`.
         sink_mps: downward speed by the vehicle itself, not negative.
+        wind_mps2: (2,) `held_mps2` of the last `_WIND_TIME_S` in which the aircraft was slow against the bar.
+        wind_s: how long that has been, up to `_WIND_TIME_S`.
         lean_rad: largest tilt against the vertical of about the last second.
         leap_m: by which the newest pose contradicts the way from those before; 0 for one that does not.
         leapt_s: exposure since which poses do so, and are not flown on; None while they do not.
@@ -126,6 +130,8 @@ class SafetyEstimate:
     deck_leap_m: float = 0.0
     deck_down_m: float = 0.0
     sink_mps: float = 0.0
+    wind_mps2: Array | None = None
+    wind_s: float = 0.0
     lean_rad: float = 0.0
     leap_m: float = 0.0
     leapt_s: float | None = None
@@ -246,7 +252,8 @@ class SafetyEstimator:
             lean_rad=max(_lean_rad(tilt_mps2), estimate.lean_rad * math.exp(-step_s / _LEAN_TIME_S)),
             travelled=travelled,
         )
-        return _carried(_with_velocity(replace(estimate, held_mps2=_held_mps2(estimate))))
+        estimate = _with_velocity(replace(estimate, held_mps2=_held_mps2(estimate)))
+        return _carried(_with_wind(estimate, step_s))
 
     def _with_pose(self, estimate: SafetyEstimate, pose: BarPose, exposure_s: float) -> SafetyEstimate:
         bar_from_level = rotation_from_euler(0.0, 0.0, pose.yaw_rad)
@@ -300,6 +307,18 @@ def _held_mps2(estimate: SafetyEstimate) -> Array | None:
     if tilt_mps2 is None or mean_mps is None or estimate.velocity_mps is None:
         return tilt_mps2
     return np.asarray(tilt_mps2 - (estimate.velocity_mps - mean_mps) / _TILT_TIME_S)
+
+
+def _with_wind(estimate: SafetyEstimate, step_s: float) -> SafetyEstimate:
+    """The wind, from what holds against it; fast against the bar, it holds against the aircraft's own way as well."""
+    held_mps2, velocity_mps, wind_mps2 = estimate.held_mps2, estimate.velocity_in_bar_mps, estimate.wind_mps2
+    if held_mps2 is None or velocity_mps is None or step_s <= 0.0:
+        return estimate
+    if math.hypot(float(velocity_mps[0]), float(velocity_mps[1])) > _SLOW_MPS:
+        return estimate
+    wind_s = min(estimate.wind_s + step_s, _WIND_TIME_S)
+    wind_mps2 = held_mps2 if wind_mps2 is None else wind_mps2 + step_s / wind_s * (held_mps2 - wind_mps2)
+    return replace(estimate, wind_mps2=wind_mps2, wind_s=wind_s)
 
 
 def _lean_rad(tilt_mps2: Array | None) -> float:

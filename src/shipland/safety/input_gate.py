@@ -25,6 +25,10 @@ _AHEAD_S = 0.1
 """Nothing was true later than it was received, but for rounding and clocks a little apart."""
 _FARTHEST_M = 2000.0
 """Corners cannot be measured from farther away: a ship's bar of 10 m has 5 px a metre there in no camera."""
+_OLD_GIMBAL_S = 0.2
+"""A camera's attitude read longer than this before or after the exposure is not that of the picture: a gimbal follows
+its command, and a body swings, by several degrees in that time, and 10° move the height by 0.7 m at 4 m. The slowest
+that is flown tells it five times a second."""
 _HIGHEST_M, _FASTEST_MPS, _WIDEST_RAD = 10_000.0, 100.0, 4.0 * math.pi
 _STEEPEST_RAD = 0.6 * math.pi
 
@@ -98,6 +102,8 @@ class InputGate:
             reason = f"picture {now_s - frame.t_s:.0f} s old"
         elif not _plausible_gimbal(frame.gimbal):
             reason = "gimbal attitude refused"
+        elif not frame.gimbal_age_s <= _OLD_GIMBAL_S:
+            reason = _old_gimbal(frame.gimbal_age_s)
         if not reason:
             return replace(self, exposure_s=frame.t_s, gimbal=frame.gimbal), frame, ""
         return self, replace(frame, t_s=last_s, gimbal=self.gimbal), reason
@@ -200,6 +206,12 @@ def _timely(t_s: float | None, now_s: float) -> bool:
 
 def _plausible_gimbal(gimbal: GimbalAttitude) -> bool:
     return abs(gimbal.roll_rad) <= _STEEPEST_RAD and abs(gimbal.pitch_rad) <= _STEEPEST_RAD and abs(gimbal.yaw_rad) <= 7
+
+
+def _old_gimbal(age_s: float) -> str:
+    if math.isfinite(age_s):
+        return f"gimbal attitude {age_s:.1f} s old"
+    return "no gimbal attitude" if math.isinf(age_s) else "age of the gimbal attitude unknown"
 
 
 def _plausible_pose(pose: BarPose) -> bool:

@@ -25,7 +25,7 @@ class Action(enum.IntEnum):
     NO_GO = 1
     """No landing is begun; one that is not committed yet is broken off."""
     BRAKE = 2
-    """Away from the superstructure, now."""
+    """Away from the superstructure, until it can stop in time."""
     GO_AROUND = 3
     """A landing is broken off at any height."""
     REFUSE = 4
@@ -57,8 +57,8 @@ class MonitorParameters:
         near_m: nearer to the bar than this, poses that leap are not waited for.
         lean_deg: of about the last second, against the vertical, to land with.
         lean_height_m: over the neutral deck; lower, a go-around leans no less.
-        wind_share: of the acceleration that the tilt gives, which holding against the wind may take.
-        wind_time_s: so long, before a wind is refused.
+        wind_share, wind_lean_deg: of full tilt, and in all, what holding against the wind may take.
+        wind_time_s: so long the wind is measured before it is refused.
         leap_mps: difference that the vehicle's own velocity and the poses may take on in seconds: a flow that lies, or
             a ship that manoeuvres.
         height_leap_m: the same of barometer and poses.
@@ -75,6 +75,7 @@ class MonitorParameters:
     lean_deg: float
     lean_height_m: float
     wind_share: float
+    wind_lean_deg: float
     wind_time_s: float
     leap_mps: float
     height_leap_m: float
@@ -92,7 +93,8 @@ class MonitorParameters:
             lean_deg=(5.0, 45.0),
             lean_height_m=(0.0, 20.0),
             wind_share=(0.1, 1.0),
-            wind_time_s=(0.5, 60.0),
+            wind_lean_deg=(5.0, 45.0),
+            wind_time_s=(0.5, 10.0),
             leap_mps=(0.2, 20.0),
             height_leap_m=(0.1, 20.0),
             telemetry_s=(0.1, 5.0),
@@ -190,19 +192,26 @@ def _along_bar(look: Look, in_still: Array | None) -> float:
     return float(turned(in_still, -look.estimate.bar_heading_rad)[0])
 
 
-def bar_ahead(look: Look) -> Finding | None:
-    """It cannot stop ahead of the bar's plane any more, where bar and superstructure stand in its way."""
+def room_to_bar_m(look: Look) -> float:
+    """Where the aircraft would stop, ahead of the bar's plane; infinite where nothing stands in its way."""
     place_m, velocity_mps, limits, ship = look.place_m, look.velocity_mps, look.limits, look.ship
     if place_m is None or velocity_mps is None:
-        return None
-    leant_mps2 = _along_bar(look, look.estimate.tilt_mps2)  # in the superstructure's lee no wind holds against it
-    stop_m = stopping_distance_m(float(velocity_mps[0]), leant_mps2, brake_mps2(look), limits.reaction_s)
-    to_bar_m = -float(place_m[0]) - stop_m
+        return math.inf
     beside = abs(float(place_m[1])) > ship.half_house_m + limits.least_to_bar_m
     above = float(place_m[2]) < ship.house_top_m - limits.least_to_bar_m
-    if beside or above or to_bar_m >= limits.least_to_bar_m:
+    if beside or above:
+        return math.inf
+    leant_mps2 = _along_bar(look, look.estimate.tilt_mps2)  # in the superstructure's lee no wind holds against it
+    stop_m = stopping_distance_m(float(velocity_mps[0]), leant_mps2, brake_mps2(look), limits.reaction_s)
+    return -float(place_m[0]) - stop_m
+
+
+def bar_ahead(look: Look) -> Finding | None:
+    """It cannot stop ahead of the bar's plane any more, where bar and superstructure stand in its way."""
+    room_m = room_to_bar_m(look)
+    if room_m >= look.limits.least_to_bar_m:
         return None
-    return Finding(Action.BRAKE, f"it would stop {max(to_bar_m, 0.0):.2f} m ahead of the bar")
+    return Finding(Action.BRAKE, f"it would stop {max(room_m, 0.0):.2f} m ahead of the bar")
 
 
 def off_the_deck(look: Look) -> Finding | None:
@@ -237,16 +246,17 @@ def poses_leap(look: Look) -> Finding | None:
     return Finding(Action.GO_AROUND if near else Action.NO_GO, f"poses leap by {leap_m:.1f} m")
 
 
-def wind_share(look: Look) -> float:
-    """Of the tilt that there is, what holding against the wind takes; 0 where it is not known.
-
-    There is no more than full tilt, and no more than the lean that a deck bears.
-    """
-    held_mps2 = look.estimate.held_mps2
-    if held_mps2 is None:
-        return 0.0
-    most_rad = min(look.response.max_tilt_rad, math.radians(look.limits.lean_deg))
-    return math.hypot(*held_mps2.tolist()) / (GRAVITY_MPS2 * math.tan(most_rad))
+def wind_too_strong(look: Look) -> Finding | None:
+    """Holding against the wind takes more tilt than leaves a reserve, or than a deck bears at contact."""
+    wind_mps2, limits = look.estimate.wind_mps2, look.limits
+    if wind_mps2 is None or look.estimate.wind_s < limits.wind_time_s:
+        return None
+    lean_rad = math.atan(math.hypot(*wind_mps2.tolist()) / GRAVITY_MPS2)
+    most_rad = min(limits.wind_share * look.response.max_tilt_rad, math.radians(limits.wind_lean_deg))
+    if lean_rad <= most_rad:
+        return None
+    words = f"the wind takes {math.degrees(lean_rad):.0f}° of tilt, at most {math.degrees(most_rad):.0f}"
+    return Finding(Action.REFUSE, words)
 
 
 def velocity_contradicts(look: Look) -> Finding | None:
@@ -292,6 +302,7 @@ RULES: tuple[Rule, ...] = (
     off_the_deck,
     leaning,
     poses_leap,
+    wind_too_strong,
     velocity_contradicts,
     height_contradicts,
     telemetry_old,

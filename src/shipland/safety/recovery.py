@@ -23,6 +23,8 @@ from shipland.safety.estimate import SafetyEstimate
 class Rung(enum.Enum):
     """One step of the ladder, in words of the configuration."""
 
+    BRAKE = "brake"
+    """Up and astern, until it can stop ahead of the superstructure again; no step of the ladder."""
     GO_AROUND = "go_around"
     """Up, and astern of the deck."""
     HOLD = "hold"
@@ -65,6 +67,7 @@ class RecoveryParameters:
 
     def __post_init__(self) -> None:
         require(len(self.ladder) > 0, "ladder must hold at least one step")
+        require(Rung.BRAKE not in self.ladder, "brake is no step of the ladder: it ends by itself")
         require(1 <= self.tries <= 100, f"tries must be 1 to 100, got {self.tries}")
         require_within(
             self,
@@ -117,10 +120,10 @@ def sticks_of(
     """The command of one cycle of a rung, at `t_s` [s]; `gimbal_rad` is the camera's pitch where nothing tells it."""
     over_m = estimate.over_deck_at(t_s, parameters.blind_s)
     low = over_m is None or over_m < parameters.clear_height_m
-    climb_percent = parameters.climb_percent if rung in (Rung.GO_AROUND, Rung.RETURN) and low else 0.0
+    climb_percent = parameters.climb_percent if rung in _AWAY and low else 0.0
     if rung is Rung.LAND:
         climb_percent = -parameters.climb_percent
-    astern_mps = parameters.astern_mps if rung in (Rung.GO_AROUND, Rung.RETURN) else 0.0
+    astern_mps = parameters.astern_mps if rung in _AWAY else 0.0
     if over_m is not None and over_m < _FEET_FREE_M:
         astern_mps = 0.0  # feet that still stand would tip it over
     if rung is Rung.RETURN and estimate.bar_in_level()[0] >= parameters.return_m:
@@ -177,5 +180,6 @@ def _gimbal_rad(estimate: SafetyEstimate, before_rad: float) -> float:
     return math.atan2(float(place_m[2]), max(math.hypot(float(place_m[0]), float(place_m[1])), 0.3))
 
 
+_AWAY = (Rung.BRAKE, Rung.GO_AROUND, Rung.RETURN)
 _FEET_FREE_M = 0.3
 """Over the neutral deck, of the aircraft's centre: lower, a foot may still stand."""

@@ -10,13 +10,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from shipland.safety.monitor import Action, Finding, Look, wind_share
+from shipland.safety.monitor import Action, Finding, Look, room_to_bar_m
 from shipland.safety.recovery import Recovery, RecoveryParameters, Rung, is_clear
 
 _CALM_S = 1.0
 """What was found has passed when it was not found for so long."""
-_SLOW_MPS = 2.0
-"""Faster against the ship than this the drag of the aircraft's own way counts as well."""
+_BRAKED = 3.0
+"""Braked, it would stop so many times as far from the bar as it must."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,11 @@ class Switch:
         recovery: that is flown; None while the pilot flies.
         tries: landings broken off so far.
         found_s: when something was found last.
-        windy_since_s: since when the wind has taken too much tilt; None while it does not.
     """
 
     recovery: Recovery | None = None
     tries: int = 0
     found_s: float = -math.inf
-    windy_since_s: float | None = None
 
 
 def next_switch(before: Switch, look: Look, found: Sequence[Finding], parameters: RecoveryParameters) -> Switch:
@@ -45,7 +43,6 @@ def next_switch(before: Switch, look: Look, found: Sequence[Finding], parameters
         found: its findings, the gravest first.
         parameters: of the recovery.
     """
-    before, found = _with_wind(before, look, found)
     if found:
         before = replace(before, found_s=look.t_s)
     if before.recovery is not None:
@@ -56,27 +53,13 @@ def next_switch(before: Switch, look: Look, found: Sequence[Finding], parameters
     committed = look.landing and look.over_deck_m is not None and look.over_deck_m < look.limits.commit_m
     if gravest.action is Action.REFUSE and not committed:
         return replace(before, recovery=_last(gravest.words, look.t_s, parameters))
+    if gravest.action is Action.BRAKE:
+        return replace(before, recovery=Recovery(Rung.BRAKE, look.t_s, gravest.words))
     breaks_off = gravest.action is Action.NO_GO and look.landing and not committed
-    if breaks_off or gravest.action in (Action.BRAKE, Action.GO_AROUND):
+    if breaks_off or gravest.action is Action.GO_AROUND:
         recovery = Recovery(parameters.ladder[0], look.t_s, gravest.words)
         return replace(before, recovery=recovery, tries=before.tries + 1)
     return before
-
-
-def _with_wind(before: Switch, look: Look, found: Sequence[Finding]) -> tuple[Switch, Sequence[Finding]]:
-    """A wind that lasts and takes too much of the tilt is refused, near the ship and before anything is tried."""
-    velocity_mps = look.velocity_mps
-    if velocity_mps is None or math.hypot(float(velocity_mps[0]), float(velocity_mps[1])) > _SLOW_MPS:
-        return before, found  # a tilt against the aircraft's own way says little of the wind
-    share = wind_share(look)
-    if share <= look.limits.wind_share:
-        return replace(before, windy_since_s=None), found
-    since_s = look.t_s if before.windy_since_s is None else before.windy_since_s
-    before = replace(before, windy_since_s=since_s)
-    if look.t_s - since_s < look.limits.wind_time_s:
-        return before, found
-    words = f"the wind takes {100.0 * share:.0f} % of the tilt, at most {100.0 * look.limits.wind_share:.0f}"
-    return before, [Finding(Action.REFUSE, words), *found]
 
 
 def _recovering(
@@ -88,6 +71,9 @@ def _recovering(
     lasted_s, calm = look.t_s - recovery.since_s, look.t_s - before.found_s >= _CALM_S
     if recovery.final:
         return before
+    if recovery.rung is Rung.BRAKE:
+        braked = room_to_bar_m(look) > _BRAKED * look.limits.least_to_bar_m
+        return replace(before, recovery=None) if braked or lasted_s > parameters.most_s else before
     if recovery.rung is Rung.GO_AROUND:
         ended = is_clear(look.estimate, look.t_s, look.ship.deck_in_bar_m, parameters) or lasted_s > parameters.most_s
         if not ended:

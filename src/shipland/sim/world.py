@@ -203,9 +203,11 @@ class World:
         return self._step_s
 
     def command(self, command: PilotCommand) -> None:
-        """Take the sticks from now on; values beyond ±100 % are clipped, those that are no numbers are zero."""
+        """Take the sticks from now on; values beyond ±100 % are clipped, those that are no numbers or hold are zero."""
         step = self._aircraft.settings.stick_step_percent
         percents = (command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent)
+        if command.intent is Intent.HOLD:
+            percents = (0.0, 0.0, 0.0, 0.0)
         self._sticks = Sticks(*(_stick(percent, step) for percent in percents))
         self._land = command.intent is Intent.LAND
         if math.isfinite(command.gimbal_pitch_rad):

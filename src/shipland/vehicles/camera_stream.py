@@ -19,6 +19,18 @@ from shipland.messages import GimbalAttitude, GroundTruth, TouchdownVerdict
 
 _WINDOW_S = 10.0
 """In which the quickest picture tells the difference of the two clocks."""
+_LEAST_KNOWN = 10
+"""Pictures from which their median tells what a plausible stamp is."""
+_LEAST_GATE_S = 0.1
+"""A stamp ahead of the median by less is jitter, whatever the others' is."""
+_STEP = 3
+"""Implausible stamps on end that agree with one another: the stream's clock has stepped."""
+_LATEST_S = 1.0
+"""A picture that came later than the quickest by more than this is refused: it stood in a queue."""
+_REOPEN_S, _LONGEST_REOPEN_S = 0.5, 2.0
+"""Until a source that has failed is opened again, and that time once it has doubled again and again."""
+_REOPEN_TIMEOUT_S = 3.0
+"""To the first picture of a source that is opened again; the flight waits."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +72,11 @@ class PictureSource(Protocol):
     """Where pictures come from."""
 
     def pictures(self) -> Iterator[Shot]:
-        """The pictures, from connecting on, each at its receipt; ends or raises VehicleError when there are no more."""
+        """The pictures, from connecting on, each at its receipt; called again to connect again.
+
+        Ends where there will be no more: a recording has been played, a simulated flight is over. Raises VehicleError
+        where connecting again may bring more: a camera has stopped.
+        """
 
     def close(self) -> None:
         """Let go, from another thread; `pictures` ends."""
@@ -70,7 +86,10 @@ class PictureSource(Protocol):
 
 
 class CameraStream:
-    """Keeps the newest picture of a source.
+    """Keeps the newest picture of a source, and opens the source again when it fails.
+
+    One that fails before its first picture is not opened again: nothing flies yet, and whoever connects is told at
+    once.
 
     Args:
         source: where the pictures come from.
@@ -87,7 +106,7 @@ class CameraStream:
 
     @property
     def problem(self) -> str:
-        """Why there are no more pictures, in words; empty while there are."""
+        """Why there are no pictures, in words; empty while there are."""
         return self._problem
 
     @property
@@ -137,28 +156,44 @@ class CameraStream:
         return self._newest is not None and self._newest.exposed_s > after_s
 
     def _run(self) -> None:
+        pause_s = _REOPEN_S
+        while True:
+            begun = self._newest
+            over = self._receive()
+            pause_s = _REOPEN_S if self._newest is not begun else min(2.0 * pause_s, _LONGEST_REOPEN_S)
+            with self._condition:
+                self._ended = self._ended or over or self._newest is None
+                self._condition.notify_all()
+                if self._condition.wait_for(lambda: self._ended, pause_s):
+                    return
+
+    def _receive(self) -> bool:
+        """The pictures of a source that is opened; whether there will be no more."""
         try:
             for shot in self._source.pictures():
                 with self._condition:
                     if self._ended:
-                        return
-                    self._newest = shot
+                        return True
+                    self._newest, self._problem = shot, ""
                     self._arrivals.append((shot.arrived_s, shot.exposed_s))
                     self._condition.notify_all()
-            self._problem = "the stream has ended"
         except VehicleError as error:
             self._problem = str(error)
         except Exception as error:  # decoders raise many things over a bad line
             self._problem = f"{type(error).__name__}: {error}"
-        with self._condition:
-            self._ended = True
-            self._condition.notify_all()
+        else:
+            self._problem = "the stream has ended"
+            return True
+        return False
 
 
 class ExposureClock:
     """Exposure times from a stream's own stamps: the quickest picture of a while had the stated latency.
 
-    Without it the jitter of network and decoder would be taken for motion.
+    Without it the jitter of network and decoder would be taken for motion. The offset of the two clocks is receipt
+    minus stamp, and no picture is quicker than the quickest: a stamp whose offset lies far below the median's, or that
+    goes back, is not used, and its picture is refused. Where such stamps go on and agree with one another the
+    stream's clock has stepped, and its offset is found anew.
 
     Args:
         latency_s: from exposure to receipt, of the quickest picture.
@@ -167,26 +202,59 @@ class ExposureClock:
     def __init__(self, latency_s: float) -> None:
         self._latency_s = latency_s
         self._offsets: deque[tuple[float, float]] = deque()
-        self._last_s = -math.inf
+        self._doubted: deque[tuple[float, float]] = deque(maxlen=_STEP)
+        self._stamp_s = self._last_s = -math.inf
 
-    def exposed_s(self, stamp_s: float | None, arrived_s: float) -> float:
-        """When a picture was exposed; later than the one before.
+    def begin(self) -> None:
+        """The stream is opened again: its stamps begin anew."""
+        self._offsets.clear()
+        self._doubted.clear()
+        self._stamp_s = -math.inf
+
+    def exposed_s(self, stamp_s: float | None, arrived_s: float) -> float | None:
+        """When a picture was exposed; later than the one before, and `latency_s` to `latency_s` + 1 s before receipt.
 
         Args:
             stamp_s: the stream's time stamp; None where it has none.
             arrived_s: receipt, on our clock.
+
+        Returns:
+            The time on our clock; None where the stamp is refused.
         """
         exposed_s = arrived_s - self._latency_s
         if stamp_s is not None and math.isfinite(stamp_s):
-            offset_s = arrived_s - stamp_s
-            if self._offsets and abs(offset_s - self._offsets[-1][1]) > _WINDOW_S:
-                self._offsets.clear()  # the stream began anew
-            while self._offsets and arrived_s - self._offsets[0][0] > _WINDOW_S:
-                self._offsets.popleft()
-            self._offsets.append((arrived_s, offset_s))
-            exposed_s = stamp_s + min(offset for _, offset in self._offsets) - self._latency_s
+            if not self._admits(stamp_s, arrived_s):
+                return None
+            exposed_s = stamp_s + min(offset_s for _, offset_s in self._offsets) - self._latency_s
+            if arrived_s - exposed_s > self._latency_s + _LATEST_S:
+                return None
         self._last_s = max(exposed_s, self._last_s + 1e-4)
         return self._last_s
+
+    def _admits(self, stamp_s: float, arrived_s: float) -> bool:
+        """Whether a stamp is plausible by those before, which it then joins."""
+        known = arrived_s, arrived_s - stamp_s
+        while self._offsets and arrived_s - self._offsets[0][0] > _WINDOW_S:
+            self._offsets.popleft()
+        if self._offsets and (stamp_s < self._stamp_s or self._is_ahead(known[1])):
+            self._doubted.append(known)
+            doubted_s = [offset_s for _, offset_s in self._doubted]
+            if len(doubted_s) < _STEP or max(doubted_s) - min(doubted_s) > _LEAST_GATE_S:
+                return False
+            self._offsets = deque(self._doubted)
+        else:
+            self._offsets.append(known)
+        self._doubted.clear()
+        self._stamp_s = stamp_s
+        return True
+
+    def _is_ahead(self, offset_s: float) -> bool:
+        """Whether a picture with this offset would have been quicker than the others' jitter allows."""
+        if len(self._offsets) < _LEAST_KNOWN:
+            return False
+        ordered_s = sorted(known_s for _, known_s in self._offsets)
+        median_s, quick_s = ordered_s[len(ordered_s) // 2], ordered_s[len(ordered_s) // 10]
+        return offset_s < median_s - max(_LEAST_GATE_S, 3.0 * (median_s - quick_s))
 
 
 class VideoSource:
@@ -201,11 +269,15 @@ class VideoSource:
 
     def __init__(self, url: str, latency_s: float, size_px: tuple[int, int], open_timeout_s: float) -> None:
         self._url, self._size_px, self._timeout_s = url, size_px, open_timeout_s
+        self._is_device = url.startswith("/dev/video")
+        recorded = "filesrc" in url or url.startswith("file://")
+        self._live = not recorded and (self._is_device or url.startswith("gst:") or "://" in url)
         self._clock = ExposureClock(latency_s)
         self._closed = False
 
     def pictures(self) -> Iterator[Shot]:
         """See `PictureSource`."""
+        self._clock.begin()
         decoded = self._gstreamer() if self._url.startswith("gst:") else self._decoded()
         for image, stamp_s in decoded:
             arrived_s = time.monotonic()
@@ -215,9 +287,13 @@ class VideoSource:
                 raise VehicleError(
                     f"{self._url} gives pictures of {width_px} × {height_px} px, the calibration is for {wide} × {tall}"
                 )
-            yield Shot(image, self._clock.exposed_s(stamp_s, arrived_s), arrived_s)
+            exposed_s = self._clock.exposed_s(stamp_s, arrived_s)
+            if exposed_s is not None:
+                yield Shot(image, exposed_s, arrived_s)
             if self._closed:
                 return
+        if self._live and not self._closed:
+            raise VehicleError(f"camera {self._url}: the stream has ended")
 
     def close(self) -> None:
         """See `PictureSource`."""
@@ -230,16 +306,15 @@ class VideoSource:
     def _decoded(self) -> Iterator[tuple[npt.NDArray[np.uint8], float | None]]:
         import av
 
-        device = self._url.startswith("/dev/video")
         options = {"fflags": "nobuffer", "flags": "low_delay"}
         if self._url.startswith("rtsp://"):
             options |= {"rtsp_transport": "tcp", "max_delay": "0"}
-        live = device or "://" in self._url
         begun_s, first_s = time.monotonic(), None
         try:
             container = av.open(
-                self._url, format="v4l2" if device else None, options=options, timeout=(self._timeout_s, 2.0)
+                self._url, format="v4l2" if self._is_device else None, options=options, timeout=(self._timeout_s, 2.0)
             )
+            self._timeout_s = min(self._timeout_s, _REOPEN_TIMEOUT_S)
             with container:
                 if not container.streams.video:
                     raise VehicleError(f"{self._url} holds no video stream")
@@ -247,7 +322,7 @@ class VideoSource:
                 stream.thread_type = "SLICE"  # frame threads hold pictures back
                 for picture in container.decode(stream):
                     stamp_s = None if picture.time is None else float(picture.time)
-                    if not live and stamp_s is not None:  # a file comes at its own pace
+                    if not self._live and stamp_s is not None:  # a file comes at its own pace
                         first_s = stamp_s if first_s is None else first_s
                         time.sleep(max(0.0, begun_s + stamp_s - first_s - time.monotonic()))
                     yield np.asarray(picture.to_ndarray(format="bgr24"), np.uint8), stamp_s

@@ -86,6 +86,7 @@ class FrameSource:
     def __init__(self, host: str, port: int, camera: Camera) -> None:
         self._place, self._camera = (host, port), camera
         self._socket: socket.socket | None = None
+        self._closed = False
         self._verdict: TouchdownVerdict | None = None
 
     @staticmethod
@@ -97,22 +98,26 @@ class FrameSource:
         return FrameSource(host or "127.0.0.1", int(port), camera)
 
     def pictures(self) -> Iterator[Shot]:
-        """See `PictureSource`."""
+        """See `PictureSource`; once the verdict has come there will be no more."""
+        words = "the stream has ended"
         try:
             self._socket = socket.create_connection(self._place, 5.0)
             self._socket.settimeout(None)
-            with self._socket.makefile("rb") as stream:
-                while line := stream.readline():
+            with self._socket, self._socket.makefile("rb") as stream:
+                while not self._closed and (line := stream.readline()):
                     record = json.loads(line)
                     if record["kind"] == "verdict":
                         self._verdict = verdict_of_table(record["verdict"])
                     else:
                         yield self._shot(record, stream.read(record["bytes"]))
         except (OSError, ValueError, KeyError) as error:
-            raise VehicleError(f"frames from {self._place[0]}:{self._place[1]}: {error}") from None
+            words = str(error)
+        if self._verdict is None and not self._closed:
+            raise VehicleError(f"frames from {self._place[0]}:{self._place[1]}: {words}")
 
     def close(self) -> None:
         """See `PictureSource`."""
+        self._closed = True
         if self._socket is not None:
             with contextlib.suppress(OSError):
                 self._socket.shutdown(socket.SHUT_RDWR)

@@ -7,8 +7,9 @@ pitch, yaw, gaz]} in whole percent, {"gimbal_deg": -20.0}, {"take_off": true}, {
 15, "climb_mps": 1, "turn_deg_s": 40}}, {"stop": true}: no sticks from now on. Standard output gives records: a JSON
 object a line, and after one with "bytes" so many bytes of picture. Times are CLOCK_MONOTONIC.
 
-The sticks go out 25 times a second. When none come for a second, or standard input ends, they are released: the ANAFI
-then holds its place.
+From the first sticks on they go out 25 times a second. When none come for a second, or standard input ends, they are
+released: the ANAFI then holds its place. No signal but SIGTERM and SIGKILL ends this process before its input does, so
+that a closed terminal does not leave the last sticks flying.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import signal
 import sys
 import threading
 import time
@@ -29,6 +31,7 @@ EVENTS = {
     "ardrone3.PilotingState.AltitudeChanged": "altitude",
     "ardrone3.PilotingState.FlyingStateChanged": "flying",
     "ardrone3.PilotingState.NavigateHomeStateChanged": "home",
+    "ardrone3.PilotingState.AlertStateChanged": "alert",
     "common.CommonState.BatteryStateChanged": "battery",
     "common.CommonState.LinkSignalQuality": "link",
     "gimbal.attitude": "gimbal",
@@ -87,14 +90,15 @@ class Sticks:
 
     def __init__(self, drone, pcmd):
         self._drone, self._pcmd = drone, pcmd
-        self._sticks, self._at_s = (0, 0, 0, 0), 0.0
+        self._sticks, self._at_s = (0, 0, 0, 0), None
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def take(self, sticks):
         """Roll, pitch, yaw, gaz in percent."""
-        self._sticks = tuple(max(-100, min(100, round(value))) for value in sticks)
+        roll, pitch, yaw, gaz = (max(-100, min(100, round(value))) for value in sticks)
+        self._sticks = roll, pitch, yaw, gaz
         self._at_s = time.monotonic()
 
     def stop(self):
@@ -103,15 +107,16 @@ class Sticks:
         self._thread.join(1.0)
 
     def release(self):
-        """Let go of them, where they are still ours, and send none from then on."""
-        self.take((0, 0, 0, 0))
-        self._stopping.wait(2 * PERIOD_S)
+        """Let go of them, where they are ours, and send none from then on."""
+        if self._at_s is not None:
+            self.take((0, 0, 0, 0))
+            self._stopping.wait(2 * PERIOD_S)
         self.stop()
 
     def _run(self):
         due_s, sequence = time.monotonic(), 0
         while not self._stopping.is_set():
-            if self._drone.connected:
+            if self._at_s is not None and self._drone.connected:
                 fresh = time.monotonic() - self._at_s < STALE_S
                 roll, pitch, yaw, gaz = self._sticks if fresh else (0, 0, 0, 0)
                 flag = 1 if roll or pitch else 0
@@ -125,6 +130,9 @@ class Sticks:
 
 def main():
     """Connect, tell what comes, do what is asked."""
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):
+        signal.signal(number, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     out = Out(os.fdopen(os.dup(1), "wb"))
     os.dup2(2, 1)  # Olympe prints to standard output
     logging.disable(logging.ERROR)  # it tries services that an ANAFI does not have

@@ -15,6 +15,8 @@ from shipland.errors import VehicleError
 
 _GOODBYE_S = 4.0
 """Until it has released the sticks and let go of the aircraft."""
+_LONGEST_LINE, _LARGEST_PICTURE = 1 << 20, 1 << 26
+"""Bytes of a record's line and of its picture; 4K takes 12 million."""
 
 
 class AnafiProcess:
@@ -22,8 +24,8 @@ class AnafiProcess:
 
     Args:
         command: starts it.
-        on_record: gets every record and its picture's bytes, on a thread of its own; what it raises as ValueError,
-            KeyError or TypeError counts as refused.
+        on_record: gets every record and its picture's bytes, on a thread of its own; whatever it raises counts as
+            refused.
         on_end: called once when the process has gone.
         log: JSON lines of both directions, pictures without their bytes; None: none.
 
@@ -78,14 +80,17 @@ class AnafiProcess:
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
-        with self._process.stdout as stream:
-            while line := stream.readline():
+        with suppress(OSError, ValueError), self._process.stdout as stream:
+            while line := stream.readline(_LONGEST_LINE):
                 try:
                     record = json.loads(line)
-                    data = stream.read(int(record.get("bytes", 0)))
+                    size = record.get("bytes", 0)
+                    if not 0 <= size <= _LARGEST_PICTURE:
+                        raise ValueError(f"a picture of {size} bytes")
+                    data = stream.read(size)
                     self._note("from", record)
                     self._on_record(record, data)
-                except (ValueError, KeyError, TypeError, AttributeError):
+                except Exception:  # a record may hold anything, and the next one must be heard
                     self.refused += 1
         self._on_end()
 

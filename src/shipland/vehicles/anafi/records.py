@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +14,8 @@ from shipland.messages import GimbalAttitude, Intent, PilotCommand, Telemetry
 
 FLYING = ("hovering", "flying", "takingoff", "landing", "motor_ramping", "usertakeoff", "emergency_landing")
 """Flying states in which motors run."""
+_STANDING = ("landed", "emergency")
+"""Those in which they do not."""
 
 
 def sticks_of(command: PilotCommand) -> list[int]:
@@ -55,7 +57,7 @@ def moment_of(metadata: Mapping[str, Any]) -> Moment:
     roll, pitch, yaw = _euler(metadata["drone"]["quat"])
     camera_roll, camera_pitch, camera_yaw = _euler(metadata["camera"]["quat"])
     speed = metadata["drone"]["speed"]
-    north, east, down = (_finite(speed[name]) for name in ("north", "east", "down"))
+    north, east, down = (finite(speed[name]) for name in ("north", "east", "down"))
     gimbal = GimbalAttitude(camera_roll, camera_pitch, wrap_angle(camera_yaw - yaw))
     return Moment(roll, pitch, wrap_angle(yaw), (north, east, down), gimbal)
 
@@ -82,30 +84,51 @@ def merged(before: Telemetry, kind: str, values: Mapping[str, Any], t_s: float) 
         t_s: when it was true.
 
     Raises:
-        ValueError: a value is not finite.
+        ValueError: a value is not finite, or a state is none that an ANAFI has.
         KeyError: a value is missing.
     """
     if kind == "attitude":
-        roll, pitch, yaw = (_finite(values[name]) for name in ("roll", "pitch", "yaw"))
+        roll, pitch, yaw = (finite(values[name]) for name in ("roll", "pitch", "yaw"))
         return _with_attitude(before, roll, pitch, wrap_angle(yaw), t_s)
     if kind == "altitude":
-        return replace(before, height_m=_finite(values["altitude"]), height_t_s=t_s)
+        return replace(before, height_m=finite(values["altitude"]), height_t_s=t_s)
     if kind == "speed" and before.heading_rad is not None:
-        north, east, down = (_finite(values[name]) for name in ("speedX", "speedY", "speedZ"))
+        north, east, down = (finite(values[name]) for name in ("speedX", "speedY", "speedZ"))
         return _with_velocity(before, (north, east, down), before.heading_rad, t_s)
     if kind == "battery":
-        return replace(before, battery_percent=min(100.0, max(0.0, _finite(values["percent"]))))
+        return replace(before, battery_percent=min(100.0, max(0.0, finite(values["percent"]))))
     if kind == "link":
         # the last four bits: 1 … 5 bars
         return replace(before, link_percent=min(100.0, 20.0 * (int(values["value"]) & 0x0F)))
     if kind == "flying":
+        if values["state"] not in FLYING + _STANDING:
+            raise ValueError(f"no flying state: {values['state']}")
         return replace(before, flying=values["state"] in FLYING)
+    if kind == "alert":
+        return replace(before, alerts="" if values["state"] == "none" else f"alert: {values['state']}")
     return before
 
 
 def gimbal_of(values: Mapping[str, Any]) -> GimbalAttitude:
     """The event of the gimbal; raises as `merged` does."""
-    return GimbalAttitude(*(math.radians(_finite(values[name])) for name in ("roll_absolute", "pitch_absolute")))
+    return GimbalAttitude(*(math.radians(finite(values[name])) for name in ("roll_absolute", "pitch_absolute")))
+
+
+def gimbal_at(readings: Sequence[tuple[float, float, float]], t_s: float) -> tuple[GimbalAttitude, float]:
+    """The camera's attitude at a time, and how far the nearest reading is from it [s]; infinite without any.
+
+    >>> gimbal_at([(0.0, 0.0, 0.0), (0.2, 0.2, 0.4)], 0.1)
+    (GimbalAttitude(roll_rad=0.1, pitch_rad=0.2, yaw_rad=0.0), 0.1)
+
+    Args:
+        readings: time, roll and pitch, in order of time.
+        t_s: of the exposure.
+    """
+    if not readings:
+        return GimbalAttitude(0.0, 0.0), math.inf
+    times_s, rolls_rad, pitches_rad = zip(*readings, strict=True)
+    roll_rad, pitch_rad = (float(np.interp(t_s, times_s, angles)) for angles in (rolls_rad, pitches_rad))
+    return GimbalAttitude(roll_rad, pitch_rad), min(abs(time_s - t_s) for time_s in times_s)
 
 
 def _with_attitude(before: Telemetry, roll: float, pitch: float, heading: float, t_s: float) -> Telemetry:
@@ -128,14 +151,15 @@ def _with_velocity(
 
 
 def _euler(quaternion: Mapping[str, Any]) -> tuple[float, float, float]:
-    w, x, y, z = (_finite(quaternion[name]) for name in "wxyz")
+    w, x, y, z = (finite(quaternion[name]) for name in "wxyz")
     norm = math.sqrt(w * w + x * x + y * y + z * z)
     if abs(norm - 1.0) > 0.01:  # sent in 16 bits; one that is not set is zero
         raise ValueError(f"no unit quaternion: {quaternion}")
     return euler_from_quaternion((w / norm, x / norm, y / norm, z / norm))
 
 
-def _finite(value: Any) -> float:  # noqa: ANN401 - from JSON
+def finite(value: Any) -> float:  # noqa: ANN401 - from JSON
+    """A value as a number; raises as `merged` does."""
     number = float(value)
     if not math.isfinite(number):
         raise ValueError(f"not finite: {value}")

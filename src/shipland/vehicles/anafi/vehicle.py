@@ -18,12 +18,12 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
-from shipland.messages import Frame, GimbalAttitude, Intent, PilotCommand, Telemetry
+from shipland.messages import Frame, Intent, PilotCommand, Telemetry
 from shipland.stopping import check_stop, uninterrupted
 from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
 from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.anafi.process import AnafiProcess
-from shipland.vehicles.anafi.records import gimbal_of, merged, moment_of, sticks_of, with_moment
+from shipland.vehicles.anafi.records import finite, gimbal_at, gimbal_of, merged, moment_of, sticks_of, with_moment
 from shipland.vehicles.camera_stream import ExposureClock, Shot
 from shipland.vehicles.checks import Check, PreflightParameters
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
@@ -32,7 +32,12 @@ _GIMBAL_S = 0.1
 _LOOK_S = 0.1
 """How often a wait looks for a request to stop."""
 _LANDED_S = 1.0
-"""Descent commanded and none seen for so long, while landing: it stands, and is told to land."""
+"""Descent commanded and none seen for so long, while landing at contact height: it stands, and is told to land."""
+_OLD_VELOCITY_S = 1.0
+"""A velocity older than this does not show that it stands."""
+_AIRBORNE = ("hovering", "flying")
+_READINGS = 64
+"""Readings of the gimbal that are kept: a dozen seconds of events."""
 _PLANES = {"I420": cv2.COLOR_YUV2BGR_I420, "NV12": cv2.COLOR_YUV2BGR_NV12}
 
 
@@ -71,16 +76,19 @@ class AnafiVehicle:
         self._process: AnafiProcess | None = None
         self._changed = threading.Condition()
         self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
-        self._gimbal = GimbalAttitude(0.0, 0.0)
+        self._gimbals: deque[tuple[float, float, float]] = deque(maxlen=_READINGS)
         self._limits: Mapping[str, float | None] | None = None
         self._shot: Shot | None = None
         self._clock = ExposureClock(self._parameters.latency_s)
         self._pictures: deque[float] = deque(maxlen=300)
+        self._late: deque[float] = deque(maxlen=300)
         self._attitudes: deque[float] = deque(maxlen=300)
         self._state = ""
         self._heard_s = self._given_s = self._pictured_s = self._gimbal_s = self._still_s = self._asked_s = -math.inf
-        self._connected = self._engaged = self._closed = self._landing = self._asked_to_land = False
+        self._connected = self._watched = self._engaged = self._closed = False
+        self._landing = self._asked_to_land = False
         self._end_reason = self._problem = ""
+        self._in_command = "somebody else (not given to us yet)"
         self._refused = 0
 
     @property
@@ -92,6 +100,11 @@ class AnafiVehicle:
     def end_reason(self) -> str:
         """Why the flight is over, in words; empty in flight."""
         return self._end_reason
+
+    @property
+    def in_command(self) -> str:
+        """Who flies it, in words: "shipland", or another and what that one does."""
+        return self._in_command
 
     @property
     def refused(self) -> int:
@@ -129,16 +142,18 @@ class AnafiVehicle:
         assert self._process is not None
         try:
             self._wait(lambda: self._shot is not None, "no picture from the ANAFI")
-            if self._setup.take_off:
-                self._process.say({"take_off": True})
-            airborne = ("hovering", "flying")
-            words, timeout_s = "the ANAFI has not taken off", self._parameters.engage_timeout_s
-            self._wait(lambda: self._state in airborne, words, timeout_s)
+            with self._changed:  # no event between seeing that it flies and watching who lands it
+                if self._setup.take_off and self._state in ("", "landed"):  # elsewhere it would undo a landing
+                    self._watched, self._in_command = True, "shipland"
+                    self._process.say({"take_off": True})
+                words, timeout_s = "the ANAFI has not taken off", self._parameters.engage_timeout_s
+                self._wait(lambda: self._state in _AIRBORNE, words, timeout_s)
+                self._pictured_s = self._still_s = time.monotonic()
+                self._watched = self._engaged = True
+                self._in_command = "shipland"
         except BaseException:
             self.close()
             raise
-        self._pictured_s = self._still_s = time.monotonic()
-        self._engaged = True
 
     def read(self) -> tuple[Frame | None, Telemetry] | None:
         """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""
@@ -154,10 +169,11 @@ class AnafiVehicle:
             if now_s - self._pictured_s <= self._parameters.video_timeout_s:
                 return None, self.telemetry_at(now_s)
             words = self._problem or f"no picture for {self._parameters.video_timeout_s:g} s"
-            self._end(f"video lost: {words}; the ANAFI holds")
+            self._end(f"video lost: {words}; the ANAFI holds", "the ANAFI itself (holds)")
             return None
         self._given_s, self._pictured_s = shot.exposed_s, now_s
-        return Frame(shot.exposed_s, shot.image, shot.gimbal or self._gimbal), self.telemetry_at(now_s)
+        gimbal, age_s = (shot.gimbal, 0.0) if shot.gimbal else gimbal_at(list(self._gimbals), shot.exposed_s)
+        return Frame(shot.exposed_s, shot.image, gimbal, gimbal_age_s=age_s), self.telemetry_at(now_s)
 
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest that has come, stamped with `t_s`."""
@@ -184,17 +200,18 @@ class AnafiVehicle:
         if self._closed:
             return
         self._closed = True
+        if self._in_command == "shipland":
+            self._in_command = "the ANAFI itself (holds)"
         if self._process is not None:
             self._process.close()
 
     def checks(self) -> list[Check]:
         """What of it is fit to fly; once connected."""
-        shot = self._shot
         state = AnafiState(
             limits=self._limits or {},
             battery_percent=self._telemetry.battery_percent,
             picture_hz=_rate_hz(self._pictures),
-            picture_age_s=math.nan if shot is None else shot.arrived_s - shot.exposed_s,
+            late_s=sorted(self._late)[int(0.95 * (len(self._late) - 1))] if self._late else math.nan,
             telemetry_hz=_rate_hz(self._attitudes),
             problem=self._problem,
         )
@@ -209,26 +226,33 @@ class AnafiVehicle:
         timeout_s = self._parameters.link_timeout_s
         if time.monotonic() - self._heard_s <= timeout_s:
             return False
-        self._end(f"link lost: the ANAFI says nothing for {timeout_s:g} s")
+        self._end(f"link lost: the ANAFI says nothing for {timeout_s:g} s", "nobody: link lost")
         return True
 
     def _land_when_down(self, command: PilotCommand, now_s: float) -> None:
-        """While landing, no descent in spite of the sticks: it stands, and its own landing stops the motors."""
-        velocity = self._telemetry.velocity_in_level_mps
+        """At contact height, no descent in spite of the sticks: it stands, and its own landing stops the motors."""
         wanted_mps = -0.01 * sticks_of(command)[3] * self._setup.response.max_climb_mps
-        sinks = velocity is None or float(velocity[2]) > 0.4 * wanted_mps
-        if command.intent is not Intent.LAND or wanted_mps < 0.1 or sinks:
+        if command.intent is not Intent.LAND or wanted_mps < 0.1 or self._sinks(0.4 * wanted_mps, now_s):
             self._still_s = now_s
-        elif now_s - max(self._still_s, self._asked_s) > _LANDED_S and "landing" not in self._state:
+        elif not command.at_contact_height or "landing" in self._state:
+            return  # what holds it up in the air is no deck
+        elif now_s - max(self._still_s, self._asked_s) > _LANDED_S:
             self._asked_to_land, self._asked_s = True, now_s
             assert self._process is not None
             self._process.say({"land": True})
 
-    def _end(self, reason: str, *, yielded: bool = False) -> None:
+    def _sinks(self, least_mps: float, now_s: float) -> bool:
+        """Whether it descends at this rate or faster, or nobody knows."""
+        velocity, true_s = self._telemetry.velocity_in_level_mps, self._telemetry.velocity_t_s
+        if velocity is None or true_s is None or now_s - true_s > _OLD_VELOCITY_S:
+            return True
+        return float(velocity[2]) > least_mps
+
+    def _end(self, reason: str, in_command: str, *, yielded: bool = False) -> None:
         """No more frames; the first reason stands. Sticks are released, or, to another pilot, not sent any more."""
         with self._changed:
             if not self._end_reason:
-                self._end_reason = reason
+                self._end_reason, self._in_command = reason, in_command
                 if self._process is not None:
                     self._process.say({"stop": True} if yielded else {"sticks": [0, 0, 0, 0]})
             self._changed.notify_all()
@@ -248,7 +272,7 @@ class AnafiVehicle:
 
     def _on_gone(self) -> None:
         if not self._closed:
-            self._end("the process that speaks to the ANAFI has ended")
+            self._end("the process that speaks to the ANAFI has ended", "nobody: link lost")
 
     def _on_record(self, record: Mapping[str, Any], data: bytes) -> None:
         with self._changed:
@@ -256,7 +280,7 @@ class AnafiVehicle:
             self._changed.notify_all()
 
     def _take(self, record: Mapping[str, Any], data: bytes) -> None:
-        kind, t_s, values = record["kind"], float(record["t_s"]), record.get("values", {})
+        kind, t_s, values = record["kind"], min(finite(record["t_s"]), time.monotonic()), record.get("values", {})
         if kind == "connected":
             self._connected = True
         elif kind == "problem":
@@ -264,60 +288,68 @@ class AnafiVehicle:
         elif kind == "refused":
             self._refused += 1
         elif kind == "limits":
-            self._limits = dict(values)
+            self._limits = {str(name): None if value is None else finite(value) for name, value in values.items()}
         elif kind == "picture":
             self._take_picture(record, data)
         elif kind == "lost":
-            self._end("link lost: the ANAFI has gone")
+            self._end("link lost: the ANAFI has gone", "nobody: link lost")
         else:
             self._heard_s = t_s
-            self._take_event(kind, values, t_s)
+            self._take_event(kind, values, t_s - self._parameters.event_latency_s)
 
-    def _take_event(self, kind: str, values: Mapping[str, Any], t_s: float) -> None:
+    def _take_event(self, kind: str, values: Mapping[str, Any], true_s: float) -> None:
         if kind == "gimbal":
-            self._gimbal = gimbal_of(values)
+            gimbal = gimbal_of(values)
+            self._gimbals.append((true_s, gimbal.roll_rad, gimbal.pitch_rad))
             return
-        self._telemetry = merged(self._telemetry, kind, values, t_s - self._parameters.event_latency_s)
+        before, self._telemetry = self._telemetry, merged(self._telemetry, kind, values, true_s)
         if kind == "attitude":
-            self._attitudes.append(t_s)
+            self._attitudes.append(true_s)
         elif kind == "flying":
             self._state = str(values["state"])
-        if self._engaged:
-            self._judge(kind, values)
+        if self._watched:
+            self._judge(kind, values, flew=before.flying)
 
-    def _judge(self, kind: str, values: Mapping[str, Any]) -> None:
-        """End the flight when the aircraft is down, or does what nobody here asked for."""
+    def _judge(self, kind: str, values: Mapping[str, Any], *, flew: bool) -> None:
+        """End the flight when the aircraft is down, or does what nobody here asked for; from our own take-off on."""
         ours = self._landing or self._asked_to_land
-        if kind == "home" and values["state"] == "inProgress":
-            self._end(f"the ANAFI flies home by itself: {values.get('reason', '')}", yielded=True)
+        if kind == "home" and values["state"] in ("inProgress", "pending"):
+            reason = f"the ANAFI flies home by itself: {values.get('reason', '')}"
+            self._end(reason, "the ANAFI itself (returns home)", yielded=True)
         elif kind != "flying":
             return
-        elif not self._telemetry.flying:
-            self._end("landed: the motors have stopped" if ours else "the motors have stopped", yielded=True)
+        elif flew and not self._telemetry.flying:
+            reason = "landed: the motors have stopped" if ours else "the motors have stopped"
+            self._end(reason, "nobody: the motors have stopped", yielded=True)
         elif "landing" in self._state and not ours:
-            self._end(f"somebody else lands the ANAFI: {self._state}", yielded=True)
+            self._end(f"somebody else lands the ANAFI: {self._state}", "somebody else (landing)", yielded=True)
 
     def _take_picture(self, record: Mapping[str, Any], data: bytes) -> None:
-        arrived_s, (width_px, height_px) = time.monotonic(), record["size_px"]
+        arrived_s, (width_px, height_px) = time.monotonic(), map(int, record["size_px"])
         if (width_px, height_px) != (self.camera.width_px, self.camera.height_px):
             self._problem = (
                 f"pictures are of {width_px} × {height_px} px, the calibration is for "
                 f"{self.camera.width_px} × {self.camera.height_px}"
             )
             return
+        image = _bgr(data, record["planes"], width_px, height_px)
         exposed_s = self._clock.exposed_s(float(record["stamp_s"]), arrived_s)
+        if exposed_s is None:
+            self._refused += 1
+            return
         gimbal = None
         if record.get("metadata"):
             try:
                 moment = moment_of(record["metadata"])
-            except (KeyError, ValueError, TypeError):
+            except (KeyError, ValueError, TypeError, OverflowError):
                 self._refused += 1
             else:
                 gimbal = moment.gimbal
                 self._telemetry = with_moment(self._telemetry, moment, exposed_s)
                 self._attitudes.append(arrived_s)
         self._pictures.append(arrived_s)
-        self._shot = Shot(_bgr(data, record["planes"], width_px, height_px), exposed_s, arrived_s, gimbal)
+        self._late.append(arrived_s - exposed_s - self._parameters.latency_s)
+        self._shot, self._problem = Shot(image, exposed_s, arrived_s, gimbal), ""
 
 
 def _bgr(data: bytes, planes: str, width_px: int, height_px: int) -> npt.NDArray[np.uint8]:

@@ -15,7 +15,7 @@ from shipland.rig import Target
 from shipland.vision.near.matching import Match, match_by_geometry, match_by_prediction
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pose import LevelPrior
-from shipland.vision.near.refusal import Refusal
+from shipland.vision.near.refusal import Refusal, gimbal_off
 from shipland.vision.near.regions import Window, adapted, coloured_window, find_quads, find_regions, is_cut_quad
 from shipland.vision.near.rows import Followed
 from shipland.vision.near.sighting import Evidence, Judge, Sighting, jumps
@@ -73,10 +73,16 @@ class NearVision:
         self._track = None
 
     def see(self, frame: Frame) -> Observation:
-        """The cue's pose in one frame, or the reason why there is none (`Refusal`)."""
+        """The cue's pose in one frame, or the reason why there is none (`Refusal`).
+
+        A cue hangs level: where it contradicts the gimbal it is followed, and its pose is refused, because whoever
+        takes that further also takes the gimbal at its word.
+        """
         found = self._find(frame)
         if isinstance(found, Refusal):
             return Observation(frame.t_s, frame.gimbal, reason=found.value)
+        if found.level_off_rad > 0.0:
+            return Observation(frame.t_s, frame.gimbal, reason=gimbal_off(found.level_off_rad))
         return Observation(frame.t_s, frame.gimbal, bar_pose=found.bar_pose)
 
     def _find(self, frame: Frame) -> Sighting | Refusal:

@@ -6,7 +6,7 @@ Frame `plane`: the cue's, with OpenCV-like axes right, down, forward; `plane` = 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -39,17 +39,22 @@ _NUDGE = 1e-7
 """OpenCV's IPPE divides zero by zero on exact pixels of some symmetrical views: it gets them a little off then."""
 
 DOUBTFUL_CHI2 = 2.5
-"""Sum of squared standard deviations a coordinate, from which a prior is put to the test."""
+"""Sum of squared standard deviations a coordinate, from which a followed pose is not trusted."""
 
-_CONTRADICTION_CHI2 = 20.0
-"""What leaving the prior out must gain, and the corners must fit well without it: its angles are off by more than four
-standard deviations. Corners that fit badly either way prove nothing against it."""
+CONTRADICTION_CHI2 = 25.0
+"""χ² that leaving the prior out must gain, in units of what the corners err by without it (`Solution.excess`): the
+cue's vertical and the gimbal's are five standard deviations of both apart."""
 
-_CONTRADICTION_PX = 0.2
-"""Reprojection error with the prior that small systematic errors of the corners, which look like a tilt from far away,
-do not reach."""
+_LEAST_OFF_COSINE = float(np.cos(np.radians(2.0)))
+"""By less than this nothing is proved: a rolling shutter that nobody told of leans the cue by 1.2° at 9°/s of yaw, and
+systematic errors of the corners leaned it by 0.7° in a rendered landing. A gimbal off by 2° moves the height by 0.13 m
+at 4 m."""
 
-_CONTRADICTION_COSINE = float(np.cos(np.radians(30.0)))
+DISPROVED = 4.0
+"""Excess of χ² from which what the corners were stated to be known to is given up: an error twice as large. They prove
+nothing against the gimbal then."""
+
+_ANOTHER_CUE_COSINE = float(np.cos(np.radians(30.0)))
 """By more than this a prior is not thought wrong; rather is it another cue, of other proportions."""
 
 
@@ -96,6 +101,7 @@ class Solution:
         common: (m,) what all corners err by in common, in standard deviations of each such error.
         residual_px: (n,4,2) reprojected minus measured, once the measured are freed of that.
         freedom: residuals less unknowns.
+        level_off_rad: angle of the cue's vertical to the prior's, where that contradicted the corners and was left out.
     """
 
     camera_from_plane: Pose
@@ -105,16 +111,12 @@ class Solution:
     common: Array
     residual_px: Array
     freedom: int
+    level_off_rad: float = 0.0
 
     @property
     def excess(self) -> float:
         """By how much the corners' variance was taken too small: χ² a degree of freedom, held to 1 by a few more."""
         return max((self.chi2 + _TRUST) / (self.freedom + _TRUST), 1.0)
-
-    @property
-    def fits(self) -> bool:
-        """Whether χ² is within chance."""
-        return self.chi2 <= self.freedom + 2.0 * math.sqrt(2.0 * self.freedom)
 
     @property
     def reprojection_px(self) -> float:
@@ -128,7 +130,7 @@ def solve(
     """The one or two poses that solve the corners, better first; empty when none does.
 
     IPPE gives both planar solutions, Levenberg–Marquardt refines them [Lee2022, §Pose Estimation]. A prior that the
-    corners contradict is left out.
+    corners contradict is left out; what is found then says by how much (`Solution.level_off_rad`).
 
     Args:
         corners: measured.
@@ -137,24 +139,34 @@ def solve(
         near: a pose (camera_from_plane) not far off; with a prior, which leaves no second solution, it is what the
             refinement starts from.
     """
+    solutions: list[Solution] = []
     if prior is not None and near is not None:
         followed = _Refiner(corners, camera, prior).follow(near)
         if followed is not None and followed.chi2 < DOUBTFUL_CHI2 * corners.plane_m.size:
-            return [followed]
-    solutions = _solve(corners, camera, prior)
-    if prior is None or not solutions or solutions[0].chi2 < DOUBTFUL_CHI2 * corners.plane_m.size:
+            solutions = [followed]
+    solutions = solutions or _solve(corners, camera, prior)
+    if prior is None or not solutions or solutions[0].chi2 <= CONTRADICTION_CHI2:
         return solutions
     free = _solve(corners, camera, None)
+    off_rad = level_off(solutions[0], free[0], prior) if free else 0.0
+    return [replace(solution, level_off_rad=off_rad) for solution in free] if off_rad > 0.0 else solutions
+
+
+def level_off(held: Solution, free: Solution, prior: LevelPrior) -> float:
+    """Angle by which corners contradict the gimbal's vertical [rad]; 0 where they may agree.
+
+    Args:
+        held: the pose that solves corners and prior.
+        free: the pose that solves the corners alone.
+        prior: what the gimbal knows.
+    """
+    cosine = float(free.camera_from_plane.rotation[:, 1] @ prior.down_in_camera)
     contradicted = (
-        free
-        and free[0].fits
-        and solutions[0].chi2 - free[0].chi2 > _CONTRADICTION_CHI2
-        and solutions[0].reprojection_px > _CONTRADICTION_PX
-        and float(free[0].camera_from_plane.rotation[:, 1] @ prior.down_in_camera) > _CONTRADICTION_COSINE
+        free.excess < DISPROVED
+        and held.chi2 - free.chi2 > CONTRADICTION_CHI2 * free.excess
+        and _ANOTHER_CUE_COSINE < cosine < _LEAST_OFF_COSINE
     )
-    if contradicted:
-        return free
-    return solutions
+    return math.acos(min(cosine, 1.0)) if contradicted else 0.0
 
 
 def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: LevelPrior | None = None) -> Solution:

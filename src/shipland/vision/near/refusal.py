@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 
 
 class Refusal(enum.Enum):
@@ -21,5 +22,15 @@ class Refusal(enum.Enum):
     REPROJECTION = "the corners do not fit the cue's dimensions (made_to)"
     OUT_OF_REACH = "the pose lies outside the range or obliquity that is accepted"
     JUMP = "the pose is higher or lower than the last one by more than an aircraft climbs"
+    GIMBAL_OFF = "gimbal and horizon disagree"
     NO_DECK = "the deck's markings are not in view"
     NO_SOLUTION = "no pose solves the corners"
+
+
+def gimbal_off(off_rad: float) -> str:
+    """`GIMBAL_OFF` for people, with the angle.
+
+    >>> gimbal_off(0.157)
+    'gimbal and horizon disagree by 9°'
+    """
+    return f"{Refusal.GIMBAL_OFF.value} by {math.degrees(off_rad):.0f}°"

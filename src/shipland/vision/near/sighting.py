@@ -18,7 +18,16 @@ from shipland.rig import Target
 from shipland.vision.near.corners import measure_corners
 from shipland.vision.near.matching import Match, model_plane
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import Corners, LevelPrior, Solution, covariance_in_bar, position_and_yaw, solve, turned
+from shipland.vision.near.pose import (
+    DISPROVED,
+    Corners,
+    LevelPrior,
+    Solution,
+    covariance_in_bar,
+    position_and_yaw,
+    solve,
+    turned,
+)
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.regions import Image, Region, edge_distances
 from shipland.vision.near.rows import Followed, RowMotion, row_motion
@@ -29,9 +38,6 @@ _CLEAR_CHI2 = 9.0
 
 _LEAST_SHARE = 1e-4
 """Probability of the other planar solution that still counts in the covariance."""
-
-_DISPROVED = 4.0
-"""Excess of χ² from which what the corners were stated to be known to is given up: an error twice as large."""
 
 _BENT_RAD = 2e-3
 """Standard deviation of the angle about the cue's vertical from which the covariance allows for the arc; below, it is
@@ -114,6 +120,11 @@ class Sighting:
     def camera_from_plane(self) -> Pose:
         """The pose taken."""
         return self.solutions[0].camera_from_plane
+
+    @property
+    def level_off_rad(self) -> float:
+        """See `Solution`."""
+        return self.solutions[0].level_off_rad
 
     @property
     def distance_m(self) -> float:
@@ -216,6 +227,20 @@ def spread_of(taken: Solution, corners: Corners, camera: Camera, prior: LevelPri
     return None if narrow else spread
 
 
+def largest_reprojection_px(corners_px: Array, noise_px: float, made_to: float, parameters: VisionParameters) -> float:
+    """Root-mean-square distance up to which corners fit the cue.
+
+    Args:
+        corners_px: (k,4,2) measured.
+        noise_px: their largest standard deviation.
+        made_to: what the cue's dimensions are made to (`Target.made_to`).
+        parameters: of the near chain.
+    """
+    diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
+    most_px = parameters.reprojection_px + made_to * diagonal_px
+    return most_px + min(_REPROJECTION_NOISE * noise_px, _MOST_NOISE_PX)
+
+
 class Judge:
     """Measures and tests hypotheses about one cue, seen with one camera."""
 
@@ -253,9 +278,8 @@ class Judge:
         seen_px = measured.corners_px
         if measured.growth_px is not None:
             seen_px = seen_px - taken.common[0] * measured.growth_px
-        if not taken.reprojection_px <= most_reprojection_px(
-            corners_px, measured.noise_px, self._made_to, self._parameters
-        ):
+        most_px = largest_reprojection_px(corners_px, measured.noise_px, self._made_to, self._parameters)
+        if not taken.reprojection_px <= most_px:
             return Refusal.REPROJECTION
         if measured.held and self._beyond_edge(seen_px, taken.residual_px, evidence.image):
             return Refusal.CUT_BY_FRAME
@@ -281,10 +305,10 @@ class Judge:
         stated, as when rows are exposed one after the other: they are solved anew, all known alike, to that distance.
         """
         solutions = ordered(solve(corners, self._camera, evidence.prior, evidence.last), evidence.last)
-        if not solutions or solutions[0].excess < _DISPROVED:
+        if not solutions or solutions[0].excess < DISPROVED:
             return solutions, corners
         free = solutions if evidence.prior is None else solve(corners, self._camera)
-        if not free or free[0].excess < _DISPROVED:
+        if not free or free[0].excess < DISPROVED:
             return solutions, corners  # it is the gimbal's word that does not fit
         taken = solutions[0]
         noise_px = math.sqrt(float(np.vdot(taken.residual_px, taken.residual_px)) / taken.freedom)
@@ -328,19 +352,6 @@ class Judge:
         held = distances_px < 0.5
         off_px = np.abs(residual_px[..., [0, 1, 0, 1]])
         return bool(np.any(held & (off_px > _EDGE_PX)))
-
-
-def most_reprojection_px(corners_px: Array, noise_px: float, made_to: float, parameters: VisionParameters) -> float:
-    """The reprojection error that a pose may have.
-
-    Args:
-        corners_px: (k,4,2) as measured.
-        noise_px: standard deviation of each.
-        made_to: how exactly the cue is made, as in `Target`.
-        parameters: the bound for a perfect cue.
-    """
-    diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
-    return parameters.reprojection_px + made_to * diagonal_px + min(_REPROJECTION_NOISE * noise_px, _MOST_NOISE_PX)
 
 
 def within_reach(camera_from_plane: Pose, parameters: VisionParameters) -> bool:

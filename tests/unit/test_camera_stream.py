@@ -1,0 +1,187 @@
+"""A camera from outside: exposure times that one bad stamp does not falsify, and a source that is opened again."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shipland.errors import VehicleError
+from shipland.messages import TouchdownVerdict
+from shipland.vehicles import camera_stream
+from shipland.vehicles.camera_stream import CameraStream, ExposureClock, Shot, VideoSource
+
+LATENCY_S, PERIOD_S = 0.2, 1.0 / 30.0
+
+
+def errors_s(stamps_s: np.ndarray, late_s: np.ndarray) -> list[float | None]:
+    """By how much each exposure is off; pictures are exposed every `PERIOD_S` and come `LATENCY_S` and more later."""
+    clock, found = ExposureClock(LATENCY_S), []
+    for index, (stamp_s, more_s) in enumerate(zip(stamps_s, late_s, strict=True)):
+        true_s = 50.0 + index * PERIOD_S
+        exposed_s = clock.exposed_s(float(stamp_s), true_s + LATENCY_S + float(more_s))
+        found.append(None if exposed_s is None else exposed_s - true_s)
+    return found
+
+
+@pytest.fixture
+def late_s(rng: np.random.Generator) -> np.ndarray:
+    """Jitter of 600 pictures."""
+    return 0.06 * rng.random(600) ** 2
+
+
+@pytest.mark.parametrize("off_s", [0.5, -0.5, 0.15, 20.0, -20.0])
+@pytest.mark.parametrize("bad", [0, 1, 12, 300])
+def test_one_bad_stamp_falsifies_no_other_exposure(off_s: float, bad: int, late_s: np.ndarray) -> None:
+    stamps_s = np.arange(600) * PERIOD_S
+    stamps_s[bad] += off_s
+    found = errors_s(stamps_s, late_s)
+    off = [index for index, error_s in enumerate(found) if error_s is not None and not abs(error_s) < 0.061]
+    assert set(off) <= {0, 1, bad}  # of the first pictures nobody knows yet which one is wrong
+    assert found.count(None) <= 4
+    if bad == 300:
+        clean = errors_s(np.arange(600) * PERIOD_S, late_s)
+        assert found[bad] is None
+        assert [it for it in found if it is not None] == clean[:bad] + clean[bad + 1 :]
+
+
+def test_exposures_of_a_clean_stream_are_those_of_its_quickest_picture(late_s: np.ndarray) -> None:
+    found = errors_s(np.arange(600) * PERIOD_S, late_s)
+    quickest_s = [late_s[max(0, index - 300) : index + 1].min() for index in range(600)]
+    assert found == pytest.approx(quickest_s, abs=2e-3)  # a window of ten seconds, by receipt
+
+
+@pytest.mark.parametrize("step_s", [0.5, -0.5, 5.0, -5.0, 1e6, -0.12])
+def test_a_step_of_the_streams_clock_that_lasts_is_followed(step_s: float, late_s: np.ndarray) -> None:
+    stamps_s = np.arange(600) * PERIOD_S
+    stamps_s[300:] += step_s
+    found = errors_s(stamps_s, late_s)
+    assert all(error_s is None or abs(error_s) < 0.061 for error_s in found)
+    assert None not in found[:300] + found[310:]
+
+
+def test_a_picture_that_stood_in_a_queue_is_refused(late_s: np.ndarray) -> None:
+    late_s[300:345] += 1.5 - np.arange(45) * PERIOD_S  # a stall of 1.5 s, then all at once
+    found = errors_s(np.arange(600) * PERIOD_S, late_s)
+    assert found[300] is None
+    assert all(error_s is None or abs(error_s) < 0.061 for error_s in found)
+    assert None not in found[320:]
+
+
+class Camera:
+    """A source that does at each opening what it is told to."""
+
+    def __init__(self, *openings: Callable[[], Iterator[Shot]]) -> None:
+        self.openings, self.opened, self.closed = list(openings), 0, threading.Event()
+
+    def pictures(self) -> Iterator[Shot]:
+        self.opened += 1
+        return self.openings[min(self.opened, len(self.openings)) - 1]()
+
+    def close(self) -> None:
+        self.closed.set()
+
+    def verdict(self) -> TouchdownVerdict | None:
+        return None
+
+
+def shot() -> Shot:
+    now_s = time.monotonic()
+    return Shot(None, now_s, now_s)
+
+
+def one_then(words: str) -> Callable[[], Iterator[Shot]]:
+    """A picture, then a failure; without words, an end."""
+
+    def pictures() -> Iterator[Shot]:
+        yield shot()
+        if words:
+            raise VehicleError(words)
+
+    return pictures
+
+
+def absent() -> Iterator[Shot]:
+    raise VehicleError("connection refused")
+    yield
+
+
+def wait_until(condition: Callable[[], bool]) -> bool:
+    until_s = time.monotonic() + 20.0
+    while not condition() and time.monotonic() < until_s:
+        time.sleep(0.005)
+    return condition()
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(camera_stream, "_REOPEN_S", 0.01)
+    monkeypatch.setattr(camera_stream, "_LONGEST_REOPEN_S", 0.02)
+
+
+def test_a_camera_that_stops_is_opened_again_and_its_problem_stays_in_words_meanwhile() -> None:
+    back = threading.Event()
+
+    def again() -> Iterator[Shot]:
+        if not back.is_set():
+            raise VehicleError("connection refused")
+        while True:
+            yield shot()
+            time.sleep(0.01)
+
+    source = Camera(one_then("timed out"), again)
+    stream = CameraStream(source)
+    stream.start()
+    first = stream.newest(-1e9, 10.0)
+    assert first is not None
+    assert wait_until(lambda: stream.problem == "connection refused" and source.opened > 3)
+    assert stream.newest(first.exposed_s, 0.0) is None
+    back.set()
+    assert stream.newest(first.exposed_s, 10.0) is not None
+    assert stream.problem == ""
+    stream.close()
+    assert not stream._thread.is_alive()
+
+
+@pytest.mark.parametrize(("opening", "problem"), [(one_then(""), "the stream has ended"), (absent, "refused")])
+def test_a_recording_that_has_ended_and_a_camera_that_never_was_are_not_opened_again(
+    opening: Callable[[], Iterator[Shot]], problem: str
+) -> None:
+    source = Camera(opening)
+    stream = CameraStream(source)
+    stream.start()
+    stream._thread.join(20.0)
+    assert not stream._thread.is_alive()
+    assert source.opened == 1
+    assert problem in stream.problem
+    begun_s = time.monotonic()
+    assert stream.newest(time.monotonic(), 30.0) is None  # nobody waits for it
+    assert time.monotonic() - begun_s < 15.0
+    stream.close()
+
+
+def test_closing_ends_the_wait_for_a_camera() -> None:
+    stream = CameraStream(Camera(one_then("gone"), absent))
+    stream.start()
+    assert wait_until(lambda: stream.problem == "connection refused")
+    stream.close()
+    assert not stream._thread.is_alive()
+
+
+def test_a_live_source_fails_at_its_end_and_a_file_is_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    image = np.zeros((36, 64, 3), np.uint8)
+    for url, live in (("rtsp://camera/live", True), ("gst:v4l2src ! appsink", True), ("/dev/video0", True),
+                      (str(tmp_path / "film.mp4"), False), ("gst:filesrc location=a ! appsink", False)):  # fmt: skip
+        source = VideoSource(url, LATENCY_S, (64, 36), 5.0)
+        monkeypatch.setattr(source, "_decoded", lambda: iter([(image, 0.0), (image, 0.1)]))
+        monkeypatch.setattr(source, "_gstreamer", lambda: iter([(image, None), (image, None)]))
+        for _ in range(2):  # and again
+            if live:
+                with pytest.raises(VehicleError, match="the stream has ended"):
+                    list(source.pictures())
+            else:
+                assert len(list(source.pictures())) == 2
