@@ -69,8 +69,8 @@ def flying(state: str) -> dict[str, Any]:
 @contextmanager
 def vehicle(
     tmp_path: Path,
-    options: str = "takeoff=1",
     take_off: Sequence[dict[str, Any]] = (flying("hovering"),),
+    options: str = "takeoff=1",
     **changes: float,
 ) -> Iterator[tuple[AnafiVehicle, Path]]:
     script, log = tmp_path / "far_end.py", tmp_path / "asked.txt"
@@ -312,7 +312,7 @@ def test_nobody_there_is_one_line(tmp_path: Path) -> None:
 
 
 def test_a_stop_while_it_waits_for_the_take_off_is_answered_and_lets_go(tmp_path: Path) -> None:
-    with vehicle(tmp_path, "takeoff=0", engage_timeout_s=20.0) as (flown, _):
+    with vehicle(tmp_path, options="takeoff=0", engage_timeout_s=20.0) as (flown, _):
         flown.connect()
         assert flown._process is not None
         begun_s = time.monotonic()

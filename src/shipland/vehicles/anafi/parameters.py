@@ -38,7 +38,7 @@ class AnafiParameters:
             max_climb_mps=(0.1, 5.0),
             max_turn_deg_s=(1.0, 180.0),
             connect_timeout_s=(1.0, 600.0),
-            engage_timeout_s=(1.0, 3600.0),
+            engage_timeout_s=(0.1, 3600.0),
             link_timeout_s=(0.5, 30.0),
             video_timeout_s=(0.5, 60.0),
             latency_s=(0.0, 3.0),
