@@ -201,7 +201,10 @@ def room_to_bar_m(look: Look) -> float:
     above = float(place_m[2]) < ship.house_top_m - limits.least_to_bar_m
     if beside or above:
         return math.inf
-    leant_mps2 = _along_bar(look, look.estimate.tilt_mps2)  # in the superstructure's lee no wind holds against it
+    held_mps2 = _LEE * _along_bar(
+        look, look.estimate.held_mps2
+    )  # in the superstructure's lee less wind holds against it
+    leant_mps2 = _along_bar(look, look.estimate.tilt_mps2) - held_mps2
     stop_m = stopping_distance_m(float(velocity_mps[0]), leant_mps2, brake_mps2(look), limits.reaction_s)
     return -float(place_m[0]) - stop_m
 
@@ -223,7 +226,8 @@ def off_the_deck(look: Look) -> Finding | None:
     contact_s = max(over_m, 0.0) / sink_mps
     if not look.limits.reaction_s <= contact_s <= _CONTACT_NEAR_S:  # nearer, nothing changes it any more
         return None
-    aside_m = max(abs(float(place_m[i] + contact_s * velocity_mps[i] - ship.deck_in_bar_m[i])) for i in range(2))
+    drift_s = min(contact_s, _DRIFT_S)
+    aside_m = max(abs(float(place_m[i] + drift_s * velocity_mps[i] - ship.deck_in_bar_m[i])) for i in range(2))
     if aside_m <= ship.half_deck_m - look.limits.foot_m:
         return None
     return Finding(Action.GO_AROUND, f"contact foreseen {aside_m:.2f} m from the deck's centre")
@@ -317,9 +321,12 @@ def findings(look: Look) -> list[Finding]:
     return sorted(found, key=lambda finding: -finding.action)
 
 
+_LEE = 0.5
+"""Of the wind, what still blows close behind the superstructure."""
 _BRAKE_SHARE, _LEAST_BRAKE_MPS2 = 0.8, 0.3
 """Of the tilt that is left, what is counted on; and never nothing."""
 _SLOWEST_MPS = 0.3
 """Slower than this the time to contact says nothing."""
-_CONTACT_NEAR_S = 0.6
-"""Farther ahead a straight line says nothing of where contact will be."""
+_CONTACT_NEAR_S, _DRIFT_S = 0.6, 0.3
+"""A contact that is so near is looked at; for so long the aircraft goes on as it does, which is known to 1 m/s.
+Farther ahead a straight line says nothing of where contact will be."""
