@@ -193,7 +193,7 @@ def test_a_wind_that_takes_the_tilt_is_refused_before_anything_is_tried():
     flight = Flight((-12.0, 0.0, -1.0), response=TILTS, wind_mps2=(0.0, -0.99 * most_mps2))
     held = {"roll_percent": TILTS.stick_of(0.99 * most_mps2)}
     flight.fly(12.0, held)
-    assert "refused: the wind takes 14° of tilt, at most 14" in flight.said
+    assert "refused: the wind takes 15° of tilt, at most 14" in flight.said
     assert flight.decisions[-1].mode is Mode.CLIMB_OUT
     calm = Flight((-12.0, 0.0, -1.0), response=TILTS, wind_mps2=(0.0, -0.6 * most_mps2))
     calm.fly(12.0, {"roll_percent": TILTS.stick_of(0.6 * most_mps2)})

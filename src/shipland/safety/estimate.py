@@ -68,10 +68,12 @@ class Sight:
     Attributes:
         t_s: exposure.
         place_in_bar_m: (3,) the aircraft's centre of mass.
+        bar_heading_rad: of the bar, as in `SafetyEstimate`.
     """
 
     t_s: float
     place_in_bar_m: tuple[float, float, float]
+    bar_heading_rad: float
 
 
 @dataclass(frozen=True)
@@ -87,10 +89,12 @@ class SafetyEstimate:
         velocity_in_bar_mps: (3,) against the bar at `t_s`; None before poses have shown it.
         reference_mps: (2,) north and east, the vehicle's own velocity less that against the bar; None where one of the
             two is not known.
-        slow_reference_mps: (2,) the same, of the last `_REFERENCE_TIME_S`.
+        slow_reference_in_bar_mps: (2,) the same of the last `_REFERENCE_TIME_S`, in axes that turn with the bar: a ship
+            that turns goes on ahead.
         bar_from_aircraft_m: (2,) horizontal way to the bar, in axes that lie still: north and east by the compass.
         heading_rad: compass, the last one known; 0 where there never was one.
         bar_heading_rad: of the bar, clockwise from the axes that lie still; None before the first pose.
+        turn_rad_s: rate of `bar_heading_rad`: a ship that turns.
         velocity_mps: (2,) north and east, the vehicle's own; None where it does not say.
         tilt_mps2: (2,) north and east, the horizontal acceleration of the tilt; None where it was never told.
         mean_tilt_mps2, mean_velocity_mps: (2,) the same and `velocity_mps`, smoothed over `_TILT_TIME_S`.
@@ -115,10 +119,11 @@ class SafetyEstimate:
     yaw_rad: float = 0.0
     velocity_in_bar_mps: Array | None = None
     reference_mps: Array | None = None
-    slow_reference_mps: Array | None = None
+    slow_reference_in_bar_mps: Array | None = None
     bar_from_aircraft_m: Array | None = None
     heading_rad: float = 0.0
     bar_heading_rad: float | None = None
+    turn_rad_s: float = 0.0
     velocity_mps: Array | None = None
     tilt_mps2: Array | None = None
     mean_tilt_mps2: Array | None = None
@@ -165,6 +170,18 @@ class SafetyEstimate:
             return math.nan, np.zeros(2)
         distance_m = math.hypot(*self.bar_from_aircraft_m.tolist())
         return distance_m, turned(self.bar_from_aircraft_m, -self.heading_rad) / max(distance_m, 1e-9)
+
+    def reference_leap_mps(self) -> float:
+        """By how much the velocity reference has left what it may be; 0 where it is not known.
+
+        It may be its slow mean, and anything less: optical flow over a deck under way tells the velocity against it.
+        """
+        now_mps, slow_mps = self.reference_mps, self.slow_reference_in_bar_mps
+        if now_mps is None or slow_mps is None or self.bar_heading_rad is None:
+            return 0.0
+        now_mps = turned(now_mps, -self.bar_heading_rad)
+        share = float(now_mps @ slow_mps) / max(float(slow_mps @ slow_mps), 1e-9)
+        return math.hypot(*(now_mps - min(max(share, 0.0), 1.0) * slow_mps).tolist())
 
     def in_level(self, in_still: Array) -> Array:
         """A vector (2,) of the axes that lie still, forward and right of the aircraft."""
@@ -340,7 +357,7 @@ def _sighted(estimate: SafetyEstimate, place_m: Array, exposure_s: float) -> Saf
             return replace(estimate, leap_m=leap_m, leapt_s=leapt_s)
         sights = ()
     kept = (row for row in sights if 0.0 < exposure_s - row.t_s <= _WINDOW_S)
-    sights = (*kept, Sight(exposure_s, (x_m, y_m, z_m)))
+    sights = (*kept, Sight(exposure_s, (x_m, y_m, z_m), estimate.bar_heading_rad or 0.0))
     estimate = replace(estimate, seen_s=exposure_s, pose_s=exposure_s, sights=sights, leap_m=0.0, leapt_s=None)
     return _carried(_with_velocity(_with_reference(estimate)))
 
@@ -371,19 +388,27 @@ def _with_reference(estimate: SafetyEstimate) -> SafetyEstimate:
     sights = estimate.sights
     if estimate.velocity_mps is not None:  # of before its first reading nobody knows the way
         sights = tuple(row for row in sights if row.t_s >= estimate.travelled[0].t_s)
-    slope = _slope_mps(sights)
-    if slope is None or estimate.bar_heading_rad is None:
+    slope, heading_rad = _slope_mps(sights), estimate.bar_heading_rad
+    if slope is None or heading_rad is None:
         return replace(estimate, velocity_in_bar_mps=None, reference_mps=None)
     first_s, last_s = sights[0].t_s, sights[-1].t_s
     begun, ended = estimate.travelled_at(first_s), estimate.travelled_at(last_s)
     if estimate.velocity_mps is None or begun is None or ended is None:
         return replace(estimate, velocity_in_bar_mps=slope, reference_mps=None)
     own = (np.array(ended) - np.array(begun)) / (last_s - first_s)
-    reference = own - turned(slope[:2], estimate.bar_heading_rad)
-    slow = estimate.slow_reference_mps
+    turn_rad_s = wrap_angle(sights[-1].bar_heading_rad - sights[0].bar_heading_rad) / (last_s - first_s)
+    middle_m = np.mean([row.place_in_bar_m[:2] for row in sights], axis=0)
+    estimate = replace(estimate, turn_rad_s=turn_rad_s)
+    reference = own - turned(slope[:2] + _swept(middle_m, turn_rad_s), heading_rad)
+    slow, in_bar = estimate.slow_reference_in_bar_mps, turned(reference, -heading_rad)
     step_s = last_s - sights[-2].t_s
-    slow = reference if slow is None else slow + min(step_s / _REFERENCE_TIME_S, 1.0) * (reference - slow)
-    return replace(estimate, velocity_in_bar_mps=slope, reference_mps=reference, slow_reference_mps=slow)
+    slow = in_bar if slow is None else slow + min(step_s / _REFERENCE_TIME_S, 1.0) * (in_bar - slow)
+    return replace(estimate, velocity_in_bar_mps=slope, reference_mps=reference, slow_reference_in_bar_mps=slow)
+
+
+def _swept(place_m: Array, turn_rad_s: float) -> Array:
+    """(2,) the velocity of a place that turns with the bar: ω × p."""
+    return turn_rad_s * np.array([-float(place_m[1]), float(place_m[0])])
 
 
 def _with_velocity(estimate: SafetyEstimate) -> SafetyEstimate:
@@ -392,6 +417,8 @@ def _with_velocity(estimate: SafetyEstimate) -> SafetyEstimate:
     if before is None or reference is None or heading_rad is None or estimate.velocity_mps is None:
         return estimate
     level_mps = turned(estimate.velocity_mps - reference, -heading_rad)
+    if estimate.place_in_bar_m is not None:
+        level_mps = level_mps - _swept(estimate.place_in_bar_m[:2], estimate.turn_rad_s)
     return replace(estimate, velocity_in_bar_mps=np.array([*level_mps.tolist(), float(before[2])]))
 
 
@@ -416,7 +443,8 @@ def _place_m(estimate: SafetyEstimate, t_s: float) -> Array | None:
         moved_m = age_s * velocity
         if reference is not None and heading_rad is not None and begun is not None and ended is not None:
             still_m = np.array(ended) - np.array(begun) - age_s * reference
-            moved_m[:2] = turned(still_m, -heading_rad)
+            swept_mps = _swept(np.array(last.place_in_bar_m[:2]), estimate.turn_rad_s)
+            moved_m[:2] = turned(still_m, -heading_rad) - age_s * swept_mps
     return np.array(last.place_in_bar_m) + moved_m
 
 

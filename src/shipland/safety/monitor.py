@@ -54,7 +54,8 @@ class MonitorParameters:
         brake_mps2: deceleration that is counted on at most; less where tilt and wind do not leave so much.
         least_to_bar_m: of the aircraft's centre to the bar's plane, where it can stop.
         foot_m: of the aircraft's feet from its centre: within the deck by this much.
-        near_m: nearer to the bar than this, poses that leap are not waited for.
+        near_m: nearer to the bar than this, poses that leap or are missing are not waited for.
+        blind_s: longest without a pose there.
         lean_deg: of about the last second, against the vertical, to land with.
         lean_height_m: over the neutral deck; lower, a go-around leans no less.
         wind_share, wind_lean_deg: of full tilt, and in all, what holding against the wind may take.
@@ -72,6 +73,7 @@ class MonitorParameters:
     least_to_bar_m: float
     foot_m: float
     near_m: float
+    blind_s: float
     lean_deg: float
     lean_height_m: float
     wind_share: float
@@ -90,6 +92,7 @@ class MonitorParameters:
             least_to_bar_m=(0.1, 50.0),
             foot_m=(0.0, 10.0),
             near_m=(1.0, 200.0),
+            blind_s=(0.5, 30.0),
             lean_deg=(5.0, 45.0),
             lean_height_m=(0.0, 20.0),
             wind_share=(0.1, 1.0),
@@ -250,6 +253,15 @@ def poses_leap(look: Look) -> Finding | None:
     return Finding(Action.GO_AROUND if near else Action.NO_GO, f"poses leap by {leap_m:.1f} m")
 
 
+def blind_near(look: Look) -> Finding | None:
+    """Near the ship, not landing, and no pose for a while: boxes do not tell a deck from its edge."""
+    distance_m, blind_s = look.estimate.bar_in_level()[0], look.t_s - look.estimate.pose_s
+    near = look.command.intent is Intent.FLY and distance_m < look.limits.near_m
+    if not near or not look.limits.blind_s < blind_s < _POSED_S:
+        return None
+    return Finding(Action.GO_AROUND, f"no pose for {blind_s:.1f} s, {distance_m:.1f} m from the bar")
+
+
 def wind_too_strong(look: Look) -> Finding | None:
     """Holding against the wind takes more tilt than leaves a reserve, or than a deck bears at contact."""
     wind_mps2, limits = look.estimate.wind_mps2, look.limits
@@ -264,11 +276,8 @@ def wind_too_strong(look: Look) -> Finding | None:
 
 
 def velocity_contradicts(look: Look) -> Finding | None:
-    """The vehicle's own velocity and the poses part: a flow that lies, pictures that are late, a ship that turns."""
-    now_mps, slow_mps = look.estimate.reference_mps, look.estimate.slow_reference_mps
-    if now_mps is None or slow_mps is None:
-        return None
-    leap_mps = math.hypot(*(now_mps - slow_mps).tolist())
+    """The vehicle's own velocity and the poses part: a flow that lies, or pictures that are late."""
+    leap_mps = look.estimate.reference_leap_mps()
     if leap_mps <= look.limits.leap_mps:
         return None
     return Finding(Action.NO_GO, f"the vehicle's velocity and the poses differ by {leap_mps:.1f} m/s more than of late")
@@ -306,6 +315,7 @@ RULES: tuple[Rule, ...] = (
     off_the_deck,
     leaning,
     poses_leap,
+    blind_near,
     wind_too_strong,
     velocity_contradicts,
     height_contradicts,
@@ -321,6 +331,8 @@ def findings(look: Look) -> list[Finding]:
     return sorted(found, key=lambda finding: -finding.action)
 
 
+_POSED_S = 15.0
+"""So long after a pose the distance to the bar is still known, on a ship under way too."""
 _LEE = 0.5
 """Of the wind, what still blows close behind the superstructure."""
 _BRAKE_SHARE, _LEAST_BRAKE_MPS2 = 0.8, 0.3
