@@ -110,6 +110,15 @@ def decide_or_degrade(
         return crew.safety.without_pilot(f"pilot failed: {words_of(error)}", telemetry, sent)
 
 
+def check_or_hold(safety: Safety, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:
+    """What the safety makes of a decision; should it fail itself, a hold, and the traceback in the log."""
+    try:
+        return safety.check(decision, observation, telemetry)
+    except Exception as error:  # the last one who could raise in flight
+        _log.exception("safety failed at %.3f s", telemetry.t_s)
+        return Decision(PilotCommand.hold(telemetry.t_s, 0.0), None, f"safety failed: {words_of(error)}: hold")
+
+
 def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generator[Cycle]:
     """Fly cycle by cycle until the vehicle gives no more.
 
@@ -156,7 +165,7 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
             telemetry, refused = gate.telemetry(telemetry)
             observation = crew.safety.admitted(observation, telemetry)
             decision = decide_or_degrade(crew, observation, telemetry, sent, of_pilot)
-            decision = crew.safety.check(decision, observation, telemetry)
+            decision = check_or_hold(crew.safety, decision, observation, telemetry)
             if refused:
                 decision = replace(decision, reason=f"{decision.reason}; {refused}")
             if commanded is not None and commanded.in_command != commander:

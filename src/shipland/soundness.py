@@ -29,6 +29,8 @@ from shipland.messages import (
 
 _MOST_PERCENT, _MOST_RAD = 1e6, 2.0 * math.pi
 """Beyond them a stick is no stick and a camera's pitch no pitch; their products might leave what a float can hold."""
+_POSE_SHAPES = ((3,), (4, 4), (2,))
+"""Of a pose's place, covariance and each corner."""
 _MOST_WORDS = 1000
 """Characters of a reason that are kept."""
 _MOST_KINDS = 5
@@ -96,7 +98,7 @@ def is_new(error: Exception, known: set[type[Exception]] | None) -> bool:
 
 
 def _estimate(given: Estimate | None) -> Estimate | None:
-    if given is None or _is_plain(given, Estimate):
+    if given is None or (_is_plain(given, Estimate) and given.aircraft_in_bar_m.shape == (3,)):
         return given
     estimate = _of(given, Estimate, "its estimate")
     velocity, covariance = estimate.velocity_in_bar_mps, estimate.covariance
@@ -110,7 +112,7 @@ def _estimate(given: Estimate | None) -> Estimate | None:
 
 
 def _pose(given: BarPose | None) -> BarPose | None:
-    if given is None or _is_plain(given, BarPose):
+    if given is None or (_is_plain(given, BarPose) and _pose_shapes(given) == _POSE_SHAPES):
         return given
     pose = _of(given, BarPose, "bar_pose")
     return BarPose(
@@ -120,6 +122,10 @@ def _pose(given: BarPose | None) -> BarPose | None:
         _number(pose.reprojection_px, "reprojection_px"),
         _array(pose.corners_px, "corners_px"),
     )
+
+
+def _pose_shapes(pose: BarPose) -> tuple[object, ...]:
+    return pose.position_in_bar_m.shape, pose.covariance.shape, pose.corners_px.shape[1:]
 
 
 def _box(given: Box | None, name: str) -> Box | None:

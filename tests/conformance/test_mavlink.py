@@ -418,17 +418,24 @@ def test_closed_in_flight_it_leaves_the_vehicle_in_a_mode_that_holds(kind: str, 
         assert report["armed"]
 
 
-def interrupted_above(autopilot: StandIn, height_m: float) -> threading.Thread:
-    """A Ctrl-C as soon as the vehicle is that high."""
+@contextmanager
+def interrupted_above(autopilot: StandIn, height_m: float) -> Iterator[None]:
+    """A Ctrl-C as soon as the vehicle is that high, within the block and never after it."""
+    over = threading.Event()
 
     def watch() -> None:
-        while autopilot.report()["up"] < height_m:
-            time.sleep(0.05)
-        os.kill(os.getpid(), signal.SIGINT)
+        while not over.wait(0.05):
+            if autopilot.report()["up"] >= height_m:
+                os.kill(os.getpid(), signal.SIGINT)
+                return
 
     thread = threading.Thread(target=watch, daemon=True)
     thread.start()
-    return thread
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 HOLDS = {"ardupilot": 17, "px4": 4 << 16 | 3 << 24}
@@ -438,10 +445,8 @@ HOLDS = {"ardupilot": 17, "px4": 4 << 16 | 3 << 24}
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
 def test_a_stop_in_take_off_is_answered_at_once_and_leaves_a_hold(kind: str) -> None:
     with bench(kind, engagement=Engagement(take_off_m=40.0)) as (vehicle, autopilot, _):
-        watching = interrupted_above(autopilot, 10.5)  # it starts at 10 m
-        with pytest.raises(KeyboardInterrupt), stop_requests():
+        with pytest.raises(KeyboardInterrupt), stop_requests(), interrupted_above(autopilot, 10.5):  # it starts at 10 m
             vehicle.open()
-        watching.join()
         report = autopilot.report()
         assert (report["mode"], report["target"]) == (HOLDS[kind], "hold")
         assert report["armed"]
@@ -451,18 +456,16 @@ def test_a_stop_in_take_off_is_answered_at_once_and_leaves_a_hold(kind: str) -> 
 def test_a_second_ctrl_c_does_not_cut_the_hold_short(monkeypatch: pytest.MonkeyPatch) -> None:
     ask_hold = Session.ask_hold
 
-    def interrupted(session: Session) -> int:
+    def interrupted(session: Session) -> None:
         for _ in range(2):
             signal.raise_signal(signal.SIGINT)
-        return ask_hold(session)
+        ask_hold(session)
 
     monkeypatch.setattr(stopping, "_GRACE_S", -1.0)
     monkeypatch.setattr(Session, "ask_hold", interrupted)
     with bench(engagement=Engagement(take_off_m=40.0)) as (vehicle, autopilot, _):
-        watching = interrupted_above(autopilot, 10.2)
-        with pytest.raises(KeyboardInterrupt), stop_requests():
+        with pytest.raises(KeyboardInterrupt), stop_requests(), interrupted_above(autopilot, 10.2):
             vehicle.open()
-        watching.join()
         assert autopilot.report()["mode"] == HOLDS["ardupilot"]
 
 

@@ -316,10 +316,13 @@ def test_a_stop_while_it_waits_for_the_take_off_is_answered_and_lets_go(tmp_path
         flown.connect()
         assert flown._process is not None
         begun_s = time.monotonic()
+        interrupt = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
         with pytest.raises(KeyboardInterrupt), stop_requests():
-            interrupt = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
             interrupt.start()
-            flown.open()
+            try:
+                flown.open()
+            finally:
+                interrupt.cancel()
         assert time.monotonic() - begun_s < 15.0
         assert flown._process._process.poll() is not None  # which releases the sticks at its end
 

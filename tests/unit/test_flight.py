@@ -106,6 +106,21 @@ def test_every_frame_is_seen_decided_bounded_sent_and_logged():
     assert vehicle.closed
 
 
+def test_a_safety_that_fails_itself_holds(caplog):
+    class Broken:
+        def admitted(self, observation, telemetry):
+            return observation
+
+        def check(self, decision, observation, telemetry):
+            raise ZeroDivisionError("of its own")
+
+    vehicle, rows = Recorded(3), []
+    fly(vehicle, crew(safety=Broken()), 10.0, lambda: 0.0, rows.append)
+    assert [command.intent for command in vehicle.commands] == [Intent.HOLD] * 3
+    assert "safety failed: ZeroDivisionError: of its own: hold" in rows[0].decision.reason
+    assert "safety failed" in caplog.text
+
+
 def test_the_pilot_is_told_what_left_the_safety():
     vehicle, pilot = Recorded(4), Wild()
     fly(vehicle, crew(pilot=pilot), 10.0, lambda: 0.0, lambda _: None)

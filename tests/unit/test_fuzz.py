@@ -13,6 +13,7 @@ import fuzz
 
 INPUTS = {
     "pilots": 3,  # of 200 cycles
+    "results": 4,
     "pictures": 4,
     "configurations": 25,
     "logs": 20,

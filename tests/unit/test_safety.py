@@ -77,6 +77,13 @@ def test_output_is_finite_bounded_and_slewed(cycles):
         last = sticks
 
 
+def test_a_box_of_no_size_tells_no_range():
+    box = Box((640.0, 360.0), (1e-200, 1e-200), 0.9)
+    out = check(decision(0.0), seen(0.0, None, ship_box=box))
+    assert "nothing seen yet" not in out.reason
+    assert out.command.pitch_percent == 0.0
+
+
 def test_good_command_passes_unchanged():
     asked = decision(0.0, pitch=12.0, heave=-7.0)
     out = check(asked)
@@ -142,6 +149,16 @@ def test_a_descent_is_stopped_before_the_floor():
         sink_mps += 0.05 / 0.3 * (-0.01 * out.command.heave_percent - sink_mps)
         height_m -= 0.05 * sink_mps
     assert 0.3 < height_m < 1.2
+
+
+def test_a_barometer_that_stands_still_is_believed_no_longer_than_it_is_fresh():
+    """Its values arrive, but their time stands: the floor counts from the measurement, not from the receipt."""
+    asked = decision(3.0, heave=-20.0, intent=Intent.SEARCH)
+    fresh = check(asked, seen(3.0, None), t_s=3.0, height_t_s=2.9)
+    still = check(asked, seen(3.0, None), t_s=3.0, height_t_s=3.0 - PARAMETERS.stale_s - 0.1)
+    assert fresh.command.heave_percent == -20.0
+    assert still.command.heave_percent == 0.0
+    assert "height unknown" in still.reason
 
 
 def test_floor_lets_a_landing_through_over_the_deck_only():

@@ -44,6 +44,8 @@ _LEAP_M, _LEAP_SHARE, _LEAP_MPS = 1.0, 0.05, 1.0
 """A pose may lie so far from where those before lead to, more by a share of its range and by the time between."""
 _PATIENCE_S, _REMEMBERED_S = 4.0, 2.0
 """Poses that contradict those before are believed after so long; after so long without any, the next one is."""
+_LEAST_BOX_PX = 1e-3
+"""A smaller box tells no range that a float holds."""
 _STEEPEST_RAD = 1.2
 """A steeper tilt is none that is flown."""
 
@@ -449,4 +451,4 @@ def _place_m(estimate: SafetyEstimate, t_s: float) -> Array | None:
 
 
 def _usable(box: Box) -> bool:
-    return all(map(math.isfinite, (*box.centre_px, *box.size_px))) and min(box.size_px) > 0.0
+    return all(map(math.isfinite, (*box.centre_px, *box.size_px))) and min(box.size_px) > _LEAST_BOX_PX
