@@ -272,7 +272,7 @@ def test_a_pilot_that_raises_holds_far_from_the_deck_and_climbs_near_it():
 
 def test_a_mirror_image_that_comes_while_the_pilot_raises_leads_nobody_down():
     mirror = {"kind": "reflection", "start_s": 9.66, "duration_s": 3.9, "size": 1.2}
-    records, _ = flown("pilot_raises", 16.0, also=[mirror], start_s=9.62, duration_s=2.7)
+    records, _ = flown("pilot_raises", 45.0, also=[mirror], start_s=9.62, duration_s=2.7)
     anew = [it for it in records if it.telemetry.t_s > 12.5 and it.decision.estimate is not None]
     assert len(anew) > 30
     for record in anew:
