@@ -38,8 +38,8 @@ _TILT_TIME_S = 2.0
 """Of the mean tilt: gusts pass, the wind stays."""
 _WIND_TIME_S, _SLOW_MPS = 10.0, 2.0
 """Of the wind: several gusts long. Faster than this the drag of the aircraft's own way counts."""
-_LEAN_TIME_S = 1.0
-"""Of the largest lean: telemetry of 5 Hz sees a swing of 0.4 s now and then only."""
+_LARGEST_TIME_S = 1.0
+"""Of the largest tilt: telemetry of 5 Hz sees a swing of 0.4 s now and then only."""
 _LEAP_M, _LEAP_SHARE, _LEAP_MPS = 1.0, 0.05, 1.0
 """A pose may lie so far from where those before lead to, more by a share of its range and by the time between."""
 _PATIENCE_S, _REMEMBERED_S = 4.0, 2.0
@@ -107,7 +107,7 @@ class SafetyEstimate:
         sink_mps: downward speed by the vehicle itself, not negative.
         wind_mps2: (2,) `held_mps2` of the last `_WIND_TIME_S` in which the aircraft was slow against the bar.
         wind_s: how long that has been, up to `_WIND_TIME_S`.
-        lean_rad: largest tilt against the vertical of about the last second.
+        largest_tilt_rad: largest tilt against the vertical of about the last second.
         leap_m: by which the newest pose contradicts the way from those before; 0 for one that does not.
         leapt_s: exposure since which poses do so, and are not flown on; None while they do not.
         travelled: way of the last `_KEPT_S`.
@@ -139,7 +139,7 @@ class SafetyEstimate:
     sink_mps: float = 0.0
     wind_mps2: Array | None = None
     wind_s: float = 0.0
-    lean_rad: float = 0.0
+    largest_tilt_rad: float = 0.0
     leap_m: float = 0.0
     leapt_s: float | None = None
     travelled: tuple[Instant, ...] = ()
@@ -268,7 +268,7 @@ class SafetyEstimator:
             bar_from_aircraft_m=way_m,
             deck_down_m=self._deck_down_m,
             sink_mps=sink_mps,
-            lean_rad=max(_lean_rad(tilt_mps2), estimate.lean_rad * math.exp(-step_s / _LEAN_TIME_S)),
+            largest_tilt_rad=max(tilt_of(tilt_mps2), estimate.largest_tilt_rad * math.exp(-step_s / _LARGEST_TIME_S)),
             travelled=travelled,
         )
         estimate = _with_velocity(replace(estimate, held_mps2=_held_mps2(estimate)))
@@ -340,8 +340,8 @@ def _with_wind(estimate: SafetyEstimate, step_s: float) -> SafetyEstimate:
     return replace(estimate, wind_mps2=wind_mps2, wind_s=wind_s)
 
 
-def _lean_rad(tilt_mps2: Array | None) -> float:
-    """Tilt against the vertical, by its horizontal acceleration."""
+def tilt_of(tilt_mps2: Array | None) -> float:
+    """Tilt against the vertical [rad], by its horizontal acceleration (2,) [m/s²]: atan(a/g); 0 for None."""
     return 0.0 if tilt_mps2 is None else math.atan(math.hypot(*tilt_mps2.tolist()) / GRAVITY_MPS2)
 
 

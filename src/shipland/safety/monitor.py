@@ -16,7 +16,7 @@ from shipland.frames import GRAVITY_MPS2, Array, turned
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand, Telemetry
 from shipland.rig import Rig
-from shipland.safety.estimate import SafetyEstimate
+from shipland.safety.estimate import SafetyEstimate, tilt_of
 
 
 class Action(enum.IntEnum):
@@ -56,9 +56,9 @@ class MonitorParameters:
         foot_m: of the aircraft's feet from its centre: within the deck by this much.
         near_m: nearer to the bar than this, poses that leap or are missing are not waited for.
         blind_s: longest without a pose there.
-        lean_deg: of about the last second, against the vertical, to land with.
-        lean_height_m: over the neutral deck; lower, a go-around leans no less.
-        wind_share, wind_lean_deg: of full tilt, and in all, what holding against the wind may take.
+        tilt_deg: largest of about the last second, against the vertical, to land with.
+        tilt_height_m: over the neutral deck; lower, a go-around is tilted no less.
+        wind_share, wind_tilt_deg: of full tilt, and in all, what holding against the wind may take.
         wind_time_s: so long the wind is measured before it is refused.
         leap_mps: difference that the vehicle's own velocity and the poses may take on in seconds: a flow that lies, or
             a ship that manoeuvres.
@@ -74,10 +74,10 @@ class MonitorParameters:
     foot_m: float
     near_m: float
     blind_s: float
-    lean_deg: float
-    lean_height_m: float
+    tilt_deg: float
+    tilt_height_m: float
     wind_share: float
-    wind_lean_deg: float
+    wind_tilt_deg: float
     wind_time_s: float
     leap_mps: float
     height_leap_m: float
@@ -93,10 +93,10 @@ class MonitorParameters:
             foot_m=(0.0, 10.0),
             near_m=(1.0, 200.0),
             blind_s=(0.5, 30.0),
-            lean_deg=(5.0, 45.0),
-            lean_height_m=(0.0, 20.0),
+            tilt_deg=(5.0, 45.0),
+            tilt_height_m=(0.0, 20.0),
             wind_share=(0.1, 1.0),
-            wind_lean_deg=(5.0, 45.0),
+            wind_tilt_deg=(5.0, 45.0),
             wind_time_s=(0.5, 10.0),
             leap_mps=(0.2, 20.0),
             height_leap_m=(0.1, 20.0),
@@ -204,11 +204,10 @@ def room_to_bar_m(look: Look) -> float:
     above = float(place_m[2]) < ship.house_top_m - limits.least_to_bar_m
     if beside or above:
         return math.inf
-    held_mps2 = _LEE * _along_bar(
-        look, look.estimate.held_mps2
-    )  # in the superstructure's lee less wind holds against it
-    leant_mps2 = _along_bar(look, look.estimate.tilt_mps2) - held_mps2
-    stop_m = stopping_distance_m(float(velocity_mps[0]), leant_mps2, brake_mps2(look), limits.reaction_s)
+    # in the superstructure's lee less wind holds against it
+    held_mps2 = _LEE * _along_bar(look, look.estimate.held_mps2)
+    towards_mps2 = _along_bar(look, look.estimate.tilt_mps2) - held_mps2
+    stop_m = stopping_distance_m(float(velocity_mps[0]), towards_mps2, brake_mps2(look), limits.reaction_s)
     return -float(place_m[0]) - stop_m
 
 
@@ -236,12 +235,12 @@ def off_the_deck(look: Look) -> Finding | None:
     return Finding(Action.GO_AROUND, f"contact foreseen {aside_m:.2f} m from the deck's centre")
 
 
-def leaning(look: Look) -> Finding | None:
-    """A landing with more lean than the deck bears, while there is time to break it off."""
-    over_m, lean_deg = look.over_deck_m, math.degrees(look.estimate.lean_rad)
-    if not look.landing or over_m is None or over_m < look.limits.lean_height_m or lean_deg <= look.limits.lean_deg:
+def tilted(look: Look) -> Finding | None:
+    """A landing with more tilt than the deck bears, while there is time to break it off."""
+    over_m, tilt_deg = look.over_deck_m, math.degrees(look.estimate.largest_tilt_rad)
+    if not look.landing or over_m is None or over_m < look.limits.tilt_height_m or tilt_deg <= look.limits.tilt_deg:
         return None
-    return Finding(Action.GO_AROUND, f"leaning by {lean_deg:.0f}° over the deck, at most {look.limits.lean_deg:g}")
+    return Finding(Action.GO_AROUND, f"tilted by {tilt_deg:.0f}° over the deck, at most {look.limits.tilt_deg:g}")
 
 
 def poses_leap(look: Look) -> Finding | None:
@@ -267,11 +266,11 @@ def wind_too_strong(look: Look) -> Finding | None:
     wind_mps2, limits = look.estimate.wind_mps2, look.limits
     if wind_mps2 is None or look.estimate.wind_s < limits.wind_time_s:
         return None
-    lean_rad = math.atan(math.hypot(*wind_mps2.tolist()) / GRAVITY_MPS2)
-    most_rad = min(limits.wind_share * look.response.max_tilt_rad, math.radians(limits.wind_lean_deg))
-    if lean_rad <= most_rad:
+    taken_rad = tilt_of(wind_mps2)
+    most_rad = min(limits.wind_share * look.response.max_tilt_rad, math.radians(limits.wind_tilt_deg))
+    if taken_rad <= most_rad:
         return None
-    words = f"the wind takes {math.degrees(lean_rad):.0f}° of tilt, at most {math.degrees(most_rad):.0f}"
+    words = f"the wind takes {math.degrees(taken_rad):.0f}° of tilt, at most {math.degrees(most_rad):.0f}"
     return Finding(Action.REFUSE, words)
 
 
@@ -313,7 +312,7 @@ def vehicle_complains(look: Look) -> Finding | None:
 RULES: tuple[Rule, ...] = (
     bar_ahead,
     off_the_deck,
-    leaning,
+    tilted,
     poses_leap,
     blind_near,
     wind_too_strong,
