@@ -26,7 +26,7 @@ from shipland.missions.crew import aircraft_scale, build_crew, build_scene, buil
 from shipland.missions.faults import with_faults
 from shipland.missions.fly import Flown, flight_info
 from shipland.missions.landing import COLUMNS, Landing, row_of
-from shipland.missions.outside import KeyedPilot, Keys
+from shipland.missions.outside import Keys
 from shipland.missions.scenarios import Scenario, load_scenario
 from shipland.missions.tables import summary_of
 from shipland.missions.visions import needs_pictures, without_pictures
@@ -134,7 +134,7 @@ def fly(
         if isinstance(flown, SimulatedVehicle):
             flown, crew = with_faults(scenario, flown, crew, seed)
         if keys is not None:
-            crew = replace(crew, pilot=KeyedPilot(crew.pilot, stack.enter_context(keys.listening())))
+            crew = replace(crew, override=stack.enter_context(keys.listening()).override)
         recorder = None
         if out is not None:
             info = flight_info(scenario, pilot, vision, seed, command)

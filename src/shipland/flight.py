@@ -9,7 +9,16 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 
 from shipland.guidance.pilot import Pilot
-from shipland.messages import Decision, FlightRecord, Frame, GroundTruth, Observation, PilotCommand, Telemetry
+from shipland.messages import (
+    Decision,
+    FlightRecord,
+    Frame,
+    GroundTruth,
+    Observation,
+    Override,
+    PilotCommand,
+    Telemetry,
+)
 from shipland.safety.assurance import Safety
 from shipland.safety.input_gate import InputGate, without_repeated
 from shipland.soundness import is_new, sound_decision, words_of
@@ -31,14 +40,20 @@ class Stage(enum.Enum):
     RECORD = "record"
 
 
+def nobody() -> Override | None:
+    """No one sits at the keys."""
+    return None
+
+
 @dataclass(frozen=True)
 class Crew:
-    """Who flies: vision, pilot, and the safety that stands after every pilot."""
+    """Who flies: vision, pilot, the safety that stands after every pilot, and the person whose keys stand over both."""
 
     vision: Vision
     pilot: Pilot
     safety: Safety
     delays: DelayParameters
+    override: Callable[[], Override | None] = nobody
 
 
 @dataclass(frozen=True)
@@ -110,10 +125,10 @@ def decide_or_degrade(
         return crew.safety.without_pilot(f"pilot failed: {words_of(error)}", telemetry, sent)
 
 
-def check_or_hold(safety: Safety, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:
-    """What the safety makes of a decision; should it fail itself, a hold, and the traceback in the log."""
+def check_or_hold(crew: Crew, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:
+    """What safety and person make of a decision; should the safety fail, a hold, and the traceback in the log."""
     try:
-        return safety.check(decision, observation, telemetry)
+        return crew.safety.check(decision, observation, telemetry, crew.override())
     except Exception as error:  # the last one who could raise in flight
         _log.exception("safety failed at %.3f s", telemetry.t_s)
         return Decision(PilotCommand.hold(telemetry.t_s, 0.0), None, f"safety failed: {words_of(error)}: hold")
@@ -165,7 +180,7 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
             telemetry, refused = gate.telemetry(telemetry)
             observation = crew.safety.admitted(observation, telemetry)
             decision = decide_or_degrade(crew, observation, telemetry, sent, of_pilot)
-            decision = check_or_hold(crew.safety, decision, observation, telemetry)
+            decision = check_or_hold(crew, decision, observation, telemetry)
             if refused:
                 decision = replace(decision, reason=f"{decision.reason}; {refused}")
             if commanded is not None and commanded.in_command != commander:

@@ -203,6 +203,13 @@ class Intent(enum.Enum):
     CLIMB_OUT = "climb_out"
 
 
+class Override(enum.Enum):
+    """What the person at the keys asks for, over pilot and safety."""
+
+    HOLD = "held by key h"
+    CLIMB = "climbing by key c"
+
+
 class Mode(enum.Enum):
     """The five flight modes [Lee2022, §Nonlinear Control System], and the states around them."""
 

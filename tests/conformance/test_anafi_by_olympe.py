@@ -122,7 +122,7 @@ def test_the_checklist_finds_what_is_not_in_order() -> None:
         time.sleep(1.5)
         assert [check.name for check in vehicle.checks() if not check.ok] == []
         assert aircraft.report()["pcmd"] == []  # who only looks sends no sticks
-    with bench(max_tilt_deg=60.0) as (vehicle, _):  # an ANAFI tilts by 40° at most
+    with bench(max_tilt_deg=44.0) as (vehicle, _):  # an ANAFI tilts by 40° at most
         vehicle.connect()
         lines = {check.name: check for check in vehicle.checks()}
         assert not lines["limits"].ok

@@ -10,7 +10,17 @@ from shipland.camera import Camera
 from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.guidance.response import ANAFI_LIKE
-from shipland.messages import BarPose, Decision, GimbalAttitude, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.messages import (
+    BarPose,
+    Decision,
+    GimbalAttitude,
+    Intent,
+    Mode,
+    Observation,
+    Override,
+    PilotCommand,
+    Telemetry,
+)
 from shipland.rig import default_rig, packaged_table
 from shipland.safety.assurance import Safety, SafetyParameters
 from shipland.safety.monitor import Action, stopping_distance_m
@@ -48,7 +58,7 @@ class Flight:
         self.safety = Safety(parameters, RIG, CAMERA, np.zeros(3), response)
         self.t_s, self.tilt_mps2 = 100.0, -self.wind_mps2
         self.ship_mps = np.zeros(3)
-        self.seen = True
+        self.seen, self.override = True, None
         self.late = [(self.t_s, self.place_m.copy())] * 6
         self.decisions = []
 
@@ -67,7 +77,8 @@ class Flight:
             pose = BarPose(place_m, 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2))) if self.seen else None
             command = replace(PilotCommand(self.t_s, 0.0, 0.0, 0.0, 0.0, 0.0), **asked)
             decision = Decision(command, Mode.LAND, "asked")
-            decision = self.safety.check(decision, Observation(exposed_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+            observation = Observation(exposed_s, GimbalAttitude(0.0, 0.0), pose)
+            decision = self.safety.check(decision, observation, telemetry, self.override)
             self.decisions.append(decision)
             self.move(decision.command)
         return self
@@ -207,6 +218,36 @@ def test_what_does_not_pass_is_tried_three_times_and_then_left():
     assert "refused: the vehicle says: motor: return" in flight.said
     assert -flight.place_m[0] > RECOVERY.return_m - 3.0
     assert flight.decisions[-1].command.intent in (Intent.HOLD, Intent.CLIMB_OUT)
+
+
+def test_a_persons_key_ends_a_recovery_and_a_refusal_too():
+    flight = Flight(over_deck(1.0), response=SPEEDS, tell=lambda it: replace(it, alerts="motor"))
+    flight.fly(2.0, LANDING)
+    assert "go_around" in flight.decisions[-1].reason
+    flight.override = Override.HOLD
+    flight.fly(2.0, LANDING)
+    assert {decision.command.intent for decision in flight.decisions[-40:]} == {Intent.HOLD}
+    assert flight.decisions[-1].command.heave_percent == flight.decisions[-1].command.pitch_percent == 0.0
+    assert flight.decisions[-1].reason == "held by key h"
+    flight.override = None
+    flight.fly(40.0, LANDING)
+    assert "refused" in flight.decisions[-1].reason  # for good, but for a person
+    flight.override = Override.CLIMB
+    flight.fly(1.0, LANDING)
+    assert flight.decisions[-1].reason == "climbing by key c"
+    assert flight.decisions[-1].command.heave_percent == 50.0
+    flight.override = None
+    flight.fly(0.5, {})
+    assert flight.decisions[-1].reason == "asked"
+
+
+def test_a_persons_key_is_held_to_fence_and_clearance():
+    flight = Flight((-9.0, 0.0, -1.0)).fly(1.0, {})
+    flight.safety._parameters = replace(PARAMETERS, fence_height_m=4.0)
+    flight.override = Override.CLIMB
+    flight.fly(1.0, {})
+    assert flight.decisions[-1].command.heave_percent == 0.0
+    assert "fence: too high" in flight.decisions[-1].reason
 
 
 def test_contact_height_needs_a_fresh_sight_of_it():

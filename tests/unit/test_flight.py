@@ -23,6 +23,7 @@ from shipland.messages import (
     Intent,
     Mode,
     Observation,
+    Override,
     PilotCommand,
     Telemetry,
 )
@@ -106,12 +107,34 @@ def test_every_frame_is_seen_decided_bounded_sent_and_logged():
     assert vehicle.closed
 
 
+@pytest.mark.parametrize(
+    ("override", "intent", "heave_percent"),
+    [(Override.HOLD, Intent.HOLD, 0.0), (Override.CLIMB, Intent.CLIMB_OUT, 50.0)],
+)
+@pytest.mark.parametrize("gimbal_rad", [None, math.nan])
+def test_a_person_s_key_is_flown_whatever_becomes_of_the_pilot(override, intent, heave_percent, gimbal_rad):
+    """The pilot raises, or its camera's pitch is no number."""
+
+    class Lost:
+        def decide(self, observation, telemetry, sent):
+            if gimbal_rad is None:
+                raise RuntimeError("no idea")
+            return Decision(PilotCommand(telemetry.t_s, 50.0, 0.0, 0.0, 0.0, gimbal_rad), None, "")
+
+    rows = []
+    fly(Recorded(30), crew(pilot=Lost(), override=lambda: override), 10.0, lambda: 0.0, rows.append)
+    command = rows[-1].decision.command
+    assert (command.intent, command.heave_percent) == (intent, heave_percent)
+    assert (command.pitch_percent, command.roll_percent, command.gimbal_pitch_rad) == (0.0, 0.0, 0.0)
+    assert rows[-1].decision.reason.startswith(override.value)
+
+
 def test_a_safety_that_fails_itself_holds(caplog):
     class Broken:
         def admitted(self, observation, telemetry):
             return observation
 
-        def check(self, decision, observation, telemetry):
+        def check(self, *_):
             raise ZeroDivisionError("of its own")
 
     vehicle, rows = Recorded(3), []

@@ -20,13 +20,11 @@ from shipland.camera import Camera
 from shipland.config import build, layered, read_toml
 from shipland.errors import ConfigError, VehicleError
 from shipland.frames import GRAVITY_MPS2
-from shipland.guidance.pilot import Pilot
 from shipland.guidance.response import Response
-from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.messages import Override
 from shipland.missions.scenarios import Scenario
 from shipland.record.reader import read_log
 from shipland.sim.state import SceneState
-from shipland.soundness import sound_decision, words_of
 from shipland.stopping import ignored
 from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.checks import Check, PreflightParameters, Real
@@ -183,30 +181,26 @@ def refuse_unfit(checks: list[Check]) -> None:
         raise VehicleError(f"not fit to fly: {'; '.join(unfit)}")
 
 
-HOLD_KEY, CLIMB_KEY, RESUME_KEY = "h", "c", "r"
-_CLIMB_PERCENT = 50.0
+_OVERRIDES = {"h": Override.HOLD, "c": Override.CLIMB, "r": None}
+"""Hold, climb, and back to the pilot."""
 
 
 class Keys:
     """Single keys of the terminal: hold, climb out, resume."""
 
     def __init__(self) -> None:
-        self._pressed = ""
+        self._override: Override | None = None
         self._terminal: int | None = None
 
     def press(self, key: str) -> None:
         """A key was pressed; others than the three do nothing."""
-        if key in (HOLD_KEY, CLIMB_KEY):
-            self._pressed = key
-        elif key == RESUME_KEY:
-            self._pressed = ""
+        self._override = _OVERRIDES.get(key, self._override)
 
-    @property
-    def pressed(self) -> str:
-        """What holds now, by the last key; empty while the pilot flies. Never waits, never raises."""
+    def override(self) -> Override | None:
+        """What the last key asks for; None while the pilot flies. Never waits, never raises."""
         for key in self._typed():
             self.press(key)
-        return self._pressed
+        return self._override
 
     def _typed(self) -> str:
         """Everything that was typed since; nothing from a terminal that has gone."""
@@ -261,33 +255,3 @@ def _restore(terminal: int, before: list[Any]) -> None:
 
     with suppress(OSError, termios.error):  # it has gone
         termios.tcsetattr(terminal, termios.TCSANOW, before)  # TCSADRAIN waits for a terminal that stands still
-
-
-class KeyedPilot:
-    """Another pilot, until a key holds the vehicle or sends it up; the other keeps deciding, so that it can resume.
-
-    A key holds whatever becomes of the other: where that fails, the camera stays as it is.
-    """
-
-    def __init__(self, pilot: Pilot, keys: Keys) -> None:
-        self._pilot, self._keys = pilot, keys
-
-    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
-        """The other's decision, or the key's."""
-        key = self._keys.pressed
-        camera_rad = 0.0 if sent is None else sent.gimbal_pitch_rad
-        try:
-            decision = sound_decision(self._pilot.decide(observation, telemetry, sent))
-        except Exception as error:
-            if not key:
-                raise
-            decision = Decision(PilotCommand.hold(telemetry.t_s, camera_rad), None, f"pilot failed: {words_of(error)}")
-        if not key:
-            return decision
-        if math.isfinite(decision.command.gimbal_pitch_rad):
-            camera_rad = decision.command.gimbal_pitch_rad
-        held = PilotCommand.hold(telemetry.t_s, camera_rad)
-        if key == HOLD_KEY:
-            return replace(decision, command=held, reason=f"held by key {HOLD_KEY}")
-        up = replace(held, heave_percent=_CLIMB_PERCENT, intent=Intent.CLIMB_OUT)
-        return replace(decision, command=up, mode=Mode.CLIMB_OUT, reason=f"climbing by key {CLIMB_KEY}")

@@ -16,7 +16,7 @@ from shipland.camera import Camera
 from shipland.config import require, require_within
 from shipland.frames import Array
 from shipland.guidance.response import Response
-from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
+from shipland.messages import Decision, Intent, Mode, Observation, Override, PilotCommand, Telemetry
 from shipland.rig import Rig
 from shipland.safety.cue_height import CueHeight, CueHeightParameters
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
@@ -29,6 +29,8 @@ _LOOK_AHEAD_S = 0.5
 
 _CLIMB_PERCENT, _CLIMB_MARGIN_M = 60.0, 0.5
 """Without a pilot: how fast, and how far above the floor."""
+_BY_HAND_PERCENT = 50.0
+"""How fast a person's key sends it up."""
 
 
 @dataclass(frozen=True)
@@ -121,12 +123,23 @@ class Safety:
         self._cue_height, observation = self._cue_height.with_height(telemetry).checked(observation)
         return observation
 
-    def check(self, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:
-        """The decision with its command made safe, or the recovery's; never raises."""
+    def check(
+        self, decision: Decision, observation: Observation, telemetry: Telemetry, override: Override | None = None
+    ) -> Decision:
+        """The decision with its command made safe, or the recovery's; never raises.
+
+        A person's override ends a recovery, a refusal too, and is held to the bounds alone; once it is lifted the
+        monitor judges afresh.
+        """
         self._estimate = self._estimator.updated(self._estimate, observation, telemetry)
+        if override is not None:
+            decision = _by_hand(decision, override, telemetry.t_s, self._last)
         command, notes = self._sound(decision.command, telemetry.t_s)
         look = self._look(command, telemetry)
-        self._switch = next_switch(self._switch, look, findings(look), self._parameters.recovery)
+        if override is not None:
+            self._switch = Switch()
+        else:
+            self._switch = next_switch(self._switch, look, findings(look), self._parameters.recovery)
         recovery, mode = self._switch.recovery, decision.mode
         if recovery is not None:
             estimate, limits = self._estimate, self._parameters.recovery
@@ -250,6 +263,17 @@ class Safety:
             ]
         pitch, roll, heave, yaw = sticks
         return PilotCommand(command.t_s, pitch, roll, heave, yaw, command.gimbal_pitch_rad, command.intent)
+
+
+def _by_hand(decision: Decision, override: Override, t_s: float, last: PilotCommand | None) -> Decision:
+    """What a person asks for in place of a decision; the camera looks where the pilot wants it."""
+    gimbal_rad = decision.command.gimbal_pitch_rad
+    if not math.isfinite(gimbal_rad):
+        gimbal_rad = 0.0 if last is None else last.gimbal_pitch_rad
+    command, mode = PilotCommand.hold(t_s, gimbal_rad), decision.mode
+    if override is Override.CLIMB:
+        command, mode = replace(command, heave_percent=_BY_HAND_PERCENT, intent=Intent.CLIMB_OUT), Mode.CLIMB_OUT
+    return replace(decision, command=command, mode=mode, reason=override.value)
 
 
 def _without(command: PilotCommand, direction: Array, note: str, notes: list[str]) -> PilotCommand:
