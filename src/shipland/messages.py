@@ -179,6 +179,8 @@ class Observation:
         reason: why there is no pose, in words; empty when there is one.
         learned: a learned detector ran on the frame, whatever it found; cycles are timed by it.
         deck: the deck, of a picture that looks down on it; nothing else is looked for there.
+        gimbal_off_rad: angle of the bar's vertical to the gimbal's, where they contradict each other and the pose was
+            refused; else 0.
     """
 
     t_s: float
@@ -189,6 +191,7 @@ class Observation:
     reason: str = ""
     learned: bool = False
     deck: DeckSight | None = None
+    gimbal_off_rad: float = 0.0
 
 
 class Intent(enum.Enum):

@@ -78,6 +78,7 @@ def sound_observation(given: object) -> Observation:
         _words(seen.reason),
         bool(_of(seen.learned, (bool, np.bool_), "learned")),
         _deck(seen.deck),
+        _number(seen.gimbal_off_rad, "gimbal_off_rad"),
     )
 
 

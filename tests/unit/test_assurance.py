@@ -58,7 +58,7 @@ class Flight:
         self.safety = Safety(parameters, RIG, CAMERA, np.zeros(3), response)
         self.t_s, self.tilt_mps2 = 100.0, -self.wind_mps2
         self.ship_mps = np.zeros(3)
-        self.seen, self.override = True, None
+        self.seen, self.override, self.gimbal_off_rad = True, None, 0.0
         self.late = [(self.t_s, self.place_m.copy())] * 6
         self.decisions = []
 
@@ -78,6 +78,8 @@ class Flight:
             command = replace(PilotCommand(self.t_s, 0.0, 0.0, 0.0, 0.0, 0.0), **asked)
             decision = Decision(command, Mode.LAND, "asked")
             observation = Observation(exposed_s, GimbalAttitude(0.0, 0.0), pose)
+            if self.gimbal_off_rad > 0.0:
+                observation = replace(observation, bar_pose=None, gimbal_off_rad=self.gimbal_off_rad)
             decision = self.safety.check(decision, observation, telemetry, self.override)
             self.decisions.append(decision)
             self.move(decision.command)
@@ -144,6 +146,21 @@ def test_a_flow_that_begins_to_lie_breaks_the_landing_off_in_words():
     flight = Flight(over_deck(1.2), tell=lie).fly(3.5, {}).fly(2.5, {**LANDING, "heave_percent": -5.0})
     assert "the vehicle's velocity and the poses differ by" in flight.said
     assert flight.decisions[-1].command.intent is Intent.CLIMB_OUT
+
+
+@pytest.mark.parametrize("over_deck_m", [0.35, 1.2])
+def test_a_bar_that_contradicts_the_gimbal_is_not_flown_on(over_deck_m):
+    flight = Flight(over_deck(1.2)).fly(2.0, {})
+    flight.gimbal_off_rad = 0.06
+    flight.fly(2 * STEP_S, {})
+    assert "safety" not in flight.said  # two pictures may err
+    flight.fly(2 * STEP_S, {})
+    assert "gimbal and horizon disagree, in 3 pictures of the last seconds: go_around" in flight.said
+    assert flight.decisions[-1].command.intent is Intent.CLIMB_OUT
+    committed = Flight(over_deck(over_deck_m)).fly(2.0, {})
+    committed.gimbal_off_rad = 0.06
+    committed.fly(0.5, {**LANDING, "heave_percent": -1.0})
+    assert ("safety" in committed.said) == (over_deck_m > PARAMETERS.monitor.commit_m)
 
 
 def test_a_ships_way_is_no_contradiction():

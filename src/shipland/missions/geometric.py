@@ -127,6 +127,8 @@ class GeometricVision:
         if not solutions:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_SOLUTION.value)
         bar_pose = bar_pose_of(solutions, quads_px)
+        if solutions[0].level_off_rad > 0.0:
+            return gimbal_off(frame, solutions[0].level_off_rad)
         refused = self._refused(solutions[0], quads_px, sigma_px)
         if not refused and last is not None and jumps(bar_pose, last[1], frame.t_s - last[0], self._near):
             refused = Refusal.JUMP.value
@@ -152,8 +154,6 @@ class GeometricVision:
     def _refused(self, taken: Solution, quads_px: Array, sigma_px: float) -> str:
         """Why near vision would not believe a pose; empty where it would."""
         near = self._near
-        if taken.level_off_rad > 0.0:
-            return gimbal_off(taken.level_off_rad)
         if not taken.reprojection_px <= largest_reprojection_px(quads_px, sigma_px, self._made_to, near):
             return Refusal.REPROJECTION.value
         if not sides_agree(quads_px, quads_px + taken.residual_px, sigma_px, near):

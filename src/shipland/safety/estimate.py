@@ -44,6 +44,8 @@ _LEAP_M, _LEAP_SHARE, _LEAP_MPS = 1.0, 0.05, 1.0
 """A pose may lie so far from where those before lead to, more by a share of its range and by the time between."""
 _PATIENCE_S, _REMEMBERED_S = 4.0, 2.0
 """Poses that contradict those before are believed after so long; after so long without any, the next one is."""
+_CONTRADICTED_S = 2.0
+"""Contradictions of bar and gimbal are remembered for so long."""
 _LEAST_BOX_PX = 1e-3
 """A smaller box tells no range that a float holds."""
 _STEEPEST_RAD = 1.2
@@ -110,6 +112,7 @@ class SafetyEstimate:
         largest_tilt_rad: largest tilt against the vertical of about the last second.
         leap_m: by which the newest pose contradicts the way from those before; 0 for one that does not.
         leapt_s: exposure since which poses do so, and are not flown on; None while they do not.
+        contradicted_s: exposures of the last `_CONTRADICTED_S` whose bar contradicts the gimbal.
         travelled: way of the last `_KEPT_S`.
         sights: poses of the last `_WINDOW_S`.
     """
@@ -142,6 +145,7 @@ class SafetyEstimate:
     largest_tilt_rad: float = 0.0
     leap_m: float = 0.0
     leapt_s: float | None = None
+    contradicted_s: tuple[float, ...] = ()
     travelled: tuple[Instant, ...] = ()
     sights: tuple[Sight, ...] = ()
 
@@ -220,6 +224,7 @@ class SafetyEstimator:
     def updated(self, estimate: SafetyEstimate, observation: Observation, telemetry: Telemetry) -> SafetyEstimate:
         """After one cycle; what is None or not finite changes nothing."""
         estimate = self._with_telemetry(estimate, telemetry)
+        estimate = _with_contradiction(estimate, observation)
         pose, bar, ship = observation.bar_pose, observation.bar_box, observation.ship_box
         if pose is not None and all_finite(pose.position_in_bar_m) and math.isfinite(pose.yaw_rad):
             return self._with_pose(estimate, pose, observation.t_s)
@@ -304,6 +309,16 @@ class SafetyEstimator:
         direction_rad = estimate.heading_rad + self._view.bearing_rad(box.centre_px[0])
         way_m = range_m * np.array([math.cos(direction_rad), math.sin(direction_rad)])
         return replace(estimate, seen_s=exposure_s, bar_from_aircraft_m=way_m)
+
+
+def _with_contradiction(estimate: SafetyEstimate, observation: Observation) -> SafetyEstimate:
+    kept = estimate.contradicted_s
+    if observation.gimbal_off_rad > 0.0:
+        kept = (*kept, observation.t_s)
+    if not kept:
+        return estimate
+    since_s = observation.t_s - _CONTRADICTED_S
+    return replace(estimate, contradicted_s=tuple(t_s for t_s in kept if since_s < t_s <= observation.t_s))
 
 
 def _tilt_mps2(before: Array | None, telemetry: Telemetry, heading_rad: float) -> Array | None:

@@ -252,6 +252,15 @@ def poses_leap(look: Look) -> Finding | None:
     return Finding(Action.GO_AROUND if near else Action.NO_GO, f"poses leap by {leap_m:.1f} m")
 
 
+def gimbal_contradicts(look: Look) -> Finding | None:
+    """Bar and gimbal say different verticals, time and again: one of the two lies, or the pictures are late."""
+    times = len(look.estimate.contradicted_s)
+    if times < _CONTRADICTIONS:
+        return None
+    words = f"gimbal and horizon disagree, in {times} pictures of the last seconds"
+    return Finding(Action.NO_GO if look.landing else Action.GO_AROUND, words)
+
+
 def blind_near(look: Look) -> Finding | None:
     """Near the ship, not landing, and no pose for a while: boxes do not tell a deck from its edge."""
     distance_m, blind_s = look.estimate.bar_in_level()[0], look.t_s - look.estimate.pose_s
@@ -314,6 +323,7 @@ RULES: tuple[Rule, ...] = (
     off_the_deck,
     tilted,
     poses_leap,
+    gimbal_contradicts,
     blind_near,
     wind_too_strong,
     velocity_contradicts,
@@ -330,6 +340,8 @@ def findings(look: Look) -> list[Finding]:
     return sorted(found, key=lambda finding: -finding.action)
 
 
+_CONTRADICTIONS = 3
+"""Of bar and gimbal, within the seconds that the estimate remembers them; without a fault there is none."""
 _POSED_S = 15.0
 """So long after a pose the distance to the bar is still known, on a ship under way too."""
 _LEE = 0.5

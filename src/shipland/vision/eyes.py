@@ -60,18 +60,19 @@ class Eyes:
         if self._below is not None and frame.gimbal.pitch_rad < self._down_rad:
             self._pose_s = frame.t_s  # on its way up no detector runs either
             return self._below.see(frame)
-        reason = "too far for corners"
+        reason, off_rad = "too far for corners", 0.0
         if self._near_enough(frame.t_s):
             seen = self._near.see(frame)
             if seen.bar_pose is not None:
                 self._pose_s = frame.t_s
             if 0.0 <= frame.t_s - self._pose_s <= self._parameters.patience_s:
                 return seen
-            reason = seen.reason
+            reason, off_rad = seen.reason, seen.gimbal_off_rad
         boxes = self._far.see(frame)
         if boxes.bar_box is not None or boxes.ship_box is not None:
             self._boxes = boxes
-        return replace(boxes, learned=True, reason="; ".join(text for text in (reason, boxes.reason) if text))
+        reason = "; ".join(text for text in (reason, boxes.reason) if text)
+        return replace(boxes, learned=True, reason=reason, gimbal_off_rad=off_rad)
 
     def _near_enough(self, t_s: float) -> bool:
         boxes, parameters = self._boxes, self._parameters

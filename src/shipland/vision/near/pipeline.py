@@ -82,7 +82,7 @@ class NearVision:
         if isinstance(found, Refusal):
             return Observation(frame.t_s, frame.gimbal, reason=found.value)
         if found.level_off_rad > 0.0:
-            return Observation(frame.t_s, frame.gimbal, reason=gimbal_off(found.level_off_rad))
+            return gimbal_off(frame, found.level_off_rad)
         return Observation(frame.t_s, frame.gimbal, bar_pose=found.bar_pose)
 
     def _find(self, frame: Frame) -> Sighting | Refusal:

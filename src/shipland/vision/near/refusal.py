@@ -5,6 +5,8 @@ from __future__ import annotations
 import enum
 import math
 
+from shipland.messages import Frame, Observation
+
 
 class Refusal(enum.Enum):
     """Every way to end without a pose; the value is the sentence for people."""
@@ -27,10 +29,12 @@ class Refusal(enum.Enum):
     NO_SOLUTION = "no pose solves the corners"
 
 
-def gimbal_off(off_rad: float) -> str:
-    """`GIMBAL_OFF` for people, with the angle.
+def gimbal_off(frame: Frame, off_rad: float) -> Observation:
+    """`GIMBAL_OFF`, with the angle.
 
-    >>> gimbal_off(0.157)
+    >>> from shipland.messages import GimbalAttitude
+    >>> gimbal_off(Frame(0.0, None, GimbalAttitude(0.0, 0.0)), 0.157).reason
     'gimbal and horizon disagree by 9°'
     """
-    return f"{Refusal.GIMBAL_OFF.value} by {math.degrees(off_rad):.0f}°"
+    reason = f"{Refusal.GIMBAL_OFF.value} by {math.degrees(off_rad):.0f}°"
+    return Observation(frame.t_s, frame.gimbal, reason=reason, gimbal_off_rad=off_rad)
