@@ -42,11 +42,6 @@ def film(path: Path) -> None:
         container.mux(stream.encode(None))
 
 
-# What a shell starts in the background ignores SIGINT, and so would its children: the tests are then in no terminal.
-_CLI = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
-_CLI += "from shipland.cli import main; sys.exit(main())"
-
-
 @contextmanager
 def flying(address: str, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """The command, at work."""
@@ -54,7 +49,7 @@ def flying(address: str, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     # On a busy machine pictures are late, and telemetry is slow: that is not what is tested here.
     (tmp_path / "busy.toml").write_text("[preflight]\npicture_age_s = 3.0\npicture_hz = 2.0\ntelemetry_hz = 2.0\n")
     command = [
-        sys.executable, "-c", _CLI, "fly", "--vehicle", address, "--pilot", "steady_pilot:steady",
+        sys.executable, "-m", "shipland.cli", "fly", "--vehicle", address, "--pilot", "steady_pilot:steady",
         "--vehicle-config", str(tmp_path / "busy.toml"), "--calibration", str(tmp_path / "camera.yaml"),
         "--wind-mps", "0", "--no-video", "--out", str(tmp_path / "out"),
     ]  # fmt: skip
