@@ -1,7 +1,6 @@
 """What a MAVLink vehicle does when link, video, process, autopilot or pilot do not do what they should."""
 
 import math
-import os
 import signal
 import threading
 import time
@@ -15,6 +14,7 @@ pytest.importorskip("pymavlink")
 
 from mavlink_bench import StandIn, bench
 
+from interrupts import receive
 from shipland import stopping
 from shipland.errors import VehicleError
 from shipland.messages import Intent, PilotCommand
@@ -426,7 +426,7 @@ def interrupted_above(autopilot: StandIn, height_m: float) -> Iterator[None]:
     def watch() -> None:
         while not over.wait(0.05):
             if autopilot.report()["up"] >= height_m:
-                os.kill(os.getpid(), signal.SIGINT)
+                receive(signal.SIGINT)
                 return
 
     thread = threading.Thread(target=watch, daemon=True)
@@ -458,7 +458,7 @@ def test_a_second_ctrl_c_does_not_cut_the_hold_short(monkeypatch: pytest.MonkeyP
 
     def interrupted(session: Session) -> None:
         for _ in range(2):
-            signal.raise_signal(signal.SIGINT)
+            receive(signal.SIGINT)
         ask_hold(session)
 
     monkeypatch.setattr(stopping, "_GRACE_S", -1.0)
@@ -477,7 +477,7 @@ def test_a_stop_while_we_wait_for_the_operator_is_answered_at_once() -> None:
         time.sleep(1.1)  # a heartbeat with the mode before may be on its way
         begun_s = time.monotonic()
         with pytest.raises(KeyboardInterrupt), stop_requests():
-            signal.raise_signal(signal.SIGINT)
+            receive(signal.SIGINT)
             vehicle.open()
         assert time.monotonic() - begun_s < 15.0
         assert autopilot.report()["mode"] == 5  # never ours

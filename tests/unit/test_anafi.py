@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import signal
 import sys
 import threading
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from interrupts import receive
 from shipland.camera import Camera
 from shipland.config import packaged_toml
 from shipland.errors import VehicleError
@@ -316,7 +316,7 @@ def test_a_stop_while_it_waits_for_the_take_off_is_answered_and_lets_go(tmp_path
         flown.connect()
         assert flown._process is not None
         begun_s = time.monotonic()
-        interrupt = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+        interrupt = threading.Timer(0.5, receive, (signal.SIGINT,))
         with pytest.raises(KeyboardInterrupt), stop_requests():
             interrupt.start()
             try:
@@ -331,7 +331,7 @@ def test_a_stop_before_the_take_off_is_answered_before_it(tmp_path: Path) -> Non
     with vehicle(tmp_path) as (flown, log):
         flown.connect()
         with pytest.raises(KeyboardInterrupt), stop_requests():
-            signal.raise_signal(signal.SIGINT)
+            receive(signal.SIGINT)
             flown.open()
         assert not any("take_off" in line for line in asked(log))
 

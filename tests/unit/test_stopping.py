@@ -9,14 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from interrupts import receive
 from shipland import stopping
 from shipland.missions.workers import run_jobs
 from shipland.stopping import ENDING, check_stop, signals_interrupt, sleep_or_stop, stop_requests, uninterrupted
-
-
-def receive(which):
-    """What the signal's handler does when it comes; no signal of the system's, which would end a test run's process."""
-    signal.getsignal(which)(which, None)
 
 
 class Dying:
