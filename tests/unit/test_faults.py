@@ -175,7 +175,7 @@ def test_old_pictures_show_what_was_and_are_stamped_as_new():
     places_m = {round(it.frame.t_s, 3): it.truth for it in records if it.truth is not None}
     seen = 0
     for record in during(records, 1.0):
-        assert record.telemetry.t_s - record.frame.t_s < 0.4
+        assert record.telemetry.t_s - record.frame.t_s < 0.9  # by its stamp; a detector takes that long
         assert record.frame.t_s - record.frame.stamp_s == pytest.approx(1.0, abs=0.04)
         camera = places_m[round(record.frame.stamp_s, 3)]
         shown_m = (camera.ned_from_bar.inverse() @ camera.ned_from_camera).translation_m
