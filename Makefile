@@ -2,15 +2,15 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-run setup-train olympe peers demo test fuzz check bench docs wheel-test train clean
+.PHONY: help setup setup-run setup-train olympe peers demo test test-slow fuzz check bench docs wheel-test train clean
 
 BIN := .venv/bin
 ARGS ?=
 
 # One thread a process: pytest's workers, or what a benchmark measures, share the cores.
-test fuzz bench: export OMP_NUM_THREADS := 1
-test fuzz bench: export OPENBLAS_NUM_THREADS := 1
-test fuzz bench: export LP_NUM_THREADS := 1
+test test-slow fuzz bench: export OMP_NUM_THREADS := 1
+test test-slow fuzz bench: export OPENBLAS_NUM_THREADS := 1
+test test-slow fuzz bench: export LP_NUM_THREADS := 1
 
 help: ## list what there is (default)
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1 @/p' $(MAKEFILE_LIST) | while IFS=@ read -r name what; do printf 'make %-10s %s\n' "$$name" "$$what"; done
@@ -42,9 +42,12 @@ peers: .venv-peers/made ## make .venv-peers with RotorPy and PyFlyt, for benchma
 demo: setup-run ## fly from 250 m to a ship in sea state 6, camera in the loop: video, plots and log in out/demo/
 	$(BIN)/shipland fly --scenario demo --pilot horizon --out out/demo $(ARGS)
 
-test: setup ## run the tests; ARGS='-k frames' for some of them
+test: setup ## run the tests but the slow ones; ARGS='-k frames' for some of them
+	$(BIN)/pytest -n 3 -p randomly -m 'not slow' $(ARGS)
+
+test-slow: setup ## run the slow tests: whole processes before autopilots and before Parrot's own end, in real time
 	@$(MAKE) --no-print-directory olympe || echo "no .venv-olympe: the tests of the ANAFI before Olympe are skipped" >&2
-	$(BIN)/pytest -n 3 -p randomly $(ARGS)
+	$(BIN)/pytest -n 2 -p randomly -m slow $(ARGS)
 
 fuzz: setup ## hostile inputs for an hour: flights, files, datagrams, signals; findings in out/fuzz/
 	$(BIN)/python tools/fuzz.py $(ARGS)

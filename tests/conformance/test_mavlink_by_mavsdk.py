@@ -10,7 +10,7 @@ pytest.importorskip("mavsdk", reason="an independent MAVLink end: pip install ma
 import test_mavlink
 from mavlink_bench import bench
 
-pytestmark = pytest.mark.flaky(reruns=2, reruns_delay=2)
+pytestmark = [pytest.mark.slow, pytest.mark.flaky(reruns=2, reruns_delay=2)]
 """They fly in real time: other tests beside them can keep the machine from it, not three times."""
 
 TESTS: list[Callable[[], None]] = [

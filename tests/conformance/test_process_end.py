@@ -24,14 +24,17 @@ from ports import free_port
 from shipland.record.reader import read_log
 
 pytest.importorskip("pymavlink")
+pytestmark = [pytest.mark.slow, pytest.mark.flaky(reruns=2, reruns_delay=2)]
 
 FULL_TILT_RAD = math.radians(15.0)
 
 
-def film(path: Path) -> None:
+@pytest.fixture(scope="module")
+def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two minutes of a grey picture, twelve a second."""
     import av
 
+    path = tmp_path_factory.mktemp("film") / "film.mp4"
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=12, options={"preset": "ultrafast", "crf": "40"})
         stream.width, stream.height, stream.pix_fmt = CAMERA.width_px, CAMERA.height_px, "yuv420p"
@@ -40,6 +43,7 @@ def film(path: Path) -> None:
             picture.pts, picture.time_base = index, Fraction(1, 12)
             container.mux(stream.encode(picture))
         container.mux(stream.encode(None))
+    return path
 
 
 @contextmanager
@@ -83,15 +87,12 @@ def set_points(report: dict[str, Any]) -> int:
 
 
 @pytest.fixture
-def over_mavlink(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], StandIn]]:
+def over_mavlink(film: Path, tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], StandIn]]:
     """In flight, pitched forward."""
-    film(tmp_path / "film.mp4")
     port = free_port(socket.SOCK_DGRAM)
     autopilot = StandIn(port, "ardupilot")
     try:
-        with flying(
-            f"mavlink://udp:127.0.0.1:{port}?camera={tmp_path / 'film.mp4'}&mount_deg=-5&take=1", tmp_path
-        ) as process:
+        with flying(f"mavlink://udp:127.0.0.1:{port}?camera={film}&mount_deg=-5&take=1", tmp_path) as process:
             until(lambda: autopilot.report()["target"] == "tilt", process)
             pitch_rad = autopilot.report()["values"][1]
             until(lambda: autopilot.report()["speed"] > 1.0, process)

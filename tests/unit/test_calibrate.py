@@ -1,5 +1,6 @@
 """Calibration: a known camera comes out again, outliers go with a reason, bad input ends in words."""
 
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -37,12 +38,20 @@ def board_texture(charuco):
     return cv2.copyMakeBorder(inside, margin, margin, margin, margin, cv2.BORDER_CONSTANT, value=240)
 
 
+FINE = 3
+
+
+@cache
+def camera_rays():
+    """(n,3) of every pixel of CAMERA, nine to a pixel."""
+    rows, columns = np.mgrid[0 : 480 * FINE, 0 : 640 * FINE]
+    pixels = (np.column_stack([columns.ravel(), rows.ravel()]) + 0.5) / FINE - 0.5
+    return np.column_stack([(CAMERA.undistort(pixels) - MATRIX[:2, 2]) / [520.0, 515.0], np.ones(len(pixels))])
+
+
 def photograph(texture, turn, shift_m=(0.0, 0.0), bent_px=0.0):
     """The board seen by CAMERA, every pixel from nine rays; `bent_px` bends it."""
-    fine = 3
-    rows, columns = np.mgrid[0 : 480 * fine, 0 : 640 * fine]
-    pixels = (np.column_stack([columns.ravel(), rows.ravel()]) + 0.5) / fine - 0.5
-    rays = np.column_stack([(CAMERA.undistort(pixels) - MATRIX[:2, 2]) / [520.0, 515.0], np.ones(len(pixels))])
+    rays = camera_rays()
     rotation = cv2.Rodrigues(np.array(turn))[0]
     middle_m = np.array([shift_m[0], shift_m[1], 0.42])
     # The plane through `middle_m` with the rotation's third column as its normal.
@@ -50,7 +59,7 @@ def photograph(texture, turn, shift_m=(0.0, 0.0), bent_px=0.0):
     on_plane = rays * ((middle_m @ normal) / (rays @ normal))[:, None] - middle_m
     board_px = (on_plane @ rotation)[:, :2] / SQUARE_M * 40.0 + 0.5 * np.array(texture.shape[::-1]) - 0.5
     board_px[:, 1] += bent_px * np.sin(board_px[:, 0] / 60.0)
-    maps = board_px.astype(np.float32).reshape(480 * fine, 640 * fine, 2)
+    maps = board_px.astype(np.float32).reshape(480 * FINE, 640 * FINE, 2)
     seen = cv2.remap(texture, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR, borderValue=90)
     return cv2.cvtColor(cv2.resize(seen, (640, 480), interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR)
 

@@ -27,7 +27,7 @@ class BenchList:
         if self.suite:
             suite = load_suite(self.suite)
             cells = bench_cells(suite.cells, Asked(("paper",)))
-            print(f"{suite.name} {suite.version} ({task_digest(suite)}): {suite.description}; {len(cells)} cells")
+            print(f"{suite.name} {suite.version} ({task_digest(cells)}): {suite.description}; {len(cells)} cells")
             for cell in cells:
                 print(f"{config_digest(cell.scenario.table())}  {cell.group}")
             return 0

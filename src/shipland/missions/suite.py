@@ -103,10 +103,10 @@ _ADDED: dict[str, tuple[tuple[str, Any], ...]] = {
 """Keys younger than the digests on record, with the values that leave a flight as it was."""
 
 
-def task_digest(suite: Suite) -> str:
-    """Digest of what every flight of a suite meets: its cells' configurations without those who see and fly."""
+def task_digest(cells: Sequence[BenchCell]) -> str:
+    """Digest of what every flight of some cells meets: their configurations without those who see and fly."""
     tasks = []
-    for cell in bench_cells(suite.cells, Asked(("paper",))):
+    for cell in cells:
         task = {key: value for key, value in cell.scenario.table().items() if key not in _OF_THE_FLIER}
         for section, added in _ADDED.items():
             task[section] = {key: value for key, value in task[section].items() if (key, value) not in added}
