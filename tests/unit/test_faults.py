@@ -182,7 +182,7 @@ def test_old_pictures_show_what_was_and_are_stamped_as_new():
         if (pose := record.observation.bar_pose) is not None:
             seen += 1
             assert np.linalg.norm(pose.position_in_bar_m - shown_m) < 0.9  # 1.5 m in that second; the gimbal is today's
-    assert seen > 10
+    assert seen > 3  # then the safety goes around: bar and gimbal disagree
 
 
 @pytest.mark.parametrize(("kind", "goes_on"), [("frozen_barometer", True), ("stale_barometer", False)])
