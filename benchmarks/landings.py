@@ -11,8 +11,8 @@ from collections.abc import Callable
 from contextlib import closing
 from typing import Any
 
-from shipland.flight import Crew, cycles
-from shipland.missions.crew import build_crew, build_vehicle
+from shipland.flight import Autonomy, cycles
+from shipland.missions.autonomy import build_autonomy, build_vehicle
 from shipland.missions.scenarios import Scenario, load_scenario
 
 SCENARIOS, PILOTS, FLIGHTS = ("rig-natops", "ship-sea6"), ("horizon", "paper"), 10
@@ -39,10 +39,10 @@ def flown(scenario: Scenario, pilot: str, seed: int) -> tuple[float, ...]:
     """One flight: processor time, simulated time, cycles; processor time of vision, pilot and safety."""
     started_s = time.process_time()
     vehicle = build_vehicle(scenario, seed, None)
-    crew = build_crew(scenario, vehicle, pilot, "geometric", seed)
-    parts = Timed(crew.vision, "see"), Timed(crew.pilot, "decide"), Timed(crew.safety, "check")
+    autonomy = build_autonomy(scenario, vehicle, pilot, "geometric", seed)
+    parts = Timed(autonomy.vision, "see"), Timed(autonomy.pilot, "decide"), Timed(autonomy.safety, "check")
     count, now_s = 0, 0.0
-    timed = Crew(*parts, crew.delays)  # type: ignore[arg-type]
+    timed = Autonomy(*parts, autonomy.delays)  # type: ignore[arg-type]
     with closing(cycles(vehicle, timed, time.perf_counter)) as flight:
         for cycle in flight:
             count, now_s = count + 1, cycle.telemetry.t_s

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from shipland.missions.crew import build_crew, build_scene, build_vehicle
+from shipland.missions.autonomy import build_autonomy, build_scene, build_vehicle
 from shipland.missions.fly import fly_quietly
 from shipland.missions.scenarios import load_scenario, scenario_table
 
@@ -42,8 +42,8 @@ def measure(camera: str, pilot: str, seed: int) -> str:
     scene = build_scene(scenario, seed) if camera == "rendered" else None
     picture = Timed(scene, "render") if scene is not None else None
     vehicle = build_vehicle(scenario, seed, picture)  # type: ignore[arg-type]
-    crew = build_crew(scenario, vehicle, pilot, camera, seed)  # type: ignore[arg-type]
-    reading, eyes, control = Timed(vehicle, "read"), Timed(crew.vision, "see"), Timed(crew.pilot, "decide")
+    autonomy = build_autonomy(scenario, vehicle, pilot, camera, seed)  # type: ignore[arg-type]
+    reading, eyes, control = Timed(vehicle, "read"), Timed(autonomy.vision, "see"), Timed(autonomy.pilot, "decide")
     vehicle.open()
     started_s = time.perf_counter()
     now_s, sent = 0.0, None
@@ -51,8 +51,8 @@ def measure(camera: str, pilot: str, seed: int) -> str:
         frame, telemetry = pair
         observation = eyes.see(frame)
         now_s = telemetry.t_s
-        telemetry = vehicle.telemetry_at(now_s + crew.delays.near_s)
-        decision = crew.safety.check(control.decide(observation, telemetry, sent), observation, telemetry)
+        telemetry = vehicle.telemetry_at(now_s + autonomy.delays.near_s)
+        decision = autonomy.safety.check(control.decide(observation, telemetry, sent), observation, telemetry)
         sent = decision.command
         vehicle.send(sent)
     wall_s = time.perf_counter() - started_s

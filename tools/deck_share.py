@@ -12,7 +12,7 @@ import numpy as np
 import tyro
 from rich.progress import track
 
-from shipland.missions.crew import drawn_ship
+from shipland.missions.autonomy import drawn_ship
 from shipland.missions.scenarios import load_scenario
 
 AXES = ("forward", "starboard", "down")

@@ -2,7 +2,7 @@
 
     python tools/deck_sights.py --pictures 300 --out out/deck_sights
 
-Heights, places, the deck's lean and shift, and light at random; the gimbal says where it looks to 0.05°. Prints a table
+Heights, places, the deck's tilt and shift, and light at random; the gimbal says where it looks to 0.05°. Prints a table
 by height, and leaves it with `looks.png`, some of the pictures.
 """
 
@@ -19,7 +19,7 @@ from rich.progress import track
 
 from shipland.camera import level_from_camera
 from shipland.frames import Pose, rotation_from_euler
-from shipland.guidance.horizon.glance import DOWN_RAD
+from shipland.guidance.horizon.look_down import DOWN_RAD
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.sim.state import SceneState
@@ -33,8 +33,8 @@ BLOCK = 6
 def look(rig: Rig, gimbal_noise_rad: float, height_m: float, rng: np.random.Generator) -> tuple[SceneState, np.ndarray]:
     """A place over the deck, and the deck's centre from the camera: forward, right, down, level."""
     ned_from_ship = Pose(np.eye(3), np.array([0.0, 0.0, -rig.deck_height_m]))
-    lean = rotation_from_euler(*np.radians(rng.normal(0.0, (4.0, 1.5, 1.5))))
-    ned_from_deck = ned_from_ship @ Pose(lean, rng.normal(0.0, (0.05, 0.13, 0.06)))
+    tilt = rotation_from_euler(*np.radians(rng.normal(0.0, (4.0, 1.5, 1.5))))
+    ned_from_deck = ned_from_ship @ Pose(tilt, rng.normal(0.0, (0.05, 0.13, 0.06)))
     heading = rotation_from_euler(0.0, 0.0, np.radians(rng.normal(0.0, 2.0)))
     body_m = ned_from_ship.translation_m + np.array([*rng.normal(0.0, 0.06, 2), -height_m])
     eye_m = body_m + heading @ np.array([0.09, 0.0, 0.0])

@@ -185,9 +185,11 @@ def main() -> None:
     setting = Setting.packaged()
     if arguments.cue is not None:
         cue = Target.from_file(arguments.cue)
-        setting = replace(setting, rig=replace(setting.rig, quad=cue.quad, made_to=cue.made_to))
-    if arguments.made_to is not None:
-        setting = replace(setting, rig=replace(setting.rig, made_to=arguments.made_to))
+        setting = replace(
+            setting, rig=replace(setting.rig, quad=cue.quad, manufacturing_tolerance=cue.manufacturing_tolerance)
+        )
+    if arguments.manufacturing_tolerance is not None:
+        setting = replace(setting, rig=replace(setting.rig, manufacturing_tolerance=arguments.manufacturing_tolerance))
     eyes, backgrounds = setting.eyes(adaptive=arguments.adaptive), Backgrounds(setting, arguments.seed)
     scenes = -(-arguments.pictures // PICTURES_A_SCENE)
     with path.open("a", encoding="utf-8") as kept:

@@ -1,10 +1,10 @@
-"""Why faulted flights failed, by flying each again: without one of its faults, and climbing out from the last one on.
+"""Why faulted flights failed, by flying each again: without one of its faults, and going around from the last one on.
 
     shipland bench run faults --pilot horizon --runs 209 --out out/faults
     python tools/fault_causes.py out/faults            # every flight there that is no landing in the square
 
 A flight is a *hit* when it was no landing: it struck something, fell into the sea, or broke a limit. A safe action
-was *possible* when the same flight touches nothing if the pilot climbs out from three pictures after its last fault's
+was *possible* when the same flight touches nothing if the pilot goes around from three pictures after its last fault's
 begin on, held by the vehicle itself. A process that stands still decides nothing.
 Prints a row as each flight is done; leaves fault-causes.md in the folder.
 """
@@ -24,7 +24,7 @@ from shipland.factories import resolve
 from shipland.guidance.pilot import Pilot, PilotSetup
 from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
 from shipland.missions.bench import land_quietly
-from shipland.missions.campaign import Flight
+from shipland.missions.campaign import FlightJob
 from shipland.missions.fault_kinds import Fault
 from shipland.missions.faults import faults_of
 from shipland.missions.folder import read_campaign
@@ -62,17 +62,17 @@ class Failed:
     def flown_again(
         self, faults: tuple[Fault, ...], climbs_from_s: float | None = None, until_s: float | None = None
     ) -> Landing:
-        """The same flight with these faults; from a time on climbing out, and ended at another."""
+        """The same flight with these faults; from a time on going around, and ended at another."""
         none = replace(self.scenario.fault_draw, kinds=(), every_kind=False)
         scenario = replace(self.scenario, fault=faults, fault_draw=none)
         if climbs_from_s is None:
-            return land_quietly(Flight(scenario, self.pilot, self.vision, self.landing.seed))
+            return land_quietly(FlightJob(scenario, self.pilot, self.vision, self.landing.seed))
         end_s = max(fault.end_s for fault in faults) + _CLEAR_S if until_s is None else until_s
 
         def climber(setup: PilotSetup) -> Pilot:
             return _Climber(resolve("pilots", self.pilot)(setup), climbs_from_s)
 
-        return land_quietly(Flight(replace(scenario, time_limit_s=end_s), climber, self.vision, self.landing.seed))
+        return land_quietly(FlightJob(replace(scenario, time_limit_s=end_s), climber, self.vision, self.landing.seed))
 
 
 class _Climber:
@@ -87,8 +87,8 @@ class _Climber:
         if telemetry.t_s < self._from_s:
             return decision
         hold = PilotCommand.hold(telemetry.t_s, decision.command.gimbal_pitch_rad)
-        climb = replace(hold, heave_percent=_CLIMB_PERCENT, intent=Intent.CLIMB_OUT)
-        return Decision(climb, Mode.CLIMB_OUT, "climbing out")
+        climb = replace(hold, heave_percent=_CLIMB_PERCENT, intent=Intent.GO_AROUND)
+        return Decision(climb, Mode.GO_AROUND, "going around")
 
 
 def failed_in(folder: Path) -> list[Failed]:

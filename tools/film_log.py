@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from shipland.messages import FlightRecord
-from shipland.missions.crew import aircraft_scale, build_scene, drawn_ship
+from shipland.missions.autonomy import aircraft_scale, build_scene, drawn_ship
 from shipland.missions.scenarios import Scenario, load_scenario
 from shipland.record.reader import FlightLog, read_log
 from shipland.report.chase import chase_view

@@ -11,7 +11,7 @@ import numpy as np
 
 from shipland.config import merge
 from shipland.messages import PilotCommand
-from shipland.missions.crew import build_scene, build_vehicle
+from shipland.missions.autonomy import build_scene, build_vehicle
 from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.vision.near.pipeline import NearVision
 

@@ -18,7 +18,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.frames import Pose
 from shipland.messages import Box
-from shipland.missions.crew import drawn_ship
+from shipland.missions.autonomy import drawn_ship
 from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.report.chase import look_at
 from shipland.sim.scene.labels import Label

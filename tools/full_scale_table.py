@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from shipland.camera import Camera
+from shipland.missions.autonomy import response_of
 from shipland.missions.bench import read_bench
-from shipland.missions.crew import response_of
 from shipland.missions.landing import Landing
 from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
 from shipland.missions.statistics import share_interval

@@ -30,7 +30,7 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
-from shipland.missions.crew import build_crew
+from shipland.missions.autonomy import build_autonomy
 from shipland.missions.scenarios import Scenario, load_scenario
 from shipland.record.reader import read_log
 
@@ -162,9 +162,9 @@ def flown(rng: np.random.Generator, pilot: str | Callable[..., Any], vision: Cal
     chosen = scenario(int(rng.integers(len(SCENARIOS))))
     numbers = Numbers(rng, float(rng.choice([0.0, 0.02, 0.1, 0.5])))
     vehicle = HostileVehicle(Camera.from_parameters(chosen.camera), chosen.safety.max_percent, numbers)
-    crew = build_crew(chosen, vehicle, pilot, lambda _: vision(numbers), int(rng.integers(2**31)))
+    autonomy = build_autonomy(chosen, vehicle, pilot, lambda _: vision(numbers), int(rng.integers(2**31)))
     before: PilotCommand | None = None
-    for cycle in cycles(vehicle, crew, lambda: 0.0):
+    for cycle in cycles(vehicle, autonomy, lambda: 0.0):
         assert isinstance(cycle.decision.reason, str)
         now = cycle.decision.command
         if before is not None:

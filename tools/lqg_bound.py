@@ -15,14 +15,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import tyro
 
-from shipland.estimation.relative_state import PLACE, STATES, SWING, Model, updated
-from shipland.estimation.swing import Swing
+from shipland.estimation.relative_state import POSITION, STATES, WAVE, Model, updated
+from shipland.estimation.wave_motion import WaveMotion
 from shipland.frames import Array
 from shipland.guidance.horizon.gains import gains_of
 from shipland.guidance.horizon.navigator import motion_of
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.response import Response
-from shipland.missions.crew import response_of
+from shipland.missions.autonomy import response_of
 from shipland.missions.scenarios import load_scenario
 
 STEP_MS = 33
@@ -38,7 +38,7 @@ class Case:
     """A sea and an air: swing of the bar [m], share of it that the deck has, acceleration by gusts [m/s²]."""
 
     name: str
-    swing_m: float
+    wave_m: float
     deck: float
     gust_mps2: float
 
@@ -66,8 +66,8 @@ def hover_m(case: Case, horizon: HorizonParameters, response: Response, delay_s:
         free: acceleration and stick cost next to nothing.
     """
     noise = replace(horizon.horizontal_at(case.gust_mps2), gust_mps2=case.gust_mps2)
-    swing = Swing(case.swing_m, 2.1, horizon.swing.damping, True, case.deck)
-    model = Model(1, motion_of(response), noise, swing)
+    wave = WaveMotion(case.wave_m, 2.1, horizon.wave.damping, True, case.deck)
+    model = Model(1, motion_of(response), noise, wave)
     belief = model.start(0.0, np.zeros(1), 0.01 * np.eye(1), 0.5)
     for index in range(900):
         belief = model.predicted(belief, STEP_MS, np.zeros(model.motion.inputs))
@@ -81,7 +81,7 @@ def hover_m(case: Case, horizon: HorizonParameters, response: Response, delay_s:
     closed = np.eye(STATES + 1)
     closed[:STATES, :STATES], closed[:STATES, STATES] = transition, inputs[:, 0]
     entry = np.append(inputs[:, 0], 1.0)
-    closed -= np.outer(entry, gains_of(model.motion, noise, swing, weights, STEP_MS).steady)
+    closed -= np.outer(entry, gains_of(model.motion, noise, wave, weights, STEP_MS).steady)
     news: Array = np.zeros((STATES + 1, STATES + 1))
     news[:STATES, :STATES] = transition @ error @ transition.T + spread - error
     state = news.copy()
@@ -89,7 +89,7 @@ def hover_m(case: Case, horizon: HorizonParameters, response: Response, delay_s:
         state = closed @ state @ closed.T + news
     state[:STATES, :STATES] += error
     offset = np.zeros(STATES + 1)
-    offset[[PLACE, SWING]] = 1.0, -case.deck
+    offset[[POSITION, WAVE]] = 1.0, -case.deck
     return math.sqrt(float(offset @ state @ offset))
 
 

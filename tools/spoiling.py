@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 Picture = npt.NDArray[np.uint8]
-Spoiler = Callable[[Picture, np.random.Generator], Picture]
+FaultInjector = Callable[[Picture, np.random.Generator], Picture]
 
 FRAME_RATE_HZ = 30
 
@@ -158,7 +158,7 @@ def from_h264(stream: bytes) -> list[Picture]:
         return [np.asarray(frame.to_ndarray(format="bgr24"), np.uint8) for frame in container.decode(video=0)]
 
 
-SPOILERS: dict[str, Spoiler] = {
+SPOILERS: dict[str, FaultInjector] = {
     "spray": spray,
     "glare": glare,
     "fog": fog,

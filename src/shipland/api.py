@@ -20,9 +20,8 @@ from shipland.flight import fly as fly_loop
 from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import FlightRecord
-from shipland.missions.campaign import Flight as FlightJob
-from shipland.missions.campaign import land_once
-from shipland.missions.crew import aircraft_scale, build_crew, build_scene, build_vehicle
+from shipland.missions.autonomy import aircraft_scale, build_autonomy, build_scene, build_vehicle
+from shipland.missions.campaign import FlightJob, land_once
 from shipland.missions.faults import with_faults
 from shipland.missions.fly import Flown, flight_info
 from shipland.missions.landing import COLUMNS, Landing, row_of
@@ -37,7 +36,7 @@ from shipland.report.outputs import Recorder, load_outputs
 from shipland.stopping import check_stop, stop_requests
 from shipland.vehicles.checks import Real
 from shipland.vehicles.simulated import SimulatedVehicle
-from shipland.vehicles.vehicle import Vehicle, Witness
+from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
 
 __all__ = ["Campaign", "Flight", "campaign", "fly", "load_scenario", "without_pictures"]
 
@@ -114,7 +113,7 @@ def fly(
         on_cycle: sees every row as it is flown.
         command: command line to write down.
         vehicle: what is flown instead of the simulated one (`missions.outside.make_vehicle`); connected, if it is real.
-        keys: for holding and climbing out by hand.
+        keys: for holding and climbing by hand.
         response: what full sticks mean, where `shipland identify` has measured it.
 
     Raises:
@@ -130,11 +129,11 @@ def fly(
             scene = build_scene(scenario, seed)
             stack.callback(scene.close)
         flown = vehicle or build_vehicle(scenario, seed, scene if pictures else None)
-        crew = build_crew(scenario, flown, pilot, vision, seed, response)
+        autonomy = build_autonomy(scenario, flown, pilot, vision, seed, response)
         if isinstance(flown, SimulatedVehicle):
-            flown, crew = with_faults(scenario, flown, crew, seed)
+            flown, autonomy = with_faults(scenario, flown, autonomy, seed)
         if keys is not None:
-            crew = replace(crew, override=stack.enter_context(keys.listening()).override)
+            autonomy = replace(autonomy, override=stack.enter_context(keys.listening()).override)
         recorder = None
         if out is not None:
             info = flight_info(scenario, pilot, vision, seed, command)
@@ -154,8 +153,8 @@ def fly(
             on_cycle(record)
             check_stop()
 
-        result = fly_loop(flown, crew, scenario.time_limit_s, time.perf_counter, remember)
-        verdict = flown.verdict() if isinstance(flown, Witness) else None
+        result = fly_loop(flown, autonomy, scenario.time_limit_s, time.perf_counter, remember)
+        verdict = flown.verdict() if isinstance(flown, GroundTruthSource) else None
         if recorder is not None:
             recorder.finish(verdict, result.reason, {stage.value: cost for stage, cost in result.cost_s.items()})
     problems = () if recorder is None else tuple(recorder.problems)

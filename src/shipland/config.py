@@ -21,6 +21,7 @@ from typing import Any, TypeVar
 
 from shipland.errors import ConfigError
 from shipland.files import MOST_LEVELS, refuse_deep
+from shipland.former import FORMER
 
 T = TypeVar("T")
 Table = dict[str, Any]
@@ -180,6 +181,8 @@ def build(cls: type[T], table: Mapping[str, Any], where: str = "configuration") 
     fields = {field.name: field for field in dataclasses.fields(cls) if field.init}  # type: ignore[arg-type]
     for key in table:
         if key not in fields:
+            if FORMER.get(key) in fields:
+                raise ConfigError(f"{where}: {key!r} is called {FORMER[key]!r} now")
             near = difflib.get_close_matches(key, fields, n=1, cutoff=0.0)
             raise ConfigError(
                 f"{where}: unknown key {key!r}; did you mean {near[0]!r}?"

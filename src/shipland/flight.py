@@ -25,7 +25,7 @@ from shipland.soundness import is_new, sound_decision, words_of
 from shipland.stopping import uninterrupted
 from shipland.vehicles.checks import Commanded, Ending
 from shipland.vehicles.delays import DelayParameters
-from shipland.vehicles.vehicle import Vehicle, Witness
+from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
 from shipland.vision.vision import Vision, see_or_degrade
 
 _log = logging.getLogger(__name__)
@@ -46,7 +46,7 @@ def nobody() -> Override | None:
 
 
 @dataclass(frozen=True)
-class Crew:
+class Autonomy:
     """Who flies: vision, pilot, the safety that stands after every pilot, and the person whose keys stand over both."""
 
     vision: Vision
@@ -102,7 +102,7 @@ class FlightResult:
 
 
 def decide_or_degrade(
-    crew: Crew,
+    autonomy: Autonomy,
     observation: Observation,
     telemetry: Telemetry,
     sent: PilotCommand | None,
@@ -111,30 +111,30 @@ def decide_or_degrade(
     """What the pilot decides; where it raises or gives what is no decision, the safety's own.
 
     Args:
-        crew: pilot and safety.
+        autonomy: pilot and safety.
         observation: see `Pilot.decide`, as the next two.
         telemetry: likewise.
         sent: likewise.
         known: kinds of its errors whose traceback the log of this flight holds already; a new one is added.
     """
     try:
-        return sound_decision(crew.pilot.decide(observation, telemetry, sent))
+        return sound_decision(autonomy.pilot.decide(observation, telemetry, sent))
     except Exception as error:  # whatever a foreign pilot raises
         if is_new(error, known):
             _log.exception("pilot failed at %.3f s", telemetry.t_s)
-        return crew.safety.without_pilot(f"pilot failed: {words_of(error)}", telemetry, sent)
+        return autonomy.safety.without_pilot(f"pilot failed: {words_of(error)}", telemetry, sent)
 
 
-def check_or_hold(crew: Crew, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:
+def check_or_hold(autonomy: Autonomy, decision: Decision, observation: Observation, telemetry: Telemetry) -> Decision:
     """What safety and person make of a decision; should the safety fail, a hold, and the traceback in the log."""
     try:
-        return crew.safety.check(decision, observation, telemetry, crew.override())
+        return autonomy.safety.check(decision, observation, telemetry, autonomy.override())
     except Exception as error:  # the last one who could raise in flight
         _log.exception("safety failed at %.3f s", telemetry.t_s)
         return Decision(PilotCommand.hold(telemetry.t_s, 0.0), None, f"safety failed: {words_of(error)}: hold")
 
 
-def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generator[Cycle]:
+def cycles(vehicle: Vehicle, autonomy: Autonomy, clock: Callable[[], float]) -> Generator[Cycle]:
     """Fly cycle by cycle until the vehicle gives no more.
 
     The vehicle is opened at the first step and closed at the end, whether it is the vehicle's, an error's or the
@@ -144,13 +144,13 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
 
     Args:
         vehicle: what is flown; its clock may start anywhere.
-        crew: vision, pilot, safety.
+        autonomy: vision, pilot, safety.
         clock: for the cost of the stages and, where the delays say `measured`, for the processing time [s].
 
     Yields:
         Each cycle, its command on the way.
     """
-    witness = vehicle if isinstance(vehicle, Witness) else None
+    truth_source = vehicle if isinstance(vehicle, GroundTruthSource) else None
     sent: PilotCommand | None = None
     before: Observation | None = None
     gate, commander = InputGate(), ""
@@ -170,17 +170,17 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
                 observation = Observation(frame.t_s, frame.gimbal, reason=refused)
             else:
                 frame = replace(frame, height_m=pair[1].height_m)
-                seen = see_or_degrade(crew.vision, frame, of_vision)
+                seen = see_or_degrade(autonomy.vision, frame, of_vision)
                 observation = gate.observation(without_repeated(seen, before), frame, vehicle.camera)
                 before = seen
             seen_s = clock()
-            ready_s = now_s + crew.delays.processing_s(observation, seen_s - read_s)
+            ready_s = now_s + autonomy.delays.processing_s(observation, seen_s - read_s)
             telemetry = vehicle.telemetry_at(gate.vehicle_s(ready_s))
             gate = gate.at_decision(telemetry.t_s, ready_s)
             telemetry, refused = gate.telemetry(telemetry)
-            observation = crew.safety.admitted(observation, telemetry)
-            decision = decide_or_degrade(crew, observation, telemetry, sent, of_pilot)
-            decision = check_or_hold(crew, decision, observation, telemetry)
+            observation = autonomy.safety.admitted(observation, telemetry)
+            decision = decide_or_degrade(autonomy, observation, telemetry, sent, of_pilot)
+            decision = check_or_hold(autonomy, decision, observation, telemetry)
             if refused:
                 decision = replace(decision, reason=f"{decision.reason}; {refused}")
             if commanded is not None and commanded.in_command != commander:
@@ -188,7 +188,7 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
                 decision = replace(decision, reason=f"{decision.reason}; in command: {commander}")
             sent = decision.command
             vehicle.send(replace(sent, t_s=gate.vehicle_s(sent.t_s)))
-            truth = witness.truth_at(gate.vehicle_s(frame.t_s)) if witness is not None else None
+            truth = truth_source.truth_at(gate.vehicle_s(frame.t_s)) if truth_source is not None else None
             decided_s = clock()
             cost_s = {Stage.READ: read_s - started_s, Stage.SEE: seen_s - read_s, Stage.DECIDE: decided_s - seen_s}
             yield Cycle(frame, telemetry, observation, decision, truth, cost_s)
@@ -200,7 +200,7 @@ def cycles(vehicle: Vehicle, crew: Crew, clock: Callable[[], float]) -> Generato
 
 def fly(
     vehicle: Vehicle,
-    crew: Crew,
+    autonomy: Autonomy,
     time_limit_s: float,
     clock: Callable[[], float],
     on_cycle: Callable[[FlightRecord], None],
@@ -209,7 +209,7 @@ def fly(
 
     Args:
         vehicle: opened and closed here, also when interrupted.
-        crew: vision, pilot, safety.
+        autonomy: vision, pilot, safety.
         time_limit_s: of vehicle time, from the first exposure [s].
         clock: see `cycles`.
         on_cycle: takes each row of the log.
@@ -218,7 +218,7 @@ def fly(
         How it ended.
     """
     result, first_s = FlightResult(), None
-    with closing(cycles(vehicle, crew, clock)) as flight:
+    with closing(cycles(vehicle, autonomy, clock)) as flight:
         for cycle in flight:
             decided_s = clock()
             on_cycle(cycle.record)

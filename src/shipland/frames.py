@@ -127,7 +127,7 @@ def rotation_from_quaternion(quaternion_wxyz: Array) -> Array:
     return np.array(rows_from_quaternion(w, x, y, z)).reshape(3, 3)
 
 
-def turned(vector: Array, angle_rad: float) -> Array:
+def rotated(vector: Array, angle_rad: float) -> Array:
     """A horizontal vector (2,) of axes that are turned clockwise by `angle_rad`, in those that are not."""
     (x, y), cosine, sine = vector.tolist(), math.cos(angle_rad), math.sin(angle_rad)
     return np.array([cosine * x - sine * y, sine * x + cosine * y])

@@ -203,7 +203,7 @@ class Intent(enum.Enum):
     """Keep the place; the sticks count for nothing."""
     SEARCH = "search"
     """Turn and climb without any sight of the ship."""
-    CLIMB_OUT = "climb_out"
+    GO_AROUND = "go_around"
 
 
 class Override(enum.Enum):
@@ -222,7 +222,7 @@ class Mode(enum.Enum):
     TRACK_SHIP = 4
     NO_VISION = 5
     SEARCH = 6
-    CLIMB_OUT = 7
+    GO_AROUND = 7
     DONE = 8
 
 

@@ -52,9 +52,9 @@ class Quad:
 
 
 _HAND_CUT = 0.005
-"""`made_to` of green tape on robotics fields, as photographs of it show."""
+"""`manufacturing_tolerance` of green tape on robotics fields, as photographs of it show."""
 _MADE_TO = 0.003
-"""`made_to` of the rig's bar."""
+"""`manufacturing_tolerance` of the rig's bar."""
 _BOARD_MARGIN_M = 0.02
 """Board that shows around the cue at least."""
 
@@ -65,15 +65,18 @@ class Target:
 
     Attributes:
         quad: the quadrilaterals.
-        made_to: root-mean-square error of the corners against the stated dimensions, as a share of the cue's
-            diagonal. The default is that of the rig's bar; a file without it gets that of tape cut by hand.
+        manufacturing_tolerance: root-mean-square error of the corners against the stated dimensions, as a share of the
+            cue's diagonal. The default is that of the rig's bar; a file without it gets that of tape cut by hand.
     """
 
     quad: tuple[Quad, ...]
-    made_to: float = field(default=_MADE_TO, compare=False)
+    manufacturing_tolerance: float = field(default=_MADE_TO, compare=False)
 
     def __post_init__(self) -> None:
-        require(0.0 <= self.made_to < 0.1, f"made_to is a share of the cue's diagonal, below 0.1; got {self.made_to}")
+        require(
+            0.0 <= self.manufacturing_tolerance < 0.1,
+            f"manufacturing_tolerance is a share of the cue's diagonal, below 0.1; got {self.manufacturing_tolerance}",
+        )
         require(len(self.quad) > 0, "a target needs at least one [[quad]]")
 
     @property
@@ -95,12 +98,12 @@ class Target:
         mirrored_m = corners_m * [1.0, -1.0] + [0.0, 2.0 * middle_m[1]]
         apart_m = np.linalg.norm(corners_m[:, None] - mirrored_m[None], axis=-1).min(axis=0)
         diagonal_m = float(np.linalg.norm(np.ptp(corners_m, axis=0)))
-        return bool(apart_m.max() <= 3.0 * self.made_to * diagonal_m)
+        return bool(apart_m.max() <= 3.0 * self.manufacturing_tolerance * diagonal_m)
 
     @staticmethod
     def from_file(path: Path) -> Target:
         """Read a TOML file with one `[[quad]]` a quadrilateral; ConfigError when it is wrong."""
-        return build(Target, {"made_to": _HAND_CUT, **read_toml(path)}, str(path))
+        return build(Target, {"manufacturing_tolerance": _HAND_CUT, **read_toml(path)}, str(path))
 
 
 @dataclass(frozen=True)
@@ -160,7 +163,7 @@ class Rig:
         rectangle_width_m, rectangle_height_m, rectangle_gap_m: the two green rectangles.
         surge_limit_m … yaw_limit_deg: motion base's limits, either side.
         quad: another cue in place of the two rectangles, in `bar`; one `[[rig.quad]]` a quadrilateral.
-        made_to: how exactly the cue is made, as in `Target`.
+        manufacturing_tolerance: how exactly the cue is made, as in `Target`.
         landing_area: what a touchdown must lie in.
         hull: a platform with a motion base, or a ship whose flight deck is part of the hull.
         house_length_m: of the superstructure ahead of the bar; without one it reaches to the bow.
@@ -187,14 +190,14 @@ class Rig:
     pitch_limit_deg: float
     yaw_limit_deg: float
     quad: tuple[Quad, ...] = ()
-    made_to: float = _MADE_TO
+    manufacturing_tolerance: float = _MADE_TO
     landing_area: Literal["square", "circle"] = "square"
     hull: Literal["platform", "frigate"] = "platform"
     house_length_m: float | None = None
 
     def __post_init__(self) -> None:
         for each in fields(self):
-            if each.type == "float" and each.name != "made_to":
+            if each.type == "float" and each.name != "manufacturing_tolerance":
                 value = getattr(self, each.name)
                 require(value > 0.0, f"{each.name} must be positive, got {value}")
         require(self.landing_square_m <= self.deck_size_m, "landing_square_m must fit on the deck")
@@ -208,13 +211,13 @@ class Rig:
     def target(self) -> Target:
         """The cue: the rig's own quadrilaterals where it has some, else the two green rectangles."""
         if self.quad:
-            return Target(self.quad, self.made_to)
+            return Target(self.quad, self.manufacturing_tolerance)
         offset = 0.5 * (self.rectangle_gap_m + self.rectangle_width_m)
         rectangles = tuple(
             Quad.rectangle((side * offset, 0.0), self.rectangle_width_m, self.rectangle_height_m)
             for side in (-1.0, 1.0)
         )
-        return Target(rectangles, self.made_to)
+        return Target(rectangles, self.manufacturing_tolerance)
 
     @cached_property
     def board_size_m(self) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""A pilot for tests: the same sticks whatever it sees, as a climb-out, which the safety lets through unseen."""
+"""A pilot for tests: the same sticks whatever it sees, as a go-around, which the safety lets through unseen."""
 
 from shipland.messages import Decision, Intent, Observation, PilotCommand, Telemetry
 
@@ -7,7 +7,7 @@ PITCH_PERCENT = 40.0
 
 class Steady:
     def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
-        command = PilotCommand(telemetry.t_s, PITCH_PERCENT, 0.0, 0.0, 0.0, -0.2, Intent.CLIMB_OUT)
+        command = PilotCommand(telemetry.t_s, PITCH_PERCENT, 0.0, 0.0, 0.0, -0.2, Intent.GO_AROUND)
         return Decision(command, None, "steady")
 
 

@@ -5,7 +5,7 @@ import pytest
 from shipland.errors import ConfigError
 from shipland.missions.bench import BenchPlan, open_bench, processes, read_bench
 from shipland.missions.cluster import cluster
-from shipland.missions.suite import Asked, SuiteEntry, bench_cells
+from shipland.missions.suite import Overrides, SuiteEntry, bench_cells
 
 FLIGHTS = 8
 
@@ -13,7 +13,7 @@ FLIGHTS = 8
 @pytest.fixture
 def plan(tmp_path):
     entries = (SuiteEntry(("rig-natops",), ("time_limit_s=3.0",)),)
-    return BenchPlan(bench_cells(entries, Asked(("paper",))), range(1, FLIGHTS + 1), tmp_path / "out")
+    return BenchPlan(bench_cells(entries, Overrides(("paper",))), range(1, FLIGHTS + 1), tmp_path / "out")
 
 
 @pytest.mark.filterwarnings("ignore")  # Ray's own

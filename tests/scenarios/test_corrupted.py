@@ -2,7 +2,7 @@
 
 import pytest
 
-from shipland.missions.campaign import Flight, land_once
+from shipland.missions.campaign import FlightJob, land_once
 from shipland.missions.recovery import REGAINED_S
 from shipland.missions.scenarios import load_scenario
 
@@ -12,7 +12,7 @@ from shipland.missions.scenarios import load_scenario
 def test_spoiled_data_neither_stops_a_flight_nor_reaches_the_sticks(first):
     draw = {"kinds": ["spoiled_values"], "count": 2, "earliest_s": 0.0, "latest_s": 11.0, "longest_s": 3.0}
     scenario = load_scenario("rig-natops", fault_draw=draw, time_limit_s=16.0)
-    landings = [land_once(Flight(scenario, "paper", "geometric", seed)) for seed in range(first, first + 10)]
+    landings = [land_once(FlightJob(scenario, "paper", "geometric", seed)) for seed in range(first, first + 10)]
     assert max(landing.over_slew_percent for landing in landings) <= 1e-6
     regained_s = [landing.recovery_s for landing in landings if landing.recovery_s is not None]
     assert len(regained_s) >= 2

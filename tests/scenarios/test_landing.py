@@ -6,7 +6,7 @@ import pytest
 from shipland.api import fly
 from shipland.config import merge
 from shipland.messages import Mode, PilotCommand
-from shipland.missions.crew import build_scene, build_vehicle
+from shipland.missions.autonomy import build_scene, build_vehicle
 from shipland.missions.fly import fly_quietly
 from shipland.missions.geometric import GeometricVision
 from shipland.missions.scenarios import load_scenario, scenario_table

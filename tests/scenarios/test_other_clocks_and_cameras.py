@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shipland.flight import fly
-from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.autonomy import build_autonomy, build_vehicle
 from shipland.missions.fly import fly_quietly
 from shipland.missions.scenarios import load_scenario
 from shipland.vehicles.simulated import SimulatedVehicle
@@ -46,9 +46,9 @@ class Shifted(SimulatedVehicle):
 def sticks(offset_s, pilot):
     scenario = load_scenario("near")
     vehicle = Shifted(build_vehicle(scenario, 3, None), offset_s)
-    crew = build_crew(scenario, vehicle, pilot, "geometric", 3)
+    autonomy = build_autonomy(scenario, vehicle, pilot, "geometric", 3)
     records = []
-    result = fly(vehicle, crew, 11.0, lambda: 0.0, records.append)
+    result = fly(vehicle, autonomy, 11.0, lambda: 0.0, records.append)
     assert result.reason == "time limit of 11 s"
     return np.array(
         [

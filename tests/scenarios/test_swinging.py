@@ -1,12 +1,12 @@
 """A weak motor and a dark spell set the aircraft swinging: it comes to rest again, and lands."""
 
 from shipland.missions.bench import land_quietly
-from shipland.missions.campaign import Flight
+from shipland.missions.campaign import FlightJob
 from shipland.missions.scenarios import load_scenario
 
 
 def test_a_swing_with_full_sticks_ends() -> None:
     scenario = load_scenario("ship-sea5", fault_draw={"every_kind": True, "count": 2})
-    landing = land_quietly(Flight(scenario, "horizon", "geometric", seed=58))
+    landing = land_quietly(FlightJob(scenario, "horizon", "geometric", seed=58))
     assert landing.in_square, landing.reason
     assert landing.time_s < 40.0

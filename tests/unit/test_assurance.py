@@ -145,7 +145,7 @@ def test_a_flow_that_begins_to_lie_breaks_the_landing_off_in_words():
 
     flight = Flight(over_deck(1.2), tell=lie).fly(3.5, {}).fly(2.5, {**LANDING, "heave_percent": -5.0})
     assert "the vehicle's velocity and the poses differ by" in flight.said
-    assert flight.decisions[-1].command.intent is Intent.CLIMB_OUT
+    assert flight.decisions[-1].command.intent is Intent.GO_AROUND
 
 
 @pytest.mark.parametrize("over_deck_m", [0.35, 1.2])
@@ -156,7 +156,7 @@ def test_a_bar_that_contradicts_the_gimbal_is_not_flown_on(over_deck_m):
     assert "safety" not in flight.said  # two pictures may err
     flight.fly(2 * STEP_S, {})
     assert "gimbal and horizon disagree, in 3 pictures of the last seconds: go_around" in flight.said
-    assert flight.decisions[-1].command.intent is Intent.CLIMB_OUT
+    assert flight.decisions[-1].command.intent is Intent.GO_AROUND
     committed = Flight(over_deck(over_deck_m)).fly(2.0, {})
     committed.gimbal_off_rad = 0.06
     committed.fly(0.5, {**LANDING, "heave_percent": -1.0})
@@ -222,7 +222,7 @@ def test_a_wind_that_takes_the_tilt_is_refused_before_anything_is_tried():
     held = {"roll_percent": TILTS.stick_of(0.99 * most_mps2)}
     flight.fly(12.0, held)
     assert "refused: the wind takes 15° of tilt, at most 14" in flight.said
-    assert flight.decisions[-1].mode is Mode.CLIMB_OUT
+    assert flight.decisions[-1].mode is Mode.GO_AROUND
     calm = Flight((-12.0, 0.0, -1.0), response=TILTS, wind_mps2=(0.0, -0.6 * most_mps2))
     calm.fly(12.0, {"roll_percent": TILTS.stick_of(0.6 * most_mps2)})
     assert "refused" not in calm.said
@@ -234,7 +234,7 @@ def test_what_does_not_pass_is_tried_three_times_and_then_left():
     flight.fly(40.0, LANDING)
     assert "refused: the vehicle says: motor: return" in flight.said
     assert -flight.place_m[0] > RECOVERY.return_m - 3.0
-    assert flight.decisions[-1].command.intent in (Intent.HOLD, Intent.CLIMB_OUT)
+    assert flight.decisions[-1].command.intent in (Intent.HOLD, Intent.GO_AROUND)
 
 
 def test_a_persons_key_ends_a_recovery_and_a_refusal_too():

@@ -20,7 +20,7 @@ from shipland.missions.bench import BenchPlan, open_bench, processes, read_bench
 from shipland.missions.bench_rows import write_rows
 from shipland.missions.bench_tables import ceilings_of, leaderboard, paired, pairs, rests_in_area, rivals, swept_keys
 from shipland.missions.statistics import quantile_interval
-from shipland.missions.suite import Asked, SuiteEntry, bench_cells, load_suite, task_digest
+from shipland.missions.suite import Overrides, SuiteEntry, bench_cells, load_suite, task_digest
 from shipland.rig import default_rig
 
 GRID = (SuiteEntry(("rig-natops", "ship-sea6")),)
@@ -36,7 +36,7 @@ def plan(tmp_path, monkeypatch):
         return replace(seeded(GOOD, flight.seed), sink_mps=round(0.1 * flight.seed, 4))
 
     monkeypatch.setattr(benches, "land_once", land)
-    cells = bench_cells(GRID, Asked(("paper", "horizon"), ("wind.mean_mps=0,5",)))
+    cells = bench_cells(GRID, Overrides(("paper", "horizon"), ("wind.mean_mps=0,5",)))
     return BenchPlan(cells, range(1, 4), tmp_path / "out", "made-up 1", "shipland bench run")
 
 
@@ -55,7 +55,7 @@ FROZEN = json.loads(Path(__file__).with_name("suite_digests.json").read_text())
 @pytest.mark.parametrize("name", packaged_names("suites"))
 def test_a_suite_can_be_flown_and_keeps_its_version_only_while_its_flights_stay(name):
     suite = load_suite(name)
-    cells = bench_cells(suite.cells, Asked(("paper",)))
+    cells = bench_cells(suite.cells, Overrides(("paper",)))
     assert len({cell.name for cell in cells}) == len(cells) > 5
     assert all(len(cell.name) < 200 for cell in cells)
     digest, frozen = task_digest(cells), FROZEN.get(name, {}).get(str(suite.version))
@@ -68,7 +68,7 @@ def test_a_suite_can_be_flown_and_keeps_its_version_only_while_its_flights_stay(
 
 def test_what_a_flight_meets_is_in_the_digest_and_who_flies_is_not():
     def digest(*changes):
-        return task_digest(bench_cells((SuiteEntry(("rig-natops",), changes),), Asked(("paper",))))
+        return task_digest(bench_cells((SuiteEntry(("rig-natops",), changes),), Overrides(("paper",))))
 
     assert digest("wind.mean_mps=6") != digest("wind.mean_mps=5")
     assert digest("geometric.miss_rate=0.5") != digest("geometric.miss_rate=0.1")
@@ -130,12 +130,12 @@ def test_a_flight_that_is_lost_is_named_and_flown_again(plan, monkeypatch):
 def test_memory_does_not_grow_with_the_flights(plan):
     many = replace(plan, cells=plan.cells[:1], seeds=range(1, 3001))
 
-    def crew(flights, keep, _):
+    def executor(flights, keep, _):
         for flight in flights:
             keep(flight, seeded(GOOD, flight.seed))
             yield flight, GOOD
 
-    with open_bench(many) as bench, closing(bench.fly(crew)) as flights:
+    with open_bench(many) as bench, closing(bench.fly(executor)) as flights:
         tracemalloc.start()
         try:
             held = []
@@ -198,10 +198,10 @@ def test_rows_are_parquet_with_conditions_and_nulls(plan):
 
 
 def test_cells_are_chosen_by_pattern_and_a_wrong_one_is_named():
-    chosen = bench_cells(GRID, Asked(("paper",), ("wind.mean_mps=0,5",), only=("ship*=5",)))
+    chosen = bench_cells(GRID, Overrides(("paper",), ("wind.mean_mps=0,5",), only=("ship*=5",)))
     assert [cell.group for cell in chosen] == ["ship-sea6_mean_mps=5"]
     with pytest.raises(ConfigError, match="no cell is called nothing"):
-        bench_cells(GRID, Asked(("paper",), only=("nothing",)))
+        bench_cells(GRID, Overrides(("paper",), only=("nothing",)))
     with pytest.raises(ConfigError, match="no suite 'nowhere'; there are: faults, full, hazards, near"):
         load_suite("nowhere")
 

@@ -12,7 +12,7 @@ from test_campaign import GOOD, NOWHERE
 from shipland.missions.bench import CellResult
 from shipland.missions.ceiling import Ceiling
 from shipland.missions.statistics import Interval
-from shipland.missions.suite import Asked, SuiteEntry, bench_cells
+from shipland.missions.suite import Overrides, SuiteEntry, bench_cells
 from shipland.report.bench_page import bench_page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -24,7 +24,7 @@ def made_up(folder):
     rng = np.random.default_rng(3)
     entries = (SuiteEntry(("rig-natops", "ship-sea6"), ("wind.mean_mps=0,5,9",)),)
     results = []
-    for cell in bench_cells(entries, Asked(("paper", "horizon"))):
+    for cell in bench_cells(entries, Overrides(("paper", "horizon"))):
         wind_mps = float(dict(cell.settings)["wind.mean_mps"])
         scatter_m = 0.04 + 0.012 * wind_mps * (2.0 if cell.pilot == "paper" else 0.7)
         landings = []

@@ -30,8 +30,8 @@ CONDITIONS = Conditions(
 )  # fmt: skip
 GOOD = Landing(
     1, True, True, "", 29.5, PHASES, CONDITIONS, "landed", forward_m=0.03, starboard_m=-0.04, own_forward_m=0.03,
-    own_starboard_m=-0.04, deck_forward_m=0.0, deck_starboard_m=0.0, perfect_forward_m=0.0, perfect_starboard_m=0.0,
-    perfect_in_square=True, sink_mps=0.45, slide_mps=0.05, tilt_deg=6.0, slip_m=0.01, force_n=17.0, rest_forward_m=0.03,
+    own_starboard_m=-0.04, deck_forward_m=0.0, deck_starboard_m=0.0, oracle_forward_m=0.0, oracle_starboard_m=0.0,
+    oracle_in_square=True, sink_mps=0.45, slide_mps=0.05, tilt_deg=6.0, slip_m=0.01, force_n=17.0, rest_forward_m=0.03,
     rest_starboard_m=-0.05, deck_roll_deg=2.0, deck_pitch_deg=-1.0, deck_heave_m=0.02, deck_sink_mps=0.01,
     step_percent=20.0, over_slew_percent=0.0,
 )  # fmt: skip

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shipland.frames import Pose
-from shipland.missions.ceiling import ceiling, height_at_contact_m, perfect_in_deck_m, take_apart
+from shipland.missions.ceiling import ceiling, height_at_contact_m, oracle_in_deck_m, take_apart
 from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.rig import default_rig
 from shipland.sim.ship.ship import Ship, Sinusoids, StillCourse, StraightCourse, build_ship
@@ -27,21 +27,21 @@ def ship(amplitude, full_ship=False, course=None):
 
 def test_a_deck_swayed_to_starboard_leaves_a_perfect_aircraft_to_port():
     swayed = ship([0.0, 0.2, 0.0, 0.0, 0.0, 0.0])
-    np.testing.assert_allclose(perfect_in_deck_m(swayed, AIRFRAME), [0.0, -0.2], atol=1e-12)
+    np.testing.assert_allclose(oracle_in_deck_m(swayed, AIRFRAME), [0.0, -0.2], atol=1e-12)
     np.testing.assert_allclose(
-        perfect_in_deck_m(ship([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]), AIRFRAME), [-0.1, 0.0], atol=1e-12
+        oracle_in_deck_m(ship([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]), AIRFRAME), [-0.1, 0.0], atol=1e-12
     )
 
 
 def test_a_ship_carries_its_bar_so_sway_and_heave_do_not_matter():
     swayed = ship([0.3, 0.2, 0.1, 0.0, 0.0, 0.0], full_ship=True)
-    np.testing.assert_allclose(perfect_in_deck_m(swayed, AIRFRAME), 0.0, atol=1e-12)
+    np.testing.assert_allclose(oracle_in_deck_m(swayed, AIRFRAME), 0.0, atol=1e-12)
 
 
 def test_a_rolling_ship_swings_its_bar_aside():
     # the bar is 0.75 m over the deck: rolled 8° it is 0.75 sin 8° = 10.4 cm to starboard of the deck's centre
     rolled = ship([0.0, 0.0, 0.0, 8.0, 0.0, 0.0], full_ship=True)
-    _, starboard_m = perfect_in_deck_m(rolled, AIRFRAME)
+    _, starboard_m = oracle_in_deck_m(rolled, AIRFRAME)
     height_m = height_at_contact_m(rolled, AIRFRAME)
     # the point is 10.4 cm off on the level; in the deck's plane that is 10.4 cm / cos 8°, less the height's part
     assert starboard_m == pytest.approx((0.75 * math.sin(math.radians(8.0))) / math.cos(math.radians(8.0)), abs=0.02)
@@ -52,7 +52,7 @@ def test_a_touchdown_is_own_error_and_the_decks_displacement():
     parts = take_apart(ship([0.0, 0.2, 0.0, 0.0, 0.0, 0.0]), AIRFRAME, np.array([0.05, -0.1]))
     np.testing.assert_allclose(parts.deck_in_bar_m, [0.0, 0.2], atol=1e-12)
     np.testing.assert_allclose(parts.own_in_bar_m, [0.05, 0.1], atol=1e-12)
-    assert not parts.perfect_in_square
+    assert not parts.oracle_in_square
     assert parts.own_in_square
 
 
@@ -65,7 +65,7 @@ def test_errors_are_in_the_bars_axes_whatever_the_course():
 def test_a_perfect_touchdown_has_no_own_error():
     for full_ship in (False, True):
         moved = ship([0.1, 0.1, 0.1, 6.0, 4.0, 5.0], full_ship)
-        parts = take_apart(moved, AIRFRAME, perfect_in_deck_m(moved, AIRFRAME))
+        parts = take_apart(moved, AIRFRAME, oracle_in_deck_m(moved, AIRFRAME))
         np.testing.assert_allclose(parts.own_in_bar_m, 0.0, atol=1e-12)
 
 
@@ -88,7 +88,7 @@ def test_on_a_ship_everything_moves_and_the_bar_stays_level(name):
     assert scenario.wind.surface == "sea"
     state = build_ship(scenario.ship, scenario.rig, np.random.default_rng(2)).at(7.0)
     down = np.array([0.0, 0.0, 1.0])
-    assert np.abs(state.ned_from_hull.rotation[:2, 2]).max() > 0.005  # the superstructure leans
+    assert np.abs(state.ned_from_hull.rotation[:2, 2]).max() > 0.005  # the superstructure tilts
     np.testing.assert_allclose(state.ned_from_bar.rotation @ down, down, atol=1e-12)
     neutral = Pose.from_euler((0.0, 0.0, -RIG.deck_height_m), 0.0, 0.0, 0.0) @ RIG.ship_from_bar
     assert np.linalg.norm(state.ned_from_bar.translation_m - neutral.translation_m) > 0.005

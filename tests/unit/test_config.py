@@ -319,15 +319,15 @@ GUARDS = {
         "preflight": PreflightParameters,
         "camera": StreamParameters,
     },
-    "guidance.approach": "max_height_error_m max_speed_mps max_yaw_error_deg max_data_age_s gate_m astray_m "
-    "climb_out_radius_m climb_out_height_m climb_out_percent climb_out_s",
+    "guidance.approach": "max_height_error_m max_speed_mps max_yaw_error_deg max_data_age_s gate_m abort_offset_m "
+    "go_around_radius_m go_around_height_m go_around_percent go_around_s",
     "guidance.modes": "lost_s lost_box_s memory_s blind_landing_s",
-    "guidance.horizon": "astray_m unfit_m known_m watch_known_m",
-    "guidance.horizon.descent": "sink_mps drop_mps",
+    "guidance.horizon": "abort_offset_m contact_std_max_m position_std_max_m deck_std_max_m",
+    "guidance.horizon.descent": "sink_mps final_descent_mps",
     "guidance.horizon.delayed": "velocity_gate picture_gate lag_s",
     "vision": "max_blur max_noise length_tolerance slope_tolerance screening_px reprojection_px max_distance_m track_s "
     "track_climb_mps gimbal_noise_rad",
-    "eyes": "patience_s memory_s",
+    "selector": "patience_s memory_s",
     "detector": "stale_s",
     "safety.cue_height": "gap_s patience_s",
     "aircraft.settings": "command_timeout_s",

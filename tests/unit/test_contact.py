@@ -12,7 +12,7 @@ from shipland.config import build, packaged_toml
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.response import Response
 from shipland.vehicles.mavlink.setpoints import pressed
-from shipland.vehicles.touchdown import Contact, Touch, TouchdownParameters, TouchdownWatch
+from shipland.vehicles.touchdown import Contact, ContactSignals, TouchdownParameters, TouchdownWatch
 
 LIMITS = build(TouchdownParameters, packaged_toml("vehicles")["touchdown"], "touchdown")
 HOVER = 0.45
@@ -52,7 +52,7 @@ def history(
         down_mps += down_mps2 * STEP_S
         told_mps = down_mps + (leap[1] if t_s >= leap[0] else 0.0)
         now_s = start_s + t_s
-        said.append((t_s, watch.see(Touch(now_s, landing, low(t_s), throttle, now_s, told_mps, now_s, None))))
+        said.append((t_s, watch.see(ContactSignals(now_s, landing, low(t_s), throttle, now_s, told_mps, now_s, None))))
     return said
 
 
@@ -185,10 +185,12 @@ def test_old_unknown_or_frozen_telemetry_is_no_touch() -> None:
     watch = TouchdownWatch(LIMITS, HOVER)
     for index in range(200):
         t_s = index * STEP_S
-        assert watch.see(Touch(t_s, True, True, math.nan, t_s, 0.0, t_s, None)) is Contact.NONE
-        assert watch.see(Touch(t_s, True, True, 0.05, t_s, 0.0, t_s, 1.0)) is Contact.NONE  # a rangefinder says 1 m
-        assert watch.see(Touch(t_s, True, True, 0.05, t_s - 0.3, 0.0, t_s, None)) is Contact.NONE
-        assert watch.see(Touch(t_s, True, True, 0.05, t_s, 0.0, 0.0, None)) is Contact.NONE
+        assert watch.see(ContactSignals(t_s, True, True, math.nan, t_s, 0.0, t_s, None)) is Contact.NONE
+        assert (
+            watch.see(ContactSignals(t_s, True, True, 0.05, t_s, 0.0, t_s, 1.0)) is Contact.NONE
+        )  # a rangefinder says 1 m
+        assert watch.see(ContactSignals(t_s, True, True, 0.05, t_s - 0.3, 0.0, t_s, None)) is Contact.NONE
+        assert watch.see(ContactSignals(t_s, True, True, 0.05, t_s, 0.0, 0.0, None)) is Contact.NONE
 
 
 def test_what_presses_it_is_level_and_goes_along_with_the_deck() -> None:

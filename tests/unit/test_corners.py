@@ -118,8 +118,10 @@ def test_coded_colour_is_measured_by_its_light(rng):
         corners = turned_box(60.0, 20.0, np.array([80.0, 45.0]) + rng.uniform(-1.0, 1.0, 2), 2.0)
         coded = cv2.imencode(".jpg", drawn(corners, rng, Look(0.4, 1.0)), [cv2.IMWRITE_JPEG_QUALITY, 85])[1]
         measured = found(cv2.imdecode(coded, cv2.IMREAD_COLOR), corners + 0.3)
-        error_px, growth = measured.corners_px[0] - corners, measured.growth_px[0]
-        errors.append(error_px - np.vdot(error_px, growth) / np.vdot(growth, growth) * growth)  # as the pose does
+        error_px, edge_bias = measured.corners_px[0] - corners, measured.edge_bias_px[0]
+        errors.append(
+            error_px - np.vdot(error_px, edge_bias) / np.vdot(edge_bias, edge_bias) * edge_bias
+        )  # as the pose does
         squared.append(np.square(measured.whiten[0] @ errors[-1].ravel()).mean())
     assert np.sqrt(np.mean(np.square(errors))) < 0.08  # px
     assert np.mean(squared) < 2.0  # of what is stated; 6 by the columns of pixels alone
@@ -143,8 +145,10 @@ def test_a_coded_lamp_that_clips_is_measured_by_its_luma(rng):
     for corners, picture in lamps(rng, 8):
         coded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 85])[1]
         measured = found(cv2.imdecode(coded, cv2.IMREAD_COLOR), corners + 0.3)
-        error_px, growth = measured.corners_px[0] - corners, measured.growth_px[0]
-        errors.append(error_px - np.vdot(error_px, growth) / np.vdot(growth, growth) * growth)  # as the pose does
+        error_px, edge_bias = measured.corners_px[0] - corners, measured.edge_bias_px[0]
+        errors.append(
+            error_px - np.vdot(error_px, edge_bias) / np.vdot(edge_bias, edge_bias) * edge_bias
+        )  # as the pose does
         squared.append(np.square(measured.whiten[0] @ errors[-1].ravel()).mean())
     assert np.sqrt(np.mean(np.square(errors))) < 0.16
     assert np.mean(squared) < 2.0

@@ -104,7 +104,7 @@ def test_without_a_barometer_nothing_is_refused():
 
 def test_a_cue_with_an_up_needs_no_guard():
     tall = Quad(((0.15, -0.2), (0.60, -0.2), (0.60, 0.075), (0.15, 0.075)))
-    target = Target((RIG.target.quad[0], tall), RIG.target.made_to)
+    target = Target((RIG.target.quad[0], tall), RIG.target.manufacturing_tolerance)
     assert RIG.target.mirrors_itself and not target.mirrors_itself
     flight = Flight(1.65, rig=replace(RIG, quad=target.quad))
     assert flight.sees(3.0, 1.65 - DROP_M) == ""

@@ -28,11 +28,11 @@ def scene():
     drawn.close()
 
 
-def look(scene, height_m, shift_m=(0.0, 0.0), lean_deg=(0.0, 0.0), gimbal=DOWN, aside_m=0.0, rng_seed=1):
+def look(scene, height_m, shift_m=(0.0, 0.0), tilt_deg=(0.0, 0.0), gimbal=DOWN, aside_m=0.0, rng_seed=1):
     """A picture from over the deck's neutral place, and the deck's centre from the camera."""
     ned_from_ship = Pose(np.eye(3), np.array([0.0, 0.0, -RIG.deck_height_m]))
-    lean = rotation_from_euler(*np.radians(lean_deg), 0.0)
-    ned_from_deck = ned_from_ship @ Pose(lean, np.array([*shift_m, 0.0]))
+    tilt = rotation_from_euler(*np.radians(tilt_deg), 0.0)
+    ned_from_deck = ned_from_ship @ Pose(tilt, np.array([*shift_m, 0.0]))
     eye_m = ned_from_ship.translation_m + np.array([0.09, aside_m, -height_m])
     ned_from_camera = Pose(level_from_camera(gimbal), eye_m)
     body, still = Pose(np.eye(3), eye_m - [0.09, 0.0, 0.0]), np.zeros(3)
@@ -43,7 +43,7 @@ def look(scene, height_m, shift_m=(0.0, 0.0), lean_deg=(0.0, 0.0), gimbal=DOWN, 
 
 
 @pytest.mark.parametrize(
-    ("height_m", "shift_m", "lean_deg"),
+    ("height_m", "shift_m", "tilt_deg"),
     [
         (0.7, (0.0, 0.0), (0.0, 0.0)),
         (0.7, (0.03, -0.2), (-6.0, 1.0)),
@@ -51,8 +51,8 @@ def look(scene, height_m, shift_m=(0.0, 0.0), lean_deg=(0.0, 0.0), gimbal=DOWN, 
         (1.3, (0.05, 0.1), (4.0, 3.0)),
     ],
 )
-def test_the_decks_centre_is_found_to_a_centimetre(scene, height_m, shift_m, lean_deg):
-    frame, centre_m = look(scene, height_m, shift_m, lean_deg)
+def test_the_decks_centre_is_found_to_a_centimetre(scene, height_m, shift_m, tilt_deg):
+    frame, centre_m = look(scene, height_m, shift_m, tilt_deg)
     sight = DeckVision(RIG, CAMERA, PARAMETERS).see(frame).deck
     assert sight is not None
     assert sight.centre_in_level_m == pytest.approx(centre_m, abs=0.01)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
-from shipland.estimation.relative_state import PLACE, SPEED, STATES, Disturbances, Model, Motion
-from shipland.estimation.swing import Swing
+from shipland.estimation.relative_state import POSITION, STATES, VELOCITY, AxisModel, Disturbances, Model
+from shipland.estimation.wave_motion import WaveMotion
 
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
-MODEL = Model(2, Motion(0.06, 0.4), NOISE, Swing(1e-3, 1.8, 0.1))
+MODEL = Model(2, AxisModel(0.06, 0.4), NOISE, WaveMotion(1e-3, 1.8, 0.1))
 
 
 def _filter(model=MODEL):
@@ -53,11 +53,11 @@ def test_it_looks_ahead_through_what_was_commanded():
     late.start(0.0, np.zeros(2), 1e-4 * np.eye(2), 0.1)
     for k in range(1, 60):
         t_s = 0.033 * k
-        place = np.array([np.interp(t_s, 0.01 * np.arange(len(truth)), truth[:, PLACE]), 0.0])
-        assert late.picture(t_s, place, 1e-6 * np.eye(2), inputs)
-    ahead = late.ahead(2.4, inputs)
-    assert ahead.of(PLACE)[0] == pytest.approx(truth[240, PLACE], abs=0.01)
-    assert ahead.of(SPEED)[0] == pytest.approx(truth[240, SPEED], abs=0.02)
+        place = np.array([np.interp(t_s, 0.01 * np.arange(len(truth)), truth[:, POSITION]), 0.0])
+        assert late.update_pose(t_s, place, 1e-6 * np.eye(2), inputs)
+    ahead = late.predict(2.4, inputs)
+    assert ahead.of(POSITION)[0] == pytest.approx(truth[240, POSITION], abs=0.01)
+    assert ahead.of(VELOCITY)[0] == pytest.approx(truth[240, VELOCITY], abs=0.02)
 
 
 def test_velocity_between_pictures_counts_once_and_at_its_time():
@@ -66,24 +66,24 @@ def test_velocity_between_pictures_counts_once_and_at_its_time():
     for late in (now, later):
         late.start(0.0, np.zeros(2), 1e-4 * np.eye(2), 0.5)
     now.velocity(0.5, np.array([0.3, 0.0]))
-    now.picture(1.0, np.zeros(2), 1e-4 * np.eye(2), inputs)
-    later.velocity(0.5, np.array([0.3, 0.0]))
-    before = later.ahead(1.0, inputs)
-    again = later.ahead(1.0, inputs)
+    now.update_pose(1.0, np.zeros(2), 1e-4 * np.eye(2), inputs)
+    later.update_velocity(0.5, np.array([0.3, 0.0]))
+    before = later.predict(1.0, inputs)
+    again = later.predict(1.0, inputs)
     np.testing.assert_allclose(before.mean, again.mean)
-    later.picture(1.0, np.zeros(2), 1e-4 * np.eye(2), inputs)
+    later.update_pose(1.0, np.zeros(2), 1e-4 * np.eye(2), inputs)
     np.testing.assert_allclose(now.belief.mean, later.belief.mean, atol=1e-12)
-    assert abs(before.of(SPEED)[0]) > 0.01
+    assert abs(before.of(VELOCITY)[0]) > 0.01
 
 
 def test_a_picture_from_the_past_or_astray_changes_nothing():
     late, inputs = _filter(), Inputs(2)
     late.start(1.0, np.zeros(2), 1e-4 * np.eye(2), 0.1)
     belief = late.belief
-    assert not late.picture(0.5, np.zeros(2), 1e-4 * np.eye(2), inputs)
+    assert not late.update_pose(0.5, np.zeros(2), 1e-4 * np.eye(2), inputs)
     assert late.belief is belief
-    assert not late.picture(1.1, np.array([math.nan, 0.0]), 1e-4 * np.eye(2), inputs)
-    assert not late.picture(1.2, np.array([9.0, 0.0]), 1e-4 * np.eye(2), inputs)
+    assert not late.update_pose(1.1, np.array([math.nan, 0.0]), 1e-4 * np.eye(2), inputs)
+    assert not late.update_pose(1.2, np.array([9.0, 0.0]), 1e-4 * np.eye(2), inputs)
     assert late.refused == 2
     assert np.isfinite(late.belief.mean).all()
 
@@ -106,8 +106,8 @@ def test_velocities_that_err_are_soon_taken_for_what_they_are(first_mps):
     late.start(0.0, np.zeros(2), 1e-4 * np.eye(2), first_mps)
     for k in range(1, 10):
         t_s = 0.2 * k
-        late.picture(t_s - 0.01, np.zeros(2), 1e-4 * np.eye(2), inputs)
-        before = late.ahead(t_s, inputs)
-        late.velocity(t_s, 0.2 * (-1.0) ** k * np.ones(2))
-        steps_mps.append(np.abs(late.ahead(t_s, inputs).of(SPEED) - before.of(SPEED)).max())
+        late.update_pose(t_s - 0.01, np.zeros(2), 1e-4 * np.eye(2), inputs)
+        before = late.predict(t_s, inputs)
+        late.update_velocity(t_s, 0.2 * (-1.0) ** k * np.ones(2))
+        steps_mps.append(np.abs(late.predict(t_s, inputs).of(VELOCITY) - before.of(VELOCITY)).max())
     assert min(steps_mps[2:]) > 0.015

@@ -117,7 +117,7 @@ def test_a_zero_residual_lands_as_the_pilot_alone():
 
 @pytest.mark.parametrize(
     ("intent", "added"),
-    [(Intent.FLY, True), (Intent.LAND, True), (Intent.HOLD, False), (Intent.CLIMB_OUT, False)],
+    [(Intent.FLY, True), (Intent.LAND, True), (Intent.HOLD, False), (Intent.GO_AROUND, False)],
 )
 def test_a_residual_is_added_within_its_bound_while_the_pilot_flies_or_lands(intent, added):
     command = PilotCommand(1.0, 10.0, 20.0, 30.0, 40.0, 0.1, intent)

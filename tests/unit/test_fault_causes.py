@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from shipland.missions.bench import land_quietly
-from shipland.missions.campaign import Flight
+from shipland.missions.campaign import FlightJob
 from shipland.missions.faults import faults_of
 from shipland.missions.scenarios import load_scenario
 
@@ -20,7 +20,7 @@ def failed():
     """A flight whose process stands still just before contact."""
     scenario = load_scenario("rig-natops", fault_draw={"kinds": ["process_stall"]})
     return Failed(
-        "a cell", scenario, "horizon", "geometric", land_quietly(Flight(scenario, "horizon", "geometric", 138))
+        "a cell", scenario, "horizon", "geometric", land_quietly(FlightJob(scenario, "horizon", "geometric", 138))
     )
 
 

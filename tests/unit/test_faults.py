@@ -11,8 +11,8 @@ from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.flight import fly
 from shipland.messages import Intent, Mode, PilotCommand
-from shipland.missions.campaign import Flight, land_once
-from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.autonomy import build_autonomy, build_vehicle
+from shipland.missions.campaign import FlightJob, land_once
 from shipland.missions.fault_kinds import Fault, FaultDraw, FaultKind
 from shipland.missions.faults import faults_of, with_faults
 from shipland.missions.fly import fly_quietly
@@ -28,9 +28,9 @@ def flown(kind, length_s=6.0, pilot="horizon", also=(), **fault):
     table = {"kind": kind, "start_s": START_S, "duration_s": LONG_S} | fault
     scenario = load_scenario("rig-natops", fault=[table, *also])
     vehicle = build_vehicle(scenario, 3, None)
-    faulty, crew = with_faults(scenario, vehicle, build_crew(scenario, vehicle, pilot, "geometric", 3), 3)
+    faulty, autonomy = with_faults(scenario, vehicle, build_autonomy(scenario, vehicle, pilot, "geometric", 3), 3)
     records = []
-    fly(faulty, crew, length_s, lambda: 0.0, records.append)
+    fly(faulty, autonomy, length_s, lambda: 0.0, records.append)
     return records, scenario
 
 
@@ -67,7 +67,7 @@ def test_dropped_and_lost_pictures_do_not_come():
 def test_without_pictures_the_pilot_climbs_out_from_above_the_deck():
     records, _ = flown("dropped_frames", 16.0, start_s=12.2, duration_s=4.0, size=1.0)
     dark = [it for it in records if 13.2 < it.telemetry.t_s < 15.2]
-    assert {it.decision.command.intent for it in dark} == {Intent.CLIMB_OUT}
+    assert {it.decision.command.intent for it in dark} == {Intent.GO_AROUND}
     assert dark[-1].telemetry.height_m - dark[0].telemetry.height_m > 0.5
 
 
@@ -79,7 +79,7 @@ def test_pictures_without_content_give_no_pose(kind):
 def test_a_spoiled_clock_does_not_let_hours_pass():
     scenario = load_scenario("rig-natops", fault=[{"kind": "spoiled_values", "start_s": 0.0, "duration_s": 9.0}])
     vehicle = build_vehicle(scenario, 3, None)
-    faulty, _ = with_faults(scenario, vehicle, build_crew(scenario, vehicle, "horizon", "geometric", 3), 3)
+    faulty, _ = with_faults(scenario, vehicle, build_autonomy(scenario, vehicle, "horizon", "geometric", 3), 3)
     faulty.open()
     _, telemetry = faulty.read()
     true_s = faulty.now_s
@@ -215,7 +215,7 @@ def test_after_a_stall_over_the_deck_nothing_is_left_of_the_landing():
     records, _ = flown("process_stall", 19.0, start_s=13.0, duration_s=3.0)
     before, after = ([it for it in records if lo < it.telemetry.t_s < hi] for lo, hi in ((12.5, 13.0), (16.1, 19.0)))
     assert {it.decision.mode for it in before} == {Mode.LAND}
-    assert {it.decision.mode for it in after} == {Mode.CLIMB_OUT}
+    assert {it.decision.mode for it in after} == {Mode.GO_AROUND}
     assert after[0].decision.estimate is None
 
 
@@ -223,17 +223,17 @@ def test_blind_after_a_stall_it_climbs_held_by_the_vehicle_and_then_backs_off_ag
     dark = {"kind": "occlusion", "start_s": 12.9, "duration_s": 20.0}
     records, _ = flown("process_stall", 27.0, also=[dark], start_s=13.0, duration_s=3.0)
     commands = {it.telemetry.t_s: it.decision.command for it in records if it.telemetry.t_s > 16.5}
-    assert {it.intent for it in commands.values()} == {Intent.CLIMB_OUT}
+    assert {it.intent for it in commands.values()} == {Intent.GO_AROUND}
     climb, back = ([it for t_s, it in commands.items() if lo < t_s < hi] for lo, hi in ((16.5, 20.0), (21.0, 23.0)))
     assert {(it.pitch_percent, it.roll_percent) for it in climb} == {(0.0, 0.0)}
     assert min(it.heave_percent for it in climb) > 50.0
     assert {it.heave_percent for it in back} == {0.0}
-    leant = np.mean(
+    tilted = np.mean(
         [[it.telemetry.pitch_rad, it.telemetry.roll_rad] for it in records if 18.0 < it.telemetry.t_s < 20.0], 0
     )
-    assert math.degrees(leant[1]) > 1.5
+    assert math.degrees(tilted[1]) > 1.5
     for command in back:
-        assert command.roll_percent == pytest.approx(100.0 * leant[1] / math.radians(30.0), abs=4.0)
+        assert command.roll_percent == pytest.approx(100.0 * tilted[1] / math.radians(30.0), abs=4.0)
     first, last = (next(it for it in records if it.telemetry.t_s > t_s).truth.aircraft_in_bar_m for t_s in (20.5, 26.0))
     assert -8.0 < last[0] - first[0] < -2.0  # astern of where it climbed
 
@@ -243,7 +243,7 @@ def test_who_lost_the_place_near_the_ship_climbs_out_and_does_not_search():
     records, _ = flown("process_stall", 18.0, also=[dark], start_s=9.0, duration_s=2.0)
     after = [it for it in records if it.telemetry.t_s > 11.5]
     assert after[0].decision.estimate is None
-    assert after[-1].decision.mode is Mode.CLIMB_OUT
+    assert after[-1].decision.mode is Mode.GO_AROUND
     assert Mode.SEARCH not in {it.decision.mode for it in after}
 
 
@@ -254,7 +254,7 @@ def test_a_false_pose_over_the_deck_is_not_believed_and_the_landing_broken_off()
     for record in false:
         off_m = record.decision.estimate.aircraft_in_bar_m - record.truth.aircraft_in_bar_m
         assert math.hypot(*off_m[:2].tolist()) < 0.4
-    assert records[-1].decision.mode is Mode.CLIMB_OUT
+    assert records[-1].decision.mode is Mode.GO_AROUND
 
 
 def test_a_pilot_that_raises_holds_far_from_the_deck_and_climbs_near_it():
@@ -262,7 +262,7 @@ def test_a_pilot_that_raises_holds_far_from_the_deck_and_climbs_near_it():
     assert all("pilot failed: RuntimeError: made to fail: hold" in it.decision.reason for it in far)
     assert far[-1].decision.command.intent is Intent.HOLD
     records, _ = flown("pilot_raises", 20.0, start_s=13.2, duration_s=3.0)
-    climbing = [it for it in records if "climb out" in it.decision.reason]
+    climbing = [it for it in records if "go around" in it.decision.reason]
     assert climbing
     assert climbing[-1].decision.command.heave_percent > 0.0
     heights_m = [-it.truth.aircraft_in_deck_m[2] for it in climbing]
@@ -299,7 +299,7 @@ def test_the_same_seed_fails_in_the_same_way():
     scenario = load_scenario("rig-natops", fault_draw={"kinds": kinds, "count": 3}, time_limit_s=10.0)
     assert faults_of(scenario, 5) == faults_of(scenario, 5) != faults_of(scenario, 6)
     assert {fault.kind.value for seed in range(20) for fault in faults_of(scenario, seed)} == set(kinds)
-    one, two = (land_once(Flight(scenario, "paper", "geometric", 5)) for _ in range(2))
+    one, two = (land_once(FlightJob(scenario, "paper", "geometric", 5)) for _ in range(2))
     assert str(one) == str(two)
     assert one.conditions.faults.count("+") == 3
 
@@ -307,8 +307,8 @@ def test_the_same_seed_fails_in_the_same_way():
 def test_nothing_drawn_leaves_a_flight_as_it_was():
     scenario = load_scenario("rig-natops")
     vehicle = build_vehicle(scenario, 1, None)
-    crew = build_crew(scenario, vehicle, "paper", "geometric", 1)
-    assert with_faults(scenario, vehicle, crew, 1) == (vehicle, crew)
+    autonomy = build_autonomy(scenario, vehicle, "paper", "geometric", 1)
+    assert with_faults(scenario, vehicle, autonomy, 1) == (vehicle, autonomy)
 
 
 @pytest.mark.parametrize(

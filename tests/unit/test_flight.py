@@ -11,7 +11,7 @@ import pytest
 
 from shipland.camera import Camera
 from shipland.config import build
-from shipland.flight import Crew, Stage, cycles, fly
+from shipland.flight import Autonomy, Stage, cycles, fly
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import (
     BarPose,
@@ -73,7 +73,7 @@ class Dark(Recorded):
         return None, telemetry
 
 
-class Eyes:
+class VisionSelector:
     def see(self, frame):
         return Observation(frame.t_s, frame.gimbal, reason="dark")
 
@@ -89,17 +89,17 @@ class Wild:
         return Decision(PilotCommand(telemetry.t_s, 500.0, 0.0, 0.0, 0.0, 0.0, Intent.HOLD), Mode.SEARCH, "wild")
 
 
-def crew(**changes):
+def autonomy(**changes):
     delays = build(DelayParameters, packaged_table("delays"))
     safety = Safety(
         build(SafetyParameters, packaged_table("safety")), default_rig(), Recorded.camera, np.zeros(3), ANAFI_LIKE
     )
-    return replace(Crew(Eyes(), Wild(), safety, delays), **changes)
+    return replace(Autonomy(VisionSelector(), Wild(), safety, delays), **changes)
 
 
 def test_every_frame_is_seen_decided_bounded_sent_and_logged():
     vehicle, rows = Recorded(5), []
-    result = fly(vehicle, crew(), 10.0, itertools.count().__next__, rows.append)
+    result = fly(vehicle, autonomy(), 10.0, itertools.count().__next__, rows.append)
     assert result.cycles == len(rows) == len(vehicle.commands) == 5
     assert result.reason == "the flight is over"
     assert all(command.pitch_percent <= 100.0 for command in vehicle.commands)
@@ -109,7 +109,7 @@ def test_every_frame_is_seen_decided_bounded_sent_and_logged():
 
 @pytest.mark.parametrize(
     ("override", "intent", "heave_percent"),
-    [(Override.HOLD, Intent.HOLD, 0.0), (Override.CLIMB, Intent.CLIMB_OUT, 50.0)],
+    [(Override.HOLD, Intent.HOLD, 0.0), (Override.CLIMB, Intent.GO_AROUND, 50.0)],
 )
 @pytest.mark.parametrize("gimbal_rad", [None, math.nan])
 def test_a_person_s_key_is_flown_whatever_becomes_of_the_pilot(override, intent, heave_percent, gimbal_rad):
@@ -122,7 +122,7 @@ def test_a_person_s_key_is_flown_whatever_becomes_of_the_pilot(override, intent,
             return Decision(PilotCommand(telemetry.t_s, 50.0, 0.0, 0.0, 0.0, gimbal_rad), None, "")
 
     rows = []
-    fly(Recorded(30), crew(pilot=Lost(), override=lambda: override), 10.0, lambda: 0.0, rows.append)
+    fly(Recorded(30), autonomy(pilot=Lost(), override=lambda: override), 10.0, lambda: 0.0, rows.append)
     command = rows[-1].decision.command
     assert (command.intent, command.heave_percent) == (intent, heave_percent)
     assert (command.pitch_percent, command.roll_percent, command.gimbal_pitch_rad) == (0.0, 0.0, 0.0)
@@ -138,7 +138,7 @@ def test_a_safety_that_fails_itself_holds(caplog):
             raise ZeroDivisionError("of its own")
 
     vehicle, rows = Recorded(3), []
-    fly(vehicle, crew(safety=Broken()), 10.0, lambda: 0.0, rows.append)
+    fly(vehicle, autonomy(safety=Broken()), 10.0, lambda: 0.0, rows.append)
     assert [command.intent for command in vehicle.commands] == [Intent.HOLD] * 3
     assert "safety failed: ZeroDivisionError: of its own: hold" in rows[0].decision.reason
     assert "safety failed" in caplog.text
@@ -146,7 +146,7 @@ def test_a_safety_that_fails_itself_holds(caplog):
 
 def test_the_pilot_is_told_what_left_the_safety():
     vehicle, pilot = Recorded(4), Wild()
-    fly(vehicle, crew(pilot=pilot), 10.0, lambda: 0.0, lambda _: None)
+    fly(vehicle, autonomy(pilot=pilot), 10.0, lambda: 0.0, lambda _: None)
     assert pilot.sent == [None, *vehicle.commands[:-1]]
     assert all(command.pitch_percent <= 100.0 for command in pilot.sent[1:])  # it asked for 500 %
 
@@ -154,7 +154,7 @@ def test_the_pilot_is_told_what_left_the_safety():
 def test_vision_is_told_the_height_that_came_with_the_picture():
     heights_m = []
 
-    class Keeps(Eyes):
+    class Keeps(VisionSelector):
         def see(self, frame):
             heights_m.append(frame.height_m)
             return super().see(frame)
@@ -164,12 +164,12 @@ def test_vision_is_told_the_height_that_came_with_the_picture():
             pair = super().read()
             return None if pair is None else (pair[0], replace(pair[1], height_m=30.0 * pair[0].t_s))
 
-    fly(Climbs(3), crew(vision=Keeps()), 10.0, lambda: 0.0, lambda _: None)
+    fly(Climbs(3), autonomy(vision=Keeps()), 10.0, lambda: 0.0, lambda _: None)
     assert heights_m == pytest.approx([0.0, 1.0, 2.0])
 
 
 def test_a_first_pose_that_hangs_as_low_as_a_mirror_image_does_not_reach_the_pilot():
-    class Sees(Eyes):
+    class Sees(VisionSelector):
         def see(self, frame):
             down_m = 0.65 if frame.t_s < 1.0 else 0.65 - 1.5
             pose = BarPose(np.array([-6.0, 0.0, down_m]), 0.0, 1e-4 * np.eye(4), 0.1, frame.t_s + np.zeros((8, 2)))
@@ -177,7 +177,7 @@ def test_a_first_pose_that_hangs_as_low_as_a_mirror_image_does_not_reach_the_pil
             return Observation(frame.t_s, frame.gimbal, None if hidden else pose, reason="hidden" if hidden else "")
 
     rows = []
-    fly(Recorded(70), crew(vision=Sees()), 10.0, lambda: 0.0, rows.append)
+    fly(Recorded(70), autonomy(vision=Sees()), 10.0, lambda: 0.0, rows.append)
     assert rows[0].observation.bar_pose is not None
     assert rows[-1].observation.bar_pose is None
     assert "mirror image" in rows[-1].observation.reason
@@ -185,7 +185,7 @@ def test_a_first_pose_that_hangs_as_low_as_a_mirror_image_does_not_reach_the_pil
 
 def test_cycles_can_be_stepped_and_closing_them_closes_the_vehicle():
     vehicle = Recorded(9)
-    flight = cycles(vehicle, crew(), lambda: 0.0)
+    flight = cycles(vehicle, autonomy(), lambda: 0.0)
     seen = [next(flight).frame.t_s for _ in range(3)]
     assert seen == pytest.approx([0.0, 1 / 30, 2 / 30])
     assert len(vehicle.commands) == 3
@@ -200,13 +200,13 @@ def test_a_pilot_without_modes_flies():
             return Decision(PilotCommand(telemetry.t_s, 10.0, 0.0, 0.0, 0.0, 0.0, Intent.HOLD), None, "steady on")
 
     vehicle = Recorded(3)
-    fly(vehicle, crew(pilot=Plain()), 10.0, lambda: 0.0, lambda _: None)
+    fly(vehicle, autonomy(pilot=Plain()), 10.0, lambda: 0.0, lambda _: None)
     assert vehicle.commands[-1].pitch_percent == 10.0
 
 
 def test_the_pilot_goes_on_deciding_without_pictures():
     vehicle, rows = Dark(8, 5000.0), []
-    fly(vehicle, crew(), 10.0, lambda: 0.0, rows.append)
+    fly(vehicle, autonomy(), 10.0, lambda: 0.0, rows.append)
     assert [row.observation.reason for row in rows] == ["dark"] * 3 + ["no picture"] * 5
     assert {row.frame.t_s for row in rows[3:]} == {rows[2].frame.t_s}
     assert len(vehicle.commands) == 8
@@ -215,14 +215,14 @@ def test_the_pilot_goes_on_deciding_without_pictures():
 
 def test_command_is_ready_a_processing_time_after_receipt():
     vehicle = Recorded(1)
-    fly(vehicle, crew(), 10.0, lambda: 0.0, lambda _: None)
+    fly(vehicle, autonomy(), 10.0, lambda: 0.0, lambda _: None)
     assert vehicle.commands[0].t_s == pytest.approx(0.1 + 0.03)  # [delays] near_s
 
 
 @pytest.mark.parametrize("start_s", [0.0, 5000.0])
 def test_time_limit_counts_from_the_first_frame(start_s):
     vehicle = Recorded(1000, start_s)
-    result = fly(vehicle, crew(), 1.0, lambda: 0.0, lambda _: None)
+    result = fly(vehicle, autonomy(), 1.0, lambda: 0.0, lambda _: None)
     assert result.reason == "time limit of 1 s"
     assert result.cycles == 28
     assert vehicle.closed
@@ -240,7 +240,7 @@ class Leaping(Recorded):
 
 def test_time_limit_holds_though_the_clock_leaps():
     rows = []
-    result = fly(Leaping(1000), crew(), 2.0, lambda: 0.0, rows.append)
+    result = fly(Leaping(1000), autonomy(), 2.0, lambda: 0.0, rows.append)
     assert result.reason == "time limit of 2 s"
     assert result.cycles < 150
     steps_s = np.diff([row.telemetry.t_s for row in rows])
@@ -255,7 +255,7 @@ def test_vehicle_is_closed_when_the_loop_is_broken_off(error):
         raise error
 
     with pytest.raises(error):
-        fly(vehicle, crew(), 10.0, lambda: 0.0, stop)
+        fly(vehicle, autonomy(), 10.0, lambda: 0.0, stop)
     assert vehicle.closed
 
 
@@ -264,7 +264,7 @@ class UnspeakableError(Exception):
         raise RuntimeError("and no words for it")
 
 
-SOUND = PilotCommand(0.0, 10.0, 0.0, 0.0, 0.0, -0.2, Intent.CLIMB_OUT)
+SOUND = PilotCommand(0.0, 10.0, 0.0, 0.0, 0.0, -0.2, Intent.GO_AROUND)
 ESTIMATE = Estimate(0.0, np.zeros(3), 0.0)
 MALFORMED_DECISIONS = {
     "nothing": None,
@@ -333,9 +333,9 @@ def given(result):
     return method
 
 
-def safely_flown(crew):
+def safely_flown(autonomy):
     vehicle, rows = Recorded(4), []
-    fly(vehicle, crew, 10.0, lambda: 0.0, rows.append)
+    fly(vehicle, autonomy, 10.0, lambda: 0.0, rows.append)
     assert len(vehicle.commands) == len(rows) == 4
     assert vehicle.closed
     for command in vehicle.commands:
@@ -348,7 +348,7 @@ def safely_flown(crew):
 @pytest.mark.parametrize("name", MALFORMED_DECISIONS)
 def test_a_pilot_that_gives_no_decision_costs_its_cycle(name, caplog):
     pilot = type("Malformed", (), {"decide": given(MALFORMED_DECISIONS[name])})()
-    rows = safely_flown(crew(pilot=pilot))
+    rows = safely_flown(autonomy(pilot=pilot))
     if name == "a stick that is no number":  # this one the safety takes
         assert all("command not finite" in row.decision.reason for row in rows)
         return
@@ -362,7 +362,7 @@ def test_a_pilot_that_gives_no_decision_costs_its_cycle(name, caplog):
 @pytest.mark.parametrize("name", MALFORMED_OBSERVATIONS)
 def test_a_vision_that_gives_no_observation_costs_its_frame(name, caplog):
     vision = type("Malformed", (), {"see": given(MALFORMED_OBSERVATIONS[name])})()
-    rows = safely_flown(crew(vision=vision))
+    rows = safely_flown(autonomy(vision=vision))
     assert all(row.observation.reason.startswith("vision failed: ") for row in rows)
     assert all(row.observation.bar_pose is None and row.observation.gimbal == LEVEL for row in rows)
     (record,) = [record for record in caplog.records if record.name == "shipland.vision.vision"]
@@ -374,7 +374,7 @@ def test_of_ever_new_errors_the_first_few_are_logged(caplog):
         def decide(self, observation, telemetry, sent):
             raise type("NewError", (Exception,), {})
 
-    fly(Recorded(60), crew(pilot=Inventive()), 10.0, lambda: 0.0, lambda _: None)
+    fly(Recorded(60), autonomy(pilot=Inventive()), 10.0, lambda: 0.0, lambda _: None)
     assert 1 <= len([record for record in caplog.records if record.levelno >= logging.ERROR]) <= 10
 
 
@@ -386,7 +386,7 @@ def test_numbers_of_other_types_are_numbers_and_words_are_fit_for_a_log():
             )
             return Decision(command, None, "half a pair: \ud800", replace(ESTIMATE, aircraft_in_bar_m=[1, 2, 3]))
 
-    row = safely_flown(crew(pilot=Numpys()))[-1]
+    row = safely_flown(autonomy(pilot=Numpys()))[-1]
     command = row.decision.command
     assert (command.pitch_percent, command.roll_percent, command.heave_percent) == (8.0, 4.0, 1.0)
     assert not command.at_contact_height  # the pilot's own word for it is none
@@ -404,7 +404,7 @@ class Handed(Recorded):
 
 def test_who_is_in_command_stands_in_the_row_in_which_that_changes():
     rows = []
-    fly(Handed(4), crew(), 10.0, lambda: 0.0, rows.append)
+    fly(Handed(4), autonomy(), 10.0, lambda: 0.0, rows.append)
     told = [row.decision.reason.partition("in command: ")[2] for row in rows]
     assert told == ["shipland", "", "the pilot: LOITER", ""]
 
@@ -417,7 +417,7 @@ def test_a_vehicle_that_fails_is_closed(where):
     vehicle = Recorded(5)
     setattr(vehicle, where, fail)
     with pytest.raises(RuntimeError, match="broken"):
-        fly(vehicle, crew(), 10.0, lambda: 0.0, lambda _: None)
+        fly(vehicle, autonomy(), 10.0, lambda: 0.0, lambda _: None)
     assert vehicle.closed
 
 
@@ -432,7 +432,7 @@ def test_who_ends_the_process_leaves_the_vehicle_closed(who, error):
 
     end.decide = end.see = leave
     with pytest.raises(error):
-        fly(vehicle, crew(**{who: end}), 10.0, lambda: 0.0, lambda _: None)
+        fly(vehicle, autonomy(**{who: end}), 10.0, lambda: 0.0, lambda _: None)
     assert vehicle.closed
 
 
@@ -448,11 +448,11 @@ def test_a_second_ctrl_c_does_not_cut_the_closing_short(monkeypatch):
 
     vehicle = Slow(5)
     with pytest.raises(KeyboardInterrupt), stop_requests():
-        fly(vehicle, crew(), 10.0, lambda: 0.0, lambda _: None)
+        fly(vehicle, autonomy(), 10.0, lambda: 0.0, lambda _: None)
     assert vehicle.closed
 
 
 def test_costs_add_up_to_the_clock():
     clock = itertools.count(0.0, 0.25).__next__
-    result = fly(Recorded(8), crew(), 10.0, clock, lambda _: None)
+    result = fly(Recorded(8), autonomy(), 10.0, clock, lambda _: None)
     assert sum(result.cost_s.values()) == pytest.approx(8 * len(Stage) * 0.25)

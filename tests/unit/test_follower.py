@@ -13,7 +13,7 @@ MAX_TILT_RAD = math.radians(15.0)
 STILL = Pose.identity()
 
 
-class Witness:
+class GroundTruthSource:
     def __init__(self, roll_deg, pitch_deg, height_m, heading_deg=0.0):
         deck = Pose.from_euler((0.0, 0.0, 0.0), math.radians(roll_deg), math.radians(pitch_deg), 0.0)
         body = Pose.from_euler((0.0, 0.0, -height_m), 0.0, 0.0, math.radians(heading_deg))
@@ -33,39 +33,39 @@ class Lands:
         return Decision(PilotCommand(telemetry.t_s, 0.0, 0.0, -50.0, 0.0, 0.0), self.mode, "")
 
 
-def sticks(witness, pilot=None):
-    follower = DeckFollower(pilot or Lands(), witness, MAX_TILT_RAD, FollowParameters(True, 0.5))
+def sticks(truth_source, pilot=None):
+    follower = DeckFollower(pilot or Lands(), truth_source, MAX_TILT_RAD, FollowParameters(True, 0.5))
     telemetry = Telemetry(0.0, 0.0, 0.0, None, None, None, None, None, True)
     command = follower.decide(Observation(0.0, GimbalAttitude(0.0, 0.0)), telemetry, None).command
     return command.pitch_percent, command.roll_percent
 
 
 def test_starboard_down_deck_asks_for_starboard_down():
-    pitch, roll = sticks(Witness(6.0, 0.0, 0.3))
+    pitch, roll = sticks(GroundTruthSource(6.0, 0.0, 0.3))
     assert roll == pytest.approx(100.0 * 6.0 / 15.0, abs=0.5)
     assert abs(pitch) < 1e-9
 
 
 def test_bow_up_deck_asks_for_nose_up():
-    pitch, roll = sticks(Witness(0.0, 3.0, 0.3))
+    pitch, roll = sticks(GroundTruthSource(0.0, 3.0, 0.3))
     assert pitch == pytest.approx(-100.0 * 3.0 / 15.0, abs=0.5)
     assert abs(roll) < 1e-9
 
 
 def test_turned_aircraft_takes_the_deck_in_its_own_axes():
-    pitch, roll = sticks(Witness(6.0, 0.0, 0.3, heading_deg=90.0))
+    pitch, roll = sticks(GroundTruthSource(6.0, 0.0, 0.3, heading_deg=90.0))
     assert pitch == pytest.approx(100.0 * 6.0 / 15.0, abs=0.5)  # the low side is ahead of it
     assert abs(roll) < 1e-9
 
 
 def test_not_from_high_up_and_not_in_another_mode():
-    assert sticks(Witness(6.0, 3.0, 0.9)) == (0.0, 0.0)
+    assert sticks(GroundTruthSource(6.0, 3.0, 0.9)) == (0.0, 0.0)
     approaching = Lands()
     approaching.mode = Mode.APPROACH
-    assert sticks(Witness(6.0, 3.0, 0.3), approaching) == (0.0, 0.0)
+    assert sticks(GroundTruthSource(6.0, 3.0, 0.3), approaching) == (0.0, 0.0)
 
 
 def test_no_truth_no_following():
-    witness = Witness(6.0, 3.0, 0.3)
-    witness.truth = None
-    assert sticks(witness) == (0.0, 0.0)
+    truth_source = GroundTruthSource(6.0, 3.0, 0.3)
+    truth_source.truth = None
+    assert sticks(truth_source) == (0.0, 0.0)

@@ -12,7 +12,7 @@ from made_up_flight import VERDICT, truth_at
 from shipland.camera import Camera
 from shipland.errors import ConfigError
 from shipland.missions.frame_server import FrameServer
-from shipland.missions.physics import HeldWorld
+from shipland.missions.physics import LaunchHold
 from shipland.missions.scenarios import load_scenario
 from shipland.vehicles.camera_stream import CameraStream, VideoSource
 from shipland.vehicles.frame_link import FrameSource, truth_of_table, truth_table, verdict_of_table, verdict_table
@@ -33,7 +33,7 @@ def test_truth_and_verdict_survive_the_socket() -> None:
 
 def test_a_served_world_is_seen_late_and_with_its_truth() -> None:
     scenario = load_scenario("rig-natops")
-    held = HeldWorld(scenario, 3, 0.9)
+    held = LaunchHold(scenario, 3, 0.9)
     with FrameServer(scenario, 3, "127.0.0.1", PORT, False) as server:
         stream = CameraStream(FrameSource.at(f"127.0.0.1:{PORT}", Camera.from_parameters(scenario.camera)))
         stream.start()

@@ -19,7 +19,7 @@ from shipland.learning.shot import target_box
 from shipland.learning.shots import draw_scene, draw_shot
 from shipland.learning.synth import synth, synth_parameters
 from shipland.messages import Box, GimbalAttitude, Observation, PilotCommand, Telemetry
-from shipland.missions.crew import build_world, drawn_ship, response_of
+from shipland.missions.autonomy import build_world, drawn_ship, response_of
 from shipland.missions.fly import fly_quietly
 from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.report.chase import look_at

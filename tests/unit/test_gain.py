@@ -8,11 +8,11 @@ import pytest
 
 from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.gain import GainBank, GainParameters
-from shipland.estimation.relative_state import PLACE, STATES, Disturbances, Model, Motion
-from shipland.estimation.swing import Swing
+from shipland.estimation.relative_state import POSITION, STATES, AxisModel, Disturbances, Model
+from shipland.estimation.wave_motion import WaveMotion
 
-MOTION, NOISE = Motion(0.1, 0.4), Disturbances(0.3, 1.5, 1.0, 300.0, 0.1, 300.0, 1e-3)
-MODELS = {gain: Model(2, replace(MOTION, gain=gain), NOISE, Swing(1e-3, 1.8, 0.1)) for gain in (0.8, 1.0, 1.25)}
+MOTION, NOISE = AxisModel(0.1, 0.4), Disturbances(0.3, 1.5, 1.0, 300.0, 0.1, 300.0, 1e-3)
+MODELS = {gain: Model(2, replace(MOTION, gain=gain), NOISE, WaveMotion(1e-3, 1.8, 0.1)) for gain in (0.8, 1.0, 1.25)}
 DELAYED = DelayedParameters(16.0, 40.0, 0.05, 0.5, 1.0, 0.0, 0.6)
 
 
@@ -31,20 +31,20 @@ def _flown(gain, parameters, seconds=15.0, blind_s=(0.0, 0.0), leap_m=0.0, seed=
     """
     rng, inputs, bank = np.random.default_rng(seed), Inputs(2), GainBank(parameters)
     follows = DelayedFilter(MODELS[1.0], DELAYED, 0.02)
-    transition, entry, _ = Model(2, MOTION, NOISE, Swing(1e-3, 1.8, 0.1)).step(50)
+    transition, entry, _ = Model(2, MOTION, NOISE, WaveMotion(1e-3, 1.8, 0.1)).step(50)
     state = np.zeros(2 * STATES)
-    follows.start(0.0, state[PLACE::STATES], 1e-4 * np.eye(2), 0.1)
+    follows.start(0.0, state[POSITION::STATES], 1e-4 * np.eye(2), 0.1)
     for k in range(1, round(seconds / 0.05)):
         inputs.add(0.05 * (k - 1), _push(0.05 * (k - 1)))
         state = transition @ state + gain * entry @ _push(0.05 * (k - 1))
         if blind_s[0] < 0.05 * k < blind_s[1]:
             continue
-        place_m = state[PLACE::STATES] + 0.005 * rng.standard_normal(2)
+        place_m = state[POSITION::STATES] + 0.005 * rng.standard_normal(2)
         place_m += leap_m if blind_s[1] <= 0.05 * k else 0.0
         news = (0.05 * k, place_m, 2.5e-5 * np.eye(2), inputs)
-        better = bank.picture(*news, 0.0, follows, [MODELS[gain] for gain in parameters.candidates])
+        better = bank.update_pose(*news, 0.0, follows, [MODELS[gain] for gain in parameters.candidates])
         follows = follows if better is None else better
-        follows.picture(*news)
+        follows.update_pose(*news)
         if follows.refused >= 10:
             follows.start(0.05 * k, place_m, 2.5e-5 * np.eye(2), 0.1)
             bank.forget_place()

@@ -11,13 +11,13 @@ from shipland.camera import Camera, camera_pose, level_from_camera
 from shipland.config import build
 from shipland.frames import CAMERA_FROM_MOUNT, Pose
 from shipland.messages import Frame, GimbalAttitude
-from shipland.missions.drawn_pose import Measured, inside, pose_from_truth, projected, relative_pose
+from shipland.missions.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
 from shipland.missions.geometric import GeometricParameters, GeometricVision, _down_in_camera
 from shipland.rig import default_rig, packaged_table
+from shipland.vision.near.candidate import bar_pose_of
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pose import Corners, LevelPrior, Solution, solve
 from shipland.vision.near.refusal import Refusal
-from shipland.vision.near.sighting import bar_pose_of
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 PLANE_M = np.ascontiguousarray(default_rig().target.points_in_bar_m[:, 1:])
@@ -165,7 +165,7 @@ def test_errors_and_covariance_are_the_solvers(range_m, bearing_deg, yaw_deg, le
         noise = rng.normal(size=PLANE_M.shape)
         corners_px = (projected(rotation, sight_m, PLANE_M, CAMERA.matrix) + sigma_px * noise).reshape(-1, 4, 2)
         down = _down_in_camera(GimbalAttitude(0.0, PITCH_RAD))
-        measured = Measured(PLANE_M, CAMERA.matrix, corners_px.reshape(-1, 2), sigma_px, down, level_rad)
+        measured = CornerMeasurement(PLANE_M, CAMERA.matrix, corners_px.reshape(-1, 2), sigma_px, down, level_rad)
         settled, turn, shift_m, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
         assert settled
         freedom = 16 - 6 + (2 if level_rad else 0)

@@ -8,7 +8,7 @@ import pytest
 from shipland.config import merge
 from shipland.learning.shot import target_box
 from shipland.messages import PilotCommand
-from shipland.missions.crew import build_vehicle
+from shipland.missions.autonomy import build_vehicle
 from shipland.missions.geometric_far import BoxErrors, GeometricFar
 from shipland.missions.scenarios import load_scenario, scenario_table
 

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 from shipland.missions.bench import BenchPlan, land_quietly, open_bench, processes, read_bench
-from shipland.missions.campaign import Flight
+from shipland.missions.campaign import FlightJob
 from shipland.missions.scenarios import load_scenario
-from shipland.missions.suite import Asked, SuiteEntry, bench_cells
+from shipland.missions.suite import Overrides, SuiteEntry, bench_cells
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 
@@ -43,14 +43,14 @@ def test_the_latest_climb_that_avoids_a_bad_contact_is_found():
     start = {"distance_m": 0.5, "distance_spread_m": 0.0, "height_m": 1.0, "height_spread_m": 0.0}
     every_landing_too_hard = {"max_descent_mps": 0.01}
     scenario = load_scenario("rig-natops", verdict=every_landing_too_hard, start=start, ship={"motion": "still"})
-    failed = Failed("", scenario, "horizon", "geometric", land_quietly(Flight(scenario, "horizon", "geometric", 1)))
+    failed = Failed("", scenario, "horizon", "geometric", land_quietly(FlightJob(scenario, "horizon", "geometric", 1)))
     assert outcome_of(failed.landing).kind == "beyond a limit"
     assert climbs_clear(failed) in (0.5, 1.0, 2.0)  # a climb from before the end of the descent
 
 
 def test_a_row_a_cell_counts_flights_and_gives_the_last_word_of_those_that_never_touched(tmp_path):
     entry = SuiteEntry(("rig-natops",), ("time_limit_s=2",))
-    plan = BenchPlan(bench_cells([entry], Asked(("horizon",))), range(1, 3), tmp_path, "made-up 1")
+    plan = BenchPlan(bench_cells([entry], Overrides(("horizon",))), range(1, 3), tmp_path, "made-up 1")
     with open_bench(plan) as bench:
         assert len(list(bench.fly(processes(1)))) == 2
     (row,) = table_of(read_bench([tmp_path]), None)[2:]

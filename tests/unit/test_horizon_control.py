@@ -11,45 +11,45 @@ from shipland.config import build
 from shipland.estimation.delayed import Inputs
 from shipland.estimation.relative_state import (
     GUST,
-    PLACE,
-    PUSH,
-    SPEED,
+    POSITION,
     STATES,
-    SWING,
+    VELOCITY,
+    WAVE,
+    WIND,
+    AxisModel,
     Model,
-    Motion,
     discretised,
     dynamics,
 )
-from shipland.estimation.swing import SWING_STATES, Swing
+from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.gains import INPUT, gains_of
 from shipland.guidance.horizon.parameters import HorizonParameters
-from shipland.guidance.horizon.reference import Pace, at_rest, led_anew, moved
+from shipland.guidance.horizon.reference import Pace, at_rest, moved, reference_reset
 from shipland.guidance.horizon.servo import ShapedSpeed
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.rig import packaged_table
 
 PARAMETERS = build(HorizonParameters, packaged_table("guidance")["horizon"])
 NOISE = PARAMETERS.horizontal
-TILT, SERVO = Motion(0.06, 0.4), Motion(0.15, 0.0, 2.0)
-STILL, SHIP = Swing(0.003, 1.8, 0.1), Swing(0.12, 1.8, 0.1)
+TILT, SERVO = AxisModel(0.06, 0.4), AxisModel(0.15, 0.0, 2.0)
+STILL, SHIP = WaveMotion(0.003, 1.8, 0.1), WaveMotion(0.12, 1.8, 0.1)
 
 
-def _closed(motion, swing, true_motion=None):
+def _closed(motion, wave, true_motion=None):
     """The loop's matrix when the gains of one motion fly another."""
-    a, b, q = dynamics(true_motion or motion, NOISE, swing)
+    a, b, q = dynamics(true_motion or motion, NOISE, wave)
     transition, push, _ = discretised(a, b, q, 0.033)
     push = push[:, 0]
     big = np.zeros((STATES + 1, STATES + 1))
     big[:STATES, :STATES], big[:STATES, INPUT], big[INPUT, INPUT] = transition, push, 1.0
-    return big - np.outer(np.append(push, 1.0), gains_of(motion, NOISE, swing, PARAMETERS.weights, 33).steady)
+    return big - np.outer(np.append(push, 1.0), gains_of(motion, NOISE, wave, PARAMETERS.weights, 33).steady)
 
 
 @pytest.mark.parametrize("motion", [TILT, SERVO])
 @pytest.mark.parametrize("lag", [0.7, 1.0, 1.4])
 def test_the_loop_is_stable_for_vehicles_that_answer_faster_and_slower(motion, lag):
-    true = Motion(motion.lag_s * lag, motion.drag_per_s, motion.servo_per_s)
+    true = AxisModel(motion.lag_s * lag, motion.drag_per_s, motion.servo_per_s)
     assert np.max(np.abs(np.linalg.eigvals(_closed(motion, STILL, true)))) < 1.0
 
 
@@ -57,8 +57,8 @@ def test_the_loop_is_stable_for_vehicles_that_answer_faster_and_slower(motion, l
 def test_a_swing_followed_by_half_is_half_of_the_swing_in_the_gains(motion):
     whole, half = (gains_of(motion, NOISE, replace(SHIP, followed=it), PARAMETERS.weights, 33) for it in (1.0, 0.5))
     halved = np.ones(STATES + 1)
-    halved[SWING : SWING + SWING_STATES] = 0.5
-    assert np.abs(whole.steady[SWING : SWING + SWING_STATES]).max() > 0.1
+    halved[WAVE : WAVE + WAVE_STATES] = 0.5
+    assert np.abs(whole.steady[WAVE : WAVE + WAVE_STATES]).max() > 0.1
     assert half.steady == pytest.approx(halved * whole.steady, rel=1e-5, abs=1e-6)
     assert half.offset_to_contact[-1] == pytest.approx(halved * whole.offset_to_contact[-1], rel=1e-5, abs=1e-6)
 
@@ -66,17 +66,17 @@ def test_a_swing_followed_by_half_is_half_of_the_swing_in_the_gains(motion):
 @pytest.mark.parametrize("motion", [TILT, SERVO])
 def test_a_steady_push_leaves_no_steady_offset(motion):
     closed = _closed(motion, STILL)
-    closed[PUSH, PUSH] = 1.0
+    closed[WIND, WIND] = 1.0
     state = np.zeros(STATES + 1)
-    state[PUSH] = 1.5
+    state[WIND] = 1.5
     for _ in range(600):
         state = closed @ state
-    assert abs(state[PLACE]) < 0.02
-    assert abs(state[SPEED]) < 1e-3
+    assert abs(state[POSITION]) < 0.02
+    assert abs(state[VELOCITY]) < 1e-3
 
 
 def test_the_model_of_a_servo_with_an_integral_is_that_of_its_loop_and_its_gains_hold_the_place():
-    motion = Motion(0.125, 0.0, 2.0, integral_per_s2=1.0, approach_per_s=2.0, smoothing_s=0.15)
+    motion = AxisModel(0.125, 0.0, 2.0, integral_per_s2=1.0, approach_per_s=2.0, smoothing_s=0.15)
     steady = gains_of(motion, NOISE, STILL, PARAMETERS.weights, 33).steady
 
     def servo(_, x, asked_mps, wind_mps2):
@@ -88,8 +88,8 @@ def test_the_model_of_a_servo_with_an_integral_is_that_of_its_loop_and_its_gains
         )
 
     inputs, state, x, asked_mps, wind_mps2 = Inputs(4), np.zeros(STATES), np.zeros(6), 0.0, 0.6
-    x[0] = state[PLACE] = 0.3
-    state[PUSH] = wind_mps2  # what the wind pushes and the integral does not yet hold
+    x[0] = state[POSITION] = 0.3
+    state[WIND] = wind_mps2  # what the wind pushes and the integral does not yet hold
     shaped, model = ShapedSpeed(motion), Model(2, motion, NOISE, STILL)
     mean = np.zeros(2 * STATES)
     for k in range(300):
@@ -103,8 +103,8 @@ def test_the_model_of_a_servo_with_an_integral_is_that_of_its_loop_and_its_gains
         state = (transition @ mean + push @ inputs.mean(t_s, t_s + 0.033))[:STATES]
         x = solve_ivp(servo, (0.0, 0.033), x, args=(asked_mps, wind_mps2), rtol=1e-8, atol=1e-10).y[:, -1]
         if k < 90:
-            assert state[PLACE] == pytest.approx(x[0], abs=0.02)  # the model has the integral act at once
-            assert state[SPEED] == pytest.approx(x[1], abs=0.03)
+            assert state[POSITION] == pytest.approx(x[0], abs=0.02)  # the model has the integral act at once
+            assert state[VELOCITY] == pytest.approx(x[1], abs=0.03)
     assert abs(x[0]) < 0.01
     assert abs(x[1]) < 0.01
 
@@ -119,18 +119,25 @@ def test_the_offset_at_contact_is_that_of_the_loop_flown_step_by_step():
         for remaining in range(left, 0, -1):
             given = state[INPUT] - gains.to_contact[remaining - 1] @ state
             state = np.append(transition @ state[:STATES] + push[:, 0] * given, given)
-        offset = state[PLACE] - SHIP.aimed * state[SWING]
+        offset = state[POSITION] - SHIP.tracked_share * state[WAVE]
         assert gains.offset_to_contact[left] @ start == pytest.approx(offset, abs=1e-9)
 
 
 def test_gains_to_contact_end_nearer_than_the_steady_ones():
     gains = gains_of(TILT, NOISE, STILL, PARAMETERS.weights, 33)
     start = np.zeros(STATES + 1)
-    start[PLACE], start[SPEED], start[GUST] = 0.08, 0.1, 0.3
+    start[POSITION], start[VELOCITY], start[GUST] = 0.08, 0.1, 0.3
     assert abs(gains.offset_to_contact[20] @ start) < abs(gains.offset[20] @ start)
 
 
-PACE = Pace(speed_mps=1.2, brake_mps2=0.4, acceleration_mps2=0.6, closing_per_s=0.7, leash_m=0.5, leash_mps=0.7)
+PACE = Pace(
+    speed_mps=1.2,
+    brake_mps2=0.4,
+    acceleration_mps2=0.6,
+    closing_per_s=0.7,
+    tracking_error_max_m=0.5,
+    tracking_error_max_mps=0.7,
+)
 
 
 def _led(start_m, goal_m, goal_mps=(0.0, 0.0), seconds=30.0, step_s=0.033):
@@ -161,11 +168,11 @@ def test_a_reference_keeps_up_with_a_moving_goal():
 
 def test_an_aircraft_far_from_its_reference_is_led_anew():
     reference = at_rest(np.array([5.0, 0.0]), np.zeros(2))
-    assert led_anew(reference, np.array([4.6, 0.0]), np.array([0.3, 0.0]), PACE) is reference
+    assert reference_reset(reference, np.array([4.6, 0.0]), np.array([0.3, 0.0]), PACE) is reference
     too_far, too_fast = np.array([4.4, 0.0]), np.array([0.0, 0.8])
-    np.testing.assert_allclose(led_anew(reference, too_far, np.zeros(2), PACE).place_m, too_far)
-    led = led_anew(reference, np.array([4.9, 0.0]), too_fast, PACE)
-    assert math.hypot(*(led.speed_mps - too_fast)) == pytest.approx(PACE.leash_mps)
+    np.testing.assert_allclose(reference_reset(reference, too_far, np.zeros(2), PACE).place_m, too_far)
+    led = reference_reset(reference, np.array([4.9, 0.0]), too_fast, PACE)
+    assert math.hypot(*(led.speed_mps - too_fast)) == pytest.approx(PACE.tracking_error_max_mps)
 
 
 def test_an_estimate_that_leaps_in_every_picture_does_not_take_the_speed_wanted_away():
@@ -173,8 +180,8 @@ def test_an_estimate_that_leaps_in_every_picture_does_not_take_the_speed_wanted_
     for leap in range(60):
         place_m = np.array([0.0, 2.0 * (leap % 2)])
         reference = moved(reference, 1.0 / 30.0, np.array([60.0, 1.0]), np.zeros(2), PACE)
-        reference = led_anew(reference, place_m, drift_mps, PACE)
-    assert reference.speed_mps[0] > 0.5 * PACE.leash_mps
+        reference = reference_reset(reference, place_m, drift_mps, PACE)
+    assert reference.speed_mps[0] > 0.5 * PACE.tracking_error_max_mps
     assert abs(reference.speed_mps[1]) < 0.2
 
 
@@ -188,11 +195,11 @@ def test_contact_is_foreseen_as_the_climb_rate_settles(height_m: float, sink_mps
     descent, lag_s, step_s = PARAMETERS.descent, 0.3, 1e-4
     low_m, fall_mps, fallen_s = height_m, sink_mps, 0.0
     while low_m > descent.contact_height_m or fall_mps < 0.0:
-        fall_mps += step_s / lag_s * (max(descent.drop_mps, sink_mps) - fall_mps)
+        fall_mps += step_s / lag_s * (max(descent.final_descent_mps, sink_mps) - fall_mps)
         low_m -= step_s * fall_mps
         fallen_s += step_s
     foreseen_s = contact_in_s(height_m, sink_mps, lag_s, descent)
-    assert foreseen_s == pytest.approx(fallen_s, abs=0.01 if sink_mps <= descent.drop_mps else 0.3)
+    assert foreseen_s == pytest.approx(fallen_s, abs=0.01 if sink_mps <= descent.final_descent_mps else 0.3)
 
 
 def _land(offset_at, contact_at, lull_at=lambda _: True, seconds=30.0):
@@ -209,7 +216,7 @@ def _land(offset_at, contact_at, lull_at=lambda _: True, seconds=30.0):
 
 def test_a_steady_hover_sinks_and_drops():
     descent, way = PARAMETERS.descent, _land(lambda _: 0.02, lambda _: 0.01)
-    dropped_s = next(t for t, it in way if it.phase is Phase.DROP)
+    dropped_s = next(t for t, it in way if it.phase is Phase.FINAL_DESCENT)
     fall_m = 1.2 - descent.wait_height_m
     assert dropped_s == pytest.approx(fall_m / descent.sink_mps, abs=1.0)
     heights_m = np.array([it.height_m for _, it in way if it.phase is Phase.SINK])
@@ -225,21 +232,25 @@ def test_far_off_it_does_not_sink():
 
 def test_a_wait_relaxes_and_ends():
     way = _land(lambda _: 0.1, lambda _: 0.08)
-    dropped_s = next(t for t, it in way if it.phase is Phase.DROP)
+    dropped_s = next(t for t, it in way if it.phase is Phase.FINAL_DESCENT)
     descent = PARAMETERS.descent
-    waited_s = descent.relax_after_s + math.log(0.08 / descent.drop_m) / math.log(1.0 + descent.relax_per_s)
+    waited_s = descent.relax_after_s + math.log(0.08 / descent.final_descent_offset_m) / math.log(
+        1.0 + descent.relax_per_s
+    )
     begun_s = next(t for t, it in way if it.phase is Phase.WAIT)
     assert dropped_s - begun_s == pytest.approx(max(waited_s, 0.0), abs=0.1)
 
 
 def test_a_lull_is_waited_for():
-    dropped_s = next(t for t, it in _land(lambda _: 0.0, lambda _: 0.0, lambda t: t > 9.0) if it.phase is Phase.DROP)
+    dropped_s = next(
+        t for t, it in _land(lambda _: 0.0, lambda _: 0.0, lambda t: t > 9.0) if it.phase is Phase.FINAL_DESCENT
+    )
     assert dropped_s == pytest.approx(9.0, abs=0.1)
 
 
 def test_a_drop_is_not_taken_back():
-    dropping = Descent(Phase.DROP, 0.0, 0.0)
-    assert next_descent(dropping, _over(1.0, 0.2, 2.0, 2.0, lull=False), PARAMETERS.descent) is dropping
+    in_final_descent = Descent(Phase.FINAL_DESCENT, 0.0, 0.0)
+    assert next_descent(in_final_descent, _over(1.0, 0.2, 2.0, 2.0, lull=False), PARAMETERS.descent) is in_final_descent
 
 
 def test_sticks_and_inputs_are_each_others_inverse():

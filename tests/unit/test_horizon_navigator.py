@@ -8,7 +8,7 @@ import pytest
 
 from shipland.camera import Camera
 from shipland.config import build
-from shipland.estimation.relative_state import GUST, PLACE, PUSH, STATES, SWING
+from shipland.estimation.relative_state import GUST, POSITION, STATES, WAVE, WIND
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.horizon.goals import Goals
 from shipland.guidance.horizon.navigator import Navigator
@@ -27,8 +27,8 @@ HOVER_IN_BAR_M = RIG.deck_in_bar_m - np.array([0.0, 0.0, 1.2])
 
 def _flown(bar_down_m=lambda _: 0.0, tilt_rad=0.0, seconds=3.0, within_m=math.inf):
     """A navigator after a hover with released sticks that the vehicle holds by a roll."""
-    swing = replace(PARAMETERS.horizon.swing, followed_within_m=within_m)
-    navigator = Navigator(replace(PARAMETERS.horizon, swing=swing), ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    wave = replace(PARAMETERS.horizon.wave, followed_within_m=within_m)
+    navigator = Navigator(replace(PARAMETERS.horizon, wave=wave), ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
     for index in range(round(30 * seconds)):
         t_s = index / 30.0
         place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M - np.array([0.0, 0.0, bar_down_m(t_s)])
@@ -41,15 +41,15 @@ def _flown(bar_down_m=lambda _: 0.0, tilt_rad=0.0, seconds=3.0, within_m=math.in
 
 def test_the_wind_that_a_vehicle_holds_against_by_itself_shows_in_its_tilt():
     across = _flown(tilt_rad=0.15).estimate(3.3).across
-    push_mps2 = across.of(PUSH) + across.of(GUST)
-    assert push_mps2[1] == pytest.approx(-GRAVITY_MPS2 * math.tan(0.15), abs=0.3)
-    assert push_mps2[0] == pytest.approx(0.0, abs=0.2)
+    wind_mps2 = across.of(WIND) + across.of(GUST)
+    assert wind_mps2[1] == pytest.approx(-GRAVITY_MPS2 * math.tan(0.15), abs=0.3)
+    assert wind_mps2[0] == pytest.approx(0.0, abs=0.2)
 
 
 def test_a_bar_swings_until_it_is_seen_to_stand_still():
-    assert _flown(seconds=0.2).swing.carries_bar
-    assert not _flown(seconds=5.0).swing.carries_bar
-    assert _flown(lambda t_s: 0.15 * math.sin(1.8 * t_s), seconds=5.0).swing.carries_bar
+    assert _flown(seconds=0.2).wave.bar_moves
+    assert not _flown(seconds=5.0).wave.bar_moves
+    assert _flown(lambda t_s: 0.15 * math.sin(1.8 * t_s), seconds=5.0).wave.bar_moves
 
 
 def test_a_bars_swing_is_followed_near_it_and_less_from_afar():
@@ -60,9 +60,9 @@ def test_a_bars_swing_is_followed_near_it_and_less_from_afar():
     for within_m, near in ((math.inf, 1.0), (away_m, 1.0), (away_m / 1.5, 0.5), (away_m / 2.0, 0.0)):
         estimate = _flown(heaving, seconds=5.0, within_m=within_m).estimate(5.3)
         assert estimate.near == pytest.approx(near, abs=0.01)
-        swing_m, share = estimate.across.of(SWING), estimate.swing.aimed * near
-        assert estimate.followed_m == pytest.approx(estimate.across.of(PLACE) - share * swing_m, abs=0.002)
-        assert estimate.followed_states(1)[SWING] == pytest.approx(near * swing_m[1], abs=0.002)
+        wave_m, share = estimate.across.of(WAVE), estimate.wave.tracked_share * near
+        assert estimate.followed_m == pytest.approx(estimate.across.of(POSITION) - share * wave_m, abs=0.002)
+        assert estimate.followed_states(1)[WAVE] == pytest.approx(near * wave_m[1], abs=0.002)
 
 
 def test_the_covariance_turns_with_the_bar_and_shrinks_with_what_is_seen():
@@ -110,7 +110,7 @@ def test_the_place_stays_known_by_the_vehicles_velocity_and_only_by_it():
             navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), reason="not found"), telemetry)
             navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
         spread_m[with_velocity] = navigator.estimate(9.3).spread_m
-    assert spread_m[True] < PARAMETERS.horizon.known_m < spread_m[False]
+    assert spread_m[True] < PARAMETERS.horizon.position_std_max_m < spread_m[False]
 
 
 def test_where_the_filter_for_turns_takes_over_the_axes_do_not_step():

@@ -24,7 +24,7 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
-from shipland.missions.crew import build_vehicle, response_of
+from shipland.missions.autonomy import build_vehicle, response_of
 from shipland.missions.identify import identify
 from shipland.missions.outside import identified, make_vehicle
 from shipland.missions.scenarios import load_scenario
@@ -91,7 +91,7 @@ def test_the_velocity_loop_is_found() -> None:
 def flown_by_speed(seconds: float = 40.0) -> Iterator[FlightRecord]:
     """Speeds tracked as PX4 does, 4 m/s at full stick, in a steady wind; 50 rows a second."""
     rng, step_s = np.random.default_rng(3), 0.005
-    sticks, asked, velocity, summed, lean = np.zeros(2), [np.zeros(2)] * 24, np.zeros(2), np.zeros(2), np.zeros(2)
+    sticks, asked, velocity, summed, tilt = np.zeros(2), [np.zeros(2)] * 24, np.zeros(2), np.zeros(2), np.zeros(2)
     wind_mps2 = np.array([0.6, -0.9])
     for index in range(int(seconds / step_s)):
         t_s = index * step_s
@@ -99,7 +99,7 @@ def flown_by_speed(seconds: float = 40.0) -> Iterator[FlightRecord]:
             sticks = rng.choice([-0.5, -0.2, 0.2, 0.5], 2)
         if index % 4 == 0:
             command = PilotCommand(t_s, *(100.0 * sticks).tolist(), 0.0, 0.0, 0.0)
-            roll, pitch = math.atan(lean[1] / 9.80665), -math.atan(lean[0] / 9.80665)
+            roll, pitch = math.atan(tilt[1] / 9.80665), -math.atan(tilt[0] / 9.80665)
             told = np.append(velocity, 0.0)
             telemetry = Telemetry(t_s, roll, pitch, 0.0, 1.0, told, None, None, True, t_s, t_s, t_s, t_s)
             gimbal = GimbalAttitude(0.0, 0.0)
@@ -108,8 +108,8 @@ def flown_by_speed(seconds: float = 40.0) -> Iterator[FlightRecord]:
         asked = [*asked[1:], 4.0 * sticks]  # 0.12 s
         error = asked[0] - velocity
         summed = summed + 0.4 * error * step_s
-        lean = lean + (1.8 * error + summed - lean) * step_s / 0.09
-        velocity = velocity + (lean + wind_mps2 - 0.3 * velocity) * step_s
+        tilt = tilt + (1.8 * error + summed - tilt) * step_s / 0.09
+        velocity = velocity + (tilt + wind_mps2 - 0.3 * velocity) * step_s
 
 
 def test_the_lean_of_a_vehicle_that_flies_speeds_is_found() -> None:
@@ -121,7 +121,7 @@ def test_the_lean_of_a_vehicle_that_flies_speeds_is_found() -> None:
     assert found.loop.lag_s == pytest.approx(0.09, abs=0.01)
     assert found.loop.delay_s == pytest.approx(0.12, abs=0.01)
     assert f"\nlag_s = {found.loop.lag_s:.4f}\n" in found.toml(0.02)
-    assert "lean" in found.table()
+    assert "tilt" in found.table()
 
 
 def test_what_is_found_goes_through_the_door(tmp_path: Path) -> None:
@@ -139,12 +139,12 @@ def test_what_is_found_goes_through_the_door(tmp_path: Path) -> None:
 
 
 def moving_sticks(setup: PilotSetup) -> Pilot:
-    """Other sticks each second, as a climb-out, which the safety lets through with nothing in view."""
+    """Other sticks each second, as a go-around, which the safety lets through with nothing in view."""
 
     class Moving:
         def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
             sticks = np.random.default_rng(int(telemetry.t_s)).choice([-60.0, -30.0, 30.0, 60.0], 4)
-            command = PilotCommand(telemetry.t_s, *sticks.tolist(), 0.0, Intent.CLIMB_OUT)
+            command = PilotCommand(telemetry.t_s, *sticks.tolist(), 0.0, Intent.GO_AROUND)
             return Decision(command, None, "moving")
 
     return Moving()

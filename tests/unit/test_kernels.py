@@ -6,28 +6,28 @@ import numpy as np
 import pytest
 
 from shipland.estimation.delayed import Inputs
-from shipland.estimation.kernels import bank_seen, corrected, mean_after, spread_after
+from shipland.estimation.kernels import bank_seen, corrected, mean_after, predicted_covariance
 from shipland.estimation.relative_state import (
-    PLACE,
-    REFERENCE,
-    SPEED,
+    POSITION,
     STATES,
-    SWING,
-    SWING_RATE,
+    VELOCITY,
+    VELOCITY_BIAS,
+    WAVE,
+    WAVE_RATE,
+    AxisModel,
     Disturbances,
     Model,
-    Motion,
     discretised,
     dynamics,
-    less_swing,
-    spread_of_place,
+    less_wave,
+    position_covariance,
 )
-from shipland.estimation.swing import Swing
+from shipland.estimation.wave_motion import WaveMotion
 
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
-MOTION, SWING_OF_SHIP = Motion(0.06, 0.4), Swing(0.12, 1.8, 0.1)
+MOTION, SWING_OF_SHIP = AxisModel(0.06, 0.4), WaveMotion(0.12, 1.8, 0.1)
 MODEL = Model(2, MOTION, NOISE, SWING_OF_SHIP)
-AXIS_KEPT = (SPEED, REFERENCE, STATES)
+AXIS_KEPT = (VELOCITY, VELOCITY_BIAS, STATES)
 
 
 def _spread(rng, size):
@@ -41,7 +41,7 @@ def test_a_covariance_through_a_step(size):
     transition = rng.standard_normal((size, size)) * (rng.random((size, size)) < 0.4)
     covariance, noise = _spread(rng, size), _spread(rng, size)
     expected = transition @ covariance @ transition.T + noise
-    np.testing.assert_allclose(spread_after(transition, covariance, noise), expected, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(predicted_covariance(transition, covariance, noise), expected, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("measured", [1, 2, 3])
@@ -74,10 +74,10 @@ def test_a_mean_through_inputs_that_change(turn_rad_s):
     (first, push, _), (last, last_push, _) = MODEL.step(80), MODEL.step(37)
     for transition, entry, step_s in ((first, push, 0.08), (first, push, 0.08), (last, last_push, 0.037)):
         expected = transition @ expected + entry @ inputs.mean(t_s, t_s + step_s)
-        ahead, aside = expected[REFERENCE], expected[STATES + REFERENCE]
+        ahead, aside = expected[VELOCITY_BIAS], expected[STATES + VELOCITY_BIAS]
         change = turn_rad_s * step_s * np.array([-aside, ahead])
-        expected[[REFERENCE, STATES + REFERENCE]] += change
-        expected[[SPEED, STATES + SPEED]] -= change
+        expected[[VELOCITY_BIAS, STATES + VELOCITY_BIAS]] += change
+        expected[[VELOCITY, STATES + VELOCITY]] -= change
         t_s += step_s
     found = mean_after(mean, 1.02, MODEL.way(197), 197, inputs.history, inputs.count, (turn_rad_s, *AXIS_KEPT))
     np.testing.assert_allclose(found, expected, atol=1e-12)
@@ -105,10 +105,13 @@ def test_a_place_less_a_share_of_the_swing():
     rows = np.zeros((4, 2 * STATES))  # places, then rates
     for axis in range(2):
         first = STATES * axis
-        rows[axis, [first + PLACE, first + SWING]] = rows[2 + axis, [first + SPEED, first + SWING_RATE]] = 1.0, -shown
-    np.testing.assert_allclose(np.concatenate(less_swing(mean, shown)), rows @ mean, atol=1e-12)
+        rows[axis, [first + POSITION, first + WAVE]] = rows[2 + axis, [first + VELOCITY, first + WAVE_RATE]] = (
+            1.0,
+            -shown,
+        )
+    np.testing.assert_allclose(np.concatenate(less_wave(mean, shown)), rows @ mean, atol=1e-12)
     expected = rows[:2] @ covariance @ rows[:2].T
-    np.testing.assert_allclose(spread_of_place(covariance, shown), expected, atol=1e-11)
+    np.testing.assert_allclose(position_covariance(covariance, shown), expected, atol=1e-11)
 
 
 @pytest.mark.parametrize("way_ms", [0, 33, 80, 160, 197])

@@ -8,8 +8,8 @@ import pytest
 
 from shipland.flight import FlightResult
 from shipland.messages import TouchdownVerdict
-from shipland.missions.campaign import Flight, land_once
-from shipland.missions.crew import drawn_ship
+from shipland.missions.autonomy import drawn_ship
+from shipland.missions.campaign import FlightJob, land_once
 from shipland.missions.fly import Flown
 from shipland.missions.landing import BOTH, DECK, EITHER, OWN, conditions_of, landing_of
 from shipland.missions.scenarios import load_scenario
@@ -59,14 +59,14 @@ def test_causes_are_by_counterfactual(sway, touchdown_m, cause):
     assert found.cause == cause
     assert found.deck_starboard_m == pytest.approx(sway, abs=2e-3)
     assert found.own_starboard_m == pytest.approx(sway + touchdown_m, abs=2e-3)
-    assert found.perfect_starboard_m == pytest.approx(-sway, abs=2e-3)
-    assert found.perfect_in_square == (abs(sway) < 0.175)
+    assert found.oracle_starboard_m == pytest.approx(-sway, abs=2e-3)
+    assert found.oracle_in_square == (abs(sway) < 0.175)
 
 
 def test_a_wider_square_forgives_more():
     wide = load_scenario("rig-natops", ship=SWAYED, rig={"landing_square_m": 0.8})
     found = landing(verdict(0.0, -0.25, instant(wide, 0.25)), wide)
-    assert found.perfect_in_square
+    assert found.oracle_in_square
 
 
 def test_a_broken_limit_is_the_cause():
@@ -88,7 +88,7 @@ def test_a_fall_into_the_sea_is_no_touchdown():
     assert found.cause == "fell into the sea"
     assert math.isnan(found.forward_m)
     assert math.isnan(found.error_m)
-    assert found.perfect_in_square is None
+    assert found.oracle_in_square is None
 
 
 def test_never_down_says_how_far_it_got():
@@ -112,7 +112,7 @@ def test_conditions_are_those_that_were_drawn():
 def test_a_flight_starts_where_its_row_says():
     """Flown for half a second: the start is taken from the truth at the first frame."""
     scenario = load_scenario("near", time_limit_s=0.5, start={"bearing_deg": 25.0, "bearing_spread_deg": 0.0})
-    found = land_once(Flight(scenario, "paper", "geometric", 3))
+    found = land_once(FlightJob(scenario, "paper", "geometric", 3))
     assert found.conditions.start_bearing_deg == pytest.approx(25.0, abs=0.2)
     assert 10.0 <= found.conditions.start_distance_m <= 14.0
     assert 1.0 <= found.conditions.start_height_m <= 2.0

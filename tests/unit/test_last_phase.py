@@ -8,7 +8,7 @@ import pytest
 
 from shipland.errors import ConfigError
 from shipland.estimation.delayed import DelayedFilter, Inputs
-from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, Model, Motion
+from shipland.estimation.relative_state import GUST, POSITION, VELOCITY, WIND, AxisModel, Model
 from shipland.guidance.horizon.learned import observation_of
 from shipland.guidance.horizon.steering import ENTRIES, Action, Steered
 from shipland.messages import Intent, PilotCommand
@@ -104,11 +104,11 @@ def test_turbulence_keeps_the_variance_it_begins_with(setup):
 def test_the_estimator_is_the_pilots(setup, rng):
     """The same pictures, readings and commands give both filters the same estimate, once gains have settled."""
     h, age_s, horizon = setup.cycle_s, setup.picture_age_s, setup.horizon
-    swing = horizon.swing.believed[0]
+    wave = horizon.wave.believed[0]
     level = level_of(setup, 1.5, carried=False)
     noise = horizon.horizontal_at(horizon.gust_levels_mps2[level])
-    motion = Motion(setup.response.lag_s, setup.response.drag_per_s)
-    theirs = DelayedFilter(Model(1, motion, noise, swing), horizon.delayed, horizon.measured.velocity_mps)
+    motion = AxisModel(setup.response.lag_s, setup.response.drag_per_s)
+    theirs = DelayedFilter(Model(1, motion, noise, wave), horizon.delayed, horizon.measured.velocity_mps)
     inputs = Inputs(1)
     drawn = phase.LastPhase(setup, EXACT, bank=draw_motions(setup, 1, rng, 2.0))
     ours = drawn.pilot
@@ -137,8 +137,8 @@ def test_the_estimator_is_the_pilots(setup, rng):
         if theirs.belief is None:
             theirs.start(picture_s, np.array([measured]), covariance, 1.5)
         else:
-            theirs.picture(picture_s, np.array([measured]), covariance, inputs)
-        expected = theirs.ahead(now_s + delay_s, inputs)
+            theirs.update_pose(picture_s, np.array([measured]), covariance, inputs)
+        expected = theirs.predict(now_s + delay_s, inputs)
 
         def axes(value):
             return torch.tensor([[value], [0.0], [0.0]], dtype=torch.float32)
@@ -151,9 +151,9 @@ def test_the_estimator_is_the_pilots(setup, rng):
         inputs.add(now_s + delay_s, np.array([command]))
         if cycle > 450:
             state = found.state[0, 0]
-            mine = [float(state[i]) for i in (PLACE, SPEED, GUST)] + [float(state[GUST] + state[PUSH])]
+            mine = [float(state[i]) for i in (POSITION, VELOCITY, GUST)] + [float(state[GUST] + state[WIND])]
             mean = expected.mean
-            off.append(np.subtract(mine, [mean[PLACE], mean[SPEED], mean[GUST], mean[GUST] + mean[PUSH]]))
+            off.append(np.subtract(mine, [mean[POSITION], mean[VELOCITY], mean[GUST], mean[GUST] + mean[WIND]]))
     assert whole == 9
     worst = np.abs(off).max(0)
     assert worst[0] < 0.01
@@ -165,10 +165,10 @@ def test_pilot_and_model_show_a_policy_the_same_numbers_in_the_same_order(exact)
     values = np.arange(1.0, 19.0).reshape(9, 2) / 50.0
     names = list(Steered.__dataclass_fields__)[:9]
     steered = Steered(**dict(zip(names, values, strict=True)), height_m=0.4, sink_mps=0.3, contact_s=0.9,
-                      landing=True, dropping=False)  # fmt: skip
+                      landing=True, in_final_descent=False)  # fmt: skip
     state = torch.zeros(3, 1, 10)
     by_name = dict(zip(names, torch.tensor(values, dtype=torch.float32)[:, :, None], strict=True))
-    for name, index in (("thrust_mps2", 2), ("gust_mps2", 3), ("push_mps2", 4), ("swing_m", 6), ("swing_mps", 7)):
+    for name, index in (("thrust_mps2", 2), ("gust_mps2", 3), ("wind_mps2", 4), ("wave_m", 6), ("wave_mps", 7)):
         state[:2, :, index] = by_name[name]
     inputs = torch.zeros(3, 1, exact.pilot.commands)
     inputs[:2, :, 0] = by_name["input_mps2"]
@@ -228,8 +228,8 @@ def test_without_velocity_readings_it_flies_too():
 
 
 def test_tables_are_of_the_scenarios_levels(setup):
-    tables = estimator_tables(setup, setup.horizon.swing.believed[0])
+    tables = estimator_tables(setup, setup.horizon.wave.believed[0])
     assert tables.picture_gain.shape == (5, 2, 6, 3, 10)
     assert np.isfinite(tables.ahead_gain).all()
-    with_gusts, without = tables.picture_gain[-1, 1, 1, 0, SPEED], tables.picture_gain[0, 1, 1, 0, SPEED]
+    with_gusts, without = tables.picture_gain[-1, 1, 1, 0, VELOCITY], tables.picture_gain[0, 1, 1, 0, VELOCITY]
     assert with_gusts > without  # stronger gusts: pictures count for more

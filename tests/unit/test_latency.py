@@ -7,10 +7,10 @@ import pytest
 
 from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.latency import LatencyBank, LatencyParameters
-from shipland.estimation.relative_state import PLACE, STATES, Disturbances, Model, Motion
-from shipland.estimation.swing import Swing
+from shipland.estimation.relative_state import POSITION, STATES, AxisModel, Disturbances, Model
+from shipland.estimation.wave_motion import WaveMotion
 
-MODEL = Model(2, Motion(0.1, 0.4), Disturbances(0.02, 1.5, 0.02, 20.0, 0.1, 300.0, 1e-4), Swing(1e-3, 1.8, 0.1))
+MODEL = Model(2, AxisModel(0.1, 0.4), Disturbances(0.02, 1.5, 0.02, 20.0, 0.1, 300.0, 1e-4), WaveMotion(1e-3, 1.8, 0.1))
 DELAYED = DelayedParameters(16.0, 40.0, 0.05, 0.5, 1.0, 0.0, 0.6)
 
 
@@ -29,7 +29,7 @@ def _bank(off_s, parameters, seconds=12.0):
     transition, entry, _ = MODEL.step(10)
     state, places = np.zeros(2 * STATES), []
     for k in range(round((seconds + 1.0) / 0.01)):
-        places.append(state[PLACE::STATES].copy())
+        places.append(state[POSITION::STATES].copy())
         state = transition @ state + entry @ _push(0.01 * k)
     follows.start(0.0, places[0], 1e-4 * np.eye(2), 0.1)
     for k in range(1, round(seconds / 0.05)):
@@ -37,8 +37,8 @@ def _bank(off_s, parameters, seconds=12.0):
         for past_s in (0.16, 0.17, 0.18, 0.19, 0.20):
             inputs.add(stamp_s + past_s, _push(stamp_s + past_s))
         place_m = places[round((stamp_s + off_s) / 0.01)] + 0.005 * rng.standard_normal(2)
-        bank.picture(stamp_s, place_m, 2.5e-5 * np.eye(2), inputs, 0.0, follows)
-        follows.picture(stamp_s + bank.correction_s, place_m, 2.5e-5 * np.eye(2), inputs)
+        bank.update_pose(stamp_s, place_m, 2.5e-5 * np.eye(2), inputs, 0.0, follows)
+        follows.update_pose(stamp_s + bank.correction_s, place_m, 2.5e-5 * np.eye(2), inputs)
     return bank
 
 

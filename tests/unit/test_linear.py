@@ -10,7 +10,7 @@ import pytest
 from responses import SPEED_LIKE
 from shipland.config import build
 from shipland.frames import GRAVITY_MPS2, rotation_from_euler
-from shipland.guidance.estimate import Measured
+from shipland.guidance.estimate import MeasuredError
 from shipland.guidance.laws import PidGains, PidMemory, pid_law
 from shipland.guidance.linear import LinearNear
 from shipland.guidance.near import HOLD
@@ -113,7 +113,7 @@ class ModelledVehicle:
         """The bar's yaw is turned by the heading error; the place is not."""
         yaw_rad = math.radians(-self.error[3])
         level = rotation_from_euler(0.0, 0.0, yaw_rad).T @ self.error[:3]
-        return Measured(t_s, AGE_S, level, yaw_rad, 0.0)
+        return MeasuredError(t_s, AGE_S, level, yaw_rad, 0.0)
 
 
 def flown(rule, response, time_s=40.0, **wind):
@@ -149,7 +149,7 @@ def near_at(error_m, cycles, yaw_rad=0.0, start=0, near=None):
     near = near or LinearNear(simc_pid, BASELINES, TILT)
     level = rotation_from_euler(0.0, 0.0, yaw_rad).T @ np.array([*error_m, 0.0])
     for index in range(start, start + cycles):
-        near.observe(Measured(index * STEP_S, AGE_S, level, yaw_rad, 0.0))
+        near.observe(MeasuredError(index * STEP_S, AGE_S, level, yaw_rad, 0.0))
         sticks = near.sticks(0.0)
     return near, sticks
 
@@ -181,7 +181,7 @@ def test_a_turning_nose_is_no_speed():
     for index in range(30):
         yaw_rad = 0.02 * index  # 38°/s
         level = rotation_from_euler(0.0, 0.0, yaw_rad).T @ np.array([10.0, 0.0, 0.0])
-        estimate = near.observe(Measured(index * STEP_S, AGE_S, level, yaw_rad, 0.0))
+        estimate = near.observe(MeasuredError(index * STEP_S, AGE_S, level, yaw_rad, 0.0))
     assert np.linalg.norm(estimate.rate_in_level_mps) < 1e-9
 
 

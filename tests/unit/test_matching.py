@@ -12,7 +12,7 @@ from shipland.vision.near.matching import match_by_geometry, match_by_prediction
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 ROLL = np.radians(40.0)
-TAPES = Target(  # two strips that lean, as the tape of a robotics field
+TAPES = Target(  # two strips that tilt, as the tape of a robotics field
     (
         Quad(((-0.151, -0.013), (-0.102, 0.0), (-0.137, 0.135), (-0.186, 0.123))),
         Quad(((0.102, 0.0), (0.151, -0.013), (0.186, 0.123), (0.137, 0.135))),

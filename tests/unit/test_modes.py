@@ -68,7 +68,7 @@ def test_loss_leads_to_mode_5_then_search_far_away():
 def test_loss_near_the_ship_leads_to_climb_out_and_back():
     memory, now_s = run(ModeMemory(), 0.0, 2.0, pose=True)
     memory, now_s = run(memory, now_s, PARAMETERS.memory_s + 2.5, near_ship=True)
-    assert memory.mode is Mode.CLIMB_OUT
+    assert memory.mode is Mode.GO_AROUND
     memory, now_s = run(memory, now_s, 2.0, near_ship=True, clear=True, pose=True)
     assert memory.mode is Mode.APPROACH
 
@@ -85,25 +85,25 @@ def test_landing_goes_on_blind_only_when_committed():
     landing = ModeMemory(mode=Mode.LAND, since_s=-10.0)
     landing, now_s = run(landing, 0.0, 0.5, pose=True)
     high, _ = run(landing, now_s, 1.0, committed=False)
-    assert high.mode is Mode.CLIMB_OUT
+    assert high.mode is Mode.GO_AROUND
     low, now_s = run(landing, now_s, 1.0, committed=True)
     assert low.mode is Mode.LAND
     low, _ = run(low, now_s, 1.0, committed=True)
-    assert low.mode is Mode.CLIMB_OUT
+    assert low.mode is Mode.GO_AROUND
 
 
 def test_astray_landing_is_waved_off_at_once_but_not_when_committed():
     landing = ModeMemory(mode=Mode.LAND, since_s=0.0)
-    off = next_mode(situation(0.1, pose=True, astray="0.5 m off"), landing, PARAMETERS)
-    assert (off.mode, off.reason, off.tries) == (Mode.CLIMB_OUT, "0.5 m off", 1)
-    kept = next_mode(situation(0.1, pose=True, astray="0.5 m off", committed=True), landing, PARAMETERS)
+    off = next_mode(situation(0.1, pose=True, abort_reason="0.5 m off"), landing, PARAMETERS)
+    assert (off.mode, off.reason, off.tries) == (Mode.GO_AROUND, "0.5 m off", 1)
+    kept = next_mode(situation(0.1, pose=True, abort_reason="0.5 m off", committed=True), landing, PARAMETERS)
     assert kept.mode is Mode.LAND
 
 
 def test_after_the_last_try_the_climb_out_stays():
-    tired = ModeMemory(mode=Mode.CLIMB_OUT, since_s=-10.0, tries=PARAMETERS.max_tries + 1)
+    tired = ModeMemory(mode=Mode.GO_AROUND, since_s=-10.0, tries=PARAMETERS.max_tries + 1)
     tired, _ = run(tired, 0.0, 3.0, pose=True, clear=True)
-    assert tired.mode is Mode.CLIMB_OUT
+    assert tired.mode is Mode.GO_AROUND
 
 
 news = st.tuples(*[st.booleans()] * 8)
@@ -112,7 +112,7 @@ news = st.tuples(*[st.booleans()] * 8)
 @given(st.lists(st.tuples(st.integers(1, 40), news), min_size=2, max_size=25))
 def test_no_two_modes_flicker_within_a_second(stretches):
     memory, now_s, changes = ModeMemory(), 0.0, []
-    for frames, (pose, bar, ship, condition, committed, astray, near_ship, clear) in stretches:
+    for frames, (pose, bar, ship, condition, committed, abort_reason, near_ship, clear) in stretches:
         for _ in range(frames):
             told = situation(
                 now_s,
@@ -121,7 +121,7 @@ def test_no_two_modes_flicker_within_a_second(stretches):
                 ship,
                 landing_condition="" if condition else "not yet",
                 committed=committed,
-                astray="off" if astray else "",
+                abort_reason="off" if abort_reason else "",
                 near_ship=near_ship,
                 clear=clear,
             )

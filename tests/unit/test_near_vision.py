@@ -28,10 +28,10 @@ from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Quad, Target, default_rig, packaged_table
+from shipland.vision.near.candidate import bar_pose_of
 from shipland.vision.near.pipeline import NearVision, VisionParameters
 from shipland.vision.near.pose import Corners, LevelPrior, solve
 from shipland.vision.near.refusal import Refusal
-from shipland.vision.near.sighting import bar_pose_of
 
 TABLE = packaged_table("vision")
 PARAMETERS = build(VisionParameters, TABLE)

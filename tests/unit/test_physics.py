@@ -13,7 +13,7 @@ import pytest
 from ports import free_port
 from shipland.errors import ConfigError
 from shipland.frames import euler_from_rotation, rotation_from_quaternion
-from shipland.missions.physics import STEP_S, FlightStep, HeldWorld, Tempo
+from shipland.missions.physics import STEP_S, FlightStep, LaunchHold, RealTimeFactor
 from shipland.missions.scenarios import load_scenario
 from shipland.missions.serving import PhysicsOptions, serve
 from shipland.missions.servo_link import ServoPacket, mount_pitch_rad, state_line
@@ -31,7 +31,7 @@ def parsed(count: int, motors_us: list[float], gimbal_us: int = 0) -> ServoPacke
     return found
 
 
-def stepped(held: HeldWorld, motors_us: list[float]) -> FlightStep:
+def stepped(held: LaunchHold, motors_us: list[float]) -> FlightStep:
     return held.step([round(pulse) for pulse in motors_us], None)
 
 
@@ -47,7 +47,7 @@ def test_packets() -> None:
 
 
 def test_it_is_held_until_its_rotors_carry_it() -> None:
-    held = HeldWorld(load_scenario("rig-natops", wind={"mean_mps": 0.0}), 3, 0.9)
+    held = LaunchHold(load_scenario("rig-natops", wind={"mean_mps": 0.0}), 3, 0.9)
     for _ in range(50):
         step = stepped(held, [1000.0] * 4)
         assert not step.over
@@ -75,7 +75,7 @@ def signals(thrusts: np.ndarray) -> list[float]:
 
 def test_an_autopilot_that_knows_only_the_interface_flies_it() -> None:
     """Rates and attitude held, and a turn of 30°, by a controller that numbers its motors as ArduPilot does."""
-    held = HeldWorld(load_scenario("rig-natops", wind={"mean_mps": 2.0}), 3, 0.0)
+    held = LaunchHold(load_scenario("rig-natops", wind={"mean_mps": 2.0}), 3, 0.0)
     table = np.array([thrust_share(pulse) for pulse in range(1000, 2001)])
     motors = np.array([1.0 / 2.3] * 4)
     before_rad: float | None = None
@@ -104,7 +104,7 @@ def test_an_autopilot_that_knows_only_the_interface_flies_it() -> None:
 
 
 def test_motors_stopped_by_the_flight_controller_end_in_a_verdict() -> None:
-    held = HeldWorld(load_scenario("rig-natops", start={"distance_m": 0.0, "distance_spread_m": 0.0}), 3, 0.0)
+    held = LaunchHold(load_scenario("rig-natops", start={"distance_m": 0.0, "distance_spread_m": 0.0}), 3, 0.0)
     stepped(held, [1950.0] * 4)
     assert any(stepped(held, [1000.0] * 4).over for _ in range(4000))
     verdict = held.world.verdict()
@@ -114,7 +114,7 @@ def test_motors_stopped_by_the_flight_controller_end_in_a_verdict() -> None:
 
 def test_there_must_be_room_to_climb() -> None:
     with pytest.raises(ConfigError, match="no room"):
-        HeldWorld(load_scenario("rig-natops"), 1, 3.0)
+        LaunchHold(load_scenario("rig-natops"), 1, 3.0)
 
 
 def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
@@ -150,7 +150,7 @@ def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
 
 
 def test_the_tempo_of_a_world_that_falls_behind() -> None:
-    tempo = Tempo()
+    tempo = RealTimeFactor()
     assert tempo.words() == ""
     for step in range(3001):
         tempo.note(1.0 + 0.001 * step, 50.0 + 0.001 * step + (0.5 if step > 1500 else 0.0))

@@ -107,7 +107,7 @@ def test_a_rolled_camera(rng):
 
 TARGETS = {
     "one": (rectangles((0.1, 0.0, 0.5, 0.7)), 3.5),
-    "leaning": (
+    "tilted": (
         Target(
             (
                 Quad(((-0.59, -0.05), (-0.40, 0.0), (-0.54, 0.53), (-0.73, 0.48))),

@@ -9,7 +9,7 @@ import pytest
 from test_campaign import GOOD, NOWHERE, seeded
 
 from shipland.missions.bench import CellResult
-from shipland.missions.suite import Asked, SuiteEntry, bench_cells
+from shipland.missions.suite import Overrides, SuiteEntry, bench_cells
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 
@@ -19,7 +19,7 @@ from policy_pairs import squares_m2, table_of
 def cells(changes, **landings):
     """A cell for each pilot, with the landings that it made."""
     entries = (SuiteEntry(("rig-natops",), ("wind.mean_mps=9", *changes)),)
-    for cell in bench_cells(entries, Asked(tuple(landings))):
+    for cell in bench_cells(entries, Overrides(tuple(landings))):
         flown = tuple(seeded(it, seed) for seed, it in enumerate(landings[cell.pilot], 1))
         yield CellResult(
             cell.name, cell.group, "", cell.pilot, cell.vision, cell.settings, "rig-natops", cell.scenario.rig,

@@ -10,9 +10,9 @@ from shipland.camera import Camera, level_from_camera
 from shipland.frames import CAMERA_FROM_MOUNT, Pose, rotation_from_euler
 from shipland.messages import GimbalAttitude
 from shipland.rig import default_rig
+from shipland.vision.near.candidate import bar_pose_of, ordered, spread_of
 from shipland.vision.near.matching import model_plane
 from shipland.vision.near.pose import Corners, LevelPrior, bound, covariance_in_bar, position_and_yaw, solve
-from shipland.vision.near.sighting import bar_pose_of, ordered, spread_of
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 BAR = default_rig().target
@@ -156,7 +156,7 @@ def test_a_covariance_never_loses_the_angle(monkeypatch):
     corners, prior = corners_at(camera_from_bar(np.array([-14.0, -0.5, 0.1]), 0.04), noise_px=0.12), prior_at(0.0)
     solution = solve(corners, CAMERA, prior)[0]
     assert spread_of(solution, corners, CAMERA, prior) is not None
-    monkeypatch.setattr("shipland.vision.near.sighting.turned", lambda *_: [])
+    monkeypatch.setattr("shipland.vision.near.candidate.turned", lambda *_: [])
     assert spread_of(solution, corners, CAMERA, prior) is None
 
 
@@ -223,10 +223,12 @@ def test_a_common_error_costs_only_where_it_cannot_be_seen():
 
     def forward_m(target, common):
         plain = corners_at(bar_pose, target, 0.02)
-        growth = 0.1 * np.tile(signs, (target.count, 1, 1)) if common else None
+        edge_bias = 0.1 * np.tile(signs, (target.count, 1, 1)) if common else None
         return np.sqrt(
             covariance_in_bar(
-                bound(pose, Corners(plain.undistorted_px, plain.whiten, plain.plane_m, growth), CAMERA, prior_at(0.0))
+                bound(
+                    pose, Corners(plain.undistorted_px, plain.whiten, plain.plane_m, edge_bias), CAMERA, prior_at(0.0)
+                )
             )[0, 0]
         )
 

@@ -16,10 +16,10 @@ from shipland.missions.px4_link import Px4Link
 from shipland.missions.scenarios import load_scenario
 from shipland.missions.serving import PhysicsOptions, serve
 from shipland.missions.simulated_sensors import SimulatedSensors, pressure_hpa
-from shipland.sim.aircraft.aircraft import Motion
+from shipland.sim.aircraft.aircraft import RigidBodyState
 from shipland.vehicles.mavlink.dialect import dialect
 
-LEVEL = Motion((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+LEVEL = RigidBodyState((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @dataclass

@@ -94,7 +94,7 @@ def test_a_row_holds_a_record_without_loss(t_s, witnessed):
 def test_any_decision_and_box_come_back(number, box, reason, mode):
     boxed = None if box is None else Box((box[0], box[1]), (box[2], box[3]), box[4])
     observation = Observation(number, GimbalAttitude(0.0, number, 0.0), ship_box=boxed, reason=reason)
-    decision = Decision(PilotCommand(number, 1.0, 2.0, 3.0, 4.0, 0.0, Intent.CLIMB_OUT), mode, reason)
+    decision = Decision(PilotCommand(number, 1.0, 2.0, 3.0, 4.0, 0.0, Intent.GO_AROUND), mode, reason)
     for value in (observation, decision):
         assert from_row(type(value), json.loads(json.dumps(to_row(value)))) == value
 
@@ -511,7 +511,7 @@ def test_a_flight_without_modes_is_logged_and_read_back(tmp_path):
 
 
 def test_an_own_cue_survives_the_header():
-    own = dataclasses.replace(RIG, quad=RIG.target.quad[:1], made_to=0.01)
+    own = dataclasses.replace(RIG, quad=RIG.target.quad[:1], manufacturing_tolerance=0.01)
     header = LogHeader(1, FlightInfo("sea trial", 3, "paper", "0.1.0", "ab", 0.24, command="x"), own, CAMERA)
     again = from_row(LogHeader, json.loads(json.dumps(to_row(header))))
     assert again.rig == own

@@ -7,27 +7,27 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from shipland.estimation.relative_state import (
-    PLACE,
-    PUSH,
-    REFERENCE,
-    SPEED,
+    ACTUATION,
+    POSITION,
     STATES,
-    SWING,
-    SWING_RATE,
-    THRUST,
+    VELOCITY,
+    VELOCITY_BIAS,
+    WAVE,
+    WAVE_RATE,
+    WIND,
+    AxisModel,
     Disturbances,
     Model,
-    Motion,
     discretised,
     dynamics,
     updated,
 )
-from shipland.estimation.swing import SWING_STATES, Swing
+from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
-TILT, SERVO = Motion(0.06, 0.4), Motion(0.15, 0.0, 2.0)
-SWING_OF_SHIP = Swing(0.12, 1.8, 0.1)
-KNOWN = [axis * STATES + state for axis in range(2) for state in (PLACE, SPEED, PUSH, SWING)]
+TILT, SERVO = AxisModel(0.06, 0.4), AxisModel(0.15, 0.0, 2.0)
+SWING_OF_SHIP = WaveMotion(0.12, 1.8, 0.1)
+KNOWN = [axis * STATES + state for axis in range(2) for state in (POSITION, VELOCITY, WIND, WAVE)]
 
 
 @pytest.mark.parametrize("motion", [TILT, SERVO])
@@ -49,7 +49,7 @@ def test_noise_of_two_steps_is_that_of_one():
 def test_the_swing_keeps_its_deviation():
     a, b, q = dynamics(TILT, NOISE, SWING_OF_SHIP)
     transition, _, noise = discretised(a, b, q, 0.05)
-    rows, spread = slice(SWING, SWING + SWING_STATES), SWING_OF_SHIP.spread
+    rows, spread = slice(WAVE, WAVE + WAVE_STATES), SWING_OF_SHIP.spread
     np.testing.assert_allclose(
         transition[rows, rows] @ spread @ transition[rows, rows].T + noise[rows, rows], spread, atol=1e-6
     )
@@ -59,10 +59,10 @@ def test_a_velocity_loop_settles_at_its_set_point_over_its_own_reference():
     model = Model(1, SERVO, NOISE, SWING_OF_SHIP)
     belief = model.start(0.0, np.zeros(1), np.eye(1), 1.0)
     mean = belief.mean.copy()
-    mean[REFERENCE] = 2.0  # the ship makes 2 m/s of way
+    mean[VELOCITY_BIAS] = 2.0  # the ship makes 2 m/s of way
     transition, push, _ = model.step(10_000)
     after = transition @ mean + push @ np.array([3.0])
-    assert after[SPEED] == pytest.approx(3.0 - after[REFERENCE], abs=0.01)
+    assert after[VELOCITY] == pytest.approx(3.0 - after[VELOCITY_BIAS], abs=0.01)
 
 
 def _flight(rng, model, velocity, steps=400):
@@ -77,7 +77,7 @@ def _flight(rng, model, velocity, steps=400):
         given = 0.5 * np.sin(0.1 * step) * np.ones(model.axes)
         truth = transition @ truth + inputs @ given + root @ rng.standard_normal(size)
         belief = model.predicted(belief, 33, given)
-        expected, jacobian = model.seen(belief)
+        expected, jacobian = model.pose(belief)
         measured = jacobian @ truth + 0.01 * rng.standard_normal(model.axes)
         taken = updated(belief, (expected, jacobian), measured, 1e-4 * np.eye(model.axes))
         belief = taken.belief
@@ -106,7 +106,7 @@ def test_seen_has_the_jacobian_of_its_value():
     rng = np.random.default_rng(2)
     belief = model.start(0.0, np.ones(2), np.eye(2), 1.0)
     mean = rng.standard_normal(len(belief.mean))
-    at = lambda m: model.seen(type(belief)(0.0, m, belief.covariance))  # noqa: E731
+    at = lambda m: model.pose(type(belief)(0.0, m, belief.covariance))  # noqa: E731
     value, jacobian = at(mean)
     for index in range(len(mean)):
         step = np.zeros(len(mean))
@@ -115,81 +115,81 @@ def test_seen_has_the_jacobian_of_its_value():
 
 
 def test_what_a_flow_over_a_ship_tells_follows_the_ship_late():
-    model, settle_s, w = Model(1, TILT, NOISE, Swing(0.12, 1.8, 0.1)), 0.3, 1.8
+    model, settle_s, w = Model(1, TILT, NOISE, WaveMotion(0.12, 1.8, 0.1)), 0.3, 1.8
     fused = solve_ivp(lambda t, x: (-0.1 * w * np.sin(w * t) - x) / settle_s, (0.0, 20.0), [0.0], rtol=1e-9).y[0, -1]
     belief = model.start(20.0, np.zeros(1), np.eye(1), 0.1)
-    belief.mean[[SPEED, SWING, SWING_RATE]] = 0.7, 0.1 * math.cos(w * 20.0), -0.1 * w * math.sin(w * 20.0)
+    belief.mean[[VELOCITY, WAVE, WAVE_RATE]] = 0.7, 0.1 * math.cos(w * 20.0), -0.1 * w * math.sin(w * 20.0)
     assert model.velocity(belief, 1.0, settle_s)[0] == pytest.approx(0.7 - fused, abs=1e-4)
 
 
 def test_a_flow_over_a_ship_sees_the_deck_which_swings_less_than_the_bar():
     told_mps = {}
     for followed in (1.0, 0.5):
-        model = Model(1, TILT, NOISE, Swing(0.12, 1.8, 0.1, followed=followed))
+        model = Model(1, TILT, NOISE, WaveMotion(0.12, 1.8, 0.1, followed=followed))
         belief = model.start(0.0, np.zeros(1), np.eye(1), 0.1)
-        belief.mean[[SPEED, SWING_RATE]] = 0.7, 0.2
+        belief.mean[[VELOCITY, WAVE_RATE]] = 0.7, 0.2
         told_mps[followed] = model.velocity(belief, 1.0)[0][0]
     assert told_mps == pytest.approx({1.0: 0.5, 0.5: 0.6})
 
 
 def test_an_autopilot_on_optical_flow_is_carried_along_by_the_ship():
-    servo, state = Motion(0.15, 0.0, 2.0, 1.0, 0.3), np.zeros(STATES)
-    state[SWING_RATE] = 0.2
+    servo, state = AxisModel(0.15, 0.0, 2.0, 1.0, 0.3), np.zeros(STATES)
+    state[WAVE_RATE] = 0.2
     a, _, _ = dynamics(servo, NOISE, SWING_OF_SHIP)
     own = Model(1, servo, NOISE, SWING_OF_SHIP).start(0.0, np.zeros(1), np.eye(1), 0.1)
     own.mean[:STATES] = state
     told = Model(1, servo, NOISE, SWING_OF_SHIP).velocity(own, 1.0, 0.3)[0][0]
     assert told < -0.1  # the ship below goes ahead, and the flow reads as flying back
-    assert (a @ state)[THRUST] == pytest.approx(-2.0 / 0.15 * told)
+    assert (a @ state)[ACTUATION] == pytest.approx(-2.0 / 0.15 * told)
 
 
 def test_what_is_not_finite_or_astray_is_refused():
     model = Model(2, TILT, NOISE, SWING_OF_SHIP)
     belief = model.start(0.0, np.zeros(2), 0.01 * np.eye(2), 0.1)
     for measured in (np.array([math.nan, 0.0]), np.array([math.inf, 0.0]), np.array([50.0, 0.0])):
-        taken = updated(belief, model.seen(belief), measured, 1e-4 * np.eye(2), gate=30.0)
+        taken = updated(belief, model.pose(belief), measured, 1e-4 * np.eye(2), gate=30.0)
         assert not taken.accepted
         assert taken.belief is belief
 
 
 def test_a_steady_push_is_learned():
-    model = Model(1, TILT, NOISE, Swing(1e-3, 1.8, 0.1))
+    model = Model(1, TILT, NOISE, WaveMotion(1e-3, 1.8, 0.1))
     truth, belief = np.zeros(STATES), model.start(0.0, np.zeros(1), 1e-4 * np.eye(1), 0.1)
-    truth[PUSH] = 1.2
+    truth[WIND] = 1.2
     matrix = model.step(33)[0].copy()
-    matrix[PUSH, PUSH] = 1.0
+    matrix[WIND, WIND] = 1.0
     for _ in range(200):
         truth = matrix @ truth
         belief = model.predicted(belief, 33, np.zeros(1))
-        belief = updated(belief, model.seen(belief), truth[:1], 1e-4 * np.eye(1)).belief
-    pushed = float(belief.of(PUSH)[0] + belief.mean[PUSH - 1])
+        belief = updated(belief, model.pose(belief), truth[:1], 1e-4 * np.eye(1)).belief
+    pushed = float(belief.of(WIND)[0] + belief.mean[WIND - 1])
     assert pushed == pytest.approx(1.2, abs=0.1)
 
 
 def test_a_model_of_another_swing_keeps_the_offset():
-    still = Model(1, TILT, NOISE, Swing(0.003, 1.8, 0.1, carries_bar=False))
+    still = Model(1, TILT, NOISE, WaveMotion(0.003, 1.8, 0.1, bar_moves=False))
     ship = Model(1, TILT, NOISE, SWING_OF_SHIP)
     belief = still.start(0.0, np.array([0.4]), 1e-4 * np.eye(1), 0.1)
-    adopted = ship.adopted(belief, still.swing)
-    assert still.seen(belief)[0] == pytest.approx(ship.seen(adopted)[0])
-    shown = ship.seen(adopted)[1]
+    adopted = ship.adopted(belief, still.wave)
+    assert still.pose(belief)[0] == pytest.approx(ship.pose(adopted)[0])
+    shown = ship.pose(adopted)[1]
     # What is seen is as certain as before, where the bar's mean is has become uncertain.
     assert (shown @ adopted.covariance @ shown.T)[0, 0] == pytest.approx(1e-4, rel=0.2)
-    assert adopted.covariance[PLACE, PLACE] > 0.1**2
+    assert adopted.covariance[POSITION, POSITION] > 0.1**2
 
 
 def test_a_deck_below_a_still_bar_takes_the_flow_that_pictures_deny():
     # Pictures hold the place against a bar that stands still; the flow over the deck says that the vehicle moves.
-    deck = Model(1, TILT, NOISE, Swing(0.1, 1.8, 0.2, carries_bar=False))
-    none = Model(1, TILT, NOISE, Swing(0.003, 1.8, 0.2, carries_bar=False))
+    deck = Model(1, TILT, NOISE, WaveMotion(0.1, 1.8, 0.2, bar_moves=False))
+    none = Model(1, TILT, NOISE, WaveMotion(0.003, 1.8, 0.2, bar_moves=False))
     speeds = []
     for model in (deck, none):
         belief = model.start(0.0, np.zeros(1), 1e-6 * np.eye(1), 0.1)
         for step in range(60):
             belief = model.predicted(belief, 33, np.zeros(1))
-            belief = updated(belief, model.seen(belief), np.zeros(1), 1e-5 * np.eye(1)).belief
+            belief = updated(belief, model.pose(belief), np.zeros(1), 1e-5 * np.eye(1)).belief
             if step % 6 == 0:
                 flow = model.velocity(belief, over_ship=1.0)
                 belief = updated(belief, flow, np.array([0.3]), 0.05**2 * np.eye(1)).belief
-        speeds.append(belief.of(SPEED)[0])
+        speeds.append(belief.of(VELOCITY)[0])
     assert abs(speeds[0]) < 0.5 * abs(speeds[1])

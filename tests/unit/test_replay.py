@@ -15,7 +15,7 @@ from shipland.missions.scenarios import load_scenario
 from shipland.record.writer import LogParameters, LogWriter
 from shipland.vehicles.address import Address
 from shipland.vehicles.replay import Recorded, ReplayVehicle
-from shipland.vehicles.vehicle import Witness
+from shipland.vehicles.vehicle import GroundTruthSource
 
 
 def test_an_address_is_taken_apart() -> None:
@@ -43,7 +43,7 @@ def test_a_log_is_seen_again(tmp_path: Path) -> None:
     assert len(seen) == pytest.approx(20, abs=1)
     assert seen[0][0].image is not None
     assert seen[0][0].image.shape == (vehicle.camera.height_px, vehicle.camera.width_px, 3) == (180, 320, 3)
-    assert isinstance(vehicle, Witness)
+    assert isinstance(vehicle, GroundTruthSource)
     truth = vehicle.truth_at(seen[-1][0].t_s)
     assert truth is not None
     assert truth.t_s == pytest.approx(seen[-1][0].t_s)

@@ -11,7 +11,7 @@ import pytest
 from made_up_flight import CAMERA, INFO, RIG, flight
 
 from shipland.errors import ConfigError, DataError
-from shipland.missions.campaign import Flight, land_once
+from shipland.missions.campaign import FlightJob, land_once
 from shipland.missions.replays import recorded_film, recorded_flight, replay
 from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.record.writer import LogWriter
@@ -24,7 +24,7 @@ CONFIGURATION = json.dumps(scenario_table("near"))
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     path = tmp_path_factory.mktemp("log") / "flight.mcap"
-    land_once(Flight(load_scenario("rig-natops", time_limit_s=6.0), "horizon", "geometric", 4, path))
+    land_once(FlightJob(load_scenario("rig-natops", time_limit_s=6.0), "horizon", "geometric", 4, path))
     return path
 
 

@@ -171,9 +171,9 @@ class TestTargets:
 def test_a_cue_of_a_file_is_taken_for_hand_cut_unless_it_says(tmp_path):
     quad = "[[quad]]\ncorners_m = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.0, 0.5]]\n"
     (tmp_path / "tape.toml").write_text(quad)
-    (tmp_path / "exact.toml").write_text("made_to = 0.001\n" + quad)
-    (tmp_path / "loose.toml").write_text("made_to = 0.5\n" + quad)
-    assert Target.from_file(tmp_path / "tape.toml").made_to == 0.005
-    assert Target.from_file(tmp_path / "exact.toml").made_to == 0.001
-    with pytest.raises(ConfigError, match="made_to"):
+    (tmp_path / "exact.toml").write_text("manufacturing_tolerance = 0.001\n" + quad)
+    (tmp_path / "loose.toml").write_text("manufacturing_tolerance = 0.5\n" + quad)
+    assert Target.from_file(tmp_path / "tape.toml").manufacturing_tolerance == 0.005
+    assert Target.from_file(tmp_path / "exact.toml").manufacturing_tolerance == 0.001
+    with pytest.raises(ConfigError, match="manufacturing_tolerance"):
         Target.from_file(tmp_path / "loose.toml")

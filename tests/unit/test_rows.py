@@ -60,10 +60,10 @@ def test_a_followed_cue_is_freed_of_what_its_own_motion_leans(place_m):
     told, not_told = NearVision(BAR, ROLLING, PARAMETERS), NearVision(BAR, GLOBAL, PARAMETERS)
     for t_s, picture in pictures:
         seen = told.see(Frame(1.0 + t_s, picture, LEVEL))
-        leaned = not_told.see(Frame(1.0 + t_s, picture, LEVEL))
+        tilted = not_told.see(Frame(1.0 + t_s, picture, LEVEL))
     error, squared = error_of(seen, place_m, yaw_rad)
     assert squared < 3.0  # 95 % of four degrees of freedom lie below 2.4
-    leaned_error, leaned_squared = error_of(leaned, place_m, yaw_rad)
+    leaned_error, leaned_squared = error_of(tilted, place_m, yaw_rad)
     assert leaned_squared > 4.0 * max(squared, 1.0)
     assert np.linalg.norm(error[:3]) < np.linalg.norm(leaned_error[:3])
 

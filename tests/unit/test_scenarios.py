@@ -7,7 +7,7 @@ import pytest
 
 from shipland.config import packaged_names
 from shipland.errors import ConfigError
-from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.autonomy import build_autonomy, build_vehicle
 from shipland.missions.scenarios import load_scenario, scenario_table
 
 THREE_QUADS = {
@@ -15,7 +15,7 @@ THREE_QUADS = {
         {"corners_m": [[x - 0.15, -0.12], [x + 0.15, -0.12], [x + 0.15, 0.12], [x - 0.15, 0.12]]}
         for x in (-0.7, -0.1, 0.65)
     ],
-    "rig.made_to": 0.001,
+    "rig.manufacturing_tolerance": 0.001,
 }
 
 
@@ -49,7 +49,7 @@ def test_a_wrong_scenario_is_named():
 def test_an_own_cue_is_what_the_rig_shows():
     rig = load_scenario("near", **THREE_QUADS).rig
     assert rig.target.count == 3
-    assert rig.target.made_to == 0.001
+    assert rig.target.manufacturing_tolerance == 0.001
     assert rig.board_size_m == pytest.approx((1.74, 0.30))  # the cue and 2 cm around it; as high as the board was
 
 
@@ -57,8 +57,8 @@ def test_own_factories_are_given_the_setup():
     scenario = load_scenario("near")
     vehicle = build_vehicle(scenario, 1, None)
     seen = []
-    crew = build_crew(scenario, vehicle, lambda setup: seen.append(setup), lambda setup: seen.append(setup), 1)
-    assert crew.pilot is None
+    autonomy = build_autonomy(scenario, vehicle, lambda setup: seen.append(setup), lambda setup: seen.append(setup), 1)
+    assert autonomy.pilot is None
     pilot, vision = seen
     assert pilot.rig is scenario.rig
     assert pilot.rng.random() != vision.near_rng.random()

@@ -8,7 +8,7 @@ import pytest
 from shipland.config import build, merge
 from shipland.messages import Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig, packaged_table
-from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, Touch, VerdictParameters
+from shipland.sim.contact.touchdown import NO_TOUCH, Contacts, Judge, OnDeck, VerdictParameters
 from shipland.sim.ship.ship import Ship, ShipParameters, StillCourse, StraightCourse, build_ship
 from shipland.sim.world import World
 from worlds import QUIET, CircleCourse, come_down, natops, six_sinusoids, world
@@ -55,7 +55,7 @@ def test_motors_stop_only_when_landing_is_meant() -> None:
     assert flown.motors_run
     assert not flown.over()
     assert -flown.truth().aircraft_in_deck_m[2] == pytest.approx(0.045, abs=0.01)
-    come_down(flown, intent=Intent.CLIMB_OUT, percent=60.0, most_s=7.0)  # a touch-and-go leaves no verdict
+    come_down(flown, intent=Intent.GO_AROUND, percent=60.0, most_s=7.0)  # a touch-and-go leaves no verdict
     assert -flown.truth().aircraft_in_deck_m[2] > 0.5
     assert not flown.over()
     come_down(flown)
@@ -185,7 +185,7 @@ def test_falling_on_the_deck_from_high_is_too_hard() -> None:
 # The judge alone, on made-up histories.
 
 STILL = OnDeck((0.05, -0.02, -0.045), (0.0, 0.0, 0.0), 0.0)
-FEET = Touch(4, 3.1, "")
+FEET = Contacts(4, 3.1, "")
 
 
 def judge_history(
@@ -194,7 +194,7 @@ def judge_history(
     """Airborne, one contact, motors off, rest."""
     judge = Judge(LIMITS, 0.35)
     judge.follow(0.0, OnDeck((0.05, -0.02, -0.046), velocity, 0.0), NO_TOUCH, True)
-    judge.follow(0.002, OnDeck((0.05, -0.02, -0.045), (0.0, 0.0, 0.1), tilt_rad), Touch(1, 20.0, ""), True)
+    judge.follow(0.002, OnDeck((0.05, -0.02, -0.045), (0.0, 0.0, 0.1), tilt_rad), Contacts(1, 20.0, ""), True)
     for index in range(900):
         rest = OnDeck((0.05 + slide_m, -0.02, -0.045), (0.0, 0.0, 0.0), 0.0)
         judge.follow(0.004 + 0.002 * index, rest, FEET, False)
@@ -254,6 +254,6 @@ def test_judge_loses_patience_with_what_never_rests() -> None:
 def test_judge_gives_one_verdict_only() -> None:
     judge = judge_history()
     first = judge.verdict
-    judge.follow(9.0, STILL, Touch(0, 0.0, "a rotor struck the deck"), False)
+    judge.follow(9.0, STILL, Contacts(0, 0.0, "a rotor struck the deck"), False)
     judge.crash(9.1, STILL, "fell into the sea")
     assert judge.verdict is first

@@ -9,8 +9,8 @@ from shipland.camera import Camera
 from shipland.config import build
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import default_rig, packaged_table
-from shipland.vision.eyes import Eyes, EyesParameters
 from shipland.vision.near.pipeline import NearVision, VisionParameters
+from shipland.vision.selector import VisionSelector, VisionSelectorParameters
 from shipland.vision.vision import see_or_degrade
 
 FRAME = Frame(1.5, None, GimbalAttitude(0.0, -0.2))
@@ -44,7 +44,7 @@ def test_in_flight_a_vision_that_raises_costs_its_frame_and_is_logged(caplog):
 @pytest.mark.parametrize(("near", "far"), [(Broken(), Sound()), (Sound(), Broken())])
 def test_eyes_hide_no_fault(near, far):
     with pytest.raises(IndexError):
-        Eyes(near, far, build(EyesParameters, packaged_table("eyes"))).see(FRAME)
+        VisionSelector(near, far, build(VisionSelectorParameters, packaged_table("selector"))).see(FRAME)
 
 
 def test_near_vision_hides_no_fault(monkeypatch):

@@ -10,10 +10,10 @@ from shipland.camera import Camera
 from shipland.config import build, merge
 from shipland.errors import ConfigError
 from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
-from shipland.estimation.relative_state import PLACE, SWING, Disturbances, Model, Motion
-from shipland.estimation.swing import Swing
+from shipland.estimation.relative_state import POSITION, WAVE, AxisModel, Disturbances, Model
+from shipland.estimation.wave_motion import WaveMotion
 from shipland.guidance.horizon.descent import DescentParameters, Over, Phase, next_descent
-from shipland.guidance.horizon.glance import Glance, next_glance
+from shipland.guidance.horizon.look_down import GimbalLookDown, next_look_down
 from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
 from shipland.messages import BarPose, DeckSight, Frame, GimbalAttitude, Mode, Observation, Telemetry
 from shipland.missions.scenarios import load_scenario, scenario_table
@@ -30,7 +30,7 @@ SIGHT = DeckSight(np.array([-0.1, 0.2, 0.7]), np.full(3, 0.004))
 def descended(from_deck_m, seconds=20.0):
     """Phases of a landing from 1.2 m that flies the height it is asked for; `from_deck_m` of the time."""
     phases, descent, t_s = [], None, 0.0
-    while t_s < seconds and (descent is None or descent.phase is not Phase.DROP):
+    while t_s < seconds and (descent is None or descent.phase is not Phase.FINAL_DESCENT):
         height_m = 1.2 if descent is None else descent.height_m
         descent = next_descent(descent, Over(t_s, STEP_S, height_m, 0.0, 0.1, True, False, from_deck_m(t_s)), DESCENT)
         if not phases or phases[-1][0] is not descent.phase:
@@ -41,33 +41,35 @@ def descended(from_deck_m, seconds=20.0):
 
 def test_a_watched_deck_that_will_be_there_is_dropped_onto_after_a_look_up():
     phases, _ = descended(lambda t_s: math.inf if t_s < 5.0 else 0.01)
-    assert [phase for phase, _ in phases] == [Phase.SINK, Phase.WATCH, Phase.POISE, Phase.DROP]
+    assert [phase for phase, _ in phases] == [Phase.SINK, Phase.DECK_WATCH, Phase.REACQUIRE, Phase.FINAL_DESCENT]
     assert phases[2][1] == pytest.approx(5.0, abs=0.1)
-    assert phases[3][1] - phases[2][1] == pytest.approx(DESCENT.poise_s, abs=0.1)
+    assert phases[3][1] - phases[2][1] == pytest.approx(DESCENT.reacquire_s, abs=0.1)
 
 
 def test_a_deck_that_will_not_be_there_after_all_is_watched_again():
     phases, descent = descended(lambda t_s: 0.01 if t_s < 5.0 else 0.3, 10.0)
-    assert [phase for phase, _ in phases][1:] == [Phase.WATCH, Phase.POISE, Phase.WATCH] or phases[-1][0] is Phase.DROP
+    assert [phase for phase, _ in phases][1:] == [Phase.DECK_WATCH, Phase.REACQUIRE, Phase.DECK_WATCH] or phases[-1][
+        0
+    ] is Phase.FINAL_DESCENT
     phases, descent = descended(lambda t_s: 0.01 if 4.9 < t_s < 5.0 else 0.3, 10.0)
-    assert [phase for phase, _ in phases] == [Phase.SINK, Phase.WATCH, Phase.POISE, Phase.WATCH]
-    assert descent.height_m == DESCENT.watch_height_m
+    assert [phase for phase, _ in phases] == [Phase.SINK, Phase.DECK_WATCH, Phase.REACQUIRE, Phase.DECK_WATCH]
+    assert descent.height_m == DESCENT.deck_watch_height_m
 
 
 def test_a_deck_that_is_never_known_is_landed_on_in_the_end():
     phases, _ = descended(lambda _: math.inf, 120.0)
-    assert [phase for phase, _ in phases] == [Phase.SINK, Phase.WATCH, Phase.DROP]
-    assert phases[-1][1] - phases[1][1] > DESCENT.watch_most_s
+    assert [phase for phase, _ in phases] == [Phase.SINK, Phase.DECK_WATCH, Phase.FINAL_DESCENT]
+    assert phases[-1][1] - phases[1][1] > DESCENT.deck_watch_max_s
 
 
 def test_glances_go_down_for_so_long_and_up_until_the_bar_was_seen():
-    glance = next_glance(None, 0.0, -math.inf, 2.5, 0.3)
-    assert glance == Glance(True, 0.0)
-    assert next_glance(glance, 2.4, -math.inf, 2.5, 0.3) is glance
-    glance = next_glance(glance, 2.6, -math.inf, 2.5, 0.3)
-    assert glance == Glance(False, 2.6)
-    assert next_glance(glance, 9.0, 2.7, 2.5, 0.3) is glance
-    assert next_glance(glance, 3.3, 3.0, 2.5, 0.3) == Glance(True, 3.3)
+    look_down = next_look_down(None, 0.0, -math.inf, 2.5, 0.3)
+    assert look_down == GimbalLookDown(True, 0.0)
+    assert next_look_down(look_down, 2.4, -math.inf, 2.5, 0.3) is look_down
+    look_down = next_look_down(look_down, 2.6, -math.inf, 2.5, 0.3)
+    assert look_down == GimbalLookDown(False, 2.6)
+    assert next_look_down(look_down, 9.0, 2.7, 2.5, 0.3) is look_down
+    assert next_look_down(look_down, 3.3, 3.0, 2.5, 0.3) == GimbalLookDown(True, 3.3)
 
 
 def landing(watching, blind_s, deck=None):
@@ -83,25 +85,25 @@ def landing(watching, blind_s, deck=None):
 
 
 def test_a_landing_that_looks_down_is_not_blind():
-    assert landing(watching=False, blind_s=1.0) is Mode.CLIMB_OUT
+    assert landing(watching=False, blind_s=1.0) is Mode.GO_AROUND
     assert landing(watching=True, blind_s=1.0) is Mode.LAND
-    assert landing(watching=True, blind_s=2.0) is Mode.CLIMB_OUT
+    assert landing(watching=True, blind_s=2.0) is Mode.GO_AROUND
     assert landing(watching=True, blind_s=5.0, deck=SIGHT) is Mode.LAND
 
 
 def test_the_filter_tells_the_decks_swing_from_its_own_way():
     noise = Disturbances(0.1, 1.5, 0.5, 20.0, 0.5, 300.0, 0.001)
-    model = Model(2, Motion(0.06, 0.4), noise, Swing(0.1, 1.8, 0.2, carries_bar=False))
+    model = Model(2, AxisModel(0.06, 0.4), noise, WaveMotion(0.1, 1.8, 0.2, bar_moves=False))
     late = DelayedFilter(model, DelayedParameters(16.0, 40.0, 0.05, 0.5, 1.0, 0.0, 0.6), 0.02)
     inputs, sure = Inputs(2), 1e-6 * np.eye(2)
     late.start(0.0, np.zeros(2), sure, 0.01)
     for k in range(1, 30):
-        assert late.picture(STEP_S * k, np.zeros(2), sure, inputs)
+        assert late.update_pose(STEP_S * k, np.zeros(2), sure, inputs)
     for k in range(30, 45):
         swung_m = np.array([0.0, 0.08])
-        assert late.deck(STEP_S * k, -swung_m, sure, inputs)  # as if the aircraft were 8 cm to port
-    assert late.belief.of(PLACE) == pytest.approx([0.0, 0.0], abs=0.015)
-    assert late.belief.of(SWING) == pytest.approx([0.0, 0.08], abs=0.015)
+        assert late.update_deck(STEP_S * k, -swung_m, sure, inputs)  # as if the aircraft were 8 cm to port
+    assert late.belief.of(POSITION) == pytest.approx([0.0, 0.0], abs=0.015)
+    assert late.belief.of(WAVE) == pytest.approx([0.0, 0.08], abs=0.015)
 
 
 def test_the_safety_takes_a_sight_of_the_deck_for_a_place():

@@ -107,7 +107,7 @@ class BenchRun:
 
     def _plan(self) -> BenchPlan:
         from shipland.missions.bench import BenchPlan
-        from shipland.missions.suite import Asked, bench_cells, load_suite
+        from shipland.missions.suite import Overrides, bench_cells, load_suite
 
         for name, value in (("runs", self.runs), ("workers", self.workers)):
             if value < 1:
@@ -122,7 +122,7 @@ class BenchRun:
         if self.suite:
             suite = load_suite(self.suite)
             words, entries = f"{suite.name} {suite.version}", suite.cells
-        cells = bench_cells(entries, Asked(self.pilot, changes, self.config, self.only))
+        cells = bench_cells(entries, Overrides(self.pilot, changes, self.config, self.only))
         seeds = range(checked_seed(self.first_seed), self.first_seed + self.runs)
         return BenchPlan(cells, seeds, self.out, words, command_line())
 
@@ -143,9 +143,9 @@ class BenchRun:
         if self.cluster:
             from shipland.missions.cluster import cluster
 
-            crew = cluster(self.cluster)
+            executor = cluster(self.cluster)
         else:
-            crew = processes(min(self.workers, left))
+            executor = processes(min(self.workers, left))
         flown = good = 0
         begun_s = said_s = time.monotonic()
         console = Console(stderr=True, highlight=False)
@@ -155,7 +155,7 @@ class BenchRun:
         try:
             with (
                 Progress(*columns, console=console, disable=not console.is_terminal) as progress,
-                closing(bench.fly(crew)) as flights,
+                closing(bench.fly(executor)) as flights,
             ):
                 task = progress.add_task("flights", total=left)
                 for _, landing in flights:

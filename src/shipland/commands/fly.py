@@ -28,7 +28,7 @@ class Fly(ScenarioOptions):
     Exit code: 0 landed in the square, 1 not, 2 bad input or an output that could not be written.
 
     A vehicle outside is checked first: every line of the checklist is printed, and one that is not in order ends the
-    command. In flight, in a terminal: h holds, c climbs out, r gives the vehicle back to the pilot.
+    command. In flight, in a terminal: h holds, c climbs, r gives the vehicle back to the pilot.
 
     Example: shipland fly --scenario near --seed 7 --out out/seven
 
@@ -68,7 +68,7 @@ class Fly(ScenarioOptions):
 
     def _fly(self, terminal: Terminal) -> int:
         from shipland.api import fly
-        from shipland.missions.crew import response_of
+        from shipland.missions.autonomy import response_of
         from shipland.missions.outside import Keys, identified
 
         scenario, vehicle = self.load(), None

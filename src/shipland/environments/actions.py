@@ -80,7 +80,7 @@ class StickPilot:
 class ResidualPilot:
     """Another pilot's sticks plus the action times a bound; camera, mode and intent are the other's.
 
-    Added while the other flies or lands; while it searches, holds or climbs out it flies alone.
+    Added while the other flies or lands; while it searches, holds or goes around it flies alone.
 
     Args:
         inner: the other pilot.

@@ -19,7 +19,7 @@ from shipland.messages import (
     Telemetry,
     TouchdownVerdict,
 )
-from shipland.missions.crew import build_crew, build_scene, build_vehicle
+from shipland.missions.autonomy import build_autonomy, build_scene, build_vehicle
 from shipland.missions.faults import with_faults
 from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import needs_pictures
@@ -51,8 +51,8 @@ class SteppedFlight:
                 scene = build_scene(scenario, seed)
                 stack.callback(scene.close)
             self._simulated = build_vehicle(scenario, seed, scene)
-            crew = build_crew(scenario, self._simulated, pilot, vision, seed)
-            self._vehicle, self._crew = with_faults(scenario, self._simulated, crew, seed)
+            autonomy = build_autonomy(scenario, self._simulated, pilot, vision, seed)
+            self._vehicle, self._crew = with_faults(scenario, self._simulated, autonomy, seed)
             undecided = replace(self._crew, pilot=_Undecided(), safety=_Unchecked(self._crew.safety))
             self._unsent = _Unsent(self._vehicle)
             flight = cycles(self._unsent, undecided, time.perf_counter)

@@ -13,8 +13,16 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.config import require_within
-from shipland.estimation.kernels import add_input, corrected, mean_after, mean_input, spread_after
-from shipland.estimation.relative_state import REFERENCE, SPEED, STATES, Belief, Model, seen_of, velocity_of
+from shipland.estimation.kernels import add_input, corrected, mean_after, mean_input, predicted_covariance
+from shipland.estimation.relative_state import (
+    STATES,
+    VELOCITY,
+    VELOCITY_BIAS,
+    GaussianState,
+    Model,
+    pose_measurement,
+    velocity_of,
+)
 from shipland.frames import Array
 
 _KEPT_S = 4.0
@@ -95,7 +103,7 @@ class _Velocity:
 
 
 class DelayedFilter:
-    """Belief at the newest picture, and a look ahead from it.
+    """The state at the newest picture, and a look ahead from it.
 
     Args:
         model: of the motion.
@@ -105,7 +113,7 @@ class DelayedFilter:
 
     def __init__(self, model: Model, parameters: DelayedParameters, velocity_least_mps: float) -> None:
         self.model, self._parameters, self._velocity_least_mps = model, parameters, velocity_least_mps
-        self.belief: Belief | None = None
+        self.belief: GaussianState | None = None
         self.normalised = 1.0
         """Of the newest picture."""
         self._velocities: list[_Velocity] = []
@@ -128,42 +136,46 @@ class DelayedFilter:
 
     def adopt(self, model: Model) -> None:
         """Go on with a model of another swing."""
-        before, self.model = self.model.swing, model
+        before, self.model = self.model.wave, model
         if self.belief is not None:
             self.belief = model.adopted(self.belief, before)
 
-    def velocity(self, t_s: float, measured_mps: Array, over_ship: float = 0.0) -> None:
+    def update_velocity(self, t_s: float, measured_mps: Array, over_ship: float = 0.0) -> None:
         """The vehicle's own velocity (axes,), true at `t_s`; `over_ship` as in `Model.velocity`."""
         if not self._velocities or t_s > self._velocities[-1].t_s + 1e-6:
             self._velocities.append(_Velocity(t_s, measured_mps, over_ship))
 
-    def picture(
+    def update_pose(
         self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0
     ) -> bool:
         """A picture's place (axes,) of its exposure; False where it was refused as astray, or is too old."""
         if self.belief is None or t_s < self.belief.t_s - 1e-3:
             return False
-        self.normalised = self._pictured(t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.swing.shown)
+        self.normalised = self._pictured(
+            t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.wave.observed_share
+        )
         accepted = self.normalised <= self._parameters.picture_gate
         self._refused = 0 if accepted else self._refused + 1
         return accepted
 
-    def deck(self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0) -> bool:
+    def update_deck(
+        self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0
+    ) -> bool:
         """The place (axes,) by a picture of the deck, as if the deck lay at its mean place; False as for a picture."""
         if self.belief is None or t_s < self.belief.t_s - 1e-3:
             return False
-        normalised = self._pictured(t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.swing.below)
+        normalised = self._pictured(t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.wave.deck_share)
         return normalised <= self._parameters.picture_gate
 
     def _pictured(
-        self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float, shown: float
+        self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float, observed_share: float
     ) -> float:
         """Take a place less this share of the swing, unless it is astray; its normalised innovation squared."""
         belief = self._with_velocities(t_s, inputs, turn_rad_s)
         travelled = self._travelled(belief, t_s, inputs, turn_rad_s)
         gate = self._parameters.picture_gate
-        mean, covariance, normalised = _with_picture(travelled, shown, place_m, covariance_m2, gate)
-        self.belief = Belief(_after_s(travelled), mean, covariance)
+        mean, covariance, normalised = _with_picture(travelled, observed_share, place_m, covariance_m2, gate)
+        self.belief = GaussianState(_after_s(travelled), mean, covariance)
         return normalised
 
     @property
@@ -178,7 +190,7 @@ class DelayedFilter:
             belief = self._with_velocities(to_s, inputs, turn_rad_s)
             self.belief = self._moved(belief, to_s, inputs, turn_rad_s)
 
-    def ahead(self, t_s: float, inputs: Inputs, turn_rad_s: float = 0.0) -> Belief | None:
+    def predict(self, t_s: float, inputs: Inputs, turn_rad_s: float = 0.0) -> GaussianState | None:
         """The belief at a later time, through what is known to be commanded until then."""
         belief = self.belief
         if belief is None:
@@ -188,7 +200,7 @@ class DelayedFilter:
                 belief, _ = self._with(belief, reading, inputs, turn_rad_s, learns=False)
         return self._moved(belief, t_s, inputs, turn_rad_s)
 
-    def _with_velocities(self, to_s: float, inputs: Inputs, turn_rad_s: float) -> Belief:
+    def _with_velocities(self, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
         """The belief with the velocities until a time, for good; it learns from them how large their errors are."""
         belief, waiting = self.belief, []
         assert belief is not None
@@ -201,26 +213,26 @@ class DelayedFilter:
         return belief
 
     def _with(
-        self, belief: Belief, reading: _Velocity, inputs: Inputs, turn_rad_s: float, learns: bool
-    ) -> tuple[Belief, float]:
+        self, belief: GaussianState, reading: _Velocity, inputs: Inputs, turn_rad_s: float, learns: bool
+    ) -> tuple[GaussianState, float]:
         """The belief at a velocity and with it, and the variance of one reading; `learns` from this one."""
-        limits, swing = self._parameters, self.model.swing
+        limits, wave = self._parameters, self.model.wave
         travelled = self._travelled(belief, reading.t_s, inputs, turn_rad_s)
         mean, covariance, variance = _with_velocity(
             travelled,
             reading.measured_mps,
-            (reading.over_ship, limits.flow_settle_s, swing.frequency_rad_s, swing.below),
+            (reading.over_ship, limits.flow_settle_s, wave.frequency_rad_s, wave.deck_share),
             self._velocity_variance,
             self._velocity_limits,
             learns,
         )
-        return Belief(_after_s(travelled), mean, covariance), variance
+        return GaussianState(_after_s(travelled), mean, covariance), variance
 
-    def _moved(self, belief: Belief, to_s: float, inputs: Inputs, turn_rad_s: float) -> Belief:
+    def _moved(self, belief: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
         travelled = self._travelled(belief, to_s, inputs, turn_rad_s)
-        return Belief(_after_s(travelled), *_carried(travelled))
+        return GaussianState(_after_s(travelled), *_carried(travelled))
 
-    def _travelled(self, belief: Belief, to_s: float, inputs: Inputs, turn_rad_s: float) -> _Travel:
+    def _travelled(self, belief: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> _Travel:
         """The way from a belief to a time, in whole milliseconds, none backwards, as the kernels take it."""
         way_ms = max(round(1e3 * (to_s - belief.t_s)), 0)
         turn_rad_s = turn_rad_s if self.model.axes == 2 else 0.0
@@ -249,17 +261,17 @@ def _carried(travelled: _Travel) -> tuple[Array, Array]:
     mean, covariance, t_s, way, way_ms, history, count, turn_rad_s = travelled
     if way_ms == 0:
         return mean, covariance
-    after = mean_after(mean, t_s, way, way_ms, history, count, (turn_rad_s, SPEED, REFERENCE, STATES))
-    return after, spread_after(way[0], covariance, way[1])
+    after = mean_after(mean, t_s, way, way_ms, history, count, (turn_rad_s, VELOCITY, VELOCITY_BIAS, STATES))
+    return after, predicted_covariance(way[0], covariance, way[1])
 
 
 @compiled
 def _with_picture(
-    travelled: _Travel, shown: float, place_m: Array, noise: Array, gate: float
+    travelled: _Travel, observed_share: float, place_m: Array, noise: Array, gate: float
 ) -> tuple[Array, Array, float]:
     """`_carried`, then with a picture's place (axes,) unless it is astray; and its normalised innovation squared."""
     mean, covariance = _carried(travelled)
-    expected, jacobian = seen_of(mean, len(place_m), shown)
+    expected, jacobian = pose_measurement(mean, len(place_m), observed_share)
     after, spread, normalised = corrected(mean, covariance, jacobian, place_m - expected, noise)
     if not normalised <= gate:  # NaN too
         return mean, covariance, normalised

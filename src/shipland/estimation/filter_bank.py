@@ -37,10 +37,10 @@ class FilterBank:
         """The place is lost: the filters start anew with the next picture, the evidence stays."""
         self.filters = []
 
-    def velocity(self, t_s: float, measured_mps: Array, over_ship: float) -> None:
+    def update_velocity(self, t_s: float, measured_mps: Array, over_ship: float) -> None:
         """As `DelayedFilter.velocity`."""
         for one in self.filters:
-            one.velocity(t_s, measured_mps, over_ship)
+            one.update_velocity(t_s, measured_mps, over_ship)
 
     def judged(
         self, t_s: float, follows: DelayedFilter, take: Callable[[int, DelayedFilter], None]

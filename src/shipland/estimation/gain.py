@@ -63,7 +63,7 @@ class GainBank(FilterBank):
         for model, one in zip(models, self.filters, strict=False):
             one.adopt(model)
 
-    def picture(
+    def update_pose(
         self,
         t_s: float,
         place_m: Array,
@@ -84,7 +84,7 @@ class GainBank(FilterBank):
 
         def take(i: int, one: DelayedFilter) -> None:
             one.model = models[i]
-            one.picture(t_s, place_m, covariance_m2, inputs, turn_rad_s)
+            one.update_pose(t_s, place_m, covariance_m2, inputs, turn_rad_s)
 
         judged = self.judged(t_s, follows, take)
         if judged is None or not all_finite(judged[0]):

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shipland.compiled import compiled
-from shipland.estimation.kernels import corrected, spread_after
+from shipland.estimation.kernels import corrected, predicted_covariance
 from shipland.frames import Array, wrap_angle
 
 
@@ -96,7 +96,7 @@ def _carried(
     for i in range(3):
         noise[i, i] = strayed[i] * step_s
     after = np.array([mean[0] + turned_rad, mean[1] + turn * step_s, turn])
-    return after, spread_after(transition, covariance, noise)
+    return after, predicted_covariance(transition, covariance, noise)
 
 
 def shifted(before: Headings, by_rad: float) -> Headings:

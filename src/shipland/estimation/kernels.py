@@ -19,7 +19,7 @@ STRIDE_MS = 80
 
 
 @compiled
-def spread_after(transition: Array, covariance: Array, noise: Array) -> Array:
+def predicted_covariance(transition: Array, covariance: Array, noise: Array) -> Array:
     """F P Fᵀ + Q of (n,n) matrices; F has few entries, and P is symmetric."""
     n = len(covariance)
     moved = np.zeros((n, n))
@@ -223,7 +223,7 @@ def bank_seen(
     down_m: float,
     variance: float,
 ) -> tuple[Array, Array, Array]:
-    """All hypotheses of a `SwingBank` through a step and a picture's height, which is height less swing.
+    """All hypotheses of a `WaveBank` through a step and a picture's height, which is height less swing.
 
     Args:
         mean: (k,n) height, drift, swing, and what else moves.
@@ -239,7 +239,7 @@ def bank_seen(
     for h in range(len(mean)):
         x = _through(transition[h], mean[h])
         x[0] += moved_m
-        p = spread_after(transition[h], covariance[h], noise[h])
+        p = predicted_covariance(transition[h], covariance[h], noise[h])
         crossed = p[:, 0] - p[:, 2]
         spread = crossed[0] - crossed[2] + variance
         innovation = down_m - (x[0] - x[2])

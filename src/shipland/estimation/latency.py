@@ -65,7 +65,7 @@ class LatencyBank(FilterBank):
         for one in self.filters:
             one.adopt(model)
 
-    def picture(
+    def update_pose(
         self,
         stamp_s: float,
         place_m: Array,
@@ -80,7 +80,7 @@ class LatencyBank(FilterBank):
 
         def take(i: int, one: DelayedFilter) -> None:
             one.model = follows.model
-            one.picture(stamp_s + self._candidates_s[i], place_m, covariance_m2, inputs, turn_rad_s)
+            one.update_pose(stamp_s + self._candidates_s[i], place_m, covariance_m2, inputs, turn_rad_s)
 
         judged = self.judged(stamp_s, follows, take)
         if judged is None:

@@ -7,15 +7,15 @@ The states of an axis, in the order of the indices below:
 
 | index | state | unit |
 |---|---|---|
-| `PLACE` | of the aircraft against the bar's mean place | m |
-| `SPEED` | its rate | m/s |
-| `THRUST` | acceleration that the autopilot makes of the sticks, lagging | m/s² |
+| `POSITION` | of the aircraft against the bar's mean place | m |
+| `VELOCITY` | its rate | m/s |
+| `ACTUATION` | acceleration that the autopilot makes of the sticks, lagging | m/s² |
 | `GUST` | acceleration by turbulence, coloured | m/s² |
-| `PUSH` | acceleration by the mean wind and by what is not modelled, slow | m/s² |
-| `REFERENCE` | the vehicle's own velocity less `SPEED`: the ship's way, optical flow's bias; slow | m/s |
-| `SWING` | of the deck, and on a ship of the bar, about its mean place | m |
-| `SWING_RATE` | its rate | m/s |
-| | and the two of the waves that drive it (`Swing`) | |
+| `WIND` | acceleration by the mean wind and by what is not modelled, slow | m/s² |
+| `VELOCITY_BIAS` | the vehicle's own velocity less `VELOCITY`: the ship's way, optical flow's bias; slow | m/s |
+| `WAVE` | of the deck, and on a ship of the bar, about its mean place | m |
+| `WAVE_RATE` | its rate | m/s |
+| | and the two of the waves that drive it (`WaveMotion`) | |
 
 With u the input, k the drag and T the lag: ṗ = v; v̇ = a + g + s − k v; ȧ = (U − a)/T, where U = u for a vehicle whose
 sticks mean a tilt, and U = κ (u − v − c) for one that tracks a velocity over its own reference. A picture of a bar
@@ -33,17 +33,17 @@ from scipy.linalg import expm
 
 from shipland.compiled import compiled
 from shipland.config import require
-from shipland.estimation.kernels import STRIDE_MS, corrected, spread_after
-from shipland.estimation.swing import SWING_STATES, Swing
+from shipland.estimation.kernels import STRIDE_MS, corrected, predicted_covariance
+from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 from shipland.frames import Array
 
-PLACE, SPEED, THRUST, GUST, PUSH, REFERENCE, SWING, SWING_RATE = range(8)
-STATES = SWING + SWING_STATES
+POSITION, VELOCITY, ACTUATION, GUST, WIND, VELOCITY_BIAS, WAVE, WAVE_RATE = range(8)
+STATES = WAVE + WAVE_STATES
 """Of one axis."""
 
 
 @dataclass(frozen=True)
-class Motion:
+class AxisModel:
     """How the vehicle moves along an axis.
 
     Attributes:
@@ -79,17 +79,17 @@ class Disturbances:
 
     Attributes:
         gust_mps2, gust_time_s: acceleration by turbulence.
-        push_mps2, push_time_s: acceleration by the mean wind.
-        reference_mps, reference_time_s: the velocity reference.
+        wind_mps2, wind_time_s: acceleration by the mean wind.
+        velocity_bias_mps, velocity_bias_time_s: the velocity reference.
         speed_noise: power density of an acceleration without memory [m²/s³].
     """
 
     gust_mps2: float
     gust_time_s: float
-    push_mps2: float
-    push_time_s: float
-    reference_mps: float
-    reference_time_s: float
+    wind_mps2: float
+    wind_time_s: float
+    velocity_bias_mps: float
+    velocity_bias_time_s: float
     speed_noise: float
 
     def __post_init__(self) -> None:
@@ -99,7 +99,7 @@ class Disturbances:
 
 
 @dataclass(frozen=True)
-class Belief:
+class GaussianState:
     """The state of all axes and its covariance at one time.
 
     Attributes:
@@ -117,29 +117,31 @@ class Belief:
         return np.asarray(self.mean[state::STATES])
 
 
-def dynamics(motion: Motion, noise: Disturbances, swing: Swing) -> tuple[Array, Array, Array]:
+def dynamics(motion: AxisModel, noise: Disturbances, wave: WaveMotion) -> tuple[Array, Array, Array]:
     """Continuous time, one axis: matrix (n,n), input matrix (n, inputs), noise densities (n,), n = STATES."""
     a, b, q = np.zeros((STATES, STATES)), np.zeros((STATES, motion.inputs)), np.zeros(STATES)
-    a[PLACE, SPEED] = 1.0
-    a[SPEED, [SPEED, THRUST, GUST, PUSH]] = -motion.drag_per_s, 1.0, 1.0, 1.0
-    a[THRUST, THRUST] = -1.0 / motion.lag_s
+    a[POSITION, VELOCITY] = 1.0
+    a[VELOCITY, [VELOCITY, ACTUATION, GUST, WIND]] = -motion.drag_per_s, 1.0, 1.0, 1.0
+    a[ACTUATION, ACTUATION] = -1.0 / motion.lag_s
     gain = motion.servo_per_s if motion.servo_per_s > 0.0 else motion.gain
-    b[THRUST, 0] = gain / motion.lag_s
+    b[ACTUATION, 0] = gain / motion.lag_s
     if motion.servo_per_s > 0.0:
-        _, own = velocity_of(np.zeros(STATES), 1, motion.over_ship, motion.settle_s, swing.frequency_rad_s, swing.below)
-        a[THRUST] -= gain / motion.lag_s * own[0]
-        a[PUSH] -= motion.integral_per_s2 * own[0]
-        b[PUSH, 1:] = motion.integral_per_s2
-    slow = ((GUST, noise.gust_mps2, noise.gust_time_s), (PUSH, noise.push_mps2, noise.push_time_s))
-    for state, deviation, time_s in (*slow, (REFERENCE, noise.reference_mps, noise.reference_time_s)):
+        _, own = velocity_of(
+            np.zeros(STATES), 1, motion.over_ship, motion.settle_s, wave.frequency_rad_s, wave.deck_share
+        )
+        a[ACTUATION] -= gain / motion.lag_s * own[0]
+        a[WIND] -= motion.integral_per_s2 * own[0]
+        b[WIND, 1:] = motion.integral_per_s2
+    slow = ((GUST, noise.gust_mps2, noise.gust_time_s), (WIND, noise.wind_mps2, noise.wind_time_s))
+    for state, deviation, time_s in (*slow, (VELOCITY_BIAS, noise.velocity_bias_mps, noise.velocity_bias_time_s)):
         a[state, state] -= 1.0 / time_s
         q[state] = 2.0 * deviation**2 / time_s
-    a[SWING:, SWING:], q[SWING:] = swing.matrix, swing.noise
-    q[SPEED] = noise.speed_noise
+    a[WAVE:, WAVE:], q[WAVE:] = wave.matrix, wave.noise
+    q[VELOCITY] = noise.speed_noise
     return a, b, q
 
 
-def shaping(motion: Motion) -> tuple[Array, Array]:
+def shaping(motion: AxisModel) -> tuple[Array, Array]:
     """Continuous time, of a servo's tracked speed and its rate: matrix (2,2), input vector (2,)."""
     a = np.array([[0.0, 1.0], [-motion.approach_per_s / motion.smoothing_s, -1.0 / motion.smoothing_s]])
     return a, np.array([0.0, motion.approach_per_s / motion.smoothing_s])
@@ -192,9 +194,9 @@ class Model:
     """
 
     def __init__(
-        self, axes: int, motion: Motion, noise: Disturbances, swing: Swing, spread: Spread | None = None
+        self, axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, spread: Spread | None = None
     ) -> None:
-        self.axes, self.motion, self.noise, self.swing = axes, motion, noise, swing
+        self.axes, self.motion, self.noise, self.wave = axes, motion, noise, wave
         self._shape = np.eye(axes) if spread is None else spread.shape
         self._ways: dict[int, Array] = {}
 
@@ -204,7 +206,7 @@ class Model:
         return transition, inputs[:, : self.axes * self.motion.inputs], noise
 
     def way(self, way_ms: int) -> Array:
-        """What `mean_after` and `spread_after` take over whole milliseconds: (3,n,n) transition, noise and input.
+        """What `mean_after` and `covariance_after` take over whole milliseconds: (3,n,n) transition, noise and input.
 
         Of a way of a stride or more (7,n,n): transition and input of a stride, then those of the rest, come after
         these. Inputs are filled up with zeros on their right.
@@ -221,7 +223,7 @@ class Model:
         if way_ms == 0:
             transition[:] = np.eye(size)
             return way
-        one, push, noise, swing_noise = _axis_step(self.motion, self.noise, self.swing, way_ms)
+        one, push, noise, swing_noise = _axis_step(self.motion, self.noise, self.wave, way_ms)
         for axis in range(self.axes):
             rows = _rows(axis)
             transition[rows, rows], covariance[rows, rows], entries[rows, axis : inputs : self.axes] = one, noise, push
@@ -232,16 +234,18 @@ class Model:
             way[5:7] = self.way(way_ms % STRIDE_MS)[[0, 2]]
         return way
 
-    def _swing_spread(self) -> Array:
+    def _wave_shares(self) -> Array:
         """(n,n) covariance of the swing while nothing is known of it; zero for all else."""
         size = STATES * self.axes
         covariance = np.zeros((size, size))
         for axis in range(self.axes):
             for other in range(self.axes):
-                covariance[_swing(axis), _swing(other)] = self._shape[axis, other] * self.swing.spread
+                covariance[_wave(axis), _wave(other)] = self._shape[axis, other] * self.wave.spread
         return covariance
 
-    def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float, way_mps: float = 0.0) -> Belief:
+    def start(
+        self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float, way_mps: float = 0.0
+    ) -> GaussianState:
         """A belief from a first place (axes,) with its covariance (axes, axes).
 
         Args:
@@ -252,47 +256,51 @@ class Model:
             way_mps: standard deviation of the ship's way.
         """
         noise = self.noise
-        spreads = [0.0, math.hypot(speed_mps, way_mps), 0.5, noise.gust_mps2, noise.push_mps2]
-        spreads.append(max(noise.reference_mps, way_mps))
-        deviation = np.array([*spreads, *[0.0] * (STATES - SWING)] * self.axes)
-        mean, covariance = np.zeros(len(deviation)), np.diag(deviation**2) + self._swing_spread()
-        mean[PLACE::STATES] = place_m
-        covariance[PLACE::STATES, PLACE::STATES] = covariance_m2
-        return Belief(t_s, mean, covariance)
+        spreads = [0.0, math.hypot(speed_mps, way_mps), 0.5, noise.gust_mps2, noise.wind_mps2]
+        spreads.append(max(noise.velocity_bias_mps, way_mps))
+        deviation = np.array([*spreads, *[0.0] * (STATES - WAVE)] * self.axes)
+        mean, covariance = np.zeros(len(deviation)), np.diag(deviation**2) + self._wave_shares()
+        mean[POSITION::STATES] = place_m
+        covariance[POSITION::STATES, POSITION::STATES] = covariance_m2
+        return GaussianState(t_s, mean, covariance)
 
-    def adopted(self, belief: Belief, before: Swing) -> Belief:
+    def adopted(self, belief: GaussianState, before: WaveMotion) -> GaussianState:
         """A belief of a model with the swing `before`.
 
         Where the bar swings by both the belief is kept. Else the offset from the bar is kept, and the swing is learned
         anew.
         """
-        if before.carries_bar and self.swing.carries_bar:
+        if before.bar_moves and self.wave.bar_moves:
             return belief
         n = len(belief.mean)
         forget, share = np.eye(n), np.eye(n)
         for axis in range(self.axes):
             first = STATES * axis
-            forget[first + PLACE, first + SWING] = forget[first + SPEED, first + SWING_RATE] = -before.shown
-            forget[_swing(axis), _swing(axis)] = 0.0
+            forget[first + POSITION, first + WAVE] = forget[
+                first + VELOCITY, first + WAVE_RATE
+            ] = -before.observed_share
+            forget[_wave(axis), _wave(axis)] = 0.0
             # The bar's mean place is as uncertain as its swing, and in step with it: their difference is what is seen.
-            share[first + PLACE, first + SWING] = share[first + SPEED, first + SWING_RATE] = self.swing.shown
-        spread = share @ (forget @ belief.covariance @ forget.T + self._swing_spread()) @ share.T
-        return Belief(belief.t_s, forget @ belief.mean, spread)
+            share[first + POSITION, first + WAVE] = share[first + VELOCITY, first + WAVE_RATE] = (
+                self.wave.observed_share
+            )
+        spread = share @ (forget @ belief.covariance @ forget.T + self._wave_shares()) @ share.T
+        return GaussianState(belief.t_s, forget @ belief.mean, spread)
 
-    def predicted(self, belief: Belief, step_ms: int, given: Array) -> Belief:
+    def predicted(self, belief: GaussianState, step_ms: int, given: Array) -> GaussianState:
         """The belief after a step through the input `given` (axes,), constant meanwhile."""
         transition, inputs, noise = self.step(step_ms)
-        return Belief(
+        return GaussianState(
             belief.t_s + 1e-3 * step_ms,
             transition @ belief.mean + inputs @ given,
-            spread_after(transition, belief.covariance, noise),
+            predicted_covariance(transition, belief.covariance, noise),
         )
 
-    def seen(self, belief: Belief) -> tuple[Array, Array]:
+    def pose(self, belief: GaussianState) -> tuple[Array, Array]:
         """What a picture shows of the place: expected value (axes,) and its Jacobian (axes, n)."""
-        return seen_of(belief.mean, self.axes, self.swing.shown)
+        return pose_measurement(belief.mean, self.axes, self.wave.observed_share)
 
-    def velocity(self, belief: Belief, over_ship: float = 0.0, settle_s: float = 0.0) -> tuple[Array, Array]:
+    def velocity(self, belief: GaussianState, over_ship: float = 0.0, settle_s: float = 0.0) -> tuple[Array, Array]:
         """What the vehicle measures of its own velocity: expected value (axes,) and its Jacobian (axes, n).
 
         Args:
@@ -301,23 +309,25 @@ class Model:
             settle_s: time in which the vehicle's fusion follows the motion of what is in view; the lag of a resonator
                 is a mixture of its two states.
         """
-        return velocity_of(belief.mean, self.axes, over_ship, settle_s, self.swing.frequency_rad_s, self.swing.below)
+        return velocity_of(belief.mean, self.axes, over_ship, settle_s, self.wave.frequency_rad_s, self.wave.deck_share)
 
 
 @lru_cache(maxsize=4096)
-def _axis_step(motion: Motion, noise: Disturbances, swing: Swing, step_ms: int) -> tuple[Array, Array, Array, Array]:
+def _axis_step(
+    motion: AxisModel, noise: Disturbances, wave: WaveMotion, step_ms: int
+) -> tuple[Array, Array, Array, Array]:
     """Of one axis over whole milliseconds: transition, inputs, noise but for the swing's, and the swing's."""
     longest_ms = 1 << (step_ms.bit_length() - 1)
     if longest_ms < step_ms:  # of two steps: far cheaper than matrix exponentials
-        first, push, rest, swung = _axis_step(motion, noise, swing, longest_ms)
-        then, then_push, then_rest, then_swung = _axis_step(motion, noise, swing, step_ms - longest_ms)
-        spread = spread_after(then, rest, then_rest), spread_after(then, swung, then_swung)
+        first, push, rest, swung = _axis_step(motion, noise, wave, longest_ms)
+        then, then_push, then_rest, then_swung = _axis_step(motion, noise, wave, step_ms - longest_ms)
+        spread = predicted_covariance(then, rest, then_rest), predicted_covariance(then, swung, then_swung)
         return then @ first, then @ push + then_push, *spread
-    a, b, q = dynamics(motion, noise, swing)
-    swing_q = np.zeros(STATES)
-    swing_q[SWING:] = q[SWING:]
-    transition, push, swung = discretised(a, b, swing_q, 1e-3 * step_ms)
-    return transition, push, discretised(a, b, q - swing_q, 1e-3 * step_ms)[2], swung
+    a, b, q = dynamics(motion, noise, wave)
+    wave_q = np.zeros(STATES)
+    wave_q[WAVE:] = q[WAVE:]
+    transition, push, swung = discretised(a, b, wave_q, 1e-3 * step_ms)
+    return transition, push, discretised(a, b, q - wave_q, 1e-3 * step_ms)[2], swung
 
 
 def _rows(axis: int) -> slice:
@@ -325,44 +335,49 @@ def _rows(axis: int) -> slice:
     return slice(STATES * axis, STATES * (axis + 1))
 
 
-def _swing(axis: int) -> slice:
+def _wave(axis: int) -> slice:
     """The swing's states of an axis."""
-    return slice(STATES * axis + SWING, STATES * (axis + 1))
+    return slice(STATES * axis + WAVE, STATES * (axis + 1))
 
 
 @compiled
-def seen_of(mean: Array, axes: int, shown: float) -> tuple[Array, Array]:
+def pose_measurement(mean: Array, axes: int, observed_share: float) -> tuple[Array, Array]:
     """`Model.seen` of a mean, where the bar shows this share of the swing."""
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):
         first = STATES * axis
-        expected[axis] = mean[first + PLACE] - shown * mean[first + SWING]
-        jacobian[axis, first + PLACE], jacobian[axis, first + SWING] = 1.0, -shown
+        expected[axis] = mean[first + POSITION] - observed_share * mean[first + WAVE]
+        jacobian[axis, first + POSITION], jacobian[axis, first + WAVE] = 1.0, -observed_share
     return expected, jacobian
 
 
 @compiled
-def less_swing(mean: Array, share: float) -> tuple[Array, Array]:
+def less_wave(mean: Array, share: float) -> tuple[Array, Array]:
     """(axes,) place less a share of the swing, and its rate, from the mean of all states."""
     axes = len(mean) // STATES
     place, rate = np.empty(axes), np.empty(axes)
     for axis in range(axes):
         first = STATES * axis
-        place[axis] = mean[first + PLACE] - share * mean[first + SWING]
-        rate[axis] = mean[first + SPEED] - share * mean[first + SWING_RATE]
+        place[axis] = mean[first + POSITION] - share * mean[first + WAVE]
+        rate[axis] = mean[first + VELOCITY] - share * mean[first + WAVE_RATE]
     return place, rate
 
 
 @compiled
-def spread_of_place(covariance: Array, shown: float) -> Array:
-    """(axes, axes) covariance of the place less the `shown` share of the swing, from that of all states."""
+def position_covariance(covariance: Array, observed_share: float) -> Array:
+    """(axes, axes) covariance of the place less the `observed_share` share of the swing, from that of all states."""
     axes = len(covariance) // STATES
     result = np.empty((axes, axes))
     for i in range(axes):
         for j in range(axes):
             a, b = STATES * i, STATES * j
-            both = covariance[a + PLACE, b + PLACE] + shown * shown * covariance[a + SWING, b + SWING]
-            result[i, j] = both - shown * (covariance[a + PLACE, b + SWING] + covariance[b + PLACE, a + SWING])
+            both = (
+                covariance[a + POSITION, b + POSITION]
+                + observed_share * observed_share * covariance[a + WAVE, b + WAVE]
+            )
+            result[i, j] = both - observed_share * (
+                covariance[a + POSITION, b + WAVE] + covariance[b + POSITION, a + WAVE]
+            )
     return result
 
 
@@ -375,10 +390,10 @@ def velocity_of(
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):
         for state, entry in (
-            (SPEED, 1.0),
-            (REFERENCE, 1.0 - over_ship),
-            (SWING, -share * settle_s * w * w),
-            (SWING_RATE, -share),
+            (VELOCITY, 1.0),
+            (VELOCITY_BIAS, 1.0 - over_ship),
+            (WAVE, -share * settle_s * w * w),
+            (WAVE_RATE, -share),
         ):
             jacobian[axis, STATES * axis + state] = entry
             expected[axis] += entry * mean[STATES * axis + state]
@@ -395,13 +410,13 @@ class Taken:
         accepted: it was finite and inside the gate.
     """
 
-    belief: Belief
+    belief: GaussianState
     normalised: float
     accepted: bool
 
 
 def updated(
-    belief: Belief, expected: tuple[Array, Array], measured: Array, covariance: Array, gate: float = math.inf
+    belief: GaussianState, expected: tuple[Array, Array], measured: Array, covariance: Array, gate: float = math.inf
 ) -> Taken:
     """Take a measurement (m,) with covariance (m,m) of the belief's own time, unless it is astray.
 
@@ -416,4 +431,4 @@ def updated(
     mean, after, normalised = corrected(belief.mean, belief.covariance, jacobian, measured - predicted, covariance)
     if not normalised <= gate:  # NaN too
         return Taken(belief, normalised, False)
-    return Taken(Belief(belief.t_s, mean, after), normalised, True)
+    return Taken(GaussianState(belief.t_s, mean, after), normalised, True)

@@ -12,7 +12,7 @@ from shipland.messages import BarPose
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredError:
     """Where one picture puts the aircraft against the reference, in the axes that the sticks move it in.
 
     Attributes:
@@ -30,7 +30,7 @@ class Measured:
     bar_elevation_rad: float
 
 
-def measure(t_s: float, age_s: float, pose: BarPose, wanted_in_bar_m: Array, camera_in_body_m: Array) -> Measured:
+def measure(t_s: float, age_s: float, pose: BarPose, wanted_in_bar_m: Array, camera_in_body_m: Array) -> MeasuredError:
     """Turn a pose into errors.
 
     The error is turned into `level` by the yaw of the same picture. Errors of yaw and of position are correlated so
@@ -48,7 +48,7 @@ def measure(t_s: float, age_s: float, pose: BarPose, wanted_in_bar_m: Array, cam
     wanted_in_level_m = camera_in_body_m + bar_in_level_m + level_from_bar @ wanted_in_bar_m
     elevation_rad = math.atan2(-bar_in_level_m[2], float(np.hypot(bar_in_level_m[0], bar_in_level_m[1])))
     error = wanted_in_level_m * np.array([1.0, 1.0, -1.0])
-    return Measured(t_s, age_s, error, pose.yaw_rad, elevation_rad)
+    return MeasuredError(t_s, age_s, error, pose.yaw_rad, elevation_rad)
 
 
 @dataclass(frozen=True)

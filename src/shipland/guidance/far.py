@@ -22,7 +22,7 @@ from shipland.guidance.laws import (
     near_law,
     pid_law,
 )
-from shipland.guidance.near import NearParameters, Sticks
+from shipland.guidance.near import NearParameters, SticksPercent
 from shipland.messages import Box
 
 FarKind = Literal["exponential", "p", "pid"]
@@ -132,7 +132,7 @@ class FarSight:
 class FarControl(Protocol):
     """Flies modes 3 and 4; a pilot has one."""
 
-    def sticks(self, sight: FarSight) -> Sticks:
+    def sticks(self, sight: FarSight) -> SticksPercent:
         """The sticks for one box."""
 
     def reset(self) -> None:
@@ -174,11 +174,11 @@ class PublishedFar:
     def __init__(self, variant: FarVariant, tables: FarTables, yaw: FarYaw) -> None:
         self._variant, self._tables, self._yaw = variant, tables, yaw
 
-    def sticks(self, sight: FarSight) -> Sticks:
+    def sticks(self, sight: FarSight) -> SticksPercent:
         """Eq. 1 on the box's area, column and row; it remembers nothing."""
         gains = self._tables.of(sight.target)
         too_small_px2, right_px, below_px = _errors(sight, gains, self._yaw.focal_px)
-        return Sticks(
+        return SticksPercent(
             exponential_law(too_small_px2, gains.pitch, self._variant),
             exponential_law(right_px, gains.roll, self._variant),
             -exponential_law(below_px, gains.heave, self._variant),
@@ -196,11 +196,11 @@ class LinearFar:
     def __init__(self, baselines: FarBaselines, variant: FarVariant, tables: FarTables, yaw: FarYaw) -> None:
         self._match_px, self._variant, self._tables, self._yaw = baselines.match_px, variant, tables, yaw
 
-    def sticks(self, sight: FarSight) -> Sticks:
+    def sticks(self, sight: FarSight) -> SticksPercent:
         """Each axis proportional to its error."""
         gains = self._tables.of(sight.target)
         too_small_px2, right_px, below_px = _errors(sight, gains, self._yaw.focal_px)
-        return Sticks(
+        return SticksPercent(
             exponential_law(too_small_px2, gains.pitch, self._variant),
             clamp(self._k_p(gains.roll) * right_px, 100.0),
             clamp(-self._k_p(gains.heave) * below_px, 100.0),
@@ -222,13 +222,13 @@ class PidFar:
         self._baselines, self._variant, self._tables, self._yaw = baselines, variant, tables, yaw
         self._roll = self._heave = PidMemory()
 
-    def sticks(self, sight: FarSight) -> Sticks:
+    def sticks(self, sight: FarSight) -> SticksPercent:
         """PID on column and row."""
         gains = self._tables.of(sight.target)
         too_small_px2, right_px, below_px = _errors(sight, gains, self._yaw.focal_px)
         roll, self._roll = pid_law(right_px, sight.t_s, self._roll, self._baselines.roll)
         heave, self._heave = pid_law(-below_px, sight.t_s, self._heave, self._baselines.heave)
-        return Sticks(
+        return SticksPercent(
             exponential_law(too_small_px2, gains.pitch, self._variant),
             roll,
             heave,

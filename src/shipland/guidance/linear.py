@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from shipland.frames import Array, rotation_from_euler, turned, wrap_angle
-from shipland.guidance.estimate import Measured, NearEstimate
+from shipland.frames import Array, rotated, rotation_from_euler, wrap_angle
+from shipland.guidance.estimate import MeasuredError, NearEstimate
 from shipland.guidance.laws import PidMemory, clamp, pid_law
-from shipland.guidance.near import HOLD, Sticks
+from shipland.guidance.near import HOLD, SticksPercent
 from shipland.guidance.response import Response
 from shipland.guidance.simc import LinearGains, NearBaselines, Plant, horizontal_plant, vertical_plant, yaw_plant
 
@@ -53,7 +53,7 @@ class LinearNear:
         self._rate_in_bar, self._yaw_rate_deg_s = np.zeros(3), 0.0
         self._axes = [AxisMemory() for _ in range(4)]
 
-    def observe(self, measured: Measured) -> NearEstimate:
+    def observe(self, measured: MeasuredError) -> NearEstimate:
         """The errors as measured, and their filtered rates; the first picture's age completes the dead time."""
         if not self._gains:
             self._tune(measured.age_s)
@@ -75,7 +75,7 @@ class LinearNear:
         )
         return self._estimate
 
-    def sticks(self, wanted_yaw_rad: float) -> Sticks:
+    def sticks(self, wanted_yaw_rad: float) -> SticksPercent:
         """The law on each axis, the heading wanted relative to the bar; zero before the first picture."""
         estimate = self._estimate
         if estimate is None:
@@ -87,8 +87,8 @@ class LinearNear:
             self._axis(index, float(error), float(rate), estimate.t_s)
             for index, (error, rate) in enumerate(zip(errors, rates, strict=True))
         )
-        pitch, roll = turned(np.array(level), -estimate.yaw_rad).tolist()
-        return Sticks(clamp(pitch, 100.0), clamp(roll, 100.0), heave, yaw)
+        pitch, roll = rotated(np.array(level), -estimate.yaw_rad).tolist()
+        return SticksPercent(clamp(pitch, 100.0), clamp(roll, 100.0), heave, yaw)
 
     def reset(self) -> None:
         """Forget errors, rates and set points; the integrals stay, which balance the wind."""

@@ -18,11 +18,11 @@ from shipland.guidance.far import FarControl, FarSight, FarTables, FarTarget
 from shipland.guidance.gimbal import box_elevation_rad, smoothed_rad
 from shipland.guidance.laws import clamp
 from shipland.guidance.modes import INTENTS, ModeMemory, next_mode
-from shipland.guidance.near import HOLD, NearControl, Sticks
+from shipland.guidance.near import HOLD, NearControl, SticksPercent
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.references import References
 from shipland.guidance.search import search
-from shipland.guidance.situation import Belief, situation_of, without_large_boxes
+from shipland.guidance.situation import PositionEstimate, situation_of, without_large_boxes
 from shipland.guidance.view import View, target_column_px
 from shipland.messages import Box, Decision, Estimate, Mode, Observation, PilotCommand, Telemetry
 
@@ -47,13 +47,13 @@ class PilotState:
     now_s: float | None
     first_s: float
     modes: ModeMemory
-    belief: Belief
+    belief: PositionEstimate
     seen_rad: float
     far_heading_rad: float | None
     search_side_rad: float
     far_mode: Mode | None
     gimbal_pitch_rad: float
-    sticks: Sticks
+    sticks: SticksPercent
 
 
 class ModePilot:
@@ -78,7 +78,7 @@ class ModePilot:
             now_s=None,
             first_s=0.0,
             modes=ModeMemory(),
-            belief=Belief(),
+            belief=PositionEstimate(),
             seen_rad=0.0,
             far_heading_rad=None,
             search_side_rad=0.0,
@@ -124,7 +124,7 @@ class ModePilot:
             return state
         return replace(state, seen_rad=self._view.bearing_rad(column_px) + (self._compass.at(observation.t_s) or 0.0))
 
-    def _with_picture(self, belief: Belief, observation: Observation, now_s: float) -> Belief:
+    def _with_picture(self, belief: PositionEstimate, observation: Observation, now_s: float) -> PositionEstimate:
         """Filter the picture's errors to the present reference."""
         pose = observation.bar_pose
         if pose is None:
@@ -135,9 +135,9 @@ class ModePilot:
         if before is not None and measured.t_s - before.t_s > self._guidance.modes.lost_s:
             self._near.reset()
         estimate = self._near.observe(measured)
-        return Belief(estimate, estimate.aircraft_in_bar_m(self._reference_in_bar_m))
+        return PositionEstimate(estimate, estimate.aircraft_in_bar_m(self._reference_in_bar_m))
 
-    def _led_to(self, belief: Belief, mode: Mode) -> Belief:
+    def _led_to(self, belief: PositionEstimate, mode: Mode) -> PositionEstimate:
         """Lead the near control to the mode's reference; with another one its estimate starts anew."""
         reference_in_bar_m = self._references.point_in_bar_m(mode)
         if reference_in_bar_m is self._reference_in_bar_m:
@@ -153,16 +153,16 @@ class ModePilot:
             return replace(state, sticks=self._near_sticks(state, telemetry.t_s, fresh))
         if mode in (Mode.TRACK_BAR, Mode.TRACK_SHIP):
             return self._flown_far(state, observation, telemetry)
-        if mode is Mode.CLIMB_OUT:
-            return replace(state, sticks=self._climb_out_sticks(state, telemetry, fresh))
+        if mode is Mode.GO_AROUND:
+            return replace(state, sticks=self._go_around_sticks(state, telemetry, fresh))
         if mode is Mode.SEARCH:
             return self._searched(state, telemetry, step_s)
         if mode is Mode.DONE:
             return replace(state, sticks=HOLD)
         keep = math.exp(-_DECAY * step_s / max(self._guidance.modes.memory_s, 1e-3))
-        return replace(state, sticks=Sticks(*(keep * stick for stick in state.sticks)))
+        return replace(state, sticks=SticksPercent(*(keep * stick for stick in state.sticks)))
 
-    def _near_sticks(self, state: PilotState, now_s: float, fresh: bool) -> Sticks:
+    def _near_sticks(self, state: PilotState, now_s: float, fresh: bool) -> SticksPercent:
         """Approach and landing: the near law on fresh errors, the last sticks until they are lost."""
         belief, sticks = state.belief, HOLD
         if belief.age_s(now_s) <= self._guidance.modes.lost_s:
@@ -171,12 +171,12 @@ class ModePilot:
             sticks = sticks._replace(heave=self._descent_percent(belief))
         return sticks
 
-    def _heading_rad(self, belief: Belief) -> float:
+    def _heading_rad(self, belief: PositionEstimate) -> float:
         if belief.aircraft_in_bar_m is None:
             return 0.0
         return self._references.heading_rad(belief.aircraft_in_bar_m, self._view, self._guidance.approach)
 
-    def _descent_percent(self, belief: Belief) -> float:
+    def _descent_percent(self, belief: PositionEstimate) -> float:
         """Descent; it waits above commit height while the error predicted for `gate_s` later is too large."""
         approach, estimate = self._guidance.approach, belief.estimate
         if estimate is None or belief.aircraft_in_bar_m is None:
@@ -186,21 +186,21 @@ class ModePilot:
         waits = high and float(np.max(np.abs(predicted_m))) > approach.gate_m
         return 0.0 if waits else -approach.descent_percent
 
-    def _climb_out_sticks(self, state: PilotState, telemetry: Telemetry, fresh: bool) -> Sticks:
+    def _go_around_sticks(self, state: PilotState, telemetry: Telemetry, fresh: bool) -> SticksPercent:
         """Up and back: to the retry reference while the corners are seen, else by sticks alone."""
         approach, climbing_s = self._guidance.approach, telemetry.t_s - state.modes.since_s
         estimate = state.belief.estimate
         if estimate is not None and state.belief.age_s(telemetry.t_s) <= self._guidance.modes.lost_s:
             sticks = self._near.sticks(self._heading_rad(state.belief)) if fresh else state.sticks
             low = float(estimate.error_in_level_m[2]) > 0.5
-            return sticks._replace(heave=max(sticks.heave, approach.climb_out_percent)) if low else sticks
-        if climbing_s > 4.0 * approach.climb_out_s:
+            return sticks._replace(heave=max(sticks.heave, approach.go_around_percent)) if low else sticks
+        if climbing_s > 4.0 * approach.go_around_s:
             return HOLD
         yaw = 0.0
         if telemetry.heading_rad is not None:
             aside_rad = wrap_angle(state.seen_rad - telemetry.heading_rad)
-            yaw = clamp(approach.climb_out_turn * math.degrees(aside_rad), 100.0)
-        return Sticks(-approach.back_off_percent, 0.0, approach.climb_out_percent, yaw)
+            yaw = clamp(approach.go_around_turn * math.degrees(aside_rad), 100.0)
+        return SticksPercent(-approach.back_off_percent, 0.0, approach.go_around_percent, yaw)
 
     def _searched(self, state: PilotState, telemetry: Telemetry, step_s: float) -> PilotState:
         searching_s = _searching_s(state, telemetry.t_s)
@@ -256,7 +256,7 @@ def _searching_s(state: PilotState, now_s: float) -> float:
     return now_s - max(state.modes.since_s, state.first_s)
 
 
-def _estimate_of(belief: Belief) -> Estimate | None:
+def _estimate_of(belief: PositionEstimate) -> Estimate | None:
     estimate: NearEstimate | None = belief.estimate
     if estimate is None or belief.aircraft_in_bar_m is None:
         return None
@@ -265,4 +265,4 @@ def _estimate_of(belief: Belief) -> Estimate | None:
 
 _DECAY = 6.0
 """Time constants within the memory of mode 5: at its end the data fed before count for nothing."""
-_NEAR_MODES = (Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.CLIMB_OUT)
+_NEAR_MODES = (Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.GO_AROUND)

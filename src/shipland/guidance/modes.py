@@ -63,9 +63,9 @@ class Situation:
         observation: of the newest frame.
         landing_condition: why landing must not begin yet; empty when it may.
         committed: the aircraft is below the height at which a wave-off is riskier than the deck.
-        astray: the reason to break off the landing; empty when there is none.
-        near_ship: the last known distance to the bar is inside the climb-out radius.
-        clear: after a climb-out, height and distance allow another try.
+        abort_reason: the reason to break off the landing; empty when there is none.
+        near_ship: the last known distance to the bar is inside the go-around radius.
+        clear: after a go-around, height and distance allow another try.
         flying: the vehicle's own word.
         watching: the camera looks away from the bar on purpose.
         overruled: the safety flies away from the ship instead of what the pilot commanded.
@@ -75,7 +75,7 @@ class Situation:
     observation: Observation
     landing_condition: str
     committed: bool
-    astray: str
+    abort_reason: str
     near_ship: bool
     clear: bool
     flying: bool
@@ -129,10 +129,10 @@ def next_mode(situation: Situation, memory: ModeMemory, parameters: ModeParamete
         condition_since_s=since_s if held else None,
     )
     wanted, reason = _wanted(situation, memory, parameters)
-    urgent = wanted is Mode.DONE or (wanted is Mode.CLIMB_OUT and memory.mode is Mode.LAND)
+    urgent = wanted is Mode.DONE or (wanted is Mode.GO_AROUND and memory.mode is Mode.LAND)
     if wanted is memory.mode or (now_s - memory.since_s < parameters.dwell_s and not urgent):
         return memory
-    tries = memory.tries + (wanted is Mode.CLIMB_OUT)
+    tries = memory.tries + (wanted is Mode.GO_AROUND)
     return replace(memory, mode=wanted, since_s=now_s, reason=reason, tries=tries, condition_since_s=None)
 
 
@@ -140,12 +140,12 @@ def _wanted(situation: Situation, memory: ModeMemory, parameters: ModeParameters
     mode, now_s = memory.mode, situation.now_s
     if mode is Mode.DONE or (mode is Mode.LAND and not situation.flying):
         return Mode.DONE, "the vehicle reports landed"
-    if mode is Mode.CLIMB_OUT and (not situation.clear or memory.tries > parameters.max_tries):
-        return Mode.CLIMB_OUT, memory.reason
+    if mode is Mode.GO_AROUND and (not situation.clear or memory.tries > parameters.max_tries):
+        return Mode.GO_AROUND, memory.reason
     if mode is Mode.LAND and situation.overruled:
-        return Mode.CLIMB_OUT, "the safety has broken the landing off"
-    if mode is Mode.LAND and situation.astray and not situation.committed:
-        return Mode.CLIMB_OUT, situation.astray
+        return Mode.GO_AROUND, "the safety has broken the landing off"
+    if mode is Mode.LAND and situation.abort_reason and not situation.committed:
+        return Mode.GO_AROUND, situation.abort_reason
     if mode is Mode.LAND:
         return _wanted_landing(situation, memory, parameters)
     if mode is Mode.APPROACH and memory.condition_since_s is not None:
@@ -160,10 +160,10 @@ def _wanted_landing(situation: Situation, memory: ModeMemory, parameters: ModePa
     if blind_s <= parameters.lost_s:
         return Mode.LAND, memory.reason
     if not (situation.committed or (situation.watching and blind_s <= parameters.blind_landing_s)):
-        return Mode.CLIMB_OUT, f"corners lost for {blind_s:.1f} s above commit height"
+        return Mode.GO_AROUND, f"corners lost for {blind_s:.1f} s above commit height"
     if blind_s <= parameters.blind_landing_s:
         return Mode.LAND, memory.reason
-    return Mode.CLIMB_OUT, f"corners lost for {blind_s:.1f} s while landing"
+    return Mode.GO_AROUND, f"corners lost for {blind_s:.1f} s while landing"
 
 
 def _wanted_source(situation: Situation, memory: ModeMemory, parameters: ModeParameters) -> tuple[Mode, str]:
@@ -181,16 +181,16 @@ def _wanted_source(situation: Situation, memory: ModeMemory, parameters: ModePar
         return Mode.NO_VISION, situation.observation.reason or "nothing seen"
     if memory.mode is Mode.NO_VISION and now_s - memory.since_s > parameters.memory_s:
         if situation.near_ship:
-            return Mode.CLIMB_OUT, "lost near the ship"
+            return Mode.GO_AROUND, "lost near the ship"
         return Mode.SEARCH, "lost; searching"
-    if memory.mode is Mode.CLIMB_OUT:
+    if memory.mode is Mode.GO_AROUND:
         return Mode.SEARCH, "clear of the ship; searching"
     return memory.mode, memory.reason
 
 
 def overruled(sent: PilotCommand | None, mode: Mode) -> bool:
     """Whether the command that left the safety flies away from the ship although the pilot's mode does not."""
-    return sent is not None and sent.intent is Intent.CLIMB_OUT and mode is not Mode.CLIMB_OUT
+    return sent is not None and sent.intent is Intent.GO_AROUND and mode is not Mode.GO_AROUND
 
 
 INTENTS = {
@@ -200,7 +200,7 @@ INTENTS = {
     Mode.TRACK_SHIP: Intent.FLY,
     Mode.NO_VISION: Intent.FLY,
     Mode.SEARCH: Intent.SEARCH,
-    Mode.CLIMB_OUT: Intent.CLIMB_OUT,
+    Mode.GO_AROUND: Intent.GO_AROUND,
     Mode.DONE: Intent.HOLD,
 }
 """The intent of each mode."""

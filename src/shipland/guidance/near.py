@@ -10,11 +10,11 @@ import numpy as np
 
 from shipland.estimation.kalman import ScalarKalman
 from shipland.frames import wrap_angle
-from shipland.guidance.estimate import Measured, NearEstimate
+from shipland.guidance.estimate import MeasuredError, NearEstimate
 from shipland.guidance.laws import PUBLISHED_STEP_S, DerivativeVariant, NearGains, NearMemory, near_law
 
 
-class Sticks(NamedTuple):
+class SticksPercent(NamedTuple):
     """Percent, -100 … 100: forward, right, up, clockwise positive."""
 
     pitch: float
@@ -23,16 +23,16 @@ class Sticks(NamedTuple):
     yaw: float
 
 
-HOLD = Sticks(0.0, 0.0, 0.0, 0.0)
+HOLD = SticksPercent(0.0, 0.0, 0.0, 0.0)
 
 
 class NearControl(Protocol):
     """Flies on the bar's pose, to the reference that the errors are measured to; a pilot has one."""
 
-    def observe(self, measured: Measured) -> NearEstimate:
+    def observe(self, measured: MeasuredError) -> NearEstimate:
         """Take in one picture's errors."""
 
-    def sticks(self, wanted_yaw_rad: float) -> Sticks:
+    def sticks(self, wanted_yaw_rad: float) -> SticksPercent:
         """The sticks for the newest estimate, the heading wanted relative to the bar; zero before the first picture."""
 
     def reset(self) -> None:
@@ -72,7 +72,7 @@ class PublishedNear:
         self._laws = [NearMemory() for _ in range(4)]
         self._estimate: NearEstimate | None = None
 
-    def observe(self, measured: Measured) -> NearEstimate:
+    def observe(self, measured: MeasuredError) -> NearEstimate:
         """Filter the errors."""
         before = self._estimate
         gap_s = 0.0 if before is None else measured.t_s - before.t_s
@@ -88,7 +88,7 @@ class PublishedNear:
         self._estimate = NearEstimate(measured.t_s, error, rate, yaw_rad, measured.bar_elevation_rad)
         return self._estimate
 
-    def sticks(self, wanted_yaw_rad: float) -> Sticks:
+    def sticks(self, wanted_yaw_rad: float) -> SticksPercent:
         """The near law on each axis, the heading wanted relative to the bar; zero before the first picture."""
         estimate, near = self._estimate, self._parameters
         if estimate is None:
@@ -99,7 +99,7 @@ class PublishedNear:
         for index, (error, gains) in enumerate(zip(errors, (near.pitch, near.roll, near.heave, near.yaw), strict=True)):
             terms, self._laws[index] = near_law(error, estimate.t_s, self._laws[index], gains, near.derivative)
             sticks.append(terms.stick_percent)
-        return Sticks(*sticks)
+        return SticksPercent(*sticks)
 
     def reset(self) -> None:
         """Forget filters and last errors; the integrals stay."""

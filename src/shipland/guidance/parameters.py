@@ -30,12 +30,12 @@ class ApproachParameters:
         gate_m, gate_s: above commit height the descent waits while the horizontal error, predicted for `gate_s` later
             at its present rate, is larger than `gate_m`.
         commit_height_m: below this height over the neutral deck the landing is no longer broken off.
-        astray_m: horizontal error that breaks off a landing.
-        climb_out_radius_m: nearer than this to the bar, loss of vision means climb-out.
-        climb_out_back_m, climb_out_height_m: astern of and over the deck's centre, where a climb-out ends.
-        climb_out_percent, back_off_percent: sticks of a climb-out.
-        climb_out_turn: yaw stick for a degree between the nose and where the target was seen last [%/deg].
-        climb_out_s: shortest climb-out.
+        abort_offset_m: horizontal error that breaks off a landing.
+        go_around_radius_m: nearer than this to the bar, loss of vision means go-around.
+        go_around_back_m, go_around_height_m: astern of and over the deck's centre, where a go-around ends.
+        go_around_percent, back_off_percent: sticks of a go-around.
+        go_around_turn: yaw stick for a degree between the nose and where the target was seen last [%/deg].
+        go_around_s: shortest go-around.
         gimbal_time_constant_s: smoothing of the camera pitch that keeps the target in the picture.
     """
 
@@ -52,14 +52,14 @@ class ApproachParameters:
     gate_m: float
     gate_s: float
     commit_height_m: float
-    astray_m: float
-    climb_out_radius_m: float
-    climb_out_back_m: float
-    climb_out_height_m: float
-    climb_out_percent: float
+    abort_offset_m: float
+    go_around_radius_m: float
+    go_around_back_m: float
+    go_around_height_m: float
+    go_around_percent: float
     back_off_percent: float
-    climb_out_turn: float
-    climb_out_s: float
+    go_around_turn: float
+    go_around_s: float
     gimbal_time_constant_s: float
 
     def __post_init__(self) -> None:
@@ -72,11 +72,11 @@ class ApproachParameters:
             max_yaw_error_deg=(0.5, 45.0),
             max_data_age_s=(0.05, 3.0),
             gate_m=(0.01, 5.0),
-            astray_m=(0.05, 20.0),
-            climb_out_radius_m=(1.0, 1000.0),
-            climb_out_height_m=(0.5, 100.0),
-            climb_out_percent=(10.0, 100.0),
-            climb_out_s=(0.5, 60.0),
+            abort_offset_m=(0.05, 20.0),
+            go_around_radius_m=(1.0, 1000.0),
+            go_around_height_m=(0.5, 100.0),
+            go_around_percent=(10.0, 100.0),
+            go_around_s=(0.5, 60.0),
         )
         require(0.0 < self.square_margin <= 1.0, "square_margin must be in (0, 1]")
         require(0.0 < self.descent_percent <= 100.0, "descent_percent must be in (0, 100]")

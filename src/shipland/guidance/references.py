@@ -21,7 +21,7 @@ class References:
 
     Attributes:
         hover_in_bar_m: (3,) over the deck's neutral point: approach and landing.
-        retry_in_bar_m: (3,) astern of it and higher: the end of a climb-out.
+        retry_in_bar_m: (3,) astern of it and higher: the end of a go-around.
         deck_down_m: the deck's neutral surface below the bar's centre.
         half_cue_m: half the cue's width.
         landing_half_m: landing begins only with both horizontal errors within this.
@@ -38,7 +38,7 @@ class References:
         """From the rig's dimensions."""
         return References(
             hover_in_bar_m=rig.deck_in_bar_m - np.array([0.0, 0.0, approach.hover_height_m]),
-            retry_in_bar_m=rig.deck_in_bar_m - np.array([approach.climb_out_back_m, 0.0, approach.climb_out_height_m]),
+            retry_in_bar_m=rig.deck_in_bar_m - np.array([approach.go_around_back_m, 0.0, approach.go_around_height_m]),
             deck_down_m=float(rig.deck_in_bar_m[2]),
             half_cue_m=float(np.max(np.abs(rig.target.points_in_bar_m[:, 1]))),
             landing_half_m=0.5 * rig.landing_square_m * approach.square_margin,
@@ -46,7 +46,7 @@ class References:
 
     def point_in_bar_m(self, mode: Mode) -> Array:
         """(3,) the reference point of a mode."""
-        return self.retry_in_bar_m if mode is Mode.CLIMB_OUT else self.hover_in_bar_m
+        return self.retry_in_bar_m if mode is Mode.GO_AROUND else self.hover_in_bar_m
 
     def height_m(self, aircraft_in_bar_m: Array) -> float:
         """Height of a point over the deck's neutral surface."""

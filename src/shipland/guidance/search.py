@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from shipland.config import require
-from shipland.guidance.near import Sticks
+from shipland.guidance.near import SticksPercent
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,9 @@ class SearchParameters:
         require(self.turn_s + self.climb_s > 0.0, "turn_s + climb_s must be positive")
 
 
-def search(searching_s: float, parameters: SearchParameters, side: float = 1.0) -> tuple[Sticks, float]:
+def search(searching_s: float, parameters: SearchParameters, side: float = 1.0) -> tuple[SticksPercent, float]:
     """The sticks and the camera pitch [rad] after `searching_s` of search; a negative `side` turns to the left."""
-    hold = Sticks(0.0, 0.0, 0.0, 0.0)
+    hold = SticksPercent(0.0, 0.0, 0.0, 0.0)
     pitches_rad = [math.radians(pitch_deg) for pitch_deg in parameters.camera_pitch_deg]
     turning_s = searching_s - parameters.look_s * len(pitches_rad)
     if turning_s < 0.0:

@@ -17,7 +17,7 @@ from shipland.messages import Box, Mode, Observation, PilotCommand, Telemetry
 
 
 @dataclass(frozen=True)
-class Belief:
+class PositionEstimate:
     """The pilot's estimate of its position.
 
     Attributes:
@@ -50,7 +50,7 @@ def without_large_boxes(observation: Observation, tables: FarTables, largest: fl
 def situation_of(
     observation: Observation,
     telemetry: Telemetry,
-    belief: Belief,
+    belief: PositionEstimate,
     memory: ModeMemory,
     references: References,
     approach: ApproachParameters,
@@ -64,9 +64,9 @@ def situation_of(
         observation=observation,
         landing_condition=landing_condition(belief.estimate, telemetry.t_s, references, approach),
         committed=place_m is not None and references.height_m(place_m) < approach.commit_height_m,
-        astray=_astray(belief.estimate, approach) if memory.mode is Mode.LAND else "",
-        near_ship=place_m is not None and float(np.linalg.norm(place_m)) < approach.climb_out_radius_m,
-        clear=climbing_s >= approach.climb_out_s and (clear or climbing_s >= 4.0 * approach.climb_out_s),
+        abort_reason=_abort_reason(belief.estimate, approach) if memory.mode is Mode.LAND else "",
+        near_ship=place_m is not None and float(np.linalg.norm(place_m)) < approach.go_around_radius_m,
+        clear=climbing_s >= approach.go_around_s and (clear or climbing_s >= 4.0 * approach.go_around_s),
         flying=telemetry.flying,
         overruled=overruled(sent, memory.mode),
     )
@@ -92,8 +92,8 @@ def landing_condition(
     return ""
 
 
-def _astray(estimate: NearEstimate | None, approach: ApproachParameters) -> str:
+def _abort_reason(estimate: NearEstimate | None, approach: ApproachParameters) -> str:
     if estimate is None:
         return ""
     off_m = float(np.max(np.abs(estimate.error_in_level_m[:2])))
-    return f"{off_m:.2f} m off the landing point while landing" if off_m > approach.astray_m else ""
+    return f"{off_m:.2f} m off the landing point while landing" if off_m > approach.abort_offset_m else ""

@@ -69,8 +69,8 @@ class Shot:
         ship = Pose.from_euler(
             self.ship_position_in_ned_m + t_s * self.ship_velocity_in_ned_mps, 0.0, 0.0, self.ship_heading_rad
         )
-        swing = self.deck_amplitude * np.sin(self.deck_phase_rad + t_s)
-        deck = ship @ Pose.from_euler(swing[:3], swing[3], swing[4], swing[5])
+        wave = self.deck_amplitude * np.sin(self.deck_phase_rad + t_s)
+        deck = ship @ Pose.from_euler(wave[:3], wave[3], wave[4], wave[5])
         camera = Pose(rotation, self.position_in_ned_m + t_s * self.velocity_in_ned_mps)
         return SceneState(
             t_s=self.t0_s + t_s,

@@ -14,7 +14,7 @@ from typing import Any
 
 from shipland.config import build
 from shipland.errors import DataError
-from shipland.missions.campaign import Flight, land_once
+from shipland.missions.campaign import FlightJob, land_once
 from shipland.missions.folder import campaign_key, claimed, folder_in, read_campaign
 from shipland.missions.landing import Landing
 from shipland.missions.suite import BenchCell
@@ -24,9 +24,9 @@ from shipland.sim.aircraft.parameters import AirframeParameters
 from shipland.sim.ship.ship import ShipParameters
 from shipland.stopping import stop_requests
 
-Keep = Callable[[Flight, Landing], None]
-Lose = Callable[[Flight, str], None]
-Crew = Callable[[Iterable[Flight], Keep, Lose], Iterator[tuple[Flight, Landing]]]
+Keep = Callable[[FlightJob, Landing], None]
+Lose = Callable[[FlightJob, str], None]
+Executor = Callable[[Iterable[FlightJob], Keep, Lose], Iterator[tuple[FlightJob, Landing]]]
 """Flies flights: yields each with its landing, calls `Keep` with each landing, `Lose` with each lost flight and why."""
 
 
@@ -67,26 +67,26 @@ class Bench:
         self.lost: list[tuple[str, int, str]] = []
         _write_beside(plan)
 
-    def missing(self) -> Iterator[Flight]:
+    def missing(self) -> Iterator[FlightJob]:
         """The flights that are missing, seed by seed over all cells."""
         plan = self.plan
         for seed in plan.seeds:
             for cell in plan.cells:
                 if seed not in self._folders[cell.name].seeds:
                     log = plan.out / cell.name / "flights" / f"{seed}.mcap"
-                    yield Flight(cell.scenario, cell.pilot, cell.vision, seed, log, True, cell.name, plan.command)
+                    yield FlightJob(cell.scenario, cell.pilot, cell.vision, seed, log, True, cell.name, plan.command)
 
-    def fly(self, crew: Crew) -> Generator[tuple[Flight, Landing], None, None]:
+    def fly(self, executor: Executor) -> Generator[tuple[FlightJob, Landing], None, None]:
         """Fly what is missing and yield it as it is kept; closing the generator stops in order."""
 
-        def keep(flight: Flight, landing: Landing) -> None:
+        def keep(flight: FlightJob, landing: Landing) -> None:
             if flight.seed not in self._folders[flight.cell].seeds:  # a flight that comes twice counts once
                 self._folders[flight.cell].append(landing)
 
-        def lose(flight: Flight, reason: str) -> None:
+        def lose(flight: FlightJob, reason: str) -> None:
             self.lost.append((flight.cell, flight.seed, reason))
 
-        yield from crew(self.missing(), keep, lose)
+        yield from executor(self.missing(), keep, lose)
 
 
 @contextmanager
@@ -101,16 +101,16 @@ def open_bench(plan: BenchPlan) -> Iterator[Bench]:
         yield Bench(plan)
 
 
-def processes(count: int) -> Crew:
+def processes(count: int) -> Executor:
     """Flights in `count` processes of this machine."""
 
-    def crew(flights: Iterable[Flight], keep: Keep, lose: Lose) -> Iterator[tuple[Flight, Landing]]:
+    def executor(flights: Iterable[FlightJob], keep: Keep, lose: Lose) -> Iterator[tuple[FlightJob, Landing]]:
         return run_jobs(land_quietly, flights, count, keep, lose)
 
-    return crew
+    return executor
 
 
-def land_quietly(flight: Flight) -> Landing:
+def land_quietly(flight: FlightJob) -> Landing:
     """Fly one seed; what visions and pilots raise stands in the reasons of its log, and not on the terminal too."""
     loggers = [logging.getLogger(name) for name in ("shipland.flight", "shipland.vision.vision")]
     before = [logger.disabled for logger in loggers]

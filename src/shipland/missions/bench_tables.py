@@ -71,7 +71,7 @@ def leaderboard(cells: Sequence[CellResult], ceilings: dict[str, Ceiling]) -> It
                 f"{100.0 * ceilings[cell.group].share:.1f} %" if perfect else "",
                 str(rests),
                 str(sum(it.landed for it in landings)),
-                f"{sum(bool(it.perfect_in_square) for it in touched)} of {len(touched)}",
+                f"{sum(bool(it.oracle_in_square) for it in touched)} of {len(touched)}",
                 _quantile(errors_cm, 0.5, rng),
                 _quantile(errors_cm, 0.9, rng),
                 _quantile(own_cm, 0.5, rng),

@@ -41,7 +41,7 @@ class CampaignPlan:
 
 
 @dataclass(frozen=True)
-class Flight:
+class FlightJob:
     """One flight to be flown.
 
     Attributes:
@@ -64,7 +64,7 @@ class Flight:
     command: str = ""
 
 
-def land_once(flight: Flight) -> Landing:
+def land_once(flight: FlightJob) -> Landing:
     """Fly one seed and leave nothing behind but, where asked for, its log; a request to stop ends it in the air."""
     records: list[FlightRecord] = []
     scenario, pilot, vision, seed = flight.scenario, flight.pilot, flight.vision, flight.seed
@@ -100,7 +100,7 @@ def run_campaign(plan: CampaignPlan) -> Generator[Landing, None, None]:
         missing = [seed for seed in plan.seeds if seed not in folder.done]
         yield from (folder.done[seed] for seed in plan.seeds if seed in folder.done)
         flights = [
-            Flight(
+            FlightJob(
                 plan.scenario,
                 plan.pilot,
                 plan.vision,

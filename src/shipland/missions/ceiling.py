@@ -32,15 +32,15 @@ class Touchdown(NamedTuple):
     Attributes:
         own_in_bar_m: (2,) the aircraft from the bar-defined point, forward and starboard in `bar`.
         deck_in_bar_m: (2,) the deck's centre from the same point.
-        perfect_in_deck_m: (2,) where an aircraft without own error would have touched the deck.
-        perfect_in_square: that lies in the landing square.
+        oracle_in_deck_m: (2,) where an aircraft without own error would have touched the deck.
+        oracle_in_square: that lies in the landing square.
         own_in_square: the own error alone, with the deck at rest, lies in the landing square.
     """
 
     own_in_bar_m: Array
     deck_in_bar_m: Array
-    perfect_in_deck_m: Array
-    perfect_in_square: bool
+    oracle_in_deck_m: Array
+    oracle_in_square: bool
     own_in_square: bool
 
 
@@ -55,7 +55,7 @@ def height_at_contact_m(ship: ShipState, airframe: AirframeParameters) -> float:
     )
 
 
-def perfect_in_deck_m(ship: ShipState, airframe: AirframeParameters) -> Array:
+def oracle_in_deck_m(ship: ShipState, airframe: AirframeParameters) -> Array:
     """(2,) forward, starboard in `deck`: where an aircraft straight over the bar-defined point touches the deck."""
     height_m = height_at_contact_m(ship, airframe)
     return _in_deck_m(ship, ship.ned_from_bar.apply(ship.rig.deck_in_bar_m), height_m)
@@ -84,9 +84,9 @@ def take_apart(ship: ShipState, airframe: AirframeParameters, touchdown_in_deck_
     point_in_bar_m = ship.rig.deck_in_bar_m
     own_m = (bar_from_ned.apply(aircraft_in_ned_m) - point_in_bar_m)[:2]
     deck_m = (bar_from_ned.apply(ship.ned_from_deck.translation_m) - point_in_bar_m)[:2]
-    perfect_m = _in_deck_m(ship, ship.ned_from_bar.apply(point_in_bar_m), height_m)
-    inside, own_inside = (ship.rig.in_landing_area(*point_m.tolist()) for point_m in (perfect_m, own_m))
-    return Touchdown(own_m, deck_m, perfect_m, inside, own_inside)
+    oracle_m = _in_deck_m(ship, ship.ned_from_bar.apply(point_in_bar_m), height_m)
+    inside, own_inside = (ship.rig.in_landing_area(*point_m.tolist()) for point_m in (oracle_m, own_m))
+    return Touchdown(own_m, deck_m, oracle_m, inside, own_inside)
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def ceiling(
     for motion_rng in rng.spawn(motions):
         drawn = build_ship(ship, rig, motion_rng)
         states = [drawn.at(float(t_s)) for t_s in np.arange(0.0, LENGTH_S, STEP_S)]
-        points_m = np.array([perfect_in_deck_m(state, airframe) for state in states])
+        points_m = np.array([oracle_in_deck_m(state, airframe) for state in states])
         shares.append(float(np.mean([rig.in_landing_area(*point_m) for point_m in points_m.tolist()])))
         squared_m.append(np.mean(points_m**2, axis=0))
         sway_m2.append(float(np.mean([state.deck.displacement[1] ** 2 for state in states])))

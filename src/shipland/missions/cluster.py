@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from shipland.errors import ConfigError, DataError
-from shipland.missions.bench import Crew, Keep, Lose, land_quietly
-from shipland.missions.campaign import Flight
+from shipland.missions.bench import Executor, Keep, Lose, land_quietly
+from shipland.missions.campaign import FlightJob
 from shipland.missions.folder import source_digest
 from shipland.missions.landing import Landing
 from shipland.missions.workers import POLL_S
@@ -30,7 +30,7 @@ class _Answer(NamedTuple):
     log: bytes | None
 
 
-def cluster(address: str) -> Crew:
+def cluster(address: str) -> Executor:
     """Flights on the Ray cluster at `address`, or the one that is found (`auto`); every machine wants this very code.
 
     Raises:
@@ -42,13 +42,13 @@ def cluster(address: str) -> Crew:
     except ImportError:
         raise ConfigError("--cluster wants Ray, which is not installed; pip install 'shipland[cluster]'") from None
 
-    def crew(flights: Iterable[Flight], keep: Keep, lose: Lose) -> Iterator[tuple[Flight, Landing]]:
+    def executor(flights: Iterable[FlightJob], keep: Keep, lose: Lose) -> Iterator[tuple[FlightJob, Landing]]:
         try:
             ray.init(address=address, log_to_driver=False, ignore_reinit_error=True)
         except (ConnectionError, ValueError, RuntimeError) as error:
             raise ConfigError(f"--cluster {address}: no Ray cluster: {error}") from None
         fly = ray.remote(max_retries=_RETRIES, num_cpus=1)(_fly_there)
-        waiting, given = iter(flights), dict[Any, Flight]()
+        waiting, given = iter(flights), dict[Any, FlightJob]()
         try:
             while True:
                 most = _WAITING_A_CORE * max(1, int(ray.cluster_resources().get("CPU", 1)))
@@ -76,10 +76,10 @@ def cluster(address: str) -> Crew:
                 ray.cancel(reference, force=True)
             ray.shutdown()
 
-    return crew
+    return executor
 
 
-def _fly_there(flight: Flight) -> _Answer:
+def _fly_there(flight: FlightJob) -> _Answer:
     """On a machine of the cluster: its folders are not ours, so the log comes back with the landing."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "flight.mcap"

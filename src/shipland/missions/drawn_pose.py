@@ -19,7 +19,7 @@ _STEPS = 3
 """Gauss-Newton steps: quadratic convergence from a true pose."""
 
 
-class Measured(NamedTuple):
+class CornerMeasurement(NamedTuple):
     """The cue's corners as a camera measured them, and the vertical as the gimbal has it.
 
     Attributes:
@@ -85,7 +85,7 @@ def inside(corners_px: Array, low_px: float, high_px: Array) -> bool:
 
 @compiled
 def pose_from_truth(
-    rotation: Array, translation_m: Array, measured: Measured
+    rotation: Array, translation_m: Array, measured: CornerMeasurement
 ) -> tuple[bool, Array, Array, float, Array, Array]:
     """The pose that a solver would find: Gauss-Newton steps from the true one.
 
@@ -107,7 +107,7 @@ def pose_from_truth(
             for i in range(6):
                 for j in range(6):
                     step[i] -= covariance[i, j] * partial[k, j] * residual[k]
-        rotation, translation_m = turned(step[:3], rotation), translation_m + step[3:]
+        rotation, translation_m = exp_rotation(step[:3], rotation), translation_m + step[3:]
     residual_px = projected(rotation, translation_m, measured.plane_m, measured.matrix) - measured.corners_px
     # The last step's χ² is that of its linear model: the next residual would cost a linearisation for the prior's sake.
     chi2 = 0.0
@@ -120,7 +120,7 @@ def pose_from_truth(
 
 
 @compiled
-def _linearised(rotation: Array, translation_m: Array, measured: Measured) -> tuple[Array, Array]:
+def _linearised(rotation: Array, translation_m: Array, measured: CornerMeasurement) -> tuple[Array, Array]:
     """Jacobian (2n+3,6) and residual (2n+3,) in standard deviations; the last three rows are the level prior's."""
     plane_m, matrix, corners_px, sigma_px, down_in_camera, level_rad = measured
     count = len(plane_m)
@@ -189,7 +189,7 @@ def _inverse_gram(partial: Array) -> tuple[Array, bool]:
 
 
 @compiled
-def turned(vector: Array, rotation: Array) -> Array:
+def exp_rotation(vector: Array, rotation: Array) -> Array:
     """exp(vector) · rotation, (3,3): Rodrigues' formula."""
     x, y, z = vector
     angle = math.sqrt(x * x + y * y + z * z)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.camera import Camera
-from shipland.flight import Crew
+from shipland.flight import Autonomy
 from shipland.guidance.pilot import Pilot
 from shipland.messages import (
     BarPose,
@@ -25,7 +25,7 @@ from shipland.messages import (
     Telemetry,
     TouchdownVerdict,
 )
-from shipland.missions.corruption import Spoiler
+from shipland.missions.fault_injector import FaultInjector
 from shipland.missions.fault_kinds import Fault, FaultKind
 from shipland.missions.scenarios import Scenario
 from shipland.missions.seeds import generators_of
@@ -47,18 +47,20 @@ def faults_of(scenario: Scenario, seed: int) -> tuple[Fault, ...]:
 
 
 def with_faults(
-    scenario: Scenario, vehicle: SimulatedVehicle, crew: Crew, seed: int
-) -> tuple[SimulatedVehicle | FaultyVehicle, Crew]:
-    """Vehicle and crew of the flight of `seed`, failing as the scenario says; unchanged where nothing fails."""
+    scenario: Scenario, vehicle: SimulatedVehicle, autonomy: Autonomy, seed: int
+) -> tuple[SimulatedVehicle | FaultyVehicle, Autonomy]:
+    """Vehicle and autonomy of the flight of `seed`, failing as the scenario says; unchanged where nothing fails."""
     faults = faults_of(scenario, seed)
     if not faults:
-        return vehicle, crew
+        return vehicle, autonomy
     faulty = FaultyVehicle(vehicle, faults, generators_of(seed).faults.spawn(2)[1])
-    return faulty, replace(crew, vision=_FaultyVision(crew.vision, faulty), pilot=_FaultyPilot(crew.pilot, faulty))
+    return faulty, replace(
+        autonomy, vision=_FaultyVision(autonomy.vision, faulty), pilot=_FaultyPilot(autonomy.pilot, faulty)
+    )
 
 
 class FaultyVehicle:
-    """A `Vehicle` and `Witness` over a simulated one whose frames, telemetry, link and motors fail.
+    """A `Vehicle` and `GroundTruthSource` over a simulated one whose frames, telemetry, link and motors fail.
 
     Args:
         vehicle: truthful.
@@ -70,7 +72,7 @@ class FaultyVehicle:
         self._vehicle, self._faults, self.rng = vehicle, faults, rng
         self.now_s = self._told_s = 0.0
         """The vehicle's time, not spoiled [s]."""
-        self.spoiler = Spoiler(rng)
+        self.spoiler = FaultInjector(rng)
         self._held: deque[Frame] = deque(maxlen=_HELD)
         self._given_s = -math.inf
         self._last_image: npt.NDArray[np.uint8] | None = None
@@ -100,11 +102,11 @@ class FaultyVehicle:
         self._vehicle.close()
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
-        """See `Witness`."""
+        """See `GroundTruthSource`."""
         return self._vehicle.truth_at(t_s)
 
     def verdict(self) -> TouchdownVerdict | None:
-        """See `Witness`."""
+        """See `GroundTruthSource`."""
         return self._vehicle.verdict()
 
     def now(self, kind: FaultKind) -> Fault | None:

@@ -17,7 +17,7 @@ from shipland.config import build, packaged_toml
 from shipland.factories import Factory
 from shipland.flight import FlightResult, fly
 from shipland.messages import FlightRecord, TouchdownVerdict
-from shipland.missions.crew import build_crew, build_scene, build_vehicle
+from shipland.missions.autonomy import build_autonomy, build_scene, build_vehicle
 from shipland.missions.faults import with_faults
 from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import needs_pictures
@@ -59,9 +59,9 @@ def fly_quietly(
             scene = build_scene(scenario, seed)
             stack.callback(scene.close)
         vehicle = build_vehicle(scenario, seed, scene)
-        crew = build_crew(scenario, vehicle, pilot, vision, seed)
-        flown, crew = with_faults(scenario, vehicle, crew, seed)
-        result = fly(flown, crew, scenario.time_limit_s, time.perf_counter, on_cycle)
+        autonomy = build_autonomy(scenario, vehicle, pilot, vision, seed)
+        flown, autonomy = with_faults(scenario, vehicle, autonomy, seed)
+        result = fly(flown, autonomy, scenario.time_limit_s, time.perf_counter, on_cycle)
         return Flown(result, vehicle.verdict())
 
 

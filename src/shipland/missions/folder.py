@@ -21,6 +21,7 @@ from typing import Any
 from shipland import factories
 from shipland.errors import DataError
 from shipland.files import json_of, read_text, write_atomically
+from shipland.former import renamed
 from shipland.missions.landing import COLUMNS, Landing, landing_from, row_of
 from shipland.missions.scenarios import Scenario
 from shipland.missions.visions import needs_pictures
@@ -200,7 +201,7 @@ def _landings(path: Path, text: str) -> dict[int, Landing]:
         try:
             if (row := next(rows, None)) is None:
                 return done
-            done[int(row["seed"])] = landing_from(row)
+            done[int(row["seed"])] = landing_from(renamed(row))
         except (csv.Error, KeyError, TypeError, ValueError):
             line = max(rows.line_num, 1)
             raise DataError(f"{path}, line {line}: not a landing; remove the line to fly it again") from None

@@ -14,7 +14,7 @@ from shipland.frames import euler_from_rotation
 from shipland.guidance.laws import clamp
 from shipland.guidance.pilot import Pilot
 from shipland.messages import Decision, Mode, Observation, PilotCommand, Telemetry
-from shipland.vehicles.vehicle import Witness
+from shipland.vehicles.vehicle import GroundTruthSource
 
 
 @dataclass(frozen=True)
@@ -36,14 +36,16 @@ class FollowParameters:
 class DeckFollower:
     """Adds to another pilot's sticks the tilt that the deck has."""
 
-    def __init__(self, pilot: Pilot, witness: Witness, max_tilt_rad: float, parameters: FollowParameters) -> None:
-        self._pilot, self._witness = pilot, witness
+    def __init__(
+        self, pilot: Pilot, truth_source: GroundTruthSource, max_tilt_rad: float, parameters: FollowParameters
+    ) -> None:
+        self._pilot, self._truth_source = pilot, truth_source
         self._max_tilt_rad, self._parameters = max_tilt_rad, parameters
 
     def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
         """The other pilot's decision; while landing low, with the deck's roll and pitch added."""
         decision = self._pilot.decide(observation, telemetry, sent)
-        truth = self._witness.truth_at(observation.t_s)
+        truth = self._truth_source.truth_at(observation.t_s)
         if truth is None or decision.mode is not Mode.LAND or -truth.aircraft_in_deck_m[2] > self._parameters.below_m:
             return decision
         heading_rad = euler_from_rotation(truth.ned_from_body.rotation)[2]

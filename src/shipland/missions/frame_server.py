@@ -16,7 +16,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.messages import TouchdownVerdict
-from shipland.missions.crew import build_scene, drawn_ship
+from shipland.missions.autonomy import build_scene, drawn_ship
 from shipland.missions.scenarios import Scenario
 from shipland.missions.seeds import generators_of
 from shipland.sim.snapshot import Snapshot, scene_of, truth_of

@@ -17,11 +17,19 @@ from shipland.camera import Camera
 from shipland.config import require
 from shipland.frames import Array, Pose
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.missions.drawn_pose import Measured, inside, pose_from_truth, projected, relative_pose
+from shipland.missions.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
 from shipland.missions.geometric_deck import DeckErrors
 from shipland.missions.geometric_far import BoxErrors, BoxParameters
 from shipland.rig import Target
-from shipland.vehicles.vehicle import Witness
+from shipland.vehicles.vehicle import GroundTruthSource
+from shipland.vision.near.candidate import (
+    bar_pose_of,
+    jumps,
+    largest_reprojection_px,
+    ordered,
+    sides_agree,
+    within_reach,
+)
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pose import (
     CONTRADICTION_CHI2,
@@ -34,14 +42,6 @@ from shipland.vision.near.pose import (
     solve,
 )
 from shipland.vision.near.refusal import Refusal, gimbal_off
-from shipland.vision.near.sighting import (
-    bar_pose_of,
-    jumps,
-    largest_reprojection_px,
-    ordered,
-    sides_agree,
-    within_reach,
-)
 
 
 @dataclass(frozen=True)
@@ -81,19 +81,19 @@ class GeometricVision:
 
     def __init__(
         self,
-        witness: Witness,
+        truth_source: GroundTruthSource,
         target: Target,
         camera: Camera,
         parameters: GeometricParameters,
         near: VisionParameters,
         rng: np.random.Generator,
     ) -> None:
-        self._witness, self._camera, self._near = witness, camera, near
+        self._truth_source, self._camera, self._near = truth_source, camera, near
         self._matrix = np.ascontiguousarray(camera.matrix)
         self._parameters = parameters
         self._least_facing = math.cos(math.radians(near.max_obliquity_deg))
         self._rng = rng
-        self._made_to = target.made_to
+        self._made_to = target.manufacturing_tolerance
         self._plane_m = np.ascontiguousarray(target.points_in_bar_m[:, 1:])
         border_px = parameters.border_px
         self._last: tuple[float, Pose] | None = None
@@ -105,7 +105,7 @@ class GeometricVision:
         # Drawn for every frame, seen or not: a flight's numbers must not shift with one frame's luck.
         noise = self._rng.standard_normal(self._plane_m.shape)
         missed = self._rng.random() < self._parameters.miss_rate
-        truth = self._witness.truth_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)
+        truth = self._truth_source.truth_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)
         if truth is None:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
         camera, bar = truth.ned_from_camera, truth.ned_from_bar
@@ -120,7 +120,7 @@ class GeometricVision:
         if not inside(corners_px, self._low_px, self._high_px):
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.CUT_BY_FRAME.value)
         down, noise_rad = _down_in_camera(frame.gimbal), self._near.gimbal_noise_rad
-        measured = Measured(self._plane_m, self._matrix, corners_px, sigma_px, down, noise_rad)
+        measured = CornerMeasurement(self._plane_m, self._matrix, corners_px, sigma_px, down, noise_rad)
         last = self._last if self._last is not None and 0.0 <= frame.t_s - self._last[0] <= self._near.track_s else None
         solutions = self._solved(rotation, sight_m, measured, None if last is None else last[1])
         quads_px = corners_px.reshape(-1, 4, 2)
@@ -137,7 +137,9 @@ class GeometricVision:
         self._last = frame.t_s, solutions[0].camera_from_plane
         return Observation(frame.t_s, frame.gimbal, bar_pose=bar_pose)
 
-    def _solved(self, rotation: Array, sight_m: Array, measured: Measured, last: Pose | None) -> list[Solution]:
+    def _solved(
+        self, rotation: Array, sight_m: Array, measured: CornerMeasurement, last: Pose | None
+    ) -> list[Solution]:
         """What the solver makes of measured corners, the pose to take first."""
         held = _solution(rotation, sight_m, measured)
         prior = LevelPrior(measured.down_in_camera, measured.level_rad) if measured.level_rad > 0.0 else None
@@ -161,7 +163,7 @@ class GeometricVision:
         return "" if within_reach(taken.camera_from_plane, near) else Refusal.OUT_OF_REACH.value
 
 
-def _solution(rotation: Array, sight_m: Array, measured: Measured) -> Solution | None:
+def _solution(rotation: Array, sight_m: Array, measured: CornerMeasurement) -> Solution | None:
     """The pose that the solver would find; None when the corners do not settle one."""
     settled, *pose, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
     if not settled:

@@ -10,7 +10,7 @@ import numpy as np
 from shipland.camera import Camera, level_from_camera
 from shipland.config import require
 from shipland.messages import DeckSight, Frame, Observation
-from shipland.vehicles.vehicle import Witness
+from shipland.vehicles.vehicle import GroundTruthSource
 from shipland.vision.near.refusal import Refusal
 
 LEAST_FACING = 0.5
@@ -41,14 +41,16 @@ class DeckErrors:
 class GeometricDeck:
     """Sees the deck's centre where it is in the picture, for a vehicle whose truth is known."""
 
-    def __init__(self, witness: Witness, camera: Camera, errors: DeckErrors, rng: np.random.Generator) -> None:
-        self._witness, self._camera, self._errors, self._rng = witness, camera, errors, rng
+    def __init__(
+        self, truth_source: GroundTruthSource, camera: Camera, errors: DeckErrors, rng: np.random.Generator
+    ) -> None:
+        self._truth_source, self._camera, self._errors, self._rng = truth_source, camera, errors, rng
 
     def see(self, frame: Frame) -> Observation:
         """What the look down would find; never raises."""
         noise_m = self._errors.noise_m * self._rng.standard_normal(3)
         missed = self._rng.random() < self._errors.miss_rate
-        truth = self._witness.truth_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)
+        truth = self._truth_source.truth_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)
         if truth is None:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
         nothing = Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_DECK.value)

@@ -4,7 +4,7 @@ Each axis is taken for a first-order lag behind a dead time: the stick that was 
 tilt, a speed or a rate. Gain and bias follow by least squares for every pair of lag and dead time; the pair with the
 smallest residual is taken. An axis whose stick was hardly moved tells nothing and is left out.
 
-Of a vehicle that flies speeds the tilts tell more than the speeds do: they lean by a gain times the error of the speed
+Of a vehicle that flies speeds the tilts tell more than the speeds do: they tilt by a gain times the error of the speed
 and by another times its sum, against a steady wind. Lag and dead time are then the tilt's own.
 """
 
@@ -50,14 +50,14 @@ class FirstOrder:
 
 @dataclass(frozen=True)
 class SpeedLoop:
-    """How a vehicle that flies speeds leans for them.
+    """How a vehicle that flies speeds tilts for them.
 
     Attributes:
         full: speed at full stick [m/s].
         servo_per_s: from the speed's error to acceleration.
-        lag_s: time constant of the lean.
+        lag_s: time constant of the tilt.
         delay_s: from the command's being ready to the first reaction.
-        explained: share of the lean's variance that it explains.
+        explained: share of the tilt's variance that it explains.
     """
 
     full: float
@@ -131,7 +131,7 @@ class Identified:
         if self.loop is not None:
             loop = self.loop
             what, share = f"{loop.full:.3f} m/s at {loop.servo_per_s:.2f} /s", f"{100.0 * loop.explained:.0f} %"
-            rows.insert(3, f"| lean for it | {what} | {loop.lag_s:.3f} | {loop.delay_s:.3f} | {share} |")
+            rows.insert(3, f"| tilt for it | {what} | {loop.lag_s:.3f} | {loop.delay_s:.3f} | {share} |")
         return "\n".join(rows)
 
 
@@ -169,12 +169,12 @@ def identify(records: Sequence[FlightRecord]) -> Identified:
     if by_speed and level_speed is not None:
         axes = (pitch, -tilt[:, 1], velocity[:, 0]), (roll, tilt[:, 0], velocity[:, 1])
         full_mps = level_speed.full
-        loops = [_lean(sent_s, stick, tilt_s, lean, velocity_s, speed, full_mps) for stick, lean, speed in axes]
+        loops = [_speed_loop(sent_s, stick, tilt_s, along, velocity_s, speed, full_mps) for stick, along, speed in axes]
         return Identified("velocity", level_speed, _best(loops), climb, turn, None)
     return Identified("attitude", level_tilt, None, climb, turn, _drag(tilt_s, tilt, velocity_s, velocity))
 
 
-def _lean(
+def _speed_loop(
     sent_s: Array, stick: Array, tilt_s: Array, tilt_rad: Array, velocity_s: Array, speed_mps: Array, full_mps: float
 ) -> SpeedLoop | None:
     """The loop that explains tilts (n,) at times (n,) by the stick (m,) and the speeds (k,) along the same axis.

@@ -13,8 +13,8 @@ import numpy as np
 
 from shipland.frames import euler_from_rotation, wrap_angle
 from shipland.messages import FlightRecord, Mode, TouchdownVerdict
+from shipland.missions.autonomy import drawn_ship, drawn_wind_of
 from shipland.missions.ceiling import take_apart
-from shipland.missions.crew import drawn_ship, drawn_wind_of
 from shipland.missions.fault_kinds import Fault
 from shipland.missions.faults import faults_of
 from shipland.missions.fly import Flown
@@ -33,7 +33,7 @@ class Phases:
     """How a flight went before contact.
 
     Attributes:
-        search_s, ship_s, bar_s, approach_s, land_s, blind_s, climb_out_s: time in each mode.
+        search_s, ship_s, bar_s, approach_s, land_s, blind_s, go_around_s: time in each mode.
         tries: landings broken off.
     """
 
@@ -43,7 +43,7 @@ class Phases:
     approach_s: float
     land_s: float
     blind_s: float
-    climb_out_s: float
+    go_around_s: float
     tries: int
 
 
@@ -115,8 +115,8 @@ class Landing:
         forward_m, starboard_m: touchdown point in `deck`.
         own_forward_m, own_starboard_m: the aircraft at contact from the bar-defined point, in `bar`.
         deck_forward_m, deck_starboard_m: the deck's centre at contact from the same point, in `bar`.
-        perfect_forward_m, perfect_starboard_m: where an aircraft without own error would have touched, in `deck`.
-        perfect_in_square: that lies in the landing square.
+        oracle_forward_m, oracle_starboard_m: where an aircraft without own error would have touched, in `deck`.
+        oracle_in_square: that lies in the landing square.
         sink_mps: vertical speed against the deck just before contact, down positive.
         slide_mps: horizontal speed against the deck just before contact.
         tilt_deg: largest tilt against the deck after contact.
@@ -149,9 +149,9 @@ class Landing:
     own_starboard_m: float = NAN
     deck_forward_m: float = NAN
     deck_starboard_m: float = NAN
-    perfect_forward_m: float = NAN
-    perfect_starboard_m: float = NAN
-    perfect_in_square: bool | None = None
+    oracle_forward_m: float = NAN
+    oracle_starboard_m: float = NAN
+    oracle_in_square: bool | None = None
     sink_mps: float = NAN
     slide_mps: float = NAN
     tilt_deg: float = NAN
@@ -214,7 +214,7 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
         )
     state = ship.at(verdict.t_s)
     parts = take_apart(state, scenario.aircraft.airframe, verdict.touchdown_in_deck_m)
-    cause = _cause(scenario, verdict, parts.perfect_in_square, parts.own_in_square)
+    cause = _cause(scenario, verdict, parts.oracle_in_square, parts.own_in_square)
     u, v, w = verdict.relative_velocity_in_deck_mps.tolist()
     return rounded(
         Landing(
@@ -232,9 +232,9 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
             own_starboard_m=float(parts.own_in_bar_m[1]),
             deck_forward_m=float(parts.deck_in_bar_m[0]),
             deck_starboard_m=float(parts.deck_in_bar_m[1]),
-            perfect_forward_m=float(parts.perfect_in_deck_m[0]),
-            perfect_starboard_m=float(parts.perfect_in_deck_m[1]),
-            perfect_in_square=parts.perfect_in_square,
+            oracle_forward_m=float(parts.oracle_in_deck_m[0]),
+            oracle_starboard_m=float(parts.oracle_in_deck_m[1]),
+            oracle_in_square=parts.oracle_in_square,
             sink_mps=w,
             slide_mps=math.hypot(u, v),
             tilt_deg=math.degrees(verdict.tilt_rad),
@@ -257,14 +257,14 @@ OWN, DECK = "own error", "deck displaced"
 EITHER, BOTH = "own error or deck, each alone", "own error and deck together"
 
 
-def _cause(scenario: Scenario, verdict: TouchdownVerdict, perfect_in_square: bool, own_in_square: bool) -> str:
+def _cause(scenario: Scenario, verdict: TouchdownVerdict, oracle_in_square: bool, own_in_square: bool) -> str:
     """Of a flight with contact, by counterfactual: what if the aircraft had not erred; what if the deck had rested."""
     if verdict.landed and verdict.in_square:
         return ""
     if not verdict.landed:
         limit = broken_limit(scenario.verdict, verdict.relative_velocity_in_deck_mps, verdict.tilt_rad, verdict.slip_m)
         return limit.kind if limit is not None and limit.words == verdict.reason else verdict.reason
-    if perfect_in_square:
+    if oracle_in_square:
         return BOTH if own_in_square else OWN
     return DECK if own_in_square else EITHER
 
@@ -289,7 +289,7 @@ def phases_of(records: Sequence[FlightRecord], end_s: float) -> Phases:
             break
         mode, after = record.decision.mode, following.decision.mode
         spent_s[mode] += min(following.telemetry.t_s, end_s) - record.telemetry.t_s
-        tries += after is Mode.CLIMB_OUT and mode is not Mode.CLIMB_OUT
+        tries += after is Mode.GO_AROUND and mode is not Mode.GO_AROUND
     return Phases(
         search_s=spent_s[Mode.SEARCH],
         ship_s=spent_s[Mode.TRACK_SHIP],
@@ -297,7 +297,7 @@ def phases_of(records: Sequence[FlightRecord], end_s: float) -> Phases:
         approach_s=spent_s[Mode.APPROACH],
         land_s=spent_s[Mode.LAND],
         blind_s=spent_s[Mode.NO_VISION],
-        climb_out_s=spent_s[Mode.CLIMB_OUT],
+        go_around_s=spent_s[Mode.GO_AROUND],
         tries=tries,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from shipland.errors import ConfigError
 from shipland.learning.policy.setup import PhaseSetup
-from shipland.missions.crew import response_of
+from shipland.missions.autonomy import response_of
 from shipland.missions.scenarios import Scenario
 
 

@@ -29,7 +29,7 @@ from shipland.stopping import ignored
 from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.checks import Check, PreflightParameters, Real
 from shipland.vehicles.replay import Recorded, ReplayVehicle, recorded_video
-from shipland.vehicles.vehicle import Vehicle, Witness
+from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
 from shipland.vision.log_pictures import read_pictures
 from shipland.vision.pictures import is_video
 
@@ -111,12 +111,12 @@ def identified(path: Path, assumed: Response) -> Response:
 class SceneFromTruth:
     """Scenes of a witness that is no simulator of ours: the hull is taken for level."""
 
-    def __init__(self, witness: Witness) -> None:
-        self._witness = witness
+    def __init__(self, truth_source: GroundTruthSource) -> None:
+        self._truth_source = truth_source
 
     def scene_at(self, t_s: float) -> SceneState | None:
         """See `SimulatedVehicle.scene_at`."""
-        truth = self._witness.truth_at(t_s)
+        truth = self._truth_source.truth_at(t_s)
         if truth is None:
             return None
         still = np.zeros(3)
@@ -162,7 +162,7 @@ def wind_check(wind_mps: float, response: Response, share: float) -> Check:
 
     Args:
         wind_mps: what is expected, gusts included.
-        response: of the vehicle; one that flies speeds leans for them by its own limit.
+        response: of the vehicle; one that flies speeds tilts for them by its own limit.
         share: of the wind that full tilt holds against.
     """
     tilt_rad, drag_per_s = response.max_tilt_rad, response.drag_per_s
@@ -186,7 +186,7 @@ _OVERRIDES = {"h": Override.HOLD, "c": Override.CLIMB, "r": None}
 
 
 class Keys:
-    """Single keys of the terminal: hold, climb out, resume."""
+    """Single keys of the terminal: hold, climb, resume."""
 
     def __init__(self) -> None:
         self._override: Override | None = None

@@ -13,10 +13,10 @@ import numpy as np
 from shipland.errors import ConfigError
 from shipland.frames import GRAVITY_MPS2, Array, rotation_from_quaternion
 from shipland.messages import PilotCommand
-from shipland.missions.crew import build_world
+from shipland.missions.autonomy import build_world
 from shipland.missions.frame_server import FrameServer
 from shipland.missions.scenarios import Scenario
-from shipland.sim.aircraft.aircraft import Motion
+from shipland.sim.aircraft.aircraft import RigidBodyState
 from shipland.sim.aircraft.parameters import Vector
 from shipland.sim.aircraft.servo import ServoQuadrotor
 from shipland.sim.world import Grid, World
@@ -43,12 +43,12 @@ class FlightStep(NamedTuple):
     """
 
     t_s: float
-    motion: Motion
+    motion: RigidBodyState
     force_in_body_mps2: Vector
     over: bool
 
 
-class HeldWorld:
+class LaunchHold:
     """A world whose aircraft is held below its start until its rotors carry it; from then on the world's time runs.
 
     A flight controller wants to boot, level its sensors and find its place before it takes off; the ship waits.
@@ -110,7 +110,7 @@ class HeldWorld:
         return FlightStep(self.t_s, from_home, felt, self.world.over())
 
 
-class Tempo:
+class RealTimeFactor:
     """How far the served world kept up with the clock of those who fly it."""
 
     def __init__(self) -> None:
@@ -152,10 +152,10 @@ class ServedFlight:
         say: takes a line for people.
     """
 
-    def __init__(self, held: HeldWorld, frames: FrameServer, frame_rate_hz: float, say: Callable[[str], None]) -> None:
+    def __init__(self, held: LaunchHold, frames: FrameServer, frame_rate_hz: float, say: Callable[[str], None]) -> None:
         self._held, self._frames, self._frame_s, self.say = held, frames, 1.0 / frame_rate_hz, say
         self._due_s, self._linger_s, self._steps = 0.0, _LINGER_S, 0
-        self._begun_s, self._tempo = math.nan, Tempo()
+        self._begun_s, self._tempo = math.nan, RealTimeFactor()
 
     @property
     def released(self) -> bool:
@@ -173,7 +173,7 @@ class ServedFlight:
         return self._tempo.words()
 
     def step(self, motors_us: Sequence[float], gimbal_pitch_rad: float | None) -> FlightStep:
-        """See `HeldWorld.step`; the camera sees it."""
+        """See `LaunchHold.step`; the camera sees it."""
         held, now_s = self._held, time.monotonic()
         if self._steps == 0:
             self._begun_s = now_s
@@ -193,7 +193,7 @@ class ServedFlight:
         return step
 
 
-def felt_in_body_mps2(before: Motion, after: Motion, step_s: float) -> Vector:
+def felt_in_body_mps2(before: RigidBodyState, after: RigidBodyState, step_s: float) -> Vector:
     """Specific force along `body`: acceleration without gravity, contacts included.
 
     Args:
@@ -207,6 +207,6 @@ def felt_in_body_mps2(before: Motion, after: Motion, step_s: float) -> Vector:
     return forward, right, down
 
 
-def _motion_of(world: World) -> Motion:
+def _motion_of(world: World) -> RigidBodyState:
     at = world.snapshot()
-    return Motion(at.position_m, at.quaternion, at.velocity_mps, at.body_rates_rad_s)
+    return RigidBodyState(at.position_m, at.quaternion, at.velocity_mps, at.body_rates_rad_s)

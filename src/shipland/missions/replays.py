@@ -14,9 +14,9 @@ from shipland import factories
 from shipland.camera import Camera
 from shipland.config import merge, settings
 from shipland.errors import ConfigError, DataError
-from shipland.flight import Crew, cycles, decide_or_degrade
+from shipland.flight import Autonomy, cycles, decide_or_degrade
 from shipland.messages import FlightRecord, Observation, PilotCommand
-from shipland.missions.crew import build_crew
+from shipland.missions.autonomy import build_autonomy
 from shipland.missions.outside import replayed_log
 from shipland.missions.scenarios import Scenario, load_scenario
 from shipland.missions.visions import needs_pictures
@@ -153,9 +153,9 @@ def replay(recording: Recording, on_cycle: Callable[[FlightRecord], object] = la
         ConfigError: no such pilot or vision.
     """
     wants_pictures = needs_pictures(factories.resolve("visions", recording.vision))
-    crew = build_crew(recording.scenario, recording.vehicle, recording.pilot, recording.vision, recording.seed)
+    autonomy = build_autonomy(recording.scenario, recording.vehicle, recording.pilot, recording.vision, recording.seed)
     rows, pairs = {record.frame.t_s: record for record in recording.records}, []
-    for after in _again(recording, crew) if rows else _anew(recording, crew):
+    for after in _again(recording, autonomy) if rows else _anew(recording, autonomy):
         if wants_pictures and after.frame.image is None:
             raise DataError(f"the log holds no pictures, which {recording.vision} wants; try --vision geometric")
         on_cycle(after)
@@ -164,12 +164,12 @@ def replay(recording: Recording, on_cycle: Callable[[FlightRecord], object] = la
     return Replayed(tuple(pairs))
 
 
-def _anew(recording: Recording, crew: Crew) -> Iterator[FlightRecord]:
+def _anew(recording: Recording, autonomy: Autonomy) -> Iterator[FlightRecord]:
     """Frames that nobody flew on: the loop as it is."""
-    return (cycle.record for cycle in cycles(recording.vehicle, crew, time.perf_counter))
+    return (cycle.record for cycle in cycles(recording.vehicle, autonomy, time.perf_counter))
 
 
-def _again(recording: Recording, crew: Crew) -> Iterator[FlightRecord]:
+def _again(recording: Recording, autonomy: Autonomy) -> Iterator[FlightRecord]:
     """Each recorded cycle with the telemetry that it was decided on, after the command that was sent before it.
 
     The same vision and pilot so see and decide the very same, however long they take today.
@@ -185,11 +185,11 @@ def _again(recording: Recording, crew: Crew) -> Iterator[FlightRecord]:
         while (pair := vehicle.read()) is not None:
             frame = pair[0]
             row = rows[frame.t_s]
-            seen = see_or_degrade(crew.vision, frame)
+            seen = see_or_degrade(autonomy.vision, frame)
             observation = InputGate().observation(without_repeated(seen, last), frame, vehicle.camera)
             last = seen
-            decision = decide_or_degrade(crew, observation, row.telemetry, before[frame.t_s])
-            decision = crew.safety.check(decision, observation, row.telemetry)
+            decision = decide_or_degrade(autonomy, observation, row.telemetry, before[frame.t_s])
+            decision = autonomy.safety.check(decision, observation, row.telemetry)
             yield FlightRecord(frame, row.telemetry, observation, decision, row.truth)
     finally:
         vehicle.close()

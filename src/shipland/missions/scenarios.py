@@ -26,9 +26,9 @@ from shipland.sim.scene.scene import SceneParameters
 from shipland.sim.ship.ship import ShipParameters
 from shipland.sim.world import StartParameters
 from shipland.vehicles.delays import DelayParameters
-from shipland.vision.eyes import EyesParameters
 from shipland.vision.far.detector import DetectorParameters
 from shipland.vision.near.pipeline import VisionParameters
+from shipland.vision.selector import VisionSelectorParameters
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Scenario:
     verdict: VerdictParameters
     vision: VisionParameters
     detector: DetectorParameters
-    eyes: EyesParameters
+    selector: VisionSelectorParameters
     guidance: GuidanceParameters
     safety: SafetyParameters
     geometric: GeometricParameters

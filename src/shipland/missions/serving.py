@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from shipland.messages import TouchdownVerdict
 from shipland.missions.frame_server import FrameServer
-from shipland.missions.physics import HeldWorld, ServedFlight
+from shipland.missions.physics import LaunchHold, ServedFlight
 from shipland.missions.scenarios import Scenario
 from shipland.missions.servo_link import JsonLink
 
@@ -58,7 +58,7 @@ def serve(
         ConfigError: the scenario leaves no room to climb.
         VehicleError: a port is taken, or pymavlink is missing.
     """
-    held = HeldWorld(scenario, seed, options.climb_m)
+    held = LaunchHold(scenario, seed, options.climb_m)
     with contextlib.ExitStack() as stack:
         link = _link_of(options, seed)
         stack.enter_context(link)

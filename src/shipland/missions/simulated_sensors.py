@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shipland.frames import Array, rotation_from_quaternion
-from shipland.sim.aircraft.aircraft import Motion
+from shipland.sim.aircraft.aircraft import RigidBodyState
 from shipland.sim.aircraft.parameters import Vector
 
 HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_HEIGHT_M = 60.0, 4.0, 0.0
@@ -62,7 +62,7 @@ class SimulatedSensors:
         self._wander_m = self._rng.normal(0.0, (_GPS_LEVEL_M, _GPS_LEVEL_M, _GPS_HEIGHT_M))
         self._fix_t_s = math.nan
 
-    def inertial(self, motion: Motion, force_in_body_mps2: Vector) -> Inertial:
+    def inertial(self, motion: RigidBodyState, force_in_body_mps2: Vector) -> Inertial:
         """Everything of the inertial unit's board.
 
         Args:
@@ -79,7 +79,7 @@ class SimulatedSensors:
             height_m,
         )
 
-    def fix(self, t_s: float, motion: Motion) -> Fix:
+    def fix(self, t_s: float, motion: RigidBodyState) -> Fix:
         """A fix at `t_s`, later than the last."""
         step_s = t_s - self._fix_t_s if math.isfinite(self._fix_t_s) else 0.0
         keep, spread = math.exp(-step_s / _GPS_WANDER_S), (_GPS_LEVEL_M, _GPS_LEVEL_M, _GPS_HEIGHT_M)

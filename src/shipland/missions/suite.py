@@ -91,7 +91,7 @@ def load_suite(source: str) -> Suite:
     return build(Suite, {"name": Path(source).stem} | table, "suite")
 
 
-_OF_THE_FLIER = ("description", "vision", "detector", "eyes", "guidance", "safety")
+_OF_THE_FLIER = ("description", "vision", "detector", "selector", "guidance", "safety")
 """Sections of a scenario that say how it is seen and flown: what a suite compares, not what it sets."""
 
 
@@ -110,12 +110,13 @@ def task_digest(cells: Sequence[BenchCell]) -> str:
         task = {key: value for key, value in cell.scenario.table().items() if key not in _OF_THE_FLIER}
         for section, added in _ADDED.items():
             task[section] = {key: value for key, value in task[section].items() if (key, value) not in added}
+        task["rig"]["made_to"] = task["rig"].pop("manufacturing_tolerance")  # its name in the digests on record
         tasks.append(config_digest(task | {"by": cell.vision}))
     return config_digest({"tasks": sorted(tasks)})
 
 
 @dataclass(frozen=True)
-class Asked:
+class Overrides:
     """What a command lays over the entries of a suite.
 
     Attributes:
@@ -131,7 +132,7 @@ class Asked:
     only: tuple[str, ...] = ()
 
 
-def bench_cells(entries: Sequence[SuiteEntry], asked: Asked) -> list[BenchCell]:
+def bench_cells(entries: Sequence[SuiteEntry], asked: Overrides) -> list[BenchCell]:
     """The cells in order, pilots innermost.
 
     Raises:

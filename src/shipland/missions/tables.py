@@ -17,7 +17,7 @@ _PHASE_NAMES = {
     "approach_s": "2 approach",
     "land_s": "1 land",
     "blind_s": "5 no vision",
-    "climb_out_s": "climb-out",
+    "go_around_s": "go-around",
 }
 
 
@@ -33,7 +33,7 @@ def landings_table(landings: Sequence[Landing], area: str) -> str:
             np.hypot(it.own_forward_m, it.own_starboard_m),
             np.hypot(it.deck_forward_m, it.deck_starboard_m),
         )
-        perfect = {True: "yes", False: "no", None: ""}[it.perfect_in_square]
+        perfect = {True: "yes", False: "no", None: ""}[it.oracle_in_square]
         places = f"{it.error_m:.3f} | {it.forward_m:.3f} | {it.starboard_m:.3f} | {own_m:.3f} | {deck_m:.3f}"
         rest = f"{it.sink_mps:.3f} | {it.slide_mps:.3f} | {it.slip_m:.3f} | {it.tilt_deg:.1f} | {it.time_s:.1f}"
         words = it.reason if it.cause in ("", it.reason) else f"{it.reason}; {it.cause}"
@@ -49,7 +49,7 @@ def summary_of(landings: Sequence[Landing], area: str) -> str:
     line = f"{k} of {n} landed in the {area} ({interval_text(low, high)}, Clopper and Pearson; {assumption(landings)})"
     if not touched:
         return line + "."
-    perfect = sum(bool(landing.perfect_in_square) for landing in touched)
+    perfect = sum(bool(landing.oracle_in_square) for landing in touched)
     errors = [landing.error_m for landing in touched]
     own = [np.hypot(landing.own_forward_m, landing.own_starboard_m) for landing in touched]
     sinks = [landing.sink_mps for landing in touched]

@@ -16,11 +16,11 @@ from shipland.missions.geometric_far import GeometricFar
 from shipland.missions.outside import SceneFromTruth
 from shipland.missions.scenarios import Scenario
 from shipland.vehicles.simulated import SimulatedVehicle
-from shipland.vehicles.vehicle import Vehicle, Witness
-from shipland.vision.eyes import Eyes
+from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
 from shipland.vision.far.far import FarVision
 from shipland.vision.near.deck import DeckVision
 from shipland.vision.near.pipeline import NearVision
+from shipland.vision.selector import VisionSelector
 from shipland.vision.vision import Vision
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -67,17 +67,17 @@ def rendered(setup: VisionSetup) -> Vision:
     scenario = setup.scenario
     near = NearVision(scenario.rig.target, setup.camera, scenario.vision)
     below = DeckVision(scenario.rig, setup.camera, scenario.vision.deck)
-    return Eyes(near, FarVision.load(setup.camera, scenario.detector, scenario.rig), scenario.eyes, below)
+    return VisionSelector(near, FarVision.load(setup.camera, scenario.detector, scenario.rig), scenario.selector, below)
 
 
 @without_pictures
 def geometric(setup: VisionSetup) -> Vision:
     """True corners and boxes with the errors of `rendered`, without a picture."""
     scenario, vehicle, camera, model = setup.scenario, setup.vehicle, setup.camera, setup.scenario.geometric
-    if not isinstance(vehicle, Witness):
+    if not isinstance(vehicle, GroundTruthSource):
         raise ConfigError("--vision geometric needs the truth, which only a simulated world knows")
     scenes = vehicle if isinstance(vehicle, SimulatedVehicle) else SceneFromTruth(vehicle)
     near = GeometricVision(vehicle, scenario.rig.target, camera, model, scenario.vision, setup.near_rng)
     far = GeometricFar(scenes, camera, scenario.rig, model.ship, model.bar, model.boxes, setup.far_rng)
     below = GeometricDeck(vehicle, camera, model.deck, setup.near_rng.spawn(1)[0])
-    return Eyes(near, far, scenario.eyes, below)
+    return VisionSelector(near, far, scenario.selector, below)

@@ -13,6 +13,7 @@ from shipland.camera import Camera
 from shipland.config import require
 from shipland.errors import DataError
 from shipland.files import json_of
+from shipland.former import renamed
 from shipland.rig import Rig
 
 FORMAT_VERSION = 2
@@ -52,7 +53,7 @@ class FlightInfo:
     def table(self) -> dict[str, Any]:
         """The configuration; DataError when it is no table in JSON."""
         try:
-            return dict(json_of(self.configuration))
+            return dict(renamed(json_of(self.configuration)))
         except (TypeError, ValueError) as error:
             raise DataError(f"the log's configuration cannot be read: {error}") from None
 

@@ -24,7 +24,7 @@ MODE_COLOURS: dict[Mode, Rgb] = {
     Mode.APPROACH: BLUE,
     Mode.LAND: GREEN,
     Mode.NO_VISION: VERMILION,
-    Mode.CLIMB_OUT: YELLOW,
+    Mode.GO_AROUND: YELLOW,
     Mode.DONE: GREY,
 }
 
@@ -35,7 +35,7 @@ MODE_NAMES: dict[Mode, str] = {
     Mode.APPROACH: "2 approach",
     Mode.LAND: "1 land",
     Mode.NO_VISION: "5 no vision",
-    Mode.CLIMB_OUT: "climb out",
+    Mode.GO_AROUND: "go around",
     Mode.DONE: "done",
 }
 """With the numbers of [Lee2022] where it gives one."""

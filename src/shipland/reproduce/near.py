@@ -12,7 +12,7 @@ from shipland.flight import fly
 from shipland.frames import Array
 from shipland.guidance.pilot import Pilot
 from shipland.messages import Decision, FlightRecord, Frame, Observation, PilotCommand, Telemetry
-from shipland.missions.crew import build_crew, build_vehicle
+from shipland.missions.autonomy import build_autonomy, build_vehicle
 from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.vision.vision import Vision
 
@@ -113,11 +113,13 @@ def fly_hover(near: dict[str, Any], noise_m: float, false_m: float, slew: bool =
     }
     scenario = load_scenario(merge(scenario_table("near"), overlay))
     vehicle = build_vehicle(scenario, 1, None)
-    crew = build_crew(scenario, vehicle, "paper", "geometric", 1)
-    tapped = Tapped(crew.pilot)
-    crew = replace(crew, vision=Spoiled(crew.vision, noise_m, false_m, np.random.default_rng(1)), pilot=tapped)
+    autonomy = build_autonomy(scenario, vehicle, "paper", "geometric", 1)
+    tapped = Tapped(autonomy.pilot)
+    autonomy = replace(
+        autonomy, vision=Spoiled(autonomy.vision, noise_m, false_m, np.random.default_rng(1)), pilot=tapped
+    )
     records: list[FlightRecord] = []
-    fly(vehicle, crew, DURATION_S, lambda: 0.0, records.append)
+    fly(vehicle, autonomy, DURATION_S, lambda: 0.0, records.append)
     middle_m = float(scenario.rig.deck_in_bar_m[1])
     camera_m = np.array(scenario.camera.position_in_body_m)
     rows = []

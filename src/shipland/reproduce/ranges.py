@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge
-from shipland.flight import Crew, fly
+from shipland.flight import Autonomy, fly
 from shipland.frames import Array
 from shipland.guidance.far import FarKind, FarSight, FarTables, FarTarget, far_control
 from shipland.guidance.laws import FarVariant
@@ -29,7 +29,7 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
-from shipland.missions.crew import build_vehicle, response_of
+from shipland.missions.autonomy import build_vehicle, response_of
 from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
 from shipland.rig import Rig
 from shipland.safety.assurance import Safety
@@ -216,8 +216,8 @@ def fly_far(case: FarCase, overlay: dict[str, Any] | None = None) -> FarTrace:
     records: list[FlightRecord] = []
     lens_in_body_m = np.array(scenario.camera.position_in_body_m)
     safety = Safety(scenario.safety, scenario.rig, vehicle.camera, lens_in_body_m, response_of(scenario))
-    crew = Crew(eyes, pilot, safety, scenario.delays)
-    result = fly(vehicle, crew, case.duration_s, lambda: 0.0, records.append)
+    autonomy = Autonomy(eyes, pilot, safety, scenario.delays)
+    result = fly(vehicle, autonomy, case.duration_s, lambda: 0.0, records.append)
     return _trace(records, scenario, vehicle.camera, result.reason)
 
 

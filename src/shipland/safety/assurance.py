@@ -145,7 +145,7 @@ class Safety:
             estimate, limits = self._estimate, self._parameters.recovery
             before_rad = command.gimbal_pitch_rad
             command = sticks_of(recovery.rung, estimate, telemetry.t_s, before_rad, self._response, limits)
-            mode = Mode.CLIMB_OUT
+            mode = Mode.GO_AROUND
             notes.append(f"{'refused' if recovery.final else 'safety'}: {recovery.words}: {recovery.rung.value}")
         command = self._limited(self._bounded(command, telemetry, notes))
         command = replace(command, at_contact_height=self._at_contact_height(telemetry.t_s))
@@ -164,8 +164,8 @@ class Safety:
         hold = PilotCommand.hold(telemetry.t_s, gimbal_rad)
         if over_deck_m is None or over_deck_m >= limits.floor_m + _CLIMB_MARGIN_M or not telemetry.flying:
             return Decision(hold, None, f"{reason}: hold")
-        climb = replace(hold, heave_percent=_CLIMB_PERCENT, intent=Intent.CLIMB_OUT)
-        return Decision(climb, Mode.CLIMB_OUT, f"{reason}: climb out")
+        climb = replace(hold, heave_percent=_CLIMB_PERCENT, intent=Intent.GO_AROUND)
+        return Decision(climb, Mode.GO_AROUND, f"{reason}: go around")
 
     def _sound(self, command: PilotCommand, t_s: float) -> tuple[PilotCommand, list[str]]:
         """The pilot's command at this time, or a hold where it is no number or flown on data that is too old."""
@@ -219,13 +219,13 @@ class Safety:
         elif command.heave_percent < 0.0:
             if command.intent is Intent.LAND and self._over_deck(t_s):
                 return command
-            drop_m = _LOOK_AHEAD_S * estimate.sink_mps
+            final_descent_offset_m = _LOOK_AHEAD_S * estimate.sink_mps
             if over_deck_m is not None:
-                if over_deck_m - drop_m >= limits.floor_m:
+                if over_deck_m - final_descent_offset_m >= limits.floor_m:
                     return command
                 notes.append(f"floor: {over_deck_m:.2f} m over the deck")
             elif height_m is not None:
-                if height_m - drop_m >= limits.floor_height_m:
+                if height_m - final_descent_offset_m >= limits.floor_height_m:
                     return command
                 notes.append(f"floor: {height_m:.2f} m over the take-off point")
             else:
@@ -272,7 +272,7 @@ def _by_hand(decision: Decision, override: Override, t_s: float, last: PilotComm
         gimbal_rad = 0.0 if last is None else last.gimbal_pitch_rad
     command, mode = PilotCommand.hold(t_s, gimbal_rad), decision.mode
     if override is Override.CLIMB:
-        command, mode = replace(command, heave_percent=_BY_HAND_PERCENT, intent=Intent.CLIMB_OUT), Mode.CLIMB_OUT
+        command, mode = replace(command, heave_percent=_BY_HAND_PERCENT, intent=Intent.GO_AROUND), Mode.GO_AROUND
     return replace(decision, command=command, mode=mode, reason=override.value)
 
 

@@ -5,8 +5,8 @@ from the area of the box and direction from its centre, carried on by the vehicl
 from the barometer, over the deck from the pose, and by the barometer afterwards.
 
 The velocity against the bar is the slope of the poses of the last second, brought up to date by what the vehicle's own
-velocity changed since. The two differ by the ship's way and by what the vehicle's velocity errs (`reference_mps`); a
-difference that leaps is a sensor that lies or a ship that manoeuvres.
+velocity changed since. The two differ by the ship's way and by what the vehicle's velocity errs (`velocity_bias_mps`);
+a difference that leaps is a sensor that lies or a ship that manoeuvres.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.frames import GRAVITY_MPS2, Array, all_finite, rotation_from_euler, turned, wrap_angle
+from shipland.frames import GRAVITY_MPS2, Array, all_finite, rotated, rotation_from_euler, wrap_angle
 from shipland.guidance.view import View
 from shipland.messages import BarPose, Box, DeckSight, Observation, Telemetry
 from shipland.rig import Rig
@@ -91,10 +91,10 @@ class SafetyEstimate:
         place_in_bar_m: (3,) the aircraft's centre of mass at `t_s`, carried on from that pose.
         yaw_rad: heading against the bar by the newest pose.
         velocity_in_bar_mps: (3,) against the bar at `t_s`; None before poses have shown it.
-        reference_mps: (2,) north and east, the vehicle's own velocity less that against the bar; None where one of the
-            two is not known.
-        slow_reference_in_bar_mps: (2,) the same of the last `_REFERENCE_TIME_S`, in axes that turn with the bar: a ship
-            that turns goes on ahead.
+        velocity_bias_mps: (2,) north and east, the vehicle's own velocity less that against the bar; None where one of
+            the two is not known.
+        slow_velocity_bias_in_bar_mps: (2,) the same of the last `_REFERENCE_TIME_S`, in axes that turn with the bar: a
+            ship that turns goes on ahead.
         bar_from_aircraft_m: (2,) horizontal way to the bar, in axes that lie still: north and east by the compass.
         heading_rad: compass, the last one known; 0 where there never was one.
         bar_heading_rad: of the bar, clockwise from the axes that lie still; None before the first pose.
@@ -123,8 +123,8 @@ class SafetyEstimate:
     place_in_bar_m: Array | None = None
     yaw_rad: float = 0.0
     velocity_in_bar_mps: Array | None = None
-    reference_mps: Array | None = None
-    slow_reference_in_bar_mps: Array | None = None
+    velocity_bias_mps: Array | None = None
+    slow_velocity_bias_in_bar_mps: Array | None = None
     bar_from_aircraft_m: Array | None = None
     heading_rad: float = 0.0
     bar_heading_rad: float | None = None
@@ -175,23 +175,23 @@ class SafetyEstimate:
         if self.bar_from_aircraft_m is None:
             return math.nan, np.zeros(2)
         distance_m = math.hypot(*self.bar_from_aircraft_m.tolist())
-        return distance_m, turned(self.bar_from_aircraft_m, -self.heading_rad) / max(distance_m, 1e-9)
+        return distance_m, rotated(self.bar_from_aircraft_m, -self.heading_rad) / max(distance_m, 1e-9)
 
-    def reference_leap_mps(self) -> float:
+    def velocity_bias_leap_mps(self) -> float:
         """By how much the velocity reference has left what it may be; 0 where it is not known.
 
         It may be its slow mean, and anything less: optical flow over a deck under way tells the velocity against it.
         """
-        now_mps, slow_mps = self.reference_mps, self.slow_reference_in_bar_mps
+        now_mps, slow_mps = self.velocity_bias_mps, self.slow_velocity_bias_in_bar_mps
         if now_mps is None or slow_mps is None or self.bar_heading_rad is None:
             return 0.0
-        now_mps = turned(now_mps, -self.bar_heading_rad)
+        now_mps = rotated(now_mps, -self.bar_heading_rad)
         share = float(now_mps @ slow_mps) / max(float(slow_mps @ slow_mps), 1e-9)
         return math.hypot(*(now_mps - min(max(share, 0.0), 1.0) * slow_mps).tolist())
 
     def in_level(self, in_still: Array) -> Array:
         """A vector (2,) of the axes that lie still, forward and right of the aircraft."""
-        return turned(in_still, -self.heading_rad)
+        return rotated(in_still, -self.heading_rad)
 
     def bar_in_level_rad(self) -> float:
         """Direction of the bar's axis (forward, into the superstructure), clockwise from the nose."""
@@ -250,7 +250,7 @@ class SafetyEstimator:
         north_m, east_m = estimate.travelled[-1].travelled_m if estimate.travelled else (0.0, 0.0)
         told_mps = telemetry.velocity_in_level_mps
         if told_mps is not None and all_finite(told_mps):
-            velocity_mps = turned(told_mps[:2], heading_rad)
+            velocity_mps = rotated(told_mps[:2], heading_rad)
             sink_mps = max(0.0, float(told_mps[2]))
             north_m, east_m = north_m + step_s * float(velocity_mps[0]), east_m + step_s * float(velocity_mps[1])
             if way_m is not None:
@@ -282,9 +282,9 @@ class SafetyEstimator:
     def _with_pose(self, estimate: SafetyEstimate, pose: BarPose, exposure_s: float) -> SafetyEstimate:
         bar_from_level = rotation_from_euler(0.0, 0.0, pose.yaw_rad)
         place_m = pose.position_in_bar_m - bar_from_level @ self._camera_in_body_m
-        deck_height_m, leap_m, known_m = estimate.deck_height_m, 0.0, estimate.height_m
-        if known_m is not None:
-            seen_m = known_m - (self._deck_down_m - float(place_m[2]))
+        deck_height_m, leap_m, position_std_max_m = estimate.deck_height_m, 0.0, estimate.height_m
+        if position_std_max_m is not None:
+            seen_m = position_std_max_m - (self._deck_down_m - float(place_m[2]))
             deck_height_m = seen_m if deck_height_m is None else deck_height_m
             leap_m = seen_m - deck_height_m
             deck_height_m += _DECK_SHARE * leap_m
@@ -292,7 +292,7 @@ class SafetyEstimator:
             estimate,
             yaw_rad=pose.yaw_rad,
             bar_heading_rad=wrap_angle(estimate.heading_rad - pose.yaw_rad),
-            bar_from_aircraft_m=turned(-place_m[:2], estimate.heading_rad - pose.yaw_rad),
+            bar_from_aircraft_m=rotated(-place_m[:2], estimate.heading_rad - pose.yaw_rad),
             deck_height_m=deck_height_m,
             deck_leap_m=leap_m,
         )
@@ -326,7 +326,7 @@ def _tilt_mps2(before: Array | None, telemetry: Telemetry, heading_rad: float) -
     roll_rad, pitch_rad = telemetry.roll_rad, telemetry.pitch_rad
     if roll_rad is None or pitch_rad is None or not max(abs(roll_rad), abs(pitch_rad)) < _STEEPEST_RAD:
         return before
-    return GRAVITY_MPS2 * turned(np.array([-math.tan(pitch_rad), math.tan(roll_rad)]), heading_rad)
+    return GRAVITY_MPS2 * rotated(np.array([-math.tan(pitch_rad), math.tan(roll_rad)]), heading_rad)
 
 
 def _smoothed(before: Array | None, now: Array | None, step_s: float) -> Array | None:
@@ -407,20 +407,20 @@ def _with_reference(estimate: SafetyEstimate) -> SafetyEstimate:
         sights = tuple(row for row in sights if row.t_s >= estimate.travelled[0].t_s)
     slope, heading_rad = _slope_mps(sights), estimate.bar_heading_rad
     if slope is None or heading_rad is None:
-        return replace(estimate, velocity_in_bar_mps=None, reference_mps=None)
+        return replace(estimate, velocity_in_bar_mps=None, velocity_bias_mps=None)
     first_s, last_s = sights[0].t_s, sights[-1].t_s
     begun, ended = estimate.travelled_at(first_s), estimate.travelled_at(last_s)
     if estimate.velocity_mps is None or begun is None or ended is None:
-        return replace(estimate, velocity_in_bar_mps=slope, reference_mps=None)
+        return replace(estimate, velocity_in_bar_mps=slope, velocity_bias_mps=None)
     own = (np.array(ended) - np.array(begun)) / (last_s - first_s)
     turn_rad_s = wrap_angle(sights[-1].bar_heading_rad - sights[0].bar_heading_rad) / (last_s - first_s)
     middle_m = np.mean([row.place_in_bar_m[:2] for row in sights], axis=0)
     estimate = replace(estimate, turn_rad_s=turn_rad_s)
-    reference = own - turned(slope[:2] + _swept(middle_m, turn_rad_s), heading_rad)
-    slow, in_bar = estimate.slow_reference_in_bar_mps, turned(reference, -heading_rad)
+    reference = own - rotated(slope[:2] + _swept(middle_m, turn_rad_s), heading_rad)
+    slow, in_bar = estimate.slow_velocity_bias_in_bar_mps, rotated(reference, -heading_rad)
     step_s = last_s - sights[-2].t_s
     slow = in_bar if slow is None else slow + min(step_s / _REFERENCE_TIME_S, 1.0) * (in_bar - slow)
-    return replace(estimate, velocity_in_bar_mps=slope, reference_mps=reference, slow_reference_in_bar_mps=slow)
+    return replace(estimate, velocity_in_bar_mps=slope, velocity_bias_mps=reference, slow_velocity_bias_in_bar_mps=slow)
 
 
 def _swept(place_m: Array, turn_rad_s: float) -> Array:
@@ -430,10 +430,10 @@ def _swept(place_m: Array, turn_rad_s: float) -> Array:
 
 def _with_velocity(estimate: SafetyEstimate) -> SafetyEstimate:
     """The velocity against the bar, brought up to date by the vehicle's own."""
-    before, reference, heading_rad = estimate.velocity_in_bar_mps, estimate.reference_mps, estimate.bar_heading_rad
+    before, reference, heading_rad = estimate.velocity_in_bar_mps, estimate.velocity_bias_mps, estimate.bar_heading_rad
     if before is None or reference is None or heading_rad is None or estimate.velocity_mps is None:
         return estimate
-    level_mps = turned(estimate.velocity_mps - reference, -heading_rad)
+    level_mps = rotated(estimate.velocity_mps - reference, -heading_rad)
     if estimate.place_in_bar_m is not None:
         level_mps = level_mps - _swept(estimate.place_in_bar_m[:2], estimate.turn_rad_s)
     return replace(estimate, velocity_in_bar_mps=np.array([*level_mps.tolist(), float(before[2])]))
@@ -454,14 +454,18 @@ def _place_m(estimate: SafetyEstimate, t_s: float) -> Array | None:
     last = estimate.sights[-1]
     age_s = min(max(t_s - last.t_s, 0.0), _KEPT_S)
     moved_m = np.zeros(3)
-    velocity, reference, heading_rad = estimate.velocity_in_bar_mps, estimate.reference_mps, estimate.bar_heading_rad
+    velocity, reference, heading_rad = (
+        estimate.velocity_in_bar_mps,
+        estimate.velocity_bias_mps,
+        estimate.bar_heading_rad,
+    )
     begun, ended = estimate.travelled_at(last.t_s), estimate.travelled_at(t_s)
     if velocity is not None:
         moved_m = age_s * velocity
         if reference is not None and heading_rad is not None and begun is not None and ended is not None:
             still_m = np.array(ended) - np.array(begun) - age_s * reference
             swept_mps = _swept(np.array(last.place_in_bar_m[:2]), estimate.turn_rad_s)
-            moved_m[:2] = turned(still_m, -heading_rad) - age_s * swept_mps
+            moved_m[:2] = rotated(still_m, -heading_rad) - age_s * swept_mps
     return np.array(last.place_in_bar_m) + moved_m
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from shipland.config import require_within
-from shipland.frames import GRAVITY_MPS2, Array, turned
+from shipland.frames import GRAVITY_MPS2, Array, rotated
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand, Telemetry
 from shipland.rig import Rig
@@ -192,7 +192,7 @@ def _along_bar(look: Look, in_still: Array | None) -> float:
     """The part towards the bar's plane of a vector (2,) of the axes that lie still; 0 where it is not known."""
     if in_still is None or look.estimate.bar_heading_rad is None:
         return 0.0
-    return float(turned(in_still, -look.estimate.bar_heading_rad)[0])
+    return float(rotated(in_still, -look.estimate.bar_heading_rad)[0])
 
 
 def room_to_bar_m(look: Look) -> float:
@@ -285,7 +285,7 @@ def wind_too_strong(look: Look) -> Finding | None:
 
 def velocity_contradicts(look: Look) -> Finding | None:
     """The vehicle's own velocity and the poses part: a flow that lies, or pictures that are late."""
-    leap_mps = look.estimate.reference_leap_mps()
+    leap_mps = look.estimate.velocity_bias_leap_mps()
     if leap_mps <= look.limits.leap_mps:
         return None
     return Finding(Action.NO_GO, f"the vehicle's velocity and the poses differ by {leap_mps:.1f} m/s more than of late")

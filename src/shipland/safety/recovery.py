@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shipland.config import require, require_within
-from shipland.frames import Array, turned
+from shipland.frames import Array, rotated
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand
 from shipland.safety.estimate import SafetyEstimate
@@ -130,7 +130,7 @@ def sticks_of(
         astern_mps = 0.0
     pitch_percent, roll_percent = _level_sticks(estimate, t_s, -astern_mps, response, parameters)
     still = climb_percent == pitch_percent == roll_percent == 0.0
-    intent = Intent.LAND if rung is Rung.LAND else Intent.HOLD if still else Intent.CLIMB_OUT
+    intent = Intent.LAND if rung is Rung.LAND else Intent.HOLD if still else Intent.GO_AROUND
     return PilotCommand(t_s, pitch_percent, roll_percent, climb_percent, 0.0, _gimbal_rad(estimate, gimbal_rad), intent)
 
 
@@ -145,12 +145,12 @@ def _level_sticks(
     error = np.array([forward_mps, 0.0]) - velocity_mps[:2]
     if response.kind == "velocity":
         own_mps = np.zeros(2) if estimate.velocity_mps is None else estimate.in_level(estimate.velocity_mps)
-        asked = turned(own_mps, -axis_rad) + error
+        asked = rotated(own_mps, -axis_rad) + error
     else:
-        asked = turned(_held_in_level(estimate), -axis_rad) + parameters.velocity_per_s * error
+        asked = rotated(_held_in_level(estimate), -axis_rad) + parameters.velocity_per_s * error
         if forward_mps < 0.0:  # a wind from ahead may blow it astern; in the superstructure's lee there is none
             asked[0] = min(asked[0], 0.0)
-    asked = turned(asked, axis_rad)
+    asked = rotated(asked, axis_rad)
     return _stick(asked[0], response), _stick(asked[1], response)
 
 

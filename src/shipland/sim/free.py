@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from shipland.camera import CameraParameters
-from shipland.sim.aircraft.aircraft import Aircraft, Motion, Quadrotor, Wrench
+from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState, Wrench
 from shipland.sim.aircraft.attitude_loop import AttitudeLoop
 from shipland.sim.aircraft.autopilot import Sensed, Sticks
 from shipland.sim.aircraft.free_flight import (
@@ -146,7 +146,7 @@ class FreeFlight:
         self.flying = False
         """The aircraft's state is here."""
 
-    def take(self, motion: Motion, wrench: Wrench, sensed: Sensed) -> None:
+    def take(self, motion: RigidBodyState, wrench: Wrench, sensed: Sensed) -> None:
         """Carry the aircraft's state in.
 
         Args:
@@ -195,7 +195,7 @@ class FreeFlight:
 
     def fly(
         self, sticks: Sticks, gimbal_wanted_rad: float, deck_age_s: float, phase: int, count: int
-    ) -> tuple[int, Motion, Sensed]:
+    ) -> tuple[int, RigidBodyState, Sensed]:
         """Fly on what `take` carried in for `count` physics steps, fewer if it gets low or tilts.
 
         Args:
@@ -216,7 +216,7 @@ class FreeFlight:
         self._gimbal.state = tuple(after[_GIMBAL])
         self._senses.stray_m = tuple(after[_STRAY])
         x, y, z, qw, qx, qy, qz, u, v, w, p, q, r = after[_MOTION]
-        return steps, Motion((x, y, z), (qw, qx, qy, qz), (u, v, w), (p, q, r)), Sensed(*after[_SENSED])
+        return steps, RigidBodyState((x, y, z), (qw, qx, qy, qz), (u, v, w), (p, q, r)), Sensed(*after[_SENSED])
 
 
 def free_flight(

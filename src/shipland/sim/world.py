@@ -14,7 +14,7 @@ from shipland.frames import GRAVITY_MPS2, rows_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
-from shipland.sim.aircraft.aircraft import Aircraft, Motion, Quadrotor
+from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState
 from shipland.sim.aircraft.autopilot import CENTRED, Sticks
 from shipland.sim.aircraft.kinds import build_aircraft
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
@@ -252,7 +252,7 @@ class World:
         if self._free is not None:
             self._free.meet(self._wind_mps, self._deck)
 
-    def _clearance_m(self, motion: Motion, ship: ShipState) -> float:
+    def _clearance_m(self, motion: RigidBodyState, ship: ShipState) -> float:
         """From the aircraft down to the highest that the deck reaches, or on to what stands ahead; at least."""
         if self._reach_m >= self._near_ship_m:
             return math.inf
@@ -336,7 +336,7 @@ class World:
         wind = self._wind.velocity_at(self.t_s, np.array(position_m), state.ned_from_ship)
         self._wind_mps: Vector = (float(wind[0]), float(wind[1]), float(wind[2]))
 
-    def _feel_deck(self, motion: Motion, landing: bool) -> None:
+    def _feel_deck(self, motion: RigidBodyState, landing: bool) -> None:
         """Stop the motors once the aircraft takes itself for landed."""
         jolt_mps2 = (self._down_mps - motion.velocity_mps[2]) / self._tick_s
         self._down_mps = motion.velocity_mps[2]
@@ -447,7 +447,7 @@ class World:
         return scene_of(at, self._ship.at(at.t_s), self._camera)
 
 
-def _upright(motion: Motion) -> float:
+def _upright(motion: RigidBodyState) -> float:
     """Cosine of the tilt."""
     _, x, y, _ = motion.quaternion
     return 1.0 - 2.0 * (x * x + y * y)

@@ -34,7 +34,7 @@ class Recorded:
 
 
 class ReplayVehicle:
-    """A `Vehicle` and `Witness` over a recording, in order of receipt.
+    """A `Vehicle` and `GroundTruthSource` over a recording, in order of receipt.
 
     Time is the recording's: after `send` the pipeline is free at the command's time, and `read` gives the newest
     picture that had arrived by then and was not given, else it waits for the next one, as a link does. Sticks move

@@ -34,7 +34,7 @@ class _Exposure(NamedTuple):
 
 
 class SimulatedVehicle:
-    """A `Vehicle` and `Witness` over a `World`. Time is the world's; it passes while `read` waits.
+    """A `Vehicle` and `GroundTruthSource` over a `World`. Time is the world's; it passes while `read` waits.
 
     The camera exposes every 1/`world.frame_rate_hz` (on the world's time grid); a frame arrives `video_s` and some
     jitter later, or is lost; its time stamp is off by the clocks' difference, constant in a flight. After `send` the

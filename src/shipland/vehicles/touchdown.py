@@ -77,7 +77,7 @@ class Contact(enum.Enum):
 
 
 @dataclass(frozen=True)
-class Touch:
+class ContactSignals:
     """What is known at one instant; NaN is unknown.
 
     Attributes:
@@ -128,7 +128,7 @@ class TouchdownWatch:
         self._touched_s = self._renewed_s = self._low_since_s = math.nan
         self._sighted_s = -math.inf
 
-    def see(self, now: Touch) -> Contact:
+    def see(self, now: ContactSignals) -> Contact:
         """Take in what is known now; what cannot be known counts as in the air.
 
         An updraft carries an aircraft as a deck does: there is no touch but at contact height.
@@ -153,7 +153,7 @@ class TouchdownWatch:
         stands = self._samples[-1].t_s - self._low_since_s >= limits.confirm_s
         return Contact.STANDS if stands else Contact.TOUCHED
 
-    def _take(self, now: Touch) -> None:
+    def _take(self, now: ContactSignals) -> None:
         """One sample more, and none that is older than the window's beginning."""
         samples, limits = self._samples, self._limits
         if samples and now.down_t_s - samples[-1].t_s > limits.stale_s:
@@ -171,7 +171,7 @@ class TouchdownWatch:
         while len(samples) > 1 and samples[1].t_s <= now.down_t_s - limits.window_s:
             samples.popleft()
 
-    def _judge(self, now: Touch) -> None:
+    def _judge(self, now: ContactSignals) -> None:
         limits, first, last = self._limits, self._samples[0], self._samples[-1]
         whole = last.t_s - first.t_s >= 0.9 * limits.window_s
         lack_mps = (last.free_mps - first.free_mps) - (last.down_mps - first.down_mps)

@@ -61,7 +61,7 @@ class Vehicle(Protocol):
 
 
 @runtime_checkable
-class Witness(Protocol):
+class GroundTruthSource(Protocol):
     """Who knows the truth of a flight: the simulator. Truth goes to the record, never to the pilot."""
 
     def truth_at(self, t_s: float) -> GroundTruth | None:

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from shipland.estimation.relative_state import PLACE, STATES, SWING, Belief, spread_of_place
-from shipland.estimation.swing import SWING_STATES, Swing
-from shipland.frames import Array, turned
+from shipland.estimation.relative_state import POSITION, STATES, WAVE, GaussianState, position_covariance
+from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
+from shipland.frames import Array, rotated
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,8 @@ class Estimated:
         t_s: the time that it holds for.
         across: place and motion against the bar, horizontally; downward.
         down: likewise, downward.
-        swing: what both take the deck's and the bar's swing for.
-        near: how much of `swing.aimed` is followed from here, 0 to 1.
+        wave: what both take the deck's and the bar's swing for.
+        near: how much of `swing.tracked_share` is followed from here, 0 to 1.
         place_m, speed_mps: (2,) of the aircraft from the bar, in the axes of the flight, and its rate.
         followed_m, followed_mps: (2,) of the aircraft from what it follows of the bar: the place that errs over the
             deck, and its rate.
@@ -36,9 +36,9 @@ class Estimated:
     """
 
     t_s: float
-    across: Belief
-    down: Belief
-    swing: Swing
+    across: GaussianState
+    down: GaussianState
+    wave: WaveMotion
     near: float
     place_m: Array
     speed_mps: Array
@@ -57,7 +57,7 @@ class Estimated:
     def spread_m(self) -> float:
         """Standard deviation of the place along the worse axis."""
         covariance = self.across.covariance
-        return math.sqrt(max(covariance[PLACE, PLACE], covariance[STATES + PLACE, STATES + PLACE], 0.0))
+        return math.sqrt(max(covariance[POSITION, POSITION], covariance[STATES + POSITION, STATES + POSITION], 0.0))
 
     def deck_later(self, passed_s: float) -> tuple[Array, float]:
         """Where the deck's centre will be.
@@ -66,29 +66,29 @@ class Estimated:
             (2,) from the place that errs over the deck (`followed_m`), in the axes of the flight, and the standard
             deviation of it along the worse axis.
         """
-        share, swing = self.swing.below - self.near * self.swing.aimed, self.swing
+        share, wave = self.wave.deck_share - self.near * self.wave.tracked_share, self.wave
         shifts, variances = [], []
         for axis in range(2):
-            states = slice(STATES * axis + SWING, STATES * axis + SWING + SWING_STATES)
-            shifts.append(share * float(swing.later(self.across.mean[states], passed_s)[0]))
-            variances.append(share**2 * swing.variance_later(self.across.covariance[states, states], passed_s))
+            states = slice(STATES * axis + WAVE, STATES * axis + WAVE + WAVE_STATES)
+            shifts.append(share * float(wave.later(self.across.mean[states], passed_s)[0]))
+            variances.append(share**2 * wave.variance_later(self.across.covariance[states, states], passed_s))
         return np.array(shifts), math.sqrt(max(*variances, 0.0))
 
     def deck_rises_mps(self, passed_s: float) -> float:
         """Upward speed of the deck a while later."""
-        states = self.down.mean[SWING : SWING + SWING_STATES]
-        return -self.swing.below * float(self.swing.later(states, passed_s)[1])
+        states = self.down.mean[WAVE : WAVE + WAVE_STATES]
+        return -self.wave.deck_share * float(self.wave.later(states, passed_s)[1])
 
     def followed_states(self, axis: int) -> Array:
         """(STATES,) of an axis as gains take them: they are linear in the swing, so a part followed is a part of it."""
         states = self.across.mean[STATES * axis : STATES * (axis + 1)].copy()
-        states[SWING : SWING + SWING_STATES] *= self.near
+        states[WAVE : WAVE + WAVE_STATES] *= self.near
         return np.asarray(states)
 
     @cached_property
     def aircraft_in_bar_m(self) -> Array:
         """(3,)."""
-        ahead_m, right_m = turned(self.place_m, -self.bar_rad).tolist()
+        ahead_m, right_m = rotated(self.place_m, -self.bar_rad).tolist()
         return np.array([ahead_m, right_m, self.down_m])
 
     @property
@@ -101,8 +101,8 @@ class Estimated:
         cosine, sine = math.cos(self.bar_rad), math.sin(self.bar_rad)
         axes = np.array([[cosine, sine], [-sine, cosine]])
         covariance = np.zeros((4, 4))
-        shown = self.swing.shown
-        covariance[:2, :2] = axes @ spread_of_place(self.across.covariance, shown) @ axes.T
-        covariance[2, 2] = spread_of_place(self.down.covariance, shown)[0, 0]
+        shown = self.wave.observed_share
+        covariance[:2, :2] = axes @ position_covariance(self.across.covariance, shown) @ axes.T
+        covariance[2, 2] = position_covariance(self.down.covariance, shown)[0, 0]
         covariance[3, 3] = self.yaw_variance
         return covariance

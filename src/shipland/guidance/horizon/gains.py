@@ -16,18 +16,18 @@ from scipy.linalg import solve_discrete_are
 
 from shipland.config import require
 from shipland.estimation.relative_state import (
-    PLACE,
-    SPEED,
+    POSITION,
     STATES,
-    SWING,
-    SWING_RATE,
+    VELOCITY,
+    WAVE,
+    WAVE_RATE,
+    AxisModel,
     Disturbances,
-    Motion,
     discretised,
     dynamics,
     shaping,
 )
-from shipland.estimation.swing import Swing
+from shipland.estimation.wave_motion import WaveMotion
 from shipland.frames import Array
 
 INPUT_RATE_SHARE = 2.0
@@ -84,17 +84,17 @@ class Gains:
 
 
 @lru_cache(maxsize=256)
-def gains_of(motion: Motion, noise: Disturbances, swing: Swing, weights: Weights, step_ms: int) -> Gains:
+def gains_of(motion: AxisModel, noise: Disturbances, wave: WaveMotion, weights: Weights, step_ms: int) -> Gains:
     """Solve for one vehicle, sea and cycle."""
     step_s = 1e-3 * step_ms
-    a, b, q = dynamics(motion, noise, swing)
+    a, b, q = dynamics(motion, noise, wave)
     tracked = [] if motion.inputs == 1 else [TRACKED, TRACKED_RATE]
     moving = [*range(STATES), *tracked]
     size = STATES + 1 + len(tracked)
     to_bar, rate, acceleration = np.zeros(size), np.zeros(size), np.zeros(size)
-    to_bar[[PLACE, SWING]] = 1.0, -swing.aimed
-    rate[[SPEED, SWING_RATE]] = 1.0, -swing.aimed
-    acceleration[:STATES] = a[SPEED]
+    to_bar[[POSITION, WAVE]] = 1.0, -wave.tracked_share
+    rate[[VELOCITY, WAVE_RATE]] = 1.0, -wave.tracked_share
+    acceleration[:STATES] = a[VELOCITY]
     if tracked:
         a, b, q = _with_tracked(motion, a, b, q)
     transition, push, _ = discretised(a, b, q, step_s)
@@ -122,7 +122,7 @@ def gains_of(motion: Motion, noise: Disturbances, swing: Swing, weights: Weights
     return Gains(step_s, steady, np.array(rows), np.array(steady_offsets), np.array(offsets))
 
 
-def _with_tracked(motion: Motion, a: Array, b: Array, q: Array) -> tuple[Array, Array, Array]:
+def _with_tracked(motion: AxisModel, a: Array, b: Array, q: Array) -> tuple[Array, Array, Array]:
     """The dynamics with the tracked speed and its rate as two more states (12,), driven by the speed asked for."""
     n = STATES + 2
     own, asked = shaping(motion)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from shipland.frames import Array, turned, wrap_angle
+from shipland.frames import Array, rotated, wrap_angle
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.reference import Pace
@@ -46,10 +46,10 @@ class Goals:
             too_high_m = (-estimate.down_m - path.far_above_m) / math.tan(math.radians(path.glide_path_deg))
             # From nearer it backs off: who only kept the least distance would spiral in, or meet a ship that comes.
             goal_m = estimate.place_m * (max(path.stand_off_m, too_high_m) / max(distance_m, 1.0))
-            return turned(goal_m, self._round_rad(estimate.t_s, distance_m)), np.zeros(2)
+            return rotated(goal_m, self._round_rad(estimate.t_s, distance_m)), np.zeros(2)
         ahead_m = float(self._deck_in_bar_m[0])
-        if mode is Mode.CLIMB_OUT:
-            ahead_m -= approach.climb_out_back_m
+        if mode is Mode.GO_AROUND:
+            ahead_m -= approach.go_around_back_m
         else:
             off_axis_m = abs(float(estimate.aircraft_in_bar_m[1]))
             above_m = max(-estimate.down_m - path.far_above_m - self._margins.above_path_m, 0.0)
@@ -59,7 +59,7 @@ class Goals:
             )
             ahead_m -= short_m if mode is not Mode.LAND else 0.0
         goal_in_bar_m = self._past_ship(estimate, np.array([ahead_m, 0.0]))
-        goal_m = turned(goal_in_bar_m, estimate.bar_rad)
+        goal_m = rotated(goal_in_bar_m, estimate.bar_rad)
         return goal_m, estimate.turn_rad_s * np.array([-goal_m[1], goal_m[0]])
 
     def pace(self, estimate: Estimated, goal_m: Array) -> Pace:
@@ -69,7 +69,14 @@ class Goals:
         share = min(max((to_goal_m - path.near_m) / path.near_m, 0.0), 1.0)
         speed_mps = path.near_mps + share * (path.far_mps - path.near_mps)
         brake_mps2 = path.near_brake_mps2 + share * (path.far_brake_mps2 - path.near_brake_mps2)
-        return Pace(speed_mps, brake_mps2, path.acceleration_mps2, path.closing_per_s, path.leash_m, path.leash_mps)
+        return Pace(
+            speed_mps,
+            brake_mps2,
+            path.acceleration_mps2,
+            path.closing_per_s,
+            path.tracking_error_max_m,
+            path.tracking_error_max_mps,
+        )
 
     def nose_rad(self, estimate: Estimated) -> float:
         """Along the bar's axis, but never so that the bar leaves the picture sideways; towards it while unknown."""
@@ -87,7 +94,7 @@ class Goals:
         off_astern_rad, distance_m = math.atan2(right_m, -ahead_m), math.hypot(ahead_m, right_m)
         if abs(off_astern_rad) < _AHEAD_RAD or distance_m < self._margins.overhead_m + self._half_cue_m:
             return goal_in_bar_m
-        radius_m = max(distance_m, 2.0 * self._approach.climb_out_back_m)
+        radius_m = max(distance_m, 2.0 * self._approach.go_around_back_m)
         wanted_rad = off_astern_rad - math.copysign(math.radians(self._path.round_lead_deg), off_astern_rad)
         return radius_m * np.array([-math.cos(wanted_rad), math.sin(wanted_rad)])
 

@@ -1,6 +1,6 @@
-"""The lean taken out just before contact, as far as the deck does not bear it.
+"""The tilt taken out just before contact, as far as the deck does not bear it.
 
-In wind an aircraft holds its place leaning, and a deck that rolls adds to that. Down to `lean_deg` it stays: level, the
+In wind an aircraft holds its place tilted, and a deck that rolls adds to that. Down to `tilt_deg` it stays: level, the
 wind would carry the aircraft off.
 """
 
@@ -22,29 +22,29 @@ class LevellingParameters:
     """`[guidance.horizon.levelling]`.
 
     Attributes:
-        lean_deg: a lean that may stay at contact.
+        tilt_deg: a tilt that may stay at contact.
         lags: so many of the vehicle's lags before contact the command is level.
-        touch_deg, touch_m, touch_offset_m: in a wind that takes a larger lean to hold, this close above contact and
+        touch_deg, touch_m, touch_offset_m: in a wind that takes a larger tilt to hold, this close above contact and
             with no larger an offset foreseen there, the descent ends with its drop: a contact that came by itself would
             be too askew.
     """
 
-    lean_deg: float
+    tilt_deg: float
     lags: float
     touch_deg: float
     touch_m: float
     touch_offset_m: float
 
     def __post_init__(self) -> None:
-        for name in ("lean_deg", "touch_deg"):
+        for name in ("tilt_deg", "touch_deg"):
             require(0.0 <= getattr(self, name) < 90.0, f"{name} must be in 0…90, got {getattr(self, name)}")
         for name in ("lags", "touch_m", "touch_offset_m"):
             require(getattr(self, name) >= 0.0, f"{name} must not be negative, got {getattr(self, name)}")
 
     @property
-    def lean_mps2(self) -> float:
-        """The acceleration of a lean that may stay."""
-        return GRAVITY_MPS2 * math.tan(math.radians(self.lean_deg))
+    def tilt_mps2(self) -> float:
+        """The acceleration of a tilt that may stay."""
+        return GRAVITY_MPS2 * math.tan(math.radians(self.tilt_deg))
 
     @property
     def touch_mps2(self) -> float:
@@ -66,27 +66,27 @@ def tilt_near_contact(wanted: Array, left_s: float, response: Response, paramete
         parameters: of the levelling.
     """
     early_s = max(left_s - parameters.before_contact_s(response), 0.0)
-    return shortened(wanted, parameters.lean_mps2 + response.max_input_rate * early_s)
+    return shortened(wanted, parameters.tilt_mps2 + response.max_input_rate * early_s)
 
 
 def speed_near_contact(
-    wanted: Array, lean: Array, tracked_mps: Array, response: Response, parameters: LevellingParameters
+    wanted: Array, tilt: Array, tracked_mps: Array, response: Response, parameters: LevellingParameters
 ) -> Array:
     """(2,) the input of sticks that mean a speed [m/s]: the autopilot levels out where it is to change its speed.
 
     Args:
         wanted: (2,) by the gains.
-        lean: (2,) acceleration by the aircraft's lean, but for what changes of the tracked speed ask for [m/s²].
+        tilt: (2,) acceleration by the aircraft's tilt, but for what changes of the tracked speed ask for [m/s²].
         tracked_mps: (2,) the speed that the autopilot tracks.
         response: of the vehicle.
         parameters: of the levelling.
     """
     change = shortened(response.approach_per_s * (wanted - tracked_mps), _KICK_MPS2)
-    leant = lean + change
-    level = shortened(leant, parameters.lean_mps2)
-    if level is leant:
+    tilted = tilt + change
+    level = shortened(tilted, parameters.tilt_mps2)
+    if level is tilted:
         return wanted
-    return tracked_mps + shortened(level - lean, _KICK_MPS2) / response.approach_per_s
+    return tracked_mps + shortened(level - tilt, _KICK_MPS2) / response.approach_per_s
 
 
 def shortened(vector: Array, most: float) -> Array:

@@ -12,10 +12,20 @@ from shipland.camera import Camera
 from shipland.estimation.delayed import DelayedFilter, Inputs
 from shipland.estimation.gain import GainBank
 from shipland.estimation.latency import LatencyBank
-from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, Disturbances, Model, Motion, Spread, less_swing
-from shipland.estimation.swing import Swing
-from shipland.estimation.swing_bank import SwingBank, SwingBelief
-from shipland.frames import GRAVITY_MPS2, Array, all_finite, turned, wrap_angle
+from shipland.estimation.relative_state import (
+    GUST,
+    POSITION,
+    VELOCITY,
+    WIND,
+    AxisModel,
+    Disturbances,
+    Model,
+    Spread,
+    less_wave,
+)
+from shipland.estimation.wave_bank import WaveBank, WaveEstimate
+from shipland.estimation.wave_motion import WaveMotion
+from shipland.frames import GRAVITY_MPS2, Array, all_finite, rotated, wrap_angle
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.heading_filters import HeadingFilters
 from shipland.guidance.horizon.parameters import HorizonParameters
@@ -27,13 +37,13 @@ from shipland.rig import Rig
 
 
 @lru_cache(maxsize=64)
-def _model(axes: int, motion: Motion, noise: Disturbances, swing: Swing, spread: Spread | None = None) -> Model:
-    return Model(axes, motion, noise, swing, spread)
+def _model(axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, spread: Spread | None = None) -> Model:
+    return Model(axes, motion, noise, wave, spread)
 
 
-def motion_of(response: Response) -> Motion:
+def motion_of(response: Response) -> AxisModel:
     """The horizontal motion of a vehicle, nothing in view."""
-    return Motion(
+    return AxisModel(
         response.lag_s,
         response.drag_per_s,
         response.servo_per_s,
@@ -55,13 +65,13 @@ class Navigator:
         self._low_m = float(rig.deck_in_bar_m[2]) - parameters.margins.low_m
         self.motion = motion_of(response)
         self.servo = ShapedSpeed(self.motion) if self.motion.inputs > 1 else None
-        self._climb = Motion(0.05, 0.0, 1.0 / response.climb_lag_s)
-        swing = parameters.swing
-        self._swing = swing if self.servo is None else replace(swing, followed=swing.followed_servo)
-        self._bank = SwingBank(self._swing)
-        self._swings: SwingBelief | None = None
+        self._climb = AxisModel(0.05, 0.0, 1.0 / response.climb_lag_s)
+        wave = parameters.wave
+        self._wave = wave if self.servo is None else replace(wave, followed=wave.followed_servo)
+        self._bank = WaveBank(self._wave)
+        self._waves: WaveEstimate | None = None
         self._along_rad: float | None = None
-        self.swing = self._swing.believed[self._swing.first]
+        self.wave = self._wave.believed[self._wave.first]
         self._gust_mps2 = parameters.gust_levels_mps2[-2]
         delayed, measured = parameters.delayed, parameters.measured
         least_mps = measured.velocity_mps if self.servo is None else measured.velocity_tracked_mps
@@ -88,15 +98,15 @@ class Navigator:
         self._sinking: tuple[float, float] | None = None
         self._tilted_mps2: Array = np.zeros(2)
         self._nose_up_rad = 0.0
-        self._leant_s = -math.inf
+        self._tilted_s = -math.inf
         self.trim_mps2: Array = np.zeros(2)
-        """(2,) by the mean lean; of a vehicle that holds by itself, against the mean wind."""
+        """(2,) by the mean tilt; of a vehicle that holds by itself, against the mean wind."""
 
     def _across_model(self) -> Model:
         return self._model_of_gain(self.motion.gain)
 
     def _model_of_gain(self, gain: float) -> Model:
-        return _model(2, replace(self.motion, gain=gain), self.disturbances, self.swing, self._spread())
+        return _model(2, replace(self.motion, gain=gain), self.disturbances, self.wave, self._spread())
 
     def _change_models(self) -> None:
         """Those across, after a change of what is believed of motion, disturbances or the ship's axis."""
@@ -108,9 +118,9 @@ class Navigator:
 
     def _spread(self) -> Spread | None:
         """A ship's sway is larger than its surge, and goes with its heave."""
-        if not self.swing.carries_bar or self._along_rad is None:
+        if not self.wave.bar_moves or self._along_rad is None:
             return None
-        return replace(self._swing.spread, along_rad=self._along_rad)
+        return replace(self._wave.spread, along_rad=self._along_rad)
 
     def _judge_axis(self) -> None:
         """The directions of surge and sway turn with the ship."""
@@ -133,18 +143,18 @@ class Navigator:
         belief, levels = self._across.belief, self._parameters.gust_levels_mps2
         if belief is None or self._response.kind != "attitude":
             return
-        push_mps2 = math.hypot(*(belief.of(PUSH) + belief.of(GUST)).tolist())
-        share = self._parameters.gust_share_at_sea if self.swing.carries_bar else self._parameters.gust_share
-        wanted = min(levels, key=lambda level: abs(math.log(level / max(share * push_mps2, 1e-3))))
-        between = abs(math.log(share * max(push_mps2, 1e-3) / self._gust_mps2))
+        wind_mps2 = math.hypot(*(belief.of(WIND) + belief.of(GUST)).tolist())
+        share = self._parameters.gust_share_at_sea if self.wave.bar_moves else self._parameters.gust_share
+        wanted = min(levels, key=lambda level: abs(math.log(level / max(share * wind_mps2, 1e-3))))
+        between = abs(math.log(share * max(wind_mps2, 1e-3) / self._gust_mps2))
         if wanted != self._gust_mps2 and between > 0.6 * math.log(levels[1] / levels[0]):
             self._gust_mps2 = wanted
             self._change_models()
 
     def _judge_trim(self, now_s: float) -> None:
-        share = 1.0 - math.exp(-max(now_s - self._leant_s, 0.0) / _TRIM_S)
-        lean_mps2 = turned(self._tilted_mps2, self._headings.nose_at(now_s))
-        self.trim_mps2, self._leant_s = self.trim_mps2 + share * (lean_mps2 - self.trim_mps2), now_s
+        share = 1.0 - math.exp(-max(now_s - self._tilted_s, 0.0) / _TRIM_S)
+        tilt_mps2 = rotated(self._tilted_mps2, self._headings.nose_at(now_s))
+        self.trim_mps2, self._tilted_s = self.trim_mps2 + share * (tilt_mps2 - self.trim_mps2), now_s
 
     def _judge_view(self) -> None:
         """A servo on optical flow follows the motion of the ship below it."""
@@ -158,7 +168,7 @@ class Navigator:
             self._change_models()
 
     def _down_model(self) -> Model:
-        return _model(1, self._climb, self._parameters.vertical, self.swing)
+        return _model(1, self._climb, self._parameters.vertical, self.wave)
 
     @property
     def seen_s(self) -> float:
@@ -187,9 +197,9 @@ class Navigator:
         self._climbs.add(effect_s, np.array([-climb]))
         nose_rad = self._headings.nose_at(effect_s)
         if self.servo is None:
-            self._pushes.add(effect_s, turned(push, nose_rad))
+            self._pushes.add(effect_s, rotated(push, nose_rad))
         else:
-            self.servo.ask(effect_s, turned(push, nose_rad), self._pushes)
+            self.servo.ask(effect_s, rotated(push, nose_rad), self._pushes)
 
     def taken_s(self, stamp_s: float) -> float:
         """When a picture was taken, as far as that is known."""
@@ -224,7 +234,7 @@ class Navigator:
         box = observation.bar_box or observation.ship_box
         if pose is not None:
             self._line_rad = None
-            speed_mps = 0.0 if self._across.belief is None else float(np.linalg.norm(self._across.belief.of(SPEED)))
+            speed_mps = 0.0 if self._across.belief is None else float(np.linalg.norm(self._across.belief.of(VELOCITY)))
             self._take_pose(t_s, self._places.of_pose(pose, headings, self._nose_up_rad, speed_mps), turn_rad_s)
         elif observation.deck is not None and headings.bar_known:
             self._take_deck(t_s, self._places.of_deck(observation.deck, headings, self._nose_up_rad), turn_rad_s)
@@ -246,11 +256,11 @@ class Navigator:
         if t_s < self._velocity_s + _VELOCITY_EVERY_S:
             return
         self._velocity_s = t_s
-        across_mps, over_ship = turned(velocity[:2], self._headings.nose_at(t_s)), self._over_ship()
-        self._across.velocity(t_s, across_mps, over_ship)
-        self._latency.velocity(t_s, across_mps, over_ship)
-        self._gain.velocity(t_s, across_mps, over_ship)
-        self._down.velocity(t_s, velocity[2:])
+        across_mps, over_ship = rotated(velocity[:2], self._headings.nose_at(t_s)), self._over_ship()
+        self._across.update_velocity(t_s, across_mps, over_ship)
+        self._latency.update_velocity(t_s, across_mps, over_ship)
+        self._gain.update_velocity(t_s, across_mps, over_ship)
+        self._down.update_velocity(t_s, velocity[2:])
         if self._sinking is None or self._seen_s > self._sinking[0]:
             self._sinking = (t_s, float(velocity[2]))
 
@@ -259,8 +269,8 @@ class Navigator:
         across, down, headings = self._across.belief, self._down.belief, self._headings.now
         if not self._parameters.measured.flow or across is None or down is None or headings is None:
             return 0.0
-        ahead_m, right_m = turned(across.of(PLACE), -headings.bar_rad).tolist()
-        half_m = max(self._deck_down_m - float(down.of(PLACE)[0]), 0.05) * _FLOW_SLOPE
+        ahead_m, right_m = rotated(across.of(POSITION), -headings.bar_rad).tolist()
+        half_m = max(self._deck_down_m - float(down.of(POSITION)[0]), 0.05) * _FLOW_SLOPE
         stern_m, bow_m, side_m = self._hull_m
         along_m = min(ahead_m + half_m, bow_m) - max(ahead_m - half_m, stern_m)
         aside_m = min(right_m + half_m, side_m) - max(right_m - half_m, -side_m)
@@ -280,9 +290,9 @@ class Navigator:
         if self._heights.refuses(t_s, place.down_m, place.down_variance, self._climbs):
             self.doubted = "a pose at a height that no climb leads to"
             return
-        self._take_swing(t_s, place.down_m, place.down_variance)
+        self._take_wave(t_s, place.down_m, place.down_variance)
         stamp_s = t_s - self._latency.correction_s
-        self._latency.picture(stamp_s, place.across_m, place.covariance, self._pushes, turn_rad_s, self._across)
+        self._latency.update_pose(stamp_s, place.across_m, place.covariance, self._pushes, turn_rad_s, self._across)
         self._judge_gain(t_s, place, turn_rad_s)
         self._enter(t_s, place, turn_rad_s)
         if self._across.refused:
@@ -300,8 +310,8 @@ class Navigator:
 
     def _take_deck(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
         down_m, spread = np.array([place.down_m]), np.array([[place.down_variance]])
-        self._down.deck(t_s, down_m, spread, self._climbs)
-        if self._across.deck(t_s, place.across_m, place.covariance, self._pushes, turn_rad_s):
+        self._down.update_deck(t_s, down_m, spread, self._climbs)
+        if self._across.update_deck(t_s, place.across_m, place.covariance, self._pushes, turn_rad_s):
             self._seen_s = self.deck_s = t_s
 
     def _judge_gain(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
@@ -309,28 +319,30 @@ class Navigator:
         if self.motion.servo_per_s > 0.0:
             return
         across_m, covariance, models = place.across_m, place.covariance, self._gain_models
-        better = self._gain.picture(t_s, across_m, covariance, self._pushes, turn_rad_s, self._across, models)
+        better = self._gain.update_pose(t_s, across_m, covariance, self._pushes, turn_rad_s, self._across, models)
         if better is not None:
             self.motion, self._across = replace(self.motion, gain=self._gain.gain), better
             self._latency.forget_place()
 
-    def _take_swing(self, t_s: float, down_m: float, variance: float) -> None:
+    def _take_wave(self, t_s: float, down_m: float, variance: float) -> None:
         """Judge the bar's heave; another hypothesis changes the models of both filters."""
-        before = self._swings
+        before = self._waves
         if down_m > self._low_m:  # ground effect and contact are no heave
             return
         if before is None:
-            self._swings = self._bank.start(t_s, down_m)
+            self._waves = self._bank.start(t_s, down_m)
             return
         lag_s = self._response.climb_lag_s
         if self._sinking is not None and self._sinking[0] <= t_s:
             asked_mps = float(self._climbs.mean(self._sinking[0] - lag_s, self._sinking[0] - lag_s)[0])
-            before = self._bank.told(before, self._sinking[1] - asked_mps, self._parameters.delayed.velocity_mps)
+            before = self._bank.update_velocity(
+                before, self._sinking[1] - asked_mps, self._parameters.delayed.velocity_mps
+            )
             self._sinking = None
         moved_m = float(self._climbs.mean(before.t_s - lag_s, t_s - lag_s)[0]) * max(t_s - before.t_s, 0.0)
-        self._swings = after = self._bank.seen(before, t_s, moved_m, down_m, variance)
+        self._waves = after = self._bank.update_pose(before, t_s, moved_m, down_m, variance)
         if after.chosen != before.chosen:
-            self.swing = self._swing.believed[after.chosen]
+            self.wave = self._wave.believed[after.chosen]
             model = self._across_model()
             self._across.adopt(model)
             self._latency.adopt(model)
@@ -355,8 +367,8 @@ class Navigator:
         if self._down.refused >= measured.lost_refusals:
             self._down.start(t_s, down_m, spread, measured.first_climb_mps)
         else:
-            self._down.picture(t_s, down_m, spread, self._climbs)
-        if self._across.picture(t_s, across_m, covariance, self._pushes, turn_rad_s):
+            self._down.update_pose(t_s, down_m, spread, self._climbs)
+        if self._across.update_pose(t_s, across_m, covariance, self._pushes, turn_rad_s):
             self._seen_s = t_s
 
     def estimate(self, t_s: float) -> Estimated | None:
@@ -367,28 +379,28 @@ class Navigator:
         turn_rad_s = self._headings.turn_rad_s
         if self.servo is not None:
             self.servo.advance(t_s, self._pushes)
-        across = self._across.ahead(t_s, self._pushes, turn_rad_s)
-        down = self._down.ahead(t_s, self._climbs)
+        across = self._across.predict(t_s, self._pushes, turn_rad_s)
+        down = self._down.predict(t_s, self._climbs)
         if across is None or down is None or not all_finite(across.mean):
             return None
         passed_s = t_s - headings.t_s
         nose_rad = self._headings.nose_at(t_s)
         bar_rad = headings.bar_rad + turn_rad_s * passed_s
         (nose, both, _), (_, bar, _), _ = headings.covariance.tolist()
-        swing = self.swing
-        below, sinking = less_swing(down.mean, swing.shown)
-        place_m, speed_mps = less_swing(across.mean, swing.shown)
+        wave = self.wave
+        below, sinking = less_wave(down.mean, wave.observed_share)
+        place_m, speed_mps = less_wave(across.mean, wave.observed_share)
         north, east = (-place_m).tolist()
-        near = self._swing.followed_at(math.hypot(*place_m.tolist()))
+        near = self._wave.followed_at(math.hypot(*place_m.tolist()))
         return Estimated(
             t_s,
             across,
             down,
-            swing,
+            wave,
             near,
             place_m,
             speed_mps,
-            *less_swing(across.mean, near * swing.aimed),
+            *less_wave(across.mean, near * wave.tracked_share),
             float(below[0]),
             float(sinking[0]),
             nose_rad,
@@ -411,7 +423,7 @@ _STEEPEST_RAD = 1.0
 _GAP_S = 0.5
 """Where no pose was for longer than this, a leap since the last one is nothing to be doubted for long."""
 _TRIM_S = 2.5
-"""The mean lean is of so long: what the servo's integral and its gusts both show in."""
+"""The mean tilt is of so long: what the servo's integral and its gusts both show in."""
 _VELOCITY_EVERY_S = 0.06
 """Its noise is coloured: readings that follow closer tell little more."""
 

@@ -11,7 +11,7 @@ from shipland.estimation.gain import GainParameters
 from shipland.estimation.heading import HeadingNoise
 from shipland.estimation.latency import LatencyParameters
 from shipland.estimation.relative_state import Disturbances
-from shipland.estimation.swing_bank import SwingParameters
+from shipland.estimation.wave_bank import WaveParameters
 from shipland.guidance.horizon.descent import DescentParameters
 from shipland.guidance.horizon.gains import Weights
 from shipland.guidance.horizon.levelling import LevellingParameters
@@ -70,7 +70,7 @@ class Margins:
         overhead_m: within this distance of the landing point the height wanted is that of the hover.
         low_m: lower over the deck than this, heights do not tell the bar's heave.
         committed_m: lower over the deck than this a landing is no longer broken off.
-        clear_ahead_m, clear_below_m: a climb-out has ended this near to its end.
+        clear_ahead_m, clear_below_m: a go-around has ended this near to its end.
     """
 
     gentle_m: float
@@ -91,7 +91,7 @@ class PathParameters:
         near_mps, near_brake_mps2: pace of the approach to the hover.
         far_mps, far_brake_mps2: pace of the approach on boxes.
         near_m: nearer than this to the bar the pace is that of the approach.
-        acceleration_mps2, closing_per_s, leash_m, leash_mps: of every reference.
+        acceleration_mps2, closing_per_s, tracking_error_max_m, tracking_error_max_mps: of every reference.
         stand_off_m: of the point flown to while the bar's heading is not known.
         round_after_s, round_lead_deg: who waits near it for longer flies around it, towards a point so far round.
         line_up: metres astern of the hover point for a metre to its side.
@@ -107,8 +107,8 @@ class PathParameters:
     near_m: float
     acceleration_mps2: float
     closing_per_s: float
-    leash_m: float
-    leash_mps: float
+    tracking_error_max_m: float
+    tracking_error_max_mps: float
     stand_off_m: float
     round_after_s: float
     round_lead_deg: float
@@ -128,12 +128,12 @@ class HorizonParameters:
         moment: landings begin at any time, or wait for a lull of the bar's own motion, or the deck is watched, the
             camera looking down, until it will be below the aircraft at contact.
         lull_mps: what counts as a lull.
-        watch_blind_s: a glance down at the deck lasts so long at most, then the camera looks up to the bar.
-        watch_seen_s: for so long, before it looks down again.
-        watch_rises_mps: nor does the drop begin where the deck will rise faster than this at contact.
-        watch_known_m: the deck's centre at contact is known when it is no more uncertain (standard deviation).
+        look_down_max_s: a glance down at the deck lasts so long at most, then the camera looks up to the bar.
+        look_up_s: for so long, before it looks down again.
+        deck_rise_max_mps: nor does the drop begin where the deck will rise faster than this at contact.
+        deck_std_max_m: the deck's centre at contact is known when it is no more uncertain (standard deviation).
         land_offset_m: a landing may begin with at most this offset (held for `guidance.modes.settle_s`).
-        astray_m: a landing is broken off with more.
+        abort_offset_m: a landing is broken off with more.
         horizontal, vertical: what is not known along an axis of a vehicle whose sticks mean a tilt, and downward.
         horizontal_servo: likewise of one that tracks a velocity: its autopilot trims the mean wind away.
         gust_share, gust_share_at_sea: acceleration by gusts as a share of that by the mean wind, over land and over
@@ -141,20 +141,22 @@ class HorizonParameters:
         gust_levels_mps2: ascending, in equal ratios.
         heading, heading_turning: of a ship that keeps its course, and of one that turns.
         turn_from_rad_s: a ship that turns faster than this is one that turns.
-        known_m: without pictures the place is taken for known while it is no more uncertain (standard deviation).
-        unfit_m: a landing does not begin while the offset at contact is uncertain by more (standard deviation).
+        position_std_max_m: without pictures the place is taken for known while it is no more uncertain (standard
+            deviation).
+        contact_std_max_m: a landing does not begin while the offset at contact is uncertain by more (standard
+            deviation).
     """
 
     moment: Literal["any", "lull", "deck"]
     lull_mps: float
-    watch_blind_s: float
-    watch_seen_s: float
-    watch_rises_mps: float
-    watch_known_m: float
+    look_down_max_s: float
+    look_up_s: float
+    deck_rise_max_mps: float
+    deck_std_max_m: float
     land_offset_m: float
-    astray_m: float
-    unfit_m: float
-    known_m: float
+    abort_offset_m: float
+    contact_std_max_m: float
+    position_std_max_m: float
     gust_share: float
     gust_share_at_sea: float
     gust_levels_mps2: tuple[float, ...]
@@ -168,7 +170,7 @@ class HorizonParameters:
     delayed: DelayedParameters
     latency: LatencyParameters
     gain: GainParameters
-    swing: SwingParameters
+    wave: WaveParameters
     weights: Weights
     weights_blind: Weights
     margins: Margins
@@ -178,9 +180,13 @@ class HorizonParameters:
 
     def __post_init__(self) -> None:
         require(self.land_offset_m > 0.0, "land_offset_m must be positive")
-        limits_m = {"astray_m": (0.05, 20.0), "unfit_m": (0.01, 5.0), "known_m": (0.05, 20.0)}
-        require_within(self, **limits_m, watch_known_m=(0.005, 5.0))
-        require(self.astray_m > self.land_offset_m, "astray_m must be above land_offset_m")
+        limits_m = {
+            "abort_offset_m": (0.05, 20.0),
+            "contact_std_max_m": (0.01, 5.0),
+            "position_std_max_m": (0.05, 20.0),
+        }
+        require_within(self, **limits_m, deck_std_max_m=(0.005, 5.0))
+        require(self.abort_offset_m > self.land_offset_m, "abort_offset_m must be above land_offset_m")
 
     def horizontal_at(self, gust_mps2: float) -> Disturbances:
         """The horizontal disturbances at one level of gusts; the acceleration without memory goes with them."""

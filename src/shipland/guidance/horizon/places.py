@@ -10,7 +10,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.estimation.delayed import Inputs
 from shipland.estimation.heading import Headings
-from shipland.frames import Array, turned
+from shipland.frames import Array, rotated
 from shipland.guidance.horizon.parameters import MeasurementNoise
 from shipland.messages import BarPose, Box, DeckSight
 from shipland.rig import Rig
@@ -58,7 +58,7 @@ class Places:
             speed_mps: of the aircraft against the bar; what the picture's time errs by counts by it.
         """
         measured = self._measured
-        lever = turned(self._camera_in_body_m[:2], pose.yaw_rad)
+        lever = rotated(self._camera_in_body_m[:2], pose.yaw_rad)
         place_in_bar_m = pose.position_in_bar_m[:2] - lever
         ahead_m, _, below_m = self._camera_in_body_m.tolist()
         camera_below_m = below_m * math.cos(nose_up_rad) - ahead_m * math.sin(nose_up_rad)
@@ -79,7 +79,7 @@ class Places:
         jacobian = np.array([[cosine, -sine, 0.0, by_nose * east_m], [sine, cosine, 0.0, -by_nose * north_m]])
         covariance = jacobian @ pose.covariance @ jacobian.T + floor * _EYE
         covariance += (_NOSE_RAD**2) * np.outer(jacobian[:, 3], jacobian[:, 3])
-        down_variance = float(pose.covariance[2, 2]) + floor + (ahead_m * _LEAN_RAD) ** 2
+        down_variance = float(pose.covariance[2, 2]) + floor + (ahead_m * _TILT_RAD) ** 2
         return SeenPlace(np.array([north_m, east_m]), covariance, down_m, down_variance)
 
     def of_deck(self, sight: DeckSight, headings: Headings, nose_up_rad: float) -> SeenPlace:
@@ -93,13 +93,13 @@ class Places:
         ahead_m, right_m, below_m = self._camera_in_body_m.tolist()
         lever_m = np.array([ahead_m * math.cos(nose_up_rad) + below_m * math.sin(nose_up_rad), right_m])
         camera_below_m = below_m * math.cos(nose_up_rad) - ahead_m * math.sin(nose_up_rad)
-        deck_m = turned(self._deck_in_bar_m[:2], headings.bar_rad)
-        across_m = deck_m - turned(lever_m + sight.centre_in_level_m[:2], headings.nose_rad)
+        deck_m = rotated(self._deck_in_bar_m[:2], headings.bar_rad)
+        across_m = deck_m - rotated(lever_m + sight.centre_in_level_m[:2], headings.nose_rad)
         cosine, sine = math.cos(headings.nose_rad), math.sin(headings.nose_rad)
         axes = np.array([[cosine, -sine], [sine, cosine]])
         covariance = axes @ np.diag(sight.deviation_m[:2] ** 2) @ axes.T + self._measured.place_m**2 * _EYE
         down_m = float(self._deck_in_bar_m[2]) - float(sight.centre_in_level_m[2]) - camera_below_m
-        down_variance = float(sight.deviation_m[2]) ** 2 + (ahead_m * _LEAN_RAD) ** 2
+        down_variance = float(sight.deviation_m[2]) ** 2 + (ahead_m * _TILT_RAD) ** 2
         return SeenPlace(across_m, covariance, down_m, down_variance)
 
     def of_box(self, box: Box, is_bar: bool, camera_pitch_rad: float, headings: Headings) -> SeenPlace | None:
@@ -124,7 +124,7 @@ class Places:
             return None
         to_target_m = range_m * np.array([1.0, right])
         nose_rad = headings.nose_rad
-        along, across = turned(np.array([1.0, right]), nose_rad), turned(np.array([-right, 1.0]), nose_rad)
+        along, across = rotated(np.array([1.0, right]), nose_rad), rotated(np.array([-right, 1.0]), nose_rad)
         along_m = 0.5 * measured.area_share * range_m
         across_m = range_m * measured.centre_px / self._focal_px + measured.box_m
         across_variance = across_m**2 + range_m**2 * float(headings.covariance[0, 0])
@@ -133,7 +133,7 @@ class Places:
         )
         down_m = range_m * math.tan(elevation_rad) + (0.0 if is_bar else self._ship_below_m)
         down_variance = measured.repeated * (across_m**2 + (along_m * math.tan(elevation_rad)) ** 2)
-        return SeenPlace(-turned(to_target_m, nose_rad), covariance, down_m, down_variance)
+        return SeenPlace(-rotated(to_target_m, nose_rad), covariance, down_m, down_variance)
 
 
 class HeightGate:
@@ -166,8 +166,8 @@ class HeightGate:
 _EYE = np.eye(2)
 _NOSE_RAD = 0.003
 """What the nose's heading errs by from picture to picture."""
-_LEAN_RAD = 0.12
-"""What the lean at a picture errs by: read at 5 Hz, and so alike in many pictures that each counts for little."""
+_TILT_RAD = 0.12
+"""What the tilt at a picture errs by: read at 5 Hz, and so alike in many pictures that each counts for little."""
 _STEEPEST_BOX_RAD = 1.4
 """A box seen more steeply tells no range across."""
 _LEAP_M, _LEAP_MPS, _LEAP_SIGMAS = 0.5, 0.2, 4.0

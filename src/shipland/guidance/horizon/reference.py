@@ -34,15 +34,16 @@ class Pace:
         brake_mps2: deceleration that it plans to stop with.
         acceleration_mps2: greatest change of its speed.
         closing_per_s: near the goal the speed falls in proportion to the distance.
-        leash_m, leash_mps: an aircraft that is farther off, or this much faster or slower, is led anew.
+        tracking_error_max_m, tracking_error_max_mps: an aircraft that is farther off, or this much faster or slower,
+            is led anew.
     """
 
     speed_mps: float
     brake_mps2: float
     acceleration_mps2: float
     closing_per_s: float
-    leash_m: float
-    leash_mps: float
+    tracking_error_max_m: float
+    tracking_error_max_mps: float
 
 
 def moved(before: Reference, step_s: float, goal_m: Array, goal_mps: Array, pace: Pace) -> Reference:
@@ -63,16 +64,19 @@ def moved(before: Reference, step_s: float, goal_m: Array, goal_mps: Array, pace
     return Reference(place, speed, change / step_s)
 
 
-def led_anew(reference: Reference, place_m: Array, speed_mps: Array, pace: Pace) -> Reference:
+def reference_reset(reference: Reference, place_m: Array, speed_mps: Array, pace: Pace) -> Reference:
     """The reference as it is, or, too far from an aircraft at a place (2,) with a speed (2,), at that place.
 
     It keeps the speed that it had reached, within the leash: an estimate that leaps says nothing of the speed wanted.
     """
     ahead_mps = reference.speed_mps - speed_mps
     apart_mps = math.hypot(*ahead_mps.tolist())
-    if math.hypot(*(reference.place_m - place_m).tolist()) <= pace.leash_m and apart_mps <= pace.leash_mps:
+    if (
+        math.hypot(*(reference.place_m - place_m).tolist()) <= pace.tracking_error_max_m
+        and apart_mps <= pace.tracking_error_max_mps
+    ):
         return reference
-    return at_rest(place_m, speed_mps + ahead_mps * min(pace.leash_mps / max(apart_mps, 1e-9), 1.0))
+    return at_rest(place_m, speed_mps + ahead_mps * min(pace.tracking_error_max_mps / max(apart_mps, 1e-9), 1.0))
 
 
 def at_rest(place_m: Array, speed_mps: Array) -> Reference:

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from shipland.estimation.delayed import Inputs
-from shipland.estimation.relative_state import Motion, shaping
+from shipland.estimation.relative_state import AxisModel, shaping
 from shipland.frames import Array
 
 _STEP_S = 0.005
@@ -23,7 +23,7 @@ class ShapedSpeed:
         motion: of the vehicle.
     """
 
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, motion: AxisModel) -> None:
         a, b = shaping(motion)
         self._step = np.eye(2) + _STEP_S * (a + 0.5 * _STEP_S * a @ a)
         self._push = _STEP_S * (b + 0.5 * _STEP_S * a @ b)

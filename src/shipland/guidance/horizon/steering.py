@@ -18,9 +18,9 @@ AXIS_ENTRIES: tuple[tuple[str, float], ...] = (
     ("speed_mps", 0.5),
     ("thrust_mps2", 2.0),
     ("gust_mps2", 0.5),
-    ("push_mps2", 2.0),
-    ("swing_m", 0.2),
-    ("swing_mps", 0.3),
+    ("wind_mps2", 2.0),
+    ("wave_m", 0.2),
+    ("wave_mps", 0.3),
     ("input_mps2", 2.0),
     ("wanted_mps2", 2.0),
 )
@@ -70,31 +70,31 @@ class Steered:
 
     Attributes:
         offset_m, speed_mps: of the aircraft from the point that it follows, and its rate.
-        thrust_mps2, gust_mps2, push_mps2: accelerations by the sticks, by gusts and by the mean wind.
-        swing_m, swing_mps: of the bar.
+        thrust_mps2, gust_mps2, wind_mps2: accelerations by the sticks, by gusts and by the mean wind.
+        wave_m, wave_mps: of the bar.
         input_mps2: asked for by the command before.
         wanted_mps2: asked for by the pilot's own gains now.
         height_m: over the neutral deck.
         sink_mps: its rate, down positive.
         contact_s: to contact, if the descent went on at its last part's speed.
         landing: a landing has begun.
-        dropping: its last part has.
+        in_final_descent: its last part has.
     """
 
     offset_m: Array
     speed_mps: Array
     thrust_mps2: Array
     gust_mps2: Array
-    push_mps2: Array
-    swing_m: Array
-    swing_mps: Array
+    wind_mps2: Array
+    wave_m: Array
+    wave_mps: Array
     input_mps2: Array
     wanted_mps2: Array
     height_m: float
     sink_mps: float
     contact_s: float
     landing: bool
-    dropping: bool
+    in_final_descent: bool
 
 
 class Steering(Protocol):

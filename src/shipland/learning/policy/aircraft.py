@@ -87,7 +87,7 @@ def draw_airframes(
 
 
 def hovering(airframes: Airframes, position_m: Tensor, wind_mps: Tensor) -> AircraftState:
-    """At rest over ground at places (B, 3), leaning against a wind (B, 3)."""
+    """At rest over ground at places (B, 3), tilted against a wind (B, 3)."""
     batch = len(position_m)
     tilt = torch.zeros(batch, 3, 2)
     thrust = torch.full((batch,), G)

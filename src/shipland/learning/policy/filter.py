@@ -16,13 +16,13 @@ import numpy as np
 
 from shipland.estimation.relative_state import (
     STATES,
+    AxisModel,
     Disturbances,
     Model,
-    Motion,
     discretised,
     dynamics,
 )
-from shipland.estimation.swing import Swing
+from shipland.estimation.wave_motion import WaveMotion
 from shipland.frames import Array
 from shipland.learning.policy.setup import PhaseSetup
 
@@ -71,34 +71,34 @@ class EstimatorTables:
 
 @dataclass(frozen=True)
 class _Axis:
-    motion: Motion
+    motion: AxisModel
     noise: Disturbances
-    swing: Swing
+    wave: WaveMotion
     picture_m2: float
     velocity_m2ps2: float
 
 
-def believed_swing(setup: PhaseSetup, heave_m: float, rate_mps: float) -> Swing:
+def estimated_wave(setup: PhaseSetup, heave_m: float, rate_mps: float) -> WaveMotion:
     """The hypothesis of the pilot's bank that a bar's heave (standard deviation of it and of its rate) leads to."""
-    parameters = setup.horizon.swing
+    parameters = setup.horizon.wave
     if heave_m < parameters.still_m:
         return parameters.believed[0]
 
-    def apart(swing: Swing) -> float:
-        return abs(math.log(swing.deviation_m / heave_m)) + abs(math.log(swing.frequency_rad_s * heave_m / rate_mps))
+    def apart(wave: WaveMotion) -> float:
+        return abs(math.log(wave.deviation_m / heave_m)) + abs(math.log(wave.frequency_rad_s * heave_m / rate_mps))
 
     return min(parameters.believed[1:], key=apart)
 
 
-def level_of(setup: PhaseSetup, push_mps2: float, carried: bool) -> int:
+def level_of(setup: PhaseSetup, wind_mps2: float, carried: bool) -> int:
     """Index of the level of gusts that the pilot takes for a steady push."""
     horizon = setup.horizon
     share = horizon.gust_share_at_sea if carried else horizon.gust_share
-    wanted = max(share * push_mps2, 1e-3)
+    wanted = max(share * wind_mps2, 1e-3)
     return min(range(len(horizon.gust_levels_mps2)), key=lambda i: abs(math.log(horizon.gust_levels_mps2[i] / wanted)))
 
 
-def estimator_tables(setup: PhaseSetup, swing: Swing) -> EstimatorTables:
+def estimator_tables(setup: PhaseSetup, wave: WaveMotion) -> EstimatorTables:
     """Solve for one scenario and one swing of the bar."""
     h, phases = setup.cycle_s, setup.velocity_every
     response = setup.response
@@ -119,10 +119,10 @@ def estimator_tables(setup: PhaseSetup, swing: Swing) -> EstimatorTables:
     age_s = setup.picture_age_s
     for axis in range(AXES):
         for level, noise in enumerate(levels):
-            parts = _axis(setup, swing, axis, noise)
-            model = Model(1, parts.motion, parts.noise, parts.swing)
+            parts = _axis(setup, wave, axis, noise)
+            model = Model(1, parts.motion, parts.noise, parts.wave)
             start = model.start(0.0, np.zeros(1), np.eye(1) * 0.1, _FIRST_MPS)
-            seen[axis] = model.seen(start)[1][0]
+            seen[axis] = model.pose(start)[1][0]
             for view in range(VIEWS):
                 over_ship = float(view) if axis < 2 and setup.horizon.measured.flow else 0.0
                 velocity[view, axis] = model.velocity(start, over_ship, setup.horizon.delayed.flow_settle_s)[1][0]
@@ -130,7 +130,7 @@ def estimator_tables(setup: PhaseSetup, swing: Swing) -> EstimatorTables:
                 for name in ("picture", "velocity", "ahead"):
                     gains[f"{name}_gain"][level, view, :, axis] = found[name]
                 deviation[level, axis] = found["deviation"]
-        a, b, _ = dynamics(parts.motion, parts.noise, parts.swing)
+        a, b, _ = dynamics(parts.motion, parts.noise, parts.wave)
         shape["step"][axis], shape["step_inputs"][axis] = spans.between(a, b, -age_s - h, -age_s)
         shape["ahead"][axis], shape["ahead_inputs"][axis] = spans.between(a, b, -age_s, delay_s)
         for phase in range(phases):
@@ -140,26 +140,26 @@ def estimator_tables(setup: PhaseSetup, swing: Swing) -> EstimatorTables:
     return EstimatorTables(**shape, **gains, seen=seen, velocity=velocity, deviation=deviation)
 
 
-def _axis(setup: PhaseSetup, swing: Swing, axis: int, horizontal: Disturbances) -> _Axis:
+def _axis(setup: PhaseSetup, wave: WaveMotion, axis: int, horizontal: Disturbances) -> _Axis:
     """What the pilot takes one axis for."""
     horizon, response = setup.horizon, setup.response
     measured = horizon.measured
     floor = (measured.place_m + measured.place_share * POSE_RANGE_M) ** 2
     picture = floor + POSE_M[axis] ** 2
     if axis == 2:
-        climb = Motion(0.05, 0.0, 1.0 / response.climb_lag_s)
-        return _Axis(climb, horizon.vertical, swing, picture, measured.velocity_down_mps**2)
-    if swing.carries_bar:
-        spread = horizon.swing.spread
-        swing = replace(swing, deviation_m=swing.deviation_m * (spread.along if axis == 0 else spread.across))
-    motion = Motion(response.lag_s, response.drag_per_s)
-    return _Axis(motion, horizontal, swing, picture, measured.velocity_mps**2)
+        climb = AxisModel(0.05, 0.0, 1.0 / response.climb_lag_s)
+        return _Axis(climb, horizon.vertical, wave, picture, measured.velocity_down_mps**2)
+    if wave.bar_moves:
+        spread = horizon.wave.spread
+        wave = replace(wave, deviation_m=wave.deviation_m * (spread.along if axis == 0 else spread.across))
+    motion = AxisModel(response.lag_s, response.drag_per_s)
+    return _Axis(motion, horizontal, wave, picture, measured.velocity_mps**2)
 
 
 def _riccati(setup: PhaseSetup, parts: _Axis, seen: Array, velocity: Array, first: Array) -> dict[str, Array]:
     """Gains of the last period after some seconds: picture, velocity, look-ahead; and the deviation."""
     phases, has_velocity = setup.velocity_every, setup.velocity_hz > 0.0
-    a, b, q = dynamics(parts.motion, parts.noise, parts.swing)
+    a, b, q = dynamics(parts.motion, parts.noise, parts.wave)
     forward, _, noise = discretised(a, b, q, setup.cycle_s)
     gains = {name: np.zeros((phases, STATES)) for name in ("picture", "velocity", "ahead")}
     p = first.copy()

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from shipland.guidance.horizon.steering import Action
 from shipland.learning.policy import air, aircraft, motion
-from shipland.learning.policy.filter import POSE_M, POSE_POWERS, POSE_RANGE_M, believed_swing, level_of
+from shipland.learning.policy.filter import POSE_M, POSE_POWERS, POSE_RANGE_M, estimated_wave, level_of
 from shipland.learning.policy.pilot import Ahead, BatchedHorizon, Memory, Seen
 from shipland.learning.policy.setup import PhaseSetup, Randomisation
 
@@ -33,7 +33,7 @@ NOTHING = Action("residual", 0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Touch:
+class FirstContact:
     """First contacts of B flights.
 
     Attributes:
@@ -77,7 +77,7 @@ class Flights:
     gust: Tensor
     flow_noise: Tensor
     over_deck_m: Tensor
-    touch: Touch
+    touch: FirstContact
 
 
 @dataclass(frozen=True)
@@ -129,8 +129,8 @@ class LastPhase:
     ) -> None:
         self.setup, self.random = setup, random or Randomisation()
         self.bank = bank or motion.draw_motions(setup, motions, np.random.default_rng(seed))
-        swing = believed_swing(setup, self.bank.heave_m, self.bank.heave_mps)
-        self.pilot = BatchedHorizon(setup, swing)
+        wave = estimated_wave(setup, self.bank.heave_m, self.bank.heave_mps)
+        self.pilot = BatchedHorizon(setup, wave)
         self._substep_s = setup.cycle_s / SUBSTEPS
         self._arrived = [min(max(setup.response.uplink_s / self._substep_s - i, 0.0), 1.0) for i in range(SUBSTEPS)]
         self._eddy_m = setup.wind.airwake.eddy_heights * (setup.rig.superstructure_height_m - setup.rig.deck_height_m)
@@ -167,12 +167,14 @@ class LastPhase:
         state = aircraft.hovering(batch.airframes, batch.start_m, batch.air.mean_in_bar_mps)
         axis = aircraft.thrust_axis(state.tilt[:, 0])
         trim = -state.thrust_mps2[:, None] * axis[:, :2]
-        swing = torch.stack([point, (batch.drawn.at(self.bank.point_m, 1) - point) / self.setup.cycle_s])
-        memory = self.pilot.start(batch.start_m, trim, swing, batch.level, batch.generator)
+        wave = torch.stack([point, (batch.drawn.at(self.bank.point_m, 1) - point) / self.setup.cycle_s])
+        memory = self.pilot.start(batch.start_m, trim, wave, batch.level, batch.generator)
         gust = air.first_gust(batch.air, batch.generator)
         nan = torch.full((size,), math.nan)
         nothing = torch.zeros(size, dtype=torch.bool)
-        touch = Touch(nothing, nan, nan[:, None].repeat(1, 2), nan[:, None].repeat(1, 2), nan[:, None].repeat(1, 2))
+        touch = FirstContact(
+            nothing, nan, nan[:, None].repeat(1, 2), nan[:, None].repeat(1, 2), nan[:, None].repeat(1, 2)
+        )
         noise = self.setup.aircraft.sensors.velocity_noise_mps * torch.randn(size, 3, generator=batch.generator)
         place = (batch.start_m - point).expand(_HISTORY, size, 3)
         still = torch.zeros(_HISTORY, size, 3)
@@ -214,7 +216,7 @@ class LastPhase:
 
     def _touched(
         self, batch: Batch, flights: Flights, begin: aircraft.AircraftState, end: aircraft.AircraftState, clear: Tensor
-    ) -> Touch:
+    ) -> FirstContact:
         """First contacts within the cycle, at the instant at which the feet reach the deck."""
         setup, touch, cycle = self.setup, flights.touch, flights.cycle
         limit = setup.horizon.descent.contact_height_m
@@ -232,7 +234,7 @@ class LastPhase:
         deck = (place - at(self.bank.deck_m))[:, :2]
         t_s = (cycle + share[:, 0]) * setup.cycle_s
         pick = now[:, None]
-        return Touch(
+        return FirstContact(
             touch.touched | now,
             torch.where(now, t_s, touch.t_s),
             torch.where(pick, own, touch.own_m),

@@ -14,8 +14,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from shipland.estimation.relative_state import GUST, PLACE, PUSH, SPEED, SWING, SWING_RATE, THRUST, Motion
-from shipland.estimation.swing import SWING_STATES, Swing
+from shipland.estimation.relative_state import ACTUATION, GUST, POSITION, VELOCITY, WAVE, WAVE_RATE, WIND, AxisModel
+from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 from shipland.frames import GRAVITY_MPS2 as G
 from shipland.frames import Array
 from shipland.guidance.horizon.descent import NEWTON_STEPS, SLOWEST_FALL_MPS
@@ -102,25 +102,25 @@ class BatchedHorizon:
 
     Args:
         setup: of the phase.
-        swing: of the bar, as the pilot takes it.
+        wave: of the bar, as the pilot takes it.
     """
 
-    def __init__(self, setup: PhaseSetup, swing: Swing) -> None:
-        self._setup, self._swing = setup, swing
-        tables = estimator_tables(setup, swing)
+    def __init__(self, setup: PhaseSetup, wave: WaveMotion) -> None:
+        self._setup, self._wave = setup, wave
+        tables = estimator_tables(setup, wave)
         self._tables = {name: _tensor(value) for name, value in vars(tables).items()}
         self._every, self._reads = setup.velocity_every, setup.velocity_hz > 0.0
         horizon = setup.horizon
         step_ms = round(1e3 * setup.cycle_s)
-        motion = Motion(setup.response.lag_s, setup.response.drag_per_s)
+        motion = AxisModel(setup.response.lag_s, setup.response.drag_per_s)
         self._near, self._gentle = (
             [_tensor(value) for value in (found.steady, found.to_contact, found.offset_to_contact)]
             for found in (
-                gains_of(motion, horizon.horizontal, swing, weights, step_ms)
+                gains_of(motion, horizon.horizontal, wave, weights, step_ms)
                 for weights in (horizon.weights if self._reads else horizon.weights_blind, horizon.weights_blind)
             )
         )
-        self._later = _tensor(_later_rate(swing, setup.response.climb_lag_s))
+        self._later = _tensor(_later_rate(wave, setup.response.climb_lag_s))
         self._full = G * math.tan(setup.response.max_tilt_rad)
         self._most = INPUT_RATE_SHARE * setup.response.max_input_rate * setup.cycle_s
 
@@ -130,25 +130,25 @@ class BatchedHorizon:
         return int(self._tables["step_inputs"].shape[-1])
 
     def start(
-        self, offset_m: Tensor, trim_mps2: Tensor, swing: Tensor, level: Tensor, generator: torch.Generator
+        self, offset_m: Tensor, trim_mps2: Tensor, wave: Tensor, level: Tensor, generator: torch.Generator
     ) -> Memory:
         """An estimate as uncertain as after some seconds of flight.
 
         Args:
             offset_m: (B, 3) from the neutral landing point, at rest.
-            trim_mps2: (B, 2) leaned by against the wind.
-            swing: (2, B, 3) of the point that the bar defines, and its rate.
+            trim_mps2: (B, 2) tilted by against the wind.
+            wave: (2, B, 3) of the point that the bar defines, and its rate.
             level: (B,) of gusts.
             generator: draws the estimate's errors.
         """
         batch = len(offset_m)
         mean = torch.zeros(3, batch, 10)
-        mean[:, :, PLACE] = offset_m.T
-        mean[:2, :, THRUST], mean[:2, :, PUSH] = trim_mps2.T, -trim_mps2.T
-        if self._swing.carries_bar:
-            mean[:, :, SWING], mean[:, :, SWING_RATE] = swing[0].T, swing[1].T
+        mean[:, :, POSITION] = offset_m.T
+        mean[:2, :, ACTUATION], mean[:2, :, WIND] = trim_mps2.T, -trim_mps2.T
+        if self._wave.bar_moves:
+            mean[:, :, WAVE], mean[:, :, WAVE_RATE] = wave[0].T, wave[1].T
         deviation = self._tables["deviation"][level].permute(1, 0, 2).clone()
-        deviation[:, :, [THRUST, PUSH]] = 0.0
+        deviation[:, :, [ACTUATION, WIND]] = 0.0
         mean = mean + deviation * torch.randn(mean.shape, generator=generator)
         inputs = torch.zeros(3, batch, self.commands)
         inputs[:2] = trim_mps2.T[:, :, None]
@@ -171,12 +171,12 @@ class BatchedHorizon:
     def look(self, memory: Memory, seen: Seen, level: Tensor, cycle: int) -> Ahead:
         """Take a cycle's news; the estimate at the effect of the command that is decided now."""
         mean, state = self._estimate(memory, seen, level, cycle % self._every)
-        swing, aimed = state[..., SWING], self._swing.aimed
-        rate = state[..., SWING_RATE]
-        offset, speed = (state[..., PLACE] - aimed * swing)[:2], (state[..., SPEED] - aimed * rate)[:2]
-        shown = self._swing.shown
-        height = shown * swing[2] - state[2, :, PLACE]
-        sink = state[2, :, SPEED] - shown * rate[2]
+        wave, aimed = state[..., WAVE], self._wave.tracked_share
+        rate = state[..., WAVE_RATE]
+        offset, speed = (state[..., POSITION] - aimed * wave)[:2], (state[..., VELOCITY] - aimed * rate)[:2]
+        shown = self._wave.observed_share
+        height = shown * wave[2] - state[2, :, POSITION]
+        sink = state[2, :, VELOCITY] - shown * rate[2]
         contact = self._contact_s(height, sink)
         memory = self._with_reference(replace(memory, mean=mean), offset, speed)
         control = self._control_state(memory, state)
@@ -190,11 +190,11 @@ class BatchedHorizon:
         values = {
             "offset_m": ahead.offset_m,
             "speed_mps": ahead.speed_mps,
-            "thrust_mps2": state[:2, :, THRUST],
+            "thrust_mps2": state[:2, :, ACTUATION],
             "gust_mps2": state[:2, :, GUST],
-            "push_mps2": state[:2, :, PUSH],
-            "swing_m": state[:2, :, SWING],
-            "swing_mps": state[:2, :, SWING_RATE],
+            "wind_mps2": state[:2, :, WIND],
+            "wave_m": state[:2, :, WAVE],
+            "wave_mps": state[:2, :, WAVE_RATE],
             "input_mps2": memory.inputs[:2, :, 0],
             "wanted_mps2": ahead.wanted_mps2,
             "height_m": ahead.height_m,
@@ -214,7 +214,7 @@ class BatchedHorizon:
         wanted = before + (wanted_mps2 - before).clamp(-self._most, self._most)
         levelling = setup.horizon.levelling
         early_s = (ahead.contact_s - levelling.before_contact_s(response)).clamp_min(0.0)
-        most = levelling.lean_mps2 + response.max_input_rate * early_s
+        most = levelling.tilt_mps2 + response.max_input_rate * early_s
         level = wanted * (most / _length(wanted)).clamp_max(1.0)
         wanted = torch.where(memory.phase == _DROP, level, wanted)
         tilt = (torch.atan(wanted / G) / response.max_tilt_rad).clamp(-1.0, 1.0).T
@@ -257,7 +257,7 @@ class BatchedHorizon:
     # --- reference and gains -----------------------------------------------------------------------------------
 
     def _with_reference(self, memory: Memory, offset: Tensor, speed: Tensor) -> Memory:
-        """`reference.moved` towards the landing point, then `reference.led_anew`."""
+        """`reference.moved` towards the landing point, then `reference.reference_reset`."""
         path, margins, h = self._setup.horizon.path, self._setup.horizon.margins, self._setup.cycle_s
         short = path.line_up * (offset[1].abs() - margins.on_axis_m).clamp_min(0.0)
         short = torch.where(memory.phase > _NONE, torch.zeros_like(short), short)
@@ -273,20 +273,20 @@ class BatchedHorizon:
         reference = memory.speed_mps + change
         ahead = reference - speed
         apart = _length(ahead)
-        astray = (_length(place - offset) > path.leash_m) | (apart > path.leash_mps)
-        anew = speed + ahead * (path.leash_mps / apart).clamp_max(1.0)
+        abort_reason = (_length(place - offset) > path.tracking_error_max_m) | (apart > path.tracking_error_max_mps)
+        anew = speed + ahead * (path.tracking_error_max_mps / apart).clamp_max(1.0)
         return replace(
             memory,
-            place_m=torch.where(astray, offset, place),
-            speed_mps=torch.where(astray, anew, reference),
-            rate_mps2=torch.where(astray, torch.zeros_like(change), change / h),
+            place_m=torch.where(abort_reason, offset, place),
+            speed_mps=torch.where(abort_reason, anew, reference),
+            rate_mps2=torch.where(abort_reason, torch.zeros_like(change), change / h),
         )
 
     def _control_state(self, memory: Memory, state: Tensor) -> Tensor:
         """(2, B, 11) against the reference."""
         thrust = memory.rate_mps2 + self._setup.response.drag_per_s * memory.speed_mps
         shift = torch.zeros_like(state[:2])
-        shift[..., PLACE], shift[..., SPEED], shift[..., THRUST] = memory.place_m, memory.speed_mps, thrust
+        shift[..., POSITION], shift[..., VELOCITY], shift[..., ACTUATION] = memory.place_m, memory.speed_mps, thrust
         return torch.cat([state[:2] - shift, (memory.inputs[:2, :, 0] - thrust)[..., None]], -1)
 
     def _wanted(self, memory: Memory, control: Tensor, offset: Tensor, contact: Tensor) -> Tensor:
@@ -305,7 +305,7 @@ class BatchedHorizon:
     def _contact_s(self, height: Tensor, sink: Tensor) -> Tensor:
         """`descent.contact_in_s`."""
         descent, lag_s = self._setup.horizon.descent, self._setup.response.climb_lag_s
-        left, drop = (height - descent.contact_height_m).clamp_min(0.0), descent.drop_mps
+        left, drop = (height - descent.contact_height_m).clamp_min(0.0), descent.final_descent_mps
         slower = (drop - sink).clamp_min(0.0)
         time = left / drop + lag_s * slower / drop
         for _ in range(NEWTON_STEPS):
@@ -324,7 +324,7 @@ class BatchedHorizon:
         height, contact, control = height.detach(), contact.detach(), control.detach()
         phase, before = memory.phase, memory.phase
         committed = (phase == _DROP) | (height < horizon.margins.committed_m)
-        phase = torch.where((off > horizon.astray_m) & ~committed, torch.full_like(phase, _NONE), phase)
+        phase = torch.where((off > horizon.abort_offset_m) & ~committed, torch.full_like(phase, _NONE), phase)
         ready = (off <= horizon.land_offset_m) & ((height - setup.hover_height_m).abs() <= 0.5) & (phase == _NONE)
         held = torch.where(ready, memory.held_s + h, torch.zeros_like(height))
         begins = ready & (held > setup.settle_s)
@@ -343,31 +343,33 @@ class BatchedHorizon:
         rows = self._near[2]
         left = (contact / h).round().long().clamp(0, len(rows) - 1)
         at_contact = _length((rows[left] * control).sum(-1))
-        allowed = descent.drop_m * (1.0 + descent.relax_per_s) ** (since - descent.relax_after_s).clamp_min(0.0)
+        allowed = descent.final_descent_offset_m * (1.0 + descent.relax_per_s) ** (
+            since - descent.relax_after_s
+        ).clamp_min(0.0)
         drops = (phase == _WAIT) & (at_contact <= allowed)
-        drops |= (phase > _NONE) & self._touching(state, height, at_contact)
+        drops |= (phase > _NONE) & self._contact_imminent(state, height, at_contact)
         phase = torch.where(drops, torch.full_like(phase, _DROP), phase)
         # Climb rate.
         lands, drops = phase > _NONE, phase == _DROP
         higher = 0.15 * (off - horizon.margins.overhead_m).clamp_min(0.0)
         wanted = torch.where(lands, lower, setup.hover_height_m + higher)
-        deck = -self._swing.shown * (state[2, :, SWING : SWING + SWING_STATES].detach() @ self._later)
+        deck = -self._wave.observed_share * (state[2, :, WAVE : WAVE + WAVE_STATES].detach() @ self._later)
         rate = torch.where(lands, deck, torch.zeros_like(deck))
         rate = rate + torch.where(lands & (before > _NONE), (lower - memory.height_m) / h, torch.zeros_like(deck))
         climb = (path.climb_per_s * (wanted - height)).clamp(-path.climb_mps, path.climb_mps)
-        heave = torch.where(drops, deck - descent.drop_mps, rate + climb)
+        heave = torch.where(drops, deck - descent.final_descent_mps, rate + climb)
         return replace(memory, held_s=held, phase=phase, since_s=since, height_m=lower), heave
 
-    def _touching(self, state: Tensor, height: Tensor, at_contact: Tensor) -> Tensor:
-        """(B,) a contact is near that would find the aircraft leaning too much."""
+    def _contact_imminent(self, state: Tensor, height: Tensor, at_contact: Tensor) -> Tensor:
+        """(B,) a contact is near that would find the aircraft tilted too much."""
         levelling, descent = self._setup.horizon.levelling, self._setup.horizon.descent
         near = (height < descent.contact_height_m + levelling.touch_m) & (at_contact <= levelling.touch_offset_m)
-        return near & (_length(state[:2, :, PUSH].detach()) > levelling.touch_mps2)
+        return near & (_length(state[:2, :, WIND].detach()) > levelling.touch_mps2)
 
 
-def _later_rate(swing: Swing, passed_s: float) -> Array:
+def _later_rate(wave: WaveMotion, passed_s: float) -> Array:
     """(4,) row that gives the swing's rate `passed_s` later from its states."""
-    return np.array([swing.later(unit, passed_s)[1] for unit in np.eye(SWING_STATES)])
+    return np.array([wave.later(unit, passed_s)[1] for unit in np.eye(WAVE_STATES)])
 
 
 def _moved(mean: Tensor, inputs: Tensor, transition: Tensor, gains: Tensor) -> Tensor:

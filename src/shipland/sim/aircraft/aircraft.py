@@ -16,7 +16,7 @@ SPINS = (1.0, -1.0, -1.0, 1.0)
 """Sign of the reaction torque about body down of the rotors front right, front left, rear right, rear left."""
 
 
-class Motion(NamedTuple):
+class RigidBodyState(NamedTuple):
     """Position and velocity of the centre of mass in `ned`, attitude (w, x, y, z) of `body` in `ned`, body rates."""
 
     position_m: Vector
@@ -50,7 +50,12 @@ class Aircraft(Protocol):
         """Start the autopilot in the last trim."""
 
     def step(
-        self, motion: Motion, sensed: Sensed, sticks: Sticks | None, wind_in_ned_mps: Vector, deck: Clearance | None
+        self,
+        motion: RigidBodyState,
+        sensed: Sensed,
+        sticks: Sticks | None,
+        wind_in_ned_mps: Vector,
+        deck: Clearance | None,
     ) -> Wrench:
         """Advance by one step; the forces until the next.
 
@@ -105,7 +110,12 @@ class Quadrotor:
         self.loop: InnerLoop = self._make_loop(setup)
 
     def step(
-        self, motion: Motion, sensed: Sensed, sticks: Sticks | None, wind_in_ned_mps: Vector, deck: Clearance | None
+        self,
+        motion: RigidBodyState,
+        sensed: Sensed,
+        sticks: Sticks | None,
+        wind_in_ned_mps: Vector,
+        deck: Clearance | None,
     ) -> Wrench:
         """See `Aircraft`."""
         rows = rows_from_quaternion(*motion.quaternion)

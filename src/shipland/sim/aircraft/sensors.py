@@ -9,7 +9,7 @@ import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.frames import Array, euler_from_quaternion, wrap_angle
-from shipland.sim.aircraft.aircraft import Motion
+from shipland.sim.aircraft.aircraft import RigidBodyState
 from shipland.sim.aircraft.autopilot import Sensed, State
 from shipland.sim.aircraft.parameters import SensorParameters, Vector
 
@@ -193,7 +193,7 @@ class Senses:
                 self.flow_lost = surface.water_share > 0.0 and not self.flow_lost
         self._error = (error_n, error_e, error_d)
 
-    def sense(self, motion: Motion) -> Sensed:
+    def sense(self, motion: RigidBodyState) -> Sensed:
         """The motion as the aircraft believes it; one step."""
         u, v, w = self._error
         self.stray_m = stray_m = (self.stray_m[0] + u * self._step_s, self.stray_m[1] + v * self._step_s)

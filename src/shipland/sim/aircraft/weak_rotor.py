@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from shipland.frames import rows_from_quaternion
-from shipland.sim.aircraft.aircraft import SPINS, Clearance, Motion, Quadrotor, Wrench
+from shipland.sim.aircraft.aircraft import SPINS, Clearance, Quadrotor, RigidBodyState, Wrench
 from shipland.sim.aircraft.autopilot import Sensed, Sticks
 from shipland.sim.aircraft.parameters import Shape, Vector
 
@@ -35,7 +35,12 @@ class WeakRotor:
         self.sound.begin(sensed)
 
     def step(
-        self, motion: Motion, sensed: Sensed, sticks: Sticks | None, wind_in_ned_mps: Vector, deck: Clearance | None
+        self,
+        motion: RigidBodyState,
+        sensed: Sensed,
+        sticks: Sticks | None,
+        wind_in_ned_mps: Vector,
+        deck: Clearance | None,
     ) -> Wrench:
         """See `Aircraft`."""
         (north, east, down), (roll, pitch, yaw) = self.sound.step(motion, sensed, sticks, wind_in_ned_mps, deck)

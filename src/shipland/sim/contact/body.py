@@ -9,11 +9,11 @@ import numpy as np
 
 from shipland.frames import rows_from_quaternion
 from shipland.rig import Rig
-from shipland.sim.aircraft.aircraft import Clearance, Motion, Wrench
+from shipland.sim.aircraft.aircraft import Clearance, RigidBodyState, Wrench
 from shipland.sim.aircraft.parameters import Shape, Vector
 from shipland.sim.contact.deck_drive import DeckState, mujoco_quaternion
 from shipland.sim.contact.model import BASE, BOARD, BODY, DECK, FOOT, ROTOR, SUPERSTRUCTURE, Model
-from shipland.sim.contact.touchdown import Touch
+from shipland.sim.contact.touchdown import Contacts
 
 _PARTS = (FOOT, BODY, ROTOR)
 _FAULTS = {
@@ -40,7 +40,7 @@ class Body:
         self._half_deck_m = 0.5 * rig.deck_size_m
         self._place, self._velocity, self._force = data.qpos[0:7], data.qvel[0:6], data.qfrc_applied[0:6]
         self._wrench = np.zeros(6)
-        self._motion: Motion | None = None
+        self._motion: RigidBodyState | None = None
         """What MuJoCo has, once it has been read, or is to have before it steps."""
         self._moved = False
 
@@ -60,15 +60,15 @@ class Body:
         mujoco.mj_step(self._model.mj, self._data, count)
         self._motion, self._moved = None, False
 
-    def motion(self) -> Motion:
+    def motion(self) -> RigidBodyState:
         """Where it is and how it moves."""
         if self._motion is None:
             x, y, z, qw, qx, qy, qz = self._place.tolist()
             vx, vy, vz, wx, wy, wz = self._velocity.tolist()
-            self._motion = Motion((x, -y, -z), (qw, qx, -qy, -qz), (vx, -vy, -vz), (wx, -wy, -wz))
+            self._motion = RigidBodyState((x, -y, -z), (qw, qx, -qy, -qz), (vx, -vy, -vz), (wx, -wy, -wz))
         return self._motion
 
-    def move(self, motion: Motion) -> None:
+    def move(self, motion: RigidBodyState) -> None:
         """Set where it is and how it moves; `motion` gives it back."""
         self._motion, self._moved = motion, True
 
@@ -93,7 +93,7 @@ class Body:
         (north, east, down), (roll, pitch, yaw) = wrench
         self._force[:] = (north, -east, -down, roll, -pitch, -yaw)
 
-    def over_deck(self, motion: Motion, deck: DeckState) -> Clearance:
+    def over_deck(self, motion: RigidBodyState, deck: DeckState) -> Clearance:
         """Heights of points of the aircraft over the deck; infinite beside or below it."""
         rows, half, position_m = rows_from_quaternion(*motion.quaternion), self._half_deck_m, motion.position_m
 
@@ -103,7 +103,7 @@ class Body:
 
         return clearance_m
 
-    def range_m(self, motion: Motion, deck: DeckState) -> float:
+    def range_m(self, motion: RigidBodyState, deck: DeckState) -> float:
         """Clearance of the lowest foot over the deck's plane, as a downward range finder gives it; infinite beside."""
         half = self._half_deck_m
         rows = rows_from_quaternion(*motion.quaternion)
@@ -111,7 +111,7 @@ class Body:
         over = [-foot[2] for foot in feet if abs(foot[0]) < half and abs(foot[1]) < half]
         return max(min(over), 0.0) if over else float("inf")
 
-    def touch(self) -> Touch:
+    def touch(self) -> Contacts:
         """The contacts of the last physics step."""
         parts = self._model.part_of_geom
         feet: set[int] = set()
@@ -125,4 +125,4 @@ class Body:
                     force_n += float(self._wrench[0])
             else:
                 fault = fault or _FAULTS[parts[own], parts[other]]
-        return Touch(len(feet), force_n, fault)
+        return Contacts(len(feet), force_n, fault)

@@ -59,7 +59,7 @@ class OnDeck(NamedTuple):
     tilt_rad: float
 
 
-class Touch(NamedTuple):
+class Contacts(NamedTuple):
     """Contacts at one instant.
 
     Attributes:
@@ -73,7 +73,7 @@ class Touch(NamedTuple):
     fault: str
 
 
-NO_TOUCH = Touch(0, 0.0, "")
+NO_TOUCH = Contacts(0, 0.0, "")
 
 
 class BrokenLimit(NamedTuple):
@@ -125,7 +125,7 @@ class _Contact:
         self.slip_m = 0.0
         self.force_n = 0.0
 
-    def extend(self, t_s: float, now: OnDeck, touch: Touch) -> None:
+    def extend(self, t_s: float, now: OnDeck, touch: Contacts) -> None:
         if touch.feet:
             self.last_s = t_s
         self.tilt_rad = max(self.tilt_rad, now.tilt_rad)
@@ -158,7 +158,7 @@ class Judge:
         """Whether there is a touchdown, not taken back by a bounce."""
         return self._contact is not None
 
-    def follow(self, t_s: float, now: OnDeck, touch: Touch, motors_run: bool) -> None:
+    def follow(self, t_s: float, now: OnDeck, touch: Contacts, motors_run: bool) -> None:
         """Take in one instant; instants must follow each other in time."""
         if self.verdict is not None:
             return
@@ -179,7 +179,7 @@ class Judge:
         if self.verdict is None:
             self.verdict = self._verdict(self._contact or _Contact(t_s, now), now, False, fault)
 
-    def _settle(self, t_s: float, now: OnDeck, touch: Touch) -> None:
+    def _settle(self, t_s: float, now: OnDeck, touch: Contacts) -> None:
         if self._stopped_s is None:
             self._stopped_s = t_s
         speed = math.sqrt(sum(value * value for value in now.velocity_mps))

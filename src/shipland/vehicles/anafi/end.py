@@ -85,7 +85,7 @@ class Out:
                 return  # the reader is gone: standard input ends as well, and that ends us in order
 
 
-class Sticks:
+class StickSender:
     """The newest, sent at a steady rate from a thread of its own."""
 
     def __init__(self, drone, pcmd):
@@ -159,7 +159,7 @@ def main():
         out.complain(f"no ANAFI answers at {address}")
     out.say({"kind": "connected"})
     _play(drone, stream, out)
-    sticks = Sticks(drone, PCMD)
+    sticks = StickSender(drone, PCMD)
     try:
         for line in sys.stdin:
             try:

@@ -9,7 +9,7 @@ from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.session import FORCE, Session
 from shipland.vehicles.mavlink.state import AutopilotState
-from shipland.vehicles.touchdown import Contact, Touch, TouchdownParameters, TouchdownWatch
+from shipland.vehicles.touchdown import Contact, ContactSignals, TouchdownParameters, TouchdownWatch
 
 _MODE_KNOWN_S = 1.5
 """A heartbeat older than this does not tell whose mode it is: no motor is stopped in a pilot's."""
@@ -42,7 +42,7 @@ class MotorStop:
             state: of the autopilot.
             now_s: our time.
         """
-        touch = Touch(
+        touch = ContactSignals(
             t_s=now_s,
             landing=command is not None and command.intent is Intent.LAND and state.armed,
             at_contact_height=command is not None and command.at_contact_height,

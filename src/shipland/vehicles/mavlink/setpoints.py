@@ -61,7 +61,7 @@ def pressed(response: Response, velocity_in_level_mps: tuple[float, float, float
 
     Args:
         response: of this vehicle.
-        velocity_in_level_mps: its own; one that flies speeds is asked for the speed it has, so that it does not lean.
+        velocity_in_level_mps: its own; one that flies speeds is asked for the speed it has, so that it does not tilt.
         down_mps: descent.
     """
     forward, right = 0.0, 0.0

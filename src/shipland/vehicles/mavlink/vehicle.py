@@ -50,7 +50,7 @@ _HAND_OVER_S = 0.5
 
 
 class MavlinkVehicle:
-    """A `Vehicle` on `time.monotonic`; a `Witness` where its camera is a simulator's.
+    """A `Vehicle` on `time.monotonic`; a `GroundTruthSource` where its camera is a simulator's.
 
     Args:
         setup: link, camera, parameters, and what it may do by itself.

@@ -14,8 +14,8 @@ from shipland.camera import Camera
 from shipland.messages import Box, Frame, Observation
 from shipland.rig import Rig
 from shipland.vision.far.detector import Confirmation, Detector, DetectorParameters, Picture
+from shipland.vision.far.horizon_consistency import HorizonConsistency, Subject
 from shipland.vision.far.search import NETWORK_STEP_PX, TargetSearch, inside
-from shipland.vision.far.standing import Standing, Subject
 
 _ASPECT_RAD = math.radians(40.0)
 """From where a ship is approached: astern, give or take."""
@@ -66,7 +66,7 @@ class FarVision:
             self._bar = self._search("bar", self.bar, parameters.bar, subject)
 
     def _search(self, name: str, detector: Detector, confirmation: Confirmation, subject: Subject) -> TargetSearch:
-        standing = Standing(subject, self.camera, self.parameters)
+        standing = HorizonConsistency(subject, self.camera, self.parameters)
         return TargetSearch(name, detector, self.camera, self.parameters, confirmation, standing)
 
     @staticmethod

@@ -13,7 +13,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.messages import Box, Frame
 from shipland.vision.far.detector import Confirmation, Detector, DetectorParameters, Picture
-from shipland.vision.far.standing import Standing, apart
+from shipland.vision.far.horizon_consistency import HorizonConsistency, apart
 from shipland.vision.far.track import Track, log_odds
 
 NETWORK_STEP_PX = 32
@@ -39,7 +39,7 @@ class TargetSearch:
     camera: Camera
     parameters: DetectorParameters
     confirmation: Confirmation
-    standing: Standing
+    standing: HorizonConsistency
     tracks: list[Track] = field(default_factory=list)
     target: Track | None = None
     _since_search: int = 0

@@ -27,7 +27,7 @@ from shipland.vision.near.sides import (
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredCorners:
     """Corners at sub-pixel.
 
     Attributes:
@@ -35,7 +35,7 @@ class Measured:
         whiten: (n,8,8) [1/px] what turns deviations of a quadrilateral's (column, row) × four corners into standard
             deviations.
         noise_px: standard deviation of a corner on either axis, about.
-        growth_px: (n,4,2) how the corners move when all sides err outward together, by one standard deviation; None
+        edge_bias_px: (n,4,2) how the corners move when all sides err outward together, by one standard deviation; None
             when the method has no sides.
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
         held: a side lies along the picture's edge.
@@ -44,14 +44,14 @@ class Measured:
     corners_px: Array
     whiten: Array
     noise_px: float
-    growth_px: Array | None = None
+    edge_bias_px: Array | None = None
     blur_px: float | None = None
     held: bool = False
 
 
 def measure_corners(
     image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters, blur_px: float | None = None
-) -> Measured | None:
+) -> MeasuredCorners | None:
     """Sub-pixel corners by the method of `parameters.corners`; None when one cannot be measured.
 
     Args:
@@ -66,7 +66,9 @@ def measure_corners(
     return edge_corners(image, quads_px, camera, parameters, blur_px)
 
 
-def forstner_corners(image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters) -> Measured | None:
+def forstner_corners(
+    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters
+) -> MeasuredCorners | None:
     """Förstner's corners [Lee2022, §Contour and Corner Detection]; the window's side as in erratum 4."""
     direction = _direction(image, quads_px, camera)
     if direction is None:
@@ -90,12 +92,12 @@ def forstner_corners(image: Image, quads_px: Array, camera: Camera, parameters: 
             return None
         corners[index] = camera.undistort(refined)
     noise_px = parameters.corner_noise_px
-    return Measured(corners, np.broadcast_to(np.eye(8) / noise_px, (len(quads_px), 8, 8)), noise_px)
+    return MeasuredCorners(corners, np.broadcast_to(np.eye(8) / noise_px, (len(quads_px), 8, 8)), noise_px)
 
 
 def edge_corners(
     image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters, blur_px: float | None = None
-) -> Measured | None:
+) -> MeasuredCorners | None:
     """Corners where the lines fitted to the sides meet, weighted by what is known of the lines.
 
     Lines are fitted in undistorted pixels, where sides are straight.
@@ -107,8 +109,8 @@ def edge_corners(
     met = None if fit is None else intersect_sides(fit)
     if fit is None or met is None:
         return None
-    growth_px = parameters.edge_growth_px * met.growth
-    return Measured(met.corners_px, met.whiten, met.noise_px, growth_px, fit.blur_px, held is not None)
+    edge_bias_px = parameters.edge_growth_px * met.edge_bias
+    return MeasuredCorners(met.corners_px, met.whiten, met.noise_px, edge_bias_px, fit.blur_px, held is not None)
 
 
 def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:

@@ -75,8 +75,8 @@ class VisionParameters:
         slope_tolerance: largest difference of opposite sides' slopes.
         screening_px: what both tolerances allow at least, on sides so short that they would ask for more than corners
             can be measured to.
-        reprojection_px: largest root-mean-square reprojection error, besides what the cue is made to (`Target.made_to`)
-            and four standard deviations of the corners.
+        reprojection_px: largest root-mean-square reprojection error, besides what the cue is made to
+            (`Target.manufacturing_tolerance`) and four standard deviations of the corners.
         max_distance_m: farthest pose that is accepted.
         max_obliquity_deg: largest angle between the line of sight and the cue's normal.
         max_roll_deg: largest roll of the camera against the cue.

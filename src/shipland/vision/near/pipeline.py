@@ -12,13 +12,13 @@ from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array, Pose
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target
+from shipland.vision.near.candidate import Evidence, Judge, PoseCandidate, jumps
 from shipland.vision.near.matching import Match, match_by_geometry, match_by_prediction
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pose import LevelPrior
 from shipland.vision.near.refusal import Refusal, gimbal_off
 from shipland.vision.near.regions import Window, adapted, coloured_window, find_quads, find_regions, is_cut_quad
 from shipland.vision.near.rows import Followed
-from shipland.vision.near.sighting import Evidence, Judge, Sighting, jumps
 
 __all__ = ["NearVision", "Refusal", "VisionParameters"]
 
@@ -85,7 +85,7 @@ class NearVision:
             return gimbal_off(frame, found.level_off_rad)
         return Observation(frame.t_s, frame.gimbal, bar_pose=found.bar_pose)
 
-    def _find(self, frame: Frame) -> Sighting | Refusal:
+    def _find(self, frame: Frame) -> PoseCandidate | Refusal:
         image = frame.image
         if image is None:
             return Refusal.NO_PICTURE
@@ -100,15 +100,15 @@ class NearVision:
         if track is not None and track.measured_px is not None and frame.t_s > track.t_s:
             followed = Followed(track.measured_px, frame.t_s - track.t_s)
         evidence = Evidence(image, (), self._prior(frame.gimbal), last, blur_px, followed)
-        found: Sighting | Refusal = Refusal.NO_MATCH
+        found: PoseCandidate | Refusal = Refusal.NO_MATCH
         if predicted_px is not None:
             found = self._look(self._around(predicted_px), predicted_px, evidence, self._parameters, parts=False)
         if isinstance(found, Refusal):
             found = self._search(predicted_px, evidence, self._parameters)
         if isinstance(found, Refusal) and self._parameters.adaptive:
             again = self._search(predicted_px, evidence, adapted(image, self._parameters))
-            found = again if isinstance(again, Sighting) else found
-        if isinstance(found, Sighting):
+            found = again if isinstance(again, PoseCandidate) else found
+        if isinstance(found, PoseCandidate):
             since = None if track is None else (track.camera_from_plane, frame.t_s - track.t_s)
             if since is not None and jumps(found.bar_pose, *since, self._parameters):
                 return Refusal.JUMP
@@ -117,7 +117,7 @@ class NearVision:
 
     def _search(
         self, predicted_px: Array | None, evidence: Evidence, parameters: VisionParameters
-    ) -> Sighting | Refusal:
+    ) -> PoseCandidate | Refusal:
         """The cue in the whole picture, through the gate of `parameters`."""
         window = coloured_window(evidence.image, parameters)
         return self._look(window, predicted_px, evidence, parameters, parts=True)
@@ -130,7 +130,7 @@ class NearVision:
         parameters: VisionParameters,
         *,
         parts: bool,
-    ) -> Sighting | Refusal:
+    ) -> PoseCandidate | Refusal:
         """The cue in a part of the picture; `parts` says whether a cue that is not whole will do."""
         if window.empty:
             return Refusal.NOTHING_GREEN
@@ -142,12 +142,12 @@ class NearVision:
         result = self._match(found.quads, predicted_px, evidence, parts)
         if isinstance(result, Refusal) and parts and found.flush:
             flush = self._match(found.quads + found.flush, predicted_px, evidence, parts)
-            return flush if isinstance(flush, Sighting) else result
+            return flush if isinstance(flush, PoseCandidate) else result
         return result
 
     def _match(
         self, quads: list[Array], predicted_px: Array | None, evidence: Evidence, parts: bool
-    ) -> Sighting | Refusal:
+    ) -> PoseCandidate | Refusal:
         """Whole cues first, where the last pose foresees them and then anywhere; then parts in the same order."""
         if not quads:
             return _cut_or(Refusal.NO_QUADRILATERAL, evidence)
@@ -157,7 +157,7 @@ class NearVision:
         refusal = Refusal.NO_MATCH
         if followed is not None and len(followed.model) == count:
             result = self._judge.judge(followed, evidence)
-            if isinstance(result, Sighting):
+            if isinstance(result, PoseCandidate):
                 return result
             refusal = result
         hypotheses = match_by_geometry(quads_px, self._judge.plane_m, self._max_roll_rad)
@@ -168,12 +168,12 @@ class NearVision:
             return why or refusal
         if followed is not None and len(followed.model) < count:
             result = self._judge.judge(followed, evidence)
-            if isinstance(result, Sighting):
+            if isinstance(result, PoseCandidate):
                 return result
         some = [match for match in hypotheses if len(match.model) < count and (evidence.cut or len(match.model) > 1)]
         return self._part(some, quads_px, evidence) or why or _cut_or(refusal, evidence)
 
-    def _one_of(self, found: list[Sighting], predicted_px: Array | None) -> Sighting | Refusal:
+    def _one_of(self, found: list[PoseCandidate], predicted_px: Array | None) -> PoseCandidate | Refusal:
         """Of several whole cues the one that the last pose foresees, else the nearest."""
         if len(found) == 1:
             return found[0]
@@ -184,7 +184,7 @@ class NearVision:
             return Refusal.AMBIGUOUS
         return min(found, key=lambda sighting: sighting.distance_m)
 
-    def _part(self, hypotheses: list[Match], quads_px: Array, evidence: Evidence) -> Sighting | Refusal | None:
+    def _part(self, hypotheses: list[Match], quads_px: Array, evidence: Evidence) -> PoseCandidate | Refusal | None:
         """A cue that is not whole: the one hypothesis that explains what is missing; None when there is none.
 
         Another whole quadrilateral of like size tells of a row of them, not of the cue.
@@ -195,7 +195,7 @@ class NearVision:
         proven = [
             sighting
             for sighting in sightings
-            if isinstance(sighting, Sighting) and self._judge.explains_absence(sighting, evidence.cut)
+            if isinstance(sighting, PoseCandidate) and self._judge.explains_absence(sighting, evidence.cut)
         ]
         if not proven:
             return None
@@ -203,16 +203,16 @@ class NearVision:
         best = [sighting for sighting in proven if len(sighting.match.model) == most]
         return best[0] if len(best) == 1 else Refusal.AMBIGUOUS
 
-    def _judged(self, hypotheses: list[Match], evidence: Evidence) -> tuple[list[Sighting], Refusal | None]:
+    def _judged(self, hypotheses: list[Match], evidence: Evidence) -> tuple[list[PoseCandidate], Refusal | None]:
         """Sightings, and why the first of the others is none; what a sighting uses is not used again."""
-        found: list[Sighting] = []
+        found: list[PoseCandidate] = []
         refusal: Refusal | None = None
         used: set[int] = set()
         for match in hypotheses[:_MOST_JUDGED]:
             if used.intersection(match.candidates):
                 continue
             result = self._judge.judge(match, evidence)
-            if isinstance(result, Sighting):
+            if isinstance(result, PoseCandidate):
                 found.append(result)
                 used.update(match.candidates)
             elif refusal is None:
@@ -240,7 +240,7 @@ class NearVision:
         )
         return Window.around(points_px, margin_px, self._camera.width_px, self._camera.height_px)
 
-    def _remember(self, t_s: float, sighting: Sighting) -> None:
+    def _remember(self, t_s: float, sighting: PoseCandidate) -> None:
         pose, last = sighting.camera_from_plane, self._track
         whole = len(sighting.match.model) == len(self._judge.plane_m)
         corners_px = sighting.corners_px if whole else self._judge.projected_px(pose)

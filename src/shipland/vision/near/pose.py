@@ -183,7 +183,7 @@ def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: Leve
 
 
 @dataclass(frozen=True)
-class Turned:
+class YawedPose:
     """A pose beside a solution: turned about the cue's vertical, in all else what solves the corners best then.
 
     Attributes:
@@ -195,12 +195,12 @@ class Turned:
     chi2: float
 
 
-def turned(
+def poses_about_vertical(
     solution: Solution, angles_rad: Array, corners: Corners, camera: Camera, prior: LevelPrior | None
-) -> list[Turned]:
+) -> list[YawedPose]:
     """Poses beside a solution, at angles from it about the cue's vertical; those that solve nothing are left out."""
     refiner = _Refiner(corners, camera, prior)
-    found = [refiner.turned(solution.camera_from_plane, float(angle_rad)) for angle_rad in angles_rad]
+    found = [refiner.poses_about_vertical(solution.camera_from_plane, float(angle_rad)) for angle_rad in angles_rad]
     return [pose for pose in found if pose is not None]
 
 
@@ -333,7 +333,7 @@ class _Refiner:
         except np.linalg.LinAlgError:
             return None
 
-    def turned(self, pose: Pose, angle_rad: float) -> Turned | None:
+    def poses_about_vertical(self, pose: Pose, angle_rad: float) -> YawedPose | None:
         """A pose turned about the cue's vertical, refined in everything else; None when it diverges."""
         down = pose.rotation[:, 1]
         turn = cv2.Rodrigues(angle_rad * down)[0]
@@ -349,7 +349,7 @@ class _Refiner:
             return None
         pose = Pose(cv2.Rodrigues(step[:3])[0] @ pose.rotation, pose.translation_m + step[3:])
         chi2 = float(self.linearise(pose).gram[6, 6])
-        return Turned(pose, chi2) if np.isfinite(chi2) and pose.translation_m[2] > 0.0 else None
+        return YawedPose(pose, chi2) if np.isfinite(chi2) and pose.translation_m[2] > 0.0 else None
 
     def solution(self, pose: Pose, at: _Linear) -> Solution:
         """A pose with its covariance; LinAlgError when the corners do not settle it."""

@@ -21,7 +21,7 @@ class Refusal(enum.Enum):
     AMBIGUOUS = "which part of the cue is in sight cannot be told"
     CORNERS_UNSURE = "the corners cannot be measured at sub-pixel"
     SIDES_UNEQUAL = "opposite sides differ in length or slope more than perspective explains"
-    REPROJECTION = "the corners do not fit the cue's dimensions (made_to)"
+    REPROJECTION = "the corners do not fit the cue's dimensions (manufacturing_tolerance)"
     OUT_OF_REACH = "the pose lies outside the range or obliquity that is accepted"
     JUMP = "the pose is higher or lower than the last one by more than an aircraft climbs"
     GIMBAL_OFF = "gimbal and horizon disagree"

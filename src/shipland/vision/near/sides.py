@@ -118,13 +118,13 @@ class Meeting:
         corners_px: (n,4,2) between each side and the one before it.
         whiten: (n,8,8) [1/px] what turns a deviation of a quadrilateral's corners into standard deviations of its
             sides' ends.
-        growth: (n,4,2) how the corners move when all sides that were measured move outward by one.
+        edge_bias: (n,4,2) how the corners move when all sides that were measured move outward by one.
         noise_px: standard deviation of a side's end, root mean square.
     """
 
     corners_px: Array
     whiten: Array
-    growth: Array
+    edge_bias: Array
     noise_px: float
 
 
@@ -158,9 +158,11 @@ def intersect_sides(fit: SideFit) -> Meeting | None:
     moved_px = np.ones(along.shape[:2]) if fit.sides.held is None else (~fit.sides.held).astype(float).reshape(-1, 4)
     moved_px, moved_before_px = moved_px[..., None], moved_px[:, _BEFORE, None]
     cosine = (normal * normal_before).sum(axis=-1, keepdims=True)
-    growth = (moved_px - cosine * moved_before_px) * normal + (moved_before_px - cosine * moved_px) * normal_before
-    growth /= 1.0 - cosine * cosine
-    return Meeting(corners_px, whiten.reshape(-1, 8, 8), growth, math.sqrt(float(np.vdot(first, first)) / first.size))
+    edge_bias = (moved_px - cosine * moved_before_px) * normal + (moved_before_px - cosine * moved_px) * normal_before
+    edge_bias /= 1.0 - cosine * cosine
+    return Meeting(
+        corners_px, whiten.reshape(-1, 8, 8), edge_bias, math.sqrt(float(np.vdot(first, first)) / first.size)
+    )
 
 
 _AXES = np.array([[0, 1, 2, 3, 4, 5], [1, 0, 3, 2, 5, 4]])

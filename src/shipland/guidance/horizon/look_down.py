@@ -9,7 +9,7 @@ DOWN_RAD = -1.48
 
 
 @dataclass(frozen=True)
-class Glance:
+class GimbalLookDown:
     """Of a landing that watches the deck.
 
     Attributes:
@@ -21,7 +21,9 @@ class Glance:
     since_s: float
 
 
-def next_glance(before: Glance | None, now_s: float, posed_s: float, blind_s: float, seen_s: float) -> Glance:
+def next_look_down(
+    before: GimbalLookDown | None, now_s: float, posed_s: float, blind_s: float, seen_s: float
+) -> GimbalLookDown:
     """The glance a cycle later; `before` is None when the watch begins.
 
     Args:
@@ -32,6 +34,6 @@ def next_glance(before: Glance | None, now_s: float, posed_s: float, blind_s: fl
         seen_s: and then up until poses have come for so long.
     """
     if before is None:
-        return Glance(True, now_s)
+        return GimbalLookDown(True, now_s)
     due = now_s - before.since_s > blind_s if before.down else posed_s - before.since_s > seen_s
-    return Glance(not before.down, now_s) if due else before
+    return GimbalLookDown(not before.down, now_s) if due else before

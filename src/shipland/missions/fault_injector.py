@@ -15,7 +15,7 @@ _OLD_SHARE = 0.1
 """Of spoiled messages, how many are as a whole those of before."""
 
 
-class Spoiler:
+class FaultInjector:
     """Spoils messages of any type, and remembers the last good one of each."""
 
     def __init__(self, rng: np.random.Generator) -> None:

@@ -24,9 +24,9 @@ from shipland.vision.near.pose import (
     LevelPrior,
     Solution,
     covariance_in_bar,
+    poses_about_vertical,
     position_and_yaw,
     solve,
-    turned,
 )
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.regions import Image, Region, edge_distances
@@ -97,7 +97,7 @@ class Evidence:
 
 
 @dataclass(frozen=True)
-class Sighting:
+class PoseCandidate:
     """A pose and what it rests on.
 
     Attributes:
@@ -215,7 +215,7 @@ def spread_of(taken: Solution, corners: Corners, camera: Camera, prior: LevelPri
     # What is left unknown when the angle is known.
     known = replace(taken, covariance=taken.covariance - np.outer(along, along) / variance)
     weight, square = 1.0, np.zeros((4, 4))
-    for beside in turned(taken, _FLAT_SIGMAS * spread_rad, corners, camera, prior):
+    for beside in poses_about_vertical(taken, _FLAT_SIGMAS * spread_rad, corners, camera, prior):
         off = _joined(*position_and_yaw(beside.camera_from_plane)) - here
         off[3] = math.remainder(off[3], math.tau)
         share = math.exp(min(0.5 * (taken.chi2 - beside.chi2) / excess, 0.0))
@@ -227,17 +227,19 @@ def spread_of(taken: Solution, corners: Corners, camera: Camera, prior: LevelPri
     return None if narrow else spread
 
 
-def largest_reprojection_px(corners_px: Array, noise_px: float, made_to: float, parameters: VisionParameters) -> float:
+def largest_reprojection_px(
+    corners_px: Array, noise_px: float, manufacturing_tolerance: float, parameters: VisionParameters
+) -> float:
     """Root-mean-square distance up to which corners fit the cue.
 
     Args:
         corners_px: (k,4,2) measured.
         noise_px: their largest standard deviation.
-        made_to: what the cue's dimensions are made to (`Target.made_to`).
+        manufacturing_tolerance: what the cue's dimensions are made to (`Target.manufacturing_tolerance`).
         parameters: of the near chain.
     """
     diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
-    most_px = parameters.reprojection_px + made_to * diagonal_px
+    most_px = parameters.reprojection_px + manufacturing_tolerance * diagonal_px
     return most_px + min(_REPROJECTION_NOISE * noise_px, _MOST_NOISE_PX)
 
 
@@ -246,11 +248,11 @@ class Judge:
 
     def __init__(self, target: Target, camera: Camera, parameters: VisionParameters) -> None:
         self.plane_m = model_plane(target)
-        self._made_to = target.made_to
+        self._made_to = target.manufacturing_tolerance
         self._camera = camera
         self._parameters = parameters
 
-    def judge(self, match: Match, evidence: Evidence) -> Sighting | Refusal:
+    def judge(self, match: Match, evidence: Evidence) -> PoseCandidate | Refusal:
         """Sub-pixel corners, pose, reprojection gate, screening, reach."""
         measured = measure_corners(evidence.image, match.quads_px, self._camera, self._parameters, evidence.blur_px)
         if measured is None:
@@ -261,7 +263,7 @@ class Judge:
         if measured.noise_px > self._parameters.max_noise * _shortest_px(corners_px):
             return Refusal.CORNERS_UNSURE
         plane_m = self.plane_m[list(match.model)]
-        common_px = None if measured.growth_px is None else measured.growth_px[None]
+        common_px = None if measured.edge_bias_px is None else measured.edge_bias_px[None]
         if self._camera.row_time_s > 0.0:
             moved = self._row_motion(corners_px, match, evidence.followed)
             corners_px = corners_px - moved.moved_px
@@ -276,8 +278,8 @@ class Judge:
                 return Refusal.REPROJECTION
             corners_px = corners_px - np.tensordot(taken.common, common_px, axes=1)
         seen_px = measured.corners_px
-        if measured.growth_px is not None:
-            seen_px = seen_px - taken.common[0] * measured.growth_px
+        if measured.edge_bias_px is not None:
+            seen_px = seen_px - taken.common[0] * measured.edge_bias_px
         most_px = largest_reprojection_px(corners_px, measured.noise_px, self._made_to, self._parameters)
         if not taken.reprojection_px <= most_px:
             return Refusal.REPROJECTION
@@ -289,7 +291,7 @@ class Judge:
             return Refusal.OUT_OF_REACH
         raw_px = distort(seen_px.reshape(-1, 2), self._camera).reshape(-1, 4, 2)
         spread = spread_of(taken, corners, self._camera, evidence.prior)
-        return Sighting(match, solutions, raw_px, measured.corners_px, measured.blur_px, spread)
+        return PoseCandidate(match, solutions, raw_px, measured.corners_px, measured.blur_px, spread)
 
     def _row_motion(self, corners_px: Array, match: Match, followed: Followed | None) -> RowMotion:
         """What the rows' own times do to measured corners (k,4,2)."""
@@ -324,7 +326,7 @@ class Judge:
         points[:, :2] = self.plane_m.reshape(-1, 2)
         return self._camera.project(camera_from_plane.apply(points)).reshape(-1, 4, 2)
 
-    def explains_absence(self, sighting: Sighting, cut: Sequence[Region]) -> bool:
+    def explains_absence(self, sighting: PoseCandidate, cut: Sequence[Region]) -> bool:
         """Whether the picture's edge explains the quadrilaterals that the sighting lacks.
 
         None of them may be one that should be there whole; and unless at least two quadrilaterals are whole, one that

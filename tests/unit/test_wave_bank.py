@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from shipland.config import build
-from shipland.estimation.swing_bank import SwingBank, SwingParameters
+from shipland.estimation.wave_bank import WaveBank, WaveParameters
 from shipland.rig import packaged_table
 
-PARAMETERS = build(SwingParameters, packaged_table("guidance")["horizon"]["swing"])
-BANK = SwingBank(PARAMETERS)
+PARAMETERS = build(WaveParameters, packaged_table("guidance")["horizon"]["swing"])
+BANK = WaveBank(PARAMETERS)
 
 
 def _believed(heave_at, seconds=20.0, seed=0):
@@ -21,9 +21,11 @@ def _believed(heave_at, seconds=20.0, seed=0):
     for k in range(1, round(30 * seconds)):
         drift += (-drift / 0.7) / 30.0 + 0.05 * rng.standard_normal() * math.sqrt(2.0 / 0.7 / 30.0)
         down_m += drift / 30.0
-        belief = BANK.seen(belief, k / 30.0, 0.0, down_m - heave_at(k / 30.0) + 0.003 * rng.standard_normal(), 1e-5)
+        belief = BANK.update_pose(
+            belief, k / 30.0, 0.0, down_m - heave_at(k / 30.0) + 0.003 * rng.standard_normal(), 1e-5
+        )
         if k % 6 == 0:
-            belief = BANK.told(belief, drift + 0.02 * rng.standard_normal(), 0.05)
+            belief = BANK.update_velocity(belief, drift + 0.02 * rng.standard_normal(), 0.05)
     return BANK.hypotheses[belief.chosen]
 
 
@@ -41,9 +43,9 @@ def test_a_heaving_bar_is_found(amplitude_m, frequency_rad_s):
 
 def test_what_is_not_finite_changes_nothing():
     belief = BANK.start(0.0, -1.5)
-    assert BANK.seen(belief, 0.1, 0.0, math.nan, 1e-4) is belief
-    assert BANK.seen(belief, 0.1, math.inf, -1.5, 1e-4) is belief
-    assert BANK.told(belief, math.nan, 0.05) is belief
+    assert BANK.update_pose(belief, 0.1, 0.0, math.nan, 1e-4) is belief
+    assert BANK.update_pose(belief, 0.1, math.inf, -1.5, 1e-4) is belief
+    assert BANK.update_velocity(belief, math.nan, 0.05) is belief
 
 
 @pytest.mark.parametrize(("behind", "quick"), [(0.8, True), (1.2, False)])
@@ -53,5 +55,5 @@ def test_a_quick_swing_a_little_behind_is_taken_before_a_bar_at_rest(behind, qui
     small_and_quick = 1 + rates.index(max(rates))
     score = np.full(len(BANK.hypotheses), -50.0)
     score[[0, small_and_quick, PARAMETERS.first]] = 0.0, -behind, -10.0
-    taken = BANK.seen(replace(belief, score=score), 1e-3, 0.0, -1.5, 1e-4)
+    taken = BANK.update_pose(replace(belief, score=score), 1e-3, 0.0, -1.5, 1e-4)
     assert taken.chosen == (small_and_quick if quick else 0)

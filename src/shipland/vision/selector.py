@@ -15,8 +15,8 @@ from shipland.vision.vision import Vision
 
 
 @dataclass(frozen=True)
-class EyesParameters:
-    """`[eyes]`.
+class VisionSelectorParameters:
+    """`[selector]`.
 
     Attributes:
         corners_bar_px: corners are not looked for while the bar's box is narrower than this.
@@ -39,7 +39,7 @@ class EyesParameters:
         require(-90.0 <= self.deck_pitch_deg < -25.0, "deck_pitch_deg must lie in [-90, -25): a search looks down too")
 
 
-class Eyes:
+class VisionSelector:
     """The whole vision: a pose where there are corners, else boxes; straight below, the deck.
 
     Args:
@@ -49,7 +49,9 @@ class Eyes:
         below: looks for the deck's markings; None finds none.
     """
 
-    def __init__(self, near: Vision, far: Vision, parameters: EyesParameters, below: Vision | None = None) -> None:
+    def __init__(
+        self, near: Vision, far: Vision, parameters: VisionSelectorParameters, below: Vision | None = None
+    ) -> None:
         self._near, self._far, self._parameters, self._below = near, far, parameters, below
         self._down_rad = math.radians(parameters.deck_pitch_deg)
         self._pose_s = -math.inf

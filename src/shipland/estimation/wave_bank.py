@@ -17,13 +17,13 @@ from scipy.linalg import expm
 from shipland.config import require
 from shipland.estimation.kernels import bank_seen
 from shipland.estimation.relative_state import Spread
-from shipland.estimation.swing import SWING_STATES, Swing
+from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 from shipland.frames import Array
 
 
 @dataclass(frozen=True)
-class SwingParameters:
-    """`[guidance.horizon.swing]`.
+class WaveParameters:
+    """`[guidance.horizon.wave]`.
 
     Attributes:
         still_m: deviation of a bar that does not move, as the hypothesis has it.
@@ -49,7 +49,7 @@ class SwingParameters:
     followed: float
     followed_servo: float
     followed_within_m: float
-    deck: Swing
+    deck: WaveMotion
     spread: Spread
     deviations_m: tuple[float, ...]
     frequencies_rad_s: tuple[float, ...]
@@ -79,30 +79,32 @@ class SwingParameters:
         return min(max(2.0 - distance_m / self.followed_within_m, 0.0), 1.0)
 
     @property
-    def believed(self) -> tuple[Swing, ...]:
+    def believed(self) -> tuple[WaveMotion, ...]:
         """What the relative state takes for the deck's swing under each hypothesis."""
         return (self.deck, *self.hypotheses[1:])
 
     @property
-    def hypotheses(self) -> tuple[Swing, ...]:
+    def hypotheses(self) -> tuple[WaveMotion, ...]:
         """The bar's heave: at rest, and every swing."""
         moving = [
-            Swing(d, f, self.damping, followed=self.followed) for f in self.frequencies_rad_s for d in self.deviations_m
+            WaveMotion(d, f, self.damping, followed=self.followed)
+            for f in self.frequencies_rad_s
+            for d in self.deviations_m
         ]
-        return (Swing(self.still_m, 1.8, self.damping), *moving)
+        return (WaveMotion(self.still_m, 1.8, self.damping), *moving)
 
 
-_HEIGHT, _DRIFT, _SWING = range(3)
-_STATES = _SWING + SWING_STATES
+_HEIGHT, _DRIFT, _WAVE = range(3)
+_STATES = _WAVE + WAVE_STATES
 
 
 @dataclass(frozen=True)
-class SwingBelief:
+class WaveEstimate:
     """Of all k hypotheses at one time.
 
     Attributes:
         t_s: of the newest picture.
-        mean: (k, 6) height, drift, and the states of a `Swing`.
+        mean: (k, 6) height, drift, and the states of a `WaveMotion`.
         covariance: (k, 6, 6).
         score: (k,) faded log-likelihood.
         chosen: index of the hypothesis that is believed.
@@ -115,30 +117,32 @@ class SwingBelief:
     chosen: int = 0
 
 
-class SwingBank:
-    """Pure steps of a `SwingBelief`.
+class WaveBank:
+    """Pure steps of a `WaveEstimate`.
 
     Args:
         parameters: sizes.
     """
 
-    def __init__(self, parameters: SwingParameters) -> None:
+    def __init__(self, parameters: WaveParameters) -> None:
         self._parameters = parameters
         self.hypotheses = parameters.hypotheses
         quickest_rad_s = max(parameters.frequencies_rad_s)
         quick = [it.frequency_rad_s == quickest_rad_s for it in self.hypotheses[1:]]
         self._ahead = parameters.quick * np.array([False, *quick])
 
-    def start(self, t_s: float, down_m: float) -> SwingBelief:
+    def start(self, t_s: float, down_m: float) -> WaveEstimate:
         """From a first height."""
         k = len(self.hypotheses)
         mean, covariance = np.zeros((k, _STATES)), np.zeros((k, _STATES, _STATES))
         mean[:, _HEIGHT] = down_m
         covariance[:, _HEIGHT, _HEIGHT] = covariance[:, _DRIFT, _DRIFT] = 0.3**2
-        covariance[:, _SWING:, _SWING:] = [it.spread for it in self.hypotheses]
-        return SwingBelief(t_s, mean, covariance, np.zeros(k), self._parameters.first)
+        covariance[:, _WAVE:, _WAVE:] = [it.spread for it in self.hypotheses]
+        return WaveEstimate(t_s, mean, covariance, np.zeros(k), self._parameters.first)
 
-    def seen(self, before: SwingBelief, t_s: float, moved_m: float, down_m: float, variance_m2: float) -> SwingBelief:
+    def update_pose(
+        self, before: WaveEstimate, t_s: float, moved_m: float, down_m: float, variance_m2: float
+    ) -> WaveEstimate:
         """A picture's height below the bar.
 
         Args:
@@ -161,9 +165,9 @@ class SwingBank:
         )
         left = float(np.max(score)) - score[before.chosen] > self._parameters.lead
         chosen = int(np.argmax(score + self._ahead)) if left else before.chosen
-        return SwingBelief(t_s, mean, covariance, score, chosen)
+        return WaveEstimate(t_s, mean, covariance, score, chosen)
 
-    def told(self, before: SwingBelief, drift_mps: float, deviation_mps: float) -> SwingBelief:
+    def update_velocity(self, before: WaveEstimate, drift_mps: float, deviation_mps: float) -> WaveEstimate:
         """The aircraft's own vertical speed less what the sticks ask for, both downward; not finite is refused."""
         if not math.isfinite(drift_mps):
             return before
@@ -175,15 +179,15 @@ class SwingBank:
 
 
 @lru_cache(maxsize=1024)
-def _steps(parameters: SwingParameters, step_ms: int) -> tuple[Array, Array]:
+def _steps(parameters: WaveParameters, step_ms: int) -> tuple[Array, Array]:
     """Transitions (k,6,6) and noises (k,6,6) of all hypotheses over whole milliseconds."""
     n = _STATES
     blocks = np.zeros((len(parameters.hypotheses), 2 * n, 2 * n))
-    for block, swing in zip(blocks, parameters.hypotheses, strict=True):
+    for block, wave in zip(blocks, parameters.hypotheses, strict=True):
         a, q = np.zeros((n, n)), np.zeros(n)
         a[_HEIGHT, _DRIFT] = 1.0
         a[_DRIFT, _DRIFT] = -1.0 / parameters.drift_time_s
-        a[_SWING:, _SWING:], q[_SWING:] = swing.matrix, swing.noise
+        a[_WAVE:, _WAVE:], q[_WAVE:] = wave.matrix, wave.noise
         q[_DRIFT] = 2.0 * parameters.drift_mps**2 / parameters.drift_time_s
         block[:n, :n], block[:n, n:], block[n:, n:] = -a, np.diag(q), a.T
     result = expm(blocks * (1e-3 * step_ms))

@@ -42,7 +42,7 @@ class Subject:
     rise: float
 
 
-class Standing:
+class HorizonConsistency:
     """Judges boxes of one kind of target, seen with one camera."""
 
     def __init__(self, subject: Subject, camera: Camera, parameters: DetectorParameters) -> None:

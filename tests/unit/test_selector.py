@@ -8,9 +8,9 @@ import pytest
 from shipland.config import build
 from shipland.messages import BarPose, Box, Frame, GimbalAttitude, Observation
 from shipland.rig import packaged_table
-from shipland.vision.eyes import Eyes, EyesParameters
+from shipland.vision.selector import VisionSelector, VisionSelectorParameters
 
-PARAMETERS = build(EyesParameters, packaged_table("eyes"))
+PARAMETERS = build(VisionSelectorParameters, packaged_table("selector"))
 LEVEL = GimbalAttitude(0.0, 0.0)
 POSE = BarPose(np.array([-5.0, 0.0, 0.0]), 0.0, np.eye(4), 0.1, np.zeros((8, 2)))
 
@@ -31,7 +31,7 @@ def box(width_px):
 
 
 def looks(near, far, times_s):
-    eyes = Eyes(near, far, PARAMETERS)
+    eyes = VisionSelector(near, far, PARAMETERS)
     return [eyes.see(Frame(t_s, None, LEVEL)) for t_s in times_s]
 
 
@@ -75,7 +75,7 @@ def test_small_boxes_are_forgotten():
 
 def test_a_few_frames_without_corners_are_no_reason_for_a_detector():
     near, far = Told(bar_pose=POSE), Told()
-    eyes = Eyes(near, far, PARAMETERS)
+    eyes = VisionSelector(near, far, PARAMETERS)
     eyes.see(Frame(0.0, None, LEVEL))
     near.says = {"reason": "blurred"}
     soon = eyes.see(Frame(0.5 * PARAMETERS.patience_s, None, LEVEL))
@@ -86,7 +86,7 @@ def test_a_few_frames_without_corners_are_no_reason_for_a_detector():
 
 def test_time_that_runs_back_forgets_rather_than_stalls():
     near, far = Told(bar_pose=POSE), Told()
-    eyes = Eyes(near, far, PARAMETERS)
+    eyes = VisionSelector(near, far, PARAMETERS)
     eyes.see(Frame(10.0, None, LEVEL))
     near.says = {"reason": "no green"}
     assert eyes.see(Frame(1.0, None, LEVEL)).learned
@@ -99,11 +99,11 @@ def test_negative_parameters_are_refused():
 
 def test_a_camera_that_looks_down_sees_the_deck_or_nothing():
     near, far, below = Told(bar_pose=POSE), Told(ship_box=box(100.0)), Told(reason="no deck")
-    eyes = Eyes(near, far, PARAMETERS, below)
+    eyes = VisionSelector(near, far, PARAMETERS, below)
     steep = GimbalAttitude(0.0, -1.4)
     assert eyes.see(Frame(0.0, None, steep)).reason == "no deck"
     assert (near.looks, far.looks, below.looks) == (0, 0, 1)
     near.says = {"reason": "no green"}
     assert not eyes.see(Frame(0.1, None, LEVEL)).learned  # on its way up no detector takes half a second
     assert eyes.see(Frame(1.0, None, LEVEL)).learned
-    assert Eyes(near, far, PARAMETERS).see(Frame(0.0, None, steep)).learned  # without such a vision
+    assert VisionSelector(near, far, PARAMETERS).see(Frame(0.0, None, steep)).learned  # without such a vision

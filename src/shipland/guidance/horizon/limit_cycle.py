@@ -15,7 +15,7 @@ from shipland.frames import Array
 _MEMORY_S, _SWINGING = 2.0, 0.3
 
 
-class Restless:
+class LimitCycleDetector:
     """The variance of the input over the last seconds, as a share of the squared full input."""
 
     def __init__(self) -> None:

@@ -6,11 +6,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shipland.guidance.horizon.restless import Restless
+from shipland.guidance.horizon.limit_cycle import LimitCycleDetector
 
 
-def after(seconds: float, share_of: Callable[[float], tuple[float, float]]) -> Restless:
-    restless = Restless()
+def after(seconds: float, share_of: Callable[[float], tuple[float, float]]) -> LimitCycleDetector:
+    restless = LimitCycleDetector()
     for cycle in range(round(30.0 * seconds)):
         restless.take(np.array(share_of(cycle / 30.0)), 1.0 / 30.0)
     return restless
@@ -43,7 +43,7 @@ def test_it_ends_when_the_sticks_rest() -> None:
 
 
 def test_a_clock_that_leaps_back_raises_nothing() -> None:
-    restless = Restless()
+    restless = LimitCycleDetector()
     restless.take(np.array([1.0, 0.0]), 0.03)
     restless.take(np.array([-1.0, 0.0]), -1e9)
     assert not restless.swinging

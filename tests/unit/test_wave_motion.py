@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from shipland.estimation.relative_state import STATES, SWING, Disturbances, Model, Motion, Spread
-from shipland.estimation.swing import Swing
+from shipland.estimation.relative_state import STATES, WAVE, AxisModel, Disturbances, Model, Spread
+from shipland.estimation.wave_motion import WaveMotion
 
-SHIP = Swing(0.12, 2.0, 0.2)
+SHIP = WaveMotion(0.12, 2.0, 0.2)
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
 
 
-def _density(swing, frequency_rad_s):
+def _density(wave, frequency_rad_s):
     """Power spectral density of the swing, but for a constant."""
-    answer = np.linalg.solve(1j * frequency_rad_s * np.eye(4) - swing.matrix, np.sqrt(np.diag(swing.noise)))
+    answer = np.linalg.solve(1j * frequency_rad_s * np.eye(4) - wave.matrix, np.sqrt(np.diag(wave.noise)))
     return float(np.sum(np.abs(answer[0]) ** 2))
 
 
@@ -29,18 +29,18 @@ def test_it_lies_in_a_band_and_has_neither_long_waves_nor_ripples():
     assert _density(SHIP, 40.0) / _density(SHIP, 20.0) == pytest.approx(2.0**-6, rel=0.05)
 
 
-@pytest.mark.parametrize(("carries_bar", "aimed"), [(True, 0.7), (False, 0.0)])
-def test_only_a_bar_that_swings_is_followed_and_not_all_the_way(carries_bar, aimed):
-    assert Swing(0.12, 2.0, 0.2, carries_bar, 0.7).aimed == aimed
+@pytest.mark.parametrize(("bar_moves", "aimed"), [(True, 0.7), (False, 0.0)])
+def test_only_a_bar_that_swings_is_followed_and_not_all_the_way(bar_moves, aimed):
+    assert WaveMotion(0.12, 2.0, 0.2, bar_moves, 0.7).tracked_share == aimed
 
 
 @pytest.mark.parametrize("along_rad", [0.0, 0.7])
 def test_a_ship_sways_more_than_it_surges_whatever_its_heading(along_rad):
-    model = Model(2, Motion(0.06, 0.4), NOISE, SHIP, Spread(0.25, 1.0, along_rad))
+    model = Model(2, AxisModel(0.06, 0.4), NOISE, SHIP, Spread(0.25, 1.0, along_rad))
     belief = model.start(0.0, np.zeros(2), np.eye(2), 0.5)
     ahead, aside = np.zeros((2, len(belief.mean)))
-    ahead[[SWING, STATES + SWING]] = np.cos(along_rad), np.sin(along_rad)
-    aside[[SWING, STATES + SWING]] = -np.sin(along_rad), np.cos(along_rad)
+    ahead[[WAVE, STATES + WAVE]] = np.cos(along_rad), np.sin(along_rad)
+    aside[[WAVE, STATES + WAVE]] = -np.sin(along_rad), np.cos(along_rad)
     for _ in range(3):
         assert ahead @ belief.covariance @ ahead == pytest.approx((0.25 * 0.12) ** 2)
         assert aside @ belief.covariance @ aside == pytest.approx(0.12**2)

@@ -11,7 +11,7 @@ from shipland import factories
 from shipland.camera import Camera
 from shipland.errors import ConfigError
 from shipland.factories import Factory
-from shipland.flight import Crew
+from shipland.flight import Autonomy
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.pilot import Pilot, PilotSetup
 from shipland.guidance.response import Response
@@ -27,7 +27,7 @@ from shipland.sim.ship.ship import Ship, build_ship
 from shipland.sim.world import GRID, Grid, World
 from shipland.vehicles.checks import Real
 from shipland.vehicles.simulated import SimulatedVehicle
-from shipland.vehicles.vehicle import Vehicle, Witness
+from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
 
 
 def build_scene(scenario: Scenario, seed: int) -> Scene:
@@ -64,14 +64,14 @@ def build_world(scenario: Scenario, seed: int, grid: Grid = GRID) -> World:
     )
 
 
-def build_crew(
+def build_autonomy(
     scenario: Scenario,
     vehicle: Vehicle,
     pilot: str | Factory,
     vision: str | Factory,
     seed: int,
     response: Response | None = None,
-) -> Crew:
+) -> Autonomy:
     """Vision, pilot and safety for one flight.
 
     Args:
@@ -96,13 +96,13 @@ def build_crew(
     )
     flier: Pilot = factories.resolve("pilots", pilot)(setup)
     if scenario.follow.enabled:
-        if not isinstance(vehicle, Witness):
+        if not isinstance(vehicle, GroundTruthSource):
             raise ConfigError("follow.enabled needs the truth, which only a simulated world knows")
         flier = DeckFollower(flier, vehicle, math.radians(scenario.aircraft.settings.max_tilt_deg), scenario.follow)
     sees = factories.resolve("visions", vision)(VisionSetup(scenario, vehicle.camera, vehicle, rng.near, rng.far))
     safety = Safety(scenario.safety, scenario.rig, vehicle.camera, setup.camera_in_body_m, setup.response)
     delays = replace(scenario.delays, processing="measured") if isinstance(vehicle, Real) else scenario.delays
-    return Crew(sees, flier, safety, delays)
+    return Autonomy(sees, flier, safety, delays)
 
 
 def drawn_ship(scenario: Scenario, seed: int) -> Ship:

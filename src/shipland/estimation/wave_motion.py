@@ -18,21 +18,21 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 from shipland.frames import Array
 
-SWING_STATES = 4
+WAVE_STATES = 4
 """The swing, its rate, the waves' own resonator, its rate."""
 _OWN, _WAVES = 0.8, 1.3
 """ω₁ and ω₂ over the frequency: fitted to sway and heave of the frigate in sea states 5 and 6."""
 
 
 @dataclass(frozen=True)
-class Swing:
+class WaveMotion:
     """The deck's own oscillation.
 
     Attributes:
         deviation_m: standard deviation.
         frequency_rad_s: of the middle of its band.
         damping: ratio, of both resonators.
-        carries_bar: on a ship the bar swings with the deck; on a motion base it stands still, and the deck's swing
+        bar_moves: on a ship the bar swings with the deck; on a motion base it stands still, and the deck's swing
             shows in nothing but the optical flow over it.
         followed: share of the bar's swing that the aircraft follows: the bar stands above the deck, and a ship that
             rolls moves it farther.
@@ -41,23 +41,23 @@ class Swing:
     deviation_m: float
     frequency_rad_s: float
     damping: float
-    carries_bar: bool = True
+    bar_moves: bool = True
     followed: float = 1.0
 
     @property
-    def shown(self) -> float:
+    def observed_share(self) -> float:
         """Share of the swing that the bar has: 1 or 0."""
-        return float(self.carries_bar)
+        return float(self.bar_moves)
 
     @property
-    def aimed(self) -> float:
+    def tracked_share(self) -> float:
         """Share of the swing that the point to land on has."""
-        return self.followed if self.carries_bar else 0.0
+        return self.followed if self.bar_moves else 0.0
 
     @property
-    def below(self) -> float:
+    def deck_share(self) -> float:
         """Share of the swing that the ship below the aircraft has: what lies as low as the deck."""
-        return self.followed if self.carries_bar else 1.0
+        return self.followed if self.bar_moves else 1.0
 
     @property
     def matrix(self) -> Array:
@@ -86,18 +86,18 @@ class Swing:
 
 
 @lru_cache(maxsize=4096)
-def _passed(swing: Swing, passed_ms: int) -> Array:
-    return np.asarray(expm(1e-3 * passed_ms * swing.matrix))
+def _passed(wave: WaveMotion, passed_ms: int) -> Array:
+    return np.asarray(expm(1e-3 * passed_ms * wave.matrix))
 
 
 @lru_cache(maxsize=64)
-def _solved(swing: Swing) -> tuple[Array, Array, Array]:
-    own, waves, damping = _OWN * swing.frequency_rad_s, _WAVES * swing.frequency_rad_s, swing.damping
-    matrix = np.zeros((SWING_STATES, SWING_STATES))
+def _solved(wave: WaveMotion) -> tuple[Array, Array, Array]:
+    own, waves, damping = _OWN * wave.frequency_rad_s, _WAVES * wave.frequency_rad_s, wave.damping
+    matrix = np.zeros((WAVE_STATES, WAVE_STATES))
     matrix[0, 1] = matrix[1, 3] = matrix[2, 3] = 1.0
     matrix[1, :2] = -own * own, -2.0 * damping * own
     matrix[3, 2:] = -waves * waves, -2.0 * damping * waves
     noise = np.array([0.0, 0.0, 0.0, 1.0])
     spread = solve_continuous_lyapunov(matrix, -np.diag(noise))
-    scale = swing.deviation_m**2 / spread[0, 0]
+    scale = wave.deviation_m**2 / spread[0, 0]
     return matrix, scale * noise, scale * spread

@@ -1,0 +1,54 @@
+"""Former names of keys, columns and enum members: what was recorded under them is still read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+FORMER = {
+    "CLIMB_OUT": "GO_AROUND",
+    "astray_m": "abort_offset_m",
+    "carries_bar": "bar_moves",
+    "climb_out_back_m": "go_around_back_m",
+    "climb_out_height_m": "go_around_height_m",
+    "climb_out_percent": "go_around_percent",
+    "climb_out_radius_m": "go_around_radius_m",
+    "climb_out_s": "go_around_s",
+    "climb_out_turn": "go_around_turn",
+    "drop_m": "final_descent_offset_m",
+    "drop_mps": "final_descent_mps",
+    "eyes": "selector",
+    "known_m": "position_std_max_m",
+    "lean_deg": "tilt_deg",
+    "leash_m": "tracking_error_max_m",
+    "leash_mps": "tracking_error_max_mps",
+    "made_to": "manufacturing_tolerance",
+    "perfect_forward_m": "oracle_forward_m",
+    "perfect_in_square": "oracle_in_square",
+    "perfect_starboard_m": "oracle_starboard_m",
+    "poise_m": "reacquire_offset_m",
+    "poise_most_s": "reacquire_max_s",
+    "poise_s": "reacquire_s",
+    "push_mps2": "wind_mps2",
+    "push_time_s": "wind_time_s",
+    "reference_mps": "velocity_bias_mps",
+    "reference_time_s": "velocity_bias_time_s",
+    "swing": "wave",
+    "unfit_m": "contact_std_max_m",
+    "watch_blind_s": "look_down_max_s",
+    "watch_height_m": "deck_watch_height_m",
+    "watch_known_m": "deck_std_max_m",
+    "watch_m": "deck_watch_offset_m",
+    "watch_most_s": "deck_watch_max_s",
+    "watch_rises_mps": "deck_rise_max_mps",
+    "watch_seen_s": "look_up_s",
+}
+"""Today's name by the former one."""
+
+
+def renamed(table: Any) -> Any:  # noqa: ANN401 - a configuration as JSON has it
+    """A table and the tables in it, with today's keys."""
+    if isinstance(table, dict):
+        return {FORMER.get(key, key): renamed(value) for key, value in table.items()}
+    if isinstance(table, list):
+        return [renamed(value) for value in table]
+    return table
