@@ -65,7 +65,7 @@ def test_velocity_between_pictures_counts_once_and_at_its_time():
     now, later = _filter(), _filter()
     for late in (now, later):
         late.start(0.0, np.zeros(2), 1e-4 * np.eye(2), 0.5)
-    now.velocity(0.5, np.array([0.3, 0.0]))
+    now.update_velocity(0.5, np.array([0.3, 0.0]))
     now.update_pose(1.0, np.zeros(2), 1e-4 * np.eye(2), inputs)
     later.update_velocity(0.5, np.array([0.3, 0.0]))
     before = later.predict(1.0, inputs)

@@ -10,7 +10,7 @@ from shipland.config import build
 from shipland.estimation.wave_bank import WaveBank, WaveParameters
 from shipland.rig import packaged_table
 
-PARAMETERS = build(WaveParameters, packaged_table("guidance")["horizon"]["swing"])
+PARAMETERS = build(WaveParameters, packaged_table("guidance")["horizon"]["wave"])
 BANK = WaveBank(PARAMETERS)
 
 

@@ -135,7 +135,7 @@ class DelayedFilter:
         return other
 
     def adopt(self, model: Model) -> None:
-        """Go on with a model of another swing."""
+        """Go on with a model of other waves."""
         before, self.model = self.model.wave, model
         if self.belief is not None:
             self.belief = model.adopted(self.belief, before)
@@ -170,7 +170,7 @@ class DelayedFilter:
     def _pictured(
         self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float, observed_share: float
     ) -> float:
-        """Take a place less this share of the swing, unless it is astray; its normalised innovation squared."""
+        """Take a place less this share of the wave motion, unless it is astray; its normalised innovation squared."""
         belief = self._with_velocities(t_s, inputs, turn_rad_s)
         travelled = self._travelled(belief, t_s, inputs, turn_rad_s)
         gate = self._parameters.picture_gate
@@ -246,7 +246,7 @@ _Travel = tuple[Array, Array, float, Array, int, Array, int, float]
 In one tuple, which compiled code takes faster than so many arguments.
 """
 _View = tuple[float, float, float, float]
-"""Of `velocity_of`: the share of ship in view, its settling time, the swing's frequency and share."""
+"""Of `velocity_of`: the share of ship in view, its settling time, the wave motion's frequency and share."""
 _Limits = tuple[float, float, float, float]
 """Of a velocity: repeats of a reading, the least and the most variance that it is given, the gate."""
 

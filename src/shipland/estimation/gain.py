@@ -59,7 +59,7 @@ class GainBank(FilterBank):
         """In use."""
 
     def adopt(self, models: Sequence[Model]) -> None:
-        """Go on with models of another swing, one for each candidate."""
+        """Go on with models of other waves, one for each candidate."""
         for model, one in zip(models, self.filters, strict=False):
             one.adopt(model)
 

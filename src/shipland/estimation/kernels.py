@@ -223,7 +223,7 @@ def bank_seen(
     down_m: float,
     variance: float,
 ) -> tuple[Array, Array, Array]:
-    """All hypotheses of a `WaveBank` through a step and a picture's height, which is height less swing.
+    """All hypotheses of a `WaveBank` through a step and a picture's height, which is height less wave.
 
     Args:
         mean: (k,n) height, drift, swing, and what else moves.

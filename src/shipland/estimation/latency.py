@@ -61,7 +61,7 @@ class LatencyBank(FilterBank):
         """To be added to a picture's time stamp."""
 
     def adopt(self, model: Model) -> None:
-        """Go on with a model of another swing."""
+        """Go on with a model of other waves."""
         for one in self.filters:
             one.adopt(model)
 

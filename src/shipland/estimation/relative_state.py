@@ -190,7 +190,7 @@ class Model:
         motion: of the vehicle.
         noise: what is not known.
         swing: of the bar.
-        spread: of the swing over two axes; None where it is alike on every axis.
+        spread: of the wave motion over two axes; None where it is alike on every axis.
     """
 
     def __init__(
@@ -206,7 +206,8 @@ class Model:
         return transition, inputs[:, : self.axes * self.motion.inputs], noise
 
     def way(self, way_ms: int) -> Array:
-        """What `mean_after` and `covariance_after` take over whole milliseconds: (3,n,n) transition, noise and input.
+        """What `mean_after` and `predicted_covariance` take over whole milliseconds: (3,n,n) transition, noise and
+        input.
 
         Of a way of a stride or more (7,n,n): transition and input of a stride, then those of the rest, come after
         these. Inputs are filled up with zeros on their right.
@@ -235,7 +236,7 @@ class Model:
         return way
 
     def _wave_shares(self) -> Array:
-        """(n,n) covariance of the swing while nothing is known of it; zero for all else."""
+        """(n,n) covariance of the wave motion while nothing is known of it; zero for all else."""
         size = STATES * self.axes
         covariance = np.zeros((size, size))
         for axis in range(self.axes):
@@ -265,10 +266,10 @@ class Model:
         return GaussianState(t_s, mean, covariance)
 
     def adopted(self, belief: GaussianState, before: WaveMotion) -> GaussianState:
-        """A belief of a model with the swing `before`.
+        """A belief of a model with the wave motion `before`.
 
-        Where the bar swings by both the belief is kept. Else the offset from the bar is kept, and the swing is learned
-        anew.
+        Where the bar swings by both the belief is kept. Else the offset from the bar is kept, and the wave motion is
+        learned anew.
         """
         if before.bar_moves and self.wave.bar_moves:
             return belief
@@ -316,7 +317,7 @@ class Model:
 def _axis_step(
     motion: AxisModel, noise: Disturbances, wave: WaveMotion, step_ms: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Of one axis over whole milliseconds: transition, inputs, noise but for the swing's, and the swing's."""
+    """Of one axis over whole milliseconds: transition, inputs, noise without that of the waves, and the waves' own."""
     longest_ms = 1 << (step_ms.bit_length() - 1)
     if longest_ms < step_ms:  # of two steps: far cheaper than matrix exponentials
         first, push, rest, swung = _axis_step(motion, noise, wave, longest_ms)
@@ -342,7 +343,7 @@ def _wave(axis: int) -> slice:
 
 @compiled
 def pose_measurement(mean: Array, axes: int, observed_share: float) -> tuple[Array, Array]:
-    """`Model.seen` of a mean, where the bar shows this share of the swing."""
+    """`Model.pose` of a mean, where the bar shows this share of the wave motion."""
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):
         first = STATES * axis
@@ -353,7 +354,7 @@ def pose_measurement(mean: Array, axes: int, observed_share: float) -> tuple[Arr
 
 @compiled
 def less_wave(mean: Array, share: float) -> tuple[Array, Array]:
-    """(axes,) place less a share of the swing, and its rate, from the mean of all states."""
+    """(axes,) place less a share of the wave motion, and its rate, from the mean of all states."""
     axes = len(mean) // STATES
     place, rate = np.empty(axes), np.empty(axes)
     for axis in range(axes):
@@ -365,7 +366,7 @@ def less_wave(mean: Array, share: float) -> tuple[Array, Array]:
 
 @compiled
 def position_covariance(covariance: Array, observed_share: float) -> Array:
-    """(axes, axes) covariance of the place less the `observed_share` share of the swing, from that of all states."""
+    """(axes, axes) covariance of the place less that share of the wave motion, from that of all states."""
     axes = len(covariance) // STATES
     result = np.empty((axes, axes))
     for i in range(axes):
@@ -422,7 +423,7 @@ def updated(
 
     Args:
         belief: before.
-        expected: (m,) and its Jacobian (m,n): `Model.seen`, `Model.velocity`.
+        expected: (m,) and its Jacobian (m,n): `Model.pose`, `Model.velocity`.
         measured: the measurement.
         covariance: of its error.
         gate: largest normalised innovation squared that is taken.

@@ -28,11 +28,11 @@ class WaveParameters:
     Attributes:
         still_m: deviation of a bar that does not move, as the hypothesis has it.
         first: index of the hypothesis that is believed at first.
-        followed: share of the bar's swing that a vehicle follows over the deck whose sticks mean a tilt.
+        followed: share of the bar's wave motion that a vehicle follows over the deck whose sticks mean a tilt.
         followed_servo: likewise of one that tracks a velocity.
         followed_within_m: this near to the bar all of that share is followed, beyond twice of it nothing: from afar an
             aircraft's own sway may pass for the bar's, and one that follows itself swings ever more.
-        deck: the swing of a deck below such a bar.
+        deck: the wave motion of a deck below such a bar.
         spread: of a ship's swing over its axes.
         deviations_m, frequencies_rad_s: of the hypotheses that it does, each with each.
         damping: of every resonator.
@@ -80,12 +80,12 @@ class WaveParameters:
 
     @property
     def believed(self) -> tuple[WaveMotion, ...]:
-        """What the relative state takes for the deck's swing under each hypothesis."""
+        """What the relative state takes for the deck's wave motion under each hypothesis."""
         return (self.deck, *self.hypotheses[1:])
 
     @property
     def hypotheses(self) -> tuple[WaveMotion, ...]:
-        """The bar's heave: at rest, and every swing."""
+        """The bar's heave: at rest, and every wave."""
         moving = [
             WaveMotion(d, f, self.damping, followed=self.followed)
             for f in self.frequencies_rad_s

@@ -1,11 +1,11 @@
 """The swing of a deck, and of a bar that a ship carries, about its mean place: a resonator that waves drive.
 
-Waves are no white noise: what they push with swings itself, within a band. With o the swing and d the waves' own
+Waves are no white noise: what they push with swings itself, within a band. With o the wave motion and d the waves' own
 
     ö + 2 ζ ω₁ ȯ + ω₁² o = ḋ,    d̈ + 2 ζ ω₂ ḋ + ω₂² d = white noise,
 
 the spectrum of o vanishes with ω towards long waves and with ω⁻⁶ towards short ones, as that of a hull's heave and
-sway does. ω₁ and ω₂ lie either side of the frequency that the swing is named by.
+sway does. ω₁ and ω₂ lie either side of the frequency that the wave motion is named by.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ class WaveMotion:
         deviation_m: standard deviation.
         frequency_rad_s: of the middle of its band.
         damping: ratio, of both resonators.
-        bar_moves: on a ship the bar swings with the deck; on a motion base it stands still, and the deck's swing
+        bar_moves: on a ship the bar swings with the deck; on a motion base it stands still, and the deck's wave motion
             shows in nothing but the optical flow over it.
-        followed: share of the bar's swing that the aircraft follows: the bar stands above the deck, and a ship that
-            rolls moves it farther.
+        followed: share of the bar's wave motion that the aircraft follows: the bar stands above the deck, and a ship
+            that rolls moves it farther.
     """
 
     deviation_m: float
@@ -46,17 +46,17 @@ class WaveMotion:
 
     @property
     def observed_share(self) -> float:
-        """Share of the swing that the bar has: 1 or 0."""
+        """Share of the wave motion that the bar has: 1 or 0."""
         return float(self.bar_moves)
 
     @property
     def tracked_share(self) -> float:
-        """Share of the swing that the point to land on has."""
+        """Share of the wave motion that the point to land on has."""
         return self.followed if self.bar_moves else 0.0
 
     @property
     def deck_share(self) -> float:
-        """Share of the swing that the ship below the aircraft has: what lies as low as the deck."""
+        """Share of the wave motion that the ship below the aircraft has: what lies as low as the deck."""
         return self.followed if self.bar_moves else 1.0
 
     @property
@@ -79,7 +79,7 @@ class WaveMotion:
         return np.asarray(_passed(self, round(1e3 * passed_s)) @ states)
 
     def variance_later(self, covariance: Array, passed_s: float) -> float:
-        """Of the swing a while later, from the covariance (4,4) of its states now."""
+        """Of the wave motion a while later, from the covariance (4,4) of its states now."""
         passed = _passed(self, round(1e3 * passed_s))
         later = passed @ (covariance - self.spread) @ passed.T + self.spread
         return float(later[0, 0])

@@ -1,4 +1,4 @@
-"""The way down as one pure function: sink to just over the deck, wait there for a small error at contact, descend to contact.
+"""The way down as one pure function: sink to just over the deck, wait for a small error at contact, descend to contact.
 
 No speed gate: what counts is where the aircraft will be at contact, and that is predicted. A deck that is watched is
 foreseen for an instant so far ahead that the camera has time to look up to the bar before the drop.
@@ -21,10 +21,10 @@ class Phase(enum.Enum):
     """Of a landing."""
 
     SINK = "sink"
-    DECK_WATCH = "watch"
-    REACQUIRE = "poise"
+    DECK_WATCH = "deck watch"
+    REACQUIRE = "reacquire"
     WAIT = "wait"
-    FINAL_DESCENT = "drop"
+    FINAL_DESCENT = "final descent"
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,8 @@ class Over:
         offset_at_contact_m: the same, predicted for contact, if the drop began now.
         lull: the moment is one to land in.
         contact_imminent: a contact is near that would find the aircraft tilted too much: see `levelling`.
-        from_deck_m: from the deck's centre at contact, predicted for a final descent that begins now, or, while it is watched,
-            in `reacquire_s`; infinite while the deck is not known well enough, None where it is not watched.
+        from_deck_m: from the deck's centre at contact, predicted for a final descent that begins now, or, while it is
+            watched, in `reacquire_s`; infinite while the deck is not known well enough, None where it is not watched.
         final_descent_height_m: over the neutral deck from which the drop leaves time to level out: the aircraft waits
             there, where that is higher than `wait_height_m`.
     """

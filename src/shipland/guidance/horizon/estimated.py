@@ -21,8 +21,8 @@ class Estimated:
         t_s: the time that it holds for.
         across: place and motion against the bar, horizontally; downward.
         down: likewise, downward.
-        wave: what both take the deck's and the bar's swing for.
-        near: how much of `swing.tracked_share` is followed from here, 0 to 1.
+        wave: what both take the deck's and the bar's wave motion for.
+        near: how much of `wave.tracked_share` is followed from here, 0 to 1.
         place_m, speed_mps: (2,) of the aircraft from the bar, in the axes of the flight, and its rate.
         followed_m, followed_mps: (2,) of the aircraft from what it follows of the bar: the place that errs over the
             deck, and its rate.
@@ -80,7 +80,7 @@ class Estimated:
         return -self.wave.deck_share * float(self.wave.later(states, passed_s)[1])
 
     def followed_states(self, axis: int) -> Array:
-        """(STATES,) of an axis as gains take them: they are linear in the swing, so a part followed is a part of it."""
+        """(STATES,) of an axis for the gains, with the part of the wave motion that is followed: they are linear in it."""
         states = self.across.mean[STATES * axis : STATES * (axis + 1)].copy()
         states[WAVE : WAVE + WAVE_STATES] *= self.near
         return np.asarray(states)

@@ -368,7 +368,7 @@ class BatchedHorizon:
 
 
 def _later_rate(wave: WaveMotion, passed_s: float) -> Array:
-    """(4,) row that gives the swing's rate `passed_s` later from its states."""
+    """(4,) row that gives the wave motion's rate `passed_s` later from its states."""
     return np.array([wave.later(unit, passed_s)[1] for unit in np.eye(WAVE_STATES)])
 
 

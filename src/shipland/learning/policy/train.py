@@ -45,7 +45,7 @@ REACH_M = 1.5
 """Where policies steer."""
 _START_M = (0.0, 1.5)
 _SHIP_START_M = (0.5, 3.0)
-"""At sea the estimate needs some seconds to know the swing."""
+"""At sea the estimate needs some seconds to know the wave motion."""
 _EVALUATED, _TRAINED = 7, 11
 """Streams of seeds."""
 
