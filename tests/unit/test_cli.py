@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+from shipland.cli import main
 from shipland.record.reader import read_log
 
 HEAVY = ("mujoco", "moderngl", "matplotlib", "cv2", "av", "foxglove", "scipy", "openvino", "torch", "numpy")
@@ -23,6 +24,20 @@ def shipland(*arguments, cwd=None):
     )
 
 
+@pytest.fixture
+def here(monkeypatch, capsys):
+    """The command line in this process, which has imported everything already."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["shipland", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            main()
+        said = capsys.readouterr()
+        return subprocess.CompletedProcess(arguments, end.value.code or 0, said.out, said.err)
+
+    return call
+
+
 def test_help_imports_nothing_heavy():
     code = f"import shipland.cli, sys; print([name for name in {HEAVY} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
@@ -32,14 +47,14 @@ def test_help_imports_nothing_heavy():
 @pytest.mark.parametrize(
     "command", ["fly", "campaign", "motion", "see", "detect", "synth", "train", "evaluate", "scenarios"]
 )
-def test_help_teaches(command):
-    done = shipland(command, "--help")
+def test_help_teaches(command, here):
+    done = here(command, "--help")
     assert done.returncode == 0
     assert len(done.stdout) > 200
 
 
-def test_the_list_of_commands_fits_two_screens_and_each_command_tells_all():
-    every, fly = shipland("--help").stdout, shipland("fly", "--help").stdout
+def test_the_list_of_commands_fits_two_screens_and_each_command_tells_all(here):
+    every, fly = here("--help").stdout, here("fly", "--help").stdout
     assert len(every.splitlines()) < 60
     assert "Fly one landing" in every and "Example:" not in every
     assert len([line for line in fly.splitlines() if line.startswith("Example: ")]) == 2
@@ -58,9 +73,9 @@ def test_of_many_landings_the_terminal_shows_the_sums(tmp_path):
     assert f"give one of {tmp_path / 'out'}" in compared.stderr
 
 
-def test_version_and_scenarios():
+def test_version_and_scenarios(here):
     assert shipland("version").stdout.strip()
-    assert "near" in shipland("scenarios").stdout
+    assert "near" in here("scenarios").stdout
 
 
 BAD_TOML = "this is [ not toml"
@@ -101,12 +116,13 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
         (("see", "file.txt"), "file.txt"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_2(arguments, words, tmp_path):
+def test_bad_input_is_one_line_and_exit_2(arguments, words, tmp_path, here, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     for name, text in (("bad.toml", BAD_TOML), ("unknown.toml", UNKNOWN_KEY), ("value.toml", BAD_VALUE)):
         (tmp_path / name).write_text(text)
     (tmp_path / "file.txt").write_text("not a picture")
     (tmp_path / "picture.png").write_bytes(b"")
-    done = shipland(*arguments, cwd=tmp_path)
+    done = here(*arguments)
     assert done.returncode == 2, done.stdout + done.stderr
     line = done.stderr.strip()
     assert line.startswith("shipland: ")

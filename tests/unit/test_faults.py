@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -38,6 +39,7 @@ def during(records, late_s=0.3):
     return [it for it in records if START_S + late_s < it.telemetry.t_s < START_S + LONG_S - 0.1]
 
 
+@cache
 def clean():
     return flown("low_battery", size=50.0)[0]
 

@@ -206,8 +206,7 @@ class Model:
         return transition, inputs[:, : self.axes * self.motion.inputs], noise
 
     def way(self, way_ms: int) -> Array:
-        """What `mean_after` and `predicted_covariance` take over whole milliseconds: (3,n,n) transition, noise and
-        input.
+        """What `mean_after` and `predicted_covariance` take: (3,n,n) transition, noise and input of whole milliseconds.
 
         Of a way of a stride or more (7,n,n): transition and input of a stride, then those of the rest, come after
         these. Inputs are filled up with zeros on their right.

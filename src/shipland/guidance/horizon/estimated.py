@@ -80,7 +80,7 @@ class Estimated:
         return -self.wave.deck_share * float(self.wave.later(states, passed_s)[1])
 
     def followed_states(self, axis: int) -> Array:
-        """(STATES,) of an axis for the gains, with the part of the wave motion that is followed: they are linear in it."""
+        """(STATES,) of an axis for the gains, with that part of the wave motion that is followed."""
         states = self.across.mean[STATES * axis : STATES * (axis + 1)].copy()
         states[WAVE : WAVE + WAVE_STATES] *= self.near
         return np.asarray(states)
