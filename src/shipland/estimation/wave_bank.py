@@ -26,20 +26,20 @@ class WaveParameters:
     """`[guidance.horizon.wave]`.
 
     Attributes:
-        still_m: deviation of a bar that does not move, as the hypothesis has it.
-        first: index of the hypothesis that is believed at first.
-        followed: share of the bar's wave motion that a vehicle follows over the deck whose sticks mean a tilt.
-        followed_servo: likewise of one that tracks a velocity.
-        followed_within_m: this near to the bar all of that share is followed, beyond twice of it nothing: from afar an
-            aircraft's own sway may pass for the bar's, and one that follows itself swings ever more.
-        deck: the wave motion of a deck below such a bar.
-        spread: of a ship's swing over its axes.
-        deviations_m, frequencies_rad_s: of the hypotheses that it does, each with each.
+        still_m: standard deviation in the hypothesis of a bar at rest.
+        first: index of the initial hypothesis.
+        followed: share of the bar's wave motion that a vehicle with tilt sticks follows over the deck.
+        followed_servo: likewise of a vehicle that tracks a velocity.
+        followed_within_m: nearer to the bar than this all of that share is followed, beyond twice this nothing: from
+            afar the aircraft's own sway is taken for the bar's, and following it is positive feedback.
+        deck: wave motion of a deck below a bar at rest.
+        spread: surge and sway of a ship as shares of its heave.
+        deviations_m, frequencies_rad_s: of the hypotheses of a moving bar, every pair.
         damping: of every resonator.
         memory_s: over which innovations count.
-        lead: log-likelihood by which a hypothesis must lead to be taken.
-        quick: log-likelihood by which the quickest swings may be behind one that leads, and are taken instead: a small
-            quick heave is hardly told from none, but goes with a sway that a delayed loop amplifies.
+        lead: log-likelihood ratio from which a hypothesis replaces the present one.
+        quick: the quickest waves are taken even when this much less likely than the leader: a small quick heave is hard
+            to tell from none, and comes with a sway that a delayed loop amplifies.
         drift_mps, drift_time_s: of the height, other than by the sticks.
         jitter_m: least standard deviation of a picture's height.
     """

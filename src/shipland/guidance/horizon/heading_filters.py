@@ -27,7 +27,7 @@ class HeadingFilters:
     Args:
         steady: of a ship that keeps its course.
         turning: of one that turns.
-        turn_from_rad_s: a ship that turns faster is one that turns.
+        turn_from_rad_s: yaw rate of the ship from which it counts as turning.
     """
 
     def __init__(self, steady: HeadingNoise, turning: HeadingNoise, turn_from_rad_s: float) -> None:

@@ -140,7 +140,7 @@ class HorizonParameters:
             the sea, where a bar swings; rounded to one of the levels.
         gust_levels_mps2: ascending, in equal ratios.
         heading, heading_turning: of a ship that keeps its course, and of one that turns.
-        turn_from_rad_s: a ship that turns faster than this is one that turns.
+        turn_from_rad_s: yaw rate of the ship from which `heading_turning` holds.
         position_std_max_m: without pictures the place is taken for known while it is no more uncertain (standard
             deviation).
         contact_std_max_m: a landing does not begin while the offset at contact is uncertain by more (standard

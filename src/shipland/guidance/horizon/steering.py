@@ -41,7 +41,7 @@ ENTRIES = (
 LIMIT = 5.0
 """Scaled numbers are clipped at this."""
 LONGEST_CONTACT_S = 3.0
-"""A time to contact beyond this is this."""
+"""The predicted time to contact is cut to this: farther ahead nothing is predicted."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,45 @@
+"""What was recorded under former names is still read, and a former key is told its new name."""
+
+import dataclasses
+
+import pytest
+
+from shipland.config import packaged_toml
+from shipland.errors import ConfigError
+from shipland.former import FORMER, renamed
+from shipland.messages import Intent, Mode, PilotCommand
+from shipland.missions.scenarios import load_scenario
+from shipland.record.rows import from_row, to_row
+
+
+def test_a_table_gets_todays_keys_all_the_way_down():
+    former = {"eyes": {"patience_s": 1.0}, "rig": {"made_to": 0.01, "quad": [{"made_to": 1}]}}
+    today = {"manufacturing_tolerance": 0.01, "quad": [{"manufacturing_tolerance": 1}]}
+    assert renamed(former) == {"selector": {"patience_s": 1.0}, "rig": today}
+
+
+def test_a_row_with_a_former_mode_is_read():
+    command = PilotCommand(1.0, 0.0, 0.0, 60.0, 0.0, 0.0, Intent.GO_AROUND)
+    row = to_row(command)
+    assert row["intent"] == "GO_AROUND"
+    assert from_row(PilotCommand, row | {"intent": "CLIMB_OUT"}) == command
+
+
+def test_a_former_key_is_refused_with_its_new_name():
+    with pytest.raises(ConfigError, match=r"guidance\.approach: 'astray_m' is called 'abort_offset_m' now"):
+        load_scenario("near", guidance={"approach": {"astray_m": 0.3}})
+
+
+def test_every_new_name_is_one_and_no_former_name_is_used_again():
+    def keys(table):
+        for key, value in table.items():
+            yield key
+            yield from keys(value) if isinstance(value, dict) else ()
+
+    used = set(keys(packaged_toml("default"))) | {
+        member.name for enumeration in (Mode, Intent) for member in enumeration
+    }
+    elsewhere = {"go_around_s", "oracle_forward_m", "oracle_in_square", "oracle_starboard_m", "manufacturing_tolerance"}
+    assert set(FORMER.values()) <= used | elsewhere
+    assert not set(FORMER) & {field.name for field in dataclasses.fields(PilotCommand)}
+    assert not set(FORMER) & used
