@@ -214,14 +214,14 @@ class Override(enum.Enum):
 
 
 class Mode(enum.Enum):
-    """The five flight modes [Lee2022, §Nonlinear Control System], and the states around them."""
+    """The flight modes as they are flown; 1 to 5 have the paper's numbers [Lee2022, §Nonlinear Control System]."""
 
-    LAND = 1
-    APPROACH = 2
-    TRACK_BAR = 3
-    TRACK_SHIP = 4
-    NO_VISION = 5
     SEARCH = 6
+    TRACK_SHIP = 4
+    TRACK_BAR = 3
+    APPROACH = 2
+    LAND = 1
+    NO_VISION = 5
     GO_AROUND = 7
     DONE = 8
 
