@@ -268,7 +268,7 @@ def networks(rng: np.random.Generator) -> None:
 
 def flown_by(policy: LearnedSteering, rng: np.random.Generator) -> None:
     """A policy's input is finite and bounded, whatever its numbers."""
-    seen = {"height_m": 0.4, "sink_mps": 0.3, "contact_s": 0.9, "landing": True, "dropping": False}
+    seen = {"height_m": 0.4, "sink_mps": 0.3, "contact_s": 0.9, "landing": True, "in_final_descent": False}
     pairs = {each.name: rng.normal(0.0, 1.0, 2) for each in fields(Steered) if each.name not in seen}
     found = policy.input_mps2(Steered(**pairs, **seen))
     assert np.isfinite(found).all(), found

@@ -14,6 +14,7 @@ FORMER = {
     "climb_out_radius_m": "go_around_radius_m",
     "climb_out_s": "go_around_s",
     "climb_out_turn": "go_around_turn",
+    "dropping": "in_final_descent",
     "drop_m": "final_descent_offset_m",
     "drop_mps": "final_descent_mps",
     "eyes": "selector",
@@ -33,6 +34,8 @@ FORMER = {
     "reference_mps": "velocity_bias_mps",
     "reference_time_s": "velocity_bias_time_s",
     "swing": "wave",
+    "swing_m": "wave_m",
+    "swing_mps": "wave_mps",
     "unfit_m": "contact_std_max_m",
     "watch_blind_s": "look_down_max_s",
     "watch_height_m": "deck_watch_height_m",
@@ -43,6 +46,11 @@ FORMER = {
     "watch_seen_s": "look_up_s",
 }
 """Today's name by the former one."""
+
+
+def todays(name: str) -> str:
+    """A name, or several with dots between them, as they are called today."""
+    return ".".join(FORMER.get(part, part) for part in name.split("."))
 
 
 def renamed(table: Any) -> Any:  # noqa: ANN401 - a configuration as JSON has it

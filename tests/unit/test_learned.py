@@ -33,7 +33,7 @@ def policy(tmp_path):
 def seen(**values):
     pair = np.zeros(2)
     names = [name for name in Steered.__dataclass_fields__ if name not in ("height_m", "sink_mps", "contact_s")]
-    known = dict.fromkeys(names[:9], pair) | {"landing": False, "dropping": False}
+    known = dict.fromkeys(names[:9], pair) | {"landing": False, "in_final_descent": False}
     known |= {"height_m": 1.0, "sink_mps": 0.0, "contact_s": 2.0, "wanted_mps2": np.array([0.2, -0.1])}
     return Steered(**(known | values))
 

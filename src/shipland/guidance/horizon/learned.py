@@ -13,6 +13,7 @@ import numpy as np
 
 from shipland.errors import ConfigError
 from shipland.files import check_digest, json_of
+from shipland.former import todays
 from shipland.frames import Array
 from shipland.guidance.horizon.steering import AXIS_ENTRIES, ENTRIES, LIMIT, WHOLE_ENTRIES, Action, Kind, Steered
 from shipland.guidance.response import Response
@@ -124,8 +125,9 @@ def _load(path: Path) -> tuple[Any, Action]:
     if about.get("format") != FORMAT:
         raise ConfigError(f"policy {path} was not written by this version's `shipland learn`")
     try:
-        entries, action = json_of(about["entries"]), Action(**json_of(about["action"]))
-    except (KeyError, TypeError, ValueError) as error:
+        entries = [todays(entry) for entry in json_of(about["entries"])]
+        action = Action(**json_of(about["action"]))
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ConfigError(f"policy {path}: its metadata is broken: {error}") from None
     if entries != list(ENTRIES) or shape[-1] != len(ENTRIES):
         raise ConfigError(f"policy {path} wants to see other things than this version's pilot shows; train it anew")

@@ -30,7 +30,7 @@ WHOLE_ENTRIES: tuple[tuple[str, float], ...] = (
     ("sink_mps", 0.5),
     ("contact_s", 1.0),
     ("landing", 1.0),
-    ("dropping", 1.0),
+    ("in_final_descent", 1.0),
 )
 """What it sees beside them."""
 ENTRIES = (

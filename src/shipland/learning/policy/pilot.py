@@ -201,7 +201,7 @@ class BatchedHorizon:
             "sink_mps": ahead.sink_mps,
             "contact_s": ahead.contact_s.clamp_max(LONGEST_CONTACT_S),
             "landing": (memory.phase > _NONE).to(state.dtype),
-            "dropping": (memory.phase == _DROP).to(state.dtype),
+            "in_final_descent": (memory.phase == _DROP).to(state.dtype),
         }
         columns = [values[name][axis] / scale for name, scale in AXIS_ENTRIES for axis in range(2)]
         columns += [values[name] / scale for name, scale in WHOLE_ENTRIES]
