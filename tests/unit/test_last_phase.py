@@ -133,7 +133,7 @@ def test_the_estimator_is_the_pilots(setup, rng):
         for ahead_by in (0, every - cycle % every):
             reading_s = picture_s + ahead_by * h
             if (cycle + ahead_by) % every == 0 and reading_s <= now_s - 0.1:
-                theirs.velocity(reading_s, np.array([speed(reading_s)]), 1.0)
+                theirs.update_velocity(reading_s, np.array([speed(reading_s)]), 1.0)
         if theirs.belief is None:
             theirs.start(picture_s, np.array([measured]), covariance, 1.5)
         else:
