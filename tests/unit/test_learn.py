@@ -43,7 +43,7 @@ def test_it_leaves_a_policy_that_answers_as_its_network_curves_and_a_card(tmp_pa
     path = train.learn(asked(tmp_path), setups)
     names = {item.name for item in tmp_path.iterdir()}
     assert names == {"policy.onnx", "curves.csv", "curves.png", "model-card.md", "model-card.json",
-                     "last.safetensors", "best.safetensors"}  # fmt: skip
+                     "SHA256SUMS", "last.safetensors", "best.safetensors"}  # fmt: skip
     run = train._start(replace(asked(tmp_path), resume=True))
     run.load(tmp_path / "best.safetensors")
     observation = np.random.default_rng(0).normal(size=(5, len(ENTRIES))).astype(np.float32)
