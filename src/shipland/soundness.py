@@ -29,6 +29,8 @@ from shipland.messages import (
 
 _MOST_PERCENT, _MOST_RAD = 1e6, 2.0 * math.pi
 """Beyond them a stick is no stick and a camera's pitch no pitch; their products might leave what a float can hold."""
+_SCALARS = {"t_s", "yaw_rad", "reprojection_px"}
+"""Of a pose and an estimate."""
 _POSE_SHAPES = ((3,), (4, 4), (2,))
 """Of a pose's place, covariance and each corner."""
 _MOST_WORDS = 1000
@@ -144,9 +146,10 @@ def _deck(given: DeckSight | None) -> DeckSight | None:
 
 
 def _is_plain(value: object, cls: type) -> bool:
-    """Of the very class, of floats and arrays of floats alone: nothing of it needs another look."""
+    """Of the very class, of floats and arrays of floats alone, each where it belongs: it needs no other look."""
     return type(value) is cls and all(
-        type(part) is float or (type(part) is np.ndarray and part.dtype == np.float64) for part in vars(value).values()
+        type(part) is float or (type(part) is np.ndarray and part.dtype == np.float64 and name not in _SCALARS)
+        for name, part in vars(value).items()
     )
 
 

@@ -309,6 +309,7 @@ MALFORMED_OBSERVATIONS = {
     "a pose in words": replace(LIKE, bar_pose=replace(POSE, position_in_bar_m=np.array(["a", "b", "c"]))),
     "a pose of objects": replace(LIKE, bar_pose=replace(POSE, position_in_bar_m=np.array([None, None, None]))),
     "a heading that is none": replace(LIKE, bar_pose=replace(POSE, yaw_rad=None)),
+    "a heading that is an array": replace(LIKE, bar_pose=replace(POSE, yaw_rad=np.zeros(2))),
     "a covariance of complex numbers": replace(LIKE, bar_pose=replace(POSE, covariance=1j * np.eye(4))),
     "a box that is none": replace(LIKE, bar_box=(1.0, 2.0)),
     "a box of one side": replace(LIKE, ship_box=Box((1.0, 2.0), (3.0,), 0.5)),
