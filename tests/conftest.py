@@ -14,8 +14,6 @@ import pytest
 
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build
-from shipland.missions.campaign import FlightJob, land_once
-from shipland.missions.scenarios import load_scenario
 from shipland.rig import Rig, default_rig, packaged_table
 
 # No deadline: the cores are shared. In CI the examples are fixed, so that a red run can be repeated.
@@ -48,15 +46,6 @@ def _may_choose_its_turn() -> bool:
 
 
 _OWN_TURN = os.getpriority(os.PRIO_PROCESS, 0) if _may_choose_its_turn() else None
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_sessionstart(session):
-    """What flies is compiled once and kept on disk, before workers begin that would each compile it."""
-    if getattr(session.config.option, "numprocesses", None):
-        for loop in ("attitude", "velocity"):
-            scenario = load_scenario("ship-sea6", time_limit_s=2.0, aircraft={"loop": {"kind": loop}})
-            land_once(FlightJob(scenario, "horizon", "geometric", 1))
 
 
 @pytest.hookimpl(tryfirst=True)

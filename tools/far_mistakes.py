@@ -145,9 +145,9 @@ def mistake_of(record: SceneRecord, kind: str, camera: Camera, min_iou: float) -
     """What the far vision did wrong in a scene, in which frame, and the box; nothing, 0 and None where nothing."""
     told = replayed_boxes(record, kind, camera, detector_parameters())
     targets = [target for target, _ in record.believed]
-    for name, contact_imminent in (("false", False), ("loose", True)):
+    for name, touching in (("false", False), ("loose", True)):
         for frame, (box, target) in enumerate(zip(told, targets, strict=True)):
-            if box is not None and not hits(box, target, min_iou) and hits(box, target, TOUCHING) is contact_imminent:
+            if box is not None and not hits(box, target, min_iou) and hits(box, target, TOUCHING) is touching:
                 return name, frame, box
     found = any(box is not None and hits(box, target, min_iou) for box, target in zip(told, targets, strict=True))
     return ("" if record.target is None or found else "missed"), 0, None

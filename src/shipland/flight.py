@@ -40,8 +40,8 @@ class Stage(enum.Enum):
     RECORD = "record"
 
 
-def nobody() -> Override | None:
-    """No one sits at the keys."""
+def no_override() -> Override | None:
+    """Of a flight without keys."""
     return None
 
 
@@ -53,7 +53,7 @@ class Autonomy:
     pilot: Pilot
     safety: Safety
     delays: DelayParameters
-    override: Callable[[], Override | None] = nobody
+    override: Callable[[], Override | None] = no_override
 
 
 @dataclass(frozen=True)

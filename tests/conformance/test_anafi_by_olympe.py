@@ -157,7 +157,7 @@ def test_identify_finds_the_aircrafts_own_constants() -> None:
     records, late_s = random_flight(22.0)
     found = identify(records)
     assert found.level is not None and found.climb is not None and found.turn is not None
-    assert math.degrees(found.level.full) == pytest.approx(15.0, rel=0.1)
+    assert math.degrees(found.level.full) == pytest.approx(15.0, rel=0.05)
     assert found.level.lag_s + found.level.delay_s == pytest.approx(0.15 + late_s, abs=0.04)
     assert found.climb.full == pytest.approx(1.0, rel=0.05)
     assert found.climb.lag_s + found.climb.delay_s == pytest.approx(0.2 + late_s, abs=0.05)

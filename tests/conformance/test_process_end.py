@@ -103,7 +103,7 @@ def over_mavlink(film: Path, tmp_path: Path) -> Iterator[tuple[subprocess.Popen[
         autopilot.close()
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGHUP])  # all of them: tests/unit/test_cli.py
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 def test_mavlink_interrupted_says_hold_and_closes_its_log(
     how: signal.Signals, over_mavlink: tuple[subprocess.Popen[str], StandIn], tmp_path: Path
 ) -> None:
@@ -167,7 +167,7 @@ def over_olympe(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Any]]:
         yield process, aircraft
 
 
-@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_an_anafi_s_sticks_are_released_however_the_process_ends(
     how: signal.Signals, over_olympe: tuple[subprocess.Popen[str], Any], tmp_path: Path
 ) -> None:

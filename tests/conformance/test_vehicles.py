@@ -9,6 +9,7 @@ import pytest
 
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build
+from shipland.frames import wrap_angle
 from shipland.guidance.modes import INTENTS
 from shipland.messages import Frame, Intent, PilotCommand, Telemetry
 from shipland.rig import default_rig, packaged_table
@@ -111,14 +112,14 @@ def cycles(
 
 def flown_until(
     vehicle: Vehicle, reached: Callable[[Telemetry], bool], *sticks: float, intent: Intent = Intent.FLY
-) -> bool:
-    """Whether it comes to that with these sticks; half a second at least, ten or so at most."""
+) -> Telemetry:
+    """With these sticks until it comes to that: half a second at least, ten or so at most; its last telemetry."""
     told = [telemetry for _, telemetry in cycles(vehicle, 15, *sticks, intent=intent)]
     for _ in range(300):
         if reached(told[-1]):
-            return True
+            break
         told = [telemetry for _, telemetry in cycles(vehicle, 1, *sticks, intent=intent)]
-    return False
+    return told[-1]
 
 
 def test_times_run_on_and_frames_and_telemetry_are_sound(make: Made) -> None:
@@ -176,15 +177,16 @@ def test_sticks_mean_forward_right_up_and_clockwise(make: Made) -> None:
             velocity = told.velocity_in_level_mps
             return velocity is None or float(np.linalg.norm(velocity)) < 0.15
 
-        assert flown_until(vehicle, moves, *sticks)
-        assert flown_until(vehicle, stands, 0.0, 0.0, 0.0, 0.0, intent=Intent.HOLD)
+        assert moves(flown_until(vehicle, moves, *sticks))
+        assert stands(flown_until(vehicle, stands, 0.0, 0.0, 0.0, 0.0, intent=Intent.HOLD))
     first = cycles(vehicle, 1, 0.0, 0.0, 0.0, 0.0)[0][1].heading_rad
 
-    def turns(told: Telemetry) -> bool:
+    def turned_rad(told: Telemetry) -> float:
         heading = told.heading_rad
-        return heading is None or first is None or 0.1 < (heading - first) % (2.0 * np.pi) < 2.0
+        return 0.2 if heading is None or first is None else float(wrap_angle(heading - first))
 
-    assert flown_until(vehicle, turns, 0.0, 0.0, 0.0, 50.0)
+    turned = flown_until(vehicle, lambda told: abs(turned_rad(told)) > 0.1, 0.0, 0.0, 0.0, 50.0)
+    assert 0.1 < turned_rad(turned) < 2.0
     vehicle.close()
 
 

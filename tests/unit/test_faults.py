@@ -173,18 +173,19 @@ def test_flow_is_off_in_the_direction_that_is_said(direction, axis):
 
 
 def test_old_pictures_show_what_was_and_are_stamped_as_new():
-    records = flown("old_pictures", size=1.0)[0]
+    # so little that bar and gimbal still agree: else the safety goes around
+    records = flown("old_pictures", size=0.3)[0]
     places_m = {round(it.frame.t_s, 3): it.truth for it in records if it.truth is not None}
     seen = 0
     for record in during(records, 1.0):
-        assert record.telemetry.t_s - record.frame.t_s < 0.9  # by its stamp; a detector takes that long
-        assert record.frame.t_s - record.frame.stamp_s == pytest.approx(1.0, abs=0.04)
+        assert record.telemetry.t_s - record.frame.t_s < 0.4
+        assert record.frame.t_s - record.frame.stamp_s == pytest.approx(0.3, abs=0.04)
         camera = places_m[round(record.frame.stamp_s, 3)]
         shown_m = (camera.ned_from_bar.inverse() @ camera.ned_from_camera).translation_m
         if (pose := record.observation.bar_pose) is not None:
             seen += 1
             assert np.linalg.norm(pose.position_in_bar_m - shown_m) < 0.9  # 1.5 m in that second; the gimbal is today's
-    assert seen > 3  # then the safety goes around: bar and gimbal disagree
+    assert seen > 10
 
 
 @pytest.mark.parametrize(("kind", "goes_on"), [("frozen_barometer", True), ("stale_barometer", False)])

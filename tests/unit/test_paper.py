@@ -49,7 +49,7 @@ def test_a_step_s_figures_of_a_known_curve():
     # outside ±8 px for the last time at the crest of 6 px + 2 px: 78·e^(−t/8) = 6 near t = 20 s
     assert figures.settled_s == pytest.approx(20.5, abs=0.6)
     assert figures.steady_px == pytest.approx(2.0, abs=0.1)
-    assert figures.wave_px < 0.2
+    assert figures.swing_px < 0.2
 
 
 def test_a_swing_that_stays_or_a_ship_out_of_the_picture_never_settles():
@@ -57,7 +57,7 @@ def test_a_swing_that_stays_or_a_ship_out_of_the_picture_never_settles():
     swinging = 80.0 * np.cos(2.0 * np.pi * t_s / 12.0)
     figures = step_figures(t_s, swinging)
     assert math.isnan(figures.settled_s)
-    assert figures.wave_px == pytest.approx(160.0, abs=2.0)
+    assert figures.swing_px == pytest.approx(160.0, abs=2.0)
     lost = np.where(t_s > 70.0, np.nan, 80.0 * np.exp(-t_s))
     assert math.isnan(step_figures(t_s, lost).settled_s)
 

@@ -30,9 +30,8 @@ class See(PictureOptions):
     """TOML with one [[quad]] a quadrilateral, corners_m = [[right, down], …] in metres from the cue's origin, in the
     order top-left, top-right, bottom-right, bottom-left. Before them manufacturing_tolerance, how exactly the cue is
     made: rms error of its corners over its diagonal, 0.005 where the file does not say. A cue that is refused because
-        its corners do not
-    fit its dimensions (manufacturing_tolerance) wants more: 0.01 for tape cut by hand, 0.02 for a film of it; more
-    lets other things
+    its corners do not fit its dimensions (manufacturing_tolerance) wants more: 0.01 for tape cut by hand, 0.02 for a
+    film of it; more lets other things
     pass for the cue. Default: the rig's bar."""
     camera: Path | None = None
     """OpenCV calibration YAML; a line row_time_s in it tells a rolling shutter's time from row to row. Default: the

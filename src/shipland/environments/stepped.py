@@ -52,8 +52,8 @@ class SteppedFlight:
                 stack.callback(scene.close)
             self._simulated = build_vehicle(scenario, seed, scene)
             autonomy = build_autonomy(scenario, self._simulated, pilot, vision, seed)
-            self._vehicle, self._crew = with_faults(scenario, self._simulated, autonomy, seed)
-            undecided = replace(self._crew, pilot=_Undecided(), safety=_Unchecked(self._crew.safety))
+            self._vehicle, self._autonomy = with_faults(scenario, self._simulated, autonomy, seed)
+            undecided = replace(self._autonomy, pilot=_Undecided(), safety=_Unchecked(self._autonomy.safety))
             self._unsent = _Unsent(self._vehicle)
             flight = cycles(self._unsent, undecided, time.perf_counter)
             self._cycles = stack.enter_context(closing(flight))
@@ -66,8 +66,8 @@ class SteppedFlight:
 
     def decide(self, cycle: Cycle) -> Decision:
         """The pilot's decision on the cycle that `advance` gave last, its command checked by the safety and sent."""
-        decision = decide_or_degrade(self._crew, cycle.observation, cycle.telemetry, self._sent)
-        decision = self._crew.safety.check(decision, cycle.observation, cycle.telemetry)
+        decision = decide_or_degrade(self._autonomy, cycle.observation, cycle.telemetry, self._sent)
+        decision = self._autonomy.safety.check(decision, cycle.observation, cycle.telemetry)
         self._sent = decision.command
         ahead_s = self._unsent.due_s - cycle.telemetry.t_s  # what the vehicle's clock has leapt
         self._vehicle.send(replace(self._sent, t_s=self._sent.t_s + ahead_s))

@@ -109,7 +109,7 @@ def identified(path: Path, assumed: Response) -> Response:
 
 
 class SceneFromTruth:
-    """Scenes of a witness that is no simulator of ours: the hull is taken for level."""
+    """Scenes of a ground truth source that is no simulator of ours: the hull is taken for level."""
 
     def __init__(self, truth_source: GroundTruthSource) -> None:
         self._truth_source = truth_source

@@ -23,7 +23,7 @@ import numpy as np
 from shipland.config import build
 from shipland.errors import DataError
 from shipland.files import json_of
-from shipland.former import FORMER
+from shipland.former import todays
 from shipland.record.descriptions import descriptions
 
 T = TypeVar("T")
@@ -169,8 +169,7 @@ def _read(row: Row, part: _Part) -> Any:  # noqa: ANN401
     if value is None and part.optional:
         return None
     if isinstance(part.kind, type) and issubclass(part.kind, enum.Enum):
-        name = str(value)
-        return part.kind[FORMER.get(name, name)]
+        return part.kind[todays(value)]
     item = _item(part)
     if item is not None:
         return tuple(build(item, each, part.column) for each in json_of(value))

@@ -86,14 +86,14 @@ class StepFigures:
         step_px: error at the start.
         overshoot_px: largest error on the other side.
         settled_s: from when on the error stays within `SETTLED_SHARE` of the step; NaN when it does not.
-        steady_px, wave_px: mean, and highest minus lowest, over the last `LATE_S`.
+        steady_px, swing_px: mean, and highest minus lowest, over the last `LATE_S`.
     """
 
     step_px: float
     overshoot_px: float
     settled_s: float
     steady_px: float
-    wave_px: float
+    swing_px: float
 
 
 def step_figures(t_s: Array, error_px: Array) -> StepFigures:
@@ -112,7 +112,7 @@ def step_figures(t_s: Array, error_px: Array) -> StepFigures:
         overshoot_px=max(0.0, float(np.nanmax(-side * error_px))),
         settled_s=settled_s if settled_s <= t_s[-1] - LATE_S else math.nan,
         steady_px=float(np.mean(late)) if len(late) else math.nan,
-        wave_px=float(np.ptp(late)) if len(late) else math.nan,
+        swing_px=float(np.ptp(late)) if len(late) else math.nan,
     )
 
 

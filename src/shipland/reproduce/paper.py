@@ -131,7 +131,7 @@ def _step_cells(figures: StepFigures) -> list[str]:
     share = 100.0 * figures.overshoot_px / abs(figures.step_px)
     settled = "–" if math.isnan(figures.settled_s) else f"{figures.settled_s:.0f}"
     return [
-        f"{figures.overshoot_px:.0f}", f"{share:.0f}", settled, f"{figures.steady_px:+.1f}", f"{figures.wave_px:.0f}"
+        f"{figures.overshoot_px:.0f}", f"{share:.0f}", settled, f"{figures.steady_px:+.1f}", f"{figures.swing_px:.0f}"
     ]  # fmt: skip
 
 

@@ -136,10 +136,8 @@ class Safety:
             decision = _by_hand(decision, override, telemetry.t_s, self._last)
         command, notes = self._sound(decision.command, telemetry.t_s)
         look = self._look(command, telemetry)
-        if override is not None:
-            self._switch = Switch()
-        else:
-            self._switch = next_switch(self._switch, look, findings(look), self._parameters.recovery)
+        after = next_switch(self._switch, look, findings(look), self._parameters.recovery)
+        self._switch = after if override is None else Switch()
         recovery, mode = self._switch.recovery, decision.mode
         if recovery is not None:
             estimate, limits = self._estimate, self._parameters.recovery
@@ -171,9 +169,7 @@ class Safety:
         """The pilot's command at this time, or a hold where it is no number or flown on data that is too old."""
         command, notes = replace(command, t_s=t_s), list[str]()
         if not all(map(math.isfinite, (*_sticks(command), command.gimbal_pitch_rad))):
-            before_rad = 0.0 if self._last is None else self._last.gimbal_pitch_rad
-            gimbal_rad = command.gimbal_pitch_rad if math.isfinite(command.gimbal_pitch_rad) else before_rad
-            command, notes = PilotCommand.hold(t_s, gimbal_rad), ["command not finite: hold"]
+            command, notes = PilotCommand.hold(t_s, _gimbal_rad(command, self._last)), ["command not finite: hold"]
         stale_s = t_s - self._estimate.seen_s
         if command.intent is Intent.FLY and stale_s > self._parameters.stale_s and any(_sticks(command)):
             command = PilotCommand.hold(t_s, command.gimbal_pitch_rad)
@@ -219,13 +215,13 @@ class Safety:
         elif command.heave_percent < 0.0:
             if command.intent is Intent.LAND and self._over_deck(t_s):
                 return command
-            final_descent_offset_m = _LOOK_AHEAD_S * estimate.sink_mps
+            sink_m = _LOOK_AHEAD_S * estimate.sink_mps
             if over_deck_m is not None:
-                if over_deck_m - final_descent_offset_m >= limits.floor_m:
+                if over_deck_m - sink_m >= limits.floor_m:
                     return command
                 notes.append(f"floor: {over_deck_m:.2f} m over the deck")
             elif height_m is not None:
-                if height_m - final_descent_offset_m >= limits.floor_height_m:
+                if height_m - sink_m >= limits.floor_height_m:
                     return command
                 notes.append(f"floor: {height_m:.2f} m over the take-off point")
             else:
@@ -265,11 +261,16 @@ class Safety:
         return PilotCommand(command.t_s, pitch, roll, heave, yaw, command.gimbal_pitch_rad, command.intent)
 
 
+def _gimbal_rad(command: PilotCommand, last: PilotCommand | None) -> float:
+    """The camera pitch asked for [rad]; where that is no number, the last one that was sent."""
+    if math.isfinite(command.gimbal_pitch_rad):
+        return command.gimbal_pitch_rad
+    return 0.0 if last is None else last.gimbal_pitch_rad
+
+
 def _by_hand(decision: Decision, override: Override, t_s: float, last: PilotCommand | None) -> Decision:
     """What a person asks for in place of a decision; the camera looks where the pilot wants it."""
-    gimbal_rad = decision.command.gimbal_pitch_rad
-    if not math.isfinite(gimbal_rad):
-        gimbal_rad = 0.0 if last is None else last.gimbal_pitch_rad
+    gimbal_rad = _gimbal_rad(decision.command, last)
     command, mode = PilotCommand.hold(t_s, gimbal_rad), decision.mode
     if override is Override.CLIMB:
         command, mode = replace(command, heave_percent=_BY_HAND_PERCENT, intent=Intent.GO_AROUND), Mode.GO_AROUND

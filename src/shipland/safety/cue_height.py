@@ -47,7 +47,7 @@ class CueHeight:
     Attributes:
         parameters: the bounds.
         least_drop_m: how far below the cue its nearest mirror image hangs; 0 for a cue that has an up.
-        position_std_max_m: height of the cue over the take-off point; None while nothing has told it.
+        height_m: height of the cue over the take-off point; None while nothing has told it.
         pose_s: exposure of the last pose that was believed.
         doubted_s: exposure since which first poses have been refused; None for none.
         heights: newest readings of the barometer, (time [s], height over the take-off point [m]).
@@ -55,7 +55,7 @@ class CueHeight:
 
     parameters: CueHeightParameters
     least_drop_m: float
-    position_std_max_m: float | None = None
+    height_m: float | None = None
     pose_s: float = -math.inf
     doubted_s: float | None = None
     heights: tuple[tuple[float, float], ...] = ()
@@ -63,8 +63,8 @@ class CueHeight:
     @staticmethod
     def of(parameters: CueHeightParameters, rig: Rig) -> CueHeight:
         """At the start of a flight to this ship. The nearest mirror is the deck."""
-        final_descent_offset_m = 2.0 * (rig.bar_height_m - rig.deck_height_m) if rig.target.mirrors_itself else 0.0
-        return CueHeight(parameters, max(final_descent_offset_m, 0.0), parameters.over_takeoff_m)
+        drop_m = 2.0 * (rig.bar_height_m - rig.deck_height_m) if rig.target.mirrors_itself else 0.0
+        return CueHeight(parameters, max(drop_m, 0.0), parameters.over_takeoff_m)
 
     def with_height(self, telemetry: Telemetry) -> CueHeight:
         """After a reading of the barometer."""
@@ -89,19 +89,15 @@ class CueHeight:
             return replace(self, pose_s=t_s, doubted_s=None), observation
         cue_m = height_m + float(pose.position_in_bar_m[2])
         first = not 0.0 <= t_s - self.pose_s <= self.parameters.gap_s
-        if first and self.position_std_max_m is not None:
+        if first and self.height_m is not None:
             doubted_s = t_s if self.doubted_s is None else self.doubted_s
             unsure_m = min(_SIGMAS * math.sqrt(max(float(pose.covariance[2, 2]), 0.0)), 0.25 * self.least_drop_m)
-            low_m = self.position_std_max_m - cue_m
+            low_m = self.height_m - cue_m
             if low_m > 0.5 * self.least_drop_m + unsure_m and t_s - doubted_s <= self.parameters.patience_s:
                 reason = f"pose refused: the cue hangs {low_m:.1f} m too low, as its mirror image does"
                 return replace(self, doubted_s=doubted_s), replace(observation, bar_pose=None, reason=reason)
-        position_std_max_m = (
-            cue_m
-            if self.position_std_max_m is None
-            else self.position_std_max_m + self.parameters.share * (cue_m - self.position_std_max_m)
-        )
-        return replace(self, position_std_max_m=position_std_max_m, pose_s=t_s, doubted_s=None), observation
+        height_m = cue_m if self.height_m is None else self.height_m + self.parameters.share * (cue_m - self.height_m)
+        return replace(self, height_m=height_m, pose_s=t_s, doubted_s=None), observation
 
     def _height_at(self, t_s: float) -> float | None:
         """Over the take-off point at an exposure, between readings; None where none is near."""

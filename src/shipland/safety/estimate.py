@@ -282,9 +282,9 @@ class SafetyEstimator:
     def _with_pose(self, estimate: SafetyEstimate, pose: BarPose, exposure_s: float) -> SafetyEstimate:
         bar_from_level = rotation_from_euler(0.0, 0.0, pose.yaw_rad)
         place_m = pose.position_in_bar_m - bar_from_level @ self._camera_in_body_m
-        deck_height_m, leap_m, position_std_max_m = estimate.deck_height_m, 0.0, estimate.height_m
-        if position_std_max_m is not None:
-            seen_m = position_std_max_m - (self._deck_down_m - float(place_m[2]))
+        deck_height_m, leap_m, height_m = estimate.deck_height_m, 0.0, estimate.height_m
+        if height_m is not None:
+            seen_m = height_m - (self._deck_down_m - float(place_m[2]))
             deck_height_m = seen_m if deck_height_m is None else deck_height_m
             leap_m = seen_m - deck_height_m
             deck_height_m += _DECK_SHARE * leap_m

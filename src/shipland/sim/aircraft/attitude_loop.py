@@ -106,10 +106,10 @@ class WindTrim:
         )
 
 
-def tilt_of(wind_mps2: Pair, lift_mps2: float, heading_rad: float) -> tuple[float, float]:
+def tilt_of(push_mps2: Pair, lift_mps2: float, heading_rad: float) -> tuple[float, float]:
     """Roll and pitch [rad] that give a push (north, east) beside a lift."""
     c, s = math.cos(heading_rad), math.sin(heading_rad)
-    forward = c * wind_mps2[0] + s * wind_mps2[1]
-    right = c * wind_mps2[1] - s * wind_mps2[0]
+    forward = c * push_mps2[0] + s * push_mps2[1]
+    right = c * push_mps2[1] - s * push_mps2[0]
     pitch = -math.atan2(forward, lift_mps2)
     return math.atan2(right * math.cos(pitch), lift_mps2), pitch

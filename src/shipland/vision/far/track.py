@@ -87,10 +87,10 @@ class Track:
 
     def takes(self, box: Box, frame: Frame, predicted_px: Array, parameters: DetectorParameters) -> bool:
         """Whether a box of `frame` can be this target: near the prediction, and of like size."""
-        edge_bias = max(box.size_px) / float(self.size_px.max())
+        growth = max(box.size_px) / float(self.size_px.max())
         return (
             float(np.hypot(*(np.array(box.centre_px) - predicted_px))) <= self.reach_px(frame, parameters)
-            and 1.0 / parameters.gate_growth <= edge_bias <= parameters.gate_growth
+            and 1.0 / parameters.gate_growth <= growth <= parameters.gate_growth
         )
 
     def hit(
