@@ -68,14 +68,14 @@ def hover_m(case: Case, horizon: HorizonParameters, response: Response, delay_s:
     noise = replace(horizon.horizontal_at(case.gust_mps2), gust_mps2=case.gust_mps2)
     wave = WaveMotion(case.wave_m, 2.1, horizon.wave.damping, True, case.deck)
     model = Model(1, motion_of(response), noise, wave)
-    belief = model.start(0.0, np.zeros(1), 0.01 * np.eye(1), 0.5)
+    estimate = model.start(0.0, np.zeros(1), 0.01 * np.eye(1), 0.5)
     for index in range(900):
-        belief = model.predicted(belief, STEP_MS, np.zeros(model.motion.inputs))
-        belief = updated(belief, model.seen(belief), np.zeros(1), PLACE_M**2 * np.eye(1)).belief
+        estimate = model.predicted(estimate, STEP_MS, np.zeros(model.motion.inputs))
+        estimate = updated(estimate, model.seen(estimate), np.zeros(1), PLACE_M**2 * np.eye(1)).estimate
         if index % VELOCITY_EVERY == 0:
-            velocity = model.velocity(belief, 0.5, horizon.delayed.flow_settle_s)
-            belief = updated(belief, velocity, np.zeros(1), horizon.measured.velocity_mps**2 * np.eye(1)).belief
-    error = model.predicted(belief, round(1e3 * delay_s), np.zeros(model.motion.inputs)).covariance
+            velocity = model.velocity(estimate, 0.5, horizon.delayed.flow_settle_s)
+            estimate = updated(estimate, velocity, np.zeros(1), horizon.measured.velocity_mps**2 * np.eye(1)).estimate
+    error = model.predicted(estimate, round(1e3 * delay_s), np.zeros(model.motion.inputs)).covariance
     transition, inputs, spread = model.step(STEP_MS)
     weights = replace(horizon.weights, **FREE) if free else horizon.weights
     closed = np.eye(STATES + 1)

@@ -72,35 +72,35 @@ def test_velocity_between_pictures_counts_once_and_at_its_time():
     again = later.predict(1.0, inputs)
     np.testing.assert_allclose(before.mean, again.mean)
     later.update_pose(1.0, np.zeros(2), 1e-4 * np.eye(2), inputs)
-    np.testing.assert_allclose(now.belief.mean, later.belief.mean, atol=1e-12)
+    np.testing.assert_allclose(now.estimate.mean, later.estimate.mean, atol=1e-12)
     assert abs(before.of(VELOCITY)[0]) > 0.01
 
 
 def test_a_picture_from_the_past_or_astray_changes_nothing():
     late, inputs = _filter(), Inputs(2)
     late.start(1.0, np.zeros(2), 1e-4 * np.eye(2), 0.1)
-    belief = late.belief
+    estimate = late.estimate
     assert not late.update_pose(0.5, np.zeros(2), 1e-4 * np.eye(2), inputs)
-    assert late.belief is belief
+    assert late.estimate is estimate
     assert not late.update_pose(1.1, np.array([math.nan, 0.0]), 1e-4 * np.eye(2), inputs)
     assert not late.update_pose(1.2, np.array([9.0, 0.0]), 1e-4 * np.eye(2), inputs)
     assert late.refused == 2
-    assert np.isfinite(late.belief.mean).all()
+    assert np.isfinite(late.estimate.mean).all()
 
 
 def test_without_pictures_it_follows():
     late, inputs = _filter(), Inputs(2)
     late.start(0.0, np.zeros(2), 1e-4 * np.eye(2), 0.1)
     late.follow(5.0, inputs)
-    assert late.belief.t_s == pytest.approx(4.4, abs=0.002)
-    assert late.belief.covariance[0, 0] > 0.1
+    assert late.estimate.t_s == pytest.approx(4.4, abs=0.002)
+    assert late.estimate.covariance[0, 0] > 0.1
 
 
 @pytest.mark.parametrize("first_mps", [0.1, 3.0])
 def test_velocities_that_err_are_soon_taken_for_what_they_are(first_mps):
     """At rest and seen so; readings err by 0.2 m/s, ten times the least: from the third on none is refused as astray.
 
-    An uncertain first belief expects larger innovations than come, by more than any velocity errs.
+    An uncertain first estimate expects larger innovations than come, by more than any velocity errs.
     """
     late, inputs, steps_mps = _filter(), Inputs(2), []
     late.start(0.0, np.zeros(2), 1e-4 * np.eye(2), first_mps)

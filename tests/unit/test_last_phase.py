@@ -134,7 +134,7 @@ def test_the_estimator_is_the_pilots(setup, rng):
             reading_s = picture_s + ahead_by * h
             if (cycle + ahead_by) % every == 0 and reading_s <= now_s - 0.1:
                 theirs.update_velocity(reading_s, np.array([speed(reading_s)]), 1.0)
-        if theirs.belief is None:
+        if theirs.estimate is None:
             theirs.start(picture_s, np.array([measured]), covariance, 1.5)
         else:
             theirs.update_pose(picture_s, np.array([measured]), covariance, inputs)

@@ -57,8 +57,8 @@ def test_the_swing_keeps_its_deviation():
 
 def test_a_velocity_loop_settles_at_its_set_point_over_its_own_reference():
     model = Model(1, SERVO, NOISE, SWING_OF_SHIP)
-    belief = model.start(0.0, np.zeros(1), np.eye(1), 1.0)
-    mean = belief.mean.copy()
+    estimate = model.start(0.0, np.zeros(1), np.eye(1), 1.0)
+    mean = estimate.mean.copy()
     mean[VELOCITY_BIAS] = 2.0  # the ship makes 2 m/s of way
     transition, push, _ = model.step(10_000)
     after = transition @ mean + push @ np.array([3.0])
@@ -66,28 +66,28 @@ def test_a_velocity_loop_settles_at_its_set_point_over_its_own_reference():
 
 
 def _flight(rng, model, velocity, steps=400):
-    """A drawn truth of the model's own kind and the belief that follows it; NEES of the place and NIS."""
+    """A drawn truth of the model's own kind and the estimate that follows it; NEES of the place and NIS."""
     size = STATES * model.axes
     start = model.start(0.0, np.zeros(model.axes), 0.01 * np.eye(model.axes), 0.5)
     truth = start.mean + np.linalg.cholesky(start.covariance + 1e-12 * np.eye(size)) @ rng.standard_normal(size)
-    belief, normalised = start, []
+    estimate, normalised = start, []
     transition, inputs, noise = model.step(33)
     root = np.linalg.cholesky(noise + 1e-12 * np.eye(size))
     for step in range(steps):
         given = 0.5 * np.sin(0.1 * step) * np.ones(model.axes)
         truth = transition @ truth + inputs @ given + root @ rng.standard_normal(size)
-        belief = model.predicted(belief, 33, given)
-        expected, jacobian = model.pose(belief)
+        estimate = model.predicted(estimate, 33, given)
+        expected, jacobian = model.pose(estimate)
         measured = jacobian @ truth + 0.01 * rng.standard_normal(model.axes)
-        taken = updated(belief, (expected, jacobian), measured, 1e-4 * np.eye(model.axes))
-        belief = taken.belief
+        taken = updated(estimate, (expected, jacobian), measured, 1e-4 * np.eye(model.axes))
+        estimate = taken.estimate
         normalised.append(taken.normalised)
         if velocity and step % 6 == 0:
-            expected = model.velocity(belief)
+            expected = model.velocity(estimate)
             measured = expected[1] @ truth + 0.05 * rng.standard_normal(model.axes)
-            belief = updated(belief, expected, measured, 0.05**2 * np.eye(model.axes)).belief
-    error = (belief.mean - truth)[KNOWN]
-    return float(error @ np.linalg.solve(belief.covariance[np.ix_(KNOWN, KNOWN)], error)), float(np.mean(normalised))
+            estimate = updated(estimate, expected, measured, 0.05**2 * np.eye(model.axes)).estimate
+    error = (estimate.mean - truth)[KNOWN]
+    return float(error @ np.linalg.solve(estimate.covariance[np.ix_(KNOWN, KNOWN)], error)), float(np.mean(normalised))
 
 
 @pytest.mark.parametrize("velocity", [False, True])
@@ -104,9 +104,9 @@ def test_errors_are_as_large_as_the_covariance_says(motion, velocity):
 def test_seen_has_the_jacobian_of_its_value():
     model = Model(2, TILT, NOISE, SWING_OF_SHIP)
     rng = np.random.default_rng(2)
-    belief = model.start(0.0, np.ones(2), np.eye(2), 1.0)
-    mean = rng.standard_normal(len(belief.mean))
-    at = lambda m: model.pose(type(belief)(0.0, m, belief.covariance))  # noqa: E731
+    estimate = model.start(0.0, np.ones(2), np.eye(2), 1.0)
+    mean = rng.standard_normal(len(estimate.mean))
+    at = lambda m: model.pose(type(estimate)(0.0, m, estimate.covariance))  # noqa: E731
     value, jacobian = at(mean)
     for index in range(len(mean)):
         step = np.zeros(len(mean))
@@ -117,18 +117,18 @@ def test_seen_has_the_jacobian_of_its_value():
 def test_what_a_flow_over_a_ship_tells_follows_the_ship_late():
     model, settle_s, w = Model(1, TILT, NOISE, WaveMotion(0.12, 1.8, 0.1)), 0.3, 1.8
     fused = solve_ivp(lambda t, x: (-0.1 * w * np.sin(w * t) - x) / settle_s, (0.0, 20.0), [0.0], rtol=1e-9).y[0, -1]
-    belief = model.start(20.0, np.zeros(1), np.eye(1), 0.1)
-    belief.mean[[VELOCITY, WAVE, WAVE_RATE]] = 0.7, 0.1 * math.cos(w * 20.0), -0.1 * w * math.sin(w * 20.0)
-    assert model.velocity(belief, 1.0, settle_s)[0] == pytest.approx(0.7 - fused, abs=1e-4)
+    estimate = model.start(20.0, np.zeros(1), np.eye(1), 0.1)
+    estimate.mean[[VELOCITY, WAVE, WAVE_RATE]] = 0.7, 0.1 * math.cos(w * 20.0), -0.1 * w * math.sin(w * 20.0)
+    assert model.velocity(estimate, 1.0, settle_s)[0] == pytest.approx(0.7 - fused, abs=1e-4)
 
 
 def test_a_flow_over_a_ship_sees_the_deck_which_swings_less_than_the_bar():
     told_mps = {}
     for followed in (1.0, 0.5):
         model = Model(1, TILT, NOISE, WaveMotion(0.12, 1.8, 0.1, followed=followed))
-        belief = model.start(0.0, np.zeros(1), np.eye(1), 0.1)
-        belief.mean[[VELOCITY, WAVE_RATE]] = 0.7, 0.2
-        told_mps[followed] = model.velocity(belief, 1.0)[0][0]
+        estimate = model.start(0.0, np.zeros(1), np.eye(1), 0.1)
+        estimate.mean[[VELOCITY, WAVE_RATE]] = 0.7, 0.2
+        told_mps[followed] = model.velocity(estimate, 1.0)[0][0]
     assert told_mps == pytest.approx({1.0: 0.5, 0.5: 0.6})
 
 
@@ -145,33 +145,33 @@ def test_an_autopilot_on_optical_flow_is_carried_along_by_the_ship():
 
 def test_what_is_not_finite_or_astray_is_refused():
     model = Model(2, TILT, NOISE, SWING_OF_SHIP)
-    belief = model.start(0.0, np.zeros(2), 0.01 * np.eye(2), 0.1)
+    estimate = model.start(0.0, np.zeros(2), 0.01 * np.eye(2), 0.1)
     for measured in (np.array([math.nan, 0.0]), np.array([math.inf, 0.0]), np.array([50.0, 0.0])):
-        taken = updated(belief, model.pose(belief), measured, 1e-4 * np.eye(2), gate=30.0)
+        taken = updated(estimate, model.pose(estimate), measured, 1e-4 * np.eye(2), gate=30.0)
         assert not taken.accepted
-        assert taken.belief is belief
+        assert taken.estimate is estimate
 
 
 def test_a_steady_push_is_learned():
     model = Model(1, TILT, NOISE, WaveMotion(1e-3, 1.8, 0.1))
-    truth, belief = np.zeros(STATES), model.start(0.0, np.zeros(1), 1e-4 * np.eye(1), 0.1)
+    truth, estimate = np.zeros(STATES), model.start(0.0, np.zeros(1), 1e-4 * np.eye(1), 0.1)
     truth[WIND] = 1.2
     matrix = model.step(33)[0].copy()
     matrix[WIND, WIND] = 1.0
     for _ in range(200):
         truth = matrix @ truth
-        belief = model.predicted(belief, 33, np.zeros(1))
-        belief = updated(belief, model.pose(belief), truth[:1], 1e-4 * np.eye(1)).belief
-    pushed = float(belief.of(WIND)[0] + belief.mean[WIND - 1])
+        estimate = model.predicted(estimate, 33, np.zeros(1))
+        estimate = updated(estimate, model.pose(estimate), truth[:1], 1e-4 * np.eye(1)).estimate
+    pushed = float(estimate.of(WIND)[0] + estimate.mean[WIND - 1])
     assert pushed == pytest.approx(1.2, abs=0.1)
 
 
 def test_a_model_of_another_swing_keeps_the_offset():
     still = Model(1, TILT, NOISE, WaveMotion(0.003, 1.8, 0.1, bar_moves=False))
     ship = Model(1, TILT, NOISE, SWING_OF_SHIP)
-    belief = still.start(0.0, np.array([0.4]), 1e-4 * np.eye(1), 0.1)
-    adopted = ship.adopted(belief, still.wave)
-    assert still.pose(belief)[0] == pytest.approx(ship.pose(adopted)[0])
+    estimate = still.start(0.0, np.array([0.4]), 1e-4 * np.eye(1), 0.1)
+    adopted = ship.adopted(estimate, still.wave)
+    assert still.pose(estimate)[0] == pytest.approx(ship.pose(adopted)[0])
     shown = ship.pose(adopted)[1]
     # What is seen is as certain as before, where the bar's mean is has become uncertain.
     assert (shown @ adopted.covariance @ shown.T)[0, 0] == pytest.approx(1e-4, rel=0.2)
@@ -184,12 +184,12 @@ def test_a_deck_below_a_still_bar_takes_the_flow_that_pictures_deny():
     none = Model(1, TILT, NOISE, WaveMotion(0.003, 1.8, 0.2, bar_moves=False))
     speeds = []
     for model in (deck, none):
-        belief = model.start(0.0, np.zeros(1), 1e-6 * np.eye(1), 0.1)
+        estimate = model.start(0.0, np.zeros(1), 1e-6 * np.eye(1), 0.1)
         for step in range(60):
-            belief = model.predicted(belief, 33, np.zeros(1))
-            belief = updated(belief, model.pose(belief), np.zeros(1), 1e-5 * np.eye(1)).belief
+            estimate = model.predicted(estimate, 33, np.zeros(1))
+            estimate = updated(estimate, model.pose(estimate), np.zeros(1), 1e-5 * np.eye(1)).estimate
             if step % 6 == 0:
-                flow = model.velocity(belief, over_ship=1.0)
-                belief = updated(belief, flow, np.array([0.3]), 0.05**2 * np.eye(1)).belief
-        speeds.append(belief.of(VELOCITY)[0])
+                flow = model.velocity(estimate, over_ship=1.0)
+                estimate = updated(estimate, flow, np.array([0.3]), 0.05**2 * np.eye(1)).estimate
+        speeds.append(estimate.of(VELOCITY)[0])
     assert abs(speeds[0]) < 0.5 * abs(speeds[1])

@@ -102,8 +102,8 @@ def test_the_filter_tells_the_decks_swing_from_its_own_way():
     for k in range(30, 45):
         swung_m = np.array([0.0, 0.08])
         assert late.update_deck(STEP_S * k, -swung_m, sure, inputs)  # as if the aircraft were 8 cm to port
-    assert late.belief.of(POSITION) == pytest.approx([0.0, 0.0], abs=0.015)
-    assert late.belief.of(WAVE) == pytest.approx([0.0, 0.08], abs=0.015)
+    assert late.estimate.of(POSITION) == pytest.approx([0.0, 0.0], abs=0.015)
+    assert late.estimate.of(WAVE) == pytest.approx([0.0, 0.08], abs=0.015)
 
 
 def test_the_safety_takes_a_sight_of_the_deck_for_a_place():

@@ -17,16 +17,16 @@ BANK = WaveBank(PARAMETERS)
 def _believed(heave_at, seconds=20.0, seed=0):
     """The hypothesis after a hover under a heaving bar; the aircraft strays by itself, and says how fast."""
     rng, down_m, drift = np.random.default_rng(seed), -1.5, 0.0
-    belief = BANK.start(0.0, down_m - heave_at(0.0))
+    estimate = BANK.start(0.0, down_m - heave_at(0.0))
     for k in range(1, round(30 * seconds)):
         drift += (-drift / 0.7) / 30.0 + 0.05 * rng.standard_normal() * math.sqrt(2.0 / 0.7 / 30.0)
         down_m += drift / 30.0
-        belief = BANK.update_pose(
-            belief, k / 30.0, 0.0, down_m - heave_at(k / 30.0) + 0.003 * rng.standard_normal(), 1e-5
+        estimate = BANK.update_pose(
+            estimate, k / 30.0, 0.0, down_m - heave_at(k / 30.0) + 0.003 * rng.standard_normal(), 1e-5
         )
         if k % 6 == 0:
-            belief = BANK.update_velocity(belief, drift + 0.02 * rng.standard_normal(), 0.05)
-    return BANK.hypotheses[belief.chosen]
+            estimate = BANK.update_velocity(estimate, drift + 0.02 * rng.standard_normal(), 0.05)
+    return BANK.hypotheses[estimate.chosen]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -42,18 +42,18 @@ def test_a_heaving_bar_is_found(amplitude_m, frequency_rad_s):
 
 
 def test_what_is_not_finite_changes_nothing():
-    belief = BANK.start(0.0, -1.5)
-    assert BANK.update_pose(belief, 0.1, 0.0, math.nan, 1e-4) is belief
-    assert BANK.update_pose(belief, 0.1, math.inf, -1.5, 1e-4) is belief
-    assert BANK.update_velocity(belief, math.nan, 0.05) is belief
+    estimate = BANK.start(0.0, -1.5)
+    assert BANK.update_pose(estimate, 0.1, 0.0, math.nan, 1e-4) is estimate
+    assert BANK.update_pose(estimate, 0.1, math.inf, -1.5, 1e-4) is estimate
+    assert BANK.update_velocity(estimate, math.nan, 0.05) is estimate
 
 
 @pytest.mark.parametrize(("behind", "quick"), [(0.8, True), (1.2, False)])
 def test_a_quick_swing_a_little_behind_is_taken_before_a_bar_at_rest(behind, quick):
-    belief = BANK.start(0.0, -1.5)
+    estimate = BANK.start(0.0, -1.5)
     rates = [it.frequency_rad_s for it in BANK.hypotheses[1:]]
     small_and_quick = 1 + rates.index(max(rates))
     score = np.full(len(BANK.hypotheses), -50.0)
     score[[0, small_and_quick, PARAMETERS.first]] = 0.0, -behind, -10.0
-    taken = BANK.update_pose(replace(belief, score=score), 1e-3, 0.0, -1.5, 1e-4)
+    taken = BANK.update_pose(replace(estimate, score=score), 1e-3, 0.0, -1.5, 1e-4)
     assert taken.chosen == (small_and_quick if quick else 0)

@@ -37,12 +37,12 @@ def test_only_a_bar_that_swings_is_followed_and_not_all_the_way(bar_moves, aimed
 @pytest.mark.parametrize("along_rad", [0.0, 0.7])
 def test_a_ship_sways_more_than_it_surges_whatever_its_heading(along_rad):
     model = Model(2, AxisModel(0.06, 0.4), NOISE, SHIP, Spread(0.25, 1.0, along_rad))
-    belief = model.start(0.0, np.zeros(2), np.eye(2), 0.5)
-    ahead, aside = np.zeros((2, len(belief.mean)))
+    estimate = model.start(0.0, np.zeros(2), np.eye(2), 0.5)
+    ahead, aside = np.zeros((2, len(estimate.mean)))
     ahead[[WAVE, STATES + WAVE]] = np.cos(along_rad), np.sin(along_rad)
     aside[[WAVE, STATES + WAVE]] = -np.sin(along_rad), np.cos(along_rad)
     for _ in range(3):
-        assert ahead @ belief.covariance @ ahead == pytest.approx((0.25 * 0.12) ** 2)
-        assert aside @ belief.covariance @ aside == pytest.approx(0.12**2)
-        assert ahead @ belief.covariance @ aside == pytest.approx(0.0, abs=1e-12)
-        belief = model.predicted(belief, 700, np.zeros(2))
+        assert ahead @ estimate.covariance @ ahead == pytest.approx((0.25 * 0.12) ** 2)
+        assert aside @ estimate.covariance @ aside == pytest.approx(0.12**2)
+        assert ahead @ estimate.covariance @ aside == pytest.approx(0.0, abs=1e-12)
+        estimate = model.predicted(estimate, 700, np.zeros(2))

@@ -1,6 +1,6 @@
-"""A filter for late pictures: the belief stands at the newest picture, and what came since is replayed over it.
+"""A filter for late pictures: the estimate stands at the newest picture, and what came since is replayed over it.
 
-Pictures are the oldest news of all, so the belief never has to be taken back: velocity that is younger than the newest
+Pictures are the oldest news of all, so the estimate is never taken back: velocity that is younger than the newest
 picture waits, is used to look ahead, and enters for good when a younger picture comes.
 """
 
@@ -27,7 +27,7 @@ from shipland.frames import Array
 
 _KEPT_S = 4.0
 _LATE_S = 0.1
-"""A velocity may be this much older than the belief."""
+"""A velocity may be this much older than the estimate."""
 _LEARNED = 0.08
 """Share with which a velocity changes what its errors are taken for: two seconds of 5 Hz."""
 _ROWS = 512
@@ -78,7 +78,7 @@ class DelayedParameters:
         velocity_most_mps: the most that it is then learned to be.
         velocity_repeats: readings err alike; so many times the variance seen is what one is given.
         flow_settle_s: time in which the vehicle's fusion follows the motion of what its optical flow sees.
-        lag_s: without pictures the belief follows at most this far behind.
+        lag_s: without pictures the estimate follows at most this far behind.
     """
 
     velocity_gate: float
@@ -113,7 +113,7 @@ class DelayedFilter:
 
     def __init__(self, model: Model, parameters: DelayedParameters, velocity_least_mps: float) -> None:
         self.model, self._parameters, self._velocity_least_mps = model, parameters, velocity_least_mps
-        self.belief: GaussianState | None = None
+        self.estimate: GaussianState | None = None
         self.normalised = 1.0
         """Of the newest picture."""
         self._velocities: list[_Velocity] = []
@@ -124,21 +124,21 @@ class DelayedFilter:
 
     def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float, way_mps: float = 0.0) -> None:
         """Begin at a place, as `Model.start` does."""
-        self.belief = self.model.start(t_s, place_m, covariance_m2, speed_mps, way_mps)
+        self.estimate = self.model.start(t_s, place_m, covariance_m2, speed_mps, way_mps)
         self._refused = 0
 
     def copy(self) -> DelayedFilter:
-        """Another of the same belief."""
+        """Another of the same estimate."""
         other = DelayedFilter(self.model, self._parameters, self._velocity_least_mps)
-        other.belief, other.normalised = self.belief, self.normalised
+        other.estimate, other.normalised = self.estimate, self.normalised
         other._velocities, other._velocity_variance = list(self._velocities), self._velocity_variance
         return other
 
     def adopt(self, model: Model) -> None:
         """Go on with a model of other waves."""
         before, self.model = self.model.wave, model
-        if self.belief is not None:
-            self.belief = model.adopted(self.belief, before)
+        if self.estimate is not None:
+            self.estimate = model.adopted(self.estimate, before)
 
     def update_velocity(self, t_s: float, measured_mps: Array, over_ship: float = 0.0) -> None:
         """The vehicle's own velocity (axes,), true at `t_s`; `over_ship` as in `Model.velocity`."""
@@ -149,7 +149,7 @@ class DelayedFilter:
         self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0
     ) -> bool:
         """A picture's place (axes,) of its exposure; False where it was refused as astray, or is too old."""
-        if self.belief is None or t_s < self.belief.t_s - 1e-3:
+        if self.estimate is None or t_s < self.estimate.t_s - 1e-3:
             return False
         self.normalised = self._pictured(
             t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.wave.observed_share
@@ -162,7 +162,7 @@ class DelayedFilter:
         self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0
     ) -> bool:
         """The place (axes,) by a picture of the deck, as if the deck lay at its mean place; False as for a picture."""
-        if self.belief is None or t_s < self.belief.t_s - 1e-3:
+        if self.estimate is None or t_s < self.estimate.t_s - 1e-3:
             return False
         normalised = self._pictured(t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.wave.deck_share)
         return normalised <= self._parameters.picture_gate
@@ -170,12 +170,12 @@ class DelayedFilter:
     def _pictured(
         self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float, observed_share: float
     ) -> float:
-        """Take a place less this share of the wave motion, unless it is astray; its normalised innovation squared."""
-        belief = self._with_velocities(t_s, inputs, turn_rad_s)
-        travelled = self._travelled(belief, t_s, inputs, turn_rad_s)
+        """Take a place less this share of the wave motion, unless gated out; its normalised innovation squared."""
+        estimate = self._with_velocities(t_s, inputs, turn_rad_s)
+        travelled = self._travelled(estimate, t_s, inputs, turn_rad_s)
         gate = self._parameters.picture_gate
         mean, covariance, normalised = _with_picture(travelled, observed_share, place_m, covariance_m2, gate)
-        self.belief = GaussianState(_after_s(travelled), mean, covariance)
+        self.estimate = GaussianState(_after_s(travelled), mean, covariance)
         return normalised
 
     @property
@@ -184,40 +184,40 @@ class DelayedFilter:
         return self._refused
 
     def follow(self, now_s: float, inputs: Inputs, turn_rad_s: float = 0.0) -> None:
-        """Without pictures: keep the belief from falling further behind than `lag_s`."""
+        """Without pictures: keep the estimate from falling further behind than `lag_s`."""
         to_s = now_s - self._parameters.lag_s
-        if self.belief is not None and self.belief.t_s < to_s:
-            belief = self._with_velocities(to_s, inputs, turn_rad_s)
-            self.belief = self._moved(belief, to_s, inputs, turn_rad_s)
+        if self.estimate is not None and self.estimate.t_s < to_s:
+            estimate = self._with_velocities(to_s, inputs, turn_rad_s)
+            self.estimate = self._moved(estimate, to_s, inputs, turn_rad_s)
 
     def predict(self, t_s: float, inputs: Inputs, turn_rad_s: float = 0.0) -> GaussianState | None:
-        """The belief at a later time, through what is known to be commanded until then."""
-        belief = self.belief
-        if belief is None:
+        """The estimate at a later time, through what is known to be commanded until then."""
+        estimate = self.estimate
+        if estimate is None:
             return None
         for reading in self._velocities:
             if reading.t_s <= t_s:
-                belief, _ = self._with(belief, reading, inputs, turn_rad_s, learns=False)
-        return self._moved(belief, t_s, inputs, turn_rad_s)
+                estimate, _ = self._with(estimate, reading, inputs, turn_rad_s, learns=False)
+        return self._moved(estimate, t_s, inputs, turn_rad_s)
 
     def _with_velocities(self, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
-        """The belief with the velocities until a time, for good; it learns from them how large their errors are."""
-        belief, waiting = self.belief, []
-        assert belief is not None
+        """The estimate with the velocities until a time, for good; it learns from them how large their errors are."""
+        estimate, waiting = self.estimate, []
+        assert estimate is not None
         for reading in self._velocities:
             if reading.t_s > to_s:
                 waiting.append(reading)
-            elif reading.t_s > belief.t_s - _LATE_S:
-                belief, self._velocity_variance = self._with(belief, reading, inputs, turn_rad_s, learns=True)
+            elif reading.t_s > estimate.t_s - _LATE_S:
+                estimate, self._velocity_variance = self._with(estimate, reading, inputs, turn_rad_s, learns=True)
         self._velocities = waiting
-        return belief
+        return estimate
 
     def _with(
-        self, belief: GaussianState, reading: _Velocity, inputs: Inputs, turn_rad_s: float, learns: bool
+        self, estimate: GaussianState, reading: _Velocity, inputs: Inputs, turn_rad_s: float, learns: bool
     ) -> tuple[GaussianState, float]:
-        """The belief at a velocity and with it, and the variance of one reading; `learns` from this one."""
+        """The estimate at a velocity and with it, and the variance of one reading; `learns` from this one."""
         limits, wave = self._parameters, self.model.wave
-        travelled = self._travelled(belief, reading.t_s, inputs, turn_rad_s)
+        travelled = self._travelled(estimate, reading.t_s, inputs, turn_rad_s)
         mean, covariance, variance = _with_velocity(
             travelled,
             reading.measured_mps,
@@ -228,16 +228,16 @@ class DelayedFilter:
         )
         return GaussianState(_after_s(travelled), mean, covariance), variance
 
-    def _moved(self, belief: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
-        travelled = self._travelled(belief, to_s, inputs, turn_rad_s)
+    def _moved(self, estimate: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
+        travelled = self._travelled(estimate, to_s, inputs, turn_rad_s)
         return GaussianState(_after_s(travelled), *_carried(travelled))
 
-    def _travelled(self, belief: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> _Travel:
-        """The way from a belief to a time, in whole milliseconds, none backwards, as the kernels take it."""
-        way_ms = max(round(1e3 * (to_s - belief.t_s)), 0)
+    def _travelled(self, estimate: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> _Travel:
+        """The way from an estimate to a time, in whole milliseconds, none backwards, as the kernels take it."""
+        way_ms = max(round(1e3 * (to_s - estimate.t_s)), 0)
         turn_rad_s = turn_rad_s if self.model.axes == 2 else 0.0
         way = self.model.way(way_ms)
-        return belief.mean, belief.covariance, belief.t_s, way, way_ms, inputs.history, inputs.count, turn_rad_s
+        return estimate.mean, estimate.covariance, estimate.t_s, way, way_ms, inputs.history, inputs.count, turn_rad_s
 
 
 _Travel = tuple[Array, Array, float, Array, int, Array, int, float]
@@ -269,7 +269,7 @@ def _carried(travelled: _Travel) -> tuple[Array, Array]:
 def _with_picture(
     travelled: _Travel, observed_share: float, place_m: Array, noise: Array, gate: float
 ) -> tuple[Array, Array, float]:
-    """`_carried`, then with a picture's place (axes,) unless it is astray; and its normalised innovation squared."""
+    """`_carried`, then with a picture's place (axes,) unless gated out; and its normalised innovation squared."""
     mean, covariance = _carried(travelled)
     expected, jacobian = pose_measurement(mean, len(place_m), observed_share)
     after, spread, normalised = corrected(mean, covariance, jacobian, place_m - expected, noise)
@@ -282,7 +282,7 @@ def _with_picture(
 def _with_velocity(
     travelled: _Travel, measured_mps: Array, view: _View, variance: float, limits: _Limits, learns: bool
 ) -> tuple[Array, Array, float]:
-    """`_carried`, then with a velocity (axes,) unless it is astray; and the `variance` of a reading, as it now is."""
+    """`_carried`, then with a velocity (axes,) unless gated out; and the `variance` of a reading, as it now is."""
     mean, covariance = _carried(travelled)
     axes, (over_ship, settle_s, frequency_rad_s, below) = len(measured_mps), view
     repeats, least, most, gate = limits
@@ -299,7 +299,7 @@ def _with_velocity(
 
 @compiled
 def _learned(variance: float, innovation: Array, jacobian: Array, covariance: Array, most: float) -> float:
-    """What a reading's variance is taken for after an innovation: its square less what the belief explains of it."""
+    """What a reading's variance is taken for after an innovation: its square less what the estimate explains of it."""
     axes, n = jacobian.shape
     found = 0.0
     for axis in range(axes):
@@ -311,6 +311,6 @@ def _learned(variance: float, innovation: Array, jacobian: Array, covariance: Ar
     found /= axes
     if not math.isfinite(found):
         return variance
-    # An uncertain belief expects more than is seen.
+    # An uncertain estimate expects more than is seen.
     learned: float = max(variance + _LEARNED * (found - variance), 0.0)
     return learned

@@ -53,7 +53,7 @@ class FilterBank:
             take: gives the picture to one of the filters, by its number.
         """
         passed_s = t_s - self._seen_s
-        if follows.belief is None or passed_s < self._every_s:
+        if follows.estimate is None or passed_s < self._every_s:
             return None
         self._seen_s = t_s
         if not self.filters or passed_s > _BLIND_S:

@@ -1,6 +1,6 @@
 """The relative state: where the aircraft is against the bar, how it moves, and what pushes it.
 
-One Kalman filter of linear motion over a few axes that do not turn. A belief stands at one time; `Model.predicted`
+One Kalman filter of linear motion over a few axes that do not turn. An estimate stands at one time; `Model.predicted`
 moves it through a known input, `updated` takes a measurement of that very time. Both are pure.
 
 The states of an axis, in the order of the indices below:
@@ -246,7 +246,7 @@ class Model:
     def start(
         self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float, way_mps: float = 0.0
     ) -> GaussianState:
-        """A belief from a first place (axes,) with its covariance (axes, axes).
+        """An estimate from a first place (axes,) with its covariance (axes, axes).
 
         Args:
             t_s: of the place.
@@ -264,15 +264,15 @@ class Model:
         covariance[POSITION::STATES, POSITION::STATES] = covariance_m2
         return GaussianState(t_s, mean, covariance)
 
-    def adopted(self, belief: GaussianState, before: WaveMotion) -> GaussianState:
-        """A belief of a model with the wave motion `before`.
+    def adopted(self, estimate: GaussianState, before: WaveMotion) -> GaussianState:
+        """An estimate of a model with the wave motion `before`.
 
-        Where the bar swings by both the belief is kept. Else the offset from the bar is kept, and the wave motion is
+        Where the bar swings by both the estimate is kept. Else the offset from the bar is kept, and the wave motion is
         learned anew.
         """
         if before.bar_moves and self.wave.bar_moves:
-            return belief
-        n = len(belief.mean)
+            return estimate
+        n = len(estimate.mean)
         forget, share = np.eye(n), np.eye(n)
         for axis in range(self.axes):
             first = STATES * axis
@@ -284,32 +284,34 @@ class Model:
             share[first + POSITION, first + WAVE] = share[first + VELOCITY, first + WAVE_RATE] = (
                 self.wave.observed_share
             )
-        spread = share @ (forget @ belief.covariance @ forget.T + self._wave_shares()) @ share.T
-        return GaussianState(belief.t_s, forget @ belief.mean, spread)
+        spread = share @ (forget @ estimate.covariance @ forget.T + self._wave_shares()) @ share.T
+        return GaussianState(estimate.t_s, forget @ estimate.mean, spread)
 
-    def predicted(self, belief: GaussianState, step_ms: int, given: Array) -> GaussianState:
-        """The belief after a step through the input `given` (axes,), constant meanwhile."""
+    def predicted(self, estimate: GaussianState, step_ms: int, given: Array) -> GaussianState:
+        """The estimate after a step through the input `given` (axes,), constant meanwhile."""
         transition, inputs, noise = self.step(step_ms)
         return GaussianState(
-            belief.t_s + 1e-3 * step_ms,
-            transition @ belief.mean + inputs @ given,
-            predicted_covariance(transition, belief.covariance, noise),
+            estimate.t_s + 1e-3 * step_ms,
+            transition @ estimate.mean + inputs @ given,
+            predicted_covariance(transition, estimate.covariance, noise),
         )
 
-    def pose(self, belief: GaussianState) -> tuple[Array, Array]:
+    def pose(self, estimate: GaussianState) -> tuple[Array, Array]:
         """What a picture shows of the place: expected value (axes,) and its Jacobian (axes, n)."""
-        return pose_measurement(belief.mean, self.axes, self.wave.observed_share)
+        return pose_measurement(estimate.mean, self.axes, self.wave.observed_share)
 
-    def velocity(self, belief: GaussianState, over_ship: float = 0.0, settle_s: float = 0.0) -> tuple[Array, Array]:
+    def velocity(self, estimate: GaussianState, over_ship: float = 0.0, settle_s: float = 0.0) -> tuple[Array, Array]:
         """What the vehicle measures of its own velocity: expected value (axes,) and its Jacobian (axes, n).
 
         Args:
-            belief: at the measurement's time.
+            estimate: at the measurement's time.
             over_ship: share of the optical flow's view that is ship, and so swings with the bar.
             settle_s: time in which the vehicle's fusion follows the motion of what is in view; the lag of a resonator
                 is a mixture of its two states.
         """
-        return velocity_of(belief.mean, self.axes, over_ship, settle_s, self.wave.frequency_rad_s, self.wave.deck_share)
+        return velocity_of(
+            estimate.mean, self.axes, over_ship, settle_s, self.wave.frequency_rad_s, self.wave.deck_share
+        )
 
 
 @lru_cache(maxsize=4096)
@@ -402,33 +404,33 @@ def velocity_of(
 
 @dataclass(frozen=True)
 class Taken:
-    """A belief after a measurement.
+    """An estimate after a measurement.
 
     Attributes:
-        belief: as it is now; as it was where the measurement was refused.
+        estimate: as it is now; as it was where the measurement was refused.
         normalised: the innovation squared over its covariance, chi-squared of the measurement's size where all is well.
         accepted: it was finite and inside the gate.
     """
 
-    belief: GaussianState
+    estimate: GaussianState
     normalised: float
     accepted: bool
 
 
 def updated(
-    belief: GaussianState, expected: tuple[Array, Array], measured: Array, covariance: Array, gate: float = math.inf
+    estimate: GaussianState, expected: tuple[Array, Array], measured: Array, covariance: Array, gate: float = math.inf
 ) -> Taken:
-    """Take a measurement (m,) with covariance (m,m) of the belief's own time, unless it is astray.
+    """Take a measurement (m,) with covariance (m,m) of the estimate's own time, unless the innovation gate rejects it.
 
     Args:
-        belief: before.
+        estimate: before.
         expected: (m,) and its Jacobian (m,n): `Model.pose`, `Model.velocity`.
         measured: the measurement.
         covariance: of its error.
         gate: largest normalised innovation squared that is taken.
     """
     predicted, jacobian = expected
-    mean, after, normalised = corrected(belief.mean, belief.covariance, jacobian, measured - predicted, covariance)
+    mean, after, normalised = corrected(estimate.mean, estimate.covariance, jacobian, measured - predicted, covariance)
     if not normalised <= gate:  # NaN too
-        return Taken(belief, normalised, False)
-    return Taken(GaussianState(belief.t_s, mean, after), normalised, True)
+        return Taken(estimate, normalised, False)
+    return Taken(GaussianState(estimate.t_s, mean, after), normalised, True)

@@ -146,7 +146,7 @@ class WaveBank:
         """A picture's height below the bar.
 
         Args:
-            before: the belief.
+            before: the estimate.
             t_s: exposure.
             moved_m: downward way since the picture before by what the sticks asked for.
             down_m: height below the bar in the picture; not finite is refused.

@@ -35,7 +35,7 @@ class PilotState:
         now_s: time of the last decision; None before the first.
         first_s: exposure of the first frame: the first search begins there.
         modes: memory of the mode function.
-        belief: place against the bar.
+        position: place against the bar.
         seen_rad: compass heading at which the target was seen last; without a compass its bearing then.
         far_heading_rad: compass heading held in the far modes; None until a box is flown on.
         search_side_rad: bearing of the side that the search turns to first.
@@ -47,7 +47,7 @@ class PilotState:
     now_s: float | None
     first_s: float
     modes: ModeMemory
-    belief: PositionEstimate
+    position: PositionEstimate
     seen_rad: float
     far_heading_rad: float | None
     search_side_rad: float
@@ -78,7 +78,7 @@ class ModePilot:
             now_s=None,
             first_s=0.0,
             modes=ModeMemory(),
-            belief=PositionEstimate(),
+            position=PositionEstimate(),
             seen_rad=0.0,
             far_heading_rad=None,
             search_side_rad=0.0,
@@ -96,12 +96,12 @@ class ModePilot:
         state = replace(state, now_s=telemetry.t_s)
         state = self._with_direction(state, observation, telemetry)
         observation = without_large_boxes(observation, self._tables, self._guidance.approach.largest_box)
-        state = replace(state, belief=self._with_picture(state.belief, observation, telemetry.t_s))
+        state = replace(state, position=self._with_picture(state.position, observation, telemetry.t_s))
         situation = situation_of(
-            observation, telemetry, state.belief, state.modes, self._references, self._guidance.approach, sent
+            observation, telemetry, state.position, state.modes, self._references, self._guidance.approach, sent
         )
         state = replace(state, modes=next_mode(situation, state.modes, self._guidance.modes))
-        state = replace(state, belief=self._led_to(state.belief, state.modes.mode))
+        state = replace(state, position=self._led_to(state.position, state.modes.mode))
         state = self._flown(state, observation, telemetry, step_s)
         wanted_rad = self._camera_pitch_rad(state, observation, telemetry.t_s)
         pitch_rad = smoothed_rad(
@@ -110,7 +110,9 @@ class ModePilot:
         self._state = state = replace(state, gimbal_pitch_rad=pitch_rad)
         mode = state.modes.mode
         command = PilotCommand(telemetry.t_s, *state.sticks, pitch_rad, INTENTS[mode])
-        return Decision(command, mode, state.modes.reason, _estimate_of(state.belief) if mode in _NEAR_MODES else None)
+        return Decision(
+            command, mode, state.modes.reason, _estimate_of(state.position) if mode in _NEAR_MODES else None
+        )
 
     def _with_direction(self, state: PilotState, observation: Observation, telemetry: Telemetry) -> PilotState:
         """Remember the compass, and the direction in which the target is seen."""
@@ -124,27 +126,27 @@ class ModePilot:
             return state
         return replace(state, seen_rad=self._view.bearing_rad(column_px) + (self._compass.at(observation.t_s) or 0.0))
 
-    def _with_picture(self, belief: PositionEstimate, observation: Observation, now_s: float) -> PositionEstimate:
+    def _with_picture(self, position: PositionEstimate, observation: Observation, now_s: float) -> PositionEstimate:
         """Filter the picture's errors to the present reference."""
         pose = observation.bar_pose
         if pose is None:
-            return belief
+            return position
         age_s = now_s - observation.t_s
         measured = measure(observation.t_s, age_s, pose, self._reference_in_bar_m, self._camera_in_body_m)
-        before = belief.estimate
+        before = position.estimate
         if before is not None and measured.t_s - before.t_s > self._guidance.modes.lost_s:
             self._near.reset()
         estimate = self._near.observe(measured)
         return PositionEstimate(estimate, estimate.aircraft_in_bar_m(self._reference_in_bar_m))
 
-    def _led_to(self, belief: PositionEstimate, mode: Mode) -> PositionEstimate:
+    def _led_to(self, position: PositionEstimate, mode: Mode) -> PositionEstimate:
         """Lead the near control to the mode's reference; with another one its estimate starts anew."""
         reference_in_bar_m = self._references.point_in_bar_m(mode)
         if reference_in_bar_m is self._reference_in_bar_m:
-            return belief
+            return position
         self._reference_in_bar_m = reference_in_bar_m
         self._near.reset()
-        return replace(belief, estimate=None)
+        return replace(position, estimate=None)
 
     def _flown(self, state: PilotState, observation: Observation, telemetry: Telemetry, step_s: float) -> PilotState:
         """The sticks of the mode."""
@@ -164,34 +166,34 @@ class ModePilot:
 
     def _near_sticks(self, state: PilotState, now_s: float, fresh: bool) -> SticksPercent:
         """Approach and landing: the near law on fresh errors, the last sticks until they are lost."""
-        belief, sticks = state.belief, HOLD
-        if belief.age_s(now_s) <= self._guidance.modes.lost_s:
-            sticks = self._near.sticks(self._heading_rad(belief)) if fresh else state.sticks
+        position, sticks = state.position, HOLD
+        if position.age_s(now_s) <= self._guidance.modes.lost_s:
+            sticks = self._near.sticks(self._heading_rad(position)) if fresh else state.sticks
         if state.modes.mode is Mode.LAND:
-            sticks = sticks._replace(heave=self._descent_percent(belief))
+            sticks = sticks._replace(heave=self._descent_percent(position))
         return sticks
 
-    def _heading_rad(self, belief: PositionEstimate) -> float:
-        if belief.aircraft_in_bar_m is None:
+    def _heading_rad(self, position: PositionEstimate) -> float:
+        if position.aircraft_in_bar_m is None:
             return 0.0
-        return self._references.heading_rad(belief.aircraft_in_bar_m, self._view, self._guidance.approach)
+        return self._references.heading_rad(position.aircraft_in_bar_m, self._view, self._guidance.approach)
 
-    def _descent_percent(self, belief: PositionEstimate) -> float:
+    def _descent_percent(self, position: PositionEstimate) -> float:
         """Descent; it waits above commit height while the error predicted for `gate_s` later is too large."""
-        approach, estimate = self._guidance.approach, belief.estimate
-        if estimate is None or belief.aircraft_in_bar_m is None:
+        approach, estimate = self._guidance.approach, position.estimate
+        if estimate is None or position.aircraft_in_bar_m is None:
             return -approach.descent_percent
         predicted_m = estimate.error_in_level_m[:2] + approach.gate_s * estimate.rate_in_level_mps[:2]
-        high = self._references.height_m(belief.aircraft_in_bar_m) > approach.commit_height_m
+        high = self._references.height_m(position.aircraft_in_bar_m) > approach.commit_height_m
         waits = high and float(np.max(np.abs(predicted_m))) > approach.gate_m
         return 0.0 if waits else -approach.descent_percent
 
     def _go_around_sticks(self, state: PilotState, telemetry: Telemetry, fresh: bool) -> SticksPercent:
         """Up and back: to the retry reference while the corners are seen, else by sticks alone."""
         approach, climbing_s = self._guidance.approach, telemetry.t_s - state.modes.since_s
-        estimate = state.belief.estimate
-        if estimate is not None and state.belief.age_s(telemetry.t_s) <= self._guidance.modes.lost_s:
-            sticks = self._near.sticks(self._heading_rad(state.belief)) if fresh else state.sticks
+        estimate = state.position.estimate
+        if estimate is not None and state.position.age_s(telemetry.t_s) <= self._guidance.modes.lost_s:
+            sticks = self._near.sticks(self._heading_rad(state.position)) if fresh else state.sticks
             low = float(estimate.error_in_level_m[2]) > 0.5
             return sticks._replace(heave=max(sticks.heave, approach.go_around_percent)) if low else sticks
         if climbing_s > 4.0 * approach.go_around_s:
@@ -241,7 +243,7 @@ class ModePilot:
 
     def _camera_pitch_rad(self, state: PilotState, observation: Observation, now_s: float) -> float | None:
         """Desired camera pitch: to the bar by its pose, to a box by its row, down in search; None: unchanged."""
-        mode, estimate = state.modes.mode, state.belief.estimate
+        mode, estimate = state.modes.mode, state.position.estimate
         box = {Mode.TRACK_BAR: observation.bar_box, Mode.TRACK_SHIP: observation.ship_box}.get(mode)
         if mode in _NEAR_MODES and estimate is not None and now_s - estimate.t_s <= self._guidance.modes.memory_s:
             return estimate.bar_elevation_rad
@@ -256,11 +258,11 @@ def _searching_s(state: PilotState, now_s: float) -> float:
     return now_s - max(state.modes.since_s, state.first_s)
 
 
-def _estimate_of(belief: PositionEstimate) -> Estimate | None:
-    estimate: NearEstimate | None = belief.estimate
-    if estimate is None or belief.aircraft_in_bar_m is None:
+def _estimate_of(position: PositionEstimate) -> Estimate | None:
+    estimate: NearEstimate | None = position.estimate
+    if estimate is None or position.aircraft_in_bar_m is None:
         return None
-    return Estimate(estimate.t_s, belief.aircraft_in_bar_m, estimate.yaw_rad)
+    return Estimate(estimate.t_s, position.aircraft_in_bar_m, estimate.yaw_rad)
 
 
 _DECAY = 6.0

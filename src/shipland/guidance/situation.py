@@ -50,21 +50,21 @@ def without_large_boxes(observation: Observation, tables: FarTables, largest: fl
 def situation_of(
     observation: Observation,
     telemetry: Telemetry,
-    belief: PositionEstimate,
+    position: PositionEstimate,
     memory: ModeMemory,
     references: References,
     approach: ApproachParameters,
     sent: PilotCommand | None,
 ) -> Situation:
     """The situation of one cycle."""
-    place_m, climbing_s = belief.aircraft_in_bar_m, telemetry.t_s - memory.since_s
+    place_m, climbing_s = position.aircraft_in_bar_m, telemetry.t_s - memory.since_s
     clear = place_m is not None and references.is_clear(place_m)
     return Situation(
         now_s=telemetry.t_s,
         observation=observation,
-        landing_condition=landing_condition(belief.estimate, telemetry.t_s, references, approach),
+        landing_condition=landing_condition(position.estimate, telemetry.t_s, references, approach),
         committed=place_m is not None and references.height_m(place_m) < approach.commit_height_m,
-        abort_reason=_abort_reason(belief.estimate, approach) if memory.mode is Mode.LAND else "",
+        abort_reason=_abort_reason(position.estimate, approach) if memory.mode is Mode.LAND else "",
         near_ship=place_m is not None and float(np.linalg.norm(place_m)) < approach.go_around_radius_m,
         clear=climbing_s >= approach.go_around_s and (clear or climbing_s >= 4.0 * approach.go_around_s),
         flying=telemetry.flying,

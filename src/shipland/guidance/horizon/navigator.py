@@ -140,10 +140,10 @@ class Navigator:
 
     def _judge_wind(self) -> None:
         """Turbulence grows with the mean wind, and that shows in the tilt that holds the place."""
-        belief, levels = self._across.belief, self._parameters.gust_levels_mps2
-        if belief is None or self._response.kind != "attitude":
+        across, levels = self._across.estimate, self._parameters.gust_levels_mps2
+        if across is None or self._response.kind != "attitude":
             return
-        wind_mps2 = math.hypot(*(belief.of(WIND) + belief.of(GUST)).tolist())
+        wind_mps2 = math.hypot(*(across.of(WIND) + across.of(GUST)).tolist())
         share = self._parameters.gust_share_at_sea if self.wave.bar_moves else self._parameters.gust_share
         wanted = min(levels, key=lambda level: abs(math.log(level / max(share * wind_mps2, 1e-3))))
         between = abs(math.log(share * max(wind_mps2, 1e-3) / self._gust_mps2))
@@ -234,7 +234,9 @@ class Navigator:
         box = observation.bar_box or observation.ship_box
         if pose is not None:
             self._line_rad = None
-            speed_mps = 0.0 if self._across.belief is None else float(np.linalg.norm(self._across.belief.of(VELOCITY)))
+            speed_mps = (
+                0.0 if self._across.estimate is None else float(np.linalg.norm(self._across.estimate.of(VELOCITY)))
+            )
             self._take_pose(t_s, self._places.of_pose(pose, headings, self._nose_up_rad, speed_mps), turn_rad_s)
         elif observation.deck is not None and headings.bar_known:
             self._take_deck(t_s, self._places.of_deck(observation.deck, headings, self._nose_up_rad), turn_rad_s)
@@ -266,7 +268,7 @@ class Navigator:
 
     def _over_ship(self) -> float:
         """Share of ship in a downward view, roughly: the platform against a square below the aircraft."""
-        across, down, headings = self._across.belief, self._down.belief, self._headings.now
+        across, down, headings = self._across.estimate, self._down.estimate, self._headings.now
         if not self._parameters.measured.flow or across is None or down is None or headings is None:
             return 0.0
         ahead_m, right_m = rotated(across.of(POSITION), -headings.bar_rad).tolist()
@@ -278,7 +280,7 @@ class Navigator:
 
     def forget_place(self) -> None:
         """After a time in which nobody followed the vehicle: the next picture begins the estimate anew."""
-        self._across.belief = self._down.belief = None
+        self._across.estimate = self._down.estimate = None
         self._heights = HeightGate(self._response.climb_lag_s)
         self._latency.forget_place()
         self._gain.forget_place()
@@ -357,7 +359,7 @@ class Navigator:
         measured = self._parameters.measured
         patience_s = measured.lost_s if self.landing else 0.0
         lost = self._across.refused >= measured.lost_refusals and t_s - self._posed_s >= patience_s
-        if self._across.belief is None or lost:
+        if self._across.estimate is None or lost:
             self._across.start(t_s, across_m, covariance, measured.first_mps, way_mps)
             self._down.start(t_s, down_m, spread, measured.first_climb_mps)
             self._latency.forget_place()
