@@ -12,8 +12,8 @@ from contextlib import closing
 from typing import Any
 
 from shipland.flight import Autonomy, cycles
-from shipland.missions.autonomy import build_autonomy, build_vehicle
-from shipland.missions.scenarios import Scenario, load_scenario
+from shipland.scenario.autonomy import build_autonomy, build_vehicle
+from shipland.scenario.scenario import Scenario, load_scenario
 
 SCENARIOS, PILOTS, FLIGHTS = ("rig-natops", "ship-sea6"), ("horizon", "paper"), 10
 

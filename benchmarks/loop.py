@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from shipland.missions.autonomy import build_autonomy, build_scene, build_vehicle
-from shipland.missions.fly import fly_quietly
-from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.scenario.autonomy import build_autonomy, build_scene, build_vehicle
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario, scenario_table
 
 SECONDS = 12.0
 

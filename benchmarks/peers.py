@@ -32,7 +32,7 @@ def shipland_rate(pilot: str) -> Rate:
     """Whole near landings: physics, wind, contacts, geometric camera, vision, pilot and safety."""
     from landings import flown
 
-    from shipland.missions.scenarios import load_scenario
+    from shipland.scenario.scenario import load_scenario
     from shipland.sim.world import STEP_S
 
     scenario = load_scenario(SCENARIO)

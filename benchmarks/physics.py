@@ -8,8 +8,8 @@ import numpy as np
 
 from shipland.config import merge
 from shipland.messages import Intent, PilotCommand
-from shipland.missions.autonomy import build_vehicle
-from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
+from shipland.scenario.autonomy import build_vehicle
+from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 from shipland.sim.world import STEP_S
 
 SECONDS = 10.0

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from shipland.messages import Box, Frame, Observation
-from shipland.missions.visions import VisionSetup
+from shipland.scenario.visions import VisionSetup
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.vision import Vision
 

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from shipland.missions.ceiling import ceiling
-from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
+from shipland.evaluation.ceiling import ceiling
+from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 from shipland.sim.ship.ship import ShipParameters
 
 SCENARIOS = ("rig-natops", "rig-sea6", "ship-natops", "ship-sea5", "ship-sea6")

@@ -23,8 +23,8 @@ from rich.progress import track
 from shipland.config import merge
 from shipland.errors import DataError
 from shipland.messages import GroundTruth
-from shipland.missions.fly import fly_quietly
-from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario, scenario_table
 
 COURSES = ("straight", "s", "turn90")
 SPEEDS_MPS = tuple(0.5 * step for step in range(10))

@@ -12,8 +12,8 @@ import numpy as np
 import tyro
 from rich.progress import track
 
-from shipland.missions.autonomy import drawn_ship
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.autonomy import drawn_ship
+from shipland.scenario.scenario import load_scenario
 
 AXES = ("forward", "starboard", "down")
 

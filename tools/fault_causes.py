@@ -20,16 +20,16 @@ from rich.console import Console
 from rich.progress import track
 
 from shipland.errors import ShiplandError
+from shipland.evaluation.bench import land_quietly
+from shipland.evaluation.campaign import FlightJob
+from shipland.evaluation.folder import read_campaign
+from shipland.evaluation.landing import Landing
 from shipland.factories import resolve
 from shipland.guidance.pilot import Pilot, PilotSetup
 from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
-from shipland.missions.bench import land_quietly
-from shipland.missions.campaign import FlightJob
-from shipland.missions.fault_kinds import Fault
-from shipland.missions.faults import faults_of
-from shipland.missions.folder import read_campaign
-from shipland.missions.landing import Landing
-from shipland.missions.scenarios import Scenario, load_scenario
+from shipland.scenario.fault_kinds import Fault
+from shipland.scenario.faults import faults_of
+from shipland.scenario.scenario import Scenario, load_scenario
 
 _CLIMB_PERCENT = 60.0
 _REACTION_S = 0.1

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from shipland.messages import FlightRecord
-from shipland.missions.autonomy import aircraft_scale, build_scene, drawn_ship
-from shipland.missions.scenarios import Scenario, load_scenario
 from shipland.record.reader import FlightLog, read_log
 from shipland.report.chase import chase_view
 from shipland.report.outputs import load_outputs
 from shipland.report.video import FlightVideo
+from shipland.scenario.autonomy import aircraft_scale, build_scene, drawn_ship
+from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
 

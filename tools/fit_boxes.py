@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from shipland.config import build
+from shipland.geometric.far import BoxErrors
 from shipland.learning.ranges import SceneRecord, hits
-from shipland.missions.geometric_far import BoxErrors
 from shipland.rig import packaged_table
 from shipland.vision.far.detector import detector_parameters
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from shipland.config import merge
 from shipland.messages import PilotCommand
-from shipland.missions.autonomy import build_scene, build_vehicle
-from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.scenario.autonomy import build_scene, build_vehicle
+from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.vision.near.pipeline import NearVision
 
 RANGES_M = (2.5, 4.0, 6.0, 9.0, 12.0, 15.0, 18.0, 20.0, 22.0)

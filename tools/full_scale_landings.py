@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from shipland.missions.bench import CellResult, read_bench
-from shipland.missions.bench_tables import ceilings_of, rests_in_area
-from shipland.missions.statistics import share_interval
+from shipland.evaluation.bench import CellResult, read_bench
+from shipland.evaluation.bench_tables import ceilings_of, rests_in_area
+from shipland.evaluation.statistics import share_interval
 
 
 def line(cell: CellResult, runs: int, ceiling: float) -> str:

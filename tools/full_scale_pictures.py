@@ -13,9 +13,9 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.frames import Pose
-from shipland.missions.autonomy import drawn_ship
-from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.report.chase import look_at
+from shipland.scenario.autonomy import drawn_ship
+from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.sim.scene.scene import Scene
 from shipland.sim.ship.ship import ShipState
 from shipland.sim.state import SceneState

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.missions.autonomy import response_of
-from shipland.missions.bench import read_bench
-from shipland.missions.landing import Landing
-from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
-from shipland.missions.statistics import share_interval
+from shipland.evaluation.bench import read_bench
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.statistics import share_interval
+from shipland.scenario.autonomy import response_of
+from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 from shipland.sim.ship.ship import build_ship
 
 LENGTH_S, STEP_S = 240.0, 0.1

@@ -25,6 +25,7 @@ import shipland
 from shipland.camera import Camera
 from shipland.config import build, layered, packaged_toml
 from shipland.errors import ShiplandError
+from shipland.evaluation.replays import recorded_flight, replay
 from shipland.files import DIGESTS
 from shipland.frames import CAMERA_FROM_MOUNT, Pose, rotation_from_euler
 from shipland.guidance.horizon.learned import LearnedSteering
@@ -32,10 +33,9 @@ from shipland.guidance.horizon.steering import Steered
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.mcap_records import mcap_records
 from shipland.messages import Frame, GimbalAttitude
-from shipland.missions.fly import flight_log, fly_quietly
-from shipland.missions.replays import recorded_flight, replay
-from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.record.reader import read_log
+from shipland.scenario.fly import flight_log, fly_quietly
+from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.checks import PreflightParameters
 from shipland.vehicles.mavlink.parameters import MavlinkParameters

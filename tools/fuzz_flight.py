@@ -30,9 +30,9 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
-from shipland.missions.autonomy import build_autonomy
-from shipland.missions.scenarios import Scenario, load_scenario
 from shipland.record.reader import read_log
+from shipland.scenario.autonomy import build_autonomy
+from shipland.scenario.scenario import Scenario, load_scenario
 
 CYCLES = 200
 PILOTS = ("paper", "p", "pid", "horizon", "residual", "learned")

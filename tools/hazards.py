@@ -24,9 +24,9 @@ from rich.console import Console
 from rich.progress import track
 
 from shipland.errors import DataError, ShiplandError
-from shipland.missions.bench import CellResult, read_bench
-from shipland.missions.landing import Landing
-from shipland.missions.statistics import share_interval
+from shipland.evaluation.bench import CellResult, read_bench
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.statistics import share_interval
 from shipland.record.reader import read_log
 
 LIMITS = ("hard", "drift", "tilt", "slip")

@@ -24,9 +24,9 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.errors import DataError
-from shipland.missions.scenarios import load_scenario
-from shipland.missions.statistics import share_interval
+from shipland.evaluation.statistics import share_interval
 from shipland.record.reader import FlightLog, read_log
+from shipland.scenario.scenario import load_scenario
 
 ROOT = Path(__file__).parents[1]
 SHIPLAND = (sys.executable, "-c", "from shipland.cli import main; main()")

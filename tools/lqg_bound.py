@@ -22,8 +22,8 @@ from shipland.guidance.horizon.gains import gains_of
 from shipland.guidance.horizon.navigator import motion_of
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.response import Response
-from shipland.missions.autonomy import response_of
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.autonomy import response_of
+from shipland.scenario.scenario import load_scenario
 
 STEP_MS = 33
 PLACE_M = 0.005

@@ -22,12 +22,12 @@ import numpy as np
 import tyro
 from rich.progress import track
 
+from shipland.evaluation.statistics import share_interval
 from shipland.guidance.pilot import Pilot, PilotSetup
 from shipland.guidance.pilots import horizon, learned, residual
 from shipland.guidance.response import Response
-from shipland.missions.fly import fly_quietly
-from shipland.missions.scenarios import load_scenario
-from shipland.missions.statistics import share_interval
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario
 
 
 def _scaled(response: Response, **by: float) -> Response:

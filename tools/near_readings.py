@@ -13,8 +13,8 @@ import numpy as np
 
 from shipland.config import merge
 from shipland.messages import FlightRecord
-from shipland.missions.fly import fly_quietly
-from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario, scenario_table
 
 SEEDS = range(1, 11)
 AXES = ("pitch", "roll", "heave", "yaw")

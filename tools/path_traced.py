@@ -37,7 +37,6 @@ from shipland.learning.evaluate import EvaluateParameters, fresh_scenes
 from shipland.learning.metrics import wilson_interval
 from shipland.learning.sensor import degrade
 from shipland.learning.settings import learning_table
-from shipland.learning.shot import NearestBox, target_box
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import compressed, crop_camera, jpeg_quality
 from shipland.messages import Box
@@ -45,6 +44,7 @@ from shipland.rig import packaged_table
 from shipland.sim.scene.scene import Scene, SceneParameters
 from shipland.sim.scene.tone import develop
 from shipland.sim.state import SceneState
+from shipland.sim.target_box import NearestBox, target_box
 from shipland.vision.far.decode import iou
 from shipland.vision.far.detector import Detector, detector_parameters
 

@@ -19,8 +19,8 @@ from rich.progress import track
 
 from shipland.frames import Array, euler_from_rotation
 from shipland.messages import FlightRecord, Mode
-from shipland.missions.fly import fly_quietly
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario
 
 AXES = ("forward", "right", "down", "yaw")
 NEAREST_M = 0.3

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from shipland.missions.bench import CellResult, read_bench
-from shipland.missions.landing import Landing
-from shipland.missions.statistics import compare
+from shipland.evaluation.bench import CellResult, read_bench
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.statistics import compare
 
 MOST_M = 0.5
 """A component counts for no more, and so does each of a flight that did not touch the deck."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.messages import Frame, GimbalAttitude
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.scenario import load_scenario
 from shipland.vehicles.pace import Pace
 from shipland.vision.near.pipeline import NearVision
 

@@ -15,24 +15,24 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland import factories
+from shipland.evaluation.campaign import FlightJob, land_once
+from shipland.evaluation.landing import COLUMNS, Landing, row_of
+from shipland.evaluation.tables import summary_of
+from shipland.evaluation.workers import run_jobs
 from shipland.factories import Factory
 from shipland.flight import fly as fly_loop
 from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import FlightRecord
-from shipland.missions.autonomy import aircraft_scale, build_autonomy, build_scene, build_vehicle
-from shipland.missions.campaign import FlightJob, land_once
-from shipland.missions.faults import with_faults
-from shipland.missions.fly import Flown, flight_info
-from shipland.missions.landing import COLUMNS, Landing, row_of
-from shipland.missions.outside import Keys
-from shipland.missions.scenarios import Scenario, load_scenario
-from shipland.missions.tables import summary_of
-from shipland.missions.visions import needs_pictures, without_pictures
-from shipland.missions.workers import run_jobs
 from shipland.record.columns import FlightColumns
 from shipland.report.chase import chase_view
 from shipland.report.outputs import Recorder, load_outputs
+from shipland.scenario.autonomy import aircraft_scale, build_autonomy, build_scene, build_vehicle
+from shipland.scenario.faults import with_faults
+from shipland.scenario.fly import Flown, flight_info
+from shipland.scenario.real_vehicle import Keys
+from shipland.scenario.scenario import Scenario, load_scenario
+from shipland.scenario.visions import needs_pictures, without_pictures
 from shipland.stopping import check_stop, stop_requests
 from shipland.vehicles.checks import Real
 from shipland.vehicles.simulated import SimulatedVehicle
@@ -112,7 +112,7 @@ def fly(
         video: whether the video is among them.
         on_cycle: sees every row as it is flown.
         command: command line to write down.
-        vehicle: what is flown instead of the simulated one (`missions.outside.make_vehicle`); connected, if it is real.
+        vehicle: what is flown instead of the simulated one (`scenario.real_vehicle`); connected, if real.
         keys: for holding and climbing by hand.
         response: what full sticks mean, where `shipland identify` has measured it.
 

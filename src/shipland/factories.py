@@ -31,13 +31,13 @@ PACKAGED: dict[str, dict[str, str]] = {
         "residual": "shipland.guidance.pilots:residual",
     },
     "visions": {
-        "geometric": "shipland.missions.visions:geometric",
-        "rendered": "shipland.missions.visions:rendered",
+        "geometric": "shipland.scenario.visions:geometric",
+        "rendered": "shipland.scenario.visions:rendered",
     },
     "vehicles": {
         "anafi": "shipland.vehicles.anafi.factory:anafi",
         "mavlink": "shipland.vehicles.mavlink.factory:mavlink",
-        "replay": "shipland.missions.outside:replay",
+        "replay": "shipland.scenario.real_vehicle:replay",
     },
     "aircraft": {
         "quadrotor": "shipland.sim.aircraft.aircraft:Quadrotor",

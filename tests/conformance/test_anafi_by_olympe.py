@@ -14,8 +14,8 @@ import pytest
 from anafi_bench import CAMERA, GREEN_BGR, Device, bench
 
 from shipland.errors import VehicleError
+from shipland.estimation.identify import identify
 from shipland.messages import Decision, FlightRecord, Frame, Intent, Observation, PilotCommand, Telemetry
-from shipland.missions.identify import identify
 from shipland.vehicles.anafi.vehicle import AnafiVehicle
 
 pytestmark = [pytest.mark.slow, pytest.mark.flaky(reruns=2, reruns_delay=2)]

@@ -6,8 +6,8 @@ import sys
 import time
 from dataclasses import replace
 
-from shipland.missions.campaign import CampaignPlan, run_campaign
-from shipland.missions.scenarios import load_scenario
+from shipland.evaluation.campaign import CampaignPlan, run_campaign
+from shipland.scenario.scenario import load_scenario
 
 
 def test_a_campaign_that_is_stopped_keeps_what_was_flown_and_goes_on(tmp_path):

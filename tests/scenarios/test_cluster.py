@@ -3,9 +3,9 @@
 import pytest
 
 from shipland.errors import ConfigError
-from shipland.missions.bench import BenchPlan, open_bench, processes, read_bench
-from shipland.missions.cluster import cluster
-from shipland.missions.suite import Overrides, SuiteEntry, bench_cells
+from shipland.evaluation.bench import BenchPlan, open_bench, processes, read_bench
+from shipland.evaluation.cluster import cluster
+from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
 
 FLIGHTS = 8
 

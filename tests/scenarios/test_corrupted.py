@@ -2,9 +2,9 @@
 
 import pytest
 
-from shipland.missions.campaign import FlightJob, land_once
-from shipland.missions.recovery import REGAINED_S
-from shipland.missions.scenarios import load_scenario
+from shipland.evaluation.campaign import FlightJob, land_once
+from shipland.evaluation.recovery import REGAINED_S
+from shipland.scenario.scenario import load_scenario
 
 
 @pytest.mark.vision_fails

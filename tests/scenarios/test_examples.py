@@ -8,7 +8,7 @@ import pytest
 
 import shipland
 from shipland.messages import Observation
-from shipland.missions.autonomy import build_scene, build_vehicle
+from shipland.scenario.autonomy import build_scene, build_vehicle
 from shipland.vision.near.pipeline import NearVision
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

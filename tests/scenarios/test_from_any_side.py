@@ -4,8 +4,8 @@ import pytest
 
 from shipland.config import merge
 from shipland.messages import Mode
-from shipland.missions.fly import fly_quietly
-from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario, scenario_table
 
 
 @pytest.mark.parametrize("bearing_deg", [120.0, 180.0])

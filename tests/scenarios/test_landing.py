@@ -5,12 +5,12 @@ import pytest
 
 from shipland.api import fly
 from shipland.config import merge
+from shipland.geometric.near import GeometricVision
 from shipland.messages import Mode, PilotCommand
-from shipland.missions.autonomy import build_scene, build_vehicle
-from shipland.missions.fly import fly_quietly
-from shipland.missions.geometric import GeometricVision
-from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.record.reader import read_log
+from shipland.scenario.autonomy import build_scene, build_vehicle
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.vision.near.pipeline import NearVision
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from shipland.missions.fly import fly_quietly
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario
 
 MIRROR_M = 0.75
 FAULTS = [

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from shipland.flight import fly
-from shipland.missions.autonomy import build_autonomy, build_vehicle
-from shipland.missions.fly import fly_quietly
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.autonomy import build_autonomy, build_vehicle
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario
 from shipland.vehicles.simulated import SimulatedVehicle
 
 

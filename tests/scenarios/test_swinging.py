@@ -1,8 +1,8 @@
 """A weak motor and a dark spell set the aircraft swinging: it comes to rest again, and lands."""
 
-from shipland.missions.bench import land_quietly
-from shipland.missions.campaign import FlightJob
-from shipland.missions.scenarios import load_scenario
+from shipland.evaluation.bench import land_quietly
+from shipland.evaluation.campaign import FlightJob
+from shipland.scenario.scenario import load_scenario
 
 
 def test_a_swing_with_full_sticks_ends() -> None:

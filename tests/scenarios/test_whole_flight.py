@@ -7,8 +7,8 @@ import pytest
 
 from shipland.config import merge
 from shipland.messages import Mode
-from shipland.missions.fly import fly_quietly
-from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario, scenario_table
 
 START = {"distance_m": 110.0, "distance_spread_m": 5.0, "bearing_spread_deg": 30.0, "height_m": 15.0}
 CALM = {"mean_mps": 2.0, "mean_spread_mps": 0.0, "turbulence": {"enabled": False}, "airwake": {"enabled": False}}

@@ -10,10 +10,10 @@ import pytest
 
 import shipland
 from shipland.guidance.pilots import paper
-from shipland.missions.fly import flight_info
-from shipland.missions.scenarios import load_scenario
 from shipland.record.info import config_digest
 from shipland.record.reader import read_log
+from shipland.scenario.fly import flight_info
+from shipland.scenario.scenario import load_scenario
 
 SHORT = {"time_limit_s": 2.0}
 

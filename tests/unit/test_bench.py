@@ -15,12 +15,12 @@ from test_campaign import GOOD, NOWHERE, seeded
 
 from shipland.config import packaged_names
 from shipland.errors import ConfigError, DataError
-from shipland.missions import bench as benches
-from shipland.missions.bench import BenchPlan, open_bench, processes, read_bench
-from shipland.missions.bench_rows import write_rows
-from shipland.missions.bench_tables import ceilings_of, leaderboard, paired, pairs, rests_in_area, rivals, swept_keys
-from shipland.missions.statistics import quantile_interval
-from shipland.missions.suite import Overrides, SuiteEntry, bench_cells, load_suite, task_digest
+from shipland.evaluation import bench as benches
+from shipland.evaluation.bench import BenchPlan, open_bench, processes, read_bench
+from shipland.evaluation.bench_rows import write_rows
+from shipland.evaluation.bench_tables import ceilings_of, leaderboard, paired, pairs, rests_in_area, rivals, swept_keys
+from shipland.evaluation.statistics import quantile_interval
+from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells, load_suite, task_digest
 from shipland.rig import default_rig
 
 GRID = (SuiteEntry(("rig-natops", "ship-sea6")),)
@@ -182,7 +182,7 @@ def test_ceilings_are_kept(plan, monkeypatch):
     fly(plan)
     cells = read_bench([plan.out])[:1]
     first = ceilings_of(cells, 2, plan.out / "ceilings.json")
-    monkeypatch.setattr("shipland.missions.bench_tables.ceiling", None)
+    monkeypatch.setattr("shipland.evaluation.bench_tables.ceiling", None)
     assert ceilings_of(cells, 2, plan.out / "ceilings.json") == first
 
 

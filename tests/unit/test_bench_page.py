@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from test_campaign import GOOD, NOWHERE
 
-from shipland.missions.bench import CellResult
-from shipland.missions.ceiling import Ceiling
-from shipland.missions.statistics import Interval
-from shipland.missions.suite import Overrides, SuiteEntry, bench_cells
+from shipland.evaluation.bench import CellResult
+from shipland.evaluation.ceiling import Ceiling
+from shipland.evaluation.statistics import Interval
+from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
 from shipland.report.bench_page import bench_page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from shipland.errors import DataError
-from shipland.missions import campaign as campaigns
-from shipland.missions import folder as folders
-from shipland.missions.campaign import CampaignPlan, run_campaign
-from shipland.missions.folder import open_folder, read_campaign
-from shipland.missions.landing import COLUMNS, Conditions, Landing, Phases, landing_from, row_of
-from shipland.missions.rules import rules_table
-from shipland.missions.scenarios import load_scenario
-from shipland.missions.tables import causes_table, landings_table, modes_table, pair_up, summary_of
-from shipland.missions.workers import run_jobs
+from shipland.evaluation import campaign as campaigns
+from shipland.evaluation import folder as folders
+from shipland.evaluation.campaign import CampaignPlan, run_campaign
+from shipland.evaluation.folder import open_folder, read_campaign
+from shipland.evaluation.landing import COLUMNS, Conditions, Landing, Phases, landing_from, row_of
+from shipland.evaluation.rules import rules_table
+from shipland.evaluation.tables import causes_table, landings_table, modes_table, pair_up, summary_of
+from shipland.evaluation.workers import run_jobs
 from shipland.rig import default_rig
+from shipland.scenario.scenario import load_scenario
 
 PHASES = Phases(1.0, 0.0, 0.0, 20.0, 8.0, 0.5, 0.0, 0)
 CONDITIONS = Conditions(
@@ -294,7 +294,7 @@ def test_a_worker_that_dies_is_one_line():
 
 def test_weights_bind_every_vision_that_looks_at_pictures(tmp_path, monkeypatch):
     (tmp_path / "own_eyes.py").write_text(
-        "from shipland.missions.visions import geometric, rendered, without_pictures\n"
+        "from shipland.scenario.visions import geometric, rendered, without_pictures\n"
         "def looks(setup): return rendered(setup)\n"
         "@without_pictures\n"
         "def knows(setup): return geometric(setup)\n"

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from shipland.evaluation.ceiling import ceiling, height_at_contact_m, oracle_in_deck_m, take_apart
 from shipland.frames import Pose
-from shipland.missions.ceiling import ceiling, height_at_contact_m, oracle_in_deck_m, take_apart
-from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.rig import default_rig
+from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.sim.ship.ship import Ship, Sinusoids, StillCourse, StraightCourse, build_ship
 from worlds import aircraft_parameters
 

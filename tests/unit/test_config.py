@@ -12,7 +12,7 @@ from hypothesis import given
 
 from shipland.config import build, merge, nested, packaged_names, packaged_toml, read_toml, require, setting, settings
 from shipland.errors import ConfigError, ShiplandError
-from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.camera_stream import StreamParameters
 from shipland.vehicles.checks import PreflightParameters

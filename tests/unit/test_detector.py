@@ -436,11 +436,11 @@ def test_weights_of_scaled_pictures_scale_what_they_see(weights_file, rng):
 def test_packaged_weights_see_their_target(kind, range_m, rig, camera):
     """Clear day, dead astern, 15 m up: the surest box lies over the target."""
     from shipland.config import build
-    from shipland.learning.shot import target_box
     from shipland.learning.shots import draw_scene, draw_shot
     from shipland.learning.synth import synth_parameters
     from shipland.rig import packaged_table
     from shipland.sim.scene.scene import Scene, SceneParameters
+    from shipland.sim.target_box import target_box
 
     parameters = replace(
         synth_parameters(None),

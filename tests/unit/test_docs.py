@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from shipland.cli import COMMANDS, name_of
-from shipland.missions.landing import COLUMNS
+from shipland.evaluation.landing import COLUMNS
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))

@@ -9,7 +9,7 @@ import pytest
 import shipland
 from shipland.errors import ShiplandError
 from shipland.messages import BarPose, Box, Decision, GimbalAttitude, Intent, Observation, PilotCommand, Telemetry
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.scenario import load_scenario
 
 gymnasium = pytest.importorskip("gymnasium", reason="the extra rl is not installed")
 env_checker = pytest.importorskip("gymnasium.utils.env_checker", reason="the extra rl is not installed")

@@ -14,9 +14,9 @@ from shipland.learning.evaluate import EvaluateParameters, fresh_scenes
 from shipland.learning.ranges import SceneRecord
 from shipland.learning.settings import learning_table
 from shipland.learning.ship_and_camera import ShipAndCamera
-from shipland.learning.shot import target_box
 from shipland.learning.shots import draw_scene, draw_shot
 from shipland.learning.synth import FRAME_S
+from shipland.sim.target_box import target_box
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from shipland.missions.bench import land_quietly
-from shipland.missions.campaign import FlightJob
-from shipland.missions.faults import faults_of
-from shipland.missions.scenarios import load_scenario
+from shipland.evaluation.bench import land_quietly
+from shipland.evaluation.campaign import FlightJob
+from shipland.scenario.faults import faults_of
+from shipland.scenario.scenario import load_scenario
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 

@@ -10,15 +10,15 @@ import pytest
 
 from shipland.config import build
 from shipland.errors import ConfigError
+from shipland.evaluation.campaign import FlightJob, land_once
+from shipland.evaluation.recovery import recoveries
 from shipland.flight import fly
 from shipland.messages import Intent, Mode, PilotCommand
-from shipland.missions.autonomy import build_autonomy, build_vehicle
-from shipland.missions.campaign import FlightJob, land_once
-from shipland.missions.fault_kinds import Fault, FaultDraw, FaultKind
-from shipland.missions.faults import faults_of, with_faults
-from shipland.missions.fly import fly_quietly
-from shipland.missions.recovery import recoveries
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.autonomy import build_autonomy, build_vehicle
+from shipland.scenario.fault_kinds import Fault, FaultDraw, FaultKind
+from shipland.scenario.faults import faults_of, with_faults
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario
 
 START_S, LONG_S = 2.0, 2.0
 HOVER = PilotCommand(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

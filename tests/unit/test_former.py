@@ -9,8 +9,8 @@ from shipland.errors import ConfigError
 from shipland.former import FORMER, renamed
 from shipland.guidance.horizon.steering import AXIS_ENTRIES, WHOLE_ENTRIES
 from shipland.messages import Intent, Mode, PilotCommand
-from shipland.missions.scenarios import load_scenario
 from shipland.record.rows import from_row, to_row
+from shipland.scenario.scenario import load_scenario
 
 
 def test_a_table_gets_todays_keys_all_the_way_down():

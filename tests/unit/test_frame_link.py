@@ -11,9 +11,9 @@ from made_up_flight import VERDICT, truth_at
 
 from shipland.camera import Camera
 from shipland.errors import ConfigError
-from shipland.missions.frame_server import FrameServer
-from shipland.missions.physics import LaunchHold
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.scenario import load_scenario
+from shipland.sitl.frame_server import FrameServer
+from shipland.sitl.physics import LaunchHold
 from shipland.vehicles.camera_stream import CameraStream, VideoSource
 from shipland.vehicles.frame_link import FrameSource, truth_of_table, truth_table, verdict_of_table, verdict_table
 

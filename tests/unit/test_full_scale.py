@@ -15,19 +15,19 @@ from shipland.frames import Pose
 from shipland.guidance.horizon.navigator import Navigator
 from shipland.learning.arguments import SynthArguments
 from shipland.learning.dataset import read_dataset
-from shipland.learning.shot import target_box
 from shipland.learning.shots import draw_scene, draw_shot
 from shipland.learning.synth import synth, synth_parameters
 from shipland.messages import Box, GimbalAttitude, Observation, PilotCommand, Telemetry
-from shipland.missions.autonomy import build_world, drawn_ship, response_of
-from shipland.missions.fly import fly_quietly
-from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.report.chase import look_at
 from shipland.rig import layout
+from shipland.scenario.autonomy import build_world, drawn_ship, response_of
+from shipland.scenario.fly import fly_quietly
+from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.sim.scene import frigate, mesh
 from shipland.sim.scene.scene import Scene
 from shipland.sim.ship.ship import build_ship
 from shipland.sim.state import SceneState
+from shipland.sim.target_box import target_box
 from worlds import come_down
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

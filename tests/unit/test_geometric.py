@@ -10,9 +10,9 @@ import pytest
 from shipland.camera import Camera, camera_pose, level_from_camera
 from shipland.config import build
 from shipland.frames import CAMERA_FROM_MOUNT, Pose
+from shipland.geometric.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
+from shipland.geometric.near import GeometricParameters, GeometricVision, _down_in_camera
 from shipland.messages import Frame, GimbalAttitude
-from shipland.missions.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
-from shipland.missions.geometric import GeometricParameters, GeometricVision, _down_in_camera
 from shipland.rig import default_rig, packaged_table
 from shipland.vision.near.candidate import bar_pose_of
 from shipland.vision.near.parameters import VisionParameters

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from shipland.config import merge
-from shipland.learning.shot import target_box
+from shipland.geometric.far import BoxErrors, GeometricFar
 from shipland.messages import PilotCommand
-from shipland.missions.autonomy import build_vehicle
-from shipland.missions.geometric_far import BoxErrors, GeometricFar
-from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.scenario.autonomy import build_vehicle
+from shipland.scenario.scenario import load_scenario, scenario_table
+from shipland.sim.target_box import target_box
 
 EXACT = BoxErrors((1.0, 400.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
 

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from shipland.missions.bench import BenchPlan, land_quietly, open_bench, processes, read_bench
-from shipland.missions.campaign import FlightJob
-from shipland.missions.scenarios import load_scenario
-from shipland.missions.suite import Overrides, SuiteEntry, bench_cells
+from shipland.evaluation.bench import BenchPlan, land_quietly, open_bench, processes, read_bench
+from shipland.evaluation.campaign import FlightJob
+from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
+from shipland.scenario.scenario import load_scenario
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 

@@ -8,7 +8,7 @@ import pytest
 from shipland.estimation.heading import Compass, HeadingNoise, first_headings, headings_at, with_compass, with_pose
 from shipland.guidance.horizon.heading_filters import HeadingFilters
 from shipland.messages import BarPose
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.scenario import load_scenario
 
 NOISE = HeadingNoise(0.03, 0.01, 0.05, 0.03, 0.01)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from shipland.messages import Box, Frame, GimbalAttitude
-from shipland.missions.scenarios import load_scenario
 from shipland.rig import default_rig
+from shipland.scenario.scenario import load_scenario
 from shipland.vision.far.detector import detector_parameters
 from shipland.vision.far.far import _ship_spans_m
 from shipland.vision.far.horizon_consistency import HorizonConsistency, Subject, apart

@@ -12,6 +12,7 @@ from shipland.api import fly
 from shipland.commands.identify import Identify
 from shipland.config import build, layered
 from shipland.errors import ConfigError, DataError
+from shipland.estimation.identify import identify
 from shipland.guidance.pilot import Pilot, PilotSetup
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import (
@@ -24,10 +25,9 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
-from shipland.missions.autonomy import build_vehicle, response_of
-from shipland.missions.identify import identify
-from shipland.missions.outside import identified, make_vehicle
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.autonomy import build_vehicle, response_of
+from shipland.scenario.real_vehicle import identified, make_vehicle
+from shipland.scenario.scenario import load_scenario
 from shipland.vehicles.anafi.vehicle import AnafiVehicle
 from shipland.vehicles.mavlink.parameters import MavlinkParameters, VehicleLimits, response_within
 from shipland.vehicles.mavlink.state import ARDUPILOT

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from shipland.messages import Override
-from shipland.missions.outside import Keys
+from shipland.scenario.real_vehicle import Keys
 
 HOLD, CLIMB = Override.HOLD, Override.CLIMB
 

@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shipland.evaluation.campaign import FlightJob, land_once
+from shipland.evaluation.landing import BOTH, DECK, EITHER, OWN, conditions_of, landing_of
 from shipland.flight import FlightResult
 from shipland.messages import TouchdownVerdict
-from shipland.missions.autonomy import drawn_ship
-from shipland.missions.campaign import FlightJob, land_once
-from shipland.missions.fly import Flown
-from shipland.missions.landing import BOTH, DECK, EITHER, OWN, conditions_of, landing_of
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.autonomy import drawn_ship
+from shipland.scenario.fly import Flown
+from shipland.scenario.scenario import load_scenario
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck
 
 SCENARIO = load_scenario("rig-natops", ship={"motion": "still"})

@@ -12,8 +12,8 @@ from shipland.estimation.relative_state import GUST, POSITION, VELOCITY, WIND, A
 from shipland.guidance.horizon.learned import observation_of
 from shipland.guidance.horizon.steering import ENTRIES, Action, Steered
 from shipland.messages import Intent, PilotCommand
-from shipland.missions.last_phase import last_phase_of
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.last_phase import last_phase_of
+from shipland.scenario.scenario import load_scenario
 from shipland.sim.air.airwake import Airwake
 from worlds import QUIET, world
 

@@ -8,8 +8,8 @@ import pytest
 
 from shipland.errors import ConfigError, DataError
 from shipland.learning.policy.arguments import LearnArguments
-from shipland.missions.last_phase import last_phase_of
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.last_phase import last_phase_of
+from shipland.scenario.scenario import load_scenario
 
 torch = pytest.importorskip("torch", reason="the extra train is not installed")
 pytest.importorskip("onnx", reason="the extra train is not installed")

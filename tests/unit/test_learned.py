@@ -8,7 +8,7 @@ from shipland.errors import ConfigError
 from shipland.guidance.horizon.learned import LearnedSteering, policy_path
 from shipland.guidance.horizon.steering import ENTRIES, Action, Steered
 from shipland.guidance.response import ANAFI_LIKE
-from shipland.missions.scenarios import load_scenario
+from shipland.scenario.scenario import load_scenario
 
 pytest.importorskip("onnx", reason="the extra train is not installed")
 

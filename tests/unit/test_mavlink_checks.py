@@ -7,7 +7,7 @@ import pytest
 
 from shipland.config import build, packaged_toml
 from shipland.guidance.response import Response
-from shipland.missions.outside import wind_check
+from shipland.scenario.real_vehicle import wind_check
 
 LIMITS = {"max_tilt_rad": math.radians(15.0), "max_climb_mps": 1.0, "max_turn_rad_s": 0.7}
 SPEEDS = {"kind": "velocity", "max_speed_mps": 4.0, **LIMITS}

@@ -7,8 +7,8 @@ import pytest
 from rich.console import Console
 
 from shipland.errors import ConfigError, DataError
-from shipland.missions.scenarios import load_scenario
 from shipland.report.motion import Case, Sampling, report_case, report_headings, sample, statistics
+from shipland.scenario.scenario import load_scenario
 from shipland.sim.ship.deck_motion import DOF_NAMES
 from shipland.sim.ship.recorded import HEADER
 

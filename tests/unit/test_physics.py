@@ -13,11 +13,11 @@ import pytest
 from ports import free_port
 from shipland.errors import ConfigError
 from shipland.frames import euler_from_rotation, rotation_from_quaternion
-from shipland.missions.physics import STEP_S, FlightStep, LaunchHold, RealTimeFactor
-from shipland.missions.scenarios import load_scenario
-from shipland.missions.serving import PhysicsOptions, serve
-from shipland.missions.servo_link import ServoPacket, mount_pitch_rad, state_line
+from shipland.scenario.scenario import load_scenario
 from shipland.sim.aircraft.servo import thrust_share
+from shipland.sitl.physics import STEP_S, FlightStep, LaunchHold, RealTimeFactor
+from shipland.sitl.serving import PhysicsOptions, serve
+from shipland.sitl.servo_link import ServoPacket, mount_pitch_rad, state_line
 
 
 def packet(count: int, motors_us: list[float], gimbal_us: int = 0) -> bytes:

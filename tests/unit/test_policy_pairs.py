@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from test_campaign import GOOD, NOWHERE, seeded
 
-from shipland.missions.bench import CellResult
-from shipland.missions.suite import Overrides, SuiteEntry, bench_cells
+from shipland.evaluation.bench import CellResult
+from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 

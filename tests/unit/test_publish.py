@@ -10,7 +10,7 @@ pytest.importorskip("pymavlink")
 
 from shipland.frames import rotation_from_euler
 from shipland.messages import BarPose
-from shipland.missions.publish import Mounting, landing_target, position_estimate
+from shipland.vehicles.mavlink.publish import Mounting, landing_target, position_estimate
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState
 
 CAMERA_M = np.array([0.1, 0.0, 0.02])

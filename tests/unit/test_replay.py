@@ -10,9 +10,9 @@ from made_up_flight import CAMERA, INFO, RIG, flight
 from shipland.camera import Camera
 from shipland.errors import ConfigError, DataError
 from shipland.messages import Intent, PilotCommand
-from shipland.missions.outside import make_vehicle
-from shipland.missions.scenarios import load_scenario
 from shipland.record.writer import LogParameters, LogWriter
+from shipland.scenario.real_vehicle import make_vehicle
+from shipland.scenario.scenario import load_scenario
 from shipland.vehicles.address import Address
 from shipland.vehicles.replay import Recorded, ReplayVehicle
 from shipland.vehicles.vehicle import GroundTruthSource

@@ -11,12 +11,12 @@ import pytest
 from made_up_flight import CAMERA, INFO, RIG, flight
 
 from shipland.errors import ConfigError, DataError
-from shipland.missions.campaign import FlightJob, land_once
-from shipland.missions.replays import recorded_film, recorded_flight, replay
-from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.evaluation.campaign import FlightJob, land_once
+from shipland.evaluation.replays import recorded_film, recorded_flight, replay
 from shipland.record.writer import LogWriter
 from shipland.report.outputs import load_outputs
 from shipland.report.viewer import Viewer
+from shipland.scenario.scenario import load_scenario, scenario_table
 
 CONFIGURATION = json.dumps(scenario_table("near"))
 
@@ -93,7 +93,7 @@ def own_code(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     lines = ["from pathlib import Path", "from shipland.guidance.pilots import paper as pilot"]
-    lines += ["from shipland.missions.visions import geometric as vision", "Path('imported').touch()"]
+    lines += ["from shipland.scenario.visions import geometric as vision", "Path('imported').touch()"]
     (tmp_path / "left_by_someone.py").write_text("\n".join(lines))
     yield lambda: (tmp_path / "imported").exists()
     sys.modules.pop("left_by_someone", None)
@@ -137,6 +137,6 @@ def test_a_log_of_another_version_says_so_where_its_configuration_is_none_today(
     changes = ("geometric.max_rnge_m=1.0",)
     with pytest.raises(ConfigError, match=r"^configuration.geometric: unknown key 'max_rnge_m'"):
         recorded_flight(log, changes=changes)
-    monkeypatch.setattr("shipland.missions.replays.code_version", lambda: "9.9")
+    monkeypatch.setattr("shipland.evaluation.replays.code_version", lambda: "9.9")
     with pytest.raises(ConfigError, match=r"was flown by version .*, this is 9\.9: configuration.geometric: unknown"):
         recorded_flight(log, changes=changes)

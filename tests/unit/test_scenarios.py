@@ -7,8 +7,8 @@ import pytest
 
 from shipland.config import packaged_names
 from shipland.errors import ConfigError
-from shipland.missions.autonomy import build_autonomy, build_vehicle
-from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.scenario.autonomy import build_autonomy, build_vehicle
+from shipland.scenario.scenario import load_scenario, scenario_table
 
 THREE_QUADS = {
     "rig.quad": [

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shipland.missions.statistics import compare, mean_interval, share_interval
+from shipland.evaluation.statistics import compare, mean_interval, share_interval
 
 
 def test_exact_interval_is_clopper_and_pearsons():

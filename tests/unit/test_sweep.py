@@ -7,10 +7,10 @@ from test_campaign import GOOD, seeded
 
 from shipland.config import setting
 from shipland.errors import ConfigError
-from shipland.missions.scenarios import load_scenario, scenario_table
-from shipland.missions.sweep import Cell, cells, comparison, sweep_table, text_of
+from shipland.evaluation.sweep import Cell, cells, comparison, sweep_table, text_of
 from shipland.report.outputs import load_outputs
 from shipland.report.sweep_plots import plot_sweep
+from shipland.scenario.scenario import load_scenario, scenario_table
 
 CHANGES = ("wind.mean_mps=0,3.5", "ship.motion=sea", "vision.hue=[35, 85]")
 

@@ -10,10 +10,10 @@ from shipland.errors import DataError
 from shipland.learning.arguments import SynthArguments
 from shipland.learning.dataset import read_dataset
 from shipland.learning.sensor import degrade, motion_kernel
-from shipland.learning.shot import target_box
 from shipland.learning.shots import draw_scene, draw_shot
 from shipland.learning.synth import crop_camera, synth, synth_parameters
 from shipland.sim.scene.scene import Scene
+from shipland.sim.target_box import target_box
 
 
 @pytest.fixture(scope="module")

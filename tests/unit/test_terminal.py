@@ -12,7 +12,7 @@ from made_up_flight import flight
 from shipland.aside import Aside
 from shipland.commands.fly import Fly, ProgressLine
 from shipland.commands.terminal import Terminal
-from shipland.missions.fly import Flown
+from shipland.scenario.fly import Flown
 
 
 @contextmanager
@@ -193,10 +193,10 @@ def test_a_check_leaves_an_earlier_flight_s_messages_alone(tmp_path, monkeypatch
         logs.append(log.name)
         return Fit()
 
-    monkeypatch.setattr("shipland.missions.outside.make_vehicle", made)
-    monkeypatch.setattr("shipland.missions.outside.checklist", lambda *_: [])
-    monkeypatch.setattr("shipland.missions.fly.fly_quietly", lambda *_, **__: Flown(None, None))
-    monkeypatch.setattr("shipland.missions.fly.Flown.reason", "")
+    monkeypatch.setattr("shipland.scenario.real_vehicle.make_vehicle", made)
+    monkeypatch.setattr("shipland.scenario.real_vehicle.checklist", lambda *_: [])
+    monkeypatch.setattr("shipland.scenario.fly.fly_quietly", lambda *_, **__: Flown(None, None))
+    monkeypatch.setattr("shipland.scenario.fly.Flown.reason", "")
     monkeypatch.setattr("shipland.commands.fly._LISTENING_S", 0.0)
     assert Fly(vehicle="fake://here", out=tmp_path, check=True).run() == 0
     assert logs == ["check.tlog"]

@@ -16,10 +16,10 @@ from shipland.guidance.horizon.descent import DescentParameters, Over, Phase, ne
 from shipland.guidance.horizon.look_down import GimbalLookDown, next_look_down
 from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
 from shipland.messages import BarPose, DeckSight, Frame, GimbalAttitude, Mode, Observation, Telemetry
-from shipland.missions.scenarios import load_scenario, scenario_table
 from shipland.rig import default_rig, packaged_table
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
 from shipland.safety.input_gate import InputGate
+from shipland.scenario.scenario import load_scenario, scenario_table
 
 DESCENT = build(DescentParameters, packaged_table("guidance")["horizon"]["descent"])
 STEP_S = 1.0 / 30.0

@@ -23,8 +23,8 @@ class BenchCompare:
 
     def run(self) -> int:
         """Print the comparison."""
-        from shipland.missions.bench import read_bench
-        from shipland.missions.bench_tables import paired
+        from shipland.evaluation.bench import read_bench
+        from shipland.evaluation.bench_tables import paired
 
         print("\n".join(paired(read_bench([self.first]), read_bench([self.second]))))
         return 0

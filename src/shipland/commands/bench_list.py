@@ -21,7 +21,7 @@ class BenchList:
     def run(self) -> int:
         """Print a line each."""
         from shipland.config import packaged_names
-        from shipland.missions.suite import Overrides, bench_cells, load_suite, task_digest
+        from shipland.evaluation.suite import Overrides, bench_cells, load_suite, task_digest
         from shipland.record.info import config_digest
 
         if self.suite:

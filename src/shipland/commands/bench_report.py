@@ -26,8 +26,8 @@ class BenchReport:
     def run(self) -> int:
         """Write the page and say where."""
         from shipland.errors import ConfigError, DataError
-        from shipland.missions.bench import read_about, read_bench
-        from shipland.missions.bench_tables import ceilings_of
+        from shipland.evaluation.bench import read_about, read_bench
+        from shipland.evaluation.bench_tables import ceilings_of
         from shipland.report.bench_page import bench_page
 
         if not self.folders:

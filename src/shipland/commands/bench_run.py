@@ -16,8 +16,8 @@ from shipland.commands.options import Changes, checked_seed, command_line
 from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
-    from shipland.missions.bench import Bench, BenchPlan
-    from shipland.missions.suite import SuiteEntry
+    from shipland.evaluation.bench import Bench, BenchPlan
+    from shipland.evaluation.suite import SuiteEntry
 
 _SAY_EVERY_S = 15.0
 
@@ -75,9 +75,9 @@ class BenchRun:
 
     def run(self) -> int:
         """Fly and print; 0 when everything asked for is flown, 1 when not."""
-        from shipland.missions.bench import open_bench, read_bench
-        from shipland.missions.bench_rows import write_rows
-        from shipland.missions.bench_tables import ceilings_of, leaderboard, pairs, rivals
+        from shipland.evaluation.bench import open_bench, read_bench
+        from shipland.evaluation.bench_rows import write_rows
+        from shipland.evaluation.bench_tables import ceilings_of, leaderboard, pairs, rivals
 
         plan = self._plan()
         with open_bench(plan) as bench:
@@ -106,8 +106,8 @@ class BenchRun:
         return 0 if left == 0 else 1
 
     def _plan(self) -> BenchPlan:
-        from shipland.missions.bench import BenchPlan
-        from shipland.missions.suite import Overrides, bench_cells, load_suite
+        from shipland.evaluation.bench import BenchPlan
+        from shipland.evaluation.suite import Overrides, bench_cells, load_suite
 
         for name, value in (("runs", self.runs), ("workers", self.workers)):
             if value < 1:
@@ -127,7 +127,7 @@ class BenchRun:
         return BenchPlan(cells, seeds, self.out, words, command_line())
 
     def _grid(self) -> tuple[SuiteEntry, ...]:
-        from shipland.missions.suite import SuiteEntry
+        from shipland.evaluation.suite import SuiteEntry
 
         return (SuiteEntry(self.scenario, (), self.vision),)
 
@@ -136,12 +136,12 @@ class BenchRun:
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-        from shipland.missions.bench import processes
-        from shipland.missions.statistics import share_interval
+        from shipland.evaluation.bench import processes
+        from shipland.evaluation.statistics import share_interval
         from shipland.rig import area_of
 
         if self.cluster:
-            from shipland.missions.cluster import cluster
+            from shipland.evaluation.cluster import cluster
 
             executor = cluster(self.cluster)
         else:

@@ -12,9 +12,9 @@ from shipland.commands.options import ScenarioOptions, checked_seed, command_lin
 from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
-    from shipland.missions.campaign import CampaignPlan
-    from shipland.missions.landing import Landing
-    from shipland.missions.sweep import Cell
+    from shipland.evaluation.campaign import CampaignPlan
+    from shipland.evaluation.landing import Landing
+    from shipland.evaluation.sweep import Cell
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Campaign(ScenarioOptions):
 
     def run(self) -> int:
         """Fly; 0 when all landed in the square, 1 when not."""
-        from shipland.missions.sweep import cells
+        from shipland.evaluation.sweep import cells
         from shipland.rig import area_of
 
         for name, value in (("count", self.count), ("workers", self.workers)):
@@ -64,7 +64,7 @@ class Campaign(ScenarioOptions):
     def _plan(self, cell: Cell, out: Path) -> CampaignPlan:
         """Checked before anything flies."""
         from shipland import factories
-        from shipland.missions.campaign import CampaignPlan
+        from shipland.evaluation.campaign import CampaignPlan
 
         scenario = replace(self, changes=cell.changes).load()
         factories.resolve("pilots", cell.pilot)
@@ -86,9 +86,9 @@ def _fly(plan: CampaignPlan) -> list[Landing]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-    from shipland.missions.campaign import run_campaign
-    from shipland.missions.rules import rules_table
-    from shipland.missions.tables import landings_table, summary_of
+    from shipland.evaluation.campaign import run_campaign
+    from shipland.evaluation.rules import rules_table
+    from shipland.evaluation.tables import landings_table, summary_of
     from shipland.report.campaign import write_campaign
 
     console = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -116,7 +116,7 @@ def _fly(plan: CampaignPlan) -> list[Landing]:
 
 
 def _write_sweep(command: Campaign, done: list[tuple[Cell, list[Landing]]], area: str) -> None:
-    from shipland.missions.sweep import sweep_table
+    from shipland.evaluation.sweep import sweep_table
     from shipland.report.outputs import load_outputs
     from shipland.report.sweep_plots import plot_sweep
 

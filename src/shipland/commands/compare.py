@@ -25,8 +25,8 @@ class Compare:
 
     def run(self) -> int:
         """Print the comparison."""
-        from shipland.missions.folder import read_campaign
-        from shipland.missions.sweep import comparison
+        from shipland.evaluation.folder import read_campaign
+        from shipland.evaluation.sweep import comparison
 
         first, second = read_campaign(self.first), read_campaign(self.second)
         print(comparison(first, second, (str(self.first), str(self.second))))

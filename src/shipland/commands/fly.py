@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from shipland.api import Flight
     from shipland.commands.terminal import Terminal
     from shipland.messages import FlightRecord, Mode
-    from shipland.missions.scenarios import Scenario
+    from shipland.scenario.scenario import Scenario
     from shipland.vehicles.vehicle import Vehicle
 
 
@@ -68,8 +68,8 @@ class Fly(ScenarioOptions):
 
     def _fly(self, terminal: Terminal) -> int:
         from shipland.api import fly
-        from shipland.missions.autonomy import response_of
-        from shipland.missions.outside import Keys, identified
+        from shipland.scenario.autonomy import response_of
+        from shipland.scenario.real_vehicle import Keys, identified
 
         scenario, vehicle = self.load(), None
         response = None
@@ -104,8 +104,8 @@ class Fly(ScenarioOptions):
         import time
 
         from shipland.config import layered
-        from shipland.missions.fly import fly_quietly
-        from shipland.missions.outside import checklist, make_vehicle, refuse_unfit
+        from shipland.scenario.fly import fly_quietly
+        from shipland.scenario.real_vehicle import checklist, make_vehicle, refuse_unfit
         from shipland.stopping import check_stop, stop_requests
         from shipland.vehicles.checks import Check, Real
 

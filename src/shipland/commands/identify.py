@@ -30,7 +30,7 @@ class Identify:
     def run(self) -> int:
         """Identify, print the table, write the file."""
         from shipland.errors import DataError
-        from shipland.missions.identify import identify
+        from shipland.estimation.identify import identify
         from shipland.record.reader import read_log
 
         found = identify(read_log(self.log).records)

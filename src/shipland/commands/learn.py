@@ -24,8 +24,8 @@ class Learn(LearnArguments):
 
     def run(self) -> int:
         """Train, evaluate, export."""
-        from shipland.missions.last_phase import last_phase_of
-        from shipland.missions.scenarios import load_scenario
+        from shipland.scenario.last_phase import last_phase_of
+        from shipland.scenario.scenario import load_scenario
 
         setups = [last_phase_of(load_scenario(name)) for name in self.scenario]
         try:

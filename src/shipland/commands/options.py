@@ -14,7 +14,7 @@ from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
     from shipland.learning.ship_and_camera import ShipAndCamera
-    from shipland.missions.scenarios import Scenario
+    from shipland.scenario.scenario import Scenario
 
 Changes = Annotated[tuple[str, ...], tyro.conf.arg(name="set", metavar="KEY=VALUE"), tyro.conf.UseAppendAction]
 
@@ -32,7 +32,7 @@ class ScenarioOptions:
 
     def load(self) -> Scenario:
         """The scenario; ConfigError names what is wrong."""
-        from shipland.missions.scenarios import load_scenario, scenario_table
+        from shipland.scenario.scenario import load_scenario, scenario_table
 
         return load_scenario(scenario_table(self.scenario, self.config, self.changes))
 
@@ -40,7 +40,7 @@ class ScenarioOptions:
 def ship_and_camera_of(scenario: str | None) -> ShipAndCamera:
     """Ship and camera of a scenario's name or TOML file, to draw pictures of; the packaged ones for None."""
     from shipland.learning.ship_and_camera import ShipAndCamera
-    from shipland.missions.scenarios import load_scenario
+    from shipland.scenario.scenario import load_scenario
 
     if scenario is None:
         return ShipAndCamera.packaged()

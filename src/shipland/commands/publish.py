@@ -32,8 +32,8 @@ class Publish(ScenarioOptions):
         import numpy as np
 
         from shipland.errors import ConfigError
-        from shipland.missions.outside import make_vehicle
-        from shipland.missions.publish import Mounting, publish
+        from shipland.scenario.real_vehicle import make_vehicle
+        from shipland.vehicles.mavlink.publish import Mounting, publish
         from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
         from shipland.vision.near.pipeline import NearVision
 

@@ -13,7 +13,7 @@ import tyro
 from shipland.commands.options import ScenarioOptions, command_line
 
 if TYPE_CHECKING:
-    from shipland.missions.replays import Recording, Replayed
+    from shipland.evaluation.replays import Recording, Replayed
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,9 @@ class Replay(ScenarioOptions):
         return 0
 
     def _replayed(self) -> Replayed:
-        from shipland.missions.fly import flight_log
-        from shipland.missions.replays import replay
+        from shipland.evaluation.replays import replay
         from shipland.report.viewer import Viewer
+        from shipland.scenario.fly import flight_log
 
         recording = self._recording()
         scenario = recording.scenario
@@ -72,7 +72,7 @@ class Replay(ScenarioOptions):
             return replay(recording, lambda record: [sink(record) for sink in sinks])
 
     def _recording(self) -> Recording:
-        from shipland.missions.replays import recorded_film, recorded_flight
+        from shipland.evaluation.replays import recorded_film, recorded_flight
         from shipland.vision.pictures import is_video
 
         if is_video(self.recording):

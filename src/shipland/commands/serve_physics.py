@@ -38,7 +38,7 @@ class ServePhysics(ScenarioOptions):
         """Serve until the flight is over; Ctrl-C ends it before."""
         import sys
 
-        from shipland.missions.serving import PhysicsOptions, serve
+        from shipland.sitl.serving import PhysicsOptions, serve
 
         port = {"json": 9002, "px4": 4560}[self.interface] if self.port is None else self.port
         options = PhysicsOptions(self.interface, self.host, port, self.frames_port, self.pictures, self.climb_m)

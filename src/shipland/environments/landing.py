@@ -20,8 +20,8 @@ from shipland.factories import Factory
 from shipland.flight import Cycle, FlightResult
 from shipland.guidance.pilot import PilotSetup
 from shipland.messages import PilotCommand
-from shipland.missions.fly import Flown
-from shipland.missions.scenarios import Scenario, load_scenario
+from shipland.scenario.fly import Flown
+from shipland.scenario.scenario import Scenario, load_scenario
 
 Seen = Arrays | npt.NDArray[np.float32]
 

@@ -17,8 +17,8 @@ from shipland.config import require
 from shipland.errors import ConfigError, SystemLibraryError
 from shipland.guidance.horizon.steering import ENTRIES, LIMIT, Action, Kind
 from shipland.learning.policy.setup import Randomisation
-from shipland.missions.last_phase import last_phase_of
-from shipland.missions.scenarios import Scenario, load_scenario
+from shipland.scenario.last_phase import last_phase_of
+from shipland.scenario.scenario import Scenario, load_scenario
 
 try:
     import torch

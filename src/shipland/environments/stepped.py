@@ -19,11 +19,11 @@ from shipland.messages import (
     Telemetry,
     TouchdownVerdict,
 )
-from shipland.missions.autonomy import build_autonomy, build_scene, build_vehicle
-from shipland.missions.faults import with_faults
-from shipland.missions.scenarios import Scenario
-from shipland.missions.visions import needs_pictures
 from shipland.safety.assurance import Safety
+from shipland.scenario.autonomy import build_autonomy, build_scene, build_vehicle
+from shipland.scenario.faults import with_faults
+from shipland.scenario.scenario import Scenario
+from shipland.scenario.visions import needs_pictures
 from shipland.vehicles.vehicle import Vehicle
 
 

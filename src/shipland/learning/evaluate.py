@@ -28,12 +28,13 @@ from shipland.learning.progress import followed
 from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
 from shipland.learning.settings import learning_table
 from shipland.learning.ship_and_camera import ShipAndCamera
-from shipland.learning.shot import NearestBox, Shot, target_box
+from shipland.learning.shot import Shot
 from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import FRAME_S, compressed, draw, in_workers, jpeg_quality, synth_parameters
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
+from shipland.sim.target_box import NearestBox, target_box
 from shipland.vision.far.decode import PIXEL_CENTRE, iou
 from shipland.vision.far.detector import Detector, DetectorParameters, detector_parameters
 from shipland.vision.far.far import FarVision

@@ -12,9 +12,10 @@ from shipland.config import require
 from shipland.frames import Array
 from shipland.learning.decoys import Decoy, DecoyKind, foot_box_px
 from shipland.learning.sensor import SensorParameters
-from shipland.learning.shot import Shot, target_box
+from shipland.learning.shot import Shot
 from shipland.rig import Rig
 from shipland.sim.scene.scene import SceneParameters
+from shipland.sim.target_box import target_box
 
 Span = tuple[float, float]
 _CONTRAST_LEFT = 3.0

@@ -33,10 +33,11 @@ from shipland.learning.progress import followed
 from shipland.learning.sensor import degrade
 from shipland.learning.settings import learning_table
 from shipland.learning.ship_and_camera import ShipAndCamera
-from shipland.learning.shot import NearestBox, Shot, target_box
+from shipland.learning.shot import Shot
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
+from shipland.sim.target_box import NearestBox, target_box
 
 T = TypeVar("T")
 Picture = npt.NDArray[np.uint8]

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from shipland.missions.bench import CellResult
-from shipland.missions.bench_tables import leaderboard, pairs, rests_in_area, rivals, swept_keys
-from shipland.missions.ceiling import Ceiling
-from shipland.missions.landing import Landing
-from shipland.missions.statistics import share_interval
+from shipland.evaluation.bench import CellResult
+from shipland.evaluation.bench_tables import leaderboard, pairs, rests_in_area, rivals, swept_keys
+from shipland.evaluation.ceiling import Ceiling
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.statistics import share_interval
 from shipland.report.svg import Column, Points, Share, colour_of, point_chart, share_chart
 from shipland.rig import area_of
 

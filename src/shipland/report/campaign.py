@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from shipland.errors import DataError
-from shipland.missions.campaign import CampaignPlan
-from shipland.missions.landing import Landing
-from shipland.missions.rules import rules_table
-from shipland.missions.scenarios import Scenario
-from shipland.missions.tables import causes_table, landings_table, modes_table
+from shipland.evaluation.campaign import CampaignPlan
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.rules import rules_table
+from shipland.evaluation.tables import causes_table, landings_table, modes_table
 from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
 from shipland.report.outputs import load_outputs
+from shipland.scenario.scenario import Scenario
 from shipland.sim.ship.ship import build_ship
 
 

@@ -14,9 +14,9 @@ from rich.table import Table
 
 from shipland.errors import ConfigError, DataError
 from shipland.frames import Array
-from shipland.missions.seeds import generators_of
 from shipland.report.motion_plots import plot_case, plot_headings
 from shipland.rig import Rig
+from shipland.scenario.seeds import generators_of
 from shipland.sim.air.wind import Wind, WindParameters, build_wind
 from shipland.sim.ship.deck_motion import DOF_NAMES
 from shipland.sim.ship.motion_base import rig_limits

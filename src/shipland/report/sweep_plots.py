@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from shipland.missions.landing import Landing
-from shipland.missions.statistics import share_interval
-from shipland.missions.sweep import Cell
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.statistics import share_interval
+from shipland.evaluation.sweep import Cell
 from shipland.report.palette import BLUE, GREEN, VERMILION, unit
 from shipland.report.plots import PLOT_STYLE, PlotParameters, new_figure, save_figure
 

@@ -12,8 +12,8 @@ from shipland.flight import fly
 from shipland.frames import Array
 from shipland.guidance.pilot import Pilot
 from shipland.messages import Decision, FlightRecord, Frame, Observation, PilotCommand, Telemetry
-from shipland.missions.autonomy import build_autonomy, build_vehicle
-from shipland.missions.scenarios import load_scenario, scenario_table
+from shipland.scenario.autonomy import build_autonomy, build_vehicle
+from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.vision.vision import Vision
 
 FALSE_AT_S = 6.5

@@ -10,7 +10,6 @@ from typing import Literal, get_args
 import numpy as np
 
 from shipland.guidance.laws import FarVariant, derivative_gain, exponential_law
-from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
 from shipland.reproduce.far import (
     APPROACHES,
     AXIS_M,
@@ -44,6 +43,7 @@ from shipland.reproduce.plots import (
     plot_roll_law,
 )
 from shipland.reproduce.ranges import FarTrace
+from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 
 FigureName = Literal["roll-law", "far-steps", "far-readings", "derivative-gain", "near-false"]
 

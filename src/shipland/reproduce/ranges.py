@@ -29,10 +29,10 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
-from shipland.missions.autonomy import build_vehicle, response_of
-from shipland.missions.scenarios import Scenario, load_scenario, scenario_table
 from shipland.rig import Rig
 from shipland.safety.assurance import Safety
+from shipland.scenario.autonomy import build_vehicle, response_of
+from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 from shipland.vehicles.simulated import SimulatedVehicle
 
 BAR_RANGE_M = 100.0

@@ -1,0 +1,1 @@
+"""Many landings: flown, kept, judged, compared."""

@@ -1,0 +1,170 @@
+"""Tables of a bench, as Markdown: a line a cell with interval and ceiling, pairs of pilots, everybody's rules."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from shipland.errors import ConfigError
+from shipland.evaluation.bench import CellResult
+from shipland.evaluation.ceiling import Ceiling, ceiling
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.rules import rules
+from shipland.evaluation.statistics import Interval, Pairing, quantile_interval, share_interval
+from shipland.evaluation.sweep import median
+from shipland.evaluation.tables import pair_up
+from shipland.rig import Rig, area_of
+
+
+def swept_keys(cells: Sequence[CellResult]) -> list[str]:
+    """Keys that do not have one value in all cells, in order of appearance."""
+    keys = dict.fromkeys(key for cell in cells for key, _ in cell.settings)
+    return [key for key in keys if len({dict(cell.settings).get(key) for cell in cells}) > 1]
+
+
+def rests_in_area(landing: Landing, rig: Rig) -> bool:
+    """Whether it came to rest on its feet with its centre in the landing area."""
+    return landing.landed and rig.in_landing_area(landing.rest_forward_m, landing.rest_starboard_m)
+
+
+def leaderboard(cells: Sequence[CellResult], ceilings: dict[str, Ceiling]) -> Iterator[str]:
+    """Markdown, a line a cell.
+
+    Args:
+        cells: what was flown.
+        ceilings: by group; may lack some or all.
+    """
+    keys = swept_keys(cells)
+    names, area = [key.split(".")[-1] for key in keys], area_of(cell.rig for cell in cells)
+    yield " | ".join(
+        ["| scenario", *names, "pilot", "flights", f"in the {area}", "95 % interval", "ceiling", "at rest in it",
+         "on its feet", "perfect at its instants", "error median [cm]", "error 90 % [cm]", "own error median [cm]",
+         "sink median [m/s]", "time median [s]", "causes |"]
+    )  # fmt: skip
+    yield "|" + "---|" * (len(keys) + 2) + "---:|" * 12 + "---|"
+    rng = np.random.default_rng(1)
+    for cell in cells:
+        landings, touched = cell.landings, [it for it in cell.landings if it.touched]
+        n, good = len(landings), sum(it.good for it in landings)
+        if not n:
+            continue
+        low, high = share_interval(good, n)
+        rests = sum(rests_in_area(it, cell.rig) for it in landings)
+        errors_cm = 100.0 * np.array([it.error_m for it in touched])
+        own_cm = 100.0 * np.array([np.hypot(it.own_forward_m, it.own_starboard_m) for it in touched])
+        causes = Counter(it.cause for it in landings if it.cause)
+        perfect = cell.group in ceilings
+        yield " | ".join(
+            [
+                f"| {cell.scenario}",
+                *(dict(cell.settings).get(key, "") for key in keys),
+                cell.pilot,
+                str(n),
+                f"{good} ({100.0 * good / n:.1f} %)",
+                f"{100.0 * low:.1f}–{100.0 * high:.1f} %",
+                f"{100.0 * ceilings[cell.group].share:.1f} %" if perfect else "",
+                str(rests),
+                str(sum(it.landed for it in landings)),
+                f"{sum(bool(it.oracle_in_square) for it in touched)} of {len(touched)}",
+                _quantile(errors_cm, 0.5, rng),
+                _quantile(errors_cm, 0.9, rng),
+                _quantile(own_cm, 0.5, rng),
+                median([it.sink_mps for it in touched], 2),
+                median([it.time_s for it in touched], 0),
+                f"{', '.join(f'{count} {cause}' for cause, count in causes.most_common())} |",
+            ]
+        )
+    fixed = {pair for cell in cells for pair in cell.settings if pair[0] not in keys}
+    yield ""
+    if fixed:
+        yield f"All cells: {', '.join(f'`{key}={value}`' for key, value in sorted(fixed))}."
+        yield ""
+    yield (
+        f"In the {area}: at rest on its feet, first contact in the {area}, within every limit. At rest in it: at rest "
+        f"on its feet in the {area}, wherever it touched. Interval: Clopper and Pearson; it takes flights for "
+        "independent, each with its own motion, wind and start. Ceiling: a perfect aircraft at any instant, from "
+        "motions of their own. Ranges behind medians and quantiles: 95 %, bootstrap."
+    )
+
+
+def _quantile(values: np.ndarray[tuple[int], np.dtype[np.float64]], share: float, rng: np.random.Generator) -> str:
+    if not len(values):
+        return "–"
+    low, high = quantile_interval(values, share, rng)
+    return f"{np.quantile(values, share):.1f} ({low:.1f}–{high:.1f})" if len(values) > 1 else f"{values[0]:.1f}"
+
+
+def pairs(cells: Sequence[CellResult]) -> Iterator[str]:
+    """Markdown: every two pilots of one group on the same seeds."""
+    yield (
+        "| scenario and settings | pilots | seeds | only the first | only the second | McNemar p "
+        "| error median, first less second [cm] |"
+    )
+    yield "|---|---|---:|---:|---:|---:|---:|"
+    for first, second in itertools.combinations(cells, 2):
+        if first.group == second.group:
+            found = pair_up(first.landings, second.landings, np.random.default_rng(1))
+            yield f"| {first.group} | {first.pilot}, {second.pilot} | {_pairing(found)} |"
+
+
+def rivals(cells: Sequence[CellResult]) -> Iterator[str]:
+    """Markdown: how many of each cell's flights every published rule counts."""
+    names = list(rules(cells[0].rig))
+    yield " | ".join(["| scenario and settings", "pilot", "flights", *names]) + " |"
+    yield "|---|---|---:|" + "---:|" * len(names)
+    for cell in cells:
+        counts = [str(sum(map(rule, cell.landings))) for rule in rules(cell.rig).values()]
+        yield " | ".join([f"| {cell.group}", cell.pilot, str(len(cell.landings)), *counts]) + " |"
+
+
+def paired(first: Sequence[CellResult], second: Sequence[CellResult]) -> Iterator[str]:
+    """Markdown: the same cells in two folders, seed by seed; ConfigError when they have none in common."""
+    ours, theirs = {cell.name: cell for cell in first}, {cell.name: cell for cell in second}
+    common = [name for name in ours if name in theirs]
+    if not common:
+        raise ConfigError("the two folders have no cell in common")
+    yield "| cell | seeds | only the first | only the second | McNemar p | error median, first less second [cm] |"
+    yield "|---|---:|---:|---:|---:|---:|"
+    for name in common:
+        found = pair_up(ours[name].landings, theirs[name].landings, np.random.default_rng(1))
+        yield f"| {name} | {_pairing(found)} |"
+
+
+def _pairing(found: Pairing) -> str:
+    difference = "–"
+    if np.isfinite(found.error_difference_m):
+        low, high = (100.0 * value for value in found.error_interval_m)
+        difference = f"{100.0 * found.error_difference_m:.1f} ({low:.1f} … {high:.1f})".replace("nan", "–")
+    return f"{found.flights} | {found.only_first} | {found.only_second} | {found.p_value:.2g} | {difference}"
+
+
+def ceilings_of(cells: Sequence[CellResult], motions: int, cache: Path) -> dict[str, Ceiling]:
+    """The ceiling of each group; drawn once for each motion, and kept in a file.
+
+    Args:
+        cells: what was flown.
+        motions: how many are drawn for each.
+        cache: JSON file; made when missing.
+    """
+    try:
+        kept = json.loads(cache.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        kept = {}
+    found: dict[str, Ceiling] = {}
+    for cell in cells:
+        ship, rig, airframe = cell.ship, cell.rig, cell.airframe
+        key = hashlib.sha256(repr((ship, rig, airframe, motions)).encode()).hexdigest()[:16]
+        if key not in kept:
+            drawn = ceiling(ship, rig, airframe, motions, np.random.default_rng(1))
+            kept[key] = {**vars(drawn), "interval": list(drawn.interval), "deviation_m": list(drawn.deviation_m)}
+            cache.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+        row = kept[key]
+        interval, deviation_m = Interval(*row["interval"]), tuple(row["deviation_m"])
+        found[cell.group] = Ceiling(**{**row, "interval": interval, "deviation_m": deviation_m})
+    return found

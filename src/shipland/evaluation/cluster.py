@@ -1,0 +1,87 @@
+"""Flights on a Ray cluster: the same flights, the same rows, kept by this process alone."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from shipland.errors import ConfigError, DataError
+from shipland.evaluation.bench import Executor, Keep, Lose, land_quietly
+from shipland.evaluation.campaign import FlightJob
+from shipland.evaluation.folder import source_digest
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.workers import POLL_S
+from shipland.stopping import check_stop
+
+_RETRIES = 3
+"""Of a flight whose process or machine died; its result counts once."""
+_WAITING_A_CORE = 2
+"""Flights given out at a time."""
+
+
+class _Answer(NamedTuple):
+    """A machine's answer: the digest of its code, the landing, and the log where one is kept."""
+
+    digest: str
+    landing: Landing
+    log: bytes | None
+
+
+def cluster(address: str) -> Executor:
+    """Flights on the Ray cluster at `address`, or the one that is found (`auto`); every machine wants this very code.
+
+    Raises:
+        ConfigError: Ray is not installed, or there is no such cluster.
+        DataError: a machine has other code.
+    """
+    try:
+        import ray
+    except ImportError:
+        raise ConfigError("--cluster wants Ray, which is not installed; pip install 'shipland[cluster]'") from None
+
+    def executor(flights: Iterable[FlightJob], keep: Keep, lose: Lose) -> Iterator[tuple[FlightJob, Landing]]:
+        try:
+            ray.init(address=address, log_to_driver=False, ignore_reinit_error=True)
+        except (ConnectionError, ValueError, RuntimeError) as error:
+            raise ConfigError(f"--cluster {address}: no Ray cluster: {error}") from None
+        fly = ray.remote(max_retries=_RETRIES, num_cpus=1)(_fly_there)
+        waiting, given = iter(flights), dict[Any, FlightJob]()
+        try:
+            while True:
+                most = _WAITING_A_CORE * max(1, int(ray.cluster_resources().get("CPU", 1)))
+                while len(given) < most and (flight := next(waiting, None)) is not None:
+                    given[fly.remote(flight)] = flight
+                if not given:
+                    return
+                check_stop()
+                for done in ray.wait(list(given), num_returns=1, timeout=POLL_S)[0]:
+                    flight = given.pop(done)
+                    try:
+                        answer = ray.get(done)
+                    except ray.exceptions.RayError as error:
+                        lose(flight, " ".join(str(error).split()[:40]))
+                        continue
+                    if answer.digest != source_digest():
+                        raise DataError("a machine of the cluster has other code than this one; install the same")
+                    if answer.log is not None and flight.log is not None:
+                        flight.log.parent.mkdir(parents=True, exist_ok=True)
+                        flight.log.write_bytes(answer.log)
+                    keep(flight, answer.landing)
+                    yield flight, answer.landing
+        finally:
+            for reference in given:
+                ray.cancel(reference, force=True)
+            ray.shutdown()
+
+    return executor
+
+
+def _fly_there(flight: FlightJob) -> _Answer:
+    """On a machine of the cluster: its folders are not ours, so the log comes back with the landing."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "flight.mcap"
+        landing = land_quietly(replace(flight, log=None if flight.log is None else path))
+        return _Answer(source_digest(), landing, path.read_bytes() if path.exists() else None)

@@ -1,0 +1,207 @@
+"""A campaign's folder: rows of one code, configuration and set of weights, and of one process at a time."""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import hashlib
+import importlib.util
+import json
+import os
+import platform
+import shlex
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from importlib import metadata, resources
+from pathlib import Path
+from typing import Any
+
+from shipland import factories
+from shipland.errors import DataError
+from shipland.evaluation.landing import COLUMNS, Landing, landing_from, row_of
+from shipland.files import json_of, read_text, write_atomically
+from shipland.former import renamed
+from shipland.record.info import config_digest, file_digest
+from shipland.scenario.scenario import Scenario
+from shipland.scenario.visions import needs_pictures
+from shipland.version import code_version
+from shipland.vision.far.detector import weights_path
+
+_SOURCES = {".py", ".toml", ".frag", ".vert", ".glsl", ".npz"}
+_LIBRARIES = ("numpy", "scipy", "mujoco", "opencv-python-headless", "openvino")
+_BOUND = {
+    "source": "code (its files differ)",
+    "configuration": "configuration",
+    "pilot": "pilot",
+    "vision": "vision",
+    "own_code": "own pilot or vision code",
+    "weights": "weights",
+}
+"""Keys that must be equal for all landings of a folder, with their names in words."""
+
+
+@cache
+def source_digest() -> str:
+    """First 16 hex digits of the SHA-256 of the installed package's files, weights apart."""
+    root = Path(str(resources.files("shipland")))
+    digest = hashlib.sha256()
+    for path in sorted(path for path in root.rglob("*") if path.suffix in _SOURCES):
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def campaign_key(scenario: Scenario, pilot: str, vision: str) -> dict[str, Any]:
+    """What landings of one table must have in common, with further facts for the reader.
+
+    Raises:
+        DataError: weights are missing.
+    """
+    table, detector, weights = scenario.table(), scenario.detector, {}
+    if needs_pictures(factories.resolve("visions", vision)):
+        for kind, name in (("ship", detector.ship_weights), ("bar", detector.bar_weights)):
+            weights[kind] = file_digest(weights_path(name, detector.precision))
+    return {
+        "version": code_version(),
+        "source": source_digest(),
+        "configuration": config_digest(table),
+        "pilot": pilot,
+        "vision": vision,
+        "own_code": {name: _own_code_digest(name) for name in (pilot, vision) if factories.is_own_code(name)},
+        "weights": weights,
+        "python": platform.python_version(),
+        "libraries": {name: _version_of(name) for name in _LIBRARIES},
+        "command": _command(),
+        "scenario": table,
+    }
+
+
+def _command() -> str:
+    program = Path(sys.argv[0]).name
+    return shlex.join(["shipland" if program == "__main__.py" else program, *sys.argv[1:]])
+
+
+def _own_code_digest(name: str) -> str:
+    """Of the file that holds `module:factory`; empty where it has none."""
+    spec = importlib.util.find_spec(name.partition(":")[0])
+    return file_digest(Path(spec.origin)) if spec is not None and spec.origin is not None else ""
+
+
+def _version_of(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+class CampaignFolder:
+    """An open folder; made by `open_folder`.
+
+    Attributes:
+        done: landings found in it, by seed.
+        seeds: of all that are in it now; their landings are on disk alone, so that memory does not grow with them.
+    """
+
+    def __init__(self, out: Path, key: dict[str, Any]) -> None:
+        self._path, beside = out / "landings.csv", out / "campaign.json"
+        if self._path.exists() or beside.exists():
+            _check_key(beside, key)
+        else:
+            write_atomically(beside, (json.dumps(key, indent=1, ensure_ascii=False) + "\n").encode())
+        text = read_text(self._path) if self._path.exists() else ""
+        whole = _whole_rows(text) or ",".join(COLUMNS) + "\n"
+        self.done = _landings(self._path, whole)
+        self.seeds = set(self.done)
+        if whole != text:
+            write_atomically(self._path, whole.encode())
+
+    def append(self, landing: Landing) -> None:
+        """Write one more row; DataError when it cannot be written."""
+        try:
+            with self._path.open("a", newline="", encoding="utf-8") as file:
+                csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(row_of(landing))
+        except OSError as error:
+            raise DataError(f"{self._path} cannot be written: {error.strerror}") from None
+        self.seeds.add(landing.seed)
+
+
+@contextmanager
+def open_folder(out: Path, key: dict[str, Any]) -> Iterator[CampaignFolder]:
+    """The folder of a campaign, made when missing, for this process alone.
+
+    Raises:
+        DataError: it holds landings of another key or a broken table, another process flies in it, or it cannot be
+            written.
+    """
+    with claimed(out):
+        yield folder_in(out, key)
+
+
+def folder_in(out: Path, key: dict[str, Any]) -> CampaignFolder:
+    """A campaign's folder, made when missing, within one that is `claimed`; DataError as `open_folder`."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        return CampaignFolder(out, key)
+    except OSError as error:
+        raise DataError(f"{out} cannot be used: {error.strerror}") from None
+
+
+@contextmanager
+def claimed(out: Path) -> Iterator[None]:
+    """A folder, made when missing, for this process alone; DataError when another has it or it cannot be written."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        lock = os.open(out / ".lock", os.O_CREAT | os.O_RDWR, 0o644)
+    except OSError as error:
+        raise DataError(f"{out} cannot be written: {error.strerror}") from None
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise DataError(f"{out}: another campaign flies in this folder; wait for it, or give another") from None
+        yield
+    finally:
+        os.close(lock)
+
+
+def _check_key(beside: Path, key: dict[str, Any]) -> None:
+    if not beside.exists():
+        raise DataError(f"{beside.parent} holds landings without campaign.json; give another folder")
+    try:
+        found = json_of(read_text(beside))
+    except ValueError:
+        raise DataError(f"{beside} is not readable; give another folder") from None
+    differ = [words for name, words in _BOUND.items() if not isinstance(found, dict) or found.get(name) != key[name]]
+    if differ:
+        raise DataError(f"{beside.parent} holds landings of another {', '.join(differ)}; give another folder")
+
+
+def read_campaign(folder: Path) -> list[Landing]:
+    """The landings in a campaign's folder; DataError when there are none or the table is broken."""
+    path = folder / "landings.csv"
+    if not path.is_file():
+        within = ", ".join(str(each.parent) for each in sorted(folder.glob("*/landings.csv")))
+        hint = f"; give one of {within}" if within else ""
+        raise DataError(f"{folder} holds no campaign: {path} does not exist{hint}")
+    return list(_landings(path, _whole_rows(read_text(path))).values())
+
+
+def _whole_rows(text: str) -> str:
+    """Without a last row that was cut short, by a full disk for instance: it is flown again."""
+    return text[: text.rfind("\n") + 1]
+
+
+def _landings(path: Path, text: str) -> dict[int, Landing]:
+    """By seed; `path` is for messages."""
+    done: dict[int, Landing] = {}
+    rows = csv.DictReader(text.splitlines())
+    while True:
+        try:
+            if (row := next(rows, None)) is None:
+                return done
+            done[int(row["seed"])] = landing_from(renamed(row))
+        except (csv.Error, KeyError, TypeError, ValueError):
+            line = max(rows.line_num, 1)
+            raise DataError(f"{path}, line {line}: not a landing; remove the line to fly it again") from None

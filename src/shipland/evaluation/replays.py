@@ -1,0 +1,213 @@
+"""Vision and pilot over a recorded flight again, and where they differ from what was recorded."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from shipland import factories
+from shipland.camera import Camera
+from shipland.config import merge, packaged_toml, settings
+from shipland.errors import ConfigError, DataError
+from shipland.flight import Autonomy, cycles, decide_or_degrade
+from shipland.messages import FlightRecord, Observation, PilotCommand
+from shipland.record.reader import read_log
+from shipland.safety.input_gate import InputGate, without_repeated
+from shipland.scenario.autonomy import build_autonomy
+from shipland.scenario.real_vehicle import replayed_log
+from shipland.scenario.scenario import Scenario, load_scenario
+from shipland.scenario.visions import needs_pictures
+from shipland.vehicles.replay import ReplayVehicle, recorded_video
+from shipland.version import code_version
+from shipland.vision.vision import see_or_degrade
+
+POSE_M, STICK_PERCENT = 0.05, 5.0
+"""Differences from here on are counted."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One cycle as it was recorded and as it went again.
+
+    Attributes:
+        before: recorded; None of a video.
+        after: replayed.
+        pose_m: distance of the two poses; infinite where one of the two has none, NaN where neither.
+        stick_percent: largest difference of a stick; NaN of a video.
+    """
+
+    before: FlightRecord | None
+    after: FlightRecord
+    pose_m: float
+    stick_percent: float
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A recording that was flown again, the sticks moving nothing."""
+
+    pairs: tuple[Pair, ...]
+
+    def words(self) -> Iterator[str]:
+        """What differs, a line each."""
+        n = len(self.pairs)
+        seen = sum(pair.after.observation.bar_pose is not None for pair in self.pairs)
+        yield f"{n} cycles; the bar's pose found in {seen}"
+        if not n or self.pairs[0].before is None:
+            return
+        recorded = sum(pair.before is not None and pair.before.observation.bar_pose is not None for pair in self.pairs)
+        both_m = [pair.pose_m for pair in self.pairs if math.isfinite(pair.pose_m)]
+        yield f"recorded in {recorded}; in one of the two only: {sum(math.isinf(it.pose_m) for it in self.pairs)}"
+        if both_m:
+            far = [pair for pair in self.pairs if math.isfinite(pair.pose_m) and pair.pose_m > POSE_M]
+            middle = f"poses differ by {np.median(both_m):.4f} m in the median, {max(both_m):.4f} m at most"
+            yield f"{middle}; {_first(far, 'm')}"
+        sticks = [pair.stick_percent for pair in self.pairs if math.isfinite(pair.stick_percent)]
+        far = [pair for pair in self.pairs if pair.stick_percent > STICK_PERCENT]
+        middle = f"sticks differ by {np.median(sticks):.2f} % in the median, {max(sticks):.2f} % at most"
+        yield f"{middle}; {_first(far, '%')}"
+        modes = [it for it in self.pairs if it.before and it.before.decision.mode is not it.after.decision.mode]
+        first = f", first at {modes[0].after.telemetry.t_s:.2f} s" if modes else ""
+        yield f"modes differ in {len(modes)} cycles{first}"
+
+
+def _first(far: Sequence[Pair], unit: str) -> str:
+    limit = f"{POSE_M:g} m" if unit == "m" else f"{STICK_PERCENT:g} %"
+    first = f", first at {far[0].after.telemetry.t_s:.2f} s" if far else ""
+    return f"more than {limit} in {len(far)} cycles{first}"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What is replayed, by whom.
+
+    Attributes:
+        vehicle: gives the frames again.
+        scenario: rig, camera, guidance, safety.
+        pilot, vision: names, as `factories.resolve` takes them.
+        seed: of visions and pilots that draw numbers.
+        records: as flown; empty of a video.
+    """
+
+    vehicle: ReplayVehicle
+    scenario: Scenario
+    pilot: str
+    vision: str
+    seed: int = 0
+    records: Sequence[FlightRecord] = ()
+
+
+def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequence[str] = ()) -> Recording:
+    """A flight log.
+
+    Args:
+        path: of the log.
+        pilot: who flies; empty: who flew, if that is no `module:factory`.
+        vision: who sees; empty: who saw, likewise.
+        changes: texts `section.key=value` laid over the scenario that flew.
+
+    Raises:
+        DataError: the log cannot be read.
+        ConfigError: it was flown with a configuration that is none today, a change is wrong, or it names a module of
+            the user's, which a log does not get to run.
+    """
+    log = read_log(path)
+    info = log.header.info
+    for option, given, recorded in (("pilot", pilot, info.pilot), ("vision", vision, info.vision)):
+        if not given and factories.is_own_code(recorded):
+            raise ConfigError(
+                f"{path} names code as its {option}, which a log does not get run: give --{option} {recorded} to run it"
+            )
+    try:
+        flown = merge(packaged_toml("default"), info.table())  # a younger key has today's default
+        scenario = load_scenario(merge(flown, settings(changes)))
+    except ConfigError as error:
+        if info.code_version == code_version():
+            raise
+        flown_by, here = info.code_version or info.software_version, code_version()
+        raise ConfigError(f"{path} was flown by version {flown_by}, this is {here}: {error}") from None
+    vehicle = replayed_log(path)
+    return Recording(vehicle, scenario, pilot or info.pilot, vision or info.vision, info.seed or 0, log.records)
+
+
+def recorded_film(path: Path, scenario: Scenario, pilot: str, vision: str, pitch_deg: float) -> Recording:
+    """A video through the scenario's camera, `pitch_deg` against the horizon; DataError when it is none."""
+    camera = Camera.from_parameters(scenario.camera)
+    vehicle = ReplayVehicle(recorded_video(path, camera, math.radians(pitch_deg), scenario.delays.video_s), camera)
+    return Recording(vehicle, scenario, pilot, vision)
+
+
+def replay(recording: Recording, on_cycle: Callable[[FlightRecord], object] = lambda _: None) -> Replayed:
+    """Run vision and pilot over a recording.
+
+    Args:
+        recording: is used up.
+        on_cycle: sees every replayed row.
+
+    Raises:
+        DataError: the vision wants pictures and there are none.
+        ConfigError: no such pilot or vision.
+    """
+    wants_pictures = needs_pictures(factories.resolve("visions", recording.vision))
+    autonomy = build_autonomy(recording.scenario, recording.vehicle, recording.pilot, recording.vision, recording.seed)
+    rows, pairs = {record.frame.t_s: record for record in recording.records}, []
+    for after in _again(recording, autonomy) if rows else _anew(recording, autonomy):
+        if wants_pictures and after.frame.image is None:
+            raise DataError(f"the log holds no pictures, which {recording.vision} wants; try --vision geometric")
+        on_cycle(after)
+        kept = replace(after, frame=replace(after.frame, image=None))
+        pairs.append(_pair(rows.get(after.frame.t_s), kept))
+    return Replayed(tuple(pairs))
+
+
+def _anew(recording: Recording, autonomy: Autonomy) -> Iterator[FlightRecord]:
+    """Frames that nobody flew on: the loop as it is."""
+    return (cycle.record for cycle in cycles(recording.vehicle, autonomy, time.perf_counter))
+
+
+def _again(recording: Recording, autonomy: Autonomy) -> Iterator[FlightRecord]:
+    """Each recorded cycle with the telemetry that it was decided on, after the command that was sent before it.
+
+    The same vision and pilot so see and decide the very same, however long they take today.
+    """
+    records, vehicle = recording.records, recording.vehicle
+    before: dict[float, PilotCommand | None] = {}
+    for earlier, record in zip((None, *records[:-1]), records, strict=True):
+        before[record.frame.t_s] = None if earlier is None else earlier.decision.command
+    rows = {record.frame.t_s: record for record in records}
+    last: Observation | None = None
+    vehicle.open()
+    try:
+        while (pair := vehicle.read()) is not None:
+            frame = pair[0]
+            row = rows[frame.t_s]
+            seen = see_or_degrade(autonomy.vision, frame)
+            observation = InputGate().observation(without_repeated(seen, last), frame, vehicle.camera)
+            last = seen
+            decision = decide_or_degrade(autonomy, observation, row.telemetry, before[frame.t_s])
+            decision = autonomy.safety.check(decision, observation, row.telemetry)
+            yield FlightRecord(frame, row.telemetry, observation, decision, row.truth)
+    finally:
+        vehicle.close()
+
+
+def _pair(before: FlightRecord | None, after: FlightRecord) -> Pair:
+    if before is None:
+        return Pair(None, after, math.nan, math.nan)
+    poses = [it.observation.bar_pose for it in (before, after)]
+    pose_m = math.nan
+    if poses[0] is not None and poses[1] is not None:
+        pose_m = float(np.linalg.norm(poses[0].position_in_bar_m - poses[1].position_in_bar_m))
+    elif poses != [None, None]:
+        pose_m = math.inf
+    sticks = float(np.max(np.abs(_sticks(before.decision.command) - _sticks(after.decision.command))))
+    return Pair(before, after, pose_m, sticks)
+
+
+def _sticks(command: PilotCommand) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    return np.array([command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent])

@@ -1,0 +1,163 @@
+"""Suites: named, versioned sets of scenarios, and the cells that they and a command's options make."""
+
+from __future__ import annotations
+
+import fnmatch
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from shipland import factories
+from shipland.config import build, packaged_names, packaged_toml, read_toml, require
+from shipland.errors import ConfigError
+from shipland.evaluation.sweep import cells as combinations
+from shipland.record.info import config_digest
+from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
+
+
+@dataclass(frozen=True)
+class SuiteEntry:
+    """Scenarios with settings laid over each of them (`[[cells]]`).
+
+    Attributes:
+        scenarios: packaged names.
+        set: texts `section.key=value`; several values with commas between make a cell each.
+        vision: who sees.
+    """
+
+    scenarios: tuple[str, ...]
+    set: tuple[str, ...] = ()
+    vision: str = "geometric"
+
+
+@dataclass(frozen=True)
+class Suite:
+    """What a TOML file in `configs/suites` holds. Name, version, cell and seed fix what a flight meets.
+
+    Attributes:
+        name: the file's.
+        version: counts up when `task_digest` changes.
+        description: one line for people.
+        cells: what is flown.
+    """
+
+    name: str
+    version: int
+    description: str
+    cells: tuple[SuiteEntry, ...]
+
+    def __post_init__(self) -> None:
+        require(self.version >= 1, f"version must be 1 or more, got {self.version}")
+
+
+@dataclass(frozen=True)
+class BenchCell:
+    """One scenario with one value of every setting, flown by one pilot.
+
+    Attributes:
+        scenario: everything flown, but for pilot, vision and seed.
+        settings: (key, value) pairs laid over the packaged scenario.
+        pilot, vision: names, as `factories.resolve` takes them.
+        group: scenario and settings in a word: cells of one group differ in the pilot and fly the same seeds.
+        name: group and pilot; also the cell's folder.
+    """
+
+    scenario: Scenario
+    settings: tuple[tuple[str, str], ...]
+    pilot: str
+    vision: str
+    group: str = field(init=False)
+    name: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        words = [self.scenario.name, *(f"{key.split('.')[-1]}={value}" for key, value in self.settings)]
+        if self.vision != "geometric":
+            words.append(self.vision)
+        object.__setattr__(self, "group", re.sub(r"[^\w.=,+-]", "_", re.sub(r"[\[\]\"' ]", "", "_".join(words))))
+        object.__setattr__(self, "name", f"{self.group}_{re.sub(r'[^0-9A-Za-z_.-]', '.', self.pilot)}")
+
+
+def load_suite(source: str) -> Suite:
+    """The packaged suite of that name, or the one in a TOML file; ConfigError names what is wrong."""
+    if source.endswith(".toml"):
+        table = read_toml(Path(source))
+    elif source in packaged_names("suites"):
+        table = packaged_toml(f"suites/{source}")
+    else:
+        known = ", ".join(packaged_names("suites"))
+        raise ConfigError(f"no suite {source!r}; there are: {known}, or give a path that ends in .toml")
+    return build(Suite, {"name": Path(source).stem} | table, "suite")
+
+
+_OF_THE_FLIER = ("description", "vision", "detector", "selector", "guidance", "safety")
+"""Sections of a scenario that say how it is seen and flown: what a suite compares, not what it sets."""
+
+
+_ADDED: dict[str, tuple[tuple[str, Any], ...]] = {
+    "rig": (("landing_area", "square"), ("hull", "platform"), ("house_length_m", None)),
+    "scene": (("wake", 0.0),),
+    "fault_draw": (("size", None), ("direction_in_level", None)),
+}
+"""Keys younger than the digests on record, with the values that leave a flight as it was."""
+
+
+def task_digest(cells: Sequence[BenchCell]) -> str:
+    """Digest of what every flight of some cells meets: their configurations without those who see and fly."""
+    tasks = []
+    for cell in cells:
+        task = {key: value for key, value in cell.scenario.table().items() if key not in _OF_THE_FLIER}
+        for section, added in _ADDED.items():
+            task[section] = {key: value for key, value in task[section].items() if (key, value) not in added}
+        task["rig"]["made_to"] = task["rig"].pop("manufacturing_tolerance")  # its name in the digests on record
+        tasks.append(config_digest(task | {"by": cell.vision}))
+    return config_digest({"tasks": sorted(tasks)})
+
+
+@dataclass(frozen=True)
+class Overrides:
+    """What a command lays over the entries of a suite.
+
+    Attributes:
+        pilots: who flies every cell.
+        changes: texts `section.key=value`, as in `SuiteEntry.set`.
+        config: TOML file laid over every scenario.
+        only: shell patterns; cells whose group matches none are left out. Empty: all.
+    """
+
+    pilots: tuple[str, ...]
+    changes: tuple[str, ...] = ()
+    config: Path | None = None
+    only: tuple[str, ...] = ()
+
+
+def bench_cells(entries: Sequence[SuiteEntry], asked: Overrides) -> list[BenchCell]:
+    """The cells in order, pilots innermost.
+
+    Raises:
+        ConfigError: no such scenario, pilot or vision, a wrong setting, or nothing is left to fly.
+    """
+    for pilot in asked.pilots:
+        factories.resolve("pilots", pilot)
+    found: dict[str, BenchCell] = {}
+    for entry in entries:
+        factories.resolve("visions", entry.vision)
+        changes = (*entry.set, *asked.changes)
+        for name in entry.scenarios:
+            for chosen in combinations(changes, ["-"]):
+                scenario = load_scenario(scenario_table(name, asked.config, chosen.changes))
+                packaged = tuple(tuple(text.split("=", 1)) for text in chosen.changes)
+                settings = tuple((key, value) for key, value in packaged)
+                for pilot in asked.pilots:
+                    cell = BenchCell(scenario, settings, pilot, entry.vision)
+                    if found.setdefault(cell.name, cell).scenario != cell.scenario:
+                        raise ConfigError(f"two cells are called {cell.name} and differ")
+    chosen_cells = [it for it in found.values() if _wanted(it.group, asked.only)]
+    if not chosen_cells:
+        raise ConfigError(f"no cell is called {' or '.join(asked.only)}; see `shipland bench list SUITE`")
+    return chosen_cells
+
+
+def _wanted(group: str, patterns: Sequence[str]) -> bool:
+    return not patterns or any(fnmatch.fnmatchcase(group, pattern) for pattern in patterns)

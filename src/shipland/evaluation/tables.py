@@ -1,0 +1,112 @@
+"""Tables of many landings, as Markdown."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.statistics import Pairing, compare, share_interval
+
+_PHASE_NAMES = {
+    "search_s": "searching",
+    "ship_s": "4 track ship",
+    "bar_s": "3 track bar",
+    "approach_s": "2 approach",
+    "land_s": "1 land",
+    "blind_s": "5 no vision",
+    "go_around_s": "go-around",
+}
+
+
+def landings_table(landings: Sequence[Landing], area: str) -> str:
+    """A row a seed, with a last paragraph that sums up; `area` as in `summary_of`."""
+    lines = [
+        "| seed | error [m] | forward [m] | starboard [m] | own error [m] | deck off [m] | perfect lands | sink [m/s] "
+        "| slide [m/s] | slip [m] | tilt [°] | time [s] | verdict |",
+        "|---:|---:|---:|---:|---:|---:|---|---:|---:|---:|---:|---:|---|",
+    ]
+    for it in sorted(landings, key=lambda landing: landing.seed):
+        own_m, deck_m = (
+            np.hypot(it.own_forward_m, it.own_starboard_m),
+            np.hypot(it.deck_forward_m, it.deck_starboard_m),
+        )
+        perfect = {True: "yes", False: "no", None: ""}[it.oracle_in_square]
+        places = f"{it.error_m:.3f} | {it.forward_m:.3f} | {it.starboard_m:.3f} | {own_m:.3f} | {deck_m:.3f}"
+        rest = f"{it.sink_mps:.3f} | {it.slide_mps:.3f} | {it.slip_m:.3f} | {it.tilt_deg:.1f} | {it.time_s:.1f}"
+        words = it.reason if it.cause in ("", it.reason) else f"{it.reason}; {it.cause}"
+        lines.append(f"| {it.seed} | {places} | {perfect} | {rest} | {words} |")
+    return "\n".join([*lines, "", summary_of(landings, area)]).replace("nan", "")
+
+
+def summary_of(landings: Sequence[Landing], area: str) -> str:
+    """How many landed in the area, `square` or `circle`, how many a perfect aircraft would have, and the medians."""
+    n, k = len(landings), sum(landing.good for landing in landings)
+    low, high = share_interval(k, n)
+    touched = [landing for landing in landings if landing.touched]
+    line = f"{k} of {n} landed in the {area} ({interval_text(low, high)}, Clopper and Pearson; {assumption(landings)})"
+    if not touched:
+        return line + "."
+    perfect = sum(bool(landing.oracle_in_square) for landing in touched)
+    errors = [landing.error_m for landing in touched]
+    own = [np.hypot(landing.own_forward_m, landing.own_starboard_m) for landing in touched]
+    sinks = [landing.sink_mps for landing in touched]
+    times = [landing.time_s for landing in touched]
+    return (
+        f"{line}; at {perfect} of the {len(touched)} instants of contact a perfect aircraft would have landed in it; "
+        f"touchdown error median {np.median(errors):.3f} m, largest {max(errors):.3f} m, own error median "
+        f"{np.median(own):.3f} m; sink speed median {np.median(sinks):.2f} m/s, largest {max(sinks):.2f} m/s; time to "
+        f"land median {np.median(times):.1f} s."
+    )
+
+
+def interval_text(low: float, high: float) -> str:
+    """An interval of shares in percent."""
+    return f"95 % interval {100 * low:.1f}–{100 * high:.1f} %"
+
+
+def assumption(landings: Sequence[Landing]) -> str:
+    """The assumption behind the interval."""
+    if len({landing.conditions.motion_seed for landing in landings}) == len(landings):
+        return "flights independent: each with its own motion, wind and start"
+    return "flights share one record of motion: the interval holds for that record only, another may differ by more"
+
+
+def causes_table(landings: Sequence[Landing]) -> str:
+    """Why flights did not land in the landing area, most frequent first; empty where all did."""
+    causes = Counter(landing.cause for landing in landings if not landing.good)
+    if not causes:
+        return ""
+    lines = ["| cause | flights |", "|---|---:|"]
+    return "\n".join([*lines, *(f"| {cause} | {count} |" for cause, count in causes.most_common())])
+
+
+def modes_table(landings: Sequence[Landing]) -> str:
+    """Time in each mode, its share of all flight time, and how many flights were ever in it."""
+    total_s = sum(getattr(landing.phases, name) for landing in landings for name in _PHASE_NAMES)
+    lines = ["| mode | median [s] | longest [s] | share of all time | flights |", "|---|---:|---:|---:|---:|"]
+    for name, words in _PHASE_NAMES.items():
+        times_s = np.array([getattr(landing.phases, name) for landing in landings])
+        share = times_s.sum() / total_s if total_s > 0.0 else 0.0
+        lines.append(
+            f"| {words} | {np.median(times_s):.1f} | {times_s.max():.1f} | {100.0 * share:.0f} % | "
+            f"{int((times_s > 0.0).sum())} |"
+        )
+    broken_off = sum(landing.phases.tries for landing in landings)
+    flights = sum(landing.phases.tries > 0 for landing in landings)
+    return "\n".join([*lines, "", f"{broken_off} landings were broken off, in {flights} of {len(landings)} flights."])
+
+
+def pair_up(first: Sequence[Landing], second: Sequence[Landing], rng: np.random.Generator) -> Pairing:
+    """Compare two pilots on the seeds that both flew."""
+    one, two = ({landing.seed: landing for landing in landings} for landings in (first, second))
+    seeds = sorted(one.keys() & two.keys())
+    return compare(
+        np.array([one[seed].good for seed in seeds], dtype=bool),
+        np.array([two[seed].good for seed in seeds], dtype=bool),
+        np.array([one[seed].error_m for seed in seeds], dtype=float),
+        np.array([two[seed].error_m for seed in seeds], dtype=float),
+        rng,
+    )

@@ -1,1 +1,0 @@
-"""Missions and their verdicts: scenarios, single flights, campaigns, rules."""

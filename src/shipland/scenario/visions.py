@@ -1,0 +1,83 @@
+"""The visions that fly in simulation, as factories: what `--vision NAME` looks up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.errors import ConfigError
+from shipland.geometric.deck import GeometricDeck
+from shipland.geometric.far import GeometricFar
+from shipland.geometric.near import GeometricVision
+from shipland.scenario.real_vehicle import SceneFromTruth
+from shipland.scenario.scenario import Scenario
+from shipland.vehicles.simulated import SimulatedVehicle
+from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
+from shipland.vision.far.far import FarVision
+from shipland.vision.near.deck import DeckVision
+from shipland.vision.near.pipeline import NearVision
+from shipland.vision.selector import VisionSelector
+from shipland.vision.vision import Vision
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+@dataclass(frozen=True)
+class VisionSetup:
+    """Arguments of a vision's factory.
+
+    Attributes:
+        scenario: everything configured; `scenario.rig.target` is the cue.
+        camera: intrinsics of the pictures.
+        vehicle: what flies; a vision that needs no pictures may ask a simulated one for the truth.
+        near_rng, far_rng: for visions that draw numbers; seeded by the flight's seed.
+    """
+
+    scenario: Scenario
+    camera: Camera
+    vehicle: Vehicle
+    near_rng: np.random.Generator
+    far_rng: np.random.Generator
+
+
+class VisionFactory(Protocol):
+    """Makes the vision of one flight; `--vision module:factory` names one."""
+
+    def __call__(self, setup: VisionSetup, /) -> Vision:
+        """A new vision, without memory of another flight."""
+
+
+def without_pictures(factory: F) -> F:
+    """Marks a vision factory whose vision looks at no picture: none is drawn then."""
+    factory.needs_pictures = False  # type: ignore[attr-defined]
+    return factory
+
+
+def needs_pictures(factory: Callable[..., object]) -> bool:
+    """Whether pictures are drawn for this factory's vision."""
+    return bool(getattr(factory, "needs_pictures", True))
+
+
+def rendered(setup: VisionSetup) -> Vision:
+    """Near and far vision on drawn pictures."""
+    scenario = setup.scenario
+    near = NearVision(scenario.rig.target, setup.camera, scenario.vision)
+    below = DeckVision(scenario.rig, setup.camera, scenario.vision.deck)
+    return VisionSelector(near, FarVision.load(setup.camera, scenario.detector, scenario.rig), scenario.selector, below)
+
+
+@without_pictures
+def geometric(setup: VisionSetup) -> Vision:
+    """True corners and boxes with the errors of `rendered`, without a picture."""
+    scenario, vehicle, camera, model = setup.scenario, setup.vehicle, setup.camera, setup.scenario.geometric
+    if not isinstance(vehicle, GroundTruthSource):
+        raise ConfigError("--vision geometric needs the truth, which only a simulated world knows")
+    scenes = vehicle if isinstance(vehicle, SimulatedVehicle) else SceneFromTruth(vehicle)
+    near = GeometricVision(vehicle, scenario.rig.target, camera, model, scenario.vision, setup.near_rng)
+    far = GeometricFar(scenes, camera, scenario.rig, model.ship, model.bar, model.boxes, setup.far_rng)
+    below = GeometricDeck(vehicle, camera, model.deck, setup.near_rng.spawn(1)[0])
+    return VisionSelector(near, far, scenario.selector, below)

@@ -1,0 +1,175 @@
+"""The interface by which a PX4 flies somebody's physics: MAVLink's HIL messages over TCP, in lockstep.
+
+The server's HIL_SENSOR is the flight controller's clock: it reckons one step and answers with HIL_ACTUATOR_CONTROLS,
+for which the world waits. The world keeps to real time, because the pilot does.
+"""
+
+from __future__ import annotations
+
+import math
+import select
+import socket
+import time
+from collections.abc import Sequence
+from types import TracebackType
+
+import numpy as np
+
+from shipland.errors import ConfigError
+from shipland.sitl.physics import STEP_S, FlightStep, ServedFlight
+from shipland.sitl.simulated_sensors import SimulatedSensors
+from shipland.vehicles.mavlink.dialect import Message, dialect
+
+_STEPS = 4
+"""Of the world for one of the flight controller: 250 Hz, as PX4's own simulators have it."""
+_FIX_EVERY = 25
+"""Steps of the flight controller between two GPS fixes: 10 Hz."""
+_ANSWER_S, _BOOT_ANSWER_S = 0.5, 0.01
+"""How long an answer is waited for, in flight and before: a flight controller that boots does not answer."""
+_CATCH_UP_S = 0.1
+"""Behind the clock by more, the world lets it go."""
+_GIMBAL_CHANNEL = 8
+"""Output 9, from 0; -1 is straight down, 1 straight up."""
+_IDLE_US = 1050.0
+"""Least pulse of armed rotors: they turn."""
+_ALL_SENSORS = 0x1BFF
+"""HIL_SENSOR's `fields_updated` without differential pressure: three axes three times, pressure, height, degrees."""
+_ARMED = 128
+"""Of HIL_ACTUATOR_CONTROLS' mode."""
+_TEMPERATURE_C = 15.0
+_FIX_3D, _SATELLITES, _UNKNOWN_COURSE = 3, 12, 65535
+_FIX_LEVEL_CM, _FIX_HEIGHT_CM = 40, 60
+"""Claimed accuracy."""
+
+
+class Outputs:
+    """What the flight controller asks for, from its newest HIL_ACTUATOR_CONTROLS."""
+
+    def __init__(self) -> None:
+        self.motors_us: Sequence[float] = (1000.0,) * 4
+        """Front right, rear left, front left, rear right, as PX4 numbers a quadrotor in X."""
+        self.gimbal_pitch_rad: float | None = None
+        """Against the horizon."""
+
+    def take(self, message: Message) -> None:
+        """The newest message; one with a value that is not finite changes nothing."""
+        controls = message.controls
+        if not all(map(math.isfinite, controls[:4])):
+            return
+        armed = bool(message.mode & _ARMED)
+        self.motors_us = tuple(
+            max(_IDLE_US, 1000.0 + 1000.0 * min(max(value, 0.0), 1.0)) if armed else 1000.0 for value in controls[:4]
+        )
+        pitch = controls[_GIMBAL_CHANNEL]
+        if armed and math.isfinite(pitch):
+            self.gimbal_pitch_rad = 0.5 * math.pi * min(max(pitch, -1.0), 1.0)
+
+
+class Px4Link:
+    """The TCP port to which a PX4's simulator module connects.
+
+    Args:
+        host, port: bound; loopback.
+        seed: of the sensors' noise.
+
+    Raises:
+        ConfigError: the port is taken.
+    """
+
+    def __init__(self, host: str, port: int, seed: int) -> None:
+        self.address = f"tcp:{host}:{port}"
+        """For people."""
+        try:
+            self._listener = socket.create_server((host, port))
+        except OSError as error:
+            raise ConfigError(f"cannot listen on {host}:{port}: {error.strerror}") from None
+        self._listener.settimeout(1.0)
+        self._client: socket.socket | None = None
+        self._sensors = SimulatedSensors(np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(4560,))))
+        self._encoder = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._parser = dialect.MAVLink(None)
+        self._parser.robust_parsing = True
+        self._outputs = Outputs()
+
+    def __enter__(self) -> Px4Link:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._client is not None:
+            self._client.close()
+        self._listener.close()
+
+    def fly(self, flight: ServedFlight) -> None:
+        """Step after step, until the flight is done or the flight controller goes."""
+        client = self._accept(flight)
+        due_s, count = time.monotonic(), 0
+        while not flight.done:
+            outputs = self._outputs
+            steps = [flight.step(outputs.motors_us, outputs.gimbal_pitch_rad) for _ in range(_STEPS)]
+            try:
+                self._tell(client, steps, count % _FIX_EVERY == 0)
+                self._hear(client, _ANSWER_S if flight.released else _BOOT_ANSWER_S)
+            except OSError:
+                flight.say("the flight controller has gone")
+                return
+            count += 1
+            due_s = max(due_s + _STEPS * STEP_S, time.monotonic() - _CATCH_UP_S)
+            time.sleep(max(0.0, due_s - time.monotonic()))
+
+    def _accept(self, flight: ServedFlight) -> socket.socket:
+        while True:
+            try:
+                client, (host, port) = self._listener.accept()
+            except TimeoutError:
+                continue
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            client.settimeout(1.0)
+            self._client = client
+            flight.say(f"a flight controller at {host}:{port}, {1.0 / (_STEPS * STEP_S):.0f} Hz")
+            return client
+
+    def _tell(self, client: socket.socket, steps: list[FlightStep], with_fix: bool) -> None:
+        step = steps[-1]
+        north, east, down = np.mean([each.force_in_body_mps2 for each in steps], axis=0).tolist()
+        read = self._sensors.inertial(step.motion, (north, east, down))
+        t_us = round(1e6 * step.t_s)
+        messages = [
+            dialect.MAVLink_hil_sensor_message(
+                t_us, *read.force_mps2, *read.rates_rad_s, *read.field_gauss, read.pressure_hpa, 0.0, read.height_m,
+                _TEMPERATURE_C, _ALL_SENSORS,
+            )
+        ]  # fmt: skip
+        if with_fix:
+            fix = self._sensors.fix(step.t_s, step.motion)
+            cm_s = [round(100.0 * value) for value in fix.velocity_mps]
+            messages.insert(
+                0,  # the sensors' message starts the step
+                dialect.MAVLink_hil_gps_message(
+                    t_us, _FIX_3D, round(1e7 * fix.latitude_deg), round(1e7 * fix.longitude_deg),
+                    round(1e3 * fix.height_m), _FIX_LEVEL_CM, _FIX_HEIGHT_CM, round(math.hypot(*cm_s[:2])), *cm_s,
+                    _UNKNOWN_COURSE, _SATELLITES,
+                ),
+            )  # fmt: skip
+        client.sendall(b"".join(self._packed(message) for message in messages))
+
+    def _packed(self, message: Message) -> bytes:
+        data: bytes = message.pack(self._encoder)
+        self._encoder.seq = (self._encoder.seq + 1) % 256
+        return data
+
+    def _hear(self, client: socket.socket, timeout_s: float) -> None:
+        """Take what has come; wait for an answer to the step."""
+        until_s = time.monotonic() + timeout_s
+        answered = False
+        while not answered and (left_s := until_s - time.monotonic()) > 0.0:
+            if not select.select([client], [], [], left_s)[0]:
+                return
+            data = client.recv(65536)
+            if not data:
+                raise ConnectionResetError
+            for message in self._parser.parse_buffer(data) or []:
+                if message.get_type() == "HIL_ACTUATOR_CONTROLS":
+                    self._outputs.take(message)
+                    answered = True
