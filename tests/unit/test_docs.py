@@ -83,6 +83,9 @@ def test_no_script_or_font_comes_from_elsewhere():
     settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     assert re.search(r"^  font: false", settings, flags=re.MULTILINE)
     assert "http" not in settings
+    polyfills = re.findall(r"^  polyfills:\n    - (\S+)", settings, flags=re.MULTILINE)
+    assert polyfills == ["iframe-worker.js"], "the offline plug-in fetches one from elsewhere unless one has this name"
+    assert (ROOT / "docs" / polyfills[0]).is_file()
     assert not [page_id(path) for path in DOCS if re.search(r"<(script|iframe|link)\b", prose(path))]
 
 
