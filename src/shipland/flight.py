@@ -23,9 +23,8 @@ from shipland.safety.assurance import Safety
 from shipland.safety.input_gate import InputGate, without_repeated
 from shipland.soundness import is_new, sound_decision, words_of
 from shipland.stopping import uninterrupted
-from shipland.vehicles.checks import Commanded, Ending
 from shipland.vehicles.delays import DelayParameters
-from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
+from shipland.vehicles.vehicle import Commanded, Ending, GroundTruthSource, Vehicle
 from shipland.vision.vision import Vision, see_or_degrade
 
 _log = logging.getLogger(__name__)

@@ -19,9 +19,10 @@ from shipland.sim.scene import gl
 from shipland.sim.scene.block import View
 from shipland.sim.scene.light import light
 from shipland.sim.scene.motion import homographies
-from shipland.sim.scene.scene import Scene, SceneParameters
+from shipland.sim.scene.parameters import SceneParameters, Tone
+from shipland.sim.scene.scene import Scene
 from shipland.sim.scene.sea import WaveTiles, cox_munk_variance
-from shipland.sim.scene.tone import FULL_SCALE, Light16, Tone, develop
+from shipland.sim.scene.tone import FULL_SCALE, Light16, develop
 from shipland.sim.scene.view import Crop
 from shipland.sim.state import SceneState
 

@@ -107,7 +107,8 @@ class Fly(ScenarioOptions):
         from shipland.scenario.fly import fly_quietly
         from shipland.scenario.real_vehicle import checklist, make_vehicle, refuse_unfit
         from shipland.stopping import check_stop, stop_requests
-        from shipland.vehicles.checks import Check, Real
+        from shipland.vehicles.checks import Check
+        from shipland.vehicles.vehicle import Real
 
         # an earlier flight's messages are its record
         log = self.out / ("check.tlog" if self.check else "link.tlog")
@@ -205,7 +206,7 @@ class ProgressLine:
         )
 
     def _watch(self) -> None:
-        from shipland.vehicles.checks import Commanded
+        from shipland.vehicles.vehicle import Commanded
 
         vehicle: object = self._vehicle
         while vehicle is not None and not self._over.wait(_WATCHED_S):

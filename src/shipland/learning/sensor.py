@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.config import require
-from shipland.sim.scene.tone import Light16, Tone, develop, encoded, sharpen
+from shipland.sim.scene.parameters import Tone
+from shipland.sim.scene.tone import Light16, develop, encoded, sharpen
 
 Picture = npt.NDArray[np.uint8]
 

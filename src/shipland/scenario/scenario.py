@@ -22,12 +22,12 @@ from shipland.scenario.follower import FollowParameters
 from shipland.sim.air.wind import WindParameters
 from shipland.sim.aircraft.parameters import AircraftParameters
 from shipland.sim.contact.touchdown import VerdictParameters
-from shipland.sim.scene.scene import SceneParameters
+from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.ship.ship import ShipParameters
 from shipland.sim.world import StartParameters
 from shipland.vehicles.delays import DelayParameters
 from shipland.vision.far.detector import DetectorParameters
-from shipland.vision.near.pipeline import VisionParameters
+from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.selector import VisionSelectorParameters
 
 

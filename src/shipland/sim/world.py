@@ -14,12 +14,10 @@ from shipland.frames import GRAVITY_MPS2, rows_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
-from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState
+from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState, WeakRotor, build_aircraft
 from shipland.sim.aircraft.autopilot import CENTRED, Sticks
-from shipland.sim.aircraft.kinds import build_aircraft
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
 from shipland.sim.aircraft.sensors import Gimbal, Normals, Readings, Senses, Touchdown, read_instruments
-from shipland.sim.aircraft.weak_rotor import WeakRotor
 from shipland.sim.contact.body import Body
 from shipland.sim.contact.deck_drive import DeckState, Stage, against_deck, deck_state
 from shipland.sim.contact.model import build_model

@@ -16,7 +16,6 @@ from shipland.rig import Rig
 from shipland.sim.ship.course import Course, CourseParameters, CourseState, StillCourse, StraightCourse, build_course
 from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, Later, SinusoidParameters, Sinusoids, SixDof, Still
 from shipland.sim.ship.motion_base import LimitBite, LimitedMotion, LimitParameters, rig_limits
-from shipland.sim.ship.recorded import read_motion
 from shipland.sim.ship.sea import SeaParameters, deck_motion
 
 __all__ = [
@@ -221,5 +220,7 @@ def build_deck_motion(parameters: ShipParameters, rng: np.random.Generator) -> D
         case "sea":
             return deck_motion(parameters.sea, rng, scale.length, scale.time_scale)
         case "recorded":
+            from shipland.sim.ship.recorded import read_motion  # SciPy's splines, for these two motions alone
+
             scales = (scale.length, scale.time_scale) if parameters.recorded.full_scale else (1.0, 1.0)
             return read_motion(Path(parameters.recorded.path), *scales)
