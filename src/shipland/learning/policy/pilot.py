@@ -7,7 +7,6 @@ Its matrices are the pilot's own (`filter`, `guidance.horizon.gains`); its rules
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -121,7 +120,6 @@ class BatchedHorizon:
             )
         )
         self._later = _tensor(_later_rate(wave, setup.response.climb_lag_s))
-        self._full = G * math.tan(setup.response.max_tilt_rad)
         self._most = INPUT_RATE_SHARE * setup.response.max_input_rate * setup.cycle_s
 
     @property
