@@ -23,12 +23,15 @@ class SensorParameters:
 
     Attributes:
         defocus_max_px: standard deviation of a Gaussian blur.
-        motion: chance of motion blur; motion_max_px its length.
-        glare: chance of veiling glare; glare_max its most light, in units of the sensor's saturation.
+        motion: chance of motion blur.
+        motion_max_px: its largest length.
+        glare: chance of veiling glare.
+        glare_max: its most light, in units of the sensor's saturation.
         exposure_ev: half-width of a uniform change of exposure, in powers of two.
         cast: half-width of a uniform factor on each colour.
         gamma, contrast, shoulder: ranges of the tone curve, see `Tone`.
-        sharpened: chance of sharpening; sharpening_max its strength.
+        sharpened: chance of sharpening.
+        sharpening_max: its largest strength, of an unsharp mask.
         noise_max: grey levels, standard deviation.
         vignette_max: loss of light in the corners, 0 … 1.
         quality_min, quality_max: of JPEG compression.

@@ -62,7 +62,11 @@ PLOT_STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class PlotParameters:
-    """`[plots]` of the outputs: resolution."""
+    """`[plots]` of the outputs.
+
+    Attributes:
+        dpi: resolution, in pixels an inch.
+    """
 
     dpi: int
 
