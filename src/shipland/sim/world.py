@@ -67,31 +67,30 @@ IMPACT_MPS2 = 0.3 * GRAVITY_MPS2
 
 @dataclass(frozen=True)
 class StartParameters:
-    """Where a flight begins, against the ship at t = 0 (`[start]`); each value plus a uniform spread either side.
+    """Where a flight begins, against the ship at t = 0 (`[start]`); uniform within a half-range of each value.
 
     Attributes:
-        distance_m, distance_spread_m: over ground from the deck's centre.
-        bearing_deg, bearing_spread_deg: off the axis straight astern, positive to starboard.
-        height_m, height_spread_m: above the neutral deck.
-        heading_error_deg, heading_error_spread_deg: of the nose, off the deck's centre, clockwise positive.
+        distance_m, distance_half_range_m: over ground from the deck's centre.
+        bearing_deg, bearing_half_range_deg: off the axis straight astern, positive to starboard.
+        height_m, height_half_range_m: above the neutral deck.
+        heading_error_deg, heading_error_half_range_deg: of the nose, off the deck's centre, clockwise positive.
     """
 
     distance_m: float
-    distance_spread_m: float
+    distance_half_range_m: float
     bearing_deg: float
-    bearing_spread_deg: float
+    bearing_half_range_deg: float
     height_m: float
-    height_spread_m: float
+    height_half_range_m: float
     heading_error_deg: float
-    heading_error_spread_deg: float
+    heading_error_half_range_deg: float
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            require("spread" not in name or value >= 0.0, f"{name} must not be negative, got {value}")
-        require(self.distance_m >= self.distance_spread_m, "distance_m must not be below distance_spread_m")
-        require(
-            self.height_m > self.height_spread_m, "height_m must be above height_spread_m: flights start above deck"
-        )
+            require("half_range" not in name or value >= 0.0, f"{name} must not be negative, got {value}")
+        require(self.distance_m >= self.distance_half_range_m, "distance_m must not be below distance_half_range_m")
+        above = self.height_m > self.height_half_range_m
+        require(above, "height_m must be above height_half_range_m: flights start above the deck")
 
 
 class World:

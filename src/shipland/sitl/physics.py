@@ -61,8 +61,8 @@ class LaunchHold:
 
     def __init__(self, scenario: Scenario, seed: int, climb_m: float) -> None:
         start = scenario.start
-        if climb_m < 0.0 or start.height_m - start.height_spread_m - climb_m <= 0.0:
-            low_m = start.height_m - start.height_spread_m
+        if climb_m < 0.0 or start.height_m - start.height_half_range_m - climb_m <= 0.0:
+            low_m = start.height_m - start.height_half_range_m
             raise ConfigError(f"flights start {low_m:g} m over the deck: there is no room to climb {climb_m:g} m")
         servo = replace(scenario.aircraft, kind="servo_quadrotor")
         lower = replace(start, height_m=start.height_m - climb_m)

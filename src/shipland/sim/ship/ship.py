@@ -156,7 +156,7 @@ class ShipParameters:
     Attributes:
         motion: what moves the deck.
         same_motion: every flight meets one and the same motion, at an instant of its own; else each draws its own.
-        instant_spread_s: the instants are drawn from this much of the motion.
+        instant_range_s: the instants are drawn from this much of the motion.
         full_ship: superstructure and bar have the ship's motions too (see `ShipState`); no motion base, no limits.
         course: where the ship goes.
         natops: the deck-motion limits of the US Navy's NATOPS manual, as [Lee2022] flies them.
@@ -169,7 +169,7 @@ class ShipParameters:
 
     motion: Literal["still", "natops", "sinusoids", "sea", "recorded"]
     same_motion: bool
-    instant_spread_s: float
+    instant_range_s: float
     full_ship: bool
     course: CourseParameters
     natops: SinusoidParameters
@@ -181,7 +181,7 @@ class ShipParameters:
 
     def __post_init__(self) -> None:
         missing = self.motion == "recorded" and not self.recorded.path
-        require(self.instant_spread_s >= 0.0, f"instant_spread_s must not be negative, got {self.instant_spread_s}")
+        require(self.instant_range_s >= 0.0, f"instant_range_s must not be negative, got {self.instant_range_s}")
         require(not missing, 'motion = "recorded" needs recorded.path, a CSV file')
 
 
@@ -198,7 +198,7 @@ def build_ship(parameters: ShipParameters, rig: Rig, rng: np.random.Generator) -
     course = build_course(parameters.course, rng)
     start_s = 0.0
     if parameters.same_motion:
-        start_s = float(rng.uniform(0.0, parameters.instant_spread_s))
+        start_s = float(rng.uniform(0.0, parameters.instant_range_s))
         motion: DeckMotion = Later(build_deck_motion(parameters, np.random.default_rng(SAME_MOTION_SEED)), start_s)
     else:
         motion = build_deck_motion(parameters, rng)
