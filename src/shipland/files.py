@@ -1,4 +1,4 @@
-"""Files of every kind: read with errors of one line, written whole or not at all, told from damaged ones by a digest.
+"""Files of every kind: read with errors of one line, written whole or not at all, damaged ones recognised by a digest.
 
 A folder's digests stand in its `SHA256SUMS`, a line a file, as `sha256sum` writes and checks them. A file that is
 listed is refused when it differs; one that is not listed is taken as it is.

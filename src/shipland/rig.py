@@ -111,7 +111,7 @@ class DeckMark:
     """A line painted on the deck.
 
     Attributes:
-        points_m: its way, forward and starboard of the deck's centre; of a circle, the middle.
+        points_m: its outline, forward and starboard of the deck's centre; of a circle, the middle.
         width_m: of it.
         brightness: against white of 1.5 and a deck of 0.3.
         radius_m: of a circle; 0 of a line.

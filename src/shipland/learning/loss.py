@@ -1,4 +1,4 @@
-"""The training loss: the anchors, which cells answer for which target, and what they are told.
+"""The training loss: the anchors, which cells answer for which target, and their targets.
 
 Darknet's assignment [YOLOv3, §2.1]: the one anchor of nine that overlaps a target best, in the one cell that holds its
 centre. The wide one, for the wide decoding: every anchor within a ratio of the target's sides, in that cell and its

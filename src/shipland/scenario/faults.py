@@ -70,7 +70,7 @@ class FaultyVehicle:
 
     def __init__(self, vehicle: SimulatedVehicle, faults: tuple[Fault, ...], rng: np.random.Generator) -> None:
         self._vehicle, self._faults, self.rng = vehicle, faults, rng
-        self.now_s = self._told_s = 0.0
+        self.now_s = self._reported_s = 0.0
         """The vehicle's time, not spoiled [s]."""
         self.spoiler = FaultInjector(rng)
         self._held: deque[Frame] = deque(maxlen=_HELD)
@@ -143,8 +143,8 @@ class FaultyVehicle:
 
     def _own_time(self, t_s: float) -> float:
         """A time of the loop, which knows the vehicle's clock from spoiled telemetry, by that clock as it is."""
-        passed_s = t_s - self._told_s
-        if passed_s <= _LONGEST_ASKED_S and self._told_s == self.now_s:
+        passed_s = t_s - self._reported_s
+        if passed_s <= _LONGEST_ASKED_S and self._reported_s == self.now_s:
             return t_s
         return self.now_s + passed_s if 0.0 <= passed_s <= _LONGEST_ASKED_S else self.now_s
 
@@ -217,7 +217,7 @@ class FaultyVehicle:
 
     def _telemetry(self, telemetry: Telemetry) -> Telemetry:
         given = self._altered(telemetry)
-        self._told_s = given.t_s
+        self._reported_s = given.t_s
         return given
 
     def _altered(self, telemetry: Telemetry) -> Telemetry:

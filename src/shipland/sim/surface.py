@@ -52,8 +52,8 @@ class Ground:
             hull_n, hull_e = deck_n, deck_e
         else:
             w = ship.course.course_rate_rad_s
-            way_n, way_e = ship.course.velocity_in_ned_mps.tolist()
-            hull_n, hull_e = way_n - w * y, way_e + w * x
+            ship_n, ship_e = ship.course.velocity_in_ned_mps.tolist()
+            hull_n, hull_e = ship_n - w * y, ship_e + w * x
         return Surface(
             north + deck_share * deck_n + hull_share * hull_n,
             east + deck_share * deck_e + hull_share * hull_e,

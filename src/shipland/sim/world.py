@@ -58,7 +58,7 @@ NEAR_DECK_M = 2.0
 SHIP_MARGIN_M = 0.5
 """Nearer than this to where the ship ends, it is set every control step."""
 CLEAR_M = 0.1
-"""Farther than this and the way of a look around from anything, nothing can touch the aircraft before the next one."""
+"""Where this and the distance flown between two clearance checks are free around it, the aircraft touches nothing."""
 CUT_OFF_RAD = math.radians(75.0)
 """Tilt at which the motors stop, as a crash detector does."""
 IMPACT_MPS2 = 0.3 * GRAVITY_MPS2
@@ -244,8 +244,8 @@ class World:
         self._senses.look(self._ground.below(motion.position_m, state, self._deck, self._wind_mps))
         self._looked_s = self.t_s
         free = self._free is not None and self._motors_run and not self._judge.touched and not self._body.in_contact
-        way_m = self._air_every * self._step_s * math.hypot(*motion.velocity_mps)
-        self._clear = free and self._clearance_m(motion, state) > max(CLEAR_M, self._touchdown.listen_m) + way_m
+        flown_m = self._air_every * self._step_s * math.hypot(*motion.velocity_mps)
+        self._clear = free and self._clearance_m(motion, state) > max(CLEAR_M, self._touchdown.listen_m) + flown_m
         if self._free is not None:
             self._free.meet(self._wind_mps, self._deck)
 

@@ -143,7 +143,7 @@ class RealTimeFactor:
 
 
 class ServedFlight:
-    """One flight of a held world, its camera, and what people are told; an interface asks it for step after step.
+    """One flight of a held world, its camera and its messages to the terminal, stepped by an interface.
 
     Args:
         held: the world.

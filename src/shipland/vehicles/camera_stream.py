@@ -193,7 +193,7 @@ class ExposureClock:
     Without it the jitter of network and decoder would be taken for motion. The offset of the two clocks is receipt
     minus stamp, and no picture is quicker than the quickest: a stamp whose offset lies far below the median's, or that
     goes back, is not used, and its picture is refused. Where such stamps go on and agree with one another the
-    stream's clock has stepped, and its offset is found anew.
+    stream's clock has stepped, and its offset is found again.
 
     Args:
         latency_s: from exposure to receipt, of the quickest picture.
@@ -206,7 +206,7 @@ class ExposureClock:
         self._stamp_s = self._last_s = -math.inf
 
     def begin(self) -> None:
-        """The stream is opened again: its stamps begin anew."""
+        """The stream is opened again: its stamps begin again."""
         self._offsets.clear()
         self._doubted.clear()
         self._stamp_s = -math.inf

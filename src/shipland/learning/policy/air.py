@@ -94,10 +94,10 @@ def _advanced(x1: Tensor, x2: Tensor, length: Tensor, first: Tensor, second: Ten
     c11 = length**3 / 3.0 - length**4 / 2.0
     c12 = length**2 / 2.0 - 2.0 * length**3 / 3.0
     c22 = length - length**2 + 2.0 * length**3 / 3.0
-    spread = c22.clamp_min(1e-12).sqrt()
-    shared = c12 / spread
+    std = c22.clamp_min(1e-12).sqrt()
+    shared = c12 / std
     own = (c11 - shared**2).clamp_min(0.0).sqrt()
-    return keep * (x1 + length * x2) + shared * first + own * second, keep * x2 + spread * first
+    return keep * (x1 + length * x2) + shared * first + own * second, keep * x2 + std * first
 
 
 def wind_at(setup: PhaseSetup, air: Air, gust: Tensor, position_m: Tensor) -> Tensor:

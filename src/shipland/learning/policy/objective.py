@@ -57,8 +57,8 @@ def loss_of(
     counts = flights.touch.touched & ~down_before
     off = torch.where(counts[:, None], offsets_m(phase, flights), torch.zeros(()))
     at_contact = _bounded(off.square().sum(1)).sum() / counts.sum().clamp_min(1)
-    way = (_ON_THE_WAY * on_the_way + _EFFORT * effort) / weight.clamp_min(1.0)
-    return at_contact + way, int(counts.sum())
+    along = (_ON_THE_WAY * on_the_way + _EFFORT * effort) / weight.clamp_min(1.0)
+    return at_contact + along, int(counts.sum())
 
 
 def _bounded(squared_m2: Tensor) -> Tensor:

@@ -109,12 +109,12 @@ class Dryden:
         keep = math.exp(-length)
         noise = step_covariance(length)
         first, second = next(self._normal), next(self._normal)
-        spread = math.sqrt(noise[2])
-        shared = noise[1] / spread if spread > 0.0 else 0.0
+        std = math.sqrt(noise[2])
+        shared = noise[1] / std if std > 0.0 else 0.0
         own = math.sqrt(max(noise[0] - shared * shared, 0.0))
         return (
             keep * (state[0] + length * state[1]) + shared * first + own * second,
-            keep * state[1] + spread * first,
+            keep * state[1] + std * first,
         )
 
 

@@ -202,10 +202,10 @@ class NaturalWind:
         assert self._airwake is not None
         ship_north, ship_east, ship_down = ned_from_ship.translation_m.tolist()
         c, s = ned_from_ship.rotation[:2, 0].tolist()
-        way_north, way_east = self._ship_speed((ship_north, ship_east), step_s)
+        ship_n_mps, ship_e_mps = self._ship_speed((ship_north, ship_east), step_s)
         along, right, _ = self._free_stream(t_s, self._deck_height_m)
-        blow_north = along * self._cos - right * self._sin - way_north
-        blow_east = along * self._sin + right * self._cos - way_east
+        blow_north = along * self._cos - right * self._sin - ship_n_mps
+        blow_east = along * self._sin + right * self._cos - ship_e_mps
         speed_mps = math.hypot(blow_north, blow_east)
         if speed_mps < 1e-6:
             return 0.0, 0.0, 0.0

@@ -70,7 +70,7 @@ class PlaceHold:
         self._place, self._velocity, self._rate = (rest[0], rest[1]), (rest[2], rest[3]), (rest[4], rest[5])
 
     def release(self) -> None:
-        """The sticks are deflected: the next `push` brakes anew."""
+        """The sticks are deflected: the next `push` begins a new brake."""
         self._holding = False
 
     def push(self, sensed: Sensed, most_mps2: float) -> Pair:

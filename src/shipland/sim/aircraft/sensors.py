@@ -40,7 +40,7 @@ class Normals:
 
 
 class Coloured:
-    """First-order noise of a given standard deviation and time constant, at a fixed step; starts from its spread."""
+    """First-order noise of a given standard deviation, from its start on, and time constant, at a fixed step."""
 
     def __init__(self, deviation: float, time_s: float, step_s: float, normals: Normals) -> None:
         self._normals = normals

@@ -1,4 +1,4 @@
-"""Sky and sea: drawn at less than a sample a pixel, spread, and joined at the horizon."""
+"""Sky and sea: drawn at less than a sample a pixel, enlarged, and joined at the horizon."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Background:
         picture = np.empty((height, width, 4), np.uint16)
         if last > 0:
             target = self._fill(self._sky, -line, camera, _SKY_PX, [whole])
-            sky = self._spread(target, camera, _SKY_PX, (0, last), blurs[0])
+            sky = self._enlarged(target, camera, _SKY_PX, (0, last), blurs[0])
             picture[:first] = sky[:first]
         if first < height:
             glitters = self._glitters(view)
@@ -96,7 +96,7 @@ class Background:
             if around is not None:
                 polygon_px = picture_polygon(around.crop, line, 4.0)
                 self._draw_around_ship(target, view, around, polygon_px, glitters)
-            sea = self._spread(target, camera, _SEA_PX, (first, height), blurs[1])
+            sea = self._enlarged(target, camera, _SEA_PX, (first, height), blurs[1])
             picture[last:] = sea[last - first :]
         if last > first:
             join_at_horizon(sky[first:last], sea[: last - first], line, (first, last), picture)
@@ -155,7 +155,7 @@ class Background:
         self._draw_polygon(program, polygon_px, target, _SEA_PX)
 
     @staticmethod
-    def _spread(
+    def _enlarged(
         target: gl.Target, camera: Camera, step: tuple[int, int], rows: tuple[int, int], blur: list[Array]
     ) -> Light16:
         """Some rows of the picture from a target with a sample every `step` pixels."""
@@ -165,5 +165,5 @@ class Background:
             x, y = 1.0 / step[0], 1.0 / step[1]
             scaled = np.array([[x, 0.0, 0.5 * (x - 1.0)], [0.0, y, 0.5 * (y - 1.0) - first], [0.0, 0.0, 1.0]])
             drawn = average(drawn, blur, scaled)
-        spread = cv2.resize(drawn, (step[0] * target.size[0], step[1] * (last - first)))
-        return np.asarray(spread[rows[0] - first * step[1] : rows[1] - first * step[1], : camera.width_px], np.uint16)
+        full = cv2.resize(drawn, (step[0] * target.size[0], step[1] * (last - first)))
+        return np.asarray(full[rows[0] - first * step[1] : rows[1] - first * step[1], : camera.width_px], np.uint16)

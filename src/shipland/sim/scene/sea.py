@@ -98,9 +98,9 @@ class WaveTiles:
         safe = np.maximum(number, 1e-9)
         peak = 2.0 * np.pi / peak_m
         along = (north * np.cos(direction_rad) + east * np.sin(direction_rad)) / safe
-        spread = np.maximum(along, 0.0) ** 2 + 0.04
+        directional = np.maximum(along, 0.0) ** 2 + 0.04
         # Pierson–Moskowitz over wave number, k^-4 in the plane, cut where the grid ends.
-        density = np.where(number > 0.0, safe**-4.0 * np.exp(-1.25 * (peak / safe) ** 2), 0.0) * spread
+        density = np.where(number > 0.0, safe**-4.0 * np.exp(-1.25 * (peak / safe) ** 2), 0.0) * directional
         density *= np.exp(-((number / (0.8 * number.max() / np.sqrt(2.0))) ** 4))
         amplitude = np.sqrt(density) * np.exp(2j * np.pi * rng.random(number.shape))
         amplitude *= rng.rayleigh(1.0, number.shape)

@@ -170,10 +170,10 @@ def sample_waves(sea: SeaParameters, rng: np.random.Generator) -> Waves:
     shape = (sea.frequencies, directions)
     omega = low + width * (np.arange(sea.frequencies)[:, None] + rng.uniform(size=shape))
     share = (np.arange(directions) + rng.uniform(size=shape)) / directions
-    spread = _spreading_quantile(share) if sea.short_crested else np.zeros(shape)
+    off_main = _spreading_quantile(share) if sea.short_crested else np.zeros(shape)
     amplitude = np.sqrt(2.0 * sea.density(omega) * width / directions)
     phase = rng.uniform(0.0, 2.0 * np.pi, shape)
-    return Waves(omega.ravel(), (sea.heading_rad + spread).ravel(), amplitude.ravel(), phase.ravel())
+    return Waves(omega.ravel(), (sea.heading_rad + off_main).ravel(), amplitude.ravel(), phase.ravel())
 
 
 def _spreading_quantile(share: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What an ANAFI says, as telemetry, and what it is told, as sticks: pure."""
+"""An ANAFI's records as telemetry, and commands as its sticks: pure."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _GIMBAL_S = 0.1
 _LOOK_S = 0.1
 """How often a wait looks for a request to stop."""
 _LANDED_S = 1.0
-"""Descent commanded and none seen for so long, while landing at contact height: it stands, and is told to land."""
+"""Descent commanded and none seen for so long, while landing at contact height: it stands, and is commanded to land."""
 _OLD_VELOCITY_S = 1.0
 """A velocity older than this does not show that it stands."""
 _AIRBORNE = ("hovering", "flying")

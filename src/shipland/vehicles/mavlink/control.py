@@ -9,7 +9,7 @@ MOTORS_STOPPED = "the motors have stopped"
 
 
 class Control:
-    """The hand-over and the takeover; told every state by the receiving thread, asked at every set-point.
+    """The hand-over and the takeover; given every state by the receiving thread, asked at every set-point.
 
     Control begins with the guided mode: set by the operator after `begin`, or asked for by us. From then on another
     mode, a moved stick, stopped motors or a restart ends it, whatever mode comes later.

@@ -138,7 +138,7 @@ class _Relay:
             self._poll.register(end.fileno(), select.POLLIN)
         self._guard: Guard | None = None
         self._peer = ""
-        self._gone = self._told = False
+        self._gone = self._reported = False
 
     def run(self) -> None:
         """Until our process has gone and nothing is left to hold."""
@@ -193,11 +193,11 @@ class _Relay:
 
     def _tell(self) -> None:
         """What our process is to know when it wakes."""
-        if self._guard is not None and self._guard.asked and not self._told:
+        if self._guard is not None and self._guard.asked and not self._reported:
             words = "our process had fallen silent, so its guard asked for a mode that holds"
             with suppress(OSError):  # full as long as nobody reads: later
                 self._ours.send(b"P" + words.encode())
-                self._told = True
+                self._reported = True
 
 
 def main() -> None:

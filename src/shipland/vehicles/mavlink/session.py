@@ -271,8 +271,8 @@ class Session:
                     dialect.MAVLink_param_request_read_message(target.system, target.component, name.encode(), -1)
                 )
             sleep_or_stop(0.3)
-            told = self.state.parameters
-            known = {name: told[name] for name in names if name in told}
+            found = self.state.parameters
+            known = {name: found[name] for name in names if name in found}
             nothing_new = len(known) + len(missing) == len(names)
             if len(known) == len(names) or (nothing_new and enough(known)):
                 break

@@ -26,8 +26,8 @@ from shipland.vehicles.mavlink.parameters import (
     ARDUPILOT_NAMES,
     PX4_NAMES,
     VehicleLimits,
+    missing_parameters,
     response_within,
-    untold,
 )
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setpoints import HOLD, AttitudeTarget, Wanted, pressed, velocity_message, wanted_of
@@ -124,7 +124,8 @@ class MavlinkVehicle:
             session.connect(parameters.connect_timeout_s)
             autopilot = session.state.autopilot
             values = session.read_parameters(
-                PX4_NAMES if autopilot == PX4 else ARDUPILOT_NAMES, lambda told: not untold(autopilot, told)
+                PX4_NAMES if autopilot == PX4 else ARDUPILOT_NAMES,
+                lambda found: not missing_parameters(autopilot, found),
             )
             limits = self._limits = VehicleLimits.of(autopilot, values)
             self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
