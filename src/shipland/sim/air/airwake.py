@@ -15,7 +15,7 @@ import numpy as np
 
 from shipland.config import require
 from shipland.rig import Rig
-from shipland.sim.air.dryden import normal_numbers
+from shipland.sim.air.turbulence import normal_numbers
 
 Vector = tuple[float, float, float]
 

@@ -13,8 +13,15 @@ from shipland.config import require
 from shipland.frames import Array, Pose
 from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake, AirwakeParameters
-from shipland.sim.air.dryden import Dryden, Scales, TurbulenceParameters, land_scales
-from shipland.sim.air.marine import SeaSurfaceParameters, sea_roughness_m, sea_scales
+from shipland.sim.air.turbulence import (
+    Dryden,
+    Scales,
+    SeaSurfaceParameters,
+    TurbulenceParameters,
+    land_scales,
+    sea_roughness_m,
+    sea_scales,
+)
 
 MEAN_MPS = (0.0, 30.0)
 """Range of mean wind speeds."""
