@@ -146,6 +146,20 @@ def in_area(area: str, size_m: float, forward_m: float, starboard_m: float) -> b
     return abs(forward_m) <= 0.5 * size_m and abs(starboard_m) <= 0.5 * size_m
 
 
+def view_share(ahead_m: float, right_m: float, half_m: float, box_m: tuple[float, float, float, float]) -> float:
+    """Share of a square view, straight down, that shows a box: what part of an optical flow is the ship's.
+
+    Args:
+        ahead_m: the view's centre, in the axes of the box.
+        right_m: likewise.
+        half_m: half the view's side, positive.
+        box_m: stern, bow, port and starboard side.
+    """
+    along_m = min(ahead_m + half_m, box_m[1]) - max(ahead_m - half_m, box_m[0])
+    across_m = min(right_m + half_m, box_m[3]) - max(right_m - half_m, box_m[2])
+    return along_m * across_m / (4.0 * half_m * half_m) if along_m > 0.0 and across_m > 0.0 else 0.0
+
+
 @dataclass(frozen=True)
 class Rig:
     """The ship platform [Lee2022, §Experimental Setup] and this project's choices where the paper gives none.
