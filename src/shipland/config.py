@@ -27,7 +27,7 @@ T = TypeVar("T")
 Table = dict[str, Any]
 
 LARGEST = 1e9
-"""No number of a configuration is larger, whatever its unit; what guards something has bounds of its own."""
+"""Largest magnitude of any configured number; protections have tighter bounds of their own."""
 
 
 def read_toml(path: Path) -> Table:

@@ -20,7 +20,7 @@ DIGESTS = "SHA256SUMS"
 """Name of the file that lists the digests of a folder."""
 
 MOST_LEVELS = 32
-"""Of tables in tables; the deepest that means anything has eight."""
+"""Deepest nesting of tables that is read; the configuration's own has eight levels."""
 
 
 def read_text(path: Path) -> str:

@@ -56,7 +56,7 @@ _HAND_CUT = 0.005
 _MADE_TO = 0.003
 """`manufacturing_tolerance` of the rig's bar."""
 _BOARD_MARGIN_M = 0.02
-"""Board that shows around the cue at least."""
+"""Least margin of board around the cue."""
 
 
 @dataclass(frozen=True)
@@ -331,7 +331,7 @@ def layout(rig: Rig) -> Layout:
 
 
 _DECK_PLATE_M = 0.1
-"""Of a flight deck over the hull below it: as thick as the deck of the contacts."""
+"""Thickness of a flight deck above the hull, as in the contact model."""
 
 
 def _frigate(rig: Rig) -> Layout:

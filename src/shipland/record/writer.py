@@ -48,7 +48,7 @@ from shipland.rig import Rig
 from shipland.vision.log_pictures import IMAGE_TOPIC
 
 _FLUSH_S = 1.0
-"""Of flight, between two flushes."""
+"""Flight time between two flushes of the log."""
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ SIZES = {
     FaultKind.LOW_BATTERY: 10.0,
     FaultKind.WEAK_MOTOR: 0.15,
 }
-"""Where a fault says none; chosen."""
+"""Sizes of faults that give none; chosen."""
 _SHARES = {FaultKind.DROPPED_FRAMES, FaultKind.CORRUPT_FRAMES, FaultKind.GLARE, FaultKind.SPOILED_VALUES}
 
 

@@ -34,9 +34,9 @@ from shipland.vehicles.vehicle import LONGEST_WAIT_S
 from shipland.vision.vision import Vision
 
 _LONGEST_ASKED_S = 1.0
-"""Time that one call lets pass at most: by a spoiled clock the loop may ask for hours, and the world has not leapt."""
+"""Longest time that one call may let pass: a spoiled clock can ask for hours."""
 _HELD = 100
-"""Pictures kept for one that comes late or shows what is long gone: three seconds."""
+"""Pictures kept for late and frozen ones: three seconds."""
 _BLOCK_PX = 32
 
 

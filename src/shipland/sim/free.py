@@ -46,7 +46,7 @@ _PILOTED, _MET, _DECK_AGE = (
 )
 
 LOW_M = 0.3
-"""Feet over the sea below which the readable world takes over."""
+"""Height of the feet over the sea below which `World` steps in Python instead of compiled code."""
 
 
 class FreeFlight:

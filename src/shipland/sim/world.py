@@ -52,13 +52,13 @@ class Grid:
 
 
 GRID = Grid()
-"""What simulated flights run on."""
+"""The time grid of simulated flights."""
 NEAR_DECK_M = 2.0
-"""From the deck's centre, at least: nearer, the deck is set every physics step and contacts are judged."""
+"""Least distance from the deck's centre within which the deck is set, and contacts judged, every physics step."""
 SHIP_MARGIN_M = 0.5
-"""Nearer than this to where the ship ends, it is set every control step."""
+"""Distance from the ship's bounds within which the ship is set every control step."""
 CLEAR_M = 0.1
-"""Where this and the distance flown between two clearance checks are free around it, the aircraft touches nothing."""
+"""Free distance, beyond that flown between two checks, at which no contact is possible."""
 CUT_OFF_RAD = math.radians(75.0)
 """Tilt at which the motors stop, as a crash detector does."""
 IMPACT_MPS2 = 0.3 * GRAVITY_MPS2

@@ -22,13 +22,13 @@ from shipland.sim.world import Grid, World
 from shipland.sitl.frame_server import FrameServer
 
 STEP_S = 0.001
-"""A flight controller's fast loop wants 800 Hz and more."""
+"""Physics step: a flight controller's fast loop runs at 800 Hz and more."""
 _GRID = Grid(STEP_S, 1, 20)
 _STOPPED_US = 1010
 """All motors at or below this for a while after the flight: disarmed."""
 _STOPPED_S = 0.3
 _LINGER_S = 2.0
-"""Served after the verdict."""
+"""Time for which the world is served after the verdict."""
 _HELD_FORCE_MPS2: Vector = (0.0, 0.0, -GRAVITY_MPS2)
 
 

@@ -16,7 +16,7 @@ HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_HEIGHT_M = 60.0, 4.0, 0.0
 _DECLINATION_RAD, _INCLINATION_RAD, _FIELD_GAUSS = math.radians(1.9), math.radians(72.8), 0.513
 """The earth's field there: World Magnetic Model 2025."""
 EARTH_RADIUS_M = 6371000.0
-"""Of the sphere on which PX4 projects."""
+"""Radius of the sphere on which PX4 projects."""
 
 # noise, all chosen: small MEMS sensors, and a GPS with a clear sky
 _ACCELEROMETER_MPS2, _GYROSCOPE_RAD_S, _MAGNETOMETER_GAUSS, _BAROMETER_HPA = 0.05, 0.002, 0.003, 0.02

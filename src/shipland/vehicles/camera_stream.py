@@ -18,19 +18,19 @@ from shipland.errors import VehicleError
 from shipland.messages import GimbalAttitude, GroundTruth, TouchdownVerdict
 
 _WINDOW_S = 10.0
-"""In which the quickest picture tells the difference of the two clocks."""
+"""Window whose quickest picture gives the difference of the two clocks."""
 _LEAST_KNOWN = 10
-"""Pictures from which their median tells what a plausible stamp is."""
+"""Pictures needed before their median decides which stamps are plausible."""
 _LEAST_GATE_S = 0.1
-"""A stamp ahead of the median by less is jitter, whatever the others' is."""
+"""Least gate: a stamp that is ahead of the median by less counts as jitter."""
 _STEP = 3
-"""Implausible stamps on end that agree with one another: the stream's clock has stepped."""
+"""Consecutive implausible stamps that agree: from this many on, the stream's clock has stepped."""
 _LATEST_S = 1.0
 """A picture that came later than the quickest by more than this is refused: it stood in a queue."""
 _REOPEN_S, _LONGEST_REOPEN_S = 0.5, 2.0
-"""Until a source that has failed is opened again, and that time once it has doubled again and again."""
+"""Time until a failed source is opened again, and its largest value after repeated doubling."""
 _REOPEN_TIMEOUT_S = 3.0
-"""To the first picture of a source that is opened again; the flight waits."""
+"""Timeout of the first picture of a source that is opened again; the flight waits."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from shipland.config import require_within
 from shipland.frames import GRAVITY_MPS2
 
 _LEAST_HOVER = 0.4
-"""Of the stated hover throttle: one measured in flight counts no lower, for it may have stood on the ground."""
+"""Least measured hover throttle, as a share of the stated one: lower values were measured on the ground."""
 _HOVER_S = 5.0
 """Time constant of the hover throttle measured in flight."""
 

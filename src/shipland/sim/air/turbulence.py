@@ -149,9 +149,9 @@ KARMAN = 0.4
 """Von Kármán's constant."""
 
 _ROUNDS = 30
-"""Of the fixed-point iteration for the roughness; each gains about one digit."""
+"""Fixed-point iterations for the roughness length; each gains about one digit."""
 _LEAST_ROUGHNESS_M = 1e-7
-"""In a wind so light that Charnock's relation gives next to nothing."""
+"""Least roughness length, for winds in which Charnock's relation gives almost none."""
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from shipland.frames import GRAVITY_MPS2 as G
 from shipland.frames import rows_from_quaternion
 
 SAFE_UPRIGHT = 0.5
-"""Cosine of the tilt under which the readable world takes over."""
+"""Cosine of the tilt beyond which `World` steps in Python instead of compiled code."""
 
 MOTION = ("x", "y", "z", "qw", "qx", "qy", "qz", "u", "v", "w", "p", "q", "r")
 WRENCH = ("force_n", "force_e", "force_d", "moment_x", "moment_y", "moment_z")

@@ -12,7 +12,7 @@ _IDLE_US, _RANGE_US = 1000.0, 1000.0
 _MOTOR_OF_ROTOR = (0, 2, 3, 1)
 """ArduPilot numbers a quadrotor in X: front right, rear left, front left, rear right; ours: FR, FL, RR, RL."""
 THRUST_EXPO = 0.65
-"""Of a rotor's thrust over its signal: ArduPilot's MOT_THST_EXPO as delivered, which undoes it."""
+"""Exponent of a rotor's thrust over its signal: ArduPilot's MOT_THST_EXPO as delivered, which inverts it."""
 
 
 class ServoQuadrotor(Quadrotor):

@@ -22,7 +22,7 @@ from shipland.sim.scene.view import Crop, horizon_line, picture_polygon, rays, w
 _SEA_PX, _SKY_PX = (3, 1), (3, 3)
 """Pixels a sample: what mipmaps leave of waves at grazing view is longer across than that, and the sky is smooth."""
 _RAREST_FACET = 4.2
-"""Root mean squares of slope; the glitter of steeper facets is below a display step."""
+"""Steepest facet that glitters, in rms slopes; the glitter of steeper ones is below a display step."""
 
 
 class Background:

@@ -255,13 +255,13 @@ def legs(parts: Layout, ship_from_deck: Pose) -> Mesh:
 
 
 MOTOR_DIAGONAL_M = 0.24
-"""Of the aircraft as it is drawn at scale 1."""
+"""Motor diagonal of the drawn aircraft at scale 1."""
 
 AIRCRAFT = Solid((-0.17, -0.17, -0.05), (0.17, 0.17, 0.06))
 """Bounds of the aircraft in `body`."""
 
 AIRCRAFT_SHADE = Solid((-0.10, -0.07, -0.03), (0.11, 0.07, 0.02))
-"""What of it throws a shadow."""
+"""The part of the aircraft that casts a shadow."""
 
 _MOTORS_M = [(x, y) for x in (-0.085, 0.085) for y in (-0.085, 0.085)]
 

@@ -49,7 +49,7 @@ _LAYER_SIZE = (2048, 1280)
 _WAKE_M = 400.0
 """Where the wake has faded to a twentieth: as in `sea.frag`."""
 _LAYER_SAMPLES = 600_000
-"""What the ship may cost in samples before it is multisampled instead of supersampled."""
+"""Most samples of the ship's layer that are supersampled; above, it is multisampled."""
 
 
 class Scene:

@@ -16,7 +16,7 @@ from shipland.frames import Array
 from shipland.sim.scene.parameters import Tone
 
 FULL_SCALE = 8.0
-"""Of a uint16 picture of light, in units of the light that saturates the sensor; the step is 0.03 of a grey level."""
+"""Full scale of a uint16 picture of light, in units of the sensor's saturation; a step is 0.03 of a grey level."""
 
 Light16 = npt.NDArray[np.uint16]
 Image = npt.NDArray[np.uint8]

@@ -24,7 +24,7 @@ _NODES = ((0.5 - math.sqrt(0.15), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + math.sq
 """Places and weights of three-point Gauss quadrature on 0…1."""
 
 _STEP_S = 0.1
-"""Way is integrated piecewise over steps of this length; the quadrature's error is then below a micrometre."""
+"""Step over which the position is integrated; the quadrature's error is then below a micrometre."""
 
 
 @dataclass(frozen=True)

@@ -186,7 +186,7 @@ class ShipParameters:
 
 
 SAME_MOTION_SEED = 1
-"""Of the one motion that every flight meets where the parameters say so."""
+"""Seed of the motion that every flight meets with `same_motion`."""
 
 
 def build_ship(parameters: ShipParameters, rig: Rig, rng: np.random.Generator) -> Ship:

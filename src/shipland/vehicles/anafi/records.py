@@ -15,7 +15,7 @@ from shipland.messages import GimbalAttitude, Intent, PilotCommand, Telemetry
 FLYING = ("hovering", "flying", "takingoff", "landing", "motor_ramping", "usertakeoff", "emergency_landing")
 """Flying states in which motors run."""
 _STANDING = ("landed", "emergency")
-"""Those in which they do not."""
+"""Flying states in which motors stand still."""
 
 
 def sticks_of(command: PilotCommand) -> list[int]:

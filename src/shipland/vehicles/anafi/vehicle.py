@@ -358,7 +358,7 @@ def _bgr(data: bytes, planes: str, width_px: int, height_px: int) -> npt.NDArray
 
 
 _WINDOW_S = 3.0
-"""In which rates are counted."""
+"""Window in which rates are counted."""
 
 
 def _rate_hz(times_s: deque[float]) -> float:

@@ -14,13 +14,13 @@ from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 _SET_POINTS = ("SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED")
 _BEAT_S = 1.0
 _ASKS = 3
-"""How often the mode that holds is asked for."""
+"""Number of requests for the mode that holds."""
 _ASK_S = 0.8
-"""From one to the next: under a second, the time between two heartbeats."""
+"""Time between two requests: below a second, the time between two heartbeats."""
 _FRESH_S = 0.1
-"""A heartbeat this young shows the mode of now."""
+"""Largest age of a heartbeat that shows the present mode."""
 _ALONE_S = 5.0
-"""How long our process is outlived: time for every ask and its answer."""
+"""Time for which the guard outlives our process: enough for every request and its answer."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from shipland.vehicles.pace import go_first
 
 _RECORD_BYTES = 70_000
 _START_S = 20.0
-"""Until the port is open: on a busy machine, to a TCP end that answers late."""
+"""Timeout of opening the port: on a busy machine, to a TCP end that answers late."""
 _GOODBYE_S = 2.0
 
 

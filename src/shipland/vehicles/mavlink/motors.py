@@ -14,7 +14,7 @@ from shipland.vehicles.touchdown import Contact, ContactSignals, TouchdownParame
 _MODE_KNOWN_S = 1.5
 """A heartbeat older than this does not tell whose mode it is: no motor is stopped in a pilot's."""
 _RANGE_S = 1.0
-"""A rangefinder's word that is older does not count."""
+"""Largest age of a rangefinder's reading that counts."""
 
 
 class MotorStop:

@@ -19,7 +19,7 @@ from shipland.vision.vision import Vision, see_or_degrade
 _LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01
 """Least standard deviations that are sent: an outlier that is believed costs more than a wait."""
 _LEVEL_STD_RAD = 0.02
-"""Of roll and pitch, which are the autopilot's own."""
+"""Standard deviation of roll and pitch, which are the autopilot's own."""
 
 
 @dataclass(frozen=True)

@@ -39,9 +39,9 @@ _STREAMS_HZ = {
 }  # fmt: skip
 """Messages asked for, a second; a change of mode is seen at the next heartbeat."""
 _STREAM_ANSWER_S = 1.5
-"""How long the answer to each of these requests is waited for; within it is asked twice."""
+"""Timeout of the answer to each of these requests, which are sent twice within it."""
 _HOLD_ANSWER_S = 1.5
-"""How long the answer to the last word is waited for; within it is said twice."""
+"""Timeout of the answer to the final hold command, which is sent twice within it."""
 _HISTORY = 512
 """Attitudes that are kept: ten seconds."""
 _PATIENT_HAND_OVERS = 3

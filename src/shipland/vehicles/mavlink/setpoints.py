@@ -11,10 +11,10 @@ from shipland.messages import Intent, PilotCommand
 from shipland.vehicles.mavlink.dialect import Message, dialect
 
 BODY_VELOCITY_MASK = 0b010111000111
-"""Of SET_POSITION_TARGET_LOCAL_NED: velocity and yaw rate count, nothing else."""
+"""Mask of SET_POSITION_TARGET_LOCAL_NED: only velocity and yaw rate count."""
 _FRAME_BODY_NED = 8
 _HEADING_LEAD_RAD = 0.3
-"""The heading asked for runs ahead of the aircraft's by no more: a turn that is held up must not wind up."""
+"""Largest lead of the heading set-point over the aircraft's heading, so that a blocked turn does not wind up."""
 
 
 @dataclass(frozen=True)

@@ -24,11 +24,11 @@ _NONE_U8, _NONE_U16 = 255, 65535
 _REBOOT_S = 1.0
 """The autopilot's clock went back by so much: it has restarted."""
 _WINDOW_S = 1.0
-"""A while in which the clocks' difference is constant; short, because a simulated vehicle's clock may run slow."""
+"""Window in which the clocks' difference counts as constant; short, as a simulated vehicle's clock may run slow."""
 _LONGEST_TRIP_S = 2.0
-"""An answer later than this is none."""
+"""Latest answer that counts."""
 _TRIPS = 5
-"""Round trips of which the quickest counts: a link that has become slow shows after so many."""
+"""Round trips of which the quickest counts; a link that has become slow shows after as many."""
 _AUTOPILOT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 _GIMBALS = {_AUTOPILOT, 154, 171, 172, 173, 174, 175}
