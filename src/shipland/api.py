@@ -50,7 +50,7 @@ class Flight(Flown):
         scenario: what was flown.
         records: a row a cycle, without the pictures.
         problems: outputs that failed, a line each.
-        folder: where the log, the video, the plots and the figures lie; None where nothing was asked for.
+        folder: where the log, the video, the plots and the figures lie; None without `out`.
     """
 
     scenario: Scenario

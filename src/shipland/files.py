@@ -115,6 +115,6 @@ def _digests(listed: Path) -> dict[str, str]:
 
 @lru_cache
 def _digest(path: Path, _modified_ns: int, _size: int) -> str:
-    """Of a file; asked for again only after it was written."""
+    """Digest of a file, computed again only after it was written."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -66,7 +66,7 @@ class Cycle:
         telemetry: when the command was decided.
         observation: what the vision made of the frame.
         decision: the pilot's, its command as it left the safety.
-        truth: at the exposure; None where nobody knows it.
+        truth: at the exposure; None where it is unknown.
         cost_s: time spent reading, seeing and deciding, by the clock that was passed in [s].
     """
 

@@ -53,7 +53,7 @@ class Quad:
 
 _HAND_CUT = 0.005
 """`manufacturing_tolerance` of green tape on robotics fields, as photographs of it show."""
-_MADE_TO = 0.003
+_MANUFACTURING_TOLERANCE = 0.003
 """`manufacturing_tolerance` of the rig's bar."""
 _BOARD_MARGIN_M = 0.02
 """Least margin of board around the cue."""
@@ -70,7 +70,7 @@ class Target:
     """
 
     quad: tuple[Quad, ...]
-    manufacturing_tolerance: float = field(default=_MADE_TO, compare=False)
+    manufacturing_tolerance: float = field(default=_MANUFACTURING_TOLERANCE, compare=False)
 
     def __post_init__(self) -> None:
         require(
@@ -204,7 +204,7 @@ class Rig:
     pitch_limit_deg: float
     yaw_limit_deg: float
     quad: tuple[Quad, ...] = ()
-    manufacturing_tolerance: float = _MADE_TO
+    manufacturing_tolerance: float = _MANUFACTURING_TOLERANCE
     landing_area: Literal["square", "circle"] = "square"
     hull: Literal["platform", "frigate"] = "platform"
     house_length_m: float | None = None

@@ -105,7 +105,7 @@ class Fly(ScenarioOptions):
 
         from shipland.config import layered
         from shipland.scenario.fly import fly_quietly
-        from shipland.scenario.real_vehicle import checklist, make_vehicle, refuse_unfit
+        from shipland.scenario.real_vehicle import checklist, make_vehicle, require_passed
         from shipland.stopping import check_stop, stop_requests
         from shipland.vehicles.checks import Check
         from shipland.vehicles.vehicle import Real
@@ -130,7 +130,7 @@ class Fly(ScenarioOptions):
             checks.insert(0, Check("rehearsal", True, rehearsed.reason))
             terminal.say(*(check.line() for check in checks))
             if not self.check:
-                refuse_unfit(checks)
+                require_passed(checks)
         except BaseException:
             vehicle.close()
             raise

@@ -2,7 +2,7 @@
 
 Fresh scenes are whole frames. Each is looked at twice: its first frame by the detector alone, and all its frames by the
 far vision that flies, with its tracks and its confirmation. One line a scene goes to `scenes.jsonl` as soon as it is
-known, so a run that was cut off goes on where it stopped.
+known, so an interrupted run is resumed by the same command.
 """
 
 from __future__ import annotations
@@ -367,7 +367,7 @@ def _look(
         target = None if edges is None else _row(edges)
         partly = None
         if target is None and not shot.empty:
-            # What is cut off by the picture's edge, or seen too flat, is neither asked for nor counted as false.
+            # What is cut off by the picture's edge, or seen too flat, is neither a target nor counted as false.
             partly = target_box(shot.kind, shot.at(t_s, rig), camera, rig, _LEAST_SEEN, 0.0)
         if number == 0:
             first = target

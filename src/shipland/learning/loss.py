@@ -111,7 +111,7 @@ def detection_loss(
 
     Args:
         maps: per scale (n, 3·(5 + classes), rows, columns).
-        targets: (m,6) rows (picture, class, centre, size) [px]; class -1 marks a box that nobody asks for.
+        targets: (m,6) rows (picture, class, centre, size) [px]; class -1 marks a box that the loss ignores.
         spec: anchors, classes, decoding.
         parameters: weights.
 

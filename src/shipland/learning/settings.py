@@ -28,8 +28,8 @@ class AugmentParameters:
         tone: half-width of a bend of the tone curve, S-shaped or the inverse.
         noise: chance of Gaussian noise.
         noise_max: its largest standard deviation, in grey levels.
-        min_side_px: a target with a shorter longer side is not asked for (nor punished).
-        min_visible: a target of which a smaller part lies in the window is not asked for.
+        min_side_px: a target whose longer side is shorter is ignored by the loss.
+        min_visible: a target of which a smaller part lies in the window is ignored by the loss.
     """
 
     scale_min: float

@@ -1,6 +1,6 @@
 """`shipland synth`: labelled pictures from the simulator's scene, in YOLO's layout.
 
-Picture n of a seed is always the same, whatever was made before it, so a run that was cut off goes on where it stopped.
+Picture n of a seed is always the same, whatever was made before it, so the same command resumes an interrupted run.
 The scene's description is written last: a picture without it is made again.
 """
 

@@ -295,6 +295,6 @@ def _blurred(batch: Tensor, sigma_px: Tensor) -> Tensor:
 
 
 def decoded_bytes(dataset: Dataset) -> int:
-    """How much memory the pictures take, decoded; judged by sixteen of them."""
+    """Memory that the decoded pictures take, estimated from sixteen of them."""
     some = dataset.samples[:: max(1, len(dataset.samples) // 16)]
     return round(sum(sample.load()[0].nbytes for sample in some) / len(some) * len(dataset.samples))

@@ -1,4 +1,4 @@
-"""A vehicle, a vision and a pilot that fail on schedule; the flight's physics goes on undisturbed."""
+"""A vehicle, a vision and a pilot that fail on schedule; the physics of the flight is undisturbed."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class FaultyVehicle:
         self._vehicle, self._faults, self.rng = vehicle, faults, rng
         self.now_s = self._reported_s = 0.0
         """The vehicle's time, not spoiled [s]."""
-        self.spoiler = FaultInjector(rng)
+        self._injector = FaultInjector(rng)
         self._held: deque[Frame] = deque(maxlen=_HELD)
         self._given_s = -math.inf
         self._last_image: npt.NDArray[np.uint8] | None = None
@@ -151,7 +151,7 @@ class FaultyVehicle:
     def spoiled(self, value: Any) -> Any:  # noqa: ANN401 - a message of any type
         """A message as it is, or with spoiled values."""
         fault = self.now(FaultKind.SPOILED_VALUES)
-        return self.spoiler.spoiled(value, 0.0 if fault is None else fault.amount)
+        return self._injector.spoiled(value, 0.0 if fault is None else fault.amount)
 
     def _stall_s(self, kind: FaultKind) -> float:
         fault = self.now(kind)

@@ -155,11 +155,11 @@ def wind_check(wind_mps: float, response: Response, share: float) -> Check:
     return Check("wind", wind_mps <= most_mps, words)
 
 
-def refuse_unfit(checks: list[Check]) -> None:
+def require_passed(checks: list[Check]) -> None:
     """VehicleError naming every line that is not in order."""
-    unfit = [f"{check.name}: {check.words}" for check in checks if not check.ok]
-    if unfit:
-        raise VehicleError(f"not fit to fly: {'; '.join(unfit)}")
+    failed = [f"{check.name}: {check.words}" for check in checks if not check.ok]
+    if failed:
+        raise VehicleError(f"not fit to fly: {'; '.join(failed)}")
 
 
 _OVERRIDES = {"h": Override.HOLD, "c": Override.CLIMB, "r": None}

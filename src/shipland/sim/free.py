@@ -200,7 +200,7 @@ class FreeFlight:
 
         Args:
             sticks: piloted.
-            gimbal_wanted_rad: pitch asked for.
+            gimbal_wanted_rad: commanded pitch.
             deck_age_s: since `meet`; the deck moves on by its velocity and acceleration.
             phase: physics steps since the last control tick.
             count: physics steps.

@@ -96,9 +96,9 @@ class StartParameters:
 class World:
     """Steps the physics and says what is true, what is seen and what is measured.
 
-    Time runs on a grid of steps; `advance` goes to the last grid instant not after the time asked for, and every
+    Time runs on a grid of steps; `advance` goes to the last grid instant not after the requested time, and every
     instant of the result belongs to that grid time. The flight does not depend on how `advance` is cut up, nor on
-    how often truth, scene or readings are asked for.
+    how often truth, scene or readings are requested.
 
     Args:
         rig: the ship platform's dimensions.

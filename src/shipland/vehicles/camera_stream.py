@@ -202,13 +202,13 @@ class ExposureClock:
     def __init__(self, latency_s: float) -> None:
         self._latency_s = latency_s
         self._offsets: deque[tuple[float, float]] = deque()
-        self._doubted: deque[tuple[float, float]] = deque(maxlen=_STEP)
+        self._implausible: deque[tuple[float, float]] = deque(maxlen=_STEP)
         self._stamp_s = self._last_s = -math.inf
 
     def begin(self) -> None:
         """The stream is opened again: its stamps begin again."""
         self._offsets.clear()
-        self._doubted.clear()
+        self._implausible.clear()
         self._stamp_s = -math.inf
 
     def exposed_s(self, stamp_s: float | None, arrived_s: float) -> float | None:
@@ -237,14 +237,14 @@ class ExposureClock:
         while self._offsets and arrived_s - self._offsets[0][0] > _WINDOW_S:
             self._offsets.popleft()
         if self._offsets and (stamp_s < self._stamp_s or self._is_ahead(known[1])):
-            self._doubted.append(known)
-            doubted_s = [offset_s for _, offset_s in self._doubted]
-            if len(doubted_s) < _STEP or max(doubted_s) - min(doubted_s) > _LEAST_GATE_S:
+            self._implausible.append(known)
+            implausible_s = [offset_s for _, offset_s in self._implausible]
+            if len(implausible_s) < _STEP or max(implausible_s) - min(implausible_s) > _LEAST_GATE_S:
                 return False
-            self._offsets = deque(self._doubted)
+            self._offsets = deque(self._implausible)
         else:
             self._offsets.append(known)
-        self._doubted.clear()
+        self._implausible.clear()
         self._stamp_s = stamp_s
         return True
 

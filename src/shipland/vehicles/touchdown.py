@@ -36,7 +36,7 @@ class TouchdownParameters:
         release_s: so long without another such lack, and a touch was none, or has been bounced off.
         insist_s: from the touch on, in which the descent goes on although the pilot has left it; and from the last
             sight of the contact height on, in which a touch stays one.
-        press_mps: descent that is asked for after a touch, within the vehicle's own limit.
+        press_mps: commanded descent after a touch, within the vehicle's own limit.
         stale_s: older telemetry tells nothing.
         range_m: where a downward rangefinder says more than this, there is no touchdown.
     """

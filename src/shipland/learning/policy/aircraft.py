@@ -28,7 +28,7 @@ class Airframes:
         rotor_drag_per_s, body_drag_per_m, inflow_loss_per_s: (B,).
         attitude_per_s: (B,) gain of the attitude loop.
         settle: (B,) share by which thrust settles in a substep.
-        chain: (B, 3, 4) tilt, its rate and the moment after a substep, from these and the rate asked for.
+        chain: (B, 3, 4) tilt, its rate and the moment after a substep, from these and the commanded rate.
         tilt_bias: (B, 2) error of the measured tilt [rad].
     """
 

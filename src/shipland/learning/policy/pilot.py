@@ -82,7 +82,7 @@ class Ahead:
         height_m, sink_mps, contact_s: (B,) over the neutral deck.
         wanted_mps2: (2, B) by the pilot's own gains.
         memory: after the cycle's estimate, reference and descent.
-        heave_mps: (B,) asked for, upward.
+        heave_mps: (B,) commanded, upward.
     """
 
     state: Tensor

@@ -70,7 +70,7 @@ class Stabiliser:
         Args:
             sensed: what is known.
             lift_mps2: from `lift_mps2`.
-            roll_ref_rad: asked for.
+            roll_ref_rad: reference angle.
             pitch_ref_rad: likewise.
             yaw: stick, -1 … 1.
         """

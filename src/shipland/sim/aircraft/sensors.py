@@ -104,7 +104,7 @@ class Gimbal:
         return self._bias_rad[1] + self._pitch.value
 
     def step(self, wanted_rad: float) -> None:
-        """One step towards the pitch asked for."""
+        """One step towards the commanded pitch."""
         wanted_rad = min(max(wanted_rad, self._camera.gimbal_min_rad), self._camera.gimbal_max_rad)
         most = self._camera.gimbal_rate_rad_s * self._step_s
         change = min(max(wanted_rad - self.pitch_rad, -most), most)

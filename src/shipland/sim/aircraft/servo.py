@@ -45,7 +45,7 @@ class ServoQuadrotor(Quadrotor):
 
     @property
     def wanted_thrust_n(self) -> float:
-        """What the rotors are asked for together."""
+        """Total thrust commanded to the rotors."""
         return sum(self._wanted_n)
 
     @property

@@ -39,7 +39,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class ShipState:
-    """The ship at one instant. The poses are computed when first asked for.
+    """The ship at one instant. The poses are computed at their first use.
 
     In rig mode the platform and the bar move with the course alone and only the deck has the six motions, as on the
     motion base of [Lee2022]. In full-ship mode the deck is part of the hull: the superstructure has the deck's six

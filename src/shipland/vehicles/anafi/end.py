@@ -39,7 +39,7 @@ EVENTS = {
 
 
 class Out:
-    """Records to the one who started us, from a thread of its own: who does not read holds nobody up."""
+    """Records to the process that started us, from a thread: a slow reader delays no event."""
 
     def __init__(self, stream):
         self._stream, self._changed = stream, threading.Condition()
@@ -47,7 +47,7 @@ class Out:
         threading.Thread(target=self._run, daemon=True).start()
 
     def say(self, record):
-        """One record; the oldest make room where nobody reads."""
+        """One record; the oldest are dropped while the reader is slow."""
         with self._changed:
             self._records.append({**record, "t_s": time.monotonic()})
             self._idle = False

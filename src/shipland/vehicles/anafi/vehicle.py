@@ -135,7 +135,7 @@ class AnafiVehicle:
             raise
 
     def open(self) -> None:
-        """Connect; take off where that was asked for, else wait until somebody has."""
+        """Connect; take off if configured, else wait until the operator has."""
         if self._closed:
             raise VehicleError("this flight is over; make a new vehicle for the next one")
         self.connect()
@@ -242,7 +242,7 @@ class AnafiVehicle:
             self._process.say({"land": True})
 
     def _sinks(self, least_mps: float, now_s: float) -> bool:
-        """Whether it descends at this rate or faster, or nobody knows."""
+        """Whether it descends at this rate or faster, or its rate is unknown."""
         velocity, true_s = self._telemetry.velocity_in_level_mps, self._telemetry.velocity_t_s
         if velocity is None or true_s is None or now_s - true_s > _OLD_VELOCITY_S:
             return True
@@ -311,7 +311,7 @@ class AnafiVehicle:
             self._judge(kind, values, flew=before.flying)
 
     def _judge(self, kind: str, values: Mapping[str, Any], *, flew: bool) -> None:
-        """End the flight when the aircraft is down, or does what nobody here asked for; from our own take-off on."""
+        """End the flight when the aircraft is down, or does what we did not command; from our own take-off on."""
         ours = self._landing or self._asked_to_land
         if kind == "home" and values["state"] in ("inProgress", "pending"):
             reason = f"the ANAFI flies home by itself: {values.get('reason', '')}"

@@ -145,7 +145,7 @@ class _Relay:
         while not (self._gone and (self._guard is None or self._guard.over(time.monotonic()))):
             due_s = 1.0 if self._guard is None else self._guard.due_s() - time.monotonic()
             ready = {number for number, _ in self._poll.poll(1e3 * min(max(0.0, due_s), 1.0))}
-            self._tell()  # before the vehicle's next message, which may be of the mode that we asked for
+            self._tell()  # before the vehicle's next message, which may report the mode that we requested
             if self._port.fileno() in ready:
                 self._from_vehicle()
             if self._ours.fileno() in ready:
@@ -195,7 +195,7 @@ class _Relay:
         """What our process is to know when it wakes."""
         if self._guard is not None and self._guard.asked and not self._reported:
             words = "our process had fallen silent, so its guard asked for a mode that holds"
-            with suppress(OSError):  # full as long as nobody reads: later
+            with suppress(OSError):  # full until our process reads: later
                 self._ours.send(b"P" + words.encode())
                 self._reported = True
 

@@ -56,7 +56,7 @@ class MotorStop:
         if contact is Contact.STANDS and state.armed and now_s - state.heartbeat_s <= _MODE_KNOWN_S:
             self._disarm(state, now_s)
         elif contact is Contact.NONE:
-            self._asked = 0  # it was none: the next one is asked for politely again
+            self._asked = 0  # it was no touchdown: the next disarm request is an ordinary one again
         return contact
 
     def _disarm(self, state: AutopilotState, now_s: float) -> None:

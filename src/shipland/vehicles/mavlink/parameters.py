@@ -144,8 +144,8 @@ class VehicleLimits:
         """
         if missing := missing_parameters(autopilot, values):
             raise VehicleError(
-                f"the vehicle does not tell {', '.join(missing)}: without these nobody knows what sticks mean; try "
-                "again where the link loses messages, and see that the firmware has them"
+                f"the vehicle does not tell {', '.join(missing)}: without them the meaning of full sticks is unknown; "
+                "try again where the link loses messages, and see that the firmware has them"
             )
         if autopilot == PX4:
             return VehicleLimits(
@@ -194,7 +194,7 @@ class VehicleLimits:
 def response_within(
     parameters: MavlinkParameters, limits: VehicleLimits, autopilot: int, table: Mapping[str, object]
 ) -> Response:
-    """What full sticks mean: what was asked for, within the vehicle's limits, with the lags of `[response.…]`.
+    """What full sticks mean: the configured response, within the vehicle's limits, with the lags of `[response.…]`.
 
     Args:
         parameters: what full sticks shall mean.

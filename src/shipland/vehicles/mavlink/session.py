@@ -37,7 +37,7 @@ _STREAMS_HZ = {
     "BATTERY_STATUS": 1, "RC_CHANNELS": 10, "DISTANCE_SENSOR": 20, "GIMBAL_DEVICE_ATTITUDE_STATUS": 30, "SYS_STATUS": 2,
     "EKF_STATUS_REPORT": 2, "ESTIMATOR_STATUS": 2,
 }  # fmt: skip
-"""Messages asked for, a second; a change of mode is seen at the next heartbeat."""
+"""Requested messages and their rates [Hz]; a change of mode is seen at the next heartbeat."""
 _STREAM_ANSWER_S = 1.5
 """Timeout of the answer to each of these requests, which are sent twice within it."""
 _HOLD_ANSWER_S = 1.5
@@ -45,7 +45,7 @@ _HOLD_ANSWER_S = 1.5
 _HISTORY = 512
 """Attitudes that are kept: ten seconds."""
 _PATIENT_HAND_OVERS = 3
-"""How often a mode that keeps the place is asked for, for a pilot at the sticks, before one that keeps the height."""
+"""Requests for a mode that keeps the place, for a pilot at the sticks, before one that keeps the height."""
 _MULTICOPTERS = {2, 3, 4, 13, 14, 15, 29, 35, 43}
 """MAV_TYPE; a mode's number means something else on an ArduPilot of another kind."""
 _PX4_VTOLS = set(range(19, 26))
@@ -122,7 +122,7 @@ class Session:
         self._on_state(before, after)
 
     def _is_for_us(self, answer: Message) -> bool:
-        """Whether a command's answer is to us, or to nobody in particular, and not to another ground station."""
+        """Whether a command's answer is to us or a broadcast, and not to another ground station."""
         system, component = self.link.own
         return answer.target_system in (0, system) and answer.target_component in (0, component)
 
@@ -132,7 +132,7 @@ class Session:
         return Target(self.link.vehicle)
 
     def connect(self, timeout_s: float) -> None:
-        """Wait for a heartbeat and ask for what is needed; VehicleError when nobody is there."""
+        """Wait for a heartbeat and request messages; VehicleError without a vehicle."""
         self.link.start()
         self.wait(lambda state: math.isfinite(state.heartbeat_s), timeout_s, "no heartbeat from an autopilot")
         if self.state.autopilot not in (ARDUPILOT, PX4):
@@ -173,7 +173,7 @@ class Session:
             number: of the command.
             parameters: of the command.
             timeout_s: how long.
-            unless: ends the asking: what is asked for has come about, or is not wanted any more.
+            unless: ends the requests: the command has taken effect, or is not wanted any more.
 
         Returns:
             The result; -1 when none came.
@@ -259,7 +259,7 @@ class Session:
 
         Args:
             names: of all that may be of use; a vehicle answers nothing for one that it does not have.
-            enough: whether those that have come will do; until then a lost answer is asked for again.
+            enough: whether those that have come will do; until then a lost answer is requested again.
             timeout_s: how long.
         """
         end_s, known = time.monotonic() + timeout_s, dict[str, float]()

@@ -61,7 +61,7 @@ def pressed(response: Response, velocity_in_level_mps: tuple[float, float, float
 
     Args:
         response: of this vehicle.
-        velocity_in_level_mps: its own; one that flies speeds is asked for the speed it has, so that it does not tilt.
+        velocity_in_level_mps: its own; a vehicle that flies speeds is commanded this one, so that it does not tilt.
         down_mps: descent.
     """
     forward, right = 0.0, 0.0
@@ -117,7 +117,7 @@ class AttitudeTarget:
         self._heading_rad = math.nan
 
     def rest(self) -> None:
-        """Something else is asked for: the next heading begins at the aircraft's."""
+        """Another kind of set-point: the next heading begins at the aircraft's."""
         self._heading_rad = math.nan
 
     def message(self, wanted: Wanted, heading_rad: float, step_s: float, boot_ms: int) -> Message:
