@@ -22,7 +22,6 @@ from shipland.scenario.autonomy import build_autonomy, build_scene, build_vehicl
 from shipland.scenario.faults import with_faults
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.visions import needs_pictures
-from shipland.version import code_version
 
 if TYPE_CHECKING:
     from shipland.record.info import FlightInfo
@@ -72,6 +71,7 @@ def flight_info(
 ) -> FlightInfo:
     """The log's header: everything that is needed to fly the flight again."""
     from shipland.record.info import FlightInfo, config_digest, file_digest  # a flight without a log writes nothing
+    from shipland.version import code_version
 
     airframe, detector, table = scenario.aircraft.airframe, scenario.detector, scenario.table()
     weights = ""

@@ -29,7 +29,7 @@ from shipland.guidance.parameters import GuidanceParameters
 from shipland.rig import Rig
 from shipland.safety.assurance import SafetyParameters
 from shipland.scenario.contradictions import contradictions
-from shipland.scenario.fault_kinds import Fault, FaultDraw
+from shipland.scenario.faults import Fault, FaultDraw
 from shipland.scenario.follower import FollowParameters
 from shipland.sim.air.wind import WindParameters
 from shipland.sim.aircraft.parameters import AircraftParameters
