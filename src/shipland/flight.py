@@ -40,7 +40,7 @@ class Stage(enum.Enum):
 
 
 def no_override() -> Override | None:
-    """Of a flight without keys."""
+    """The override of a flight without keys: none."""
     return None
 
 

@@ -146,7 +146,7 @@ def _deck(given: DeckSight | None) -> DeckSight | None:
 
 
 def _is_plain(value: object, cls: type) -> bool:
-    """Of the very class, of floats and arrays of floats alone, each where it belongs: it needs no other look."""
+    """Whether a value has exactly this class, with floats and arrays of floats only: it needs no further check."""
     return type(value) is cls and all(
         type(part) is float or (type(part) is np.ndarray and part.dtype == np.float64 and name not in _SCALARS)
         for name, part in vars(value).items()

@@ -30,7 +30,7 @@ class _Request:
     asked = False
     answered = False
     last_s = 0.0
-    """Of the last signal or answer."""
+    """Time of the last signal or answer [s]."""
     uninterrupted = 0
     """How many blocks run that must come to their end."""
 

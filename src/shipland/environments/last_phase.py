@@ -74,7 +74,7 @@ class LastPhaseEnv(VectorEnv[Arrays, Arrays, Arrays]):
         motions: of the ship that are drawn at the begin.
 
     Raises:
-        ConfigError: one of them is wrong, or the scenario is one that the model has not.
+        ConfigError: one of them is wrong, or the model does not cover the scenario.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012

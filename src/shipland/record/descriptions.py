@@ -42,7 +42,7 @@ _UNITS = {
 
 @functools.cache
 def descriptions(cls: type) -> dict[str, str]:
-    """Of the fields that the docstring's `Attributes` name; `a, b: …` and `a … c: …` tell of several at once."""
+    """Meanings of the fields that the docstring's `Attributes` list; `a, b: …` and `a … c: …` describe several."""
     body = inspect.getdoc(cls) or ""
     attributes = body.partition("\nAttributes:\n")[2].partition("\n\n")[0]
     found: dict[str, str] = {}

@@ -39,7 +39,7 @@ def build_scene(scenario: Scenario, seed: int) -> Scene:
 
 
 def aircraft_scale(scenario: Scenario) -> float:
-    """Of the drawn aircraft, by its motors' diagonal."""
+    """Scale of the drawn aircraft, by its motors' diagonal."""
     from shipland.sim.scene.mesh import MOTOR_DIAGONAL_M
 
     airframe = scenario.aircraft.airframe

@@ -61,7 +61,7 @@ def go_first(first: First) -> bool:
 
 
 def _set_niceness(value: int) -> None:
-    """Of every thread of the process; PermissionError without the privilege."""
+    """Set the niceness of every thread of the process; PermissionError without the privilege."""
     for thread in Path("/proc/self/task").iterdir():
         with suppress(ProcessLookupError):
             os.setpriority(os.PRIO_PROCESS, int(thread.name), value)

@@ -107,7 +107,7 @@ class _Sample(NamedTuple):
     free_mps: float
     """Downward speed that the throttle would have left it, since the beginning."""
     share: float
-    """Of the hover throttle."""
+    """Throttle as a share of the hover throttle."""
 
 
 class TouchdownWatch:

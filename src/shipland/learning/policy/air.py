@@ -20,7 +20,7 @@ _HEIGHT_M = 1.5
 
 @dataclass(frozen=True)
 class Air:
-    """Of a batch of B flights.
+    """The air of a batch of B flights.
 
     Attributes:
         mean_mps: (B,) speed of the mean wind.

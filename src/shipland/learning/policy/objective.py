@@ -26,7 +26,7 @@ def offsets_m(phase: LastPhase, flights: Flights) -> Tensor:
 def loss_of(
     phase: LastPhase, batch: Batch, policy: Policy, meaning: Action, begin: int, cycles: int
 ) -> tuple[Tensor, int]:
-    """Of one batch, and how many contacts are in it; differentiable.
+    """Loss of one batch, and its number of contacts; differentiable.
 
     Args:
         phase: what is flown.

@@ -23,7 +23,7 @@ from shipland.learning.policy.setup import PhaseSetup, Randomisation
 Policy = Callable[[Tensor], Tensor]
 """From observations (B, n) to actions (B, 2) in -1 … 1, forward and starboard of the bar."""
 SUBSTEPS = 2
-"""Of a cycle."""
+"""Substeps of a cycle."""
 _HISTORY = 16
 """Cycles of places that late pictures are taken from."""
 

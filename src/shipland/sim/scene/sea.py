@@ -31,7 +31,7 @@ def whitecap_cover(wind_speed_mps: float) -> float:
 
 
 def peak_wavelength_m(significant_height_m: float) -> float:
-    """Of a fully grown sea: Tp = 5.0 √Hs (Pierson–Moskowitz), so a steepness of 1/39."""
+    """Peak wavelength of a fully grown sea [m]: Tp = 5.0 √Hs (Pierson–Moskowitz), a steepness of 1/39."""
     return float(GRAVITY_MPS2 / (2.0 * np.pi) * 25.0 * significant_height_m)
 
 

@@ -84,7 +84,7 @@ def merged(before: Telemetry, kind: str, values: Mapping[str, Any], t_s: float) 
         t_s: when it was true.
 
     Raises:
-        ValueError: a value is not finite, or a state is none that an ANAFI has.
+        ValueError: a value is not finite, or a state is unknown.
         KeyError: a value is missing.
     """
     if kind == "attitude":

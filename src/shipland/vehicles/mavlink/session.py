@@ -94,13 +94,13 @@ class Session:
 
     @property
     def attitudes(self) -> History:
-        """Of the body, as received so far."""
+        """Attitudes of the body, as received so far."""
         with self._lock:
             return list(self._attitudes)
 
     @property
     def mounts(self) -> History:
-        """Of the camera's mount against the horizon, as received so far."""
+        """Attitudes of the camera's mount against the horizon, as received so far."""
         with self._lock:
             return list(self._mounts)
 

@@ -159,7 +159,7 @@ class AutopilotState:
 
     @property
     def round_trip_s(self) -> float:
-        """Of the quickest of the last exchanges of times; 0 before the first."""
+        """Shortest round trip of the last time exchanges [s]; 0 before the first."""
         return min(self.trips_s, default=0.0)
 
     @property
