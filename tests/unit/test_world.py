@@ -10,7 +10,7 @@ from shipland.config import ConfigError, build, merge
 from shipland.frames import MUJOCO_FROM_NED, Array, euler_from_rotation, rotation_from_euler
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig, packaged_table
-from shipland.sim.contact.deck_drive import Stage, against_deck, deck_state
+from shipland.sim.contact.deck_drive import DeckDriver, against_deck, deck_state
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import VerdictParameters
 from shipland.sim.ship.ship import Ship, ShipState
@@ -54,7 +54,7 @@ def test_mujoco_has_the_ship_where_it_is_and_accelerates_the_deck_as_told(ship: 
     data.qpos[2] = 50.0  # the aircraft out of the way
     state = ship.at(t_s)
     deck = deck_state(state)
-    stage = Stage(model, data)
+    stage = DeckDriver(model, data)
     stage.set_deck(deck)
     stage.set_hull(state, deck)
     mujoco.mj_forward(model.mj, data)

@@ -18,7 +18,7 @@ Picture = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
-class SensorParameters:
+class ImageSensorParameters:
     """Ranges that are drawn from (`[synth.sensor]`).
 
     Attributes:
@@ -60,7 +60,7 @@ class SensorParameters:
 
 
 def degrade(
-    light: Light16, parameters: SensorParameters, rng: np.random.Generator, grain: np.random.Generator
+    light: Light16, parameters: ImageSensorParameters, rng: np.random.Generator, grain: np.random.Generator
 ) -> Picture:
     """The picture (h,w,3) BGR that a camera makes of the light on it, before compression.
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from shipland.config import Table, merge, packaged_text
 from shipland.record.descriptions import descriptions, unit_of
-from shipland.scenario.scenario import Layer, Scenario, default_layers, load_scenario, scenario_layers
+from shipland.scenario.scenario import ConfigLayer, Scenario, default_layers, load_scenario, scenario_layers
 
 _WIDTH = 110
 """Characters of a line of comment."""
@@ -204,7 +204,7 @@ def _leaves(cls: type, table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield name, value
 
 
-def _merged(layers: Iterable[Layer]) -> Table:
+def _merged(layers: Iterable[ConfigLayer]) -> Table:
     """The table of all layers with what the classes add, checked."""
     table: Table = {}
     for layer in layers:

@@ -87,7 +87,7 @@ class Scenario:
 
 
 @dataclass(frozen=True)
-class Layer:
+class ConfigLayer:
     """One source of a configuration.
 
     Attributes:
@@ -101,14 +101,14 @@ class Layer:
     text: str
 
 
-def default_layers() -> list[Layer]:
+def default_layers() -> list[ConfigLayer]:
     """What every scenario is laid over: the defaults, and how the far detectors run."""
     # One thread: a flight is repeated bit by bit, and campaigns fly one flight a core.
     detector = packaged_toml("learning")["detector"] | {"threads": 1}
-    return [_packaged("default"), Layer("learning.toml", {"detector": detector}, packaged_text("learning"))]
+    return [_packaged("default"), ConfigLayer("learning.toml", {"detector": detector}, packaged_text("learning"))]
 
 
-def scenario_layers(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> list[Layer]:
+def scenario_layers(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> list[ConfigLayer]:
     """Where the values of a scenario come from, each laid over those before it; arguments as in `scenario_table`.
 
     Raises:
@@ -121,11 +121,11 @@ def scenario_layers(source: str | Path, config: Path | None = None, changes: Ite
     else:
         known = ", ".join(packaged_names("scenarios"))
         raise ConfigError(f"no scenario {str(source)!r}; there are: {known}, or give a path that ends in .toml")
-    named = Layer("the name given", {"name": Path(source).stem}, "")
+    named = ConfigLayer("the name given", {"name": Path(source).stem}, "")
     layers = [*default_layers(), named, *_with_parts(scenario)]
     if config is not None:
         layers += _with_parts(_file(config))
-    return [*layers, Layer("--set", settings(changes), "")]
+    return [*layers, ConfigLayer("--set", settings(changes), "")]
 
 
 def scenario_table(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> Table:
@@ -142,21 +142,21 @@ def scenario_table(source: str | Path, config: Path | None = None, changes: Iter
     return reduce(merge, (layer.table for layer in scenario_layers(source, config, changes)), {})
 
 
-def _packaged(name: str) -> Layer:
-    return Layer(f"{name}.toml", packaged_toml(name), packaged_text(name))
+def _packaged(name: str) -> ConfigLayer:
+    return ConfigLayer(f"{name}.toml", packaged_toml(name), packaged_text(name))
 
 
-def _file(path: Path) -> Layer:
-    return Layer(str(path), read_toml(path), path.read_text(encoding="utf-8-sig"))
+def _file(path: Path) -> ConfigLayer:
+    return ConfigLayer(str(path), read_toml(path), path.read_text(encoding="utf-8-sig"))
 
 
-def _with_parts(layer: Layer) -> list[Layer]:
+def _with_parts(layer: ConfigLayer) -> list[ConfigLayer]:
     """A file over the packaged parts (ships, aircraft) that its key `parts` names, in their order."""
     parts = layer.table.get("parts", [])
     if not isinstance(parts, list):
         raise ConfigError(f"parts must be a list of names, got {parts!r}")
     rest = {key: value for key, value in layer.table.items() if key != "parts"}
-    return [*(_packaged(f"parts/{part}") for part in parts), Layer(layer.name, rest, layer.text)]
+    return [*(_packaged(f"parts/{part}") for part in parts), ConfigLayer(layer.name, rest, layer.text)]
 
 
 def load_scenario(source: str | Path | Mapping[str, Any], /, **overrides: Any) -> Scenario:  # noqa: ANN401

@@ -17,9 +17,9 @@ from shipland.sim.air.wind import Wind
 from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState, WeakRotor, build_aircraft
 from shipland.sim.aircraft.autopilot import CENTRED, Sticks
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
-from shipland.sim.aircraft.sensors import Gimbal, Normals, Readings, Senses, Touchdown, read_instruments
+from shipland.sim.aircraft.sensors import Gimbal, LandingDetector, Normals, Readings, Senses, read_instruments
 from shipland.sim.contact.body import Body
-from shipland.sim.contact.deck_drive import DeckState, Stage, against_deck, deck_state
+from shipland.sim.contact.deck_drive import DeckDriver, DeckState, against_deck, deck_state
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
 from shipland.sim.free import free_flight
@@ -136,7 +136,7 @@ class World:
         data = mujoco.MjData(model.mj)
         self._body = Body(rig, shape, model, data)
         self._foot_below_m = shape.foot_below_m
-        self._stage = Stage(model, data)
+        self._stage = DeckDriver(model, data)
         self._unstaged_deck: DeckState | None = None
         self._unstaged_hull: tuple[ShipState, DeckState] | None = None
         self._judge = Judge(verdict, rig.landing_square_m, rig.landing_area)
@@ -165,7 +165,9 @@ class World:
         self._senses = Senses(sensors, over_ground, tick_s, grid.air_every * grid.step_s, sense_rng)
         self._senses.look(self._ground.below(position_m, state, self._deck, self._wind_mps))
         self._gimbal = Gimbal(camera_parameters, sensors, tick_s, Normals(gimbal_rng))
-        self._touchdown = Touchdown(loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng)
+        self._touchdown = LandingDetector(
+            loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng
+        )
         self._sensed, self._sensed_s = self._senses.sense(self._body.motion()), 0.0
         self._flier.begin(self._sensed)
         free = (aircraft, self._flier, self._senses, self._gimbal, camera_parameters)

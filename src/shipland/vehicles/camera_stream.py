@@ -50,7 +50,7 @@ class StreamParameters:
 
 
 @dataclass(frozen=True)
-class Shot:
+class StreamedPicture:
     """One picture as it came.
 
     Attributes:
@@ -71,7 +71,7 @@ class Shot:
 class PictureSource(Protocol):
     """Where pictures come from."""
 
-    def pictures(self) -> Iterator[Shot]:
+    def pictures(self) -> Iterator[StreamedPicture]:
         """The pictures, from connecting on, each at its receipt; called again to connect again.
 
         Ends where there will be no more: a recording has been played, a simulated flight is over. Raises VehicleError
@@ -98,7 +98,7 @@ class CameraStream:
     def __init__(self, source: PictureSource) -> None:
         self._source = source
         self._condition = threading.Condition()
-        self._newest: Shot | None = None
+        self._newest: StreamedPicture | None = None
         self._arrivals: deque[tuple[float, float]] = deque(maxlen=300)
         self._problem = ""
         self._ended = False
@@ -128,7 +128,7 @@ class CameraStream:
         """Begin to receive."""
         self._thread.start()
 
-    def newest(self, after_s: float, timeout_s: float) -> Shot | None:
+    def newest(self, after_s: float, timeout_s: float) -> StreamedPicture | None:
         """The newest picture exposed after a time, waiting for one; None when none comes in time.
 
         Args:
@@ -275,7 +275,7 @@ class VideoSource:
         self._clock = ExposureClock(latency_s)
         self._closed = False
 
-    def pictures(self) -> Iterator[Shot]:
+    def pictures(self) -> Iterator[StreamedPicture]:
         """See `PictureSource`."""
         self._clock.begin()
         decoded = self._gstreamer() if self._url.startswith("gst:") else self._decoded()
@@ -289,7 +289,7 @@ class VideoSource:
                 )
             exposed_s = self._clock.exposed_s(stamp_s, arrived_s)
             if exposed_s is not None:
-                yield Shot(image, exposed_s, arrived_s)
+                yield StreamedPicture(image, exposed_s, arrived_s)
             if self._closed:
                 return
         if self._live and not self._closed:

@@ -68,7 +68,7 @@ class TouchdownParameters:
         )
 
 
-class Contact(enum.Enum):
+class GroundContact(enum.Enum):
     """What is known of the ground under the aircraft."""
 
     NONE = "none"
@@ -128,7 +128,7 @@ class TouchdownWatch:
         self._touched_s = self._renewed_s = self._low_since_s = math.nan
         self._sighted_s = -math.inf
 
-    def see(self, now: ContactSignals) -> Contact:
+    def see(self, now: ContactSignals) -> GroundContact:
         """Take in what is known now; what cannot be known counts as in the air.
 
         An updraft carries an aircraft as a deck does: there is no touch but at contact height.
@@ -144,14 +144,14 @@ class TouchdownWatch:
         if not known or over:
             self._samples.clear()
             self._release()
-            return Contact.NONE
+            return GroundContact.NONE
         if not self._samples or now.down_t_s > self._samples[-1].t_s:
             self._take(now)
             self._judge(now)
         if math.isnan(self._touched_s):
-            return Contact.NONE
+            return GroundContact.NONE
         stands = self._samples[-1].t_s - self._low_since_s >= limits.confirm_s
-        return Contact.STANDS if stands else Contact.TOUCHED
+        return GroundContact.STANDS if stands else GroundContact.TOUCHED
 
     def _take(self, now: ContactSignals) -> None:
         """One sample more, and none that is older than the window's beginning."""

@@ -250,7 +250,7 @@ def read_instruments(
     )
 
 
-class Touchdown:
+class LandingDetector:
     """Whether the aircraft takes itself for landed, from its downward rangefinder and a felt impact.
 
     Two low-passes of the noisy range give it and its rate.

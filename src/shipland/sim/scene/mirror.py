@@ -114,9 +114,9 @@ def around_ship(
     return AroundShip(crop, Mirror(image, float(samples)), hull, ned_from_ship)
 
 
-def target(context: moderngl.Context) -> gl.Target:
+def target(context: moderngl.Context) -> gl.RenderTarget:
     """The texture, bound to its unit, clear of everything beyond its border."""
-    made = gl.Target(context, SIZE, SIZE)
+    made = gl.RenderTarget(context, SIZE, SIZE)
     made.colour.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
     made.colour.repeat_x = made.colour.repeat_y = False
     made.colour.use(gl.MIRROR_UNIT)

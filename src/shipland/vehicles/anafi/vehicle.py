@@ -24,7 +24,7 @@ from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
 from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.anafi.process import AnafiProcess
 from shipland.vehicles.anafi.records import finite, gimbal_at, gimbal_of, merged, moment_of, sticks_of, with_moment
-from shipland.vehicles.camera_stream import ExposureClock, Shot
+from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture
 from shipland.vehicles.checks import Check, PreflightParameters
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
 
@@ -78,7 +78,7 @@ class AnafiVehicle:
         self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
         self._gimbals: deque[tuple[float, float, float]] = deque(maxlen=_READINGS)
         self._limits: Mapping[str, float | None] | None = None
-        self._shot: Shot | None = None
+        self._shot: StreamedPicture | None = None
         self._clock = ExposureClock(self._parameters.latency_s)
         self._pictures: deque[float] = deque(maxlen=300)
         self._late: deque[float] = deque(maxlen=300)
@@ -349,7 +349,7 @@ class AnafiVehicle:
                 self._attitudes.append(arrived_s)
         self._pictures.append(arrived_s)
         self._late.append(arrived_s - exposed_s - self._parameters.latency_s)
-        self._shot, self._problem = Shot(image, exposed_s, arrived_s, gimbal), ""
+        self._shot, self._problem = StreamedPicture(image, exposed_s, arrived_s, gimbal), ""
 
 
 def _bgr(data: bytes, planes: str, width_px: int, height_px: int) -> npt.NDArray[np.uint8]:

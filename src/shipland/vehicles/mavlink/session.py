@@ -27,7 +27,7 @@ from shipland.vehicles.mavlink.modes import (
     PX4_POSITION,
     obeys_us,
 )
-from shipland.vehicles.mavlink.setpoints import HOLD, Target, level_message, velocity_message
+from shipland.vehicles.mavlink.setpoints import HOLD, MavlinkTarget, level_message, velocity_message
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
 
 FORCE = 21196
@@ -127,9 +127,9 @@ class Session:
         return answer.target_system in (0, system) and answer.target_component in (0, component)
 
     @property
-    def target(self) -> Target:
+    def target(self) -> MavlinkTarget:
         """Who we talk to."""
-        return Target(self.link.vehicle)
+        return MavlinkTarget(self.link.vehicle)
 
     def connect(self, timeout_s: float) -> None:
         """Wait for a heartbeat and request messages; VehicleError without a vehicle."""

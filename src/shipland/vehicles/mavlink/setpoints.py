@@ -18,7 +18,7 @@ _HEADING_LEAD_RAD = 0.3
 
 
 @dataclass(frozen=True)
-class Target:
+class MavlinkTarget:
     """Who the set-points are for."""
 
     system: int
@@ -70,7 +70,7 @@ def pressed(response: Response, velocity_in_level_mps: tuple[float, float, float
     return Wanted(forward, right, -down_mps, 0.0)
 
 
-def velocity_message(wanted: Wanted, target: Target, boot_ms: int) -> Message:
+def velocity_message(wanted: Wanted, target: MavlinkTarget, boot_ms: int) -> Message:
     """SET_POSITION_TARGET_LOCAL_NED in the body's heading; for velocity vehicles, and any vehicle's hold."""
     forward, right = (0.0, 0.0) if wanted.hold else (wanted.forward, wanted.right)
     climb, turn = (0.0, 0.0) if wanted.hold else (wanted.climb_mps, wanted.turn_rad_s)
@@ -80,7 +80,7 @@ def velocity_message(wanted: Wanted, target: Target, boot_ms: int) -> Message:
     )  # fmt: skip
 
 
-def level_message(target: Target) -> Message:
+def level_message(target: MavlinkTarget) -> Message:
     """SET_ATTITUDE_TARGET that levels an ArduPilot heading north and holds its height: a hold without a position."""
     return dialect.MAVLink_set_attitude_target_message(
         0, target.system, target.component, 0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, 0.5
@@ -112,7 +112,7 @@ class AttitudeTarget:
         target: who it is for.
     """
 
-    def __init__(self, scale: ClimbScale, target: Target) -> None:
+    def __init__(self, scale: ClimbScale, target: MavlinkTarget) -> None:
         self._scale, self._target = scale, target
         self._heading_rad = math.nan
 
