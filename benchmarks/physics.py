@@ -19,10 +19,10 @@ def scenario(distance_m: float, height_m: float) -> Scenario:
     """The packaged near scenario under NATOPS motion, from an exact start."""
     start = {
         "distance_m": distance_m,
-        "distance_spread_m": 0.0,
-        "bearing_spread_deg": 0.0,
+        "distance_half_range_m": 0.0,
+        "bearing_half_range_deg": 0.0,
         "height_m": height_m,
-        "height_spread_m": 0.0,
+        "height_half_range_m": 0.0,
     }
     return load_scenario(merge(scenario_table("near"), {"start": start, "ship": {"motion": "natops"}}))
 

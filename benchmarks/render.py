@@ -22,7 +22,8 @@ from shipland.camera import Camera, CameraParameters
 from shipland.config import build
 from shipland.frames import CAMERA_FROM_MOUNT, Pose, rotation_from_euler
 from shipland.rig import Rig, default_rig, packaged_table
-from shipland.sim.scene.scene import Scene, SceneParameters
+from shipland.sim.scene.parameters import SceneParameters
+from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
 
 Picture = npt.NDArray[np.uint8]

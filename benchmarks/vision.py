@@ -29,7 +29,8 @@ from shipland.config import build
 from shipland.frames import Pose
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig, default_rig, packaged_table
-from shipland.sim.scene.scene import Scene, SceneParameters
+from shipland.sim.scene.parameters import SceneParameters
+from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
 from shipland.vision.near import pipeline, sighting
 from shipland.vision.near.pipeline import NearVision, VisionParameters

@@ -57,12 +57,12 @@ def world(
     rig = default_rig()
     exact = {
         "distance_m": distance_m,
-        "distance_spread_m": 0.0,
+        "distance_half_range_m": 0.0,
         "bearing_deg": bearing_deg,
-        "bearing_spread_deg": 0.0,
+        "bearing_half_range_deg": 0.0,
         "height_m": height_m,
-        "height_spread_m": 0.0,
-        "heading_error_spread_deg": 0.0,
+        "height_half_range_m": 0.0,
+        "heading_error_half_range_deg": 0.0,
     }
     return World(
         rig,

@@ -29,7 +29,7 @@ from shipland.scenario.scenario import load_scenario, scenario_table
 COURSES = ("straight", "s", "turn90")
 SPEEDS_MPS = tuple(0.5 * step for step in range(10))
 PRINTED = Path(__file__).parent.parent / "examples" / "near_printed.toml"
-NEAR = {"distance_m": 10.0, "distance_spread_m": 2.0, "height_m": 2.0, "height_spread_m": 0.5}
+NEAR = {"distance_m": 10.0, "distance_half_range_m": 2.0, "height_m": 2.0, "height_half_range_m": 0.5}
 FLIERS: dict[str, tuple[str, Path | None, dict[str, float]]] = {
     "horizon": ("horizon", None, {}),
     "paper": ("paper", None, {}),

@@ -27,8 +27,7 @@ from shipland.evaluation.landing import Landing
 from shipland.factories import resolve
 from shipland.guidance.pilot import Pilot, PilotSetup
 from shipland.messages import Decision, Intent, Mode, Observation, PilotCommand, Telemetry
-from shipland.scenario.fault_kinds import Fault
-from shipland.scenario.faults import faults_of
+from shipland.scenario.faults import Fault, faults_of
 from shipland.scenario.scenario import Scenario, load_scenario
 
 _CLIMB_PERCENT = 60.0

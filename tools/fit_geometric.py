@@ -26,7 +26,7 @@ def main() -> None:
     print("|---:|---:|---:|---:|---:|")
     for range_m in RANGES_M:
         errors_px, pictures = [], 0
-        start = {"distance_m": range_m - 2.09, "distance_spread_m": 0.2, "bearing_spread_deg": 15.0}
+        start = {"distance_m": range_m - 2.09, "distance_half_range_m": 0.2, "bearing_half_range_deg": 15.0}
         scenario = load_scenario(merge(scenario_table("near"), {"start": start | {"height_m": 1.2}}))
         for seed in SEEDS:
             scene = build_scene(scenario, seed)

@@ -15,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as m
 from shipland.vehicles.mavlink.guard import Orders
 from shipland.vehicles.mavlink.link import LinkCounts
 from shipland.vehicles.mavlink.session import Session
-from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, Target, Wanted
+from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, MavlinkTarget, Wanted
 
 OURS, STRANGER = ("127.0.0.1", 5760), ("127.0.0.1", 6666)
 
@@ -100,7 +100,7 @@ def fuzz(count: int, seed: int) -> tuple[LinkCounts, int, list[bytes], bool]:
             data = rng.randbytes(rng.randint(1, 280))
         session.link.take(data, STRANGER if index % 10 == 0 else OURS, 1e-3 * index)
     state = session.state
-    tilts = AttitudeTarget(ClimbScale(2.5, 1.5), Target(1))
+    tilts = AttitudeTarget(ClimbScale(2.5, 1.5), MavlinkTarget(1))
     heading_rad = state.heading_rad if state.heading_rad == state.heading_rad else 0.0
     level = tilts.message(Wanted(0.0, 0.0, 0.0, 0.0), heading_rad, 0.02, 0)
     w, x, y, z = level.q

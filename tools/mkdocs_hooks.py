@@ -7,12 +7,13 @@ import os
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 from typing import Any
 
 import griffe
 from latex2mathml.converter import convert
+
+from shipland.report.configuration import packaged_tables
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -40,8 +41,9 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:  # noqa: ANN401
 def _shown(path: Path, how: str) -> str:
     if how.startswith("columns of "):
         return column_table(how.removeprefix("columns of "))
-    text = path.read_text(encoding="utf-8")
-    return configuration_tables(text) if how == "tables" else f"```{path.suffix[1:]}\n{text}```"
+    if how == "tables":
+        return packaged_tables(path.name)
+    return f"```{path.suffix[1:]}\n{path.read_text(encoding='utf-8')}```"
 
 
 def _inside(match: re.Match[str], folder: Path) -> str:
@@ -97,44 +99,3 @@ class SeveralNames(griffe.Extension):
             obj.docstring.value = SEVERAL_NAMES.sub(
                 lambda match: f"{match[1]}{match[2].replace(' ', NO_BREAK_SPACE)}: ", obj.docstring.value
             )
-
-
-def configuration_tables(text: str) -> str:
-    """Markdown: for each section of a TOML text a heading and a table of key, value and comment."""
-    lines, pending = [], ""
-    for raw in text.splitlines():
-        if raw.startswith("#") or not (pending or raw.strip()):
-            continue
-        pending = f"{pending}\n{raw}" if pending else raw
-        parsed = _split(pending)
-        if parsed is None:
-            continue  # a value that goes on in the next line
-        code, comment = parsed
-        if code.startswith("["):
-            lines += [
-                "",
-                f"### `{code}`",
-                "",
-                *([comment, ""] if comment else []),
-                "| key | value | source or meaning |",
-            ]
-            lines += ["|---|---|---|"]
-        else:
-            if not lines:
-                lines += ["### Above all sections", "", "| key | value | source or meaning |", "|---|---|---|"]
-            key, _, value = code.partition("=")
-            lines.append(f"| `{key.strip()}` | `{' '.join(value.split())}` | {comment.replace('|', '&#124;')} |")
-        pending = ""
-    return "\n".join(lines)
-
-
-def _split(statement: str) -> tuple[str, str] | None:
-    """Code and comment of one TOML statement, or None while it is not complete."""
-    for end in [index for index, letter in enumerate(statement) if letter == "#"] + [len(statement)]:
-        code = statement[:end].strip()
-        try:
-            tomllib.loads(code)
-        except tomllib.TOMLDecodeError:
-            continue
-        return code, statement[end:].lstrip("# ").strip()
-    return None

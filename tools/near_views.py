@@ -14,7 +14,8 @@ from shipland.config import build
 from shipland.frames import Array, Pose, rotation_from_euler
 from shipland.messages import BarPose, Frame, GimbalAttitude
 from shipland.rig import Rig, default_rig, packaged_table
-from shipland.sim.scene.scene import Scene, SceneParameters
+from shipland.sim.scene.parameters import SceneParameters
+from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
 from shipland.vision.near.matching import model_plane
 from shipland.vision.near.parameters import VisionParameters

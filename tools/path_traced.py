@@ -41,7 +41,8 @@ from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import compressed, crop_camera, jpeg_quality
 from shipland.messages import Box
 from shipland.rig import packaged_table
-from shipland.sim.scene.scene import Scene, SceneParameters
+from shipland.sim.scene.parameters import SceneParameters
+from shipland.sim.scene.scene import Scene
 from shipland.sim.scene.tone import develop
 from shipland.sim.state import SceneState
 from shipland.sim.target_box import NearestBox, target_box

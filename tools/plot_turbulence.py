@@ -17,7 +17,7 @@ from shipland.frames import Array, Pose
 from shipland.report.palette import BLUE, VERMILION, unit
 from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
 from shipland.rig import default_rig, packaged_table
-from shipland.sim.air.dryden import Scales
+from shipland.sim.air.turbulence import Scales
 from shipland.sim.air.wind import WindParameters, build_wind
 
 MEAN_MPS, HEIGHT_M, STEP_S, COUNT = 5.0, 1.5, 0.1, 400_000

@@ -55,8 +55,8 @@ def fly(stick: Stick, seconds: float, wind_mps: float = 0.0, gust_s: float = 0.0
         **loop: laid over `[aircraft.loop]`.
     """
     rig = default_rig()
-    spreads = {"distance_spread_m": 0.0, "bearing_spread_deg": 0.0, "height_spread_m": 0.0}
-    start = {"distance_m": 500.0, "height_m": 50.0, "heading_error_spread_deg": 0.0} | spreads
+    spreads = {"distance_half_range_m": 0.0, "bearing_half_range_deg": 0.0, "height_half_range_m": 0.0}
+    start = {"distance_m": 500.0, "height_m": 50.0, "heading_error_half_range_deg": 0.0} | spreads
     exact = {"attitude_bias_rad": 0.0, "heading_bias_rad": 0.0, "flow_bias_mps": 0.0}
     aircraft = merge(packaged_table("aircraft"), {"loop": loop, "sensors": exact})
     world = World(

@@ -9,34 +9,33 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from shipland import factories
-from shipland.evaluation.campaign import FlightJob, land_once
-from shipland.evaluation.landing import COLUMNS, Landing, row_of
-from shipland.evaluation.tables import summary_of
-from shipland.evaluation.workers import run_jobs
 from shipland.factories import Factory
 from shipland.flight import fly as fly_loop
 from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import FlightRecord
-from shipland.record.columns import FlightColumns
-from shipland.report.chase import chase_view
-from shipland.report.outputs import Recorder, load_outputs
 from shipland.scenario.autonomy import aircraft_scale, build_autonomy, build_scene, build_vehicle
 from shipland.scenario.faults import with_faults
 from shipland.scenario.fly import Flown, flight_info
-from shipland.scenario.real_vehicle import Keys
 from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.scenario.visions import needs_pictures, without_pictures
 from shipland.stopping import check_stop, stop_requests
-from shipland.vehicles.checks import Real
 from shipland.vehicles.simulated import SimulatedVehicle
-from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
+from shipland.vehicles.vehicle import GroundTruthSource, Real, Vehicle
+
+if TYPE_CHECKING:  # one flight that leaves nothing imports neither records and reports nor what many flights need
+    from shipland.evaluation.landing import Landing
+    from shipland.record.columns import FlightColumns
+    from shipland.record.info import FlightInfo
+    from shipland.report.outputs import Recorder
+    from shipland.scenario.real_vehicle import Keys
+    from shipland.sim.scene.scene import Scene
 
 __all__ = ["Campaign", "Flight", "campaign", "fly", "load_scenario", "without_pictures"]
 
@@ -51,7 +50,7 @@ class Flight(Flown):
         scenario: what was flown.
         records: a row a cycle, without the pictures.
         problems: outputs that failed, a line each.
-        folder: where the log, the video, the plots and the figures lie; None where nothing was asked for.
+        folder: where the log, the video, the plots and the figures lie; None without `out`.
     """
 
     scenario: Scenario
@@ -74,6 +73,8 @@ class Flight(Flown):
     @cached_property
     def columns(self) -> FlightColumns:
         """The flight as arrays, a row a cycle: what `FlightColumns` documents."""
+        from shipland.record.columns import FlightColumns
+
         return FlightColumns.from_records(self.records, self.scenario.rig)
 
     def table(self) -> dict[str, Array]:
@@ -137,14 +138,7 @@ def fly(
         recorder = None
         if out is not None:
             info = flight_info(scenario, pilot, vision, seed, command)
-            chase = None
-            if scene is not None and video:
-                chase = chase_view(scene, flown.camera, aircraft_scale(scenario), scenario.ship.full_ship)
-            recorder = stack.enter_context(
-                Recorder(
-                    Path(out), info, scenario.rig, flown.camera, load_outputs(), chase, video, isinstance(flown, Real)
-                )
-            )
+            recorder = stack.enter_context(_recorder(Path(out), info, scenario, flown, scene, video))
 
         def remember(record: FlightRecord) -> None:
             if recorder is not None:
@@ -161,6 +155,20 @@ def fly(
     return Flight(result, verdict, scenario, tuple(records), problems, None if out is None else Path(out))
 
 
+def _recorder(
+    folder: Path, info: FlightInfo, scenario: Scenario, vehicle: Vehicle, scene: Scene | None, video: bool
+) -> Recorder:
+    """What writes the flight to its folder; the video has the outside view where there is a scene."""
+    from shipland.report.chase import chase_view
+    from shipland.report.outputs import Recorder, load_outputs
+
+    chase = None
+    if scene is not None and video:
+        chase = chase_view(scene, vehicle.camera, aircraft_scale(scenario), scenario.ship.full_ship)
+    real = isinstance(vehicle, Real)
+    return Recorder(folder, info, scenario.rig, vehicle.camera, load_outputs(), chase, video, real)
+
+
 @dataclass(frozen=True)
 class Campaign:
     """Many landings of one scenario, in order of their seeds."""
@@ -171,10 +179,14 @@ class Campaign:
     @property
     def summary(self) -> str:
         """How many landed in the square, or circle, with the 95 % interval, and the medians."""
+        from shipland.evaluation.tables import summary_of
+
         return summary_of(self.landings, self.scenario.rig.landing_area)
 
     def table(self) -> dict[str, npt.NDArray[Any]]:
         """The columns of `landings.csv` as arrays (n,) by name."""
+        from shipland.evaluation.landing import COLUMNS, row_of
+
         rows = [row_of(landing) for landing in self.landings]
         return {name: np.array([row[name] for row in rows]) for name in COLUMNS}
 
@@ -199,6 +211,9 @@ def campaign(
     Raises:
         ShiplandError: a wrong scenario, name or machine.
     """
+    from shipland.evaluation.campaign import FlightJob, land_once
+    from shipland.evaluation.workers import run_jobs
+
     scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     factories.resolve("pilots", pilot)
     factories.resolve("visions", vision)

@@ -35,7 +35,7 @@ class Aside(Generic[Thing]):
 
     @property
     def waiting(self) -> int:
-        """Things that nobody has begun yet."""
+        """Items that wait."""
         return len(self._things)
 
     def give(self, thing: Thing) -> None:

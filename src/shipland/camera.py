@@ -56,7 +56,7 @@ _UNDISTORT_UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-10)
 
 
 _LONGEST_READ_OUT_S = 0.2
-"""No shutter takes longer for a picture: more is another unit."""
+"""Longest read-out of a shutter [s]; a larger value was given in another unit."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from shipland.commands.bench import Bench
 from shipland.commands.calibrate import Calibrate
 from shipland.commands.campaign import Campaign
 from shipland.commands.compare import Compare
+from shipland.commands.config import Config
 from shipland.commands.detect import Detect
 from shipland.commands.evaluate import Evaluate
 from shipland.commands.fly import Fly
@@ -51,6 +52,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Publish,
     ServePhysics,
     Scenarios,
+    Config,
     Version,
 )
 """In the order of `shipland --help`."""

@@ -20,7 +20,7 @@ def compiled(function: F) -> F:
     """`function`, compiled at its first call; the same floating-point results as Python's in the same order.
 
     Division by zero gives infinity or NaN, as NumPy's does, not an exception. The machine code is kept beside the
-    source, in the user's cache or where `NUMBA_CACHE_DIR` says; where none can be written, every process compiles anew.
+    source, in the user's cache or where `NUMBA_CACHE_DIR` says; where none can be written, each process compiles.
     """
     folder = cache_folder(Path(__file__).parent)
     if folder is None:

@@ -27,7 +27,7 @@ T = TypeVar("T")
 Table = dict[str, Any]
 
 LARGEST = 1e9
-"""No number of a configuration is larger, whatever its unit; what guards something has bounds of its own."""
+"""Largest magnitude of any configured number; protections have tighter bounds of their own."""
 
 
 def read_toml(path: Path) -> Table:
@@ -54,12 +54,17 @@ def _parsed(text: str) -> Table:
 
 def packaged_toml(name: str) -> Table:
     """The packaged table `configs/<name>.toml`, name as in `folder/name`; ConfigError names the ones there are."""
+    return tomllib.loads(packaged_text(name))
+
+
+def packaged_text(name: str) -> str:
+    """The text of a packaged table, with its comments; see `packaged_toml`."""
     folder, _, stem = name.rpartition("/")
     known = packaged_names(folder)
     if stem not in known:
         raise ConfigError(f"no packaged configuration {name!r}; there are: {', '.join(known)}")
     entry = (resources.files("shipland") / "configs").joinpath(folder, f"{stem}.toml")
-    return tomllib.loads(entry.read_text(encoding="utf-8"))
+    return entry.read_text(encoding="utf-8")
 
 
 def packaged_names(folder: str) -> list[str]:

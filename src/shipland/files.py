@@ -1,4 +1,4 @@
-"""Files of every kind: read with errors of one line, written whole or not at all, told from damaged ones by a digest.
+"""Files of every kind: read with errors of one line, written whole or not at all, damaged ones recognised by a digest.
 
 A folder's digests stand in its `SHA256SUMS`, a line a file, as `sha256sum` writes and checks them. A file that is
 listed is refused when it differs; one that is not listed is taken as it is.
@@ -20,7 +20,7 @@ DIGESTS = "SHA256SUMS"
 """Name of the file that lists the digests of a folder."""
 
 MOST_LEVELS = 32
-"""Of tables in tables; the deepest that means anything has eight."""
+"""Deepest nesting of tables that is read; the configuration's own has eight levels."""
 
 
 def read_text(path: Path) -> str:
@@ -115,6 +115,6 @@ def _digests(listed: Path) -> dict[str, str]:
 
 @lru_cache
 def _digest(path: Path, _modified_ns: int, _size: int) -> str:
-    """Of a file; asked for again only after it was written."""
+    """Digest of a file, computed again only after it was written."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -23,9 +23,8 @@ from shipland.safety.assurance import Safety
 from shipland.safety.input_gate import InputGate, without_repeated
 from shipland.soundness import is_new, sound_decision, words_of
 from shipland.stopping import uninterrupted
-from shipland.vehicles.checks import Commanded, Ending
 from shipland.vehicles.delays import DelayParameters
-from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
+from shipland.vehicles.vehicle import Commanded, Ending, GroundTruthSource, Vehicle
 from shipland.vision.vision import Vision, see_or_degrade
 
 _log = logging.getLogger(__name__)
@@ -41,7 +40,7 @@ class Stage(enum.Enum):
 
 
 def no_override() -> Override | None:
-    """Of a flight without keys."""
+    """The override of a flight without keys: none."""
     return None
 
 
@@ -67,7 +66,7 @@ class Cycle:
         telemetry: when the command was decided.
         observation: what the vision made of the frame.
         decision: the pilot's, its command as it left the safety.
-        truth: at the exposure; None where nobody knows it.
+        truth: at the exposure; None where it is unknown.
         cost_s: time spent reading, seeing and deciding, by the clock that was passed in [s].
     """
 

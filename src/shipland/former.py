@@ -7,6 +7,7 @@ from typing import Any
 FORMER = {
     "CLIMB_OUT": "GO_AROUND",
     "astray_m": "abort_offset_m",
+    "bearing_spread_deg": "bearing_half_range_deg",
     "carries_bar": "bar_moves",
     "climb_out_back_m": "go_around_back_m",
     "climb_out_height_m": "go_around_height_m",
@@ -14,15 +15,21 @@ FORMER = {
     "climb_out_radius_m": "go_around_radius_m",
     "climb_out_s": "go_around_s",
     "climb_out_turn": "go_around_turn",
-    "dropping": "in_final_descent",
+    "distance_spread_m": "distance_half_range_m",
     "drop_m": "final_descent_offset_m",
     "drop_mps": "final_descent_mps",
+    "dropping": "in_final_descent",
     "eyes": "selector",
+    "from_spread_deg": "from_half_range_deg",
+    "heading_error_spread_deg": "heading_error_half_range_deg",
+    "height_spread_m": "height_half_range_m",
+    "instant_spread_s": "instant_range_s",
     "known_m": "position_std_max_m",
     "lean_deg": "tilt_deg",
     "leash_m": "tracking_error_max_m",
     "leash_mps": "tracking_error_max_mps",
     "made_to": "manufacturing_tolerance",
+    "mean_spread_mps": "mean_half_range_mps",
     "perfect_forward_m": "oracle_forward_m",
     "perfect_in_square": "oracle_in_square",
     "perfect_starboard_m": "oracle_starboard_m",
@@ -60,3 +67,11 @@ def renamed(table: Any) -> Any:  # noqa: ANN401 - a configuration as JSON has it
     if isinstance(table, list):
         return [renamed(value) for value in table]
     return table
+
+
+def as_before(table: Any) -> Any:  # noqa: ANN401 - a configuration as JSON has it
+    """A table and the tables in it with the former keys: what digests on record were taken over."""
+    if isinstance(table, dict):
+        before = {today: former for former, today in FORMER.items()}
+        return {before.get(key, key): as_before(value) for key, value in table.items()}
+    return [as_before(value) for value in table] if isinstance(table, list) else table

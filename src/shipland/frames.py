@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 
 GRAVITY_MPS2 = 9.81
-"""Down in `ned`; everything that falls, swims or tilts takes it from here."""
+"""Standard gravity, down in `ned`, for the whole package."""
 
 Array = npt.NDArray[np.float64]
 

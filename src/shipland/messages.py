@@ -236,7 +236,7 @@ class PilotCommand:
         roll_percent: right positive.
         heave_percent: up positive.
         yaw_percent: clockwise (nose right) positive.
-        gimbal_pitch_rad: camera pitch asked for, against the horizon, upward positive.
+        gimbal_pitch_rad: commanded camera pitch, against the horizon, upward positive.
         intent: what it is for.
         at_contact_height: a fresh sight of the bar or the deck shows the aircraft low enough to touch. The safety sets
             it; without it no vehicle presses on the deck or stops its motors by itself.

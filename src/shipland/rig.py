@@ -53,10 +53,10 @@ class Quad:
 
 _HAND_CUT = 0.005
 """`manufacturing_tolerance` of green tape on robotics fields, as photographs of it show."""
-_MADE_TO = 0.003
+_MANUFACTURING_TOLERANCE = 0.003
 """`manufacturing_tolerance` of the rig's bar."""
 _BOARD_MARGIN_M = 0.02
-"""Board that shows around the cue at least."""
+"""Least margin of board around the cue."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Target:
     """
 
     quad: tuple[Quad, ...]
-    manufacturing_tolerance: float = field(default=_MADE_TO, compare=False)
+    manufacturing_tolerance: float = field(default=_MANUFACTURING_TOLERANCE, compare=False)
 
     def __post_init__(self) -> None:
         require(
@@ -111,7 +111,7 @@ class DeckMark:
     """A line painted on the deck.
 
     Attributes:
-        points_m: its way, forward and starboard of the deck's centre; of a circle, the middle.
+        points_m: its outline, forward and starboard of the deck's centre; of a circle, the middle.
         width_m: of it.
         brightness: against white of 1.5 and a deck of 0.3.
         radius_m: of a circle; 0 of a line.
@@ -144,6 +144,20 @@ def in_area(area: str, size_m: float, forward_m: float, starboard_m: float) -> b
     if area == "circle":
         return math.hypot(forward_m, starboard_m) <= 0.5 * size_m
     return abs(forward_m) <= 0.5 * size_m and abs(starboard_m) <= 0.5 * size_m
+
+
+def view_share(ahead_m: float, right_m: float, half_m: float, box_m: tuple[float, float, float, float]) -> float:
+    """Share of a square view, straight down, that shows a box: what part of an optical flow is the ship's.
+
+    Args:
+        ahead_m: the view's centre, in the axes of the box.
+        right_m: likewise.
+        half_m: half the view's side, positive.
+        box_m: stern, bow, port and starboard side.
+    """
+    along_m = min(ahead_m + half_m, box_m[1]) - max(ahead_m - half_m, box_m[0])
+    across_m = min(right_m + half_m, box_m[3]) - max(right_m - half_m, box_m[2])
+    return along_m * across_m / (4.0 * half_m * half_m) if along_m > 0.0 and across_m > 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -190,7 +204,7 @@ class Rig:
     pitch_limit_deg: float
     yaw_limit_deg: float
     quad: tuple[Quad, ...] = ()
-    manufacturing_tolerance: float = _MADE_TO
+    manufacturing_tolerance: float = _MANUFACTURING_TOLERANCE
     landing_area: Literal["square", "circle"] = "square"
     hull: Literal["platform", "frigate"] = "platform"
     house_length_m: float | None = None
@@ -317,7 +331,7 @@ def layout(rig: Rig) -> Layout:
 
 
 _DECK_PLATE_M = 0.1
-"""Of a flight deck over the hull below it: as thick as the deck of the contacts."""
+"""Thickness of a flight deck above the hull, as in the contact model."""
 
 
 def _frigate(rig: Rig) -> Layout:

@@ -28,11 +28,11 @@ from shipland.messages import (
 )
 
 _MOST_PERCENT, _MOST_RAD = 1e6, 2.0 * math.pi
-"""Beyond them a stick is no stick and a camera's pitch no pitch; their products might leave what a float can hold."""
+"""Largest magnitudes of a stick and of a camera's pitch; products of larger ones might overflow."""
 _SCALARS = {"t_s", "yaw_rad", "reprojection_px"}
-"""Of a pose and an estimate."""
+"""Scalar fields of a pose and of an estimate."""
 _POSE_SHAPES = ((3,), (4, 4), (2,))
-"""Of a pose's place, covariance and each corner."""
+"""Shapes of a pose's position, covariance and each corner."""
 _MOST_WORDS = 1000
 """Characters of a reason that are kept."""
 _MOST_KINDS = 5
@@ -146,7 +146,7 @@ def _deck(given: DeckSight | None) -> DeckSight | None:
 
 
 def _is_plain(value: object, cls: type) -> bool:
-    """Of the very class, of floats and arrays of floats alone, each where it belongs: it needs no other look."""
+    """Whether a value has exactly this class, with floats and arrays of floats only: it needs no further check."""
     return type(value) is cls and all(
         type(part) is float or (type(part) is np.ndarray and part.dtype == np.float64 and name not in _SCALARS)
         for name, part in vars(value).items()

@@ -30,7 +30,7 @@ class _Request:
     asked = False
     answered = False
     last_s = 0.0
-    """Of the last signal or answer."""
+    """Time of the last signal or answer [s]."""
     uninterrupted = 0
     """How many blocks run that must come to their end."""
 
@@ -39,7 +39,7 @@ _request = _Request()
 
 
 def check_stop() -> None:
-    """Raise KeyboardInterrupt, once and in the main thread, where a stop was asked for."""
+    """Raise KeyboardInterrupt, once and in the main thread, where a stop was requested."""
     if not _request.asked or _request.answered or _request.uninterrupted or not _in_main_thread():
         return
     _request.answered, _request.last_s = True, time.monotonic()
@@ -47,7 +47,7 @@ def check_stop() -> None:
 
 
 def sleep_or_stop(duration_s: float) -> None:
-    """Sleep [s]; KeyboardInterrupt within a fraction of a second where a stop is asked for."""
+    """Sleep [s]; KeyboardInterrupt within a fraction of a second where a stop is requested."""
     end_s = time.monotonic() + duration_s
     check_stop()
     while (left_s := end_s - time.monotonic()) > 0.0:

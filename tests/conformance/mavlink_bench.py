@@ -16,7 +16,7 @@ from ports import free_port
 from shipland.camera import Camera
 from shipland.config import build, merge, packaged_toml
 from shipland.messages import GimbalAttitude, TouchdownVerdict
-from shipland.vehicles.camera_stream import Shot
+from shipland.vehicles.camera_stream import StreamedPicture
 from shipland.vehicles.checks import PreflightParameters
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.setup import Engagement, MavlinkSetup
@@ -32,11 +32,11 @@ class Blank:
     def __init__(self) -> None:
         self.closed = self.frozen = False
 
-    def pictures(self) -> Iterator[Shot]:
+    def pictures(self) -> Iterator[StreamedPicture]:
         while not self.closed:
             now_s = time.monotonic()
             if not self.frozen:
-                yield Shot(None, now_s - 0.1, now_s, GimbalAttitude(0.0, -0.1))
+                yield StreamedPicture(None, now_s - 0.1, now_s, GimbalAttitude(0.0, -0.1))
             time.sleep(1.0 / 30.0)
 
     def close(self) -> None:

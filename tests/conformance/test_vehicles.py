@@ -31,7 +31,7 @@ def simulated(seed: int) -> Vehicle:
         height_m=1.2,
         wind_mps=SteadyWind(np.array([4.0, 2.0, 0.0])),
         ship=Ship(rig, StraightCourse(0.3, 1.0), natops()),
-        start={"distance_spread_m": 1.0, "bearing_spread_deg": 20.0},
+        start={"distance_half_range_m": 1.0, "bearing_half_range_deg": 20.0},
         seed=seed,
     )
     camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))

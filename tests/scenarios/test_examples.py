@@ -58,7 +58,7 @@ def test_own_cue_flies_to_a_landing():
 
 def test_own_cue_is_drawn_and_seen():
     # From 5 m, where the cue settles the whole pose.
-    near = {"distance_m": 5.0, "distance_spread_m": 0.0, "heading_error_spread_deg": 0.0}
+    near = {"distance_m": 5.0, "distance_half_range_m": 0.0, "heading_error_half_range_deg": 0.0}
     scenario = shipland.load_scenario("own_cue.toml", start=near)
     scene = build_scene(scenario, 1)
     vehicle = build_vehicle(scenario, 1, scene)

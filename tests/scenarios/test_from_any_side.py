@@ -10,7 +10,7 @@ from shipland.scenario.scenario import load_scenario, scenario_table
 
 @pytest.mark.parametrize("bearing_deg", [120.0, 180.0])
 def test_a_ship_met_from_ahead_is_flown_around(bearing_deg):
-    start = {"bearing_deg": bearing_deg, "bearing_spread_deg": 0.0, "distance_m": 50.0, "height_m": 5.0}
+    start = {"bearing_deg": bearing_deg, "bearing_half_range_deg": 0.0, "distance_m": 50.0, "height_m": 5.0}
     scenario = load_scenario(merge(scenario_table("demo"), {"start": start, "time_limit_s": 120.0}))
     rows = []
     flown = fly_quietly(scenario, "horizon", "geometric", 1, rows.append)

@@ -97,7 +97,7 @@ def _interrupt_at_one_second(record):
 @pytest.mark.parametrize("distance_m", [3.0, 8.0])
 def test_geometric_camera_errs_as_the_rendered_one(distance_m):
     """Both look at the same moments of a hover: both find the bar, with errors of like size."""
-    scenario = near(start={"distance_m": distance_m, "distance_spread_m": 0.5, "heading_error_spread_deg": 3.0})
+    scenario = near(start={"distance_m": distance_m, "distance_half_range_m": 0.5, "heading_error_half_range_deg": 3.0})
     errors = {"rendered": [], "geometric": []}
     for seed in (1, 2, 3, 4):
         scene = build_scene(scenario, seed)

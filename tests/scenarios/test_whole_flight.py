@@ -10,13 +10,13 @@ from shipland.messages import Mode
 from shipland.scenario.fly import fly_quietly
 from shipland.scenario.scenario import load_scenario, scenario_table
 
-START = {"distance_m": 110.0, "distance_spread_m": 5.0, "bearing_spread_deg": 30.0, "height_m": 15.0}
-CALM = {"mean_mps": 2.0, "mean_spread_mps": 0.0, "turbulence": {"enabled": False}, "airwake": {"enabled": False}}
+START = {"distance_m": 110.0, "distance_half_range_m": 5.0, "bearing_half_range_deg": 30.0, "height_m": 15.0}
+CALM = {"mean_mps": 2.0, "mean_half_range_mps": 0.0, "turbulence": {"enabled": False}, "airwake": {"enabled": False}}
 
 
 def flight(pilot="horizon", camera="geometric", seed=1, **changes):
     """What a flight left: the verdict, and the records."""
-    table = merge(scenario_table("far"), {"start": START | {"height_spread_m": 1.0}, "wind": CALM})
+    table = merge(scenario_table("far"), {"start": START | {"height_half_range_m": 1.0}, "wind": CALM})
     records = []
     flown = fly_quietly(load_scenario(merge(table, changes)), pilot, camera, seed, records.append)
     return flown, records

@@ -13,7 +13,7 @@ import pytest
 from shipland.errors import VehicleError
 from shipland.messages import TouchdownVerdict
 from shipland.vehicles import camera_stream
-from shipland.vehicles.camera_stream import CameraStream, ExposureClock, Shot, VideoSource
+from shipland.vehicles.camera_stream import CameraStream, ExposureClock, StreamedPicture, VideoSource
 
 LATENCY_S, PERIOD_S = 0.2, 1.0 / 30.0
 
@@ -75,10 +75,10 @@ def test_a_picture_that_stood_in_a_queue_is_refused(late_s: np.ndarray) -> None:
 class Camera:
     """A source that does at each opening what it is told to."""
 
-    def __init__(self, *openings: Callable[[], Iterator[Shot]]) -> None:
+    def __init__(self, *openings: Callable[[], Iterator[StreamedPicture]]) -> None:
         self.openings, self.opened, self.closed = list(openings), 0, threading.Event()
 
-    def pictures(self) -> Iterator[Shot]:
+    def pictures(self) -> Iterator[StreamedPicture]:
         self.opened += 1
         return self.openings[min(self.opened, len(self.openings)) - 1]()
 
@@ -89,15 +89,15 @@ class Camera:
         return None
 
 
-def shot() -> Shot:
+def shot() -> StreamedPicture:
     now_s = time.monotonic()
-    return Shot(None, now_s, now_s)
+    return StreamedPicture(None, now_s, now_s)
 
 
-def one_then(words: str) -> Callable[[], Iterator[Shot]]:
+def one_then(words: str) -> Callable[[], Iterator[StreamedPicture]]:
     """A picture, then a failure; without words, an end."""
 
-    def pictures() -> Iterator[Shot]:
+    def pictures() -> Iterator[StreamedPicture]:
         yield shot()
         if words:
             raise VehicleError(words)
@@ -105,7 +105,7 @@ def one_then(words: str) -> Callable[[], Iterator[Shot]]:
     return pictures
 
 
-def absent() -> Iterator[Shot]:
+def absent() -> Iterator[StreamedPicture]:
     raise VehicleError("connection refused")
     yield
 
@@ -126,7 +126,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_camera_that_stops_is_opened_again_and_its_problem_stays_in_words_meanwhile() -> None:
     back = threading.Event()
 
-    def again() -> Iterator[Shot]:
+    def again() -> Iterator[StreamedPicture]:
         if not back.is_set():
             raise VehicleError("connection refused")
         while True:
@@ -149,7 +149,7 @@ def test_a_camera_that_stops_is_opened_again_and_its_problem_stays_in_words_mean
 
 @pytest.mark.parametrize(("opening", "problem"), [(one_then(""), "the stream has ended"), (absent, "refused")])
 def test_a_recording_that_has_ended_and_a_camera_that_never_was_are_not_opened_again(
-    opening: Callable[[], Iterator[Shot]], problem: str
+    opening: Callable[[], Iterator[StreamedPicture]], problem: str
 ) -> None:
     source = Camera(opening)
     stream = CameraStream(source)

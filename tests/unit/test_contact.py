@@ -12,7 +12,7 @@ from shipland.config import build, packaged_toml
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.response import Response
 from shipland.vehicles.mavlink.setpoints import pressed
-from shipland.vehicles.touchdown import Contact, ContactSignals, TouchdownParameters, TouchdownWatch
+from shipland.vehicles.touchdown import ContactSignals, GroundContact, TouchdownParameters, TouchdownWatch
 
 LIMITS = build(TouchdownParameters, packaged_toml("vehicles")["touchdown"], "touchdown")
 HOVER = 0.45
@@ -26,7 +26,7 @@ def falling(throttle: float, hover: float = HOVER) -> Flown:
     return throttle, GRAVITY_MPS2 * (1.0 - throttle / hover)
 
 
-def fly(*flight: Any, **how: Any) -> dict[Contact, float]:
+def fly(*flight: Any, **how: Any) -> dict[GroundContact, float]:
     """When each contact was first said in a `history`, in seconds from the start."""
     return {contact: t_s for t_s, contact in reversed(history(*flight, **how))}
 
@@ -40,7 +40,7 @@ def history(
     landing: bool = True,
     leap: tuple[float, float] = (math.inf, 0.0),
     low: Callable[[float], bool] = lambda _: True,
-) -> list[tuple[float, Contact]]:
+) -> list[tuple[float, GroundContact]]:
     """What was said when, in seconds from the start.
 
     `leap` is (time, change) of the velocity told, `low` when contact height is seen.
@@ -76,8 +76,8 @@ def onto_a_deck(throttle: Callable[[float], float]) -> Callable[[float], Flown]:
 def test_it_stands_on_a_deck_within_half_a_second(share: float) -> None:
     throttle = HOVER * share
     said = fly(TouchdownWatch(LIMITS, HOVER), onto_a_deck(lambda _: throttle), 2.0, down_mps=0.7)
-    assert 0.5 < said[Contact.TOUCHED] < 0.7
-    assert said[Contact.STANDS] < 1.05
+    assert 0.5 < said[GroundContact.TOUCHED] < 0.7
+    assert said[GroundContact.STANDS] < 1.05
 
 
 def test_a_throttle_that_comes_and_goes_does_not_hide_the_touch() -> None:
@@ -85,8 +85,8 @@ def test_a_throttle_that_comes_and_goes_does_not_hide_the_touch() -> None:
     said = fly(
         TouchdownWatch(LIMITS, HOVER), onto_a_deck(lambda t_s: 0.23 if t_s % 0.6 < 0.3 else 0.29), 1.4, down_mps=0.7
     )
-    assert said[Contact.TOUCHED] < 0.7
-    assert Contact.NONE not in fly(
+    assert said[GroundContact.TOUCHED] < 0.7
+    assert GroundContact.NONE not in fly(
         watch_of_a_touch(), lambda t_s: (0.23 if t_s % 0.6 < 0.3 else 0.29, deck(t_s)), 2.0, start_s=10.0
     )
 
@@ -100,23 +100,25 @@ def test_a_foot_that_a_falling_deck_leaves_again_is_a_touch() -> None:
         return falling(HOVER) if t_s < 0.5 else (0.75 * HOVER, 2.0)
 
     said = fly(TouchdownWatch(LIMITS, HOVER), flown, 1.0, down_mps=0.54)
-    assert said[Contact.TOUCHED] < 0.65
-    assert Contact.STANDS not in said
+    assert said[GroundContact.TOUCHED] < 0.65
+    assert GroundContact.STANDS not in said
 
 
 def watch_of_a_touch() -> TouchdownWatch:
     """A watch that has just told a touch, at ten seconds."""
     watch = TouchdownWatch(LIMITS, HOVER)
     said = fly(watch, onto_a_deck(lambda _: 0.8 * HOVER), 0.72, start_s=10.0 - 0.7, down_mps=0.7)
-    assert Contact.TOUCHED in said
-    assert Contact.STANDS not in said
+    assert GroundContact.TOUCHED in said
+    assert GroundContact.STANDS not in said
     return watch
 
 
 def test_falling_climbing_and_gusts_are_no_touch() -> None:
     rng = np.random.default_rng(5)
     for share in (0.0, 0.3, 0.6, 1.0, 1.6):
-        assert set(fly(TouchdownWatch(LIMITS, HOVER), lambda _, u=share: falling(HOVER * u), 3.0)) == {Contact.NONE}
+        assert set(fly(TouchdownWatch(LIMITS, HOVER), lambda _, u=share: falling(HOVER * u), 3.0)) == {
+            GroundContact.NONE
+        }
     for _ in range(50):  # throttle between stops, rotors that lag by 50 ms, a vertical gust of 1 m/s², 10 % of error
         shares, gust, rate = rng.uniform(0.1, 1.9, 40), rng.uniform(-1.0, 1.0), rng.uniform(2.0, 6.0)
         turning = [1.0]
@@ -126,7 +128,7 @@ def test_falling_climbing_and_gusts_are_no_touch() -> None:
             turning[0] += (share - turning[0]) * STEP_S / 0.05
             return HOVER * share, GRAVITY_MPS2 * (1.0 - 1.05 * turning[0]) + gust
 
-        assert Contact.STANDS not in fly(TouchdownWatch(LIMITS, 0.95 * HOVER), flown, 4.0)
+        assert GroundContact.STANDS not in fly(TouchdownWatch(LIMITS, 0.95 * HOVER), flown, 4.0)
 
 
 def test_a_jolt_in_the_air_is_never_standing_and_soon_forgotten() -> None:
@@ -134,8 +136,8 @@ def test_a_jolt_in_the_air_is_never_standing_and_soon_forgotten() -> None:
         return (0.05, -20.0) if 0.5 <= t_s < 0.58 else falling(0.05 if t_s >= 0.5 else HOVER)
 
     said = history(TouchdownWatch(LIMITS, HOVER), flown, 2.0, down_mps=0.5)
-    assert {contact for _, contact in said} == {Contact.NONE, Contact.TOUCHED}
-    assert {contact for t_s, contact in said if t_s > 0.6 + LIMITS.window_s + LIMITS.release_s} == {Contact.NONE}
+    assert {contact for _, contact in said} == {GroundContact.NONE, GroundContact.TOUCHED}
+    assert {contact for t_s, contact in said if t_s > 0.6 + LIMITS.window_s + LIMITS.release_s} == {GroundContact.NONE}
 
 
 @pytest.mark.parametrize("at_s", [0.3, 0.9, 1.2])
@@ -144,24 +146,26 @@ def test_a_leap_of_the_velocitys_estimate_is_never_standing(at_s: float) -> None
         said = fly(
             TouchdownWatch(LIMITS, HOVER), lambda _, u=throttle: falling(u), 2.0, leap=(at_s, -1.5), down_mps=0.5
         )
-        assert Contact.STANDS not in said
+        assert GroundContact.STANDS not in said
 
 
 def test_a_hover_throttle_that_is_stated_too_high_is_measured_in_flight() -> None:
     watch = TouchdownWatch(LIMITS, 0.5)
     hovering = lambda _: falling(0.22, 0.22)  # noqa: E731
-    assert set(fly(watch, hovering, 20.0, landing=False)) == {Contact.NONE}
-    assert set(fly(watch, hovering, 20.0, start_s=20.0)) == {Contact.NONE}
-    assert Contact.STANDS in fly(watch, lambda _: (0.03, 0.0), 2.0, start_s=40.0)
+    assert set(fly(watch, hovering, 20.0, landing=False)) == {GroundContact.NONE}
+    assert set(fly(watch, hovering, 20.0, start_s=20.0)) == {GroundContact.NONE}
+    assert GroundContact.STANDS in fly(watch, lambda _: (0.03, 0.0), 2.0, start_s=40.0)
 
 
 def test_only_while_landing_and_for_a_while_after_the_pilot_left_it() -> None:
-    assert set(fly(TouchdownWatch(LIMITS, HOVER), onto_a_deck(lambda _: 0.05), 3.0, landing=False)) == {Contact.NONE}
+    assert set(fly(TouchdownWatch(LIMITS, HOVER), onto_a_deck(lambda _: 0.05), 3.0, landing=False)) == {
+        GroundContact.NONE
+    }
     said = fly(watch_of_a_touch(), lambda _: (0.2, 0.0), 0.6, start_s=10.0, landing=False)
-    assert Contact.STANDS in said
-    assert Contact.NONE not in said
+    assert GroundContact.STANDS in said
+    assert GroundContact.NONE not in said
     late = fly(watch_of_a_touch(), lambda _: (0.8 * HOVER * 0.8, 0.0), 3.0, start_s=10.0, landing=False)
-    assert late[Contact.NONE] == pytest.approx(LIMITS.insist_s, abs=0.25)
+    assert late[GroundContact.NONE] == pytest.approx(LIMITS.insist_s, abs=0.25)
 
 
 def test_there_is_no_touch_but_at_contact_height() -> None:
@@ -169,28 +173,28 @@ def test_there_is_no_touch_but_at_contact_height() -> None:
     never = lambda _: False  # noqa: E731
     for throttle in (0.05, 0.59 * HOVER):
         flown = lambda _, u=throttle: (u, 0.0)  # noqa: E731
-        assert set(fly(TouchdownWatch(LIMITS, HOVER), flown, 3.0, low=never)) == {Contact.NONE}
-        assert Contact.STANDS in fly(TouchdownWatch(LIMITS, HOVER), flown, 3.0)
+        assert set(fly(TouchdownWatch(LIMITS, HOVER), flown, 3.0, low=never)) == {GroundContact.NONE}
+        assert GroundContact.STANDS in fly(TouchdownWatch(LIMITS, HOVER), flown, 3.0)
 
 
 def test_a_touch_outlives_a_short_loss_of_sight_and_no_long_one() -> None:
     said = history(watch_of_a_touch(), lambda _: (0.2, 0.0), 3.0, start_s=10.0, low=lambda _: False)
-    assert (0.5, Contact.STANDS) in [(round(t_s, 2), contact) for t_s, contact in said]
-    assert {contact for t_s, contact in said if t_s > LIMITS.insist_s} == {Contact.NONE}
+    assert (0.5, GroundContact.STANDS) in [(round(t_s, 2), contact) for t_s, contact in said]
+    assert {contact for t_s, contact in said if t_s > LIMITS.insist_s} == {GroundContact.NONE}
     short = history(watch_of_a_touch(), lambda _: (0.2, 0.0), 3.0, start_s=10.0, low=lambda t_s: t_s > 0.9)
-    assert Contact.NONE not in {contact for _, contact in short}
+    assert GroundContact.NONE not in {contact for _, contact in short}
 
 
 def test_old_unknown_or_frozen_telemetry_is_no_touch() -> None:
     watch = TouchdownWatch(LIMITS, HOVER)
     for index in range(200):
         t_s = index * STEP_S
-        assert watch.see(ContactSignals(t_s, True, True, math.nan, t_s, 0.0, t_s, None)) is Contact.NONE
+        assert watch.see(ContactSignals(t_s, True, True, math.nan, t_s, 0.0, t_s, None)) is GroundContact.NONE
         assert (
-            watch.see(ContactSignals(t_s, True, True, 0.05, t_s, 0.0, t_s, 1.0)) is Contact.NONE
+            watch.see(ContactSignals(t_s, True, True, 0.05, t_s, 0.0, t_s, 1.0)) is GroundContact.NONE
         )  # a rangefinder says 1 m
-        assert watch.see(ContactSignals(t_s, True, True, 0.05, t_s - 0.3, 0.0, t_s, None)) is Contact.NONE
-        assert watch.see(ContactSignals(t_s, True, True, 0.05, t_s, 0.0, 0.0, None)) is Contact.NONE
+        assert watch.see(ContactSignals(t_s, True, True, 0.05, t_s - 0.3, 0.0, t_s, None)) is GroundContact.NONE
+        assert watch.see(ContactSignals(t_s, True, True, 0.05, t_s, 0.0, 0.0, None)) is GroundContact.NONE
 
 
 def test_what_presses_it_is_level_and_goes_along_with_the_deck() -> None:

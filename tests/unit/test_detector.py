@@ -439,7 +439,8 @@ def test_packaged_weights_see_their_target(kind, range_m, rig, camera):
     from shipland.learning.shots import draw_scene, draw_shot
     from shipland.learning.synth import synth_parameters
     from shipland.rig import packaged_table
-    from shipland.sim.scene.scene import Scene, SceneParameters
+    from shipland.sim.scene.parameters import SceneParameters
+    from shipland.sim.scene.scene import Scene
     from shipland.sim.target_box import target_box
 
     parameters = replace(

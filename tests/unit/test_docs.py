@@ -11,6 +11,7 @@ import pytest
 
 from shipland.cli import COMMANDS, name_of
 from shipland.evaluation.landing import COLUMNS
+from shipland.report.configuration import packaged_tables
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -97,7 +98,7 @@ def test_pages_read_whole_without_a_plug_in():
 def test_the_configuration_page_shows_every_key(path):
     hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
     text = path.read_text(encoding="utf-8")
-    tables = hooks.configuration_tables(text)
+    tables = packaged_tables(path.name)
     shown = re.findall(r"^\| `([\w.]+)` \|", tables, flags=re.MULTILINE)
     assert sorted(shown) == sorted(re.findall(r"^([\w.]+) *=", text, flags=re.MULTILINE))
     headings = re.findall(r"^### `\[+([\w.]+)\]+`", tables, flags=re.MULTILINE)
@@ -148,25 +149,6 @@ def test_the_columns_of_files_are_shown_with_unit_and_meaning():
     assert "| `force_n` | N | largest contact force |" in landings
     flight = hooks.column_table("flight")
     assert "| `decision_command_roll_percent` | % |" in flight and "| `derived_truth_in_pad_m` | m |" in flight
-
-
-def test_configuration_tables_by_hand():
-    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
-    tables = hooks.configuration_tables(
-        '# a preface\n[rig] # [Lee2022]\nname = "a # b" # chosen: a | b\nlist = [\n  1, # one\n  2,\n]\nbare = 3\n'
-    )
-    assert tables.splitlines() == [
-        "",
-        "### `[rig]`",
-        "",
-        "[Lee2022]",
-        "",
-        "| key | value | source or meaning |",
-        "|---|---|---|",
-        '| `name` | `"a # b"` | chosen: a &#124; b |',
-        "| `list` | `[ 1, # one 2, ]` |  |",
-        "| `bare` | `3` |  |",
-    ]
 
 
 def page_of(path: str):

@@ -15,8 +15,7 @@ from shipland.evaluation.recovery import recoveries
 from shipland.flight import fly
 from shipland.messages import Intent, Mode, PilotCommand
 from shipland.scenario.autonomy import build_autonomy, build_vehicle
-from shipland.scenario.fault_kinds import Fault, FaultDraw, FaultKind
-from shipland.scenario.faults import faults_of, with_faults
+from shipland.scenario.faults import Fault, FaultDraw, FaultKind, faults_of, with_faults
 from shipland.scenario.fly import fly_quietly
 from shipland.scenario.scenario import load_scenario
 

@@ -68,9 +68,9 @@ def test_waves_move_the_deck_at_full_scale():
 def test_a_touchdown_far_from_the_deck_centre_is_judged():
     start = {
         "start.distance_m": 5.0,
-        "start.bearing_spread_deg": 0.0,
+        "start.bearing_half_range_deg": 0.0,
         "start.height_m": 1.2,
-        "start.height_spread_m": 0,
+        "start.height_half_range_m": 0,
     }
     changes = {**QUIET, **start, "start.bearing_deg": 50.0}
     world = build_world(load_scenario(scenario_table("frigate-sea3"), **changes), 1)
@@ -120,7 +120,7 @@ def test_from_the_quarter_a_ship_counts_as_no_wider_than_its_stern():
 def test_it_lands_on_the_frigate():
     near = load_scenario(
         scenario_table("frigate-sea4"),
-        **{"start.distance_m": 110.0, "start.height_m": 18.0, "start.height_spread_m": 1.0},
+        **{"start.distance_m": 110.0, "start.height_m": 18.0, "start.height_half_range_m": 1.0},
     )
     flown = fly_quietly(near, "horizon", "geometric", 3)
     assert flown.verdict is not None, flown.reason

@@ -17,9 +17,9 @@ EXACT = BoxErrors((1.0, 400.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
 
 def hovering(distance_m, ship=EXACT, bar=EXACT, frames=12, seed=1):
     """Observations of an aircraft that hovers astern, and the vehicle."""
-    start = {"distance_m": distance_m, "distance_spread_m": 0.0, "height_m": 3.0, "height_spread_m": 0.0}
+    start = {"distance_m": distance_m, "distance_half_range_m": 0.0, "height_m": 3.0, "height_half_range_m": 0.0}
     over_ground = {"loop": {"velocity_reference": "ground"}}  # optical flow strays by metres in these 40 s
-    changes = {"start": start | {"bearing_spread_deg": 0.0}, "aircraft": over_ground}
+    changes = {"start": start | {"bearing_half_range_deg": 0.0}, "aircraft": over_ground}
     scenario = load_scenario(merge(scenario_table("far"), changes))
     vehicle = build_vehicle(scenario, seed, None)
     eyes = GeometricFar(

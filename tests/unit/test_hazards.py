@@ -40,7 +40,7 @@ def test_a_flight_comes_to_one_of_five_ends(landed, in_square, reason, cause, ki
 
 
 def test_the_latest_climb_that_avoids_a_bad_contact_is_found():
-    start = {"distance_m": 0.5, "distance_spread_m": 0.0, "height_m": 1.0, "height_spread_m": 0.0}
+    start = {"distance_m": 0.5, "distance_half_range_m": 0.0, "height_m": 1.0, "height_half_range_m": 0.0}
     every_landing_too_hard = {"max_descent_mps": 0.01}
     scenario = load_scenario("rig-natops", verdict=every_landing_too_hard, start=start, ship={"motion": "still"})
     failed = Failed("", scenario, "horizon", "geometric", land_quietly(FlightJob(scenario, "horizon", "geometric", 1)))

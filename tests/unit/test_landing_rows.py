@@ -96,7 +96,7 @@ def test_never_down_says_how_far_it_got():
 
 
 def test_conditions_are_those_that_were_drawn():
-    wind = {"mean_mps": 4.0, "mean_spread_mps": 1.0, "from_deg": 90.0, "from_spread_deg": 0.0}
+    wind = {"mean_mps": 4.0, "mean_half_range_mps": 1.0, "from_deg": 90.0, "from_half_range_deg": 0.0}
     scenario = load_scenario("under-way", wind=wind, ship={"course": {"course_deg": 30.0}})
     drawn = [conditions_of(scenario, seed, drawn_ship(scenario, seed), []) for seed in range(1, 30)]
     speeds = {one.wind_mps for one in drawn}
@@ -111,7 +111,7 @@ def test_conditions_are_those_that_were_drawn():
 
 def test_a_flight_starts_where_its_row_says():
     """Flown for half a second: the start is taken from the truth at the first frame."""
-    scenario = load_scenario("near", time_limit_s=0.5, start={"bearing_deg": 25.0, "bearing_spread_deg": 0.0})
+    scenario = load_scenario("near", time_limit_s=0.5, start={"bearing_deg": 25.0, "bearing_half_range_deg": 0.0})
     found = land_once(FlightJob(scenario, "paper", "geometric", 3))
     assert found.conditions.start_bearing_deg == pytest.approx(25.0, abs=0.2)
     assert 10.0 <= found.conditions.start_distance_m <= 14.0

@@ -21,7 +21,7 @@ from shipland.vehicles.mavlink.link import read_key  # noqa: E402
 from shipland.vehicles.mavlink.parameters import VehicleLimits  # noqa: E402
 from shipland.vehicles.mavlink.ports import Place  # noqa: E402
 from shipland.vehicles.mavlink.session import Session  # noqa: E402
-from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, Target, Wanted  # noqa: E402
+from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, MavlinkTarget, Wanted  # noqa: E402
 from shipland.vehicles.mavlink.state import ARDUPILOT, AutopilotState  # noqa: E402
 from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of  # noqa: E402
 
@@ -299,7 +299,7 @@ def test_values_that_no_vehicle_has_change_nothing() -> None:
 
 
 def test_a_heading_that_is_held_up_does_not_wind_up() -> None:
-    tilts = AttitudeTarget(ClimbScale(2.5, 1.5), Target(1))
+    tilts = AttitudeTarget(ClimbScale(2.5, 1.5), MavlinkTarget(1))
     for _ in range(500):
         message = tilts.message(Wanted(0.0, 0.0, 0.0, 0.7), 1.0, 0.02, 0)
     w, _, _, z = message.q

@@ -14,7 +14,7 @@ from shipland.sim.ship.recorded import HEADER
 
 
 def case(**changes: object) -> Case:
-    scenario = load_scenario("near", **{"wind.mean_mps": 0.0, "wind.mean_spread_mps": 0.0} | changes)
+    scenario = load_scenario("near", **{"wind.mean_mps": 0.0, "wind.mean_half_range_mps": 0.0} | changes)
     return Case(scenario.rig, scenario.ship, scenario.wind)
 
 
@@ -31,7 +31,9 @@ def test_statistics_of_natops_are_those_of_sines() -> None:
 
 def test_a_case_leaves_table_series_and_figure(tmp_path: Path) -> None:
     said = io.StringIO()
-    blowing = case(**{"ship.motion": "sea", "wind.mean_mps": 5.0, "wind.from_spread_deg": 0.0, "ship.course.kind": "s"})
+    blowing = case(
+        **{"ship.motion": "sea", "wind.mean_mps": 5.0, "wind.from_half_range_deg": 0.0, "ship.course.kind": "s"}
+    )
     report_case(blowing, Sampling(20.0, 100.0), tmp_path, Console(file=said, width=120))
     for name in DOF_NAMES:
         assert name in said.getvalue()

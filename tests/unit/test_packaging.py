@@ -124,6 +124,27 @@ def test_help_answers_without_heavy_imports():
     assert not HEAVY & set(modules.split()[1:])
 
 
+MOST_MODULES = 140
+"""Of shipland that a geometric landing imports, the packages' own among them. Only a smaller number may stand here."""
+
+
+def test_a_geometric_landing_imports_no_drawing_no_learning_and_no_records():
+    code = (
+        "import sys\nfrom shipland import api\nfrom shipland.scenario.scenario import load_scenario\n"
+        "api.fly(load_scenario('near', time_limit_s=0.5), pilot='horizon', vision='geometric', seed=3)\n"
+        "print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    modules = set(done.stdout.split())
+    unused = HEAVY - {"cv2", "mujoco", "scipy"}  # poses and contacts are OpenCV's and MuJoCo's
+    assert not unused & modules
+    own = {name for name in modules if name.partition(".")[0] == "shipland"}
+    rooms = ("shipland.evaluation", "shipland.learning", "shipland.record", "shipland.report")
+    assert not [name for name in own if name.startswith(rooms)]
+    assert {name for name in own if name.startswith("shipland.sim.scene.")} == {"shipland.sim.scene.parameters"}
+    assert len(own) <= MOST_MODULES, sorted(own)
+
+
 def test_the_console_script_is_the_command_line():
     (script,) = [
         entry for entry in importlib.metadata.entry_points(group="console_scripts") if entry.name == "shipland"

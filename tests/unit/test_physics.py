@@ -104,7 +104,7 @@ def test_an_autopilot_that_knows_only_the_interface_flies_it() -> None:
 
 
 def test_motors_stopped_by_the_flight_controller_end_in_a_verdict() -> None:
-    held = LaunchHold(load_scenario("rig-natops", start={"distance_m": 0.0, "distance_spread_m": 0.0}), 3, 0.0)
+    held = LaunchHold(load_scenario("rig-natops", start={"distance_m": 0.0, "distance_half_range_m": 0.0}), 3, 0.0)
     stepped(held, [1950.0] * 4)
     assert any(stepped(held, [1000.0] * 4).over for _ in range(4000))
     verdict = held.world.verdict()
@@ -120,7 +120,7 @@ def test_there_must_be_room_to_climb() -> None:
 def test_a_packet_sent_again_gets_its_answer_again_and_no_step() -> None:
     """A flight controller whose answer was lost sends the same count again."""
     ports = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
-    scenario = load_scenario("rig-natops", start={"distance_m": 0.0, "distance_spread_m": 0.0})
+    scenario = load_scenario("rig-natops", start={"distance_m": 0.0, "distance_half_range_m": 0.0})
     said: list[str] = []
     options = PhysicsOptions("json", "127.0.0.1", *ports, pictures=False, climb_m=0.0)
     served = threading.Thread(target=serve, args=(scenario, 3, options, said.append), daemon=True)

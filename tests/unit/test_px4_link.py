@@ -53,7 +53,9 @@ class Client:
 
 
 def test_a_client_flies_it_in_lockstep_until_the_verdict() -> None:
-    scenario = load_scenario("rig-natops", start={"distance_m": 0.0, "distance_spread_m": 0.0}, wind={"mean_mps": 0.0})
+    scenario = load_scenario(
+        "rig-natops", start={"distance_m": 0.0, "distance_half_range_m": 0.0}, wind={"mean_mps": 0.0}
+    )
     port, said, verdicts = free_port(), [], []
     options = PhysicsOptions("px4", "127.0.0.1", port, free_port(), pictures=False, climb_m=0.0)
     served = threading.Thread(target=lambda: verdicts.append(serve(scenario, 3, options, said.append)), daemon=True)

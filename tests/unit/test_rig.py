@@ -5,7 +5,7 @@ import pytest
 
 from shipland.config import build
 from shipland.errors import ConfigError
-from shipland.rig import Quad, Rig, Target, default_rig, packaged_table
+from shipland.rig import Quad, Rig, Target, default_rig, packaged_table, view_share
 
 # [Lee2022, Experimental Setup]
 PAPER = {
@@ -177,3 +177,17 @@ def test_a_cue_of_a_file_is_taken_for_hand_cut_unless_it_says(tmp_path):
     assert Target.from_file(tmp_path / "exact.toml").manufacturing_tolerance == 0.001
     with pytest.raises(ConfigError, match="manufacturing_tolerance"):
         Target.from_file(tmp_path / "loose.toml")
+
+
+@pytest.mark.parametrize(
+    ("ahead_m", "right_m", "share"),
+    [
+        (0.0, 0.0, 0.5),  # the box is 2 m × 1 m, the view 2 m × 2 m
+        (1.0, 0.0, 0.25),  # half of it beyond the bow
+        (0.0, 1.0, 0.25),  # half a metre of it within
+        (2.5, 0.0, 0.0),
+        (2.5, 2.5, 0.0),  # beyond both sides: two negative overlaps are no share
+    ],
+)
+def test_the_share_of_a_view_that_shows_a_box(ahead_m, right_m, share):
+    assert view_share(ahead_m, right_m, 1.0, (-1.0, 1.0, -0.5, 0.5)) == pytest.approx(share, abs=1e-12)

@@ -16,12 +16,13 @@ from shipland.errors import ConfigError, SystemLibraryError
 from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
 from shipland.rig import Quad, Target, default_rig, packaged_table
 from shipland.sim.scene import gl
-from shipland.sim.scene.block import View
+from shipland.sim.scene.block import RenderView
 from shipland.sim.scene.light import light
 from shipland.sim.scene.motion import homographies
-from shipland.sim.scene.scene import Scene, SceneParameters
+from shipland.sim.scene.parameters import SceneParameters, Tone
+from shipland.sim.scene.scene import Scene
 from shipland.sim.scene.sea import WaveTiles, cox_munk_variance
-from shipland.sim.scene.tone import FULL_SCALE, Light16, Tone, develop
+from shipland.sim.scene.tone import FULL_SCALE, Light16, develop
 from shipland.sim.scene.view import Crop
 from shipland.sim.state import SceneState
 
@@ -474,7 +475,7 @@ def test_waves_hide_the_hulls_foot_and_calm_water_does_not() -> None:
             with scene._context:
                 placed = scene._ship.place(state, draw_aircraft=False)
                 scene._ship.aim(CAMERA, state)
-                scene._look(View(CAMERA, state.ned_from_camera, crop, 1, 0.5, 50.0, state.t_s), state)
+                scene._look(RenderView(CAMERA, state.ned_from_camera, crop, 1, 0.5, 50.0, state.t_s), state)
                 layer = scene._draw_ship(placed, state, CAMERA, crop, 1)
             in_camera = (state.ned_from_camera.inverse() @ state.ned_from_ship).apply(stern)
             columns, rows = CAMERA.project(in_camera).round().astype(int).T

@@ -9,8 +9,7 @@ from shipland.errors import ConfigError
 from shipland.frames import Pose
 from shipland.rig import default_rig, packaged_table
 from shipland.sim.air.airwake import Airwake
-from shipland.sim.air.dryden import Dryden, land_scales, step_covariance
-from shipland.sim.air.marine import sea_roughness_m
+from shipland.sim.air.turbulence import Dryden, land_scales, sea_roughness_m, step_covariance
 from shipland.sim.air.wind import SteadyWind, Wind, WindParameters, build_wind
 
 RIG = default_rig()

@@ -10,7 +10,7 @@ from shipland.config import ConfigError, build, merge
 from shipland.frames import MUJOCO_FROM_NED, Array, euler_from_rotation, rotation_from_euler
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig, packaged_table
-from shipland.sim.contact.deck_drive import Stage, against_deck, deck_state
+from shipland.sim.contact.deck_drive import DeckDriver, against_deck, deck_state
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import VerdictParameters
 from shipland.sim.ship.ship import Ship, ShipState
@@ -54,7 +54,7 @@ def test_mujoco_has_the_ship_where_it_is_and_accelerates_the_deck_as_told(ship: 
     data.qpos[2] = 50.0  # the aircraft out of the way
     state = ship.at(t_s)
     deck = deck_state(state)
-    stage = Stage(model, data)
+    stage = DeckDriver(model, data)
     stage.set_deck(deck)
     stage.set_hull(state, deck)
     mujoco.mj_forward(model.mj, data)
@@ -101,7 +101,7 @@ def test_start_is_where_the_configuration_says(rig: Rig) -> None:
 
 
 def test_starts_spread_uniformly_within_their_bounds() -> None:
-    spread = {"distance_spread_m": 2.0, "bearing_spread_deg": 10.0, "height_spread_m": 0.5}
+    spread = {"distance_half_range_m": 2.0, "bearing_half_range_deg": 10.0, "height_half_range_m": 0.5}
     truths = [world(distance_m=12.0, height_m=1.5, start=spread, seed=seed).truth() for seed in range(40)]
     places = np.array([t.ned_from_ship.inverse().apply(t.ned_from_body.translation_m) for t in truths])
     distance = np.hypot(places[:, 0], places[:, 1])
@@ -113,7 +113,7 @@ def test_starts_spread_uniformly_within_their_bounds() -> None:
 
 
 def test_bad_starts_and_limits_are_refused() -> None:
-    for change in ({"height_m": 0.2}, {"distance_m": 1.0}, {"bearing_spread_deg": -1.0}, {"distanc_m": 3.0}):
+    for change in ({"height_m": 0.2}, {"distance_m": 1.0}, {"bearing_half_range_deg": -1.0}, {"distanc_m": 3.0}):
         with pytest.raises(ConfigError):
             build(StartParameters, merge(packaged_table("start"), change), "start")
     for change in ({"max_slip_m": 0.0}, {"patience_s": 1.0}):
@@ -124,7 +124,7 @@ def test_bad_starts_and_limits_are_refused() -> None:
 def _fly(cuts_s: list[float], chatty: bool) -> tuple[Array, Array]:
     ship = Ship(world()._ship.rig, WanderingCourse(), six_sinusoids())
     flown = world(
-        ship=ship, distance_m=4.0, height_m=1.0, wind_mps=(3.0, -2.0, 0.0), start={"bearing_spread_deg": 20.0}
+        ship=ship, distance_m=4.0, height_m=1.0, wind_mps=(3.0, -2.0, 0.0), start={"bearing_half_range_deg": 20.0}
     )
     commanded = 0
     for t_s in sorted({*cuts_s, *np.arange(0.0, 4.0, 0.5)}):

@@ -105,9 +105,10 @@ class Fly(ScenarioOptions):
 
         from shipland.config import layered
         from shipland.scenario.fly import fly_quietly
-        from shipland.scenario.real_vehicle import checklist, make_vehicle, refuse_unfit
+        from shipland.scenario.real_vehicle import checklist, make_vehicle, require_passed
         from shipland.stopping import check_stop, stop_requests
-        from shipland.vehicles.checks import Check, Real
+        from shipland.vehicles.checks import Check
+        from shipland.vehicles.vehicle import Real
 
         # an earlier flight's messages are its record
         log = self.out / ("check.tlog" if self.check else "link.tlog")
@@ -129,7 +130,7 @@ class Fly(ScenarioOptions):
             checks.insert(0, Check("rehearsal", True, rehearsed.reason))
             terminal.say(*(check.line() for check in checks))
             if not self.check:
-                refuse_unfit(checks)
+                require_passed(checks)
         except BaseException:
             vehicle.close()
             raise
@@ -205,7 +206,7 @@ class ProgressLine:
         )
 
     def _watch(self) -> None:
-        from shipland.vehicles.checks import Commanded
+        from shipland.vehicles.vehicle import Commanded
 
         vehicle: object = self._vehicle
         while vehicle is not None and not self._over.wait(_WATCHED_S):

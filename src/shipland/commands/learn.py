@@ -13,8 +13,8 @@ class Learn(LearnArguments):
     """Train a policy for the last metres by gradients through a batched model of them (needs the extra `train`).
 
     Leaves policy.onnx, model-card.md and .json, curves.csv and .png, and checkpoints in the output folder. Ctrl-C keeps
-    the last checkpoint; `--resume` goes on from it. A policy flies in the simulator, or on a vehicle whose sticks mean
-    a tilt, behind the same safety as every pilot, and gives way to `horizon` when it fails.
+    the last checkpoint; `--resume` continues from it. A policy flies in the simulator, or on a vehicle whose sticks
+    mean a tilt, behind the same safety as every pilot, and gives way to `horizon` when it fails.
 
     Example: shipland learn --kind residual --minutes 8 --out out/residual
 

@@ -102,7 +102,7 @@ class Results:
         return 0 if not self._failed else 1 if self._looked_at else 2
 
     def add(self, result: Result, drawn: Callable[[], Picture]) -> None:
-        """Print, tabulate and draw one; `drawn` is called where drawings are asked for."""
+        """Print, tabulate and draw one; `drawn` is called for drawings."""
         self._looked_at += 1
         self._found += result.found
         print(json.dumps(result.to_json()) if self._options.json else result.to_line(), flush=True)

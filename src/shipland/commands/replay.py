@@ -35,7 +35,7 @@ class Replay(ScenarioOptions):
     vision: str = ""
     """Who sees; not given: of a log who saw, of a video rendered."""
     pitch_deg: float = 0.0
-    """Of a video: the camera against the horizon."""
+    """Pitch of a video's camera against the horizon."""
     out: Path | None = None
     """Write the replay's log there, as shipland fly does."""
     viewer: bool = False

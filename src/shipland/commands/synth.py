@@ -10,7 +10,7 @@ from shipland.learning.arguments import SynthArguments
 
 @dataclass(frozen=True)
 class Synth(SynthArguments):
-    """Make labelled pictures from the simulator's scene, in YOLO's layout; goes on where it was cut off.
+    """Make labelled pictures from the simulator's scene, in YOLO's layout; the same command resumes an interrupted run.
 
     Example: shipland synth --out out/ship --kind ship --count 5000 --crop-px 352
 

@@ -69,7 +69,7 @@ class StickPilot:
         return Decision(command, None, reason)
 
     def _elevation_rad(self, observation: Observation) -> float | None:
-        """Of what is seen, above the horizon; None where nothing is."""
+        """Elevation of the seen target above the horizon [rad]; None without one."""
         if observation.bar_pose is not None:
             ahead_m, right_m, down_m = observation.bar_pose.position_in_bar_m.tolist()
             return math.atan2(down_m, max(math.hypot(ahead_m, right_m), 0.1))

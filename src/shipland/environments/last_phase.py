@@ -55,7 +55,7 @@ class LastPhaseEnv(VectorEnv[Arrays, Arrays, Arrays]):
     **Reward**: as in `shipland/Landing-v0`: metres nearer to the deck's centre, less 0.05 a second; at contact +10 in
     the square, +2 beside it on the deck, -10 beside the deck or for a flight that is lost.
 
-    **Ends**: terminated at contact or when lost, truncated after `time_limit_s`; a flight that has ended begins anew in
+    **Ends**: terminated at contact or when lost, truncated after `time_limit_s`; a flight that has ended is reset in
     the same step (`AutoresetMode.SAME_STEP`): its last observation and info are `info["final_obs"]` and
     `info["final_info"]`, with masks `_final_obs` and `_final_info`. The final info has `in_square`, `touched`, `own_m`
     (2), `deck_m` (2) and `t_s`.
@@ -74,7 +74,7 @@ class LastPhaseEnv(VectorEnv[Arrays, Arrays, Arrays]):
         motions: of the ship that are drawn at the begin.
 
     Raises:
-        ConfigError: one of them is wrong, or the scenario is one that the model has not.
+        ConfigError: one of them is wrong, or the model does not cover the scenario.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}  # noqa: RUF012
@@ -114,7 +114,7 @@ class LastPhaseEnv(VectorEnv[Arrays, Arrays, Arrays]):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Arrays, dict[str, Any]]:
-        """Begin every flight anew; of a list of seeds the first counts."""
+        """Begin every flight again; of a list of seeds the first counts."""
         if isinstance(seed, list):
             seed = seed[0]
         super().reset(seed=seed, options=options)
@@ -167,11 +167,11 @@ class LastPhaseEnv(VectorEnv[Arrays, Arrays, Arrays]):
         sunk = (flights.over_deck_m < -0.1 * LOST_M) & ~touch.touched
         terminated = touch.touched | lost | sunk
         truncated = ~terminated & (flights.cycle - self._begun >= self._limit)
-        way = torch.nan_to_num(before_m - distance_m)
+        gained_m = torch.nan_to_num(before_m - distance_m)
         off = torch.nan_to_num(touch.deck_m, nan=LOST_M).abs().amax(1)
         end = torch.where(off <= 0.5 * rig.landing_square_m, IN_SQUARE, torch.full_like(off, LANDED))
         end = torch.where(off <= 0.5 * rig.deck_size_m, end, torch.full_like(off, FAILED))
-        rewards = PER_METRE * way + PER_SECOND * self.phase.setup.cycle_s + terminated.to(off.dtype) * end
+        rewards = PER_METRE * gained_m + PER_SECOND * self.phase.setup.cycle_s + terminated.to(off.dtype) * end
         return rewards, terminated, truncated
 
     def _final(self, flights: Flights, over: Tensor) -> dict[str, Any]:

@@ -16,8 +16,7 @@ from shipland.evaluation.recovery import recoveries
 from shipland.frames import euler_from_rotation, wrap_angle
 from shipland.messages import FlightRecord, Mode, TouchdownVerdict
 from shipland.scenario.autonomy import drawn_ship, drawn_wind_of
-from shipland.scenario.fault_kinds import Fault
-from shipland.scenario.faults import faults_of
+from shipland.scenario.faults import Fault, faults_of
 from shipland.scenario.fly import Flown
 from shipland.scenario.scenario import Scenario
 from shipland.sim.contact.touchdown import broken_limit

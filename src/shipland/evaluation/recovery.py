@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from shipland.messages import FlightRecord
-from shipland.scenario.fault_kinds import Fault
+from shipland.scenario.faults import Fault
 
 REGAINED_S = 2.0
 """In which the pilot's place should be true again."""

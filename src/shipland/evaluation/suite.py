@@ -13,6 +13,7 @@ from shipland import factories
 from shipland.config import build, packaged_names, packaged_toml, read_toml, require
 from shipland.errors import ConfigError
 from shipland.evaluation.sweep import cells as combinations
+from shipland.former import as_before
 from shipland.record.info import config_digest
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 
@@ -110,8 +111,7 @@ def task_digest(cells: Sequence[BenchCell]) -> str:
         task = {key: value for key, value in cell.scenario.table().items() if key not in _OF_THE_FLIER}
         for section, added in _ADDED.items():
             task[section] = {key: value for key, value in task[section].items() if (key, value) not in added}
-        task["rig"]["made_to"] = task["rig"].pop("manufacturing_tolerance")  # its name in the digests on record
-        tasks.append(config_digest(task | {"by": cell.vision}))
+        tasks.append(config_digest(as_before(task) | {"by": cell.vision}))
     return config_digest({"tasks": sorted(tasks)})
 
 

@@ -19,7 +19,7 @@ class SynthArguments:
     """Make labelled pictures from the simulator's scene.
 
     Attributes:
-        out: folder to fill; a run that was cut off goes on where it stopped.
+        out: folder to fill; run the command again to resume an interrupted run.
         kind: what the labels are of.
         count: number of pictures; default as in the paper, 2,000 of the ship and 1,000 of the bar.
         seed: the same seed gives the same pictures.

@@ -30,7 +30,7 @@ POLYGON_TOLERANCE = 0.1
 """The same for a polygon's points: those of a target that the picture's edge cuts may lie beyond, and are cut off."""
 IGNORED = -1.0
 _MOST_OVER = 1.5
-"""By how many times more or fewer pictures may be held out than was asked for, so that sequences stay whole."""
+"""Largest ratio, up or down, of held-out pictures to the requested number, so that sequences stay whole."""
 
 
 @dataclass(frozen=True)

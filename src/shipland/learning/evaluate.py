@@ -2,7 +2,7 @@
 
 Fresh scenes are whole frames. Each is looked at twice: its first frame by the detector alone, and all its frames by the
 far vision that flies, with its tracks and its confirmation. One line a scene goes to `scenes.jsonl` as soon as it is
-known, so a run that was cut off goes on where it stopped.
+known, so an interrupted run is resumed by the same command.
 """
 
 from __future__ import annotations
@@ -359,7 +359,7 @@ def _look(
     believed: list[tuple[BoxRow | None, SureBox | None]] = []
     kept: list[tuple[SureBox, ...]] = []
     frames = arguments.frames
-    heights_m = told_heights_m(shot, frames)
+    heights_m = reported_heights_m(shot, frames)
     for number in range(max(frames, 1)):
         t_s = FRAME_S * number
         drawn, edges = draw(shot, t_s, scene, camera, rig, synth)
@@ -367,7 +367,7 @@ def _look(
         target = None if edges is None else _row(edges)
         partly = None
         if target is None and not shot.empty:
-            # What is cut off by the picture's edge, or seen too flat, is neither asked for nor counted as false.
+            # What is cut off by the picture's edge, or seen too flat, is neither a target nor counted as false.
             partly = target_box(shot.kind, shot.at(t_s, rig), camera, rig, _LEAST_SEEN, 0.0)
         if number == 0:
             first = target
@@ -395,7 +395,7 @@ def _look(
     )
 
 
-def told_heights_m(shot: Shot, frames: int) -> tuple[float, ...]:
+def reported_heights_m(shot: Shot, frames: int) -> tuple[float, ...]:
     """What a barometer tells of the camera's height over the water, a frame each; it errs alike in all of them."""
     error_m = BAROMETER_M * float(np.random.default_rng([shot.sensor_seed, 4]).standard_normal())
     up_m, climb_mps = -float(shot.position_in_ned_m[2]), -float(shot.velocity_in_ned_mps[2])
@@ -453,7 +453,7 @@ def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
         elif name == "all":
             right.plot(middle, [item.centre_px for item in bins], color="#1f77b4", label="centre, median [px]")
             right.plot(middle, [item.centre_95_px for item in bins], "--", color="#1f77b4", label="centre, 95 % [px]")
-            right.plot(middle, [10.0 * item.area_spread for item in bins], color="#b5446e", label="area, spread [10 %]")
+            right.plot(middle, [10.0 * item.area_std for item in bins], color="#b5446e", label="area, std [10 %]")
     left.set(xlabel=f"range of the {kind} [m]", ylabel="recall", ylim=(0.0, 1.02))
     centre.set(xlabel=f"range of the {kind} [m]", ylabel="precision", ylim=(0.0, 1.02))
     right.set(xlabel=f"range of the {kind} [m]", ylabel="error of the box", ylim=(0.0, None))

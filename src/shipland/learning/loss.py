@@ -1,4 +1,4 @@
-"""The training loss: the anchors, which cells answer for which target, and what they are told.
+"""The training loss: the anchors, which cells answer for which target, and their targets.
 
 Darknet's assignment [YOLOv3, §2.1]: the one anchor of nine that overlaps a target best, in the one cell that holds its
 centre. The wide one, for the wide decoding: every anchor within a ratio of the target's sides, in that cell and its
@@ -111,7 +111,7 @@ def detection_loss(
 
     Args:
         maps: per scale (n, 3·(5 + classes), rows, columns).
-        targets: (m,6) rows (picture, class, centre, size) [px]; class -1 marks a box that nobody asks for.
+        targets: (m,6) rows (picture, class, centre, size) [px]; class -1 marks a box that the loss ignores.
         spec: anchors, classes, decoding.
         parameters: weights.
 

@@ -57,14 +57,6 @@ class Tally:
         self.false_scores += scores[verdict == -1].tolist()
         return verdict
 
-    def surest_hit(self) -> float:
-        """Confidence of the surest hit, 0 without one."""
-        return max(self.hit_scores, default=0.0)
-
-    def surest_false(self) -> float:
-        """Confidence of the surest false box, 0 without one."""
-        return max(self.false_scores, default=0.0)
-
     def recall(self, confidence: float) -> float:
         """Part of the targets that are hit at this confidence; NaN-free: 0 without targets."""
         return float(np.sum(np.array(self.hit_scores) >= confidence)) / max(self.targets, 1)

@@ -1,4 +1,4 @@
-"""The torch network of a list of layers, and the way of its numbers in and out."""
+"""The torch network of a list of layers, and its weights in and out."""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ class RangeBin:
         believed_precision: hits over boxes that a believed track gave, all frames; NaN without boxes.
         width_px: median width of the target.
         centre_px, centre_95_px: median and 95th percentile of the distance between box and target; NaN without hits.
-        area_bias, area_spread: median of the boxes' area over the target's, less one, and half the width of its
+        area_bias, area_std: median of the boxes' area over the target's, less one, and half the width of its
             central 68 %.
     """
 
@@ -97,7 +97,7 @@ class RangeBin:
     centre_px: float
     centre_95_px: float
     area_bias: float
-    area_spread: float
+    area_std: float
 
 
 @dataclass(frozen=True)
@@ -208,7 +208,7 @@ def _bin(low_m: float, high_m: float, records: list[SceneRecord], confidence: fl
         centre_px=float(np.median(off)) if len(off) else nan,
         centre_95_px=float(np.percentile(off, 95)) if len(off) else nan,
         area_bias=float(np.median(ratio)) if len(ratio) else nan,
-        area_spread=float(0.5 * np.diff(np.percentile(ratio, [16, 84]))[0]) if len(ratio) else nan,
+        area_std=float(0.5 * np.diff(np.percentile(ratio, [16, 84]))[0]) if len(ratio) else nan,
     )
 
 
@@ -269,7 +269,7 @@ def markdown(table: RangeTable) -> str:
             f"{item.recall:.3f} ({item.recall_low:.2f}–{item.recall_high:.2f}) | {_number(item.precision, '.3f')} | "
             f"{_confirmed(item)} | {_number(item.believed_precision, '.3f')} | "
             f"{_number(item.centre_px, '.2f')} / {_number(item.centre_95_px, '.2f')} | "
-            f"{_number(100.0 * item.area_bias, '+.0f')} ± {_number(100.0 * item.area_spread, '.0f')} % |"
+            f"{_number(100.0 * item.area_bias, '+.0f')} ± {_number(100.0 * item.area_std, '.0f')} % |"
         )
     lines += [
         "",

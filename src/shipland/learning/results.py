@@ -26,11 +26,11 @@ class Trained:
     """A training run at its end.
 
     Attributes:
-        arguments, parameters: what was asked for.
+        arguments, parameters: of the run.
         network: with the best weights.
         spec: of the detector.
         progress: figures over the steps.
-        fitting, held_out: pictures trained on, and those it was judged by.
+        fitting, held_out: pictures for training and for validation.
     """
 
     arguments: TrainArguments

@@ -11,23 +11,27 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.config import require
-from shipland.sim.scene.tone import Light16, Tone, develop, encoded, sharpen
+from shipland.sim.scene.parameters import Tone
+from shipland.sim.scene.tone import Light16, develop, encoded, sharpen
 
 Picture = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
-class SensorParameters:
+class ImageSensorParameters:
     """Ranges that are drawn from (`[synth.sensor]`).
 
     Attributes:
         defocus_max_px: standard deviation of a Gaussian blur.
-        motion: chance of motion blur; motion_max_px its length.
-        glare: chance of veiling glare; glare_max its most light, in units of the sensor's saturation.
+        motion: chance of motion blur.
+        motion_max_px: its largest length.
+        glare: chance of veiling glare.
+        glare_max: its most light, in units of the sensor's saturation.
         exposure_ev: half-width of a uniform change of exposure, in powers of two.
         cast: half-width of a uniform factor on each colour.
         gamma, contrast, shoulder: ranges of the tone curve, see `Tone`.
-        sharpened: chance of sharpening; sharpening_max its strength.
+        sharpened: chance of sharpening.
+        sharpening_max: its largest strength, of an unsharp mask.
         noise_max: grey levels, standard deviation.
         vignette_max: loss of light in the corners, 0 … 1.
         quality_min, quality_max: of JPEG compression.
@@ -56,7 +60,7 @@ class SensorParameters:
 
 
 def degrade(
-    light: Light16, parameters: SensorParameters, rng: np.random.Generator, grain: np.random.Generator
+    light: Light16, parameters: ImageSensorParameters, rng: np.random.Generator, grain: np.random.Generator
 ) -> Picture:
     """The picture (h,w,3) BGR that a camera makes of the light on it, before compression.
 

@@ -21,12 +21,15 @@ class AugmentParameters:
         mirror: chance of a left-right mirror image.
         contrast, brightness, gamma, saturation: half-widths of uniform changes; brightness in grey levels.
         hue_deg: half-width of a uniform turn of the hue.
-        blur: chance of a Gaussian blur of up to `blur_max_px`.
-        sharpen: chance of sharpening, where it was not blurred, by up to `sharpen_max` of what a blur takes away.
+        blur: chance of a Gaussian blur.
+        blur_max_px: its largest standard deviation.
+        sharpen: chance of sharpening, where it was not blurred.
+        sharpen_max: its largest strength, as a share of what a blur takes away.
         tone: half-width of a bend of the tone curve, S-shaped or the inverse.
-        noise: chance of Gaussian noise of up to `noise_max` grey levels.
-        min_side_px: a target with a shorter longer side is not asked for (nor punished).
-        min_visible: a target of which a smaller part lies in the window is not asked for.
+        noise: chance of Gaussian noise.
+        noise_max: its largest standard deviation, in grey levels.
+        min_side_px: a target whose longer side is shorter is ignored by the loss.
+        min_visible: a target of which a smaller part lies in the window is ignored by the loss.
     """
 
     scale_min: float

@@ -28,7 +28,7 @@ class Shot:
         heading_rad, heading_rate_rad_s, pitch_rad, roll_rad: of the camera.
         ship_position_in_ned_m, ship_velocity_in_ned_mps: (3,) of `ship`.
         ship_heading_rad: its heading.
-        deck_amplitude: (6,) surge, sway, heave [m], roll, pitch, yaw [rad] of the deck's swing.
+        deck_amplitude: (6,) surge, sway, heave [m], roll, pitch, yaw [rad] of the deck's motion.
         deck_phase_rad: (6,).
         t0_s: the sea's time in the first frame.
         decoys: things that are not the target.

@@ -11,10 +11,10 @@ from shipland.camera import Camera
 from shipland.config import require
 from shipland.frames import Array
 from shipland.learning.decoys import Decoy, DecoyKind, foot_box_px
-from shipland.learning.sensor import SensorParameters
+from shipland.learning.sensor import ImageSensorParameters
 from shipland.learning.shot import Shot
 from shipland.rig import Rig
-from shipland.sim.scene.scene import SceneParameters
+from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.target_box import target_box
 
 Span = tuple[float, float]
@@ -51,7 +51,7 @@ class SynthParameters:
         vessels, buoys, birds, greens: mean number of each in a picture.
         least_visible: part of the target's box that must lie in the picture to be labelled.
         least_facing: sine of the flattest angle at which the bar is labelled.
-        sensor: see `SensorParameters`.
+        sensor: see `ImageSensorParameters`.
     """
 
     ship_range_m: Span
@@ -92,7 +92,7 @@ class SynthParameters:
     greens: float
     least_visible: float
     least_facing: float
-    sensor: SensorParameters
+    sensor: ImageSensorParameters
 
     def __post_init__(self) -> None:
         for name in ("ship_range_m", "bar_range_m", "height_m", "visibility_m", "haze_m", "shutter_s", "rain_mm_h"):

@@ -1,7 +1,7 @@
 """`shipland synth`: labelled pictures from the simulator's scene, in YOLO's layout.
 
-Picture n of a seed is always the same, whatever was made before it, so a run that was cut off goes on where it stopped.
-What is told of its scene is written last: a picture without that is made again.
+Picture n of a seed is always the same, whatever was made before it, so the same command resumes an interrupted run.
+The scene's description is written last: a picture without it is made again.
 """
 
 from __future__ import annotations
@@ -80,8 +80,8 @@ def synth(arguments: SynthArguments, drawn: ShipAndCamera | None = None) -> Path
     made = in_workers(partial(make_files, arguments, parameters, drawn), blocks, arguments.workers, arguments.minutes)
     for _ in followed(itertools.chain.from_iterable(made), f"{arguments.kind} pictures", count, count - len(missing)):
         pass
-    told = [out / "scenes" / f"{name}.json" for name in names]
-    lines = [path.read_text(encoding="utf-8") for path in told if path.is_file()]
+    descriptions = [out / "scenes" / f"{name}.json" for name in names]
+    lines = [path.read_text(encoding="utf-8") for path in descriptions if path.is_file()]
     write_atomically(out / "scenes.jsonl", ("\n".join(lines) + "\n").encode())
     if arguments.coco:
         write_atomically(out / "coco.json", json.dumps(coco_table(read_dataset(out))).encode())
@@ -154,7 +154,7 @@ def write_plainly(path: Path, data: bytes) -> None:
 
 
 def _whole(out: Path, name: str) -> bool:
-    """Whether a picture, its label and what is told of its scene are there."""
+    """Whether a picture, its label and the scene's description are there."""
     files = (out / "scenes" / f"{name}.json", out / "images" / f"{name}.jpg", out / "labels" / f"{name}.txt")
     return all(file.is_file() for file in files)
 

@@ -1,4 +1,4 @@
-"""`shipland train`: a detector from labelled pictures, on a CPU or a GPU; stops and goes on without losing anything.
+"""`shipland train`: a detector from labelled pictures, on a CPU or a GPU; stopped and resumed without loss.
 
 Every random draw of step n comes from the generator seeded with (seed, n), so a run that was resumed equals one that
 was not, as long as no time limit sets its pace. The weights that are evaluated and shipped are the exponential moving

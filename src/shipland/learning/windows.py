@@ -268,10 +268,10 @@ def colour(batch: Tensor, parameters: AugmentParameters, generator: torch.Genera
     turn = uniform(-p.hue_deg, p.hue_deg) * (math.pi / 180.0)
     stretch = 1.0 + uniform(-p.saturation, p.saturation)
     grey = batch.mean(1, keepdim=True)
-    spread = batch - grey
+    chroma = batch - grey
     # Turning about the grey axis: v cos + (k × v) sin, k the axis.
-    across = (spread[:, [2, 0, 1]] - spread[:, [1, 2, 0]]) / math.sqrt(3.0)
-    batch = grey + stretch * (spread * turn.cos() + across * turn.sin())
+    across = (chroma[:, [2, 0, 1]] - chroma[:, [1, 2, 0]]) / math.sqrt(3.0)
+    batch = grey + stretch * (chroma * turn.cos() + across * turn.sin())
     soft = uniform(0.0, 1.0) < p.blur
     sharp = uniform(0.0, 1.0) < p.sharpen
     near = _blurred(batch, (0.2 + (p.blur_max_px - 0.2) * uniform(0.0, 1.0)).clamp(min=0.2))
@@ -295,6 +295,6 @@ def _blurred(batch: Tensor, sigma_px: Tensor) -> Tensor:
 
 
 def decoded_bytes(dataset: Dataset) -> int:
-    """How much memory the pictures take, decoded; judged by sixteen of them."""
+    """Memory that the decoded pictures take, estimated from sixteen of them."""
     some = dataset.samples[:: max(1, len(dataset.samples) // 16)]
     return round(sum(sample.load()[0].nbytes for sample in some) / len(some) * len(dataset.samples))

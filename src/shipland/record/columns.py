@@ -174,7 +174,7 @@ class FlightColumns:
 
     @property
     def speed_in_pad_mps(self) -> Array:
-        """(n, 3) rate of `place_in_pad_m`, by central differences; the ship's own way is thus taken out."""
+        """(n, 3) rate of `place_in_pad_m`, by central differences; the ship's own velocity is thus taken out."""
         place_m = self.place_in_pad_m
         if len(self.t_s) < 2:
             return np.full_like(place_m, np.nan)

@@ -9,7 +9,20 @@ import re
 
 _ENTRY = re.compile(r"^ {4}(\w[\w, …]*): (.*)")
 _UNITS = {
+    "rad_per_sqrt_s": "rad/√s",
+    "m_per_sqrt_s": "m/√s",
+    "percent_per_s": "%/s",
+    "px_per_m": "px/m",
+    "per_s2": "1/s²",
+    "per_s": "1/s",
+    "per_m": "1/m",
+    "rad_s2": "rad/s²",
     "rad_s": "rad/s",
+    "deg_s": "°/s",
+    "px_s": "px/s",
+    "mm_h": "mm/h",
+    "kgm2": "kg m²",
+    "mps2": "m/s²",
     "m_s": "m/s",
     "mps": "m/s",
     "percent": "%",
@@ -17,6 +30,9 @@ _UNITS = {
     "rad": "rad",
     "px": "px",
     "hz": "Hz",
+    "kg": "kg",
+    "kn": "kn",
+    "ev": "EV",
     "m": "m",
     "s": "s",
     "n": "N",
@@ -26,7 +42,7 @@ _UNITS = {
 
 @functools.cache
 def descriptions(cls: type) -> dict[str, str]:
-    """Of the fields that the docstring's `Attributes` name; `a, b: …` and `a … c: …` tell of several at once."""
+    """Meanings of the fields that the docstring's `Attributes` list; `a, b: …` and `a … c: …` describe several."""
     body = inspect.getdoc(cls) or ""
     attributes = body.partition("\nAttributes:\n")[2].partition("\n\n")[0]
     found: dict[str, str] = {}

@@ -40,7 +40,7 @@ _THIN_M = 0.02
 
 
 _MOST_NS = 2**32 * 1_000_000_000 - 1
-"""Seconds are 32 bits wide; a clock that leaps may say more."""
+"""Latest time stamp that can be written: seconds are 32 bits wide."""
 
 
 def nanoseconds(t_s: float) -> int:

@@ -12,7 +12,7 @@ one fixed turn of `frames.MUJOCO_FROM_NED`, everything else below `ned` with the
 | /tf                 | foxglove.FrameTransforms   | every cycle                                               |
 | /pose/aircraft      | foxglove.PoseInFrame       | the pilot's estimate, stamped with its own time; in `bar` |
 | /pose/camera        | foxglove.PoseInFrame       | when the vision has a pose; in `bar`                      |
-| /camera/image       | foxglove.CompressedImage   | at the rate asked for, JPEG                               |
+| /camera/image       | foxglove.CompressedImage   | at the configured rate, JPEG                              |
 | /camera/calibration | foxglove.CameraCalibration | with each picture                                         |
 | /camera/annotations | foxglove.ImageAnnotations  | with each picture: corners and boxes                      |
 | /scene              | foxglove.SceneUpdate       | once: platform, deck, bar, aircraft                       |
@@ -48,7 +48,7 @@ from shipland.rig import Rig
 from shipland.vision.log_pictures import IMAGE_TOPIC
 
 _FLUSH_S = 1.0
-"""Of flight, between two flushes."""
+"""Flight time between two flushes of the log."""
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ def write_campaign(plan: CampaignPlan, landings: Sequence[Landing]) -> None:
 
 def _trace(scenario: Scenario, length_s: float) -> DeckTrace:
     """The one motion that every flight met."""
-    parameters = replace(scenario.ship, instant_spread_s=0.0)
+    parameters = replace(scenario.ship, instant_range_s=0.0)
     ship = build_ship(parameters, scenario.rig, np.random.default_rng(0))
     t_s = np.arange(0.0, length_s, 0.05)
     motion = np.array([ship.at(float(t)).deck.displacement for t in t_s])

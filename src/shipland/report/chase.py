@@ -42,9 +42,9 @@ def chase_state(truth: GroundTruth, scale: float = 1.0, full_ship: bool = False)
     aircraft_m = truth.ned_from_body.translation_m
     eye_m = aircraft_m + level @ (scale * _BEHIND_RIGHT_UP_M * [1.0, 1.0, -1.0])
     eye_m[2] = min(eye_m[2], -_LOWEST_M)
-    way_m = truth.ned_from_ship.translation_m - aircraft_m
-    distance_m = float(np.linalg.norm(way_m))
-    aim_m = aircraft_m + way_m * min(0.5, scale * _LOOK_AHEAD_M / max(distance_m, 1e-9))
+    to_ship_m = truth.ned_from_ship.translation_m - aircraft_m
+    distance_m = float(np.linalg.norm(to_ship_m))
+    aim_m = aircraft_m + to_ship_m * min(0.5, scale * _LOOK_AHEAD_M / max(distance_m, 1e-9))
     zero = np.zeros(3)
     return SceneState(
         t_s=truth.t_s,

@@ -11,7 +11,7 @@ from shipland.frames import Pose
 from shipland.messages import Estimate, FlightRecord, GroundTruth
 
 _KEPT_S = 2.0
-"""Longer than a pilot predicts or a detector's cycle takes."""
+"""Time for which moments are kept: longer than a pilot's prediction and a detector's cycle."""
 
 
 class Moments:

@@ -28,7 +28,7 @@ LOG_NAME, VIDEO_NAME, PLOTS_NAME = "flight.mcap", "flight.mp4", "plots.png"
 SUMMARY_NAME, TIMING_NAME = "summary.json", "timing.json"
 
 _MOST_ROWS, _MOST_PICTURES = 3000, 30
-"""Of a flight that does not wait: rows that wait for the disk, and beyond how many waiting ones without pictures."""
+"""Most rows that wait for the disk in real time, and the number of waiting rows from which pictures are left out."""
 
 
 @dataclass(frozen=True)

@@ -38,9 +38,9 @@ _RAIL: Bgr = (70, 66, 62)
 _SUBPIXEL_BITS = 4
 
 _TRACE_POINTS = 200
-"""One a pixel."""
+"""Points of a trace: one for each pixel."""
 _SPARE_S = 2.0
-"""Instants that are kept beyond a trace's begin: the newest is ahead of what is drawn by up to a detector's cycle."""
+"""Time kept beyond a trace's beginning: the newest row may be a detector's cycle ahead of the picture."""
 
 _ZOOM_SIZE_PX = (280, 140)
 _LEAST_ZOOM, _LARGEST_ZOOM = 2.0, 12.0

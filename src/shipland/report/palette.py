@@ -38,7 +38,7 @@ MODE_NAMES: dict[Mode, str] = {
     Mode.GO_AROUND: "go around",
     Mode.DONE: "done",
 }
-"""With the numbers of [Lee2022] where it gives one."""
+"""Names of the modes, with the numbers of [Lee2022]."""
 
 
 def mode_colour(mode: Mode | None) -> Rgb:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from shipland.config import require
 from shipland.errors import DataError
@@ -14,7 +15,6 @@ from shipland.frames import Array
 from shipland.messages import Mode, TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.reader import FlightLog
-from shipland.report.curves import smooth
 from shipland.report.palette import (
     BLACK,
     BLUE,
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_STEP_S = 0.05
+"""Cycles that are as close as this are drawn as they are."""
 _TRUTH, _SEEN = unit(BLACK), unit(ORANGE)
 PLOT_STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -60,7 +62,11 @@ PLOT_STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True)
 class PlotParameters:
-    """`[plots]` of the outputs: resolution."""
+    """`[plots]` of the outputs.
+
+    Attributes:
+        dpi: resolution, in pixels an inch.
+    """
 
     dpi: int
 
@@ -309,3 +315,14 @@ def draw_footprint(axes: Axes, place_in_deck_m: Array, yaw_rad: float, diagonal_
         (right_m, forward_m),
         arrowprops={"arrowstyle": "-|>", "color": "#444444", "linewidth": 1.5},
     )
+
+
+def smooth(t_s: Array, values: Array) -> tuple[Array, Array]:
+    """Times and values (n,) of a motion, with a cubic spline between the slow cycles of a detector.
+
+    Unchanged where a value is not known.
+    """
+    if len(t_s) < 3 or not np.isfinite(values).all() or np.diff(t_s).min() <= 0.0 or np.diff(t_s).max() <= _STEP_S:
+        return t_s, values
+    dense_s = np.union1d(t_s, np.arange(t_s[0], t_s[-1], _STEP_S))
+    return dense_s, np.asarray(CubicSpline(t_s, values)(dense_s))

@@ -97,16 +97,16 @@ def fly_hover(near: dict[str, Any], noise_m: float, false_m: float, slew: bool =
     """
     overlay: dict[str, Any] = {
         "ship": {"motion": "still"},
-        "wind": {"mean_mps": 0.0, "mean_spread_mps": 0.0},
+        "wind": {"mean_mps": 0.0, "mean_half_range_mps": 0.0},
         "start": {
             "distance_m": 1.58,
-            "distance_spread_m": 0.0,
+            "distance_half_range_m": 0.0,
             "bearing_deg": 18.4,
-            "bearing_spread_deg": 0.0,
+            "bearing_half_range_deg": 0.0,
             "height_m": 1.2,
-            "height_spread_m": 0.0,
+            "height_half_range_m": 0.0,
             "heading_error_deg": 18.4,
-            "heading_error_spread_deg": 0.0,
+            "heading_error_half_range_deg": 0.0,
         },
         "guidance": {"near": near, "modes": {"settle_s": 1e9}},
         "safety": {} if slew else {"slew_percent_per_s": 1e6},

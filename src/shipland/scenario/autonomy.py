@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,22 +22,26 @@ from shipland.scenario.scenario import Scenario
 from shipland.scenario.seeds import generators_of
 from shipland.scenario.visions import VisionSetup
 from shipland.sim.air.wind import WindParameters, build_wind, drawn_wind
-from shipland.sim.scene.mesh import MOTOR_DIAGONAL_M
-from shipland.sim.scene.scene import Scene
 from shipland.sim.ship.ship import Ship, build_ship
 from shipland.sim.world import GRID, Grid, World
-from shipland.vehicles.checks import Real
 from shipland.vehicles.simulated import SimulatedVehicle
-from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
+from shipland.vehicles.vehicle import GroundTruthSource, Real, Vehicle
+
+if TYPE_CHECKING:
+    from shipland.sim.scene.scene import Scene
 
 
 def build_scene(scenario: Scenario, seed: int) -> Scene:
     """The drawn scene of the flight of `seed`; the caller closes it."""
+    from shipland.sim.scene.scene import Scene  # a flight without pictures imports no drawing
+
     return Scene(scenario.rig, scenario.scene, generators_of(seed).scene, aircraft_scale(scenario))
 
 
 def aircraft_scale(scenario: Scenario) -> float:
-    """Of the drawn aircraft, by its motors' diagonal."""
+    """Scale of the drawn aircraft, by its motors' diagonal."""
+    from shipland.sim.scene.mesh import MOTOR_DIAGONAL_M
+
     airframe = scenario.aircraft.airframe
     return round(2.0 * math.hypot(airframe.motor_forward_m, airframe.motor_right_m) / MOTOR_DIAGONAL_M, 1)
 
@@ -145,6 +150,6 @@ def response_of(scenario: Scenario) -> Response:
 
 
 _TILT_LAG_S, _DEAD_TIME_S = 0.05, 0.075
-"""Of the horizontal acceleration behind the sticks, fitted to the step response of tilts (docs/results/aircraft.md)."""
+"""Lag and dead time of the horizontal acceleration after a stick input, fitted to steps (docs/results/aircraft.md)."""
 _DRAG_PER_S = 0.4
-"""Deceleration for a metre per second through the air, about 5 m/s of wind."""
+"""Linear drag: deceleration per airspeed, linearised about 5 m/s of wind."""

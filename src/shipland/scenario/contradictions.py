@@ -67,16 +67,16 @@ def _of_flight(scenario: Scenario) -> Iterator[str]:
             f'"{scenario.rig.hull}" is not'
         )
     to_bar_m = float(scenario.rig.bar_in_ship_m[0])
-    farthest_m = math.hypot(start.distance_m + start.distance_spread_m + to_bar_m, start.height_m)
+    farthest_m = math.hypot(start.distance_m + start.distance_half_range_m + to_bar_m, start.height_m)
     if farthest_m > safety.fence_distance_m:
         yield (
-            f"start.distance_m = {start.distance_m:g} ± {start.distance_spread_m:g} begins {farthest_m:.0f} m from the "
-            f"bar, beyond safety.fence_distance_m = {safety.fence_distance_m:g}"
+            f"start.distance_m = {start.distance_m:g} ± {start.distance_half_range_m:g} begins {farthest_m:.0f} m from "
+            f"the bar, beyond safety.fence_distance_m = {safety.fence_distance_m:g}"
         )
-    highest_m = start.height_m + start.height_spread_m
+    highest_m = start.height_m + start.height_half_range_m
     if highest_m > safety.fence_height_m:
         yield (
-            f"start.height_m = {start.height_m:g} ± {start.height_spread_m:g} begins above "
+            f"start.height_m = {start.height_m:g} ± {start.height_half_range_m:g} begins above "
             f"safety.fence_height_m = {safety.fence_height_m:g}"
         )
     if approach.hover_height_m <= safety.floor_m:

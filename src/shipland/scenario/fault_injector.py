@@ -12,7 +12,7 @@ import numpy as np
 T = TypeVar("T")
 _NUMBERS = (float("nan"), float("inf"), float("-inf"), 1e12, -1e12, 1e6, -1e6)
 _OLD_SHARE = 0.1
-"""Of spoiled messages, how many are as a whole those of before."""
+"""Share of spoiled messages that are replaced by an earlier one as a whole."""
 
 
 class FaultInjector:

@@ -1,43 +1,197 @@
-"""A vehicle, a vision and a pilot that fail on schedule; the flight's physics goes on undisturbed."""
+"""What can be made to fail in a simulated flight, and when (`[[fault]]`, `[fault_draw]`)."""
 
 from __future__ import annotations
 
+import enum
 import math
-from collections import deque
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from shipland.camera import Camera
-from shipland.flight import Autonomy
-from shipland.guidance.pilot import Pilot
-from shipland.messages import (
-    BarPose,
-    Box,
-    Decision,
-    Frame,
-    GimbalAttitude,
-    GroundTruth,
-    Observation,
-    PilotCommand,
-    Telemetry,
-    TouchdownVerdict,
-)
-from shipland.scenario.fault_injector import FaultInjector
-from shipland.scenario.fault_kinds import Fault, FaultKind
-from shipland.scenario.scenario import Scenario
+from shipland.config import require
 from shipland.scenario.seeds import generators_of
-from shipland.vehicles.simulated import SimulatedVehicle
-from shipland.vehicles.vehicle import LONGEST_WAIT_S
-from shipland.vision.vision import Vision
 
-_LONGEST_ASKED_S = 1.0
-"""Time that one call lets pass at most: by a spoiled clock the loop may ask for hours, and the world has not leapt."""
-_HELD = 100
-"""Pictures kept for one that comes late or shows what is long gone: three seconds."""
-_BLOCK_PX = 32
+if TYPE_CHECKING:
+    from shipland.flight import Autonomy
+    from shipland.scenario.faulty import FaultyVehicle
+    from shipland.scenario.scenario import Scenario
+    from shipland.vehicles.simulated import SimulatedVehicle
+
+
+class FaultKind(enum.Enum):
+    """One thing that fails; `size` of a fault means what is said here."""
+
+    DROPPED_FRAMES = "dropped_frames"
+    """Pictures are lost; size: share of them."""
+    FROZEN_FRAMES = "frozen_frames"
+    """The stream repeats its last picture with new time stamps."""
+    WRONG_SIZE_FRAMES = "wrong_size_frames"
+    """Pictures come at half their width and height."""
+    CORRUPT_FRAMES = "corrupt_frames"
+    """Blocks of the picture are noise; size: share of them."""
+    OCCLUSION = "occlusion"
+    """Something stands before the middle of the picture: spray, rain on the lens, a crane."""
+    GLARE = "glare"
+    """The sun in the lens; size: share of pictures in which nothing is left to see."""
+    LATENCY_JUMP = "latency_jump"
+    """Pictures come later; size: by how much [s]."""
+    OLD_PICTURES = "old_pictures"
+    """Pictures show what was longer ago than their time stamps say; size: by how much [s]."""
+    FROZEN_GIMBAL = "frozen_gimbal"
+    """The reading of the camera's attitude stands still, with new time stamps, while the camera moves."""
+    STALE_GIMBAL = "stale_gimbal"
+    """The reading of the camera's attitude stands still, and says how old it is."""
+    NAN_TELEMETRY = "nan_telemetry"
+    """Every value of the telemetry is NaN."""
+    STALE_TELEMETRY = "stale_telemetry"
+    """Telemetry stands still, its values' times with it."""
+    COMPASS_BIAS = "compass_bias"
+    """The compass is off; size: by how much [deg]."""
+    FLOW_BIAS = "flow_bias"
+    """The velocity is off, in the fault's direction or a level one that is drawn; size: by how much [m/s]."""
+    FROZEN_BAROMETER = "frozen_barometer"
+    """The height stands still, with new time stamps."""
+    STALE_BAROMETER = "stale_barometer"
+    """The height stands still, its time with it."""
+    SPOILED_VALUES = "spoiled_values"
+    """Any field of frames, observations and telemetry is NaN, infinite, out of range, missing or old; size: share."""
+    FALSE_POSE = "false_pose"
+    """A decoy's pose instead of the bar's; size: how far it is off, sideways [m]."""
+    MISSTATED_CUE = "misstated_cue"
+    """The cue is stated larger than it is, and so is every distance to it; size: by what share of its own size."""
+    REFLECTION = "reflection"
+    """The pose of the bar's mirror image; size: height of the bar over the mirror [m]."""
+    FALSE_BOX = "false_box"
+    """A detector's confident box of something else, for bar and ship."""
+    VISION_RAISES = "vision_raises"
+    """The vision raises an exception on every picture."""
+    LINK_LOSS = "link_loss"
+    """No picture, no telemetry and no command comes through."""
+    PROCESS_STALL = "process_stall"
+    """The process stands still before a decision, once, for the fault's duration."""
+    LOW_BATTERY = "low_battery"
+    """The battery says `size` percent."""
+    WEAK_MOTOR = "weak_motor"
+    """A motor, drawn, gives less thrust; size: the share that is missing."""
+    PILOT_RAISES = "pilot_raises"
+    """The pilot raises an exception in every cycle."""
+    PILOT_STALLS = "pilot_stalls"
+    """The pilot takes the fault's duration for one decision, on data of before."""
+
+
+SIZES = {
+    FaultKind.DROPPED_FRAMES: 0.8,
+    FaultKind.CORRUPT_FRAMES: 0.5,
+    FaultKind.GLARE: 0.7,
+    FaultKind.LATENCY_JUMP: 0.4,
+    FaultKind.OLD_PICTURES: 0.5,
+    FaultKind.COMPASS_BIAS: 20.0,
+    FaultKind.FLOW_BIAS: 0.5,
+    FaultKind.SPOILED_VALUES: 0.5,
+    FaultKind.FALSE_POSE: 1.5,
+    FaultKind.MISSTATED_CUE: 0.1,
+    FaultKind.REFLECTION: 1.0,
+    FaultKind.LOW_BATTERY: 10.0,
+    FaultKind.WEAK_MOTOR: 0.15,
+}
+"""Sizes of faults that give none; chosen."""
+_SHARES = {FaultKind.DROPPED_FRAMES, FaultKind.CORRUPT_FRAMES, FaultKind.GLARE, FaultKind.SPOILED_VALUES}
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault (`[[fault]]`).
+
+    Attributes:
+        kind: what fails.
+        start_s: when, in the flight's time.
+        duration_s: for how long.
+        size: how much, as `FaultKind` says; None: `SIZES`.
+        direction_in_level: (3,) of a velocity that is off, forward, right, down, as a unit vector; None: drawn.
+    """
+
+    kind: FaultKind
+    start_s: float
+    duration_s: float
+    size: float | None = None
+    direction_in_level: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        require(self.start_s >= 0.0, f"start_s must not be negative, got {self.start_s}")
+        require(self.duration_s > 0.0, f"duration_s must be positive, got {self.duration_s}")
+        if self.kind in _SHARES:
+            require(0.0 < self.amount <= 1.0, f"size of {self.kind.value} is a share, got {self.size}")
+        if self.kind is FaultKind.WEAK_MOTOR:
+            require(0.0 < self.amount < 1.0, f"size of weak_motor must be in (0, 1), got {self.size}")
+        if self.kind is FaultKind.OLD_PICTURES:
+            require(self.amount > 0.0, f"size of old_pictures must be positive, got {self.size}")
+        if self.kind is FaultKind.MISSTATED_CUE:
+            require(self.amount > -1.0, f"size of misstated_cue must be above -1, got {self.size}")
+        if self.direction_in_level is not None:
+            require(self.kind is FaultKind.FLOW_BIAS, f"{self.kind.value} has no direction_in_level")
+            length = math.hypot(*self.direction_in_level)
+            require(abs(length - 1.0) < 1e-6, f"direction_in_level must be a unit vector, got length {length:g}")
+
+    @property
+    def end_s(self) -> float:
+        """When it is over."""
+        return self.start_s + self.duration_s
+
+    @property
+    def amount(self) -> float:
+        """`size`, or what stands in for it."""
+        return SIZES.get(self.kind, 1.0) if self.size is None else self.size
+
+    def covers(self, t_s: float) -> bool:
+        """Whether a time lies in it."""
+        return self.start_s <= t_s < self.end_s
+
+
+@dataclass(frozen=True)
+class FaultDraw:
+    """Faults drawn by the flight's seed (`[fault_draw]`).
+
+    Attributes:
+        kinds: among which is drawn; empty: nothing fails.
+        every_kind: drawn among all there are.
+        count: faults a flight.
+        earliest_s, latest_s: between which each begins.
+        shortest_s, longest_s: between which each lasts.
+        size: of each; None: a half to one and a half of its usual size.
+        direction_in_level: of each that has one, as in `Fault`.
+    """
+
+    kinds: tuple[FaultKind, ...]
+    every_kind: bool
+    count: int
+    earliest_s: float
+    latest_s: float
+    shortest_s: float
+    longest_s: float
+    size: float | None = None
+    direction_in_level: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        require(self.count >= 1, f"count must be 1 or more, got {self.count}")
+        require(0.0 <= self.earliest_s <= self.latest_s, "0 <= earliest_s <= latest_s must hold")
+        require(0.0 < self.shortest_s <= self.longest_s, "0 < shortest_s <= longest_s must hold")
+
+    def draw(self, rng: np.random.Generator) -> tuple[Fault, ...]:
+        """Faults in order of time."""
+        kinds = tuple(FaultKind) if self.every_kind else self.kinds
+        if not kinds:
+            return ()
+        drawn = []
+        for _ in range(self.count):
+            kind = kinds[int(rng.integers(len(kinds)))]
+            start_s = float(rng.uniform(self.earliest_s, self.latest_s))
+            duration_s = float(rng.uniform(self.shortest_s, self.longest_s))
+            size = SIZES.get(kind, 1.0) * float(rng.uniform(0.5, 1.5))
+            size = size if self.size is None else self.size
+            direction = self.direction_in_level if kind is FaultKind.FLOW_BIAS else None
+            drawn.append(Fault(kind, start_s, duration_s, min(size, 1.0) if kind in _SHARES else size, direction))
+        return tuple(sorted(drawn, key=lambda fault: fault.start_s))
 
 
 def faults_of(scenario: Scenario, seed: int) -> tuple[Fault, ...]:
@@ -53,288 +207,9 @@ def with_faults(
     faults = faults_of(scenario, seed)
     if not faults:
         return vehicle, autonomy
+    from shipland.scenario.faulty import FaultyPilot, FaultyVehicle, FaultyVision  # a sound flight does without
+
     faulty = FaultyVehicle(vehicle, faults, generators_of(seed).faults.spawn(2)[1])
     return faulty, replace(
-        autonomy, vision=_FaultyVision(autonomy.vision, faulty), pilot=_FaultyPilot(autonomy.pilot, faulty)
+        autonomy, vision=FaultyVision(autonomy.vision, faulty), pilot=FaultyPilot(autonomy.pilot, faulty)
     )
-
-
-class FaultyVehicle:
-    """A `Vehicle` and `GroundTruthSource` over a simulated one whose frames, telemetry, link and motors fail.
-
-    Args:
-        vehicle: truthful.
-        faults: what fails, and when by its clock.
-        rng: what is left to chance.
-    """
-
-    def __init__(self, vehicle: SimulatedVehicle, faults: tuple[Fault, ...], rng: np.random.Generator) -> None:
-        self._vehicle, self._faults, self.rng = vehicle, faults, rng
-        self.now_s = self._told_s = 0.0
-        """The vehicle's time, not spoiled [s]."""
-        self.spoiler = FaultInjector(rng)
-        self._held: deque[Frame] = deque(maxlen=_HELD)
-        self._given_s = -math.inf
-        self._last_image: npt.NDArray[np.uint8] | None = None
-        self._last: Telemetry | None = None
-        self._last_gimbal: tuple[float, GimbalAttitude] | None = None
-        self._last_height: tuple[float | None, float] | None = None
-        self._served: set[int] = set()
-        self._rotor = int(rng.integers(4))
-        self._weak: Fault | None = None
-        bearing_rad = float(rng.uniform(-math.pi, math.pi))
-        self._direction = np.array([math.cos(bearing_rad), math.sin(bearing_rad), 0.0])
-
-    def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever the simulated vehicle has
-        return getattr(self._vehicle, name)
-
-    @property
-    def camera(self) -> Camera:
-        """See `Vehicle`."""
-        return self._vehicle.camera
-
-    def open(self) -> None:
-        """See `Vehicle`."""
-        self._vehicle.open()
-
-    def close(self) -> None:
-        """See `Vehicle`."""
-        self._vehicle.close()
-
-    def truth_at(self, t_s: float) -> GroundTruth | None:
-        """See `GroundTruthSource`."""
-        return self._vehicle.truth_at(t_s)
-
-    def verdict(self) -> TouchdownVerdict | None:
-        """See `GroundTruthSource`."""
-        return self._vehicle.verdict()
-
-    def now(self, kind: FaultKind) -> Fault | None:
-        """The fault of this kind that is on."""
-        return next((fault for fault in self._faults if fault.kind is kind and fault.covers(self.now_s)), None)
-
-    def read(self) -> tuple[Frame | None, Telemetry] | None:
-        """See `Vehicle`; pictures that are lost on the way are waited for as on a link."""
-        begun_s = self.now_s
-        while (pair := self._vehicle.read()) is not None:
-            self.now_s = pair[1].t_s
-            self._weaken()
-            frame = self._delivered(pair[0])
-            if frame is not None:
-                return self.spoiled(self._with_gimbal(self._spoiled_image(frame))), self._telemetry(pair[1])
-            if self.now_s - begun_s >= LONGEST_WAIT_S:
-                return None, self._telemetry(pair[1])
-        return None
-
-    def telemetry_at(self, t_s: float) -> Telemetry:
-        """See `Vehicle`; a process that stands still asks later."""
-        telemetry = self._vehicle.telemetry_at(self._own_time(t_s) + self._stall_s(FaultKind.PROCESS_STALL))
-        self.now_s = telemetry.t_s
-        self._weaken()
-        return self._telemetry(telemetry)
-
-    def send(self, command: PilotCommand) -> None:
-        """See `Vehicle`."""
-        stall_s, decided_s = self._stall_s(FaultKind.PILOT_STALLS), self._own_time(command.t_s)
-        if stall_s > 0.0:
-            self.now_s = self._vehicle.telemetry_at(self.now_s + stall_s).t_s
-        if self.now(FaultKind.LINK_LOSS) is None:
-            self._vehicle.send(replace(command, t_s=decided_s))
-
-    def _own_time(self, t_s: float) -> float:
-        """A time of the loop, which knows the vehicle's clock from spoiled telemetry, by that clock as it is."""
-        passed_s = t_s - self._told_s
-        if passed_s <= _LONGEST_ASKED_S and self._told_s == self.now_s:
-            return t_s
-        return self.now_s + passed_s if 0.0 <= passed_s <= _LONGEST_ASKED_S else self.now_s
-
-    def spoiled(self, value: Any) -> Any:  # noqa: ANN401 - a message of any type
-        """A message as it is, or with spoiled values."""
-        fault = self.now(FaultKind.SPOILED_VALUES)
-        return self.spoiler.spoiled(value, 0.0 if fault is None else fault.amount)
-
-    def _stall_s(self, kind: FaultKind) -> float:
-        fault = self.now(kind)
-        if fault is None or id(fault) in self._served:
-            return 0.0
-        self._served.add(id(fault))
-        return fault.duration_s
-
-    def _delivered(self, frame: Frame) -> Frame | None:
-        """The frame that comes through now, or None."""
-        self._held.append(frame)
-        dropped = self.now(FaultKind.DROPPED_FRAMES)
-        if self.now(FaultKind.LINK_LOSS) is not None or (dropped and self.rng.random() < dropped.amount):
-            return None
-        late = self.now(FaultKind.LATENCY_JUMP)
-        if late is not None:
-            old = [held for held in self._held if self._given_s < held.t_s <= frame.t_s - late.amount]
-            if not old:
-                return None
-            frame = old[-1]
-        self._given_s = frame.t_s
-        aged = self.now(FaultKind.OLD_PICTURES)
-        if aged is not None:
-            shown_s = frame.t_s - aged.amount
-            shown = next((held for held in reversed(self._held) if held.t_s <= shown_s), self._held[0])
-            # Whoever looks up what the picture shows finds it by `stamp_s`.
-            frame = replace(frame, image=shown.image, stamp_s=shown.t_s)
-        return frame
-
-    def _with_gimbal(self, frame: Frame) -> Frame:
-        """The frame with the camera's attitude as it is read."""
-        stale = self.now(FaultKind.STALE_GIMBAL) is not None
-        if self._last_gimbal is not None and (stale or self.now(FaultKind.FROZEN_GIMBAL) is not None):
-            read_s, gimbal = self._last_gimbal
-            return replace(frame, gimbal=gimbal, gimbal_age_s=frame.t_s - read_s if stale else frame.gimbal_age_s)
-        self._last_gimbal = frame.t_s, frame.gimbal
-        return frame
-
-    def _spoiled_image(self, frame: Frame) -> Frame:
-        image = frame.image
-        if image is None:
-            return frame
-        if self.now(FaultKind.FROZEN_FRAMES) is not None and self._last_image is not None:
-            return replace(frame, image=self._last_image)
-        self._last_image = image
-        if self.now(FaultKind.WRONG_SIZE_FRAMES) is not None:
-            return replace(frame, image=np.ascontiguousarray(image[::2, ::2]))
-        height_px, width_px = image.shape[:2]
-        corrupt, glare = self.now(FaultKind.CORRUPT_FRAMES), self.now(FaultKind.GLARE)
-        if corrupt is not None:
-            image = image.copy()
-            for top in range(0, height_px, _BLOCK_PX):
-                for left in range(0, width_px, _BLOCK_PX):
-                    if self.rng.random() < corrupt.amount:
-                        block = image[top : top + _BLOCK_PX, left : left + _BLOCK_PX]
-                        block[:] = self.rng.integers(0, 256, block.shape, dtype=np.uint8)
-        if glare is not None and self.rng.random() < glare.amount:
-            image = np.maximum(image, np.uint8(235))
-        if self.now(FaultKind.OCCLUSION) is not None:
-            image = image.copy()
-            image[height_px // 5 : 4 * height_px // 5, width_px // 5 : 4 * width_px // 5] = 90
-        return replace(frame, image=image)
-
-    def _telemetry(self, telemetry: Telemetry) -> Telemetry:
-        given = self._altered(telemetry)
-        self._told_s = given.t_s
-        return given
-
-    def _altered(self, telemetry: Telemetry) -> Telemetry:
-        last = self._last
-        if last is not None and (self.now(FaultKind.STALE_TELEMETRY) or self.now(FaultKind.LINK_LOSS)):
-            return replace(last, t_s=telemetry.t_s)
-        self._last = replace(
-            telemetry,
-            attitude_t_s=_time(telemetry.attitude_t_s, telemetry),
-            heading_t_s=_time(telemetry.heading_t_s, telemetry),
-            height_t_s=_time(telemetry.height_t_s, telemetry),
-            velocity_t_s=_time(telemetry.velocity_t_s, telemetry),
-        )
-        battery, compass = self.now(FaultKind.LOW_BATTERY), self.now(FaultKind.COMPASS_BIAS)
-        flow, velocity_mps = self.now(FaultKind.FLOW_BIAS), telemetry.velocity_in_level_mps
-        if battery is not None:
-            telemetry = replace(telemetry, battery_percent=battery.amount)
-        if compass is not None and telemetry.heading_rad is not None:
-            telemetry = replace(telemetry, heading_rad=telemetry.heading_rad + math.radians(compass.amount))
-        if flow is not None and velocity_mps is not None:
-            direction = self._direction if flow.direction_in_level is None else np.array(flow.direction_in_level)
-            telemetry = replace(telemetry, velocity_in_level_mps=velocity_mps + flow.amount * direction)
-        telemetry = self._with_height(telemetry)
-        if self.now(FaultKind.NAN_TELEMETRY) is not None:
-            nan = math.nan
-            telemetry = Telemetry(telemetry.t_s, nan, nan, nan, nan, np.full(3, nan), nan, nan, telemetry.flying)
-        spoiled: Telemetry = self.spoiled(telemetry)
-        return spoiled
-
-    def _with_height(self, telemetry: Telemetry) -> Telemetry:
-        """The telemetry with the height as the barometer says it."""
-        stale = self.now(FaultKind.STALE_BAROMETER) is not None
-        if self._last_height is not None and (stale or self.now(FaultKind.FROZEN_BAROMETER) is not None):
-            height_m, read_s = self._last_height
-            return replace(telemetry, height_m=height_m, height_t_s=read_s if stale else telemetry.height_t_s)
-        self._last_height = telemetry.height_m, _time(telemetry.height_t_s, telemetry)
-        return telemetry
-
-    def _weaken(self) -> None:
-        weak = self.now(FaultKind.WEAK_MOTOR)
-        if weak is not self._weak:
-            self._weak = weak
-            self._vehicle.world.weaken_rotor(self._rotor, 0.0 if weak is None else weak.amount)
-
-
-def _time(t_s: float | None, telemetry: Telemetry) -> float:
-    return telemetry.t_s if t_s is None else t_s
-
-
-class _FaultyVision:
-    """Over any vision; what a picture would suffer, one that looks at no picture suffers here."""
-
-    def __init__(self, vision: Vision, vehicle: FaultyVehicle) -> None:
-        self._vision, self._vehicle = vision, vehicle
-        self._before: Observation | None = None
-
-    def see(self, frame: Frame) -> Observation:
-        """See `Vision`."""
-        now, rng = self._vehicle.now, self._vehicle.rng
-        if now(FaultKind.VISION_RAISES) is not None:
-            raise RuntimeError("made to fail")
-        seen = self._vision.see(frame)
-        if frame.image is None:
-            seen = self._without_picture(frame, seen)
-        misstated = now(FaultKind.MISSTATED_CUE)
-        if seen.bar_pose is not None and misstated is not None:
-            seen = replace(seen, bar_pose=_scaled(seen.bar_pose, 1.0 + misstated.amount))
-        pose, decoy, mirror = seen.bar_pose, now(FaultKind.FALSE_POSE), now(FaultKind.REFLECTION)
-        if pose is not None and decoy is not None:
-            offset_m = np.array([0.0, decoy.amount, 0.0])
-            seen = replace(seen, bar_pose=replace(pose, position_in_bar_m=pose.position_in_bar_m + offset_m))
-        elif pose is not None and mirror is not None:
-            # The mirror image hangs twice that height below the bar, upside down, which a bar alike both ways hides.
-            over_image_m = pose.position_in_bar_m - np.array([0.0, 0.0, 2.0 * mirror.amount])
-            seen = replace(seen, bar_pose=replace(pose, position_in_bar_m=over_image_m))
-        if now(FaultKind.FALSE_BOX) is not None:
-            camera = self._vehicle.camera
-            centre = rng.uniform(0.1, 0.9, 2) * [camera.width_px, camera.height_px]
-            box = Box((float(centre[0]), float(centre[1])), (60.0, 30.0), 0.95)
-            seen = replace(seen, bar_pose=None, bar_box=box, ship_box=box, reason="decoy")
-        spoiled: Observation = self._vehicle.spoiled(seen)
-        return spoiled
-
-    def _without_picture(self, frame: Frame, seen: Observation) -> Observation:
-        now, rng = self._vehicle.now, self._vehicle.rng
-        if now(FaultKind.FROZEN_FRAMES) is not None and self._before is not None:
-            return replace(self._before, t_s=frame.t_s, gimbal=frame.gimbal)
-        self._before = seen
-        corrupt, glare = now(FaultKind.CORRUPT_FRAMES), now(FaultKind.GLARE)
-        if now(FaultKind.WRONG_SIZE_FRAMES) is not None:
-            reason = "picture of another size"
-        elif now(FaultKind.OCCLUSION) is not None:
-            reason = "occluded"
-        elif corrupt is not None and rng.random() < corrupt.amount:
-            reason = "picture corrupt"
-        elif glare is not None and rng.random() < glare.amount:
-            reason = "glare"
-        else:
-            return seen
-        return Observation(frame.t_s, frame.gimbal, reason=reason, learned=seen.learned)
-
-
-def _scaled(pose: BarPose, scale: float) -> BarPose:
-    """The pose that the same corners give of a cue so many times as large: as far away in cue's sizes, turned alike."""
-    stretch = np.array([scale, scale, scale, 1.0])
-    covariance = pose.covariance * np.outer(stretch, stretch)
-    return replace(pose, position_in_bar_m=scale * pose.position_in_bar_m, covariance=covariance)
-
-
-class _FaultyPilot:
-    """Over any pilot."""
-
-    def __init__(self, pilot: Pilot, vehicle: FaultyVehicle) -> None:
-        self._pilot, self._vehicle = pilot, vehicle
-
-    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
-        """See `Pilot`."""
-        if self._vehicle.now(FaultKind.PILOT_RAISES) is not None:
-            raise RuntimeError("made to fail")
-        return self._pilot.decide(observation, telemetry, sent)

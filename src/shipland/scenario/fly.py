@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,14 +18,14 @@ from shipland.config import build, packaged_toml
 from shipland.factories import Factory
 from shipland.flight import FlightResult, fly
 from shipland.messages import FlightRecord, TouchdownVerdict
-from shipland.record.info import FlightInfo, config_digest, file_digest
-from shipland.record.writer import LogParameters, LogWriter
 from shipland.scenario.autonomy import build_autonomy, build_scene, build_vehicle
 from shipland.scenario.faults import with_faults
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.visions import needs_pictures
-from shipland.version import code_version
-from shipland.vision.far.detector import weights_path
+
+if TYPE_CHECKING:
+    from shipland.record.info import FlightInfo
+    from shipland.record.writer import LogWriter
 
 
 @dataclass(frozen=True)
@@ -69,9 +70,14 @@ def flight_info(
     scenario: Scenario, pilot: str | Factory, vision: str | Factory, seed: int, command: str = ""
 ) -> FlightInfo:
     """The log's header: everything that is needed to fly the flight again."""
+    from shipland.record.info import FlightInfo, config_digest, file_digest  # a flight without a log writes nothing
+    from shipland.version import code_version
+
     airframe, detector, table = scenario.aircraft.airframe, scenario.detector, scenario.table()
     weights = ""
     if needs_pictures(factories.resolve("visions", vision)):
+        from shipland.vision.far.detector import weights_path
+
         weights = file_digest(
             weights_path(detector.ship_weights, detector.precision),
             weights_path(detector.bar_weights, detector.precision),
@@ -95,6 +101,8 @@ def flight_log(
     path: Path, scenario: Scenario, pilot: str | Factory, vision: str | Factory, seed: int, command: str = ""
 ) -> LogWriter:
     """A log of one flight without pictures."""
+    from shipland.record.writer import LogParameters, LogWriter
+
     parameters = build(LogParameters, packaged_toml("outputs")["log"], "outputs.log")
     return LogWriter(
         path,

@@ -24,12 +24,11 @@ from shipland.guidance.response import Response
 from shipland.messages import Override
 from shipland.record.reader import read_log
 from shipland.scenario.scenario import Scenario
-from shipland.sim.state import SceneState
 from shipland.stopping import ignored
 from shipland.vehicles.address import Address, VehicleSetup
-from shipland.vehicles.checks import Check, PreflightParameters, Real
+from shipland.vehicles.checks import Check, PreflightParameters
 from shipland.vehicles.replay import Recorded, ReplayVehicle, recorded_video
-from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
+from shipland.vehicles.vehicle import Real, Vehicle
 from shipland.vision.log_pictures import read_pictures
 from shipland.vision.pictures import is_video
 
@@ -108,24 +107,6 @@ def identified(path: Path, assumed: Response) -> Response:
     return build(Response, {**vars(assumed), **tables[assumed.kind]}, f"response.{assumed.kind}")
 
 
-class SceneFromTruth:
-    """Scenes of a ground truth source that is no simulator of ours: the hull is taken for level."""
-
-    def __init__(self, truth_source: GroundTruthSource) -> None:
-        self._truth_source = truth_source
-
-    def scene_at(self, t_s: float) -> SceneState | None:
-        """See `SimulatedVehicle.scene_at`."""
-        truth = self._truth_source.truth_at(t_s)
-        if truth is None:
-            return None
-        still = np.zeros(3)
-        return SceneState(
-            t_s, truth.ned_from_camera, truth.ned_from_ship, truth.ned_from_deck, truth.ned_from_bar,
-            truth.ned_from_body, still, still,
-        )  # fmt: skip
-
-
 def checklist(
     vehicle: Vehicle, scenario: Scenario, calibration: Path | None, wind_mps: float, table: dict[str, Any]
 ) -> list[Check]:
@@ -174,11 +155,11 @@ def wind_check(wind_mps: float, response: Response, share: float) -> Check:
     return Check("wind", wind_mps <= most_mps, words)
 
 
-def refuse_unfit(checks: list[Check]) -> None:
+def require_passed(checks: list[Check]) -> None:
     """VehicleError naming every line that is not in order."""
-    unfit = [f"{check.name}: {check.words}" for check in checks if not check.ok]
-    if unfit:
-        raise VehicleError(f"not fit to fly: {'; '.join(unfit)}")
+    failed = [f"{check.name}: {check.words}" for check in checks if not check.ok]
+    if failed:
+        raise VehicleError(f"not fit to fly: {'; '.join(failed)}")
 
 
 _OVERRIDES = {"h": Override.HOLD, "c": Override.CLIMB, "r": None}

@@ -6,28 +6,40 @@ import dataclasses
 import enum
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
 from shipland.camera import CameraParameters
-from shipland.config import Table, build, merge, nested, packaged_names, packaged_toml, read_toml, require, settings
+from shipland.config import (
+    Table,
+    build,
+    merge,
+    nested,
+    packaged_names,
+    packaged_text,
+    packaged_toml,
+    read_toml,
+    require,
+    settings,
+)
 from shipland.errors import ConfigError
 from shipland.geometric.near import GeometricParameters
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.rig import Rig
 from shipland.safety.assurance import SafetyParameters
 from shipland.scenario.contradictions import contradictions
-from shipland.scenario.fault_kinds import Fault, FaultDraw
+from shipland.scenario.faults import Fault, FaultDraw
 from shipland.scenario.follower import FollowParameters
 from shipland.sim.air.wind import WindParameters
 from shipland.sim.aircraft.parameters import AircraftParameters
 from shipland.sim.contact.touchdown import VerdictParameters
-from shipland.sim.scene.scene import SceneParameters
+from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.ship.ship import ShipParameters
 from shipland.sim.world import StartParameters
 from shipland.vehicles.delays import DelayParameters
 from shipland.vision.far.detector import DetectorParameters
-from shipland.vision.near.pipeline import VisionParameters
+from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.selector import VisionSelectorParameters
 
 
@@ -74,6 +86,48 @@ class Scenario:
         return {name: _plain(value) for name, value in dataclasses.asdict(self).items()}
 
 
+@dataclass(frozen=True)
+class ConfigLayer:
+    """One source of a configuration.
+
+    Attributes:
+        name: of the file, or `--set`.
+        table: the keys that it gives.
+        text: the TOML text that they come from, with its comments; empty for `--set`.
+    """
+
+    name: str
+    table: Table
+    text: str
+
+
+def default_layers() -> list[ConfigLayer]:
+    """What every scenario is laid over: the defaults, and how the far detectors run."""
+    # One thread: a flight is repeated bit by bit, and campaigns fly one flight a core.
+    detector = packaged_toml("learning")["detector"] | {"threads": 1}
+    return [_packaged("default"), ConfigLayer("learning.toml", {"detector": detector}, packaged_text("learning"))]
+
+
+def scenario_layers(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> list[ConfigLayer]:
+    """Where the values of a scenario come from, each laid over those before it; arguments as in `scenario_table`.
+
+    Raises:
+        ConfigError: no such scenario, or a file or a text is missing or broken.
+    """
+    if str(source).endswith(".toml"):
+        scenario = _file(Path(source))
+    elif str(source) in packaged_names("scenarios"):
+        scenario = _packaged(f"scenarios/{source}")
+    else:
+        known = ", ".join(packaged_names("scenarios"))
+        raise ConfigError(f"no scenario {str(source)!r}; there are: {known}, or give a path that ends in .toml")
+    named = ConfigLayer("the name given", {"name": Path(source).stem}, "")
+    layers = [*default_layers(), named, *_with_parts(scenario)]
+    if config is not None:
+        layers += _with_parts(_file(config))
+    return [*layers, ConfigLayer("--set", settings(changes), "")]
+
+
 def scenario_table(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> Table:
     """The merged table of a packaged scenario's name, or of a TOML file laid over the defaults.
 
@@ -85,31 +139,24 @@ def scenario_table(source: str | Path, config: Path | None = None, changes: Iter
     Raises:
         ConfigError: no such scenario, or a file or a text is missing or broken.
     """
-    if str(source).endswith(".toml"):
-        overlay = _with_parts(read_toml(Path(source)))
-    elif str(source) in packaged_names("scenarios"):
-        overlay = _with_parts(packaged_toml(f"scenarios/{source}"))
-    else:
-        known = ", ".join(packaged_names("scenarios"))
-        raise ConfigError(f"no scenario {str(source)!r}; there are: {known}, or give a path that ends in .toml")
-    # One thread: a flight is repeated bit by bit, and campaigns fly one flight a core.
-    detector = packaged_toml("learning")["detector"] | {"threads": 1}
-    table = merge(merge(packaged_toml("default"), {"name": Path(source).stem, "detector": detector}), overlay)
-    if config is not None:
-        table = merge(table, _with_parts(read_toml(config)))
-    return merge(table, settings(changes))
+    return reduce(merge, (layer.table for layer in scenario_layers(source, config, changes)), {})
 
 
-def _with_parts(overlay: Table) -> Table:
-    """A file's table laid over the packaged parts (ships, aircraft) that its key `parts` names, in their order."""
-    rest = {key: value for key, value in overlay.items() if key != "parts"}
-    parts = overlay.get("parts", [])
+def _packaged(name: str) -> ConfigLayer:
+    return ConfigLayer(f"{name}.toml", packaged_toml(name), packaged_text(name))
+
+
+def _file(path: Path) -> ConfigLayer:
+    return ConfigLayer(str(path), read_toml(path), path.read_text(encoding="utf-8-sig"))
+
+
+def _with_parts(layer: ConfigLayer) -> list[ConfigLayer]:
+    """A file over the packaged parts (ships, aircraft) that its key `parts` names, in their order."""
+    parts = layer.table.get("parts", [])
     if not isinstance(parts, list):
         raise ConfigError(f"parts must be a list of names, got {parts!r}")
-    table: Table = {}
-    for part in parts:
-        table = merge(table, packaged_toml(f"parts/{part}"))
-    return merge(table, rest)
+    rest = {key: value for key, value in layer.table.items() if key != "parts"}
+    return [*(_packaged(f"parts/{part}") for part in parts), ConfigLayer(layer.name, rest, layer.text)]
 
 
 def load_scenario(source: str | Path | Mapping[str, Any], /, **overrides: Any) -> Scenario:  # noqa: ANN401

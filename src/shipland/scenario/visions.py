@@ -13,13 +13,10 @@ from shipland.errors import ConfigError
 from shipland.geometric.deck import GeometricDeck
 from shipland.geometric.far import GeometricFar
 from shipland.geometric.near import GeometricVision
-from shipland.scenario.real_vehicle import SceneFromTruth
 from shipland.scenario.scenario import Scenario
+from shipland.sim.state import SceneState
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
-from shipland.vision.far.far import FarVision
-from shipland.vision.near.deck import DeckVision
-from shipland.vision.near.pipeline import NearVision
 from shipland.vision.selector import VisionSelector
 from shipland.vision.vision import Vision
 
@@ -64,6 +61,10 @@ def needs_pictures(factory: Callable[..., object]) -> bool:
 
 def rendered(setup: VisionSetup) -> Vision:
     """Near and far vision on drawn pictures."""
+    from shipland.vision.far.far import FarVision  # `geometric` imports neither detectors nor image processing
+    from shipland.vision.near.deck import DeckVision
+    from shipland.vision.near.pipeline import NearVision
+
     scenario = setup.scenario
     near = NearVision(scenario.rig.target, setup.camera, scenario.vision)
     below = DeckVision(scenario.rig, setup.camera, scenario.vision.deck)
@@ -76,8 +77,26 @@ def geometric(setup: VisionSetup) -> Vision:
     scenario, vehicle, camera, model = setup.scenario, setup.vehicle, setup.camera, setup.scenario.geometric
     if not isinstance(vehicle, GroundTruthSource):
         raise ConfigError("--vision geometric needs the truth, which only a simulated world knows")
-    scenes = vehicle if isinstance(vehicle, SimulatedVehicle) else SceneFromTruth(vehicle)
+    scenes = vehicle if isinstance(vehicle, SimulatedVehicle) else _SceneFromTruth(vehicle)
     near = GeometricVision(vehicle, scenario.rig.target, camera, model, scenario.vision, setup.near_rng)
     far = GeometricFar(scenes, camera, scenario.rig, model.ship, model.bar, model.boxes, setup.far_rng)
     below = GeometricDeck(vehicle, camera, model.deck, setup.near_rng.spawn(1)[0])
     return VisionSelector(near, far, scenario.selector, below)
+
+
+class _SceneFromTruth:
+    """The scene of a ground truth source that is not our simulator: the hull counts as level."""
+
+    def __init__(self, truth_source: GroundTruthSource) -> None:
+        self._truth_source = truth_source
+
+    def scene_at(self, t_s: float) -> SceneState | None:
+        """See `SimulatedVehicle.scene_at`."""
+        truth = self._truth_source.truth_at(t_s)
+        if truth is None:
+            return None
+        still = np.zeros(3)
+        return SceneState(
+            t_s, truth.ned_from_camera, truth.ned_from_ship, truth.ned_from_deck, truth.ned_from_bar,
+            truth.ned_from_body, still, still,
+        )  # fmt: skip

@@ -46,7 +46,7 @@ _PILOTED, _MET, _DECK_AGE = (
 )
 
 LOW_M = 0.3
-"""Feet over the sea below which the readable world takes over."""
+"""Height of the feet over the sea below which `World` steps in Python instead of compiled code."""
 
 
 class FreeFlight:
@@ -200,7 +200,7 @@ class FreeFlight:
 
         Args:
             sticks: piloted.
-            gimbal_wanted_rad: pitch asked for.
+            gimbal_wanted_rad: commanded pitch.
             deck_age_s: since `meet`; the deck moves on by its velocity and acceleration.
             phase: physics steps since the last control tick.
             count: physics steps.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from shipland.rig import Rig
+from shipland.rig import Rig, view_share
 from shipland.sim.aircraft.parameters import SensorParameters, Vector
 from shipland.sim.aircraft.sensors import Surface
 from shipland.sim.contact.deck_drive import DeckState
@@ -42,8 +42,8 @@ class Ground:
         m = deck.ned_from_deck
         ahead, right = m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z
         half_m = max(-z * self._slope, 0.02)
-        deck_share = _share(ahead, right, half_m, self._deck)
-        hull_share = max(_share(ahead, right, half_m, self._platform) - deck_share, 0.0)
+        deck_share = view_share(ahead, right, half_m, self._deck)
+        hull_share = max(view_share(ahead, right, half_m, self._platform) - deck_share, 0.0)
         rest = 1.0 - deck_share - hull_share
         north, east = rest * north, rest * east
         r = deck.turn_rad_s[2]
@@ -52,17 +52,10 @@ class Ground:
             hull_n, hull_e = deck_n, deck_e
         else:
             w = ship.course.course_rate_rad_s
-            way_n, way_e = ship.course.velocity_in_ned_mps.tolist()
-            hull_n, hull_e = way_n - w * y, way_e + w * x
+            ship_n, ship_e = ship.course.velocity_in_ned_mps.tolist()
+            hull_n, hull_e = ship_n - w * y, ship_e + w * x
         return Surface(
             north + deck_share * deck_n + hull_share * hull_n,
             east + deck_share * deck_e + hull_share * hull_e,
             rest if self._water else 0.0,
         )
-
-
-def _share(x: float, y: float, half: float, box: tuple[float, float, float, float]) -> float:
-    """Part of a square of half side `half` about (x, y) that a box (low x, high x, low y, high y) covers."""
-    wide = min(x + half, box[1]) - max(x - half, box[0])
-    high = min(y + half, box[3]) - max(y - half, box[2])
-    return wide * high / (4.0 * half * half) if wide > 0.0 and high > 0.0 else 0.0

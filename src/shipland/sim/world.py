@@ -14,14 +14,12 @@ from shipland.frames import GRAVITY_MPS2, rows_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
-from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState
+from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState, WeakRotor, build_aircraft
 from shipland.sim.aircraft.autopilot import CENTRED, Sticks
-from shipland.sim.aircraft.kinds import build_aircraft
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
-from shipland.sim.aircraft.sensors import Gimbal, Normals, Readings, Senses, Touchdown, read_instruments
-from shipland.sim.aircraft.weak_rotor import WeakRotor
+from shipland.sim.aircraft.sensors import Gimbal, LandingDetector, Normals, Readings, Senses, read_instruments
 from shipland.sim.contact.body import Body
-from shipland.sim.contact.deck_drive import DeckState, Stage, against_deck, deck_state
+from shipland.sim.contact.deck_drive import DeckDriver, DeckState, against_deck, deck_state
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
 from shipland.sim.free import free_flight
@@ -54,13 +52,13 @@ class Grid:
 
 
 GRID = Grid()
-"""What simulated flights run on."""
+"""The time grid of simulated flights."""
 NEAR_DECK_M = 2.0
-"""From the deck's centre, at least: nearer, the deck is set every physics step and contacts are judged."""
+"""Least distance from the deck's centre within which the deck is set, and contacts judged, every physics step."""
 SHIP_MARGIN_M = 0.5
-"""Nearer than this to where the ship ends, it is set every control step."""
+"""Distance from the ship's bounds within which the ship is set every control step."""
 CLEAR_M = 0.1
-"""Farther than this and the way of a look around from anything, nothing can touch the aircraft before the next one."""
+"""Free distance, beyond that flown between two checks, at which no contact is possible."""
 CUT_OFF_RAD = math.radians(75.0)
 """Tilt at which the motors stop, as a crash detector does."""
 IMPACT_MPS2 = 0.3 * GRAVITY_MPS2
@@ -69,39 +67,38 @@ IMPACT_MPS2 = 0.3 * GRAVITY_MPS2
 
 @dataclass(frozen=True)
 class StartParameters:
-    """Where a flight begins, against the ship at t = 0 (`[start]`); each value plus a uniform spread either side.
+    """Where a flight begins, against the ship at t = 0 (`[start]`); uniform within a half-range of each value.
 
     Attributes:
-        distance_m, distance_spread_m: over ground from the deck's centre.
-        bearing_deg, bearing_spread_deg: off the axis straight astern, positive to starboard.
-        height_m, height_spread_m: above the neutral deck.
-        heading_error_deg, heading_error_spread_deg: of the nose, off the deck's centre, clockwise positive.
+        distance_m, distance_half_range_m: over ground from the deck's centre.
+        bearing_deg, bearing_half_range_deg: off the axis straight astern, positive to starboard.
+        height_m, height_half_range_m: above the neutral deck.
+        heading_error_deg, heading_error_half_range_deg: of the nose, off the deck's centre, clockwise positive.
     """
 
     distance_m: float
-    distance_spread_m: float
+    distance_half_range_m: float
     bearing_deg: float
-    bearing_spread_deg: float
+    bearing_half_range_deg: float
     height_m: float
-    height_spread_m: float
+    height_half_range_m: float
     heading_error_deg: float
-    heading_error_spread_deg: float
+    heading_error_half_range_deg: float
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            require("spread" not in name or value >= 0.0, f"{name} must not be negative, got {value}")
-        require(self.distance_m >= self.distance_spread_m, "distance_m must not be below distance_spread_m")
-        require(
-            self.height_m > self.height_spread_m, "height_m must be above height_spread_m: flights start above deck"
-        )
+            require("half_range" not in name or value >= 0.0, f"{name} must not be negative, got {value}")
+        require(self.distance_m >= self.distance_half_range_m, "distance_m must not be below distance_half_range_m")
+        above = self.height_m > self.height_half_range_m
+        require(above, "height_m must be above height_half_range_m: flights start above the deck")
 
 
 class World:
     """Steps the physics and says what is true, what is seen and what is measured.
 
-    Time runs on a grid of steps; `advance` goes to the last grid instant not after the time asked for, and every
+    Time runs on a grid of steps; `advance` goes to the last grid instant not after the requested time, and every
     instant of the result belongs to that grid time. The flight does not depend on how `advance` is cut up, nor on
-    how often truth, scene or readings are asked for.
+    how often truth, scene or readings are requested.
 
     Args:
         rig: the ship platform's dimensions.
@@ -139,7 +136,7 @@ class World:
         data = mujoco.MjData(model.mj)
         self._body = Body(rig, shape, model, data)
         self._foot_below_m = shape.foot_below_m
-        self._stage = Stage(model, data)
+        self._stage = DeckDriver(model, data)
         self._unstaged_deck: DeckState | None = None
         self._unstaged_hull: tuple[ShipState, DeckState] | None = None
         self._judge = Judge(verdict, rig.landing_square_m, rig.landing_area)
@@ -168,7 +165,9 @@ class World:
         self._senses = Senses(sensors, over_ground, tick_s, grid.air_every * grid.step_s, sense_rng)
         self._senses.look(self._ground.below(position_m, state, self._deck, self._wind_mps))
         self._gimbal = Gimbal(camera_parameters, sensors, tick_s, Normals(gimbal_rng))
-        self._touchdown = Touchdown(loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng)
+        self._touchdown = LandingDetector(
+            loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng
+        )
         self._sensed, self._sensed_s = self._senses.sense(self._body.motion()), 0.0
         self._flier.begin(self._sensed)
         free = (aircraft, self._flier, self._senses, self._gimbal, camera_parameters)
@@ -247,8 +246,8 @@ class World:
         self._senses.look(self._ground.below(motion.position_m, state, self._deck, self._wind_mps))
         self._looked_s = self.t_s
         free = self._free is not None and self._motors_run and not self._judge.touched and not self._body.in_contact
-        way_m = self._air_every * self._step_s * math.hypot(*motion.velocity_mps)
-        self._clear = free and self._clearance_m(motion, state) > max(CLEAR_M, self._touchdown.listen_m) + way_m
+        flown_m = self._air_every * self._step_s * math.hypot(*motion.velocity_mps)
+        self._clear = free and self._clearance_m(motion, state) > max(CLEAR_M, self._touchdown.listen_m) + flown_m
         if self._free is not None:
             self._free.meet(self._wind_mps, self._deck)
 

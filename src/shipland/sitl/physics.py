@@ -22,13 +22,13 @@ from shipland.sim.world import Grid, World
 from shipland.sitl.frame_server import FrameServer
 
 STEP_S = 0.001
-"""A flight controller's fast loop wants 800 Hz and more."""
+"""Physics step: a flight controller's fast loop runs at 800 Hz and more."""
 _GRID = Grid(STEP_S, 1, 20)
 _STOPPED_US = 1010
 """All motors at or below this for a while after the flight: disarmed."""
 _STOPPED_S = 0.3
 _LINGER_S = 2.0
-"""Served after the verdict."""
+"""Time for which the world is served after the verdict."""
 _HELD_FORCE_MPS2: Vector = (0.0, 0.0, -GRAVITY_MPS2)
 
 
@@ -61,8 +61,8 @@ class LaunchHold:
 
     def __init__(self, scenario: Scenario, seed: int, climb_m: float) -> None:
         start = scenario.start
-        if climb_m < 0.0 or start.height_m - start.height_spread_m - climb_m <= 0.0:
-            low_m = start.height_m - start.height_spread_m
+        if climb_m < 0.0 or start.height_m - start.height_half_range_m - climb_m <= 0.0:
+            low_m = start.height_m - start.height_half_range_m
             raise ConfigError(f"flights start {low_m:g} m over the deck: there is no room to climb {climb_m:g} m")
         servo = replace(scenario.aircraft, kind="servo_quadrotor")
         lower = replace(start, height_m=start.height_m - climb_m)
@@ -143,7 +143,7 @@ class RealTimeFactor:
 
 
 class ServedFlight:
-    """One flight of a held world, its camera, and what people are told; an interface asks it for step after step.
+    """One flight of a held world, its camera and its messages to the terminal, stepped by an interface.
 
     Args:
         held: the world.

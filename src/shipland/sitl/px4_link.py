@@ -21,13 +21,13 @@ from shipland.sitl.simulated_sensors import SimulatedSensors
 from shipland.vehicles.mavlink.dialect import Message, dialect
 
 _STEPS = 4
-"""Of the world for one of the flight controller: 250 Hz, as PX4's own simulators have it."""
+"""Physics steps for each step of the flight controller: 250 Hz, as in PX4's own simulators."""
 _FIX_EVERY = 25
 """Steps of the flight controller between two GPS fixes: 10 Hz."""
 _ANSWER_S, _BOOT_ANSWER_S = 0.5, 0.01
-"""How long an answer is waited for, in flight and before: a flight controller that boots does not answer."""
+"""Timeout of an answer, in flight and while the flight controller boots, when it does not answer."""
 _CATCH_UP_S = 0.1
-"""Behind the clock by more, the world lets it go."""
+"""Largest delay behind the clock that the world catches up with."""
 _GIMBAL_CHANNEL = 8
 """Output 9, from 0; -1 is straight down, 1 straight up."""
 _IDLE_US = 1050.0
@@ -35,7 +35,7 @@ _IDLE_US = 1050.0
 _ALL_SENSORS = 0x1BFF
 """HIL_SENSOR's `fields_updated` without differential pressure: three axes three times, pressure, height, degrees."""
 _ARMED = 128
-"""Of HIL_ACTUATOR_CONTROLS' mode."""
+"""Armed flag of HIL_ACTUATOR_CONTROLS' mode."""
 _TEMPERATURE_C = 15.0
 _FIX_3D, _SATELLITES, _UNKNOWN_COURSE = 3, 12, 65535
 _FIX_LEVEL_CM, _FIX_HEIGHT_CM = 40, 60

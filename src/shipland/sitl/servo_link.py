@@ -27,7 +27,7 @@ class ServoPacket:
 
     Attributes:
         rate_hz: steps a second that it wants.
-        count: of steps; it starts anew when the flight controller does.
+        count: of steps; it begins again when the flight controller does.
         pulses_us: 16 or 32 servo outputs.
     """
 

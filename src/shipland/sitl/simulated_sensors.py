@@ -16,7 +16,7 @@ HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_HEIGHT_M = 60.0, 4.0, 0.0
 _DECLINATION_RAD, _INCLINATION_RAD, _FIELD_GAUSS = math.radians(1.9), math.radians(72.8), 0.513
 """The earth's field there: World Magnetic Model 2025."""
 EARTH_RADIUS_M = 6371000.0
-"""Of the sphere on which PX4 projects."""
+"""Radius of the sphere on which PX4 projects."""
 
 # noise, all chosen: small MEMS sensors, and a GPS with a clear sky
 _ACCELEROMETER_MPS2, _GYROSCOPE_RAD_S, _MAGNETOMETER_GAUSS, _BAROMETER_HPA = 0.05, 0.002, 0.003, 0.02
@@ -82,8 +82,8 @@ class SimulatedSensors:
     def fix(self, t_s: float, motion: RigidBodyState) -> Fix:
         """A fix at `t_s`, later than the last."""
         step_s = t_s - self._fix_t_s if math.isfinite(self._fix_t_s) else 0.0
-        keep, spread = math.exp(-step_s / _GPS_WANDER_S), (_GPS_LEVEL_M, _GPS_LEVEL_M, _GPS_HEIGHT_M)
-        self._wander_m = keep * self._wander_m + math.sqrt(1.0 - keep * keep) * self._rng.normal(0.0, spread)
+        keep, std_m = math.exp(-step_s / _GPS_WANDER_S), (_GPS_LEVEL_M, _GPS_LEVEL_M, _GPS_HEIGHT_M)
+        self._wander_m = keep * self._wander_m + math.sqrt(1.0 - keep * keep) * self._rng.normal(0.0, std_m)
         self._fix_t_s = t_s
         north_m, east_m, down_m = (np.array(motion.position_m) + self._wander_m).tolist()
         return Fix(
@@ -93,8 +93,8 @@ class SimulatedSensors:
             self._noisy(motion.velocity_mps, _GPS_VELOCITY_MPS),
         )
 
-    def _noisy(self, value: Vector | Array, spread: float) -> Vector:
-        first, second, third = (np.asarray(value) + self._rng.normal(0.0, spread, 3)).tolist()
+    def _noisy(self, value: Vector | Array, std: float) -> Vector:
+        first, second, third = (np.asarray(value) + self._rng.normal(0.0, std, 3)).tolist()
         return first, second, third
 
 

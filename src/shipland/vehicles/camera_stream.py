@@ -18,19 +18,19 @@ from shipland.errors import VehicleError
 from shipland.messages import GimbalAttitude, GroundTruth, TouchdownVerdict
 
 _WINDOW_S = 10.0
-"""In which the quickest picture tells the difference of the two clocks."""
+"""Window whose quickest picture gives the difference of the two clocks."""
 _LEAST_KNOWN = 10
-"""Pictures from which their median tells what a plausible stamp is."""
+"""Pictures needed before their median decides which stamps are plausible."""
 _LEAST_GATE_S = 0.1
-"""A stamp ahead of the median by less is jitter, whatever the others' is."""
+"""Least gate: a stamp that is ahead of the median by less counts as jitter."""
 _STEP = 3
-"""Implausible stamps on end that agree with one another: the stream's clock has stepped."""
+"""Consecutive implausible stamps that agree: from this many on, the stream's clock has stepped."""
 _LATEST_S = 1.0
 """A picture that came later than the quickest by more than this is refused: it stood in a queue."""
 _REOPEN_S, _LONGEST_REOPEN_S = 0.5, 2.0
-"""Until a source that has failed is opened again, and that time once it has doubled again and again."""
+"""Time until a failed source is opened again, and its largest value after repeated doubling."""
 _REOPEN_TIMEOUT_S = 3.0
-"""To the first picture of a source that is opened again; the flight waits."""
+"""Timeout of the first picture of a source that is opened again; the flight waits."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class StreamParameters:
 
 
 @dataclass(frozen=True)
-class Shot:
+class StreamedPicture:
     """One picture as it came.
 
     Attributes:
@@ -71,7 +71,7 @@ class Shot:
 class PictureSource(Protocol):
     """Where pictures come from."""
 
-    def pictures(self) -> Iterator[Shot]:
+    def pictures(self) -> Iterator[StreamedPicture]:
         """The pictures, from connecting on, each at its receipt; called again to connect again.
 
         Ends where there will be no more: a recording has been played, a simulated flight is over. Raises VehicleError
@@ -98,7 +98,7 @@ class CameraStream:
     def __init__(self, source: PictureSource) -> None:
         self._source = source
         self._condition = threading.Condition()
-        self._newest: Shot | None = None
+        self._newest: StreamedPicture | None = None
         self._arrivals: deque[tuple[float, float]] = deque(maxlen=300)
         self._problem = ""
         self._ended = False
@@ -128,7 +128,7 @@ class CameraStream:
         """Begin to receive."""
         self._thread.start()
 
-    def newest(self, after_s: float, timeout_s: float) -> Shot | None:
+    def newest(self, after_s: float, timeout_s: float) -> StreamedPicture | None:
         """The newest picture exposed after a time, waiting for one; None when none comes in time.
 
         Args:
@@ -193,7 +193,7 @@ class ExposureClock:
     Without it the jitter of network and decoder would be taken for motion. The offset of the two clocks is receipt
     minus stamp, and no picture is quicker than the quickest: a stamp whose offset lies far below the median's, or that
     goes back, is not used, and its picture is refused. Where such stamps go on and agree with one another the
-    stream's clock has stepped, and its offset is found anew.
+    stream's clock has stepped, and its offset is found again.
 
     Args:
         latency_s: from exposure to receipt, of the quickest picture.
@@ -202,13 +202,13 @@ class ExposureClock:
     def __init__(self, latency_s: float) -> None:
         self._latency_s = latency_s
         self._offsets: deque[tuple[float, float]] = deque()
-        self._doubted: deque[tuple[float, float]] = deque(maxlen=_STEP)
+        self._implausible: deque[tuple[float, float]] = deque(maxlen=_STEP)
         self._stamp_s = self._last_s = -math.inf
 
     def begin(self) -> None:
-        """The stream is opened again: its stamps begin anew."""
+        """The stream is opened again: its stamps begin again."""
         self._offsets.clear()
-        self._doubted.clear()
+        self._implausible.clear()
         self._stamp_s = -math.inf
 
     def exposed_s(self, stamp_s: float | None, arrived_s: float) -> float | None:
@@ -237,14 +237,14 @@ class ExposureClock:
         while self._offsets and arrived_s - self._offsets[0][0] > _WINDOW_S:
             self._offsets.popleft()
         if self._offsets and (stamp_s < self._stamp_s or self._is_ahead(known[1])):
-            self._doubted.append(known)
-            doubted_s = [offset_s for _, offset_s in self._doubted]
-            if len(doubted_s) < _STEP or max(doubted_s) - min(doubted_s) > _LEAST_GATE_S:
+            self._implausible.append(known)
+            implausible_s = [offset_s for _, offset_s in self._implausible]
+            if len(implausible_s) < _STEP or max(implausible_s) - min(implausible_s) > _LEAST_GATE_S:
                 return False
-            self._offsets = deque(self._doubted)
+            self._offsets = deque(self._implausible)
         else:
             self._offsets.append(known)
-        self._doubted.clear()
+        self._implausible.clear()
         self._stamp_s = stamp_s
         return True
 
@@ -275,7 +275,7 @@ class VideoSource:
         self._clock = ExposureClock(latency_s)
         self._closed = False
 
-    def pictures(self) -> Iterator[Shot]:
+    def pictures(self) -> Iterator[StreamedPicture]:
         """See `PictureSource`."""
         self._clock.begin()
         decoded = self._gstreamer() if self._url.startswith("gst:") else self._decoded()
@@ -289,7 +289,7 @@ class VideoSource:
                 )
             exposed_s = self._clock.exposed_s(stamp_s, arrived_s)
             if exposed_s is not None:
-                yield Shot(image, exposed_s, arrived_s)
+                yield StreamedPicture(image, exposed_s, arrived_s)
             if self._closed:
                 return
         if self._live and not self._closed:

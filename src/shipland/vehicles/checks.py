@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 from shipland.config import require_within
-from shipland.guidance.response import Response
 
 
 @dataclass(frozen=True)
@@ -58,35 +55,3 @@ class PreflightParameters:
             battery_percent=(1.0, 100.0),
             wind_share=(0.01, 1.0),
         )
-
-
-@runtime_checkable
-class Real(Protocol):
-    """A vehicle outside: it is connected and checked before it is flown, and says what full sticks mean."""
-
-    def response(self) -> Response:
-        """What full sticks mean; once connected."""
-
-    def connect(self) -> None:
-        """Link and camera, without taking control; VehicleError when something does not answer."""
-
-    def checks(self) -> Sequence[Check]:
-        """What of it is fit to fly; once connected."""
-
-
-@runtime_checkable
-class Ending(Protocol):
-    """A vehicle that says why its flight is over."""
-
-    @property
-    def end_reason(self) -> str:
-        """In words; empty in flight."""
-
-
-@runtime_checkable
-class Commanded(Protocol):
-    """A vehicle that says whose commands it obeys."""
-
-    @property
-    def in_command(self) -> str:
-        """Who flies it now, in words, as soon as that is known; empty before."""

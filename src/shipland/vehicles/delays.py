@@ -1,13 +1,156 @@
-"""Every delay of the loop in one place (`[delays]` in TOML)."""
+"""Every delay of the loop in one place (`[delays]` in TOML): video, processing, uplink, telemetry."""
 
 from __future__ import annotations
 
+import math
+from collections import deque
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from shipland.config import require
-from shipland.messages import Observation
-from shipland.vehicles.telemetry import TelemetryParameters
+from shipland.messages import Observation, Telemetry
+from shipland.sim.aircraft.sensors import Readings
+
+
+@dataclass(frozen=True)
+class PartParameters:
+    """One value's schedule.
+
+    Attributes:
+        rate_hz: readings a second; 0: never given.
+        latency_s: from a reading to its arrival.
+    """
+
+    rate_hz: float
+    latency_s: float
+
+    def __post_init__(self) -> None:
+        require(0.0 <= self.rate_hz <= 250.0, f"rate_hz must be 0…250, got {self.rate_hz}")
+        require(self.latency_s >= 0.0, f"latency_s must not be negative, got {self.latency_s}")
+
+
+@dataclass(frozen=True)
+class ProfileParameters:
+    """What one kind of link gives.
+
+    Attributes:
+        with_frames: everything comes in the pictures' metadata: read at exposure, arriving with the picture. Parts with
+            a rate of 0 are left out; other rates and latencies have no meaning then.
+        attitude, heading, height, velocity: schedules.
+    """
+
+    with_frames: bool
+    attitude: PartParameters
+    heading: PartParameters
+    height: PartParameters
+    velocity: PartParameters
+
+
+@dataclass(frozen=True)
+class TelemetryParameters:
+    """Profiles, and which is flown.
+
+    Attributes:
+        profile: name of one below.
+        anafi: events.
+        anafi_metadata: the video's metadata.
+        mavlink: PX4's or ArduPilot's streams.
+        none: battery, link, whether it flies; nothing else.
+    """
+
+    profile: Literal["anafi", "anafi_metadata", "mavlink", "none"]
+    anafi: ProfileParameters
+    anafi_metadata: ProfileParameters
+    mavlink: ProfileParameters
+    none: ProfileParameters
+
+    @property
+    def chosen(self) -> ProfileParameters:
+        """The profile that is flown."""
+        profile: ProfileParameters = getattr(self, self.profile)
+        return profile
+
+
+_PARTS = ("attitude", "heading", "height", "velocity")
+
+
+class TelemetryFeed:
+    """Readings on their way from the vehicle to the loop.
+
+    Readings are taken on a fixed schedule, whoever asks: a flight and its telemetry do not depend on how often it is
+    asked for.
+
+    Args:
+        parameters: the profile.
+        start_s: time of the first readings [s].
+    """
+
+    def __init__(self, parameters: ProfileParameters, start_s: float) -> None:
+        self._parts: dict[str, PartParameters] = {
+            name: part for name in _PARTS if (part := getattr(parameters, name)).rate_hz > 0.0
+        }
+        self._with_frames = parameters.with_frames
+        self._start_s = start_s
+        self._count = dict.fromkeys(self._parts, 0)
+        self._waiting: dict[str, deque[tuple[float, Readings]]] = {name: deque() for name in self._parts}
+        self._newest: dict[str, Readings] = {}
+        self.next_s = self._next()
+        """When the next reading is due [s]; infinite where readings come with the pictures or not at all."""
+
+    def _next(self) -> float:
+        return math.inf if self._with_frames else min(map(self._due_s, self._parts), default=math.inf)
+
+    def take(self, readings: Readings, now_s: float) -> None:
+        """Send off what is due at `now_s`."""
+        for name, part in self._parts.items():
+            if self._due_s(name) <= now_s + 1e-9:
+                self._count[name] += 1
+                self._waiting[name].append((now_s + part.latency_s, readings))
+        self.next_s = self._next()
+
+    def take_with_frame(self, readings: Readings, arrives_s: float) -> None:
+        """Send off a picture's metadata."""
+        if self._with_frames:
+            for waiting in self._waiting.values():
+                waiting.append((arrives_s, readings))
+
+    def at(
+        self, t_s: float, now_s: float, battery_percent: float | None, link_percent: float | None, flying: bool
+    ) -> Telemetry:
+        """The newest of everything that has arrived.
+
+        Args:
+            t_s: now, on the loop's clock.
+            now_s: now, on the clock of the readings.
+            battery_percent: comes at once.
+            link_percent: likewise.
+            flying: likewise.
+        """
+        for name, waiting in self._waiting.items():
+            while waiting and waiting[0][0] <= now_s + 1e-9:
+                self._newest[name] = waiting.popleft()[1]
+        attitude, heading, height, velocity = (self._newest.get(name) for name in _PARTS)
+        speed = velocity.velocity_in_level_mps if velocity is not None else None
+        return Telemetry(
+            t_s=t_s,
+            roll_rad=attitude.roll_rad if attitude is not None else None,
+            pitch_rad=attitude.pitch_rad if attitude is not None else None,
+            heading_rad=heading.heading_rad if heading is not None else None,
+            height_m=height.height_m if height is not None else None,
+            velocity_in_level_mps=np.array(speed) if speed is not None else None,
+            battery_percent=battery_percent,
+            link_percent=link_percent,
+            flying=flying,
+            attitude_t_s=attitude.t_s if attitude is not None else None,
+            heading_t_s=heading.t_s if heading is not None else None,
+            height_t_s=height.t_s if height is not None else None,
+            velocity_t_s=velocity.t_s if velocity is not None and speed is not None else None,
+        )
+
+    def _due_s(self, name: str) -> float:
+        return self._start_s + self._count[name] / self._parts[name].rate_hz
 
 
 @dataclass(frozen=True)

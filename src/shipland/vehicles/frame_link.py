@@ -20,7 +20,7 @@ from shipland.camera import Camera
 from shipland.errors import ConfigError, VehicleError
 from shipland.frames import Array, Pose
 from shipland.messages import GimbalAttitude, GroundTruth, TouchdownVerdict
-from shipland.vehicles.camera_stream import Shot
+from shipland.vehicles.camera_stream import StreamedPicture
 
 _POSES = ("ned_from_body", "ned_from_ship", "ned_from_deck", "ned_from_bar", "ned_from_camera")
 _VECTORS = ("velocity_in_ned_mps", "wind_in_ned_mps")
@@ -97,7 +97,7 @@ class FrameSource:
             raise ConfigError(f"camera frames:{place}: expected frames:HOST:PORT")
         return FrameSource(host or "127.0.0.1", int(port), camera)
 
-    def pictures(self) -> Iterator[Shot]:
+    def pictures(self) -> Iterator[StreamedPicture]:
         """See `PictureSource`; once the verdict has come there will be no more."""
         words = "the stream has ended"
         try:
@@ -127,12 +127,12 @@ class FrameSource:
         """The touchdown, once the world has sent it."""
         return self._verdict
 
-    def _shot(self, record: Mapping[str, Any], data: bytes) -> Shot:
+    def _shot(self, record: Mapping[str, Any], data: bytes) -> StreamedPicture:
         arrived_s, image = time.monotonic(), None
         if data:
             shape = self._camera.height_px, self._camera.width_px, 3
             image = np.frombuffer(data, np.uint8).reshape(shape)
-        return Shot(
+        return StreamedPicture(
             image=image,
             exposed_s=arrived_s - float(record["age_s"]),
             arrived_s=arrived_s,

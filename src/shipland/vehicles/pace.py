@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 First = Literal["thread", "process"]
-"""What goes before other processes: the thread at the steady rate, or all of its process."""
+"""What has priority over other processes: the thread at the steady rate, or all of its process."""
 
 _KEPT = 100_000
 """Latenesses that are kept: over half an hour at 50 Hz."""
@@ -26,7 +26,7 @@ _SWITCH_S = 0.001
 _OWN_SLICE_S, _OTHER_SLICE_S = 1e-4, 1e-3
 """Time slices of this thread and of the process's others, until `Pace` ends."""
 _NICE = -15
-"""Of every thread of the process where all of it goes first; at −20 whoever carries the link would starve."""
+"""Niceness of every thread of a process with priority; at −20 the process that carries the link would starve."""
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
 """The system call, by machine."""
 
@@ -61,7 +61,7 @@ def go_first(first: First) -> bool:
 
 
 def _set_niceness(value: int) -> None:
-    """Of every thread of the process; PermissionError without the privilege."""
+    """Set the niceness of every thread of the process; PermissionError without the privilege."""
     for thread in Path("/proc/self/task").iterdir():
         with suppress(ProcessLookupError):
             os.setpriority(os.PRIO_PROCESS, int(thread.name), value)

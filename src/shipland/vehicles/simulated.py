@@ -14,8 +14,7 @@ from shipland.messages import Frame, GroundTruth, PilotCommand, Telemetry, Touch
 from shipland.sim.snapshot import Snapshot
 from shipland.sim.state import SceneState
 from shipland.sim.world import World
-from shipland.vehicles.delays import DelayParameters
-from shipland.vehicles.telemetry import TelemetryFeed
+from shipland.vehicles.delays import DelayParameters, TelemetryFeed
 from shipland.vehicles.vehicle import unless_late
 
 if TYPE_CHECKING:

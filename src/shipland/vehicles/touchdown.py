@@ -18,7 +18,7 @@ from shipland.config import require_within
 from shipland.frames import GRAVITY_MPS2
 
 _LEAST_HOVER = 0.4
-"""Of the stated hover throttle: one measured in flight counts no lower, for it may have stood on the ground."""
+"""Least measured hover throttle, as a share of the stated one: lower values were measured on the ground."""
 _HOVER_S = 5.0
 """Time constant of the hover throttle measured in flight."""
 
@@ -36,7 +36,7 @@ class TouchdownParameters:
         release_s: so long without another such lack, and a touch was none, or has been bounced off.
         insist_s: from the touch on, in which the descent goes on although the pilot has left it; and from the last
             sight of the contact height on, in which a touch stays one.
-        press_mps: descent that is asked for after a touch, within the vehicle's own limit.
+        press_mps: commanded descent after a touch, within the vehicle's own limit.
         stale_s: older telemetry tells nothing.
         range_m: where a downward rangefinder says more than this, there is no touchdown.
     """
@@ -68,7 +68,7 @@ class TouchdownParameters:
         )
 
 
-class Contact(enum.Enum):
+class GroundContact(enum.Enum):
     """What is known of the ground under the aircraft."""
 
     NONE = "none"
@@ -107,7 +107,7 @@ class _Sample(NamedTuple):
     free_mps: float
     """Downward speed that the throttle would have left it, since the beginning."""
     share: float
-    """Of the hover throttle."""
+    """Throttle as a share of the hover throttle."""
 
 
 class TouchdownWatch:
@@ -128,7 +128,7 @@ class TouchdownWatch:
         self._touched_s = self._renewed_s = self._low_since_s = math.nan
         self._sighted_s = -math.inf
 
-    def see(self, now: ContactSignals) -> Contact:
+    def see(self, now: ContactSignals) -> GroundContact:
         """Take in what is known now; what cannot be known counts as in the air.
 
         An updraft carries an aircraft as a deck does: there is no touch but at contact height.
@@ -144,14 +144,14 @@ class TouchdownWatch:
         if not known or over:
             self._samples.clear()
             self._release()
-            return Contact.NONE
+            return GroundContact.NONE
         if not self._samples or now.down_t_s > self._samples[-1].t_s:
             self._take(now)
             self._judge(now)
         if math.isnan(self._touched_s):
-            return Contact.NONE
+            return GroundContact.NONE
         stands = self._samples[-1].t_s - self._low_since_s >= limits.confirm_s
-        return Contact.STANDS if stands else Contact.TOUCHED
+        return GroundContact.STANDS if stands else GroundContact.TOUCHED
 
     def _take(self, now: ContactSignals) -> None:
         """One sample more, and none that is older than the window's beginning."""

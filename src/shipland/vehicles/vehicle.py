@@ -1,11 +1,16 @@
-"""The one protocol that everything flown answers to."""
+"""The protocol of everything that is flown, and what only some vehicles offer."""
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from shipland.camera import Camera
 from shipland.messages import Frame, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
+
+if TYPE_CHECKING:
+    from shipland.guidance.response import Response
+    from shipland.vehicles.checks import Check
 
 LONGEST_WAIT_S = 0.2
 """How long `read` waits for a picture before it gives telemetry alone: two periods of the slowest camera allowed."""
@@ -69,3 +74,35 @@ class GroundTruthSource(Protocol):
 
     def verdict(self) -> TouchdownVerdict | None:
         """The touchdown, once there was one."""
+
+
+@runtime_checkable
+class Real(Protocol):
+    """A vehicle outside: it is connected and checked before it is flown, and says what full sticks mean."""
+
+    def response(self) -> Response:
+        """What full sticks mean; once connected."""
+
+    def connect(self) -> None:
+        """Link and camera, without taking control; VehicleError when something does not answer."""
+
+    def checks(self) -> Sequence[Check]:
+        """What of it is fit to fly; once connected."""
+
+
+@runtime_checkable
+class Ending(Protocol):
+    """A vehicle that says why its flight is over."""
+
+    @property
+    def end_reason(self) -> str:
+        """In words; empty in flight."""
+
+
+@runtime_checkable
+class Commanded(Protocol):
+    """A vehicle that says whose commands it obeys."""
+
+    @property
+    def in_command(self) -> str:
+        """Who flies it now, in words, as soon as that is known; empty before."""

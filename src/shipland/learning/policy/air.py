@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from shipland.learning.policy.setup import PhaseSetup, Randomisation
-from shipland.sim.air.dryden import Scales
+from shipland.sim.air.turbulence import Scales
 from shipland.sim.air.wind import WindParameters
 
 _SQRT3 = math.sqrt(3.0)
@@ -20,7 +20,7 @@ _HEIGHT_M = 1.5
 
 @dataclass(frozen=True)
 class Air:
-    """Of a batch of B flights.
+    """The air of a batch of B flights.
 
     Attributes:
         mean_mps: (B,) speed of the mean wind.
@@ -73,7 +73,7 @@ def first_gust(air: Air, generator: torch.Generator) -> Tensor:
 
 
 def next_gust(air: Air, gust: Tensor, step_s: float, eddy_m: float, normal: Tensor) -> Tensor:
-    """(B, 8) the states a step later, discretised exactly as in `sim.air.dryden`; `normal` (B, 8) drives them."""
+    """(B, 8) the states a step later, discretised exactly as in `sim.air.turbulence`; `normal` (B, 8) drives them."""
     flown_m = air.mean_mps * step_s
     along, down = flown_m / air.lengths_m[:, 0], flown_m / air.lengths_m[:, 1]
     keep = (-along).exp()
@@ -88,16 +88,16 @@ def next_gust(air: Air, gust: Tensor, step_s: float, eddy_m: float, normal: Tens
 def _advanced(x1: Tensor, x2: Tensor, length: Tensor, first: Tensor, second: Tensor) -> tuple[Tensor, Tensor]:
     """One step of (p + 1)² x₁ = noise, x₂ = (p + 1) x₁, over `length` scale lengths.
 
-    The covariance is that of short steps (`sim.air.dryden.step_covariance`): below a tenth of a length.
+    The covariance is that of short steps (`sim.air.turbulence.step_covariance`): below a tenth of a length.
     """
     keep = (-length).exp()
     c11 = length**3 / 3.0 - length**4 / 2.0
     c12 = length**2 / 2.0 - 2.0 * length**3 / 3.0
     c22 = length - length**2 + 2.0 * length**3 / 3.0
-    spread = c22.clamp_min(1e-12).sqrt()
-    shared = c12 / spread
+    std = c22.clamp_min(1e-12).sqrt()
+    shared = c12 / std
     own = (c11 - shared**2).clamp_min(0.0).sqrt()
-    return keep * (x1 + length * x2) + shared * first + own * second, keep * x2 + spread * first
+    return keep * (x1 + length * x2) + shared * first + own * second, keep * x2 + std * first
 
 
 def wind_at(setup: PhaseSetup, air: Air, gust: Tensor, position_m: Tensor) -> Tensor:

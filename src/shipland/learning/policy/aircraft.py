@@ -28,7 +28,7 @@ class Airframes:
         rotor_drag_per_s, body_drag_per_m, inflow_loss_per_s: (B,).
         attitude_per_s: (B,) gain of the attitude loop.
         settle: (B,) share by which thrust settles in a substep.
-        chain: (B, 3, 4) tilt, its rate and the moment after a substep, from these and the rate asked for.
+        chain: (B, 3, 4) tilt, its rate and the moment after a substep, from these and the commanded rate.
         tilt_bias: (B, 2) error of the measured tilt [rad].
     """
 
@@ -65,10 +65,10 @@ def draw_airframes(
     """Draw a batch's airframes."""
     frame, loop = setup.aircraft.airframe, setup.aircraft.loop
 
-    def spread(value: float) -> Tensor:
+    def varied(value: float) -> Tensor:
         return value * (1.0 + random.airframe * (2.0 * torch.rand(batch, generator=generator) - 1.0))
 
-    attitude, rate, motor_s = spread(loop.attitude_per_s), spread(loop.rate_per_s), spread(frame.motor_time_s)
+    attitude, rate, motor_s = varied(loop.attitude_per_s), varied(loop.rate_per_s), varied(frame.motor_time_s)
     continuous = torch.zeros(batch, 4, 4)
     continuous[:, _TILT, _RATE] = continuous[:, _RATE, _MOMENT] = 1.0
     continuous[:, _MOMENT, _RATE] = -rate / motor_s
@@ -76,9 +76,9 @@ def draw_airframes(
     continuous[:, _MOMENT, 3] = rate / motor_s
     bias = setup.aircraft.sensors.attitude_bias_rad * torch.randn(batch, 2, generator=generator)
     return Airframes(
-        spread(frame.rotor_drag_per_s),
-        spread(frame.body_drag_per_m),
-        spread(frame.inflow_loss_per_s),
+        varied(frame.rotor_drag_per_s),
+        varied(frame.body_drag_per_m),
+        varied(frame.inflow_loss_per_s),
         attitude,
         -torch.expm1(-substep_s / motor_s),
         torch.linalg.matrix_exp(substep_s * continuous)[:, :3],

@@ -15,7 +15,7 @@ class LearnArguments:
 
     Attributes:
         out: folder for checkpoints, curves, the policy (.onnx) and its model card.
-        kind: `residual`: a bounded addition to what the pilot `horizon` asks for; `direct`: what is asked for itself.
+        kind: `residual`: a bounded addition to the command of the pilot `horizon`; `direct`: the command itself.
         scenario: packaged scenarios, or TOML files, that the flights are drawn from in turn.
         minutes: stop in order after so long; the learning rate falls accordingly.
         steps: stop after so many steps; default until the time is up.

@@ -99,7 +99,7 @@ def level_of(setup: PhaseSetup, wind_mps2: float, carried: bool) -> int:
 
 
 def estimator_tables(setup: PhaseSetup, wave: WaveMotion) -> EstimatorTables:
-    """Solve for one scenario and one swing of the bar."""
+    """Solve for one scenario and one wave motion of the bar."""
     h, phases = setup.cycle_s, setup.velocity_every
     response = setup.response
     delay_s = response.uplink_s + response.dead_time_s

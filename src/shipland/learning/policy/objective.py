@@ -26,7 +26,7 @@ def offsets_m(phase: LastPhase, flights: Flights) -> Tensor:
 def loss_of(
     phase: LastPhase, batch: Batch, policy: Policy, meaning: Action, begin: int, cycles: int
 ) -> tuple[Tensor, int]:
-    """Of one batch, and how many contacts are in it; differentiable.
+    """Loss of one batch, and its number of contacts; differentiable.
 
     Args:
         phase: what is flown.
@@ -57,8 +57,8 @@ def loss_of(
     counts = flights.touch.touched & ~down_before
     off = torch.where(counts[:, None], offsets_m(phase, flights), torch.zeros(()))
     at_contact = _bounded(off.square().sum(1)).sum() / counts.sum().clamp_min(1)
-    way = (_ON_THE_WAY * on_the_way + _EFFORT * effort) / weight.clamp_min(1.0)
-    return at_contact + way, int(counts.sum())
+    along = (_ON_THE_WAY * on_the_way + _EFFORT * effort) / weight.clamp_min(1.0)
+    return at_contact + along, int(counts.sum())
 
 
 def _bounded(squared_m2: Tensor) -> Tensor:

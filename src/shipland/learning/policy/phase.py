@@ -23,7 +23,7 @@ from shipland.learning.policy.setup import PhaseSetup, Randomisation
 Policy = Callable[[Tensor], Tensor]
 """From observations (B, n) to actions (B, 2) in -1 … 1, forward and starboard of the bar."""
 SUBSTEPS = 2
-"""Of a cycle."""
+"""Substeps of a cycle."""
 _HISTORY = 16
 """Cycles of places that late pictures are taken from."""
 
@@ -146,8 +146,8 @@ class LastPhase:
         nearest, farthest = random.start_m
         distance = nearest + (farthest - nearest) * torch.rand(size, generator=generator)
         # Near starts lie on every side, far ones astern, within 10° of the axis as flights of the scenarios do.
-        spread = math.pi * (1.0 - (distance / 2.0).clamp_max(1.0)) + math.radians(10.0)
-        bearing = spread * (2.0 * torch.rand(size, generator=generator) - 1.0)
+        half_rad = math.pi * (1.0 - (distance / 2.0).clamp_max(1.0)) + math.radians(10.0)
+        bearing = half_rad * (2.0 * torch.rand(size, generator=generator) - 1.0)
         height = setup.hover_height_m + 0.1 * torch.randn(size, generator=generator)
         start = torch.stack([-distance * bearing.cos(), distance * bearing.sin(), -height], 1)
         sensors = setup.aircraft.sensors
@@ -254,8 +254,8 @@ class LastPhase:
         state = flights.aircraft
         place = state.position_m - batch.drawn.at(self.bank.point_m, cycle)
         keep = math.exp(-setup.cycle_s / setup.aircraft.sensors.velocity_noise_time_s)
-        spread = setup.aircraft.sensors.velocity_noise_mps * math.sqrt(1.0 - keep * keep)
-        noise = keep * flights.flow_noise + spread * torch.randn(batch.size, 3, generator=generator)
+        std_mps = setup.aircraft.sensors.velocity_noise_mps * math.sqrt(1.0 - keep * keep)
+        noise = keep * flights.flow_noise + std_mps * torch.randn(batch.size, 3, generator=generator)
         view = self._over_ship(place)
         flow = torch.cat([batch.drawn.at(self.bank.flow_mps, cycle), torch.zeros(batch.size, 1)], 1)
         velocity = state.velocity_mps + batch.flow_bias_mps + noise - view[:, None] * flow

@@ -7,7 +7,6 @@ Its matrices are the pilot's own (`filter`, `guidance.horizon.gains`); its rules
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,7 +82,7 @@ class Ahead:
         height_m, sink_mps, contact_s: (B,) over the neutral deck.
         wanted_mps2: (2, B) by the pilot's own gains.
         memory: after the cycle's estimate, reference and descent.
-        heave_mps: (B,) asked for, upward.
+        heave_mps: (B,) commanded, upward.
     """
 
     state: Tensor
@@ -121,7 +120,6 @@ class BatchedHorizon:
             )
         )
         self._later = _tensor(_later_rate(wave, setup.response.climb_lag_s))
-        self._full = G * math.tan(setup.response.max_tilt_rad)
         self._most = INPUT_RATE_SHARE * setup.response.max_input_rate * setup.cycle_s
 
     @property
@@ -262,10 +260,10 @@ class BatchedHorizon:
         short = path.line_up * (offset[1].abs() - margins.on_axis_m).clamp_min(0.0)
         short = torch.where(memory.phase > _NONE, torch.zeros_like(short), short)
         goal = torch.stack([-short, torch.zeros_like(short)])
-        way = goal - memory.place_m
-        distance = _length(way)
+        offset = goal - memory.place_m
+        distance = _length(offset)
         pace = torch.minimum((2.0 * path.near_brake_mps2 * distance).sqrt(), path.closing_per_s * distance)
-        wanted = way * (pace.clamp_max(path.near_mps) / distance)
+        wanted = offset * (pace.clamp_max(path.near_mps) / distance)
         change = wanted - memory.speed_mps
         most = path.acceleration_mps2 * h
         change = change * (most / _length(change)).clamp_max(1.0)
@@ -274,11 +272,11 @@ class BatchedHorizon:
         ahead = reference - speed
         apart = _length(ahead)
         abort_reason = (_length(place - offset) > path.tracking_error_max_m) | (apart > path.tracking_error_max_mps)
-        anew = speed + ahead * (path.tracking_error_max_mps / apart).clamp_max(1.0)
+        reset = speed + ahead * (path.tracking_error_max_mps / apart).clamp_max(1.0)
         return replace(
             memory,
             place_m=torch.where(abort_reason, offset, place),
-            speed_mps=torch.where(abort_reason, anew, reference),
+            speed_mps=torch.where(abort_reason, reset, reference),
             rate_mps2=torch.where(abort_reason, torch.zeros_like(change), change / h),
         )
 

@@ -1,4 +1,4 @@
-"""`shipland learn`: gradients through whole flights; stops and goes on without losing anything.
+"""`shipland learn`: gradients through whole flights; stopped and resumed without loss.
 
 Every draw of step n comes from seeds made of (seed, n), so a run that was resumed equals one that was not, as long as
 no time limit sets its pace.

@@ -15,7 +15,7 @@ import numpy as np
 
 from shipland.config import require
 from shipland.rig import Rig
-from shipland.sim.air.dryden import normal_numbers
+from shipland.sim.air.turbulence import normal_numbers
 
 Vector = tuple[float, float, float]
 
@@ -145,8 +145,8 @@ class Airwake:
             step_s: time since the last call; the turbulence advances by it.
         """
         keep = math.exp(-step_s * speed_mps / (self._parameters.eddy_heights * self._height_m))
-        spread = math.sqrt(1.0 - keep * keep)
-        self._eddy = [keep * value + spread * next(self._normal) for value in self._eddy]
+        std = math.sqrt(1.0 - keep * keep)
+        self._eddy = [keep * value + std * next(self._normal) for value in self._eddy]
         along = -place.deficit * speed_mps
         swirl = self._parameters.turbulence_share * place.turbulence * speed_mps
         vertical = self._parameters.vertical_turbulence_share * place.turbulence * speed_mps

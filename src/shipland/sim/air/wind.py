@@ -13,8 +13,15 @@ from shipland.config import require
 from shipland.frames import Array, Pose
 from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake, AirwakeParameters
-from shipland.sim.air.dryden import Dryden, Scales, TurbulenceParameters, land_scales
-from shipland.sim.air.marine import SeaSurfaceParameters, sea_roughness_m, sea_scales
+from shipland.sim.air.turbulence import (
+    Dryden,
+    Scales,
+    SeaSurfaceParameters,
+    TurbulenceParameters,
+    land_scales,
+    sea_roughness_m,
+    sea_scales,
+)
 
 MEAN_MPS = (0.0, 30.0)
 """Range of mean wind speeds."""
@@ -78,7 +85,8 @@ class WindParameters:
     Attributes:
         mean_mps: mean wind speed, at `reference_height_m` where there is a profile.
         from_deg: compass direction that the wind comes from.
-        mean_spread_mps, from_spread_deg: drawn evenly within this much either side, once a flight; never below 0 m/s.
+        mean_half_range_mps, from_half_range_deg: drawn evenly within this much either side, once a flight;
+            never below 0 m/s.
         profile: the same at every height, or logarithmic.
         reference_height_m: height of `mean_mps` in a logarithmic profile.
         surface: what the wind blows over; says how strong the turbulence is.
@@ -91,8 +99,8 @@ class WindParameters:
 
     mean_mps: float
     from_deg: float
-    mean_spread_mps: float
-    from_spread_deg: float
+    mean_half_range_mps: float
+    from_half_range_deg: float
     profile: Literal["uniform", "log"]
     reference_height_m: float
     surface: Literal["land", "sea"]
@@ -105,8 +113,9 @@ class WindParameters:
     def __post_init__(self) -> None:
         low, high = MEAN_MPS
         require(low <= self.mean_mps <= high, f"mean_mps must be in {low:g}…{high:g} m/s, got {self.mean_mps}")
-        require(self.mean_spread_mps >= 0.0, f"mean_spread_mps must not be negative, got {self.mean_spread_mps}")
-        require(0.0 <= self.from_spread_deg <= 180.0, f"from_spread_deg must be 0…180, got {self.from_spread_deg}")
+        half_mps, half_deg = self.mean_half_range_mps, self.from_half_range_deg
+        require(half_mps >= 0.0, f"mean_half_range_mps must not be negative, got {half_mps}")
+        require(0.0 <= half_deg <= 180.0, f"from_half_range_deg must be 0…180, got {half_deg}")
         require(0.0 < self.roughness_m < 0.1, f"roughness_m must be between 0 and 0.1 m, got {self.roughness_m}")
         require(self.reference_height_m >= 1.0, f"reference_height_m must be at least 1, got {self.reference_height_m}")
 
@@ -200,10 +209,10 @@ class NaturalWind:
         assert self._airwake is not None
         ship_north, ship_east, ship_down = ned_from_ship.translation_m.tolist()
         c, s = ned_from_ship.rotation[:2, 0].tolist()
-        way_north, way_east = self._ship_speed((ship_north, ship_east), step_s)
+        ship_n_mps, ship_e_mps = self._ship_speed((ship_north, ship_east), step_s)
         along, right, _ = self._free_stream(t_s, self._deck_height_m)
-        blow_north = along * self._cos - right * self._sin - way_north
-        blow_east = along * self._sin + right * self._cos - way_east
+        blow_north = along * self._cos - right * self._sin - ship_n_mps
+        blow_east = along * self._sin + right * self._cos - ship_e_mps
         speed_mps = math.hypot(blow_north, blow_east)
         if speed_mps < 1e-6:
             return 0.0, 0.0, 0.0
@@ -227,15 +236,15 @@ class NaturalWind:
 
 
 def draw_mean(parameters: WindParameters, rng: np.random.Generator) -> WindParameters:
-    """`parameters` with the mean wind's speed and direction drawn within their spreads."""
-    mean_mps = parameters.mean_mps + parameters.mean_spread_mps * rng.uniform(-1.0, 1.0)
-    from_deg = parameters.from_deg + parameters.from_spread_deg * rng.uniform(-1.0, 1.0)
+    """`parameters` with the mean wind's speed and direction drawn within their half-ranges."""
+    mean_mps = parameters.mean_mps + parameters.mean_half_range_mps * rng.uniform(-1.0, 1.0)
+    from_deg = parameters.from_deg + parameters.from_half_range_deg * rng.uniform(-1.0, 1.0)
     return replace(
         parameters,
         mean_mps=float(np.clip(mean_mps, *MEAN_MPS)),
         from_deg=from_deg,
-        mean_spread_mps=0.0,
-        from_spread_deg=0.0,
+        mean_half_range_mps=0.0,
+        from_half_range_deg=0.0,
     )
 
 
@@ -245,9 +254,9 @@ def drawn_wind(parameters: WindParameters, rng: np.random.Generator) -> WindPara
 
 
 def build_wind(parameters: WindParameters, rig: Rig, rng: np.random.Generator) -> Wind:
-    """The wind that `parameters` describe; `rng` draws its spread and its turbulence."""
-    spread_rng, air_rng = rng.spawn(2)
-    p = draw_mean(parameters, spread_rng)
+    """The wind that `parameters` describe; `rng` draws its mean and its turbulence."""
+    mean_rng, air_rng = rng.spawn(2)
+    p = draw_mean(parameters, mean_rng)
     turbulent = p.turbulence.enabled and p.mean_mps > 0.0
     if not turbulent and not p.airwake.enabled and not p.gust and (p.profile == "uniform" or p.mean_mps == 0.0):
         towards_rad = math.radians(p.from_deg) + math.pi

@@ -11,8 +11,7 @@ import math
 
 from shipland.frames import GRAVITY_MPS2
 from shipland.sim.aircraft.autopilot import Demand, LoopSetup, Sensed, State, Sticks
-from shipland.sim.aircraft.hold import Pair, PlaceHold, released
-from shipland.sim.aircraft.stabiliser import Stabiliser
+from shipland.sim.aircraft.loop_laws import Pair, PlaceHold, Stabiliser, released
 
 
 class AttitudeLoop:

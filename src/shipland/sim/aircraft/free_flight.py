@@ -17,7 +17,7 @@ from shipland.frames import GRAVITY_MPS2 as G
 from shipland.frames import rows_from_quaternion
 
 SAFE_UPRIGHT = 0.5
-"""Cosine of the tilt under which the readable world takes over."""
+"""Cosine of the tilt beyond which `World` steps in Python instead of compiled code."""
 
 MOTION = ("x", "y", "z", "qw", "qx", "qy", "qz", "u", "v", "w", "p", "q", "r")
 WRENCH = ("force_n", "force_e", "force_d", "moment_x", "moment_y", "moment_z")
@@ -283,7 +283,7 @@ _rows = compiled(rows_from_quaternion)
 
 @compiled
 def _ground_gains(s: Any, k: Any, m: Any) -> tuple[float, float, float, float]:  # noqa: ANN401
-    """Of the four rotors over the deck, which moves on by its velocity and acceleration."""
+    """Ground-effect gains of the four rotors over the deck, extrapolated by its velocity and acceleration."""
     t, h = s.deck_s, 0.5 * s.deck_s * s.deck_s
     x = s.x - s.deck_x - t * s.deck_u - h * s.deck_au
     y = s.y - s.deck_y - t * s.deck_v - h * s.deck_av

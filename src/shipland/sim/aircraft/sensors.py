@@ -40,7 +40,7 @@ class Normals:
 
 
 class Coloured:
-    """First-order noise of a given standard deviation and time constant, at a fixed step; starts from its spread."""
+    """First-order noise of a given standard deviation, from its start on, and time constant, at a fixed step."""
 
     def __init__(self, deviation: float, time_s: float, step_s: float, normals: Normals) -> None:
         self._normals = normals
@@ -104,7 +104,7 @@ class Gimbal:
         return self._bias_rad[1] + self._pitch.value
 
     def step(self, wanted_rad: float) -> None:
-        """One step towards the pitch asked for."""
+        """One step towards the commanded pitch."""
         wanted_rad = min(max(wanted_rad, self._camera.gimbal_min_rad), self._camera.gimbal_max_rad)
         most = self._camera.gimbal_rate_rad_s * self._step_s
         change = min(max(wanted_rad - self.pitch_rad, -most), most)
@@ -250,7 +250,7 @@ def read_instruments(
     )
 
 
-class Touchdown:
+class LandingDetector:
     """Whether the aircraft takes itself for landed, from its downward rangefinder and a felt impact.
 
     Two low-passes of the noisy range give it and its rate.

@@ -12,7 +12,7 @@ _IDLE_US, _RANGE_US = 1000.0, 1000.0
 _MOTOR_OF_ROTOR = (0, 2, 3, 1)
 """ArduPilot numbers a quadrotor in X: front right, rear left, front left, rear right; ours: FR, FL, RR, RL."""
 THRUST_EXPO = 0.65
-"""Of a rotor's thrust over its signal: ArduPilot's MOT_THST_EXPO as delivered, which undoes it."""
+"""Exponent of a rotor's thrust over its signal: ArduPilot's MOT_THST_EXPO as delivered, which inverts it."""
 
 
 class ServoQuadrotor(Quadrotor):
@@ -45,7 +45,7 @@ class ServoQuadrotor(Quadrotor):
 
     @property
     def wanted_thrust_n(self) -> float:
-        """What the rotors are asked for together."""
+        """Total thrust commanded to the rotors."""
         return sum(self._wanted_n)
 
     @property

@@ -11,8 +11,7 @@ import math
 
 from shipland.sim.aircraft.attitude_loop import tilt_of
 from shipland.sim.aircraft.autopilot import Demand, LoopSetup, Sensed, State, Sticks
-from shipland.sim.aircraft.hold import VelocityTracker, released
-from shipland.sim.aircraft.stabiliser import Stabiliser
+from shipland.sim.aircraft.loop_laws import Stabiliser, VelocityTracker, released
 
 HOLD_MPS = 0.2
 """Reference speed under which released sticks hold the place."""

@@ -96,7 +96,7 @@ def against_deck(deck: DeckState, position_m: Vector, velocity_mps: Vector, down
     )
 
 
-class Stage:
+class DeckDriver:
     """Writes the ship into MuJoCo's data.
 
     MuJoCo's integrator is semi-implicit: its velocities belong half a step before its positions. The deck's velocity

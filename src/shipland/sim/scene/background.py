@@ -1,4 +1,4 @@
-"""Sky and sea: drawn at less than a sample a pixel, spread, and joined at the horizon."""
+"""Sky and sea: drawn at less than a sample a pixel, enlarged, and joined at the horizon."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.frames import Array
 from shipland.sim.scene import gl
-from shipland.sim.scene.block import View
+from shipland.sim.scene.block import RenderView
 from shipland.sim.scene.light import Light
 from shipland.sim.scene.mirror import AroundShip
 from shipland.sim.scene.motion import average
@@ -22,7 +22,7 @@ from shipland.sim.scene.view import Crop, horizon_line, picture_polygon, rays, w
 _SEA_PX, _SKY_PX = (3, 1), (3, 3)
 """Pixels a sample: what mipmaps leave of waves at grazing view is longer across than that, and the sky is smooth."""
 _RAREST_FACET = 4.2
-"""Root mean squares of slope; the glitter of steeper facets is below a display step."""
+"""Steepest facet that glitters, in rms slopes; the glitter of steeper ones is below a display step."""
 
 
 class Background:
@@ -32,7 +32,7 @@ class Background:
         self, context: moderngl.Context, waves: WaveTiles, light: Light, rng: np.random.Generator, wake: float = 0.0
     ) -> None:
         self._context, self._waves, self._light = context, waves, light
-        self._targets: dict[tuple[int, int], gl.Target] = {}
+        self._targets: dict[tuple[int, int], gl.RenderTarget] = {}
         self._sky = gl.program(context, "background.vert", ("sky.frag",))
         sea = ("waves.glsl", "sea.frag")
         self._sea, self._around = (
@@ -70,7 +70,7 @@ class Background:
         self._long.write(self._waves.long_texels(t_s).tobytes())
         self._long.build_mipmaps()
 
-    def draw(self, view: View, around: AroundShip | None, blurs: tuple[list[Array], list[Array]]) -> Light16:
+    def draw(self, view: RenderView, around: AroundShip | None, blurs: tuple[list[Array], list[Array]]) -> Light16:
         """The light (H,W,4) of the picture without the ship.
 
         Args:
@@ -87,7 +87,7 @@ class Background:
         picture = np.empty((height, width, 4), np.uint16)
         if last > 0:
             target = self._fill(self._sky, -line, camera, _SKY_PX, [whole])
-            sky = self._spread(target, camera, _SKY_PX, (0, last), blurs[0])
+            sky = self._enlarged(target, camera, _SKY_PX, (0, last), blurs[0])
             picture[:first] = sky[:first]
         if first < height:
             glitters = self._glitters(view)
@@ -96,13 +96,13 @@ class Background:
             if around is not None:
                 polygon_px = picture_polygon(around.crop, line, 4.0)
                 self._draw_around_ship(target, view, around, polygon_px, glitters)
-            sea = self._spread(target, camera, _SEA_PX, (first, height), blurs[1])
+            sea = self._enlarged(target, camera, _SEA_PX, (first, height), blurs[1])
             picture[last:] = sea[last - first :]
         if last > first:
             join_at_horizon(sky[first:last], sea[: last - first], line, (first, last), picture)
         return picture
 
-    def _glitters(self, view: View) -> bool:
+    def _glitters(self, view: RenderView) -> bool:
         """Whether any facet that mirrors the sun into the picture is less steep than the sea's rarest."""
         camera, sun = view.camera, self._light.sun_in_ned
         if self._light.glare <= 0.0 or sun[2] > 0.03 or self._light.sun_rgb.max() < 1e-3:
@@ -115,15 +115,15 @@ class Background:
         steepness = np.hypot(half_way[:, 0], half_way[:, 1]) / np.maximum(-half_way[:, 2], 1e-3)
         return bool((steepness < _RAREST_FACET * np.sqrt(self._waves.slope_variance)).any())
 
-    def _target(self, camera: Camera, step: tuple[int, int]) -> gl.Target:
+    def _target(self, camera: Camera, step: tuple[int, int]) -> gl.RenderTarget:
         size = -(-camera.width_px // step[0]), -(-camera.height_px // step[1])
         if size not in self._targets:
-            self._targets[size] = gl.Target(self._context, *size, depth=False)
+            self._targets[size] = gl.RenderTarget(self._context, *size, depth=False)
         return self._targets[size]
 
     def _fill(
         self, program: moderngl.Program, line: Array, camera: Camera, step: tuple[int, int], parts: list[Crop]
-    ) -> gl.Target:
+    ) -> gl.RenderTarget:
         """Draw parts of the picture on one side of a line, some pixels wider than they need."""
         target = self._target(camera, step)
         target.use(*target.size)
@@ -132,7 +132,7 @@ class Background:
         return target
 
     def _draw_polygon(
-        self, program: moderngl.Program, polygon_px: Array, target: gl.Target, step: tuple[int, int]
+        self, program: moderngl.Program, polygon_px: Array, target: gl.RenderTarget, step: tuple[int, int]
     ) -> None:
         if len(polygon_px) < 3:
             return
@@ -142,7 +142,7 @@ class Background:
         self._areas[program].render(moderngl.TRIANGLE_FAN, vertices=len(ndc))
 
     def _draw_around_ship(
-        self, target: gl.Target, view: View, around: AroundShip, polygon_px: Array, glitters: bool
+        self, target: gl.RenderTarget, view: RenderView, around: AroundShip, polygon_px: Array, glitters: bool
     ) -> None:
         program = self._around[glitters]
         pose, hull, eye = around.ned_from_ship, around.hull, view.ned_from_camera
@@ -155,8 +155,8 @@ class Background:
         self._draw_polygon(program, polygon_px, target, _SEA_PX)
 
     @staticmethod
-    def _spread(
-        target: gl.Target, camera: Camera, step: tuple[int, int], rows: tuple[int, int], blur: list[Array]
+    def _enlarged(
+        target: gl.RenderTarget, camera: Camera, step: tuple[int, int], rows: tuple[int, int], blur: list[Array]
     ) -> Light16:
         """Some rows of the picture from a target with a sample every `step` pixels."""
         first, last = rows[0] // step[1], -(-rows[1] // step[1])
@@ -165,5 +165,5 @@ class Background:
             x, y = 1.0 / step[0], 1.0 / step[1]
             scaled = np.array([[x, 0.0, 0.5 * (x - 1.0)], [0.0, y, 0.5 * (y - 1.0) - first], [0.0, 0.0, 1.0]])
             drawn = average(drawn, blur, scaled)
-        spread = cv2.resize(drawn, (step[0] * target.size[0], step[1] * (last - first)))
-        return np.asarray(spread[rows[0] - first * step[1] : rows[1] - first * step[1], : camera.width_px], np.uint16)
+        full = cv2.resize(drawn, (step[0] * target.size[0], step[1] * (last - first)))
+        return np.asarray(full[rows[0] - first * step[1] : rows[1] - first * step[1], : camera.width_px], np.uint16)

@@ -26,7 +26,7 @@ _TURN_BACK = np.array([[0.766, 0.643], [-0.643, 0.766]])
 
 
 @dataclass(frozen=True)
-class View:
+class RenderView:
     """What a pass looks at.
 
     Attributes:
@@ -49,7 +49,7 @@ class View:
     mirrored: bool = False
 
 
-def block(view: View, light: Light, waves: WaveTiles, casters: list[tuple[Solid, Pose]], foam: float) -> bytes:
+def block(view: RenderView, light: Light, waves: WaveTiles, casters: list[tuple[Solid, Pose]], foam: float) -> bytes:
     """The block's bytes for a view; `casters` are boxes with ned_from_box, `foam` scales the foam around the hull."""
     eye, camera, crop = view.ned_from_camera, view.camera, view.crop
     ray = rays(camera, eye)

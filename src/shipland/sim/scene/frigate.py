@@ -110,8 +110,8 @@ def upperworks(rig: Rig, parts: Layout) -> Mesh:
     ]
     for x, top_m, radius_m in ((at(0.60), 17.0, 0.45), (at(0.48), 11.0, 0.30)):  # masts with yards
         meshes.append(mesh.cylinder((x, 0.0, roof), (x, 0.0, roof - top_m), radius_m, GREY))
-        for lean in (-1.0, 1.0):
-            foot = (x - 2.5, 1.8 * lean, roof)
+        for side in (-1.0, 1.0):
+            foot = (x - 2.5, 1.8 * side, roof)
             meshes.append(mesh.cylinder(foot, (x, 0.0, roof - 0.75 * top_m), 0.2, GREY))
         for height in (0.55, 0.75, 0.92):
             reach = 3.6 * (1.2 - height)

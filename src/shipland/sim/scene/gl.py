@@ -63,7 +63,7 @@ def write_depth(context: moderngl.Context, on: bool) -> None:
     bound.depth_mask = on
 
 
-class Target:
+class RenderTarget:
     """A picture to draw into, 16 bits a channel; `samples` > 0 makes it multisampled."""
 
     def __init__(

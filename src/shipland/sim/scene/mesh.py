@@ -236,16 +236,16 @@ def board(parts: Layout) -> tuple[Mesh, Mesh]:
 
 
 _LEG_ANGLES = np.radians([30.0, 90.0, 150.0, 210.0, 270.0, 330.0])
-_LEG_SPREAD = np.radians([-18.0, 18.0] * 3)
+_LEG_HALF_ANGLES_RAD = np.radians([-18.0, 18.0] * 3)
 
 
 def legs(parts: Layout, ship_from_deck: Pose) -> Mesh:
     """The motion base's six legs in `ship`, from the hull to the deck's underside."""
     reach, floor = 0.45 * (parts.deck.high_m[0] - parts.deck.low_m[0]), parts.hull.low_m[2]
     meshes = []
-    for angle, spread in zip(_LEG_ANGLES, _LEG_SPREAD, strict=True):
-        foot = np.array([reach * np.cos(angle + spread), reach * np.sin(angle + spread), floor])
-        head = np.array([0.76 * reach * np.cos(angle - spread), 0.76 * reach * np.sin(angle - spread), 0.05])
+    for angle, half in zip(_LEG_ANGLES, _LEG_HALF_ANGLES_RAD, strict=True):
+        foot = np.array([reach * np.cos(angle + half), reach * np.sin(angle + half), floor])
+        head = np.array([0.76 * reach * np.cos(angle - half), 0.76 * reach * np.sin(angle - half), 0.05])
         top = ship_from_deck.apply(head)
         middle = foot + 0.55 * (top - foot)
         meshes += [cylinder(foot, middle, 0.035, DARK), cylinder(middle, top, 0.02, METAL)]
@@ -255,13 +255,13 @@ def legs(parts: Layout, ship_from_deck: Pose) -> Mesh:
 
 
 MOTOR_DIAGONAL_M = 0.24
-"""Of the aircraft as it is drawn at scale 1."""
+"""Motor diagonal of the drawn aircraft at scale 1."""
 
 AIRCRAFT = Solid((-0.17, -0.17, -0.05), (0.17, 0.17, 0.06))
 """Bounds of the aircraft in `body`."""
 
 AIRCRAFT_SHADE = Solid((-0.10, -0.07, -0.03), (0.11, 0.07, 0.02))
-"""What of it throws a shadow."""
+"""The part of the aircraft that casts a shadow."""
 
 _MOTORS_M = [(x, y) for x in (-0.085, 0.085) for y in (-0.085, 0.085)]
 

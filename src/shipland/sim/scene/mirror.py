@@ -19,9 +19,9 @@ _BEYOND = 0.3
 """Pictures that the mirror image may reach out of the picture, for facets that look there."""
 _MOST_SAMPLES_A_PX = 4.0
 _WATER_M = 2.0
-"""Around the hull: foam, shadow."""
+"""Margin of water around the hull, for foam and shadow."""
 _WAKE_WIDENS = 0.08
-"""Of the wake's length, either side."""
+"""Half-width that the wake gains, as a share of its length."""
 _STRETCH = 1.7
 """How much longer waves draw the image towards the eye."""
 
@@ -114,9 +114,9 @@ def around_ship(
     return AroundShip(crop, Mirror(image, float(samples)), hull, ned_from_ship)
 
 
-def target(context: moderngl.Context) -> gl.Target:
+def target(context: moderngl.Context) -> gl.RenderTarget:
     """The texture, bound to its unit, clear of everything beyond its border."""
-    made = gl.Target(context, SIZE, SIZE)
+    made = gl.RenderTarget(context, SIZE, SIZE)
     made.colour.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
     made.colour.repeat_x = made.colour.repeat_y = False
     made.colour.use(gl.MIRROR_UNIT)

@@ -24,7 +24,7 @@ def homographies(
         state: the camera's velocity and rate.
         shutter_s: exposure time [s].
         plane: unit normal (3,) in `camera` and distance [m] of what is seen, normal·X = distance; None for infinity.
-        corners_px: (n,2) where the motion counts: an instant about every pixel of the longest way.
+        corners_px: (n,2) where the motion counts: an instant about every pixel of the longest path.
     """
     if shutter_s <= 0.0:
         return []
@@ -40,16 +40,16 @@ def homographies(
         return np.asarray(camera.matrix @ turned @ moved @ inverse)
 
     first, last = (_apply(at(share * shutter_s), corners_px) for share in (-0.5, 0.5))
-    way_px = float(np.linalg.norm(last - first, axis=1).max())
-    if not way_px > _LEAST_PX:
+    path_px = float(np.linalg.norm(last - first, axis=1).max())
+    if not path_px > _LEAST_PX:
         return []
-    count = int(np.clip(np.ceil(way_px) + 1, 3, _MOST_INSTANTS))
+    count = int(np.clip(np.ceil(path_px) + 1, 3, _MOST_INSTANTS))
     shares = (np.arange(count) + 0.5) / count - 0.5
     return [at(float(share) * shutter_s) for share in shares]
 
 
 def longest_way_px(maps: list[Array], corners_px: Array) -> float:
-    """The longest way of the corners between the first and the last instant [px]; 0 for no maps."""
+    """The longest path of the corners between the first and the last instant [px]; 0 for no maps."""
     if not maps:
         return 0.0
     return float(np.linalg.norm(_apply(maps[-1], corners_px) - _apply(maps[0], corners_px), axis=1).max())
@@ -58,7 +58,7 @@ def longest_way_px(maps: list[Array], corners_px: Array) -> float:
 def average(layer: Light16, maps: list[Array], layer_from_picture: Array) -> Light16:
     """The mean light over the maps of a layer (h,w,4).
 
-    A picture is continued at its borders; a cropped layer must have a margin as wide as the way.
+    A picture is continued at its borders; a cropped layer must have a margin as wide as that path.
 
     Args:
         layer: light.

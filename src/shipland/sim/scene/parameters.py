@@ -1,11 +1,56 @@
-"""What the picture looks like: section `[scene]` of the configuration."""
+"""What the picture looks like: section `[scene]` of the configuration. Flights that draw nothing import this alone."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from shipland.config import require
-from shipland.sim.scene.tone import Tone
+from shipland.frames import Array
+
+_TOE = 0.004
+"""Light added before the power law, for a finite slope at black, as in Rec. 709 and sRGB."""
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A camera's rendering of light to display values.
+
+    Attributes:
+        gamma: of the power law; 2.2 is about sRGB.
+        contrast: 0 the power law alone … 1 a full S-curve.
+        shoulder: share of the sensor's range, from the top, that is compressed to hold highlights; 0 clips hard.
+        sharpening: of an unsharp mask, 0 none.
+    """
+
+    gamma: float
+    contrast: float
+    shoulder: float
+    sharpening: float
+
+    def __post_init__(self) -> None:
+        require(1.0 <= self.gamma <= 3.0, "gamma must be between 1 and 3")
+        require(0.0 <= self.contrast <= 1.0, "contrast must be between 0 and 1")
+        require(0.0 <= self.shoulder <= 0.9, "shoulder must be between 0 and 0.9")
+        require(0.0 <= self.sharpening <= 3.0, "sharpening must be between 0 and 3")
+
+    def display(self, light: Array) -> Array:
+        """Display value 0 … 255, not rounded, of light in units of the sensor's saturation."""
+        knee = 1.0 - self.shoulder
+        value = np.clip(light, 0.0, 1.0)
+        if self.shoulder > 0.0:
+            over = np.maximum(light - knee, 0.0) / self.shoulder
+            value = np.where(light > knee, knee + self.shoulder * -np.expm1(-over), np.maximum(light, 0.0))
+        power = 1.0 / self.gamma
+        value = ((value + _TOE) ** power - _TOE**power) / ((1.0 + _TOE) ** power - _TOE**power)
+        curved = value * value * (3.0 - 2.0 * value)
+        return np.asarray(255.0 * ((1.0 - self.contrast) * value + self.contrast * curved))
+
+    def light(self, display_value: Array) -> Array:
+        """Inverse of `display`, up to the sensor's saturation."""
+        grid: Array = np.linspace(0.0, 1.0 + 6.0 * self.shoulder, 20001)
+        return np.asarray(np.interp(display_value, self.display(grid), grid))
 
 
 @dataclass(frozen=True)

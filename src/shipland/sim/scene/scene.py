@@ -12,7 +12,7 @@ from shipland.frames import Array
 from shipland.rig import Rig, layout
 from shipland.sim.scene import gl, mirror, motion
 from shipland.sim.scene.background import Background
-from shipland.sim.scene.block import BLOCK_BYTES, View, block
+from shipland.sim.scene.block import BLOCK_BYTES, RenderView, block
 from shipland.sim.scene.labels import Label, Labels, area_px2, label
 from shipland.sim.scene.light import light
 from shipland.sim.scene.mirror import AroundShip
@@ -49,7 +49,7 @@ _LAYER_SIZE = (2048, 1280)
 _WAKE_M = 400.0
 """Where the wake has faded to a twentieth: as in `sea.frag`."""
 _LAYER_SAMPLES = 600_000
-"""What the ship may cost in samples before it is multisampled instead of supersampled."""
+"""Most samples of the ship's layer that are supersampled; above, it is multisampled."""
 
 
 class Scene:
@@ -82,7 +82,7 @@ class Scene:
         noise = p.sensor_noise * self._light.gain
         self._noise = SensorNoise(noise, rng) if noise > 0.0 else None
         self._mirror = mirror.target(self._context)
-        self._targets: dict[tuple[int, int, int], gl.Target] = {}
+        self._targets: dict[tuple[int, int, int], gl.RenderTarget] = {}
         self._remaps: dict[bytes, tuple[Camera, Any, Any]] = {}
 
     def close(self) -> None:
@@ -150,7 +150,7 @@ class Scene:
             target = self._target(_LABEL_SAMPLES, _LABEL_SAMPLES, 0)
             target.use(*size)
             target.fbo.clear(viewport=(0, 0, *size))
-            self._look(View(camera, eye, part, 1, near_m, far_m, state.t_s), state)
+            self._look(RenderView(camera, eye, part, 1, near_m, far_m, state.t_s), state)
             self._ship.draw_identities(parts, eye)
             return (target.read(0, 0, *size)[..., 0] // 257).astype(np.uint8)  # 255 steps of 16 bits
 
@@ -192,12 +192,12 @@ class Scene:
             behind = bool(corners[:, 2].min() <= near_m)
             count = samples_a_px(crop, _LAYER_SIZE, _LAYER_SAMPLES, behind)
             self._ship.aim(camera, state)
-            self._look(View(camera, eye, crop, count, near_m, far_m, state.t_s), state)
+            self._look(RenderView(camera, eye, crop, count, near_m, far_m, state.t_s), state)
             layer = reduce(self._draw_ship(placed, state, camera, crop, count), crop, count)
             if blur:
                 shift = np.array([[1.0, 0.0, -crop.left], [0.0, 1.0, -crop.top], [0.0, 0.0, 1.0]])
                 layer = motion.average(layer, blur, shift)
-        whole = View(camera, eye, Crop(0, 0, camera.width_px, camera.height_px), 1, near_m, far_m, state.t_s)
+        whole = RenderView(camera, eye, Crop(0, 0, camera.width_px, camera.height_px), 1, near_m, far_m, state.t_s)
         self._look(whole, state)
         blurs = self._background_blur(state, camera)
         picture = self._background.draw(whole, around, blurs)
@@ -206,7 +206,7 @@ class Scene:
         self._weather(picture, state, camera)
         return picture
 
-    def _look(self, view: View, state: SceneState) -> None:
+    def _look(self, view: RenderView, state: SceneState) -> None:
         self._block.write(block(view, self._light, self._waves, self._ship.casters(state), 1.0))
 
     def _draw_mirror(
@@ -219,7 +219,7 @@ class Scene:
         target.use(*image.drawn)
         self._ship.aim(camera, state, mirrored=True)
         far_m = clip_m[1] + 2.0 * abs(float(state.ned_from_camera.translation_m[2]))
-        view = View(
+        view = RenderView(
             camera, state.ned_from_camera, image.crop, image.samples_a_px, clip_m[0], far_m, state.t_s, mirrored=True
         )
         self._look(view, state)
@@ -245,10 +245,10 @@ class Scene:
             target = resolved
         return target.read(0, 0, width, height)
 
-    def _target(self, width_px: int, height_px: int, samples: int) -> gl.Target:
+    def _target(self, width_px: int, height_px: int, samples: int) -> gl.RenderTarget:
         key = (width_px, height_px, samples)
         if key not in self._targets:
-            self._targets[key] = gl.Target(self._context, width_px, height_px, samples=samples)
+            self._targets[key] = gl.RenderTarget(self._context, width_px, height_px, samples=samples)
         return self._targets[key]
 
     def _ship_blur(self, state: SceneState, camera: Camera) -> list[Array]:

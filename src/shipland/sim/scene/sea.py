@@ -31,7 +31,7 @@ def whitecap_cover(wind_speed_mps: float) -> float:
 
 
 def peak_wavelength_m(significant_height_m: float) -> float:
-    """Of a fully grown sea: Tp = 5.0 √Hs (Pierson–Moskowitz), so a steepness of 1/39."""
+    """Peak wavelength of a fully grown sea [m]: Tp = 5.0 √Hs (Pierson–Moskowitz), a steepness of 1/39."""
     return float(GRAVITY_MPS2 / (2.0 * np.pi) * 25.0 * significant_height_m)
 
 
@@ -55,7 +55,6 @@ def _encode(slopes: npt.NDArray[np.complex64], crest: npt.NDArray[np.float32], g
 
 @dataclass(frozen=True)
 class _Long:
-    slope_spectrum: npt.NDArray[np.complex64]
     height_spectrum: npt.NDArray[np.complex64]
     rate_rad_s: npt.NDArray[np.float32]
 
@@ -99,31 +98,29 @@ class WaveTiles:
         safe = np.maximum(number, 1e-9)
         peak = 2.0 * np.pi / peak_m
         along = (north * np.cos(direction_rad) + east * np.sin(direction_rad)) / safe
-        spread = np.maximum(along, 0.0) ** 2 + 0.04
+        directional = np.maximum(along, 0.0) ** 2 + 0.04
         # Pierson–Moskowitz over wave number, k^-4 in the plane, cut where the grid ends.
-        density = np.where(number > 0.0, safe**-4.0 * np.exp(-1.25 * (peak / safe) ** 2), 0.0) * spread
+        density = np.where(number > 0.0, safe**-4.0 * np.exp(-1.25 * (peak / safe) ** 2), 0.0) * directional
         density *= np.exp(-((number / (0.8 * number.max() / np.sqrt(2.0))) ** 4))
         amplitude = np.sqrt(density) * np.exp(2j * np.pi * rng.random(number.shape))
         amplitude *= rng.rayleigh(1.0, number.shape)
         heights = np.fft.ifft2(amplitude).real
         # Two turned copies of the tile are laid over each other: each carries half the variance.
         amplitude *= 0.25 * height_m / np.sqrt(2.0) / heights.std()
-        # Slopes s = -grad(height), both in one complex transform: s_north + i s_east.
-        slope = -1j * (north + 1j * east) * amplitude
-        slope_field = self._real_pair(slope, amplitude, north, east)
-        variance = float(np.mean(np.abs(slope_field) ** 2))
+        variance = float(np.mean(np.abs(self._slopes(amplitude, north, east)) ** 2))
         rate = np.sqrt(GRAVITY_MPS2 * number)
         self._north, self._east = north.astype(np.float32), east.astype(np.float32)
-        return _Long(slope.astype(np.complex64), amplitude.astype(np.complex64), rate.astype(np.float32)), variance
+        return _Long(amplitude.astype(np.complex64), rate.astype(np.float32)), variance
 
     @staticmethod
     def _mirror(spectrum: npt.NDArray[np.complexfloating]) -> npt.NDArray[np.complexfloating]:
         return np.roll(spectrum[::-1, ::-1], (1, 1), axis=(0, 1))
 
-    def _real_pair(
-        self, _slope: Array, amplitude: npt.NDArray[np.complexfloating], north: Array, east: Array
+    def _slopes(
+        self, amplitude: npt.NDArray[np.complexfloating], north: Array, east: Array
     ) -> npt.NDArray[np.complexfloating]:
-        # The real field of `amplitude` has the Hermitian half-sum as spectrum; its gradient as one complex field.
+        """Slopes -grad(height) as one complex field, north + i east."""
+        # The real field of `amplitude` has the Hermitian half-sum as spectrum.
         hermitian = 0.5 * (amplitude + np.conj(self._mirror(amplitude)))
         return scipy.fft.ifft2(-1j * (north + 1j * east) * hermitian)
 
@@ -159,7 +156,7 @@ class WaveTiles:
         shape = np.where(number > 2.5 * first, safe**-2.1, 0.0) * (0.35 + np.abs(along))
         shape *= np.exp(-((number / (0.5 * number.max())) ** 2))
         amplitude = shape * np.exp(2j * np.pi * rng.random(number.shape)) * rng.rayleigh(1.0, number.shape)
-        slopes = self._real_pair(amplitude, amplitude, north, east)
+        slopes = self._slopes(amplitude, north, east)
         slopes *= np.sqrt(variance / np.mean(np.abs(slopes) ** 2))
         height = np.fft.ifft2(amplitude).real
         crest = 0.5 + height / (8.0 * height.std())

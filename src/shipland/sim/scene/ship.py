@@ -21,7 +21,7 @@ HULL, HOUSE, DECK, BOARD, AIRCRAFT = 1, 2, 4, 8, 16
 ID_SHIP, ID_BAR, ID_AIRCRAFT = 1, 2, 3
 _PAINT_UNIT = gl.PAINT_UNIT
 _HIGHEST_WAVE_M = 0.85
-"""And its wash, as `solid.frag` cuts them off."""
+"""Highest wave and wash at the hull, as `solid.frag` cuts them off."""
 _CLIP_DISTANCE_0 = 0x3000
 _LAMP_RGB = np.array([0.01, 1.0, 0.03])
 _FORMAT = "3f 3f 2f 4f 1f"

@@ -106,8 +106,8 @@ def sun_in_lens(
     saturated = 65535.0 / FULL_SCALE
     glow = (_STRAY * saturated * strength * open_share) * veil[..., None] * sun_bgr.astype(np.float32)
     layer = np.dstack([np.clip(glow, 0.0, 65535.0), np.zeros_like(veil)]).astype(np.uint16)
-    spread = cv2.resize(layer, (layer.shape[1] * small, layer.shape[0] * small))[:height, :width]
-    cv2.add(picture, spread, dst=picture)
+    full = cv2.resize(layer, (layer.shape[1] * small, layer.shape[0] * small))[:height, :width]
+    cv2.add(picture, full, dst=picture)
 
 
 class LensDrops:

@@ -1,4 +1,4 @@
-"""The ship's way over the sea: position, velocity and acceleration of the `ship` origin, and its course.
+"""The ship's course over the sea: position, velocity and acceleration of the `ship` origin, and its course.
 
 A course is a start and a list of manoeuvres; a manoeuvre changes course and speed along a quintic blend, so that
 course, rate and acceleration, and position, velocity and acceleration, are continuous.
@@ -24,7 +24,7 @@ _NODES = ((0.5 - math.sqrt(0.15), 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.5 + math.sq
 """Places and weights of three-point Gauss quadrature on 0…1."""
 
 _STEP_S = 0.1
-"""Way is integrated piecewise over steps of this length; the quadrature's error is then below a micrometre."""
+"""Step over which the position is integrated; the quadrature's error is then below a micrometre."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class StillCourse:
 
 
 class StraightCourse:
-    """Steady way along one course through the origin at t = 0.
+    """Steady speed along one course through the origin at t = 0.
 
     Args:
         course_rad: clockwise from north.
@@ -136,8 +136,8 @@ class _Leg:
             self.speed_change_mps * dw,
         )
 
-    def way(self, from_s: float, to_s: float) -> tuple[float, float]:
-        """North and east way between two times into the leg."""
+    def displacement_m(self, from_s: float, to_s: float) -> tuple[float, float]:
+        """Displacement north and east between two times into the leg."""
         if self.duration_s == 0.0:
             run = self.speed_mps * (to_s - from_s)
             return run * math.cos(self.course_rad), run * math.sin(self.course_rad)
@@ -180,8 +180,8 @@ class ManoeuvringCourse:
             ends = [*times[1:], after.start_s if after is not None else times[-1]]
             for begin_s, stop_s in zip(times, ends, strict=True):
                 self._knots.append((begin_s, north, east, leg))
-                way = leg.way(begin_s - leg.start_s, stop_s - leg.start_s)
-                north, east = north + way[0], east + way[1]
+                moved = leg.displacement_m(begin_s - leg.start_s, stop_s - leg.start_s)
+                north, east = north + moved[0], east + moved[1]
         self._times = [knot[0] for knot in self._knots]
 
     def at(self, t_s: float) -> CourseState:
@@ -189,10 +189,10 @@ class ManoeuvringCourse:
         begin_s, north, east, leg = self._knots[max(bisect.bisect_right(self._times, t_s) - 1, 0)]
         after_s = t_s - leg.start_s
         course, rate, acceleration, speed, speed_rate = leg.motion(after_s)
-        way = leg.way(begin_s - leg.start_s, after_s)
+        moved = leg.displacement_m(begin_s - leg.start_s, after_s)
         c, s = math.cos(course), math.sin(course)
         return CourseState(
-            np.array([north + way[0], east + way[1]]),
+            np.array([north + moved[0], east + moved[1]]),
             np.array([speed * c, speed * s]),
             np.array([speed_rate * c - speed * rate * s, speed_rate * s + speed * rate * c]),
             course,
@@ -206,7 +206,7 @@ class CourseParameters:
     """Section `[ship.course]`.
 
     Attributes:
-        kind: `still`; `straight`; `s`, swings of `change_deg` to either side of the course; `turn`, one turn of
+        kind: `still`; `straight`; `s`, turns of `change_deg` to either side of the course; `turn`, one turn of
             `change_deg`; `turn90`, one of 90°; `random`, turns within ±`change_deg` and speeds between half and all
             of `speed_mps`; `reverse`, a stop and as fast astern.
         course_deg: the first heading, clockwise from north.

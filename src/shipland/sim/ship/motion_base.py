@@ -39,7 +39,7 @@ class LimitBite:
         name: one of `DOF_NAMES`.
         t_s: the first time [s].
         limit: the limit [m or rad].
-        largest_demand: the largest motion asked for so far [m or rad].
+        largest_demand: the largest demanded motion so far [m or rad].
     """
 
     name: str
@@ -62,7 +62,7 @@ class LimitedMotion:
     so that velocity g'ẋ and acceleration g'ẍ + g''ẋ²/L are those of the limited motion.
 
     Args:
-        motion: what is asked for.
+        motion: the demanded motion.
         limit: (6,) largest excursions either side [m, m, m, rad, rad, rad].
         knee: k.
     """

@@ -9,12 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib import resources
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline, RectBivariateSpline
 
 from shipland.frames import Array
+
+if TYPE_CHECKING:
+    from scipy.interpolate import RectBivariateSpline
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -67,6 +70,8 @@ class ResponseTable:
 @lru_cache(maxsize=16)
 def _surfaces(table: ResponseTable, speed_kn: float) -> list[tuple[RectBivariateSpline, RectBivariateSpline]]:
     """Real and imaginary part of each motion over heading and frequency at one speed."""
+    from scipy.interpolate import CubicSpline, RectBivariateSpline
+
     at_speed = CubicSpline(table.speed_kn, table.rao)(speed_kn)
     grid = (table.heading_deg, table.omega_rad_s)
     return [

@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.integrate import trapezoid
 
 from shipland.config import require
 from shipland.frames import GRAVITY_MPS2, Array
@@ -130,6 +129,8 @@ def jonswap(omega_rad_s: npt.ArrayLike, significant_height_m: float, peak_rad_s:
         power = np.exp(-0.5 * ((omega - peak_rad_s) / (width * peak_rad_s)) ** 2)
         return bretschneider(omega, significant_height_m, peak_rad_s) * gamma**power
 
+    from scipy.integrate import trapezoid  # half a second of imports that a calm sea does without
+
     grid = peak_rad_s * np.linspace(0.3, 12.0, 6000)
     integral = float(trapezoid(shape(grid), grid))
     scale = significant_height_m**2 / 16.0 / integral if integral > 0.0 else 0.0
@@ -170,10 +171,10 @@ def sample_waves(sea: SeaParameters, rng: np.random.Generator) -> Waves:
     shape = (sea.frequencies, directions)
     omega = low + width * (np.arange(sea.frequencies)[:, None] + rng.uniform(size=shape))
     share = (np.arange(directions) + rng.uniform(size=shape)) / directions
-    spread = _spreading_quantile(share) if sea.short_crested else np.zeros(shape)
+    off_main = _spreading_quantile(share) if sea.short_crested else np.zeros(shape)
     amplitude = np.sqrt(2.0 * sea.density(omega) * width / directions)
     phase = rng.uniform(0.0, 2.0 * np.pi, shape)
-    return Waves(omega.ravel(), (sea.heading_rad + spread).ravel(), amplitude.ravel(), phase.ravel())
+    return Waves(omega.ravel(), (sea.heading_rad + off_main).ravel(), amplitude.ravel(), phase.ravel())
 
 
 def _spreading_quantile(share: Array) -> Array:
@@ -211,6 +212,8 @@ def significant_amplitude(sea: SeaParameters, table: ResponseTable | None = None
         sea: waves and ship, at full scale.
         table: responses; the packaged frigate's where None.
     """
+    from scipy.integrate import trapezoid
+
     ship = table if table is not None else frigate()
     omega = np.linspace(*BAND_RAD_S, 361)
     if sea.short_crested:

@@ -16,7 +16,6 @@ from shipland.rig import Rig
 from shipland.sim.ship.course import Course, CourseParameters, CourseState, StillCourse, StraightCourse, build_course
 from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, Later, SinusoidParameters, Sinusoids, SixDof, Still
 from shipland.sim.ship.motion_base import LimitBite, LimitedMotion, LimitParameters, rig_limits
-from shipland.sim.ship.recorded import read_motion
 from shipland.sim.ship.sea import SeaParameters, deck_motion
 
 __all__ = [
@@ -40,7 +39,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class ShipState:
-    """The ship at one instant. The poses are computed when first asked for.
+    """The ship at one instant. The poses are computed at their first use.
 
     In rig mode the platform and the bar move with the course alone and only the deck has the six motions, as on the
     motion base of [Lee2022]. In full-ship mode the deck is part of the hull: the superstructure has the deck's six
@@ -157,7 +156,7 @@ class ShipParameters:
     Attributes:
         motion: what moves the deck.
         same_motion: every flight meets one and the same motion, at an instant of its own; else each draws its own.
-        instant_spread_s: the instants are drawn from this much of the motion.
+        instant_range_s: the instants are drawn from this much of the motion.
         full_ship: superstructure and bar have the ship's motions too (see `ShipState`); no motion base, no limits.
         course: where the ship goes.
         natops: the deck-motion limits of the US Navy's NATOPS manual, as [Lee2022] flies them.
@@ -170,7 +169,7 @@ class ShipParameters:
 
     motion: Literal["still", "natops", "sinusoids", "sea", "recorded"]
     same_motion: bool
-    instant_spread_s: float
+    instant_range_s: float
     full_ship: bool
     course: CourseParameters
     natops: SinusoidParameters
@@ -182,12 +181,12 @@ class ShipParameters:
 
     def __post_init__(self) -> None:
         missing = self.motion == "recorded" and not self.recorded.path
-        require(self.instant_spread_s >= 0.0, f"instant_spread_s must not be negative, got {self.instant_spread_s}")
+        require(self.instant_range_s >= 0.0, f"instant_range_s must not be negative, got {self.instant_range_s}")
         require(not missing, 'motion = "recorded" needs recorded.path, a CSV file')
 
 
 SAME_MOTION_SEED = 1
-"""Of the one motion that every flight meets where the parameters say so."""
+"""Seed of the motion that every flight meets with `same_motion`."""
 
 
 def build_ship(parameters: ShipParameters, rig: Rig, rng: np.random.Generator) -> Ship:
@@ -199,7 +198,7 @@ def build_ship(parameters: ShipParameters, rig: Rig, rng: np.random.Generator) -
     course = build_course(parameters.course, rng)
     start_s = 0.0
     if parameters.same_motion:
-        start_s = float(rng.uniform(0.0, parameters.instant_spread_s))
+        start_s = float(rng.uniform(0.0, parameters.instant_range_s))
         motion: DeckMotion = Later(build_deck_motion(parameters, np.random.default_rng(SAME_MOTION_SEED)), start_s)
     else:
         motion = build_deck_motion(parameters, rng)
@@ -221,5 +220,7 @@ def build_deck_motion(parameters: ShipParameters, rng: np.random.Generator) -> D
         case "sea":
             return deck_motion(parameters.sea, rng, scale.length, scale.time_scale)
         case "recorded":
+            from shipland.sim.ship.recorded import read_motion  # SciPy's splines, for these two motions alone
+
             scales = (scale.length, scale.time_scale) if parameters.recorded.full_scale else (1.0, 1.0)
             return read_motion(Path(parameters.recorded.path), *scales)

@@ -14,8 +14,8 @@ class AnafiState:
     """What is known of it before a flight.
 
     Attributes:
-        limits: read back after they were set; None for one that was not told.
-        battery_percent: None where it was not told.
+        limits: read back after they were set; None for one that was not reported.
+        battery_percent: None where it was not reported.
         picture_hz: pictures' rate.
         late_s: by how much 19 of 20 pictures came later than the quickest, at most.
         telemetry_hz: attitudes a second, events and pictures' metadata together.

@@ -39,7 +39,7 @@ EVENTS = {
 
 
 class Out:
-    """Records to the one who started us, from a thread of its own: who does not read holds nobody up."""
+    """Records to the process that started us, from a thread: a slow reader delays no event."""
 
     def __init__(self, stream):
         self._stream, self._changed = stream, threading.Condition()
@@ -47,7 +47,7 @@ class Out:
         threading.Thread(target=self._run, daemon=True).start()
 
     def say(self, record):
-        """One record; the oldest make room where nobody reads."""
+        """One record; the oldest are dropped while the reader is slow."""
         with self._changed:
             self._records.append({**record, "t_s": time.monotonic()})
             self._idle = False
@@ -154,7 +154,7 @@ def main():
             values.pop("list_flags", None)
             out.say({"kind": name, "values": values})
 
-    drone.subscribe(on_event, None)  # before connecting: battery and flying state are told once
+    drone.subscribe(on_event, None)  # before connecting: battery and flying state are reported once
     if not drone.connect():
         out.complain(f"no ANAFI answers at {address}")
     out.say({"kind": "connected"})
@@ -199,19 +199,19 @@ def _limits(drone, wanted):
     drone(SpeedSettings.MaxVerticalSpeed(wanted["climb_mps"])).wait(3.0)
     drone(SpeedSettings.MaxRotationSpeed(wanted["turn_deg_s"])).wait(3.0)
 
-    def told(message, argument="current"):
+    def reported(message, argument="current"):
         try:
             return float(drone.get_state(message)[argument])
         except Exception:
             return None
 
     return {
-        "tilt_deg": told(PilotingSettingsState.MaxTiltChanged),
-        "climb_mps": told(SpeedSettingsState.MaxVerticalSpeedChanged),
-        "turn_deg_s": told(SpeedSettingsState.MaxRotationSpeedChanged),
-        "fence": told(PilotingSettingsState.NoFlyOverMaxDistanceChanged, "shouldNotFlyOver"),
-        "fence_distance_m": told(PilotingSettingsState.MaxDistanceChanged),
-        "fence_height_m": told(PilotingSettingsState.MaxAltitudeChanged),
+        "tilt_deg": reported(PilotingSettingsState.MaxTiltChanged),
+        "climb_mps": reported(SpeedSettingsState.MaxVerticalSpeedChanged),
+        "turn_deg_s": reported(SpeedSettingsState.MaxRotationSpeedChanged),
+        "fence": reported(PilotingSettingsState.NoFlyOverMaxDistanceChanged, "shouldNotFlyOver"),
+        "fence_distance_m": reported(PilotingSettingsState.MaxDistanceChanged),
+        "fence_height_m": reported(PilotingSettingsState.MaxAltitudeChanged),
     }
 
 

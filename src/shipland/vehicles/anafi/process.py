@@ -14,7 +14,7 @@ from typing import Any, TextIO
 from shipland.errors import VehicleError
 
 _GOODBYE_S = 4.0
-"""Until it has released the sticks and let go of the aircraft."""
+"""Time for the process to release the sticks and to disconnect."""
 _LONGEST_LINE, _LARGEST_PICTURE = 1 << 20, 1 << 26
 """Bytes of a record's line and of its picture; 4K takes 12 million."""
 

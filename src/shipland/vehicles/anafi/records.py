@@ -1,4 +1,4 @@
-"""What an ANAFI says, as telemetry, and what it is told, as sticks: pure."""
+"""An ANAFI's records as telemetry, and commands as its sticks: pure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from shipland.messages import GimbalAttitude, Intent, PilotCommand, Telemetry
 FLYING = ("hovering", "flying", "takingoff", "landing", "motor_ramping", "usertakeoff", "emergency_landing")
 """Flying states in which motors run."""
 _STANDING = ("landed", "emergency")
-"""Those in which they do not."""
+"""Flying states in which motors stand still."""
 
 
 def sticks_of(command: PilotCommand) -> list[int]:
@@ -84,7 +84,7 @@ def merged(before: Telemetry, kind: str, values: Mapping[str, Any], t_s: float) 
         t_s: when it was true.
 
     Raises:
-        ValueError: a value is not finite, or a state is none that an ANAFI has.
+        ValueError: a value is not finite, or a state is unknown.
         KeyError: a value is missing.
     """
     if kind == "attitude":

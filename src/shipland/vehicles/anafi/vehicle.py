@@ -24,7 +24,7 @@ from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
 from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.anafi.process import AnafiProcess
 from shipland.vehicles.anafi.records import finite, gimbal_at, gimbal_of, merged, moment_of, sticks_of, with_moment
-from shipland.vehicles.camera_stream import ExposureClock, Shot
+from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture
 from shipland.vehicles.checks import Check, PreflightParameters
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
 
@@ -32,7 +32,7 @@ _GIMBAL_S = 0.1
 _LOOK_S = 0.1
 """How often a wait looks for a request to stop."""
 _LANDED_S = 1.0
-"""Descent commanded and none seen for so long, while landing at contact height: it stands, and is told to land."""
+"""Descent commanded and none seen for so long, while landing at contact height: it stands, and is commanded to land."""
 _OLD_VELOCITY_S = 1.0
 """A velocity older than this does not show that it stands."""
 _AIRBORNE = ("hovering", "flying")
@@ -78,7 +78,7 @@ class AnafiVehicle:
         self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
         self._gimbals: deque[tuple[float, float, float]] = deque(maxlen=_READINGS)
         self._limits: Mapping[str, float | None] | None = None
-        self._shot: Shot | None = None
+        self._shot: StreamedPicture | None = None
         self._clock = ExposureClock(self._parameters.latency_s)
         self._pictures: deque[float] = deque(maxlen=300)
         self._late: deque[float] = deque(maxlen=300)
@@ -135,7 +135,7 @@ class AnafiVehicle:
             raise
 
     def open(self) -> None:
-        """Connect; take off where that was asked for, else wait until somebody has."""
+        """Connect; take off if configured, else wait until the operator has."""
         if self._closed:
             raise VehicleError("this flight is over; make a new vehicle for the next one")
         self.connect()
@@ -242,7 +242,7 @@ class AnafiVehicle:
             self._process.say({"land": True})
 
     def _sinks(self, least_mps: float, now_s: float) -> bool:
-        """Whether it descends at this rate or faster, or nobody knows."""
+        """Whether it descends at this rate or faster, or its rate is unknown."""
         velocity, true_s = self._telemetry.velocity_in_level_mps, self._telemetry.velocity_t_s
         if velocity is None or true_s is None or now_s - true_s > _OLD_VELOCITY_S:
             return True
@@ -311,7 +311,7 @@ class AnafiVehicle:
             self._judge(kind, values, flew=before.flying)
 
     def _judge(self, kind: str, values: Mapping[str, Any], *, flew: bool) -> None:
-        """End the flight when the aircraft is down, or does what nobody here asked for; from our own take-off on."""
+        """End the flight when the aircraft is down, or does what we did not command; from our own take-off on."""
         ours = self._landing or self._asked_to_land
         if kind == "home" and values["state"] in ("inProgress", "pending"):
             reason = f"the ANAFI flies home by itself: {values.get('reason', '')}"
@@ -349,7 +349,7 @@ class AnafiVehicle:
                 self._attitudes.append(arrived_s)
         self._pictures.append(arrived_s)
         self._late.append(arrived_s - exposed_s - self._parameters.latency_s)
-        self._shot, self._problem = Shot(image, exposed_s, arrived_s, gimbal), ""
+        self._shot, self._problem = StreamedPicture(image, exposed_s, arrived_s, gimbal), ""
 
 
 def _bgr(data: bytes, planes: str, width_px: int, height_px: int) -> npt.NDArray[np.uint8]:
@@ -358,7 +358,7 @@ def _bgr(data: bytes, planes: str, width_px: int, height_px: int) -> npt.NDArray
 
 
 _WINDOW_S = 3.0
-"""In which rates are counted."""
+"""Window in which rates are counted."""
 
 
 def _rate_hz(times_s: deque[float]) -> float:

@@ -16,7 +16,7 @@ from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.telemetry import alerts_at, battery_at, transmitter_heard
 
 _RATE_S = 2.0
-"""Over which a rate is counted, up to now: what has stopped has none."""
+"""Window, up to now, in which a rate is counted; what has stopped has none."""
 _LONGEST_OWN_HOLD_S = 5.0
 """An autopilot that flies the last set-point for longer goes too far with it."""
 _THROTTLE_US = (1300, 1700)

@@ -9,9 +9,9 @@ MOTORS_STOPPED = "the motors have stopped"
 
 
 class Control:
-    """The hand-over and the takeover; told every state by the receiving thread, asked at every set-point.
+    """The hand-over and the takeover; given every state by the receiving thread, asked at every set-point.
 
-    Control begins with the guided mode: set by the operator after `begin`, or asked for by us. From then on another
+    Control begins with the guided mode: set by the operator after `begin`, or requested by us. From then on another
     mode, a moved stick, stopped motors or a restart ends it, whatever mode comes later.
 
     Args:
@@ -31,7 +31,7 @@ class Control:
         self.by_sticks = False
         """It went to a pilot who moved the sticks, and whose mode does not obey them until that is changed."""
         self.released = False
-        """We have let go of it, and asked for a mode in which the autopilot holds by itself."""
+        """We have released it and requested a mode in which the autopilot holds by itself."""
 
     @property
     def asking(self) -> bool:

@@ -14,13 +14,13 @@ from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 _SET_POINTS = ("SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED")
 _BEAT_S = 1.0
 _ASKS = 3
-"""How often the mode that holds is asked for."""
+"""Number of requests for the holding mode."""
 _ASK_S = 0.8
-"""From one to the next: under a second, the time between two heartbeats."""
+"""Time between two requests: below a second, the time between two heartbeats."""
 _FRESH_S = 0.1
-"""A heartbeat this young shows the mode of now."""
+"""Largest age of a heartbeat that shows the present mode."""
 _ALONE_S = 5.0
-"""How long our process is outlived: time for every ask and its answer."""
+"""Time for which the guard outlives our process: enough for every request and its answer."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Orders:
         key: for signing, in hexadecimal digits; empty for none.
         setpoint_hz: holds a second.
         gap_s: without a set-point for so long we hold.
-        silence_s: without a set-point for so long the mode that holds is asked for; without a heartbeat of the vehicle
+        silence_s: without a set-point for so long the holding mode is requested; without a heartbeat of the vehicle
             for so long its mode is not known, and nothing is sent.
         mode_mask: the part of a heartbeat's custom mode that says who is obeyed.
         holds: set-point to hold, by each mode that obeys us.
@@ -81,7 +81,7 @@ class Guard:
         self._hold: Message | None = None
         """Set-point to hold in the newest heartbeat's mode; None: the mode is not ours."""
         self._level: list[float] | None = None
-        """Quaternion of the heading that was asked for last."""
+        """Quaternion of the last commanded heading."""
         self._heard_s = -math.inf
         """Newest heartbeat."""
         self._set_point_s: float | None = None
@@ -91,7 +91,7 @@ class Guard:
         self._turn_s = self._beat_s = self._ask_s = -math.inf
         self._asks = 0
         self.asked = False
-        """Whether the mode that holds was ever asked for."""
+        """Whether the holding mode was ever requested."""
 
     def hear_us(self, data: bytes, now_s: float) -> None:
         """What leaves for the vehicle; a set-point in a mode that obeys it begins the watch."""

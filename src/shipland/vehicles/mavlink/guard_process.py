@@ -30,7 +30,7 @@ from shipland.vehicles.pace import go_first
 
 _RECORD_BYTES = 70_000
 _START_S = 20.0
-"""Until the port is open: on a busy machine, to a TCP end that answers late."""
+"""Timeout of opening the port: on a busy machine, to a TCP end that answers late."""
 _GOODBYE_S = 2.0
 
 
@@ -138,14 +138,14 @@ class _Relay:
             self._poll.register(end.fileno(), select.POLLIN)
         self._guard: Guard | None = None
         self._peer = ""
-        self._gone = self._told = False
+        self._gone = self._reported = False
 
     def run(self) -> None:
         """Until our process has gone and nothing is left to hold."""
         while not (self._gone and (self._guard is None or self._guard.over(time.monotonic()))):
             due_s = 1.0 if self._guard is None else self._guard.due_s() - time.monotonic()
             ready = {number for number, _ in self._poll.poll(1e3 * min(max(0.0, due_s), 1.0))}
-            self._tell()  # before the vehicle's next message, which may be of the mode that we asked for
+            self._tell()  # before the vehicle's next message, which may report the mode that we requested
             if self._port.fileno() in ready:
                 self._from_vehicle()
             if self._ours.fileno() in ready:
@@ -193,11 +193,11 @@ class _Relay:
 
     def _tell(self) -> None:
         """What our process is to know when it wakes."""
-        if self._guard is not None and self._guard.asked and not self._told:
+        if self._guard is not None and self._guard.asked and not self._reported:
             words = "our process had fallen silent, so its guard asked for a mode that holds"
-            with suppress(OSError):  # full as long as nobody reads: later
+            with suppress(OSError):  # full until our process reads: later
                 self._ours.send(b"P" + words.encode())
-                self._told = True
+                self._reported = True
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from shipland.vehicles.mavlink.dialect import dialect
 ALERT_S = 3.0
 """An alert that is not said again for so long is over; every one of these messages comes twice a second or more."""
 _NOT_FLOWN_BY = {"PREARM_CHECK", "LOGGING", "EXTENSION_USED", "ENUM_END"}
-"""Of SYS_STATUS: what says nothing of the flight."""
+"""Bits of SYS_STATUS that do not concern the flight."""
 _SENSORS = {
     bit: name.replace("_", " ").lower()
     for bit, entry in dialect.enums["MAV_SYS_STATUS_SENSOR"].items()

@@ -9,12 +9,12 @@ from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.session import FORCE, Session
 from shipland.vehicles.mavlink.state import AutopilotState
-from shipland.vehicles.touchdown import Contact, ContactSignals, TouchdownParameters, TouchdownWatch
+from shipland.vehicles.touchdown import ContactSignals, GroundContact, TouchdownParameters, TouchdownWatch
 
 _MODE_KNOWN_S = 1.5
 """A heartbeat older than this does not tell whose mode it is: no motor is stopped in a pilot's."""
 _RANGE_S = 1.0
-"""A rangefinder's word that is older does not count."""
+"""Largest age of a rangefinder's reading that counts."""
 
 
 class MotorStop:
@@ -34,7 +34,7 @@ class MotorStop:
         self._watch = TouchdownWatch(touchdown, hover_throttle)
         self._asked_s, self._asked, self._answers = -math.inf, 0, 0
 
-    def look(self, command: PilotCommand | None, state: AutopilotState, now_s: float) -> Contact:
+    def look(self, command: PilotCommand | None, state: AutopilotState, now_s: float) -> GroundContact:
         """Whether it has touched the deck; where it stands, ask for the motors to stop.
 
         Args:
@@ -53,10 +53,10 @@ class MotorStop:
             range_m=state.range_m if now_s - state.range_t_s <= _RANGE_S else None,
         )
         contact = self._watch.see(touch)
-        if contact is Contact.STANDS and state.armed and now_s - state.heartbeat_s <= _MODE_KNOWN_S:
+        if contact is GroundContact.STANDS and state.armed and now_s - state.heartbeat_s <= _MODE_KNOWN_S:
             self._disarm(state, now_s)
-        elif contact is Contact.NONE:
-            self._asked = 0  # it was none: the next one is asked for politely again
+        elif contact is GroundContact.NONE:
+            self._asked = 0  # it was no touchdown: the next disarm request is an ordinary one again
         return contact
 
     def _disarm(self, state: AutopilotState, now_s: float) -> None:

@@ -28,7 +28,7 @@ class MavlinkParameters:
         goes_first: what goes before other processes where the system lets it: the set-points' thread, or all of ours.
         connect_timeout_s: to the first heartbeat, and to the first of everything needed.
         engage_timeout_s: for the operator to give us the mode.
-        stale_s: without a command for so long the vehicle is told to hold.
+        stale_s: without a command for so long the vehicle is commanded to hold.
         link_timeout_s: without a heartbeat for so long the flight is over.
         video_timeout_s: likewise without a picture.
         max_tilt_deg, max_speed_mps, max_climb_mps, max_turn_deg_s: full sticks, within the vehicle's own limits.
@@ -105,14 +105,14 @@ _REQUIRED = {
     ),
     PX4: (("MPC_TILTMAX_AIR",), ("MPC_XY_VEL_MAX",), ("MPC_Z_VEL_MAX_UP",), ("MPC_Z_VEL_MAX_DN",)),
 }  # fmt: skip
-"""One name of each group must be told: nothing is assumed of what sticks mean."""
+"""One parameter of each group must be reported: nothing is assumed of what sticks mean."""
 
 _RAW_THRUST_BIT = 8
 """GUID_OPTIONS: SET_ATTITUDE_TARGET carries raw thrust."""
 
 
-def untold(autopilot: int, values: Mapping[str, float]) -> list[str]:
-    """Required parameters that the vehicle has not told, under their usual names."""
+def missing_parameters(autopilot: int, values: Mapping[str, float]) -> list[str]:
+    """Required parameters that the vehicle has not reported, under their usual names."""
     return [group[0] for group in _REQUIRED[autopilot] if not any(name in values for name in group)]
 
 
@@ -140,12 +140,12 @@ class VehicleLimits:
         """The limits that parameters set.
 
         Raises:
-            VehicleError: a required parameter was not told, or one turns thrust from a climb rate into raw thrust.
+            VehicleError: a required parameter was not reported, or one turns thrust from a climb rate into raw thrust.
         """
-        if missing := untold(autopilot, values):
+        if missing := missing_parameters(autopilot, values):
             raise VehicleError(
-                f"the vehicle does not tell {', '.join(missing)}: without these nobody knows what sticks mean; try "
-                "again where the link loses messages, and see that the firmware has them"
+                f"the vehicle does not tell {', '.join(missing)}: without them the meaning of full sticks is unknown; "
+                "try again where the link loses messages, and see that the firmware has them"
             )
         if autopilot == PX4:
             return VehicleLimits(
@@ -194,7 +194,7 @@ class VehicleLimits:
 def response_within(
     parameters: MavlinkParameters, limits: VehicleLimits, autopilot: int, table: Mapping[str, object]
 ) -> Response:
-    """What full sticks mean: what was asked for, within the vehicle's limits, with the lags of `[response.…]`.
+    """What full sticks mean: the configured response, within the vehicle's limits, with the lags of `[response.…]`.
 
     Args:
         parameters: what full sticks shall mean.

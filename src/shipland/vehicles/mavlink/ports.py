@@ -59,7 +59,7 @@ class UdpPort:
 
     def receive(self) -> tuple[bytes, Sender] | None:
         """See `Port`."""
-        with contextlib.suppress(BlockingIOError, ConnectionError):  # refused: nobody is there yet
+        with contextlib.suppress(BlockingIOError, ConnectionError):  # refused: no listener yet
             return self._socket.recvfrom(_RECEIVE_BYTES)
         return None
 

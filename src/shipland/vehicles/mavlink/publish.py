@@ -17,9 +17,9 @@ from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 from shipland.vision.vision import Vision, see_or_degrade
 
 _LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01
-"""Standard deviations that are told at least: an outlier that is believed costs more than a wait."""
+"""Least standard deviations that are sent: an outlier that is believed costs more than a wait."""
 _LEVEL_STD_RAD = 0.02
-"""Of roll and pitch, which are the autopilot's own."""
+"""Standard deviation of roll and pitch, which are the autopilot's own."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ def position_estimate(pose: BarPose, state: AutopilotState, mounting: Mounting, 
     """
     ned_from_bar = rotation_from_euler(0.0, 0.0, state.heading_rad - pose.yaw_rad)
     north, east, down = (ned_from_bar @ aircraft_in_bar(pose, state, mounting)).tolist()
-    spread = ned_from_bar @ pose.covariance[:3, :3] @ ned_from_bar.T
+    covariance = ned_from_bar @ pose.covariance[:3, :3] @ ned_from_bar.T
     full = np.zeros((6, 6))
-    full[:3, :3] = np.where(np.isfinite(spread), spread, 0.0)
+    full[:3, :3] = np.where(np.isfinite(covariance), covariance, 0.0)
     full[:3, :3] += _LEAST_STD_M**2 * np.eye(3)
     yaw = float(pose.covariance[3, 3])
     full[3, 3] = full[4, 4] = _LEVEL_STD_RAD**2

@@ -27,7 +27,7 @@ from shipland.vehicles.mavlink.modes import (
     PX4_POSITION,
     obeys_us,
 )
-from shipland.vehicles.mavlink.setpoints import HOLD, Target, level_message, velocity_message
+from shipland.vehicles.mavlink.setpoints import HOLD, MavlinkTarget, level_message, velocity_message
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
 
 FORCE = 21196
@@ -37,15 +37,15 @@ _STREAMS_HZ = {
     "BATTERY_STATUS": 1, "RC_CHANNELS": 10, "DISTANCE_SENSOR": 20, "GIMBAL_DEVICE_ATTITUDE_STATUS": 30, "SYS_STATUS": 2,
     "EKF_STATUS_REPORT": 2, "ESTIMATOR_STATUS": 2,
 }  # fmt: skip
-"""Messages asked for, a second; a change of mode is seen at the next heartbeat."""
+"""Requested messages and their rates [Hz]; a change of mode is seen at the next heartbeat."""
 _STREAM_ANSWER_S = 1.5
-"""How long the answer to each of these requests is waited for; within it is asked twice."""
+"""Timeout of the answer to each of these requests, which are sent twice within it."""
 _HOLD_ANSWER_S = 1.5
-"""How long the answer to the last word is waited for; within it is said twice."""
+"""Timeout of the answer to the final hold command, which is sent twice within it."""
 _HISTORY = 512
 """Attitudes that are kept: ten seconds."""
 _PATIENT_HAND_OVERS = 3
-"""How often a mode that keeps the place is asked for, for a pilot at the sticks, before one that keeps the height."""
+"""Requests for a mode that keeps the place, for a pilot at the sticks, before one that keeps the height."""
 _MULTICOPTERS = {2, 3, 4, 13, 14, 15, 29, 35, 43}
 """MAV_TYPE; a mode's number means something else on an ArduPilot of another kind."""
 _PX4_VTOLS = set(range(19, 26))
@@ -94,13 +94,13 @@ class Session:
 
     @property
     def attitudes(self) -> History:
-        """Of the body, as received so far."""
+        """Attitudes of the body, as received so far."""
         with self._lock:
             return list(self._attitudes)
 
     @property
     def mounts(self) -> History:
-        """Of the camera's mount against the horizon, as received so far."""
+        """Attitudes of the camera's mount against the horizon, as received so far."""
         with self._lock:
             return list(self._mounts)
 
@@ -122,17 +122,17 @@ class Session:
         self._on_state(before, after)
 
     def _is_for_us(self, answer: Message) -> bool:
-        """Whether a command's answer is to us, or to nobody in particular, and not to another ground station."""
+        """Whether a command's answer is to us or a broadcast, and not to another ground station."""
         system, component = self.link.own
         return answer.target_system in (0, system) and answer.target_component in (0, component)
 
     @property
-    def target(self) -> Target:
+    def target(self) -> MavlinkTarget:
         """Who we talk to."""
-        return Target(self.link.vehicle)
+        return MavlinkTarget(self.link.vehicle)
 
     def connect(self, timeout_s: float) -> None:
-        """Wait for a heartbeat and ask for what is needed; VehicleError when nobody is there."""
+        """Wait for a heartbeat and request messages; VehicleError without a vehicle."""
         self.link.start()
         self.wait(lambda state: math.isfinite(state.heartbeat_s), timeout_s, "no heartbeat from an autopilot")
         if self.state.autopilot not in (ARDUPILOT, PX4):
@@ -173,7 +173,7 @@ class Session:
             number: of the command.
             parameters: of the command.
             timeout_s: how long.
-            unless: ends the asking: what is asked for has come about, or is not wanted any more.
+            unless: ends the requests: the command has taken effect, or is not wanted any more.
 
         Returns:
             The result; -1 when none came.
@@ -259,7 +259,7 @@ class Session:
 
         Args:
             names: of all that may be of use; a vehicle answers nothing for one that it does not have.
-            enough: whether those that have come will do; until then a lost answer is asked for again.
+            enough: whether those that have come will do; until then a lost answer is requested again.
             timeout_s: how long.
         """
         end_s, known = time.monotonic() + timeout_s, dict[str, float]()
@@ -271,8 +271,8 @@ class Session:
                     dialect.MAVLink_param_request_read_message(target.system, target.component, name.encode(), -1)
                 )
             sleep_or_stop(0.3)
-            told = self.state.parameters
-            known = {name: told[name] for name in names if name in told}
+            found = self.state.parameters
+            known = {name: found[name] for name in names if name in found}
             nothing_new = len(known) + len(missing) == len(names)
             if len(known) == len(names) or (nothing_new and enough(known)):
                 break

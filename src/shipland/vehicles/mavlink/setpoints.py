@@ -11,14 +11,14 @@ from shipland.messages import Intent, PilotCommand
 from shipland.vehicles.mavlink.dialect import Message, dialect
 
 BODY_VELOCITY_MASK = 0b010111000111
-"""Of SET_POSITION_TARGET_LOCAL_NED: velocity and yaw rate count, nothing else."""
+"""Mask of SET_POSITION_TARGET_LOCAL_NED: only velocity and yaw rate count."""
 _FRAME_BODY_NED = 8
 _HEADING_LEAD_RAD = 0.3
-"""The heading asked for runs ahead of the aircraft's by no more: a turn that is held up must not wind up."""
+"""Largest lead of the heading set-point over the aircraft's heading, so that a blocked turn does not wind up."""
 
 
 @dataclass(frozen=True)
-class Target:
+class MavlinkTarget:
     """Who the set-points are for."""
 
     system: int
@@ -61,7 +61,7 @@ def pressed(response: Response, velocity_in_level_mps: tuple[float, float, float
 
     Args:
         response: of this vehicle.
-        velocity_in_level_mps: its own; one that flies speeds is asked for the speed it has, so that it does not tilt.
+        velocity_in_level_mps: its own; a vehicle that flies speeds is commanded this one, so that it does not tilt.
         down_mps: descent.
     """
     forward, right = 0.0, 0.0
@@ -70,7 +70,7 @@ def pressed(response: Response, velocity_in_level_mps: tuple[float, float, float
     return Wanted(forward, right, -down_mps, 0.0)
 
 
-def velocity_message(wanted: Wanted, target: Target, boot_ms: int) -> Message:
+def velocity_message(wanted: Wanted, target: MavlinkTarget, boot_ms: int) -> Message:
     """SET_POSITION_TARGET_LOCAL_NED in the body's heading; for velocity vehicles, and any vehicle's hold."""
     forward, right = (0.0, 0.0) if wanted.hold else (wanted.forward, wanted.right)
     climb, turn = (0.0, 0.0) if wanted.hold else (wanted.climb_mps, wanted.turn_rad_s)
@@ -80,7 +80,7 @@ def velocity_message(wanted: Wanted, target: Target, boot_ms: int) -> Message:
     )  # fmt: skip
 
 
-def level_message(target: Target) -> Message:
+def level_message(target: MavlinkTarget) -> Message:
     """SET_ATTITUDE_TARGET that levels an ArduPilot heading north and holds its height: a hold without a position."""
     return dialect.MAVLink_set_attitude_target_message(
         0, target.system, target.component, 0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, 0.5
@@ -112,12 +112,12 @@ class AttitudeTarget:
         target: who it is for.
     """
 
-    def __init__(self, scale: ClimbScale, target: Target) -> None:
+    def __init__(self, scale: ClimbScale, target: MavlinkTarget) -> None:
         self._scale, self._target = scale, target
         self._heading_rad = math.nan
 
     def rest(self) -> None:
-        """Something else is asked for: the next heading begins at the aircraft's."""
+        """Another kind of set-point: the next heading begins at the aircraft's."""
         self._heading_rad = math.nan
 
     def message(self, wanted: Wanted, heading_rad: float, step_s: float, boot_ms: int) -> Message:

@@ -22,13 +22,13 @@ ARMED_FLAG = 128
 """MAV_MODE_FLAG_SAFETY_ARMED of a heartbeat's base mode."""
 _NONE_U8, _NONE_U16 = 255, 65535
 _REBOOT_S = 1.0
-"""The autopilot's clock went back by so much: it has started anew."""
+"""The autopilot's clock went back by so much: it has restarted."""
 _WINDOW_S = 1.0
-"""A while in which the clocks' difference is constant; short, because a simulated vehicle's clock may run slow."""
+"""Window in which the clocks' difference counts as constant; short, as a simulated vehicle's clock may run slow."""
 _LONGEST_TRIP_S = 2.0
-"""An answer later than this is none."""
+"""Latest answer that counts."""
 _TRIPS = 5
-"""Round trips of which the quickest counts: a link that has become slow shows after so many."""
+"""Round trips of which the quickest counts; a link that has become slow shows after as many."""
 _AUTOPILOT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 _GIMBALS = {_AUTOPILOT, 154, 171, 172, 173, 174, 175}
@@ -48,9 +48,9 @@ class Clock:
 
     Attributes:
         boot_s: newest time of it.
-        offset_s: our clock minus it and the quickest message's way, of the last while.
+        offset_s: our clock minus it and the quickest message's travel time, of the last while.
         next_offset_s, window_s: the same of the while that has begun, and when that was.
-        restarts: how often it began anew.
+        restarts: how often it restarted.
     """
 
     boot_s: float = math.nan
@@ -60,7 +60,7 @@ class Clock:
     restarts: int = 0
 
     def at(self, boot_ms: int, received_s: float) -> tuple[Clock, float]:
-        """The clock moved on, and when a message was sent, on ours, but for the quickest one's way.
+        """The clock moved on, and when a message was sent, on ours, but for the quickest one's travel time.
 
         Args:
             boot_ms: the message's own time.
@@ -102,7 +102,7 @@ class AutopilotState:
         range_t_s, range_m: when it came, and the downward rangefinder; None without.
         battery_t_s, battery_percent: when it came, and the first battery's charge; None where unknown.
         link_t_s, link_percent: when it came, and a telemetry radio's signal; None without one.
-        gimbal: component and device that are followed: the first that told an attitude; None before.
+        gimbal: component and device that are followed: the first that reported an attitude; None before.
         gimbal_clock: its own.
         gimbal_t_s, gimbal_roll_rad, gimbal_pitch_rad: the mount against the horizon; NaN without one.
         sticks_t_s, sticks_us: when they came, and pulse widths of roll, pitch, throttle and yaw; empty without a
@@ -154,12 +154,12 @@ class AutopilotState:
 
     @property
     def reboots(self) -> int:
-        """How often the autopilot has started anew."""
+        """How often the autopilot has restarted."""
         return self.clock.restarts
 
     @property
     def round_trip_s(self) -> float:
-        """Of the quickest of the last exchanges of times; 0 before the first."""
+        """Shortest round trip of the last time exchanges [s]; 0 before the first."""
         return min(self.trips_s, default=0.0)
 
     @property
@@ -197,7 +197,8 @@ def _finite(*values: float, bound: float = 1e6) -> None:
 def _clock(state: AutopilotState, boot_ms: int, received_s: float) -> tuple[AutopilotState, float]:
     """The state with the autopilot's clock moved on, and the message's time on ours.
 
-    The quickest message of a while tells the clocks' difference; half of the quickest round trip is its own way.
+    The quickest message of a while tells the clocks' difference; half of the quickest round trip is its travel
+    time.
     """
     clock, sent_s = state.clock.at(boot_ms, received_s)
     return replace(state, clock=clock), sent_s - 0.5 * state.round_trip_s
@@ -277,9 +278,9 @@ def _gimbal(state: AutopilotState, it: Any, received_s: float) -> AutopilotState
 
 def _receiver(state: AutopilotState, it: Any, received_s: float) -> AutopilotState:  # noqa: ANN401
     sticks = (it.chan1_raw, it.chan2_raw, it.chan3_raw, it.chan4_raw)
-    told = it.chancount >= 4 and _NONE_U16 not in sticks
-    moved_by_hand = told and all(_STICKS_US[0] <= stick <= _STICKS_US[1] for stick in sticks)
-    words = "the receiver is in failsafe" if told and not moved_by_hand else ""
+    reported = it.chancount >= 4 and _NONE_U16 not in sticks
+    moved_by_hand = reported and all(_STICKS_US[0] <= stick <= _STICKS_US[1] for stick in sticks)
+    words = "the receiver is in failsafe" if reported and not moved_by_hand else ""
     state = _alerted(state, "receiver", received_s, words)
     return replace(state, sticks_t_s=received_s, sticks_us=sticks if moved_by_hand else ())
 

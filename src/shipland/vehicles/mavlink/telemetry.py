@@ -13,7 +13,7 @@ from shipland.vehicles.mavlink.health import ALERT_S
 from shipland.vehicles.mavlink.state import AutopilotState
 
 _SLOW_S = 10.0
-"""Battery and radio are told about once a second; what is older is not known."""
+"""Battery and radio are reported about once a second; what is older is not known."""
 _STICKS_S = 2.0
 """Likewise the transmitter's sticks, ten times a second."""
 _HEADING_S = 0.2
@@ -57,7 +57,7 @@ def battery_at(state: AutopilotState, t_s: float) -> float | None:
 
 
 def transmitter_heard(state: AutopilotState, t_s: float) -> bool:
-    """Whether a transmitter's sticks are told at this time."""
+    """Whether a transmitter's sticks are reported at this time."""
     return bool(state.sticks_us) and t_s - state.sticks_t_s <= _STICKS_S
 
 
@@ -65,7 +65,7 @@ def alerts_at(state: AutopilotState, t_s: float) -> str:
     """What the vehicle says is wrong with it at this time, in words; empty while it is well."""
     words = [text for said_s, text in state.alerts.values() if text and t_s - said_s <= ALERT_S]
     if state.sticks_us and not transmitter_heard(state, t_s):
-        words.append("the transmitter's sticks are not told any more")
+        words.append("the transmitter's sticks are no longer reported")
     return "; ".join(words)
 
 

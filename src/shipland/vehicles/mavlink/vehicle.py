@@ -16,7 +16,7 @@ from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.messages import Frame, GroundTruth, Intent, PilotCommand, Telemetry, TouchdownVerdict
 from shipland.stopping import uninterrupted
-from shipland.vehicles.camera_stream import CameraStream, Shot
+from shipland.vehicles.camera_stream import CameraStream, StreamedPicture
 from shipland.vehicles.checks import Check
 from shipland.vehicles.mavlink.control import MOTORS_STOPPED, Control
 from shipland.vehicles.mavlink.dialect import dialect
@@ -26,8 +26,8 @@ from shipland.vehicles.mavlink.parameters import (
     ARDUPILOT_NAMES,
     PX4_NAMES,
     VehicleLimits,
+    missing_parameters,
     response_within,
-    untold,
 )
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setpoints import HOLD, AttitudeTarget, Wanted, pressed, velocity_message, wanted_of
@@ -36,7 +36,7 @@ from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.taking import Taking
 from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of
 from shipland.vehicles.pace import Pace
-from shipland.vehicles.touchdown import Contact
+from shipland.vehicles.touchdown import GroundContact
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
 
 _REMEMBERED = 64
@@ -124,7 +124,8 @@ class MavlinkVehicle:
             session.connect(parameters.connect_timeout_s)
             autopilot = session.state.autopilot
             values = session.read_parameters(
-                PX4_NAMES if autopilot == PX4 else ARDUPILOT_NAMES, lambda told: not untold(autopilot, told)
+                PX4_NAMES if autopilot == PX4 else ARDUPILOT_NAMES,
+                lambda found: not missing_parameters(autopilot, found),
             )
             limits = self._limits = VehicleLimits.of(autopilot, values)
             self._response = response_within(parameters, limits, autopilot, self._setup.response_table)
@@ -303,7 +304,7 @@ class MavlinkVehicle:
         fresh = command is not None and not self._end_reason and now_s - command[1] <= self._parameters.stale_s
         newest = command[0] if command is not None and fresh else None
         wanted = HOLD if newest is None else wanted_of(newest, self.response())
-        if not self._end_reason and self._motors.look(newest, state, now_s) is not Contact.NONE:
+        if not self._end_reason and self._motors.look(newest, state, now_s) is not GroundContact.NONE:
             wanted = pressed(self.response(), state.velocity_in_level_mps, self._press_mps)
         self._set_point(wanted, state, step_s, boot_ms)
         if newest is not None:
@@ -341,7 +342,7 @@ class MavlinkVehicle:
             )
         )
 
-    def _frame(self, shot: Shot) -> Frame:
+    def _frame(self, shot: StreamedPicture) -> Frame:
         self._last_exposed_s = shot.exposed_s
         if shot.truth is not None:
             self._truths[shot.exposed_s] = shot.truth
