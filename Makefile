@@ -6,6 +6,7 @@ SHELL := bash
 
 BIN := .venv/bin
 ARGS ?=
+SERVE ?=
 
 # One thread a process: pytest's workers, or what a benchmark measures, share the cores.
 test test-slow fuzz bench: export OMP_NUM_THREADS := 1
@@ -70,8 +71,8 @@ bench: setup ## run every benchmark, one after the other; tables on screen and i
 train: setup-train ## make the far detectors' weights anew: pictures, training, rounds of what fooled them; four core-hours, resumes
 	tools/train_shipped.sh out/train $(ARGS)
 
-docs: setup ## build the documentation into site/; a warning is an error
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+docs: setup ## build the documentation into site/, a warning is an error; SERVE=1 shows it at 127.0.0.1:8000
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs $(if $(SERVE),serve,build --quiet) --strict
 
 wheel-test: setup ## build the wheel, install it into an empty environment, fly from another folder
 	tools/wheel_test.sh

@@ -15,22 +15,39 @@ import griffe
 from latex2mathml.converter import convert
 
 ROOT = Path(__file__).parent.parent
-CONFIGS = ROOT / "src" / "shipland" / "configs"
+DOCS = ROOT / "docs"
 NO_BREAK_SPACE = "\u00a0"
-FILE = re.compile(r"<!-- file ([\w/]+\.(\w+)) -->")
-HELP = re.compile(r"<!-- help of ([\w -]+) -->")
-COLUMNS = re.compile(r"<!-- columns of (\w+) -->")
-TABLES = re.compile(r"<!-- tables of (\w+\.toml) -->")
+SHOWN = re.compile(r'^\[[^\]\n]+\]\(([^)\s]+) "(shown|tables|columns of \w+)"\)$', re.MULTILINE)
+HELP = re.compile(r"^```console\n\$ shipland ([\w -]+) --help\n```$", re.MULTILINE)
+OUTSIDE = re.compile(r"(?<!!)\[([^\]\n]+)\]\(((?:\.\./)+[^)\s#]+)\)")
 SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:  # noqa: ANN401 - MkDocs passes its own objects by name
-    """Puts in what a page asks for: the comments that `FILE`, `HELP`, `COLUMNS` and `TABLES` match."""
-    markdown = FILE.sub(lambda match: f"```{match[2]}\n{(ROOT / match[1]).read_text(encoding='utf-8')}```", markdown)
-    markdown = HELP.sub(lambda match: f"```text\n{help_of(match[1])}\n```", markdown)
-    markdown = COLUMNS.sub(lambda match: column_table(match[1]), markdown)
-    return TABLES.sub(lambda match: configuration_tables((CONFIGS / match[1]).read_text(encoding="utf-8")), markdown)
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:  # noqa: ANN401 - MkDocs passes its own objects
+    """Puts in what a page links to or names, so that the page reads whole on a forge as well.
+
+    A line that is a link with the title `shown`, `tables` or `columns of …` becomes the file, the tables of a
+    configuration, or those of columns. A block with one `shipland … --help` gets its output. Links to files outside
+    `docs/` become their text, because the site does not hold these files.
+    """
+    folder = (DOCS / page.file.src_uri).parent
+    markdown = SHOWN.sub(lambda match: _shown((folder / match[1]).resolve(), match[2]), markdown)
+    markdown = HELP.sub(lambda match: f"```text\n$ shipland {match[1]} --help\n{help_of(match[1])}\n```", markdown)
+    return OUTSIDE.sub(lambda match: _inside(match, folder), markdown)
+
+
+def _shown(path: Path, how: str) -> str:
+    if how.startswith("columns of "):
+        return column_table(how.removeprefix("columns of "))
+    text = path.read_text(encoding="utf-8")
+    return configuration_tables(text) if how == "tables" else f"```{path.suffix[1:]}\n{text}```"
+
+
+def _inside(match: re.Match[str], folder: Path) -> str:
+    if (folder / match[2]).resolve().is_relative_to(DOCS):
+        return match[0]
+    return match[1] if match[1].startswith("`") or "." not in match[1] else f"`{match[1]}`"
 
 
 def help_of(command: str) -> str:

@@ -1,7 +1,7 @@
 """Fly the aircraft's step responses and draw them: `python tools/step_responses.py docs/pictures`.
 
 Every manoeuvre goes through `World` as a flight does: sticks in, truth out. The tables printed are the ones that
-docs/aircraft.md shows.
+docs/results/aircraft.md shows.
 """
 
 from __future__ import annotations

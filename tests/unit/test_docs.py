@@ -5,6 +5,7 @@ import importlib.util
 import re
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -22,9 +23,8 @@ def page_id(path: Path) -> str:
 
 
 def prose(path: Path) -> str:
-    """A page without its fenced blocks and comments."""
-    text = re.sub(r"<!--.*?-->", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
-    return re.sub(r"^```.*?^```", "", text, flags=re.DOTALL | re.MULTILINE)
+    """A page without its fenced blocks."""
+    return re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
 
 
 def fences(path: Path, language: str) -> list[str]:
@@ -48,6 +48,23 @@ def test_links_and_pictures_lead_to_files(path):
     assert not missing
 
 
+def test_anchors_of_links_between_pages_exist():
+    wrong = []
+    for path in PAGES:
+        for target in re.findall(r"\]\(([^)\s]+#[^)\s]+)\)", prose(path)):
+            file, _, anchor = target.partition("#")
+            if not re.match(r"[a-z]+:", target) and (path.parent / file).suffix == ".md":
+                wrong += [f"{page_id(path)}: {target}"] if anchor not in anchors(path.parent / file) else []
+    assert not wrong
+
+
+def anchors(path: Path) -> set[str]:
+    """Of a page's headings, as MkDocs and forges make them."""
+    headings = re.findall(r"^#+ (.*)$", prose(path), flags=re.MULTILINE)
+    plain = [re.sub(r"[^\w\s-]", "", re.sub(r"\]\([^)]*\)", "", heading).lower()) for heading in headings]
+    return {re.sub(r"[\s]+", "-", heading.strip()) for heading in plain}
+
+
 def test_every_page_is_in_the_navigation_once():
     # MkDocs has tags of its own in its YAML, so the names are read as text.
     navigation = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
@@ -66,7 +83,14 @@ def test_no_script_or_font_comes_from_elsewhere():
     settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     assert re.search(r"^  font: false", settings, flags=re.MULTILINE)
     assert "http" not in settings
+    polyfills = re.findall(r"^  polyfills:\n    - (\S+)", settings, flags=re.MULTILINE)
+    assert polyfills == ["iframe-worker.js"], "the offline plug-in fetches one from elsewhere unless one has this name"
+    assert (ROOT / "docs" / polyfills[0]).is_file()
     assert not [page_id(path) for path in DOCS if re.search(r"<(script|iframe|link)\b", prose(path))]
+
+
+def test_pages_read_whole_without_a_plug_in():
+    assert not [page_id(path) for path in PAGES if "<!--" in path.read_text(encoding="utf-8")]
 
 
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.name)
@@ -79,27 +103,45 @@ def test_the_configuration_page_shows_every_key(path):
     headings = re.findall(r"^### `\[+([\w.]+)\]+`", tables, flags=re.MULTILINE)
     sections = {key for key, value in tomllib.loads(text).items() if isinstance(value, dict)}
     assert {heading.split(".")[0] for heading in headings} == sections
-    assert path.name in hooks.TABLES.findall((ROOT / "docs" / "configuration.md").read_text(encoding="utf-8"))
+    page = (ROOT / "docs" / "reference" / "configuration.md").read_text(encoding="utf-8")
+    assert path.name in [Path(file).name for file, how in hooks.SHOWN.findall(page) if how == "tables"]
 
 
 def test_every_command_has_its_help():
-    text = (ROOT / "docs" / "commands.md").read_text(encoding="utf-8")
-    assert re.findall(r"<!-- help of ([\w-]+) -->", text) == [name_of(command) for command in COMMANDS]
-    assert "--scenario" in load(ROOT / "tools" / "mkdocs_hooks.py").help_of("fly")
+    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+    page = ROOT / "docs" / "reference" / "commands.md"
+    shown = hooks.HELP.findall(page.read_text(encoding="utf-8"))
+    assert [name for name in shown if " " not in name] == [name_of(command) for command in COMMANDS]
+    made = hooks.on_page_markdown("```console\n$ shipland fly --help\n```", page_of("reference/commands.md"))
+    assert made.startswith("```text\n$ shipland fly --help\n") and "--scenario" in made
 
 
 def test_files_that_pages_show_are_there():
     hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
-    shown = [found[0] for path in DOCS for found in hooks.FILE.findall(path.read_text(encoding="utf-8"))]
-    assert "examples/own_pilot.py" in shown
+    shown = [
+        (path.parent / file).resolve().relative_to(ROOT)
+        for path in DOCS
+        for file, how in hooks.SHOWN.findall(path.read_text(encoding="utf-8"))
+        if how == "shown"
+    ]
+    assert Path("examples/own_pilot.py") in shown
     assert all((ROOT / name).is_file() for name in shown)
-    page = hooks.on_page_markdown("<!-- file examples/own_pilot.py -->")
+    line = '[own_pilot.py](../../examples/own_pilot.py "shown")'
+    page = hooks.on_page_markdown(line, page_of("tutorials/own-pilot.md"))
     assert page.startswith("```py\n") and page.endswith("\n```")
 
 
+def test_links_out_of_the_documentation_become_text_on_the_site():
+    hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
+    line = "[modes.py](../../src/shipland/guidance/modes.py), [a](../../LICENSE), [x](../results/bench.md#faults)"
+    made = hooks.on_page_markdown(line, page_of("explanation/modes.md"))
+    assert made == "`modes.py`, a, [x](../results/bench.md#faults)"
+
+
 def test_the_columns_of_files_are_shown_with_unit_and_meaning():
-    hooks, page = load(ROOT / "tools" / "mkdocs_hooks.py"), ROOT / "docs" / "outputs.md"
-    assert hooks.COLUMNS.findall(page.read_text(encoding="utf-8")) == ["flight", "landings"]
+    hooks, page = load(ROOT / "tools" / "mkdocs_hooks.py"), ROOT / "docs" / "reference" / "outputs.md"
+    shown = [how for _, how in hooks.SHOWN.findall(page.read_text(encoding="utf-8"))]
+    assert shown == ["columns of flight", "columns of landings"]
     landings = hooks.column_table("landings").splitlines()
     assert re.findall(r"^\| `(\w+)` \|", "\n".join(landings), flags=re.MULTILINE) == COLUMNS
     assert "| `wind_off_bow_deg` | ° | the same clockwise from the bow at the start, within ±180 |" in landings
@@ -125,6 +167,11 @@ def test_configuration_tables_by_hand():
         "| `list` | `[ 1, # one 2, ]` |  |",
         "| `bare` | `3` |  |",
     ]
+
+
+def page_of(path: str):
+    """What MkDocs tells a hook of a page."""
+    return SimpleNamespace(file=SimpleNamespace(src_uri=path))
 
 
 def load(path: Path):

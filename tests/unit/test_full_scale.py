@@ -58,7 +58,7 @@ def test_the_deck_is_part_of_a_hull_that_floats():
 
 
 def test_waves_move_the_deck_at_full_scale():
-    """Sway and heave, significant single amplitudes, of docs/ship-motion.md for sea state 5 off the bow."""
+    """Sway and heave, significant single amplitudes, of docs/results/ship-motion.md for sea state 5 off the bow."""
     ships = [build_ship(SEA5.ship, SEA5.rig, np.random.default_rng(seed)) for seed in range(12)]
     rows = np.array([ship.at(float(t_s)).deck.displacement for ship in ships for t_s in range(0, 400, 2)])
     assert 2.0 * np.std(rows[:, 1:3], axis=0) == pytest.approx([1.19, 1.63], rel=0.12)

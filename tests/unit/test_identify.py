@@ -151,7 +151,7 @@ def moving_sticks(setup: PilotSetup) -> Pilot:
 
 
 def test_from_a_flights_log_to_the_pilot_of_every_vehicle(tmp_path: Path) -> None:
-    """The two commands of "Fly it", and what an ANAFI's, an ArduPilot's and the simulated pilot make of the file."""
+    """The commands of "Fly a vehicle", and what an ANAFI's, an ArduPilot's and the simulated pilot make of the file."""
     scenario = load_scenario(
         "near",
         start={"distance_m": 300.0, "height_m": 40.0},

@@ -188,7 +188,7 @@ def test_flights_come_down_repeat_and_differ_by_seed(exact):
     assert torch.equal(first.touch.own_m, again.touch.own_m)
     assert not torch.equal(first.touch.own_m, other.touch.own_m)
     assert first.touch.touched.float().mean() > 0.95
-    # In the simulator: 3.9 cm rms each way (docs/learning.md); here of 48 flights, give or take a third.
+    # In the simulator 3.9 cm rms each way (docs/results/learned-policies.md); here 48 flights, give or take a third.
     rms_m = first.touch.own_m[first.touch.touched].square().mean(0).sqrt()
     assert 0.025 < float(rms_m.min()) < float(rms_m.max()) < 0.055
 

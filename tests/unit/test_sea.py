@@ -118,7 +118,7 @@ def test_mean_period_of_the_series_is_that_of_its_moments() -> None:
 def test_significant_amplitudes_against_the_design_reference(
     waves_from_deg: float, reference: tuple[float, ...]
 ) -> None:
-    # an independent prototype of the same ship (DESIGN, Simulator): another hull and method; docs/ship-motion.md
+    # an independent prototype of the same ship, with another hull and method: docs/results/ship-motion.md
     found = significant_amplitude(replace(SEA, waves_from_deg=waves_from_deg))
     found[3:] = np.degrees(found[3:])
     np.testing.assert_allclose(found, reference, rtol=0.15)

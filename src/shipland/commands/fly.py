@@ -49,7 +49,7 @@ class Fly(ScenarioOptions):
     video: bool = True
     """Write flight.mp4 (costs a second picture a frame, for the chase view)."""
     vehicle: str | None = None
-    """What is flown instead of the simulated aircraft: `mavlink://…`, `anafi://…`, `replay://…`; see "Fly it"."""
+    """What is flown, not the simulated aircraft: `mavlink://…`, `anafi://…`, `replay://…`; see "Fly a vehicle"."""
     calibration: Path | None = None
     """OpenCV calibration file of the vehicle's camera."""
     vehicle_config: Path | None = None

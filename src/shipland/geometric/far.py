@@ -1,6 +1,6 @@
 """The geometric camera's far half: the true boxes of ship and bar with the detectors' measured errors and misses.
 
-Its error model is taken from `shipland evaluate` on rendered pictures (docs/far-vision.md). False boxes are not
+Its error model is taken from `shipland evaluate` on rendered pictures (docs/results/far-vision.md). False boxes are not
 modelled: flights that must meet them fly the rendered camera.
 """
 

@@ -33,12 +33,12 @@ def horizon(setup: PilotSetup) -> Pilot:
 
 
 def residual(setup: PilotSetup) -> Pilot:
-    """`horizon` with a learned, bounded addition to its horizontal input over the deck (docs/learning.md)."""
+    """`horizon` with a learned, bounded addition to its input over the deck (docs/explanation/learned-policies.md)."""
     return HorizonPilot(setup, LearnedSteering(setup.guidance.learned.residual, "residual", setup.response))
 
 
 def learned(setup: PilotSetup) -> Pilot:
-    """`horizon` whose horizontal input over the deck is a learned policy's (docs/learning.md)."""
+    """`horizon` whose horizontal input over the deck is a learned policy's (docs/explanation/learned-policies.md)."""
     return HorizonPilot(setup, LearnedSteering(setup.guidance.learned.direct, "direct", setup.response))
 
 

@@ -21,7 +21,7 @@ LATE_S = 30.0
 SETTLED_SHARE = 0.1
 """Of the step: what counts as settled."""
 NOISE_PX = 1.7
-"""Of a box's edge: the shipped detector's 1.2 px of the centre at 100 m (docs/far-vision.md)."""
+"""Of a box's edge: the shipped detector's 1.2 px of the centre at 100 m (docs/results/far-vision.md)."""
 HAND_OVER_M = 22.0
 """From the bar: here corners take over."""
 RUN_IN_M = 20.0

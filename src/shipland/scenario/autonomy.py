@@ -145,6 +145,6 @@ def response_of(scenario: Scenario) -> Response:
 
 
 _TILT_LAG_S, _DEAD_TIME_S = 0.05, 0.075
-"""Of the horizontal acceleration behind the sticks, fitted to the step response of tilts (docs/aircraft.md)."""
+"""Of the horizontal acceleration behind the sticks, fitted to the step response of tilts (docs/results/aircraft.md)."""
 _DRAG_PER_S = 0.4
 """Deceleration for a metre per second through the air, about 5 m/s of wind."""

@@ -33,7 +33,8 @@ from shipland.frames import Array
 INPUT_RATE_SHARE = 2.0
 """Most that an input may change, as a share of the rate at which the vehicle can follow.
 
-Beyond 1 it is followed late; held back to 0.7, gusts of 9 m/s of wind are answered later still (docs/guidance.md).
+Beyond 1 it is followed late. Held back to 0.7, gusts of 9 m/s of wind are answered later still:
+docs/results/guidance.md.
 """
 INPUT, TRACKED, TRACKED_RATE = STATES, STATES + 1, STATES + 2
 """Index of the input before in the control's state; of the speed that a servo with an integral tracks, and its rate."""

@@ -1,7 +1,7 @@
 """The last phase of a landing, batched and differentiable: from at most 12 m to the first contact with the deck.
 
 A cycle is a picture: the pilots look, a policy steers, the sticks arrive after the uplink, and the aircraft fly on
-until the next cycle in a few substeps. Docs: docs/learning.md says what is modelled and what is left out.
+until the next cycle in a few substeps. What is modelled and what is left out: docs/explanation/learned-policies.md.
 """
 
 from __future__ import annotations

@@ -110,5 +110,6 @@ def _markdown(card: dict[str, object], scenarios: Sequence[str]) -> str:
         for name in scenarios
         if f"{name} rms" in found
     ]
-    lines += ["- Limits: these are the model's figures; the simulator's are what counts (docs/learning.md).", ""]
+    limits = "these are the model's figures; the simulator's are what counts (docs/results/learned-policies.md)"
+    lines += [f"- Limits: {limits}.", ""]
     return "\n".join(lines)

@@ -1,7 +1,7 @@
 """Motion responses (RAOs) of the packaged FFG-7-like frigate: the table and its interpolation.
 
-The table is made by `tools/make_rao.py`; see `docs/ship-motion.md` for its hull and method. No measurement of an
-FFG-7 is behind it.
+The table is made by `tools/make_rao.py`; hull and method: `docs/explanation/ship-motion.md`. No measurement of an FFG-7
+is behind it.
 """
 
 from __future__ import annotations

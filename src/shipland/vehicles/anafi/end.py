@@ -140,7 +140,7 @@ def main():
         import olympe
         from olympe.messages.ardrone3.Piloting import PCMD
     except Exception as error:
-        out.complain(f'{sys.executable} has no Olympe that works: {error}; see "Fly it"')
+        out.complain(f'{sys.executable} has no Olympe that works: {error}; see "Fly an ANAFI"')
 
     address, stream = sys.argv[1:]
     drone = olympe.Drone(address)

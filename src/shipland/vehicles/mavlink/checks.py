@@ -108,8 +108,8 @@ def _age_words(stream: CameraStream, setup: MavlinkSetup) -> str:
         return f"{age_s:.3f} s at receipt, measured; {most}"
     late_s = max(0.0, age_s - setup.latency_s)
     return (
-        f"{age_s:.3f} s, {most}: {setup.latency_s:.3f} s stated, not measured (film a running clock: docs/fly-it.md), "
-        f"and {late_s:.3f} s behind the quickest picture, measured"
+        f"{age_s:.3f} s, {most}: {setup.latency_s:.3f} s stated, not measured (film a running clock: "
+        f"docs/how-to/fly-a-vehicle.md), and {late_s:.3f} s behind the quickest picture, measured"
     )
 
 
