@@ -220,6 +220,8 @@ def results(rng: np.random.Generator) -> None:
 def signals(rng: np.random.Generator) -> None:
     """A flight that is asked to stop at any time ends by itself, and what it wrote can be read."""
     words = ["fly", "--scenario", "rig-natops", "--vision", "geometric", "--no-video", "--out", "flight"]
+    for each in SIGNALS:  # what runs in the background is started with some of them ignored, and its children too
+        signal.signal(each, signal.default_int_handler if each is signal.SIGINT else signal.SIG_DFL)
     how, after_s = SIGNALS[rng.integers(len(SIGNALS))], float(rng.uniform(0.0, 4.0))
     command = [sys.executable, "-m", "shipland.cli", *words, "--seed", str(rng.integers(100))]
     log = Path("flight/flight.mcap")

@@ -175,6 +175,8 @@ class Camera:
         """
         if not path.is_file():
             raise DataError(f"calibration file {path} does not exist")
+        if b"\0" in path.read_bytes():  # at which OpenCV stops reading, and takes what came before for the whole
+            raise DataError(f"calibration file {path} is not an OpenCV YAML, XML or JSON file: it holds a zero byte")
         try:
             storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
             matrix = storage.getNode("camera_matrix").mat()

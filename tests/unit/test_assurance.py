@@ -12,6 +12,7 @@ from shipland.errors import ConfigError
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import (
     BarPose,
+    Box,
     Decision,
     GimbalAttitude,
     Intent,
@@ -163,6 +164,17 @@ def test_a_bar_that_contradicts_the_gimbal_is_not_flown_on(over_deck_m):
     assert ("safety" in committed.said) == (over_deck_m > PARAMETERS.monitor.commit_m)
 
 
+def test_who_comes_near_on_boxes_alone_goes_around():
+    flight = Flight(over_deck(1.2, -1.5))
+    box_px = CAMERA.focal_px * np.array(RIG.board_size_m) / -flight.place_m[0]
+    seen = Observation(0.0, GimbalAttitude(0.0, 0.0), None, Box((640.0, 360.0), tuple(box_px), 0.9))
+    telemetry = Telemetry(100.0, 0.0, 0.0, 0.0, 5.0, np.zeros(3), 80.0, 90.0, True, 100.0, 100.0, 100.0, 100.0)
+    decision = Decision(PilotCommand(100.0, 5.0, 0.0, 0.0, 0.0, 0.0), Mode.TRACK_BAR, "asked")
+    checked = flight.safety.check(decision, replace(seen, t_s=100.0), telemetry)
+    assert "no pose yet" in checked.reason
+    assert checked.command.heave_percent > 0.0
+
+
 def test_a_ships_way_is_no_contradiction():
     flight = Flight(over_deck(1.2), velocity_mps=(3.0, 1.0, 0.0))
     flight.ship_mps = np.array([3.0, 1.0, 0.0])
@@ -214,6 +226,19 @@ def test_a_go_around_ends_high_and_astern_and_hands_the_aircraft_back(response):
     assert flight.over_deck_m > 0.9 * RECOVERY.clear_height_m
     assert flight.place_m[0] < DECK_M[0] - 0.8 * RECOVERY.clear_back_m
     assert abs(flight.place_m[1]) < 1.5
+
+
+def test_a_ship_that_backs_up_under_a_go_around_does_not_catch_it():
+    flight = Flight(over_deck(0.5), response=TILTS, wind_mps2=(-1.0, 0.0))
+    flight.fly(1.5, {**LANDING, "heave_percent": -10.0, "pitch_percent": TILTS.stick_of(1.0)})
+    flight.safety._switch = Switch(Recovery(Rung.GO_AROUND, flight.t_s, "broken off"))
+    flight.wind_mps2[0] = 0.0  # in the superstructure's lee
+    nearest_m = []
+    for _ in range(40):
+        flight.ship_mps[0] -= 0.6 * STEP_S
+        flight.fly(STEP_S, LANDING)
+        nearest_m.append(-flight.place_m[0])
+    assert min(nearest_m) > 1.0
 
 
 def test_a_wind_that_takes_the_tilt_is_refused_before_anything_is_tried():

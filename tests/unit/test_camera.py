@@ -260,6 +260,13 @@ class TestDigest:
         path.write_text("\n".join(kept).replace("925.5", "955.5"))
         assert Camera.from_opencv_yaml(path).matrix[1, 1] == 955.5
 
+    def test_a_zero_byte_does_not_hide_what_comes_after_it(self, tmp_path):
+        path = tmp_path / "camera.json"
+        self.CAMERA.to_opencv_yaml(path)
+        path.write_bytes(path.read_bytes().replace(b'   "distortion', b'\0  "distortion'))
+        with pytest.raises(DataError, match="zero byte"):
+            Camera.from_opencv_yaml(path)
+
     def test_with_one_bit_turned_it_is_refused_or_means_the_same(self, tmp_path, rng):
         path = tmp_path / "camera.yaml"
         self.CAMERA.to_opencv_yaml(path)

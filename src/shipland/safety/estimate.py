@@ -88,6 +88,7 @@ class SafetyEstimate:
         t_s: of the last telemetry; None before the first.
         seen_s: exposure of the newest pose or box.
         pose_s: exposure of the newest pose or sight of the deck.
+        bar_box_s: exposure of the newest box of the bar that told its range.
         place_in_bar_m: (3,) the aircraft's centre of mass at `t_s`, carried on from that pose.
         yaw_rad: heading against the bar by the newest pose.
         velocity_in_bar_mps: (3,) against the bar at `t_s`; None before poses have shown it.
@@ -120,6 +121,7 @@ class SafetyEstimate:
     t_s: float | None = None
     seen_s: float = -math.inf
     pose_s: float = -math.inf
+    bar_box_s: float = -math.inf
     place_in_bar_m: Array | None = None
     yaw_rad: float = 0.0
     velocity_in_bar_mps: Array | None = None
@@ -232,6 +234,7 @@ class SafetyEstimator:
         if deck is not None and all_finite(deck.centre_in_level_m) and estimate.place_in_bar_m is not None:
             return self._with_deck(estimate, deck, observation.t_s)
         if bar is not None and _usable(bar):
+            estimate = replace(estimate, bar_box_s=observation.t_s)
             return self._with_box(estimate, bar, self._bar_side_m, observation.t_s)
         if ship is not None and _usable(ship):
             return self._with_box(estimate, ship, self._ship_side_m, observation.t_s)

@@ -265,8 +265,11 @@ def blind_near(look: Look) -> Finding | None:
     """Near the ship, not landing, and no pose for a while: boxes do not tell a deck from its edge."""
     distance_m, blind_s = look.estimate.bar_in_level()[0], look.t_s - look.estimate.pose_s
     near = look.command.intent is Intent.FLY and distance_m < look.limits.near_m
-    if not near or not look.limits.blind_s < blind_s < _POSED_S:
+    known = blind_s < _POSED_S or look.t_s - look.estimate.bar_box_s < look.limits.blind_s
+    if not near or not known or blind_s <= look.limits.blind_s:
         return None
+    if blind_s == math.inf:
+        return Finding(Action.GO_AROUND, f"no pose yet, {distance_m:.1f} m from the bar")
     return Finding(Action.GO_AROUND, f"no pose for {blind_s:.1f} s, {distance_m:.1f} m from the bar")
 
 
@@ -343,7 +346,7 @@ def findings(look: Look) -> list[Finding]:
 _CONTRADICTIONS = 3
 """Of bar and gimbal, within the seconds that the estimate remembers them; without a fault there is none."""
 _POSED_S = 15.0
-"""So long after a pose the distance to the bar is still known, on a ship under way too."""
+"""So long after a pose the distance to the bar is known, on a ship under way too. A box of the bar tells it too."""
 _LEE = 0.5
 """Of the wind, what still blows close behind the superstructure."""
 _BRAKE_SHARE, _LEAST_BRAKE_MPS2 = 0.8, 0.3

@@ -148,6 +148,9 @@ def _level_sticks(
         asked = rotated(own_mps, -axis_rad) + error
     else:
         asked = rotated(_held_in_level(estimate), -axis_rad) + parameters.velocity_per_s * error
+        towards_mps = float(velocity_mps[0]) - _TOWARDS_MPS
+        if towards_mps > 0.0:  # in the superstructure's lee no wind pushes it out
+            asked[0] = min(asked[0], 0.0) - _TOWARDS * parameters.velocity_per_s * towards_mps
         if forward_mps < 0.0:  # a wind from ahead may blow it astern; in the superstructure's lee there is none
             asked[0] = min(asked[0], 0.0)
     asked = rotated(asked, axis_rad)
@@ -183,3 +186,5 @@ def _gimbal_rad(estimate: SafetyEstimate, before_rad: float) -> float:
 _AWAY = (Rung.BRAKE, Rung.GO_AROUND, Rung.RETURN)
 _FEET_FREE_M = 0.3
 """Over the neutral deck, of the aircraft's centre: lower, a foot may still stand."""
+_TOWARDS_MPS, _TOWARDS = 0.2, 4.0
+"""A speed towards the bar beyond the first, as under a ship that backs up, is braked with so many times the gain."""
