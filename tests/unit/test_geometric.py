@@ -11,12 +11,13 @@ from shipland.camera import Camera, camera_pose, level_from_camera
 from shipland.config import build
 from shipland.frames import CAMERA_FROM_MOUNT, Pose
 from shipland.geometric.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
-from shipland.geometric.near import GeometricParameters, GeometricVision, _down_in_camera
+from shipland.geometric.near import GeometricVision, _down_in_camera
+from shipland.geometric.parameters import GeometricParameters
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import default_rig, packaged_table
-from shipland.vision.near.candidate import bar_pose_of
+from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import Corners, LevelPrior, Solution, solve
+from shipland.vision.near.planar_pose import Corners, LevelPrior, Solution, solve
 from shipland.vision.near.refusal import Refusal
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)

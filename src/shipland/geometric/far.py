@@ -7,61 +7,16 @@ modelled: flights that must meet them fly the rendered camera.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.config import require
+from shipland.geometric.parameters import BoxErrors, BoxParameters
 from shipland.messages import Box, Frame, Observation
 from shipland.rig import Rig
 from shipland.sim.state import SceneState
 from shipland.sim.target_box import target_box
-
-
-@dataclass(frozen=True)
-class BoxErrors:
-    """`[geometric.ship]` and `[geometric.bar]`: a detector's errors at some ranges, linear between them.
-
-    Attributes:
-        range_m: ascending; beyond the last nothing is found.
-        miss_rate: share of frames without a box.
-        centre_px: standard deviation of a box's centre, column and row each.
-        area: standard deviation of a box's area, as a share of it.
-    """
-
-    range_m: tuple[float, ...]
-    miss_rate: tuple[float, ...]
-    centre_px: tuple[float, ...]
-    area: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        require(len(self.range_m) > 1 and bool(np.all(np.diff(self.range_m) > 0.0)), "range_m must ascend")
-        for name in ("miss_rate", "centre_px", "area"):
-            values = getattr(self, name)
-            require(len(values) == len(self.range_m), f"{name} must have as many values as range_m")
-            require(min(values) >= 0.0, f"{name} must not be negative")
-        require(max(self.miss_rate) <= 1.0, "miss_rate must not exceed 1")
-
-
-@dataclass(frozen=True)
-class BoxParameters:
-    """`[geometric.boxes]`: what counts as visible, and when a box is believed.
-
-    Attributes:
-        least_visible: share of the box that must lie in the picture.
-        least_facing: sine of the flattest angle at which the bar is seen.
-        confirm_hits, confirm_frames: a target is believed after so many hits in so many frames.
-    """
-
-    least_visible: float
-    least_facing: float
-    confirm_hits: int
-    confirm_frames: int
-
-    def __post_init__(self) -> None:
-        require(1 <= self.confirm_hits <= self.confirm_frames, "confirm_hits must lie in 1 … confirm_frames")
 
 
 class _Detector:

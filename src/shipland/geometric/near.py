@@ -9,71 +9,31 @@ not fit the corners, the solver itself decides, and the pose must pass the near 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.config import require
 from shipland.frames import Array, Pose
-from shipland.geometric.deck import DeckErrors
 from shipland.geometric.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
-from shipland.geometric.far import BoxErrors, BoxParameters
+from shipland.geometric.parameters import GeometricParameters
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target
 from shipland.vehicles.vehicle import GroundTruthSource
-from shipland.vision.near.candidate import (
-    bar_pose_of,
-    jumps,
-    largest_reprojection_px,
-    ordered,
-    sides_agree,
-    within_reach,
-)
+from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import (
+from shipland.vision.near.planar_pose import (
     CONTRADICTION_CHI2,
     DOUBTFUL_CHI2,
-    NOTHING_IN_COMMON,
+    NO_COMMON_ERROR,
     Corners,
     LevelPrior,
     Solution,
     level_off,
+    ordered,
     solve,
 )
 from shipland.vision.near.refusal import Refusal, gimbal_off
-
-
-@dataclass(frozen=True)
-class GeometricParameters:
-    """`[geometric]`: the error model of the vision, fitted to rendered pictures.
-
-    Attributes:
-        corner_noise_px, corner_noise_px_per_m: standard deviation of a corner's column and row, each, at range zero,
-            and its growth with range.
-        max_range_m: beyond it nothing is found.
-        miss_rate: share of frames without a pose within that range.
-        border_px: a corner nearer than this to the picture's edge is cut off.
-        ship, bar, boxes: of the far vision.
-        deck: of the look down.
-    """
-
-    corner_noise_px: float
-    corner_noise_px_per_m: float
-    max_range_m: float
-    miss_rate: float
-    border_px: float
-    ship: BoxErrors
-    bar: BoxErrors
-    boxes: BoxParameters
-    deck: DeckErrors
-
-    def __post_init__(self) -> None:
-        require(self.corner_noise_px > 0.0, "corner_noise_px must be positive")
-        require(self.corner_noise_px_per_m >= 0.0, "corner_noise_px_per_m must not be negative")
-        require(self.max_range_m > 0.0, "max_range_m must be positive")
-        require(0.0 <= self.miss_rate < 1.0, "miss_rate must be in [0, 1)")
-        require(self.border_px >= 0.0, "border_px must not be negative")
+from shipland.vision.near.validate import jumps, largest_reprojection_px, sides_agree, within_reach
 
 
 class GeometricVision:
@@ -169,7 +129,7 @@ def _solution(rotation: Array, sight_m: Array, measured: CornerMeasurement) -> S
     if not settled:
         return None
     freedom = residual_px.size - 6 + (2 if measured.level_rad > 0.0 else 0)
-    return Solution(Pose(*pose), chi2, 0.0, covariance, NOTHING_IN_COMMON, residual_px.reshape(-1, 4, 2), freedom)
+    return Solution(Pose(*pose), chi2, 0.0, covariance, NO_COMMON_ERROR, residual_px.reshape(-1, 4, 2), freedom)
 
 
 def _down_in_camera(gimbal: GimbalAttitude) -> Array:

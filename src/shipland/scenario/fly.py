@@ -24,7 +24,6 @@ from shipland.scenario.faults import with_faults
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.visions import needs_pictures
 from shipland.version import code_version
-from shipland.vision.far.detector import weights_path
 
 
 @dataclass(frozen=True)
@@ -72,6 +71,8 @@ def flight_info(
     airframe, detector, table = scenario.aircraft.airframe, scenario.detector, scenario.table()
     weights = ""
     if needs_pictures(factories.resolve("visions", vision)):
+        from shipland.vision.far.detector import weights_path
+
         weights = file_digest(
             weights_path(detector.ship_weights, detector.precision),
             weights_path(detector.bar_weights, detector.precision),

@@ -12,7 +12,7 @@ from typing import Any
 from shipland.camera import CameraParameters
 from shipland.config import Table, build, merge, nested, packaged_names, packaged_toml, read_toml, require, settings
 from shipland.errors import ConfigError
-from shipland.geometric.near import GeometricParameters
+from shipland.geometric.parameters import GeometricParameters
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.rig import Rig
 from shipland.safety.assurance import SafetyParameters
@@ -26,8 +26,8 @@ from shipland.sim.scene.scene import SceneParameters
 from shipland.sim.ship.ship import ShipParameters
 from shipland.sim.world import StartParameters
 from shipland.vehicles.delays import DelayParameters
-from shipland.vision.far.detector import DetectorParameters
-from shipland.vision.near.pipeline import VisionParameters
+from shipland.vision.far.parameters import DetectorParameters
+from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.selector import VisionSelectorParameters
 
 

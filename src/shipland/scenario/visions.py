@@ -4,24 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
 from shipland.camera import Camera
 from shipland.errors import ConfigError
-from shipland.geometric.deck import GeometricDeck
-from shipland.geometric.far import GeometricFar
-from shipland.geometric.near import GeometricVision
-from shipland.scenario.real_vehicle import SceneFromTruth
 from shipland.scenario.scenario import Scenario
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
-from shipland.vision.far.far import FarVision
-from shipland.vision.near.deck import DeckVision
-from shipland.vision.near.pipeline import NearVision
 from shipland.vision.selector import VisionSelector
 from shipland.vision.vision import Vision
+
+if TYPE_CHECKING:
+    from shipland.geometric.far import Scenes
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -64,8 +60,23 @@ def needs_pictures(factory: Callable[..., object]) -> bool:
 
 def rendered(setup: VisionSetup) -> Vision:
     """Near and far vision on drawn pictures."""
+    from shipland.vision.near.pipeline import NearVision
+
+    return _of_pictures(setup, NearVision(setup.scenario.rig.target, setup.camera, setup.scenario.vision))
+
+
+def published(setup: VisionSetup) -> Vision:
+    """As `rendered`, with the near chain as published [Lee2022]."""
+    from shipland.vision.near.published import published_vision
+
+    return _of_pictures(setup, published_vision(setup.scenario.rig.target, setup.camera, setup.scenario.vision))
+
+
+def _of_pictures(setup: VisionSetup, near: Vision) -> Vision:
+    from shipland.vision.far.far import FarVision
+    from shipland.vision.near.deck import DeckVision
+
     scenario = setup.scenario
-    near = NearVision(scenario.rig.target, setup.camera, scenario.vision)
     below = DeckVision(scenario.rig, setup.camera, scenario.vision.deck)
     return VisionSelector(near, FarVision.load(setup.camera, scenario.detector, scenario.rig), scenario.selector, below)
 
@@ -73,11 +84,22 @@ def rendered(setup: VisionSetup) -> Vision:
 @without_pictures
 def geometric(setup: VisionSetup) -> Vision:
     """True corners and boxes with the errors of `rendered`, without a picture."""
+    from shipland.geometric.deck import GeometricDeck
+    from shipland.geometric.far import GeometricFar
+    from shipland.geometric.near import GeometricVision
+
     scenario, vehicle, camera, model = setup.scenario, setup.vehicle, setup.camera, setup.scenario.geometric
     if not isinstance(vehicle, GroundTruthSource):
         raise ConfigError("--vision geometric needs the truth, which only a simulated world knows")
-    scenes = vehicle if isinstance(vehicle, SimulatedVehicle) else SceneFromTruth(vehicle)
     near = GeometricVision(vehicle, scenario.rig.target, camera, model, scenario.vision, setup.near_rng)
-    far = GeometricFar(scenes, camera, scenario.rig, model.ship, model.bar, model.boxes, setup.far_rng)
+    far = GeometricFar(_scenes_of(vehicle), camera, scenario.rig, model.ship, model.bar, model.boxes, setup.far_rng)
     below = GeometricDeck(vehicle, camera, model.deck, setup.near_rng.spawn(1)[0])
     return VisionSelector(near, far, scenario.selector, below)
+
+
+def _scenes_of(vehicle: GroundTruthSource) -> Scenes:
+    if isinstance(vehicle, SimulatedVehicle):
+        return vehicle
+    from shipland.scenario.real_vehicle import SceneFromTruth
+
+    return SceneFromTruth(vehicle)

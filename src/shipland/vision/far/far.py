@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from shipland.camera import Camera
 from shipland.messages import Box, Frame, Observation
 from shipland.rig import Rig
-from shipland.vision.far.detector import Confirmation, Detector, DetectorParameters, Picture
+from shipland.vision.far.detector import Detector, Picture
 from shipland.vision.far.horizon_consistency import HorizonConsistency, Subject
+from shipland.vision.far.parameters import Confirmation, DetectorParameters
 from shipland.vision.far.search import NETWORK_STEP_PX, TargetSearch, inside
 
 _ASPECT_RAD = math.radians(40.0)

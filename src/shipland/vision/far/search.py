@@ -12,8 +12,9 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.messages import Box, Frame
-from shipland.vision.far.detector import Confirmation, Detector, DetectorParameters, Picture
+from shipland.vision.far.detector import Detector, Picture
 from shipland.vision.far.horizon_consistency import HorizonConsistency, apart
+from shipland.vision.far.parameters import Confirmation, DetectorParameters
 from shipland.vision.far.track import Track, log_odds
 
 NETWORK_STEP_PX = 32

@@ -16,7 +16,7 @@ import numpy as np
 
 from shipland.frames import Array
 from shipland.messages import Box, Frame, GimbalAttitude
-from shipland.vision.far.detector import Confirmation, DetectorParameters
+from shipland.vision.far.parameters import Confirmation, DetectorParameters
 
 _MOST_LOG_ODDS = 3.0
 

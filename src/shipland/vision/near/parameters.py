@@ -45,12 +45,9 @@ class VisionParameters:
         adaptive_hue: by how much hue is then widened on either side, OpenCV's units of 2°.
         adaptive_floor: the least that the floors of saturation and value may then be lowered to, as a fraction.
         kernel_px: side of the square kernel of opening and closing.
-        watershed: where the published watershed runs: on every region, on those that are no quadrilateral
-            without it, or nowhere.
         watershed_margin: erosion and dilation around the boundary, as a fraction of the region's longer side.
         min_side_px: shortest side of a quadrilateral that is looked at.
         max_candidates: largest regions that are looked at in one picture.
-        corners: sub-pixel corners by lines fitted to the sides and intersected, or by Förstner's operator.
         forstner_fraction, forstner_min_px: window side as a fraction of the quadrilateral's shorter side, and
             its least (erratum 4).
         edge_reach_px: how far across a side pixels are taken; more where the picture is blurred.
@@ -70,7 +67,6 @@ class VisionParameters:
         max_noise: largest standard deviation of a side's end, as a fraction of the cue's shortest side: sides that are
             not straight, as an ellipse's, state a large one.
         corner_noise_px: standard deviation of a Förstner corner, per axis.
-        screening: how the ±10 % and ±5 % are read: against what the pose's perspective gives, or raw as printed.
         length_tolerance: largest relative difference of opposite sides' lengths.
         slope_tolerance: largest difference of opposite sides' slopes.
         screening_px: what both tolerances allow at least, on sides so short that they would ask for more than corners
@@ -98,11 +94,9 @@ class VisionParameters:
     adaptive_hue: int
     adaptive_floor: float
     kernel_px: int
-    watershed: Literal["always", "where_needed", "never"]
     watershed_margin: float
     min_side_px: float
     max_candidates: int
-    corners: Literal["edges", "forstner"]
     forstner_fraction: float
     forstner_min_px: float
     edge_reach_px: float
@@ -115,7 +109,6 @@ class VisionParameters:
     max_blur: float
     max_noise: float
     corner_noise_px: float
-    screening: Literal["perspective", "printed"]
     length_tolerance: float
     slope_tolerance: float
     screening_px: float

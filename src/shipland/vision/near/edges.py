@@ -1,141 +1,21 @@
-"""Sub-pixel corners: straight edges fitted to the pixels around the sides and intersected, or Förstner's operator."""
+"""The third stage: sub-pixel corners, where straight edges meet that are fitted to the pixels around the sides."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
 from shipland.camera import Camera
 from shipland.frames import Array
+from shipland.vision.near.edge_pixels import EdgePixels, Sides, contrasts, distort, edge_pixels
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.regions import Image, Window, edge_distances, reaches_edge
-from shipland.vision.near.sides import (
-    EdgePixels,
-    SideFit,
-    Sides,
-    contrast_direction,
-    contrasts,
-    distort,
-    edge_pixels,
-    intersect_sides,
-)
+from shipland.vision.near.segment import Image, edge_distances, reaches_edge
 
-
-@dataclass(frozen=True)
-class MeasuredCorners:
-    """Corners at sub-pixel.
-
-    Attributes:
-        corners_px: (n,4,2) undistorted.
-        whiten: (n,8,8) [1/px] what turns deviations of a quadrilateral's (column, row) × four corners into standard
-            deviations.
-        noise_px: standard deviation of a corner on either axis, about.
-        edge_bias_px: (n,4,2) how the corners move when all sides err outward together, by one standard deviation; None
-            when the method has no sides.
-        blur_px: standard deviation of the picture's blur; None when the method does not measure it.
-        held: a side lies along the picture's edge.
-    """
-
-    corners_px: Array
-    whiten: Array
-    noise_px: float
-    edge_bias_px: Array | None = None
-    blur_px: float | None = None
-    held: bool = False
-
-
-def measure_corners(
-    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters, blur_px: float | None = None
-) -> MeasuredCorners | None:
-    """Sub-pixel corners by the method of `parameters.corners`; None when one cannot be measured.
-
-    Args:
-        image: (H,W,3) BGR.
-        quads_px: (n,4,2) corners to within two pixels, clockwise, undistorted.
-        camera: its distortion is taken out.
-        parameters: method and its sizes.
-        blur_px: a guess of the picture's blur, as the last one's.
-    """
-    if parameters.corners == "forstner":
-        return forstner_corners(image, quads_px, camera, parameters)
-    return edge_corners(image, quads_px, camera, parameters, blur_px)
-
-
-def forstner_corners(
-    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters
-) -> MeasuredCorners | None:
-    """Förstner's corners [Lee2022, §Contour and Corner Detection]; the window's side as in erratum 4."""
-    direction = _direction(image, quads_px, camera)
-    if direction is None:
-        return None
-    corners = np.empty(quads_px.shape)
-    for index, quad in enumerate(quads_px):
-        start_px = distort(quad, camera)
-        sides = np.linalg.norm(np.roll(start_px, -1, axis=0) - start_px, axis=1)
-        shorter = float(sides.min())
-        window_px = min(max(parameters.forstner_fraction * shorter, parameters.forstner_min_px), 0.9 * shorter)
-        half = max(1, round(0.5 * (window_px - 1.0)))
-        window = Window.around(start_px, 2.0 * half + 4.0, image.shape[1], image.shape[0])
-        offset = np.array([window.left, window.top], float)
-        grey = cv2.transform(window.of(image).astype(np.float32), direction.astype(np.float32).reshape(1, 3))
-        points = (start_px - offset).astype(np.float32).reshape(-1, 1, 2)
-        if points.min() < 0.0 or np.any(points[:, 0] > np.array([grey.shape[1] - 1, grey.shape[0] - 1])):
-            return None
-        until = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_MAX_ITER, 30, 0.002)
-        refined = cv2.cornerSubPix(grey, points, (half, half), (-1, -1), until).reshape(-1, 2) + offset
-        if np.max(np.abs(refined - start_px)) > max(2.0 * half, 3.0):
-            return None
-        corners[index] = camera.undistort(refined)
-    noise_px = parameters.corner_noise_px
-    return MeasuredCorners(corners, np.broadcast_to(np.eye(8) / noise_px, (len(quads_px), 8, 8)), noise_px)
-
-
-def edge_corners(
-    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters, blur_px: float | None = None
-) -> MeasuredCorners | None:
-    """Corners where the lines fitted to the sides meet, weighted by what is known of the lines.
-
-    Lines are fitted in undistorted pixels, where sides are straight.
-    """
-    held = _held(image, quads_px, camera)
-    sides = Sides.of(quads_px, parameters.edge_reach_px, held)
-    floor = EdgeFloor(parameters.edge_floor_px, parameters.edge_clipped_px, parameters.edge_coded_px)
-    fit = measure_sides(image, sides, camera, floor, blur_px)
-    met = None if fit is None else intersect_sides(fit)
-    if fit is None or met is None:
-        return None
-    edge_bias_px = parameters.edge_growth_px * met.edge_bias
-    return MeasuredCorners(met.corners_px, met.whiten, met.noise_px, edge_bias_px, fit.blur_px, held is not None)
-
-
-def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:
-    """The colour direction of the contrast, from points well inside and just outside of the quadrilaterals."""
-    centres = quads_px.mean(axis=1, keepdims=True)
-    sides = Sides.of(quads_px, 3.0)
-    inside = (centres[:, :, None] + np.linspace(0.0, 0.6, 4)[:, None] * (quads_px - centres)[:, :, None]).reshape(-1, 2)
-    outside = sides.middle_px + 3.0 * sides.outward
-    colours = []
-    for points_px in (inside, outside):
-        columns, rows = np.rint(distort(points_px, camera)).astype(np.intp).T
-        columns, rows = np.clip(columns, 0, image.shape[1] - 1), np.clip(rows, 0, image.shape[0] - 1)
-        colours.append(image[rows, columns].mean(axis=0))
-    return contrast_direction(colours[0], colours[1])
-
-
-def _held(image: Image, quads_px: Array, camera: Camera) -> npt.NDArray[np.bool_] | None:
-    """(4n,) sides that lie on the picture's edge, where `find_quads` has set them; None when none does."""
-    raw_px = distort(quads_px.reshape(-1, 2), camera).reshape(-1, 4, 2)
-    if not reaches_edge(raw_px, image.shape[1], image.shape[0]):
-        return None
-    on = edge_distances(raw_px, image.shape[1], image.shape[0]) < 0.5
-    held = (on & on[:, [1, 2, 3, 0]]).any(axis=-1).reshape(-1)
-    return held if held.any() else None
-
+_SIDE, _NEXT, _BEFORE = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [3, 0, 1, 2]])
 
 _ROOT_TWO_PI = math.sqrt(2.0 * math.pi)
 
@@ -183,6 +63,47 @@ _CODED_SIDE_PX = 20.0
 
 _HELD_PX = 0.05
 """Standard deviation of a side that is taken to lie on the picture's edge."""
+
+
+@dataclass(frozen=True)
+class MeasuredCorners:
+    """Corners at sub-pixel.
+
+    Attributes:
+        corners_px: (n,4,2) undistorted.
+        whiten: (n,8,8) [1/px] what turns deviations of a quadrilateral's (column, row) × four corners into standard
+            deviations.
+        noise_px: standard deviation of a corner on either axis, about.
+        edge_bias_px: (n,4,2) how the corners move when all sides err outward together, by one standard deviation; None
+            when the method has no sides.
+        blur_px: standard deviation of the picture's blur; None when the method does not measure it.
+        held: a side lies along the picture's edge.
+    """
+
+    corners_px: Array
+    whiten: Array
+    noise_px: float
+    edge_bias_px: Array | None = None
+    blur_px: float | None = None
+    held: bool = False
+
+
+def measure_corners(
+    image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters, blur_px: float | None = None
+) -> MeasuredCorners | None:
+    """Corners where the lines fitted to the sides meet, weighted by what is known of the lines.
+
+    Lines are fitted in undistorted pixels, where sides are straight.
+    """
+    held = _held(image, quads_px, camera)
+    sides = Sides.of(quads_px, parameters.edge_reach_px, held)
+    floor = EdgeFloor(parameters.edge_floor_px, parameters.edge_clipped_px, parameters.edge_coded_px)
+    fit = measure_sides(image, sides, camera, floor, blur_px)
+    met = None if fit is None else intersect_sides(fit)
+    if fit is None or met is None:
+        return None
+    edge_bias_px = parameters.edge_growth_px * met.edge_bias
+    return MeasuredCorners(met.corners_px, met.whiten, met.noise_px, edge_bias_px, fit.blur_px, held is not None)
 
 
 @dataclass(frozen=True)
@@ -412,3 +333,93 @@ def _fit_to(
             _HELD_PX**2 * np.array([np.ones_like(half_px), 0.0 * half_px, half_px**-2])[:, sides.held]
         )
     return SideFit(sides, ends[0], ends[1] / half_px, variance, blur_px, misfit, noisy, clipped)
+
+
+@dataclass(frozen=True)
+class SideFit:
+    """Where the sides lie, outward positive.
+
+    Attributes:
+        sides: what offset and slope are counted from.
+        offset_px: (s,) at the middle.
+        slope: (s,).
+        variance: (3,s) of the offset, of the two together, of the slope.
+        blur_px: standard deviation of the picture's blur.
+        misfit: root-mean-square residual of the pixels, against the contrast.
+        noisy: the misfit is larger than sensors leave.
+        clipped: the inside is brighter than the picture can tell.
+    """
+
+    sides: Sides
+    offset_px: Array
+    slope: Array
+    variance: Array
+    blur_px: float
+    misfit: float
+    noisy: bool
+    clipped: bool
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Where sides meet.
+
+    Attributes:
+        corners_px: (n,4,2) between each side and the one before it.
+        whiten: (n,8,8) [1/px] what turns a deviation of a quadrilateral's corners into standard deviations of its
+            sides' ends.
+        edge_bias: (n,4,2) how the corners move when all sides that were measured move outward by one.
+        noise_px: standard deviation of a side's end, root mean square.
+    """
+
+    corners_px: Array
+    whiten: Array
+    edge_bias: Array
+    noise_px: float
+
+
+def intersect_sides(fit: SideFit) -> Meeting | None:
+    """The corners of fitted sides; None when neighbours are parallel."""
+    moved = fit.sides.moved(fit.offset_px, fit.slope)
+    along, normal = moved.along.reshape(-1, 4, 2), moved.outward.reshape(-1, 4, 2)
+    middle_px = moved.middle_px.reshape(-1, 4, 2)
+    before = along[:, _BEFORE]
+    determinant = before[..., 0] * along[..., 1] - before[..., 1] * along[..., 0]
+    if not np.abs(determinant).min() >= 0.2:
+        return None
+    # From the middle of the side before, along it, to where it meets this one.
+    middle_before_px = middle_px[:, _BEFORE]
+    way = middle_px - middle_before_px
+    lever_px = (way[..., 0] * along[..., 1] - way[..., 1] * along[..., 0]) / determinant
+    corners_px = middle_before_px + lever_px[..., None] * before
+    # Deviations of the two ends' distances from a side have its variance V0 + (x + y) V1 + x y V2 at the levers x, y.
+    start_px = ((corners_px - middle_px) * along).sum(axis=-1)
+    end_px = lever_px[:, _NEXT]
+    both, cross, square = fit.variance.reshape(3, -1, 4)
+    at_start, at_end = both + start_px * cross, cross + start_px * square
+    first = np.sqrt(at_start + start_px * at_end)
+    mixed = (at_start + end_px * at_end) / first
+    second = np.sqrt(np.maximum(both + end_px * (2.0 * cross + end_px * square) - mixed * mixed, 1e-12))
+    whiten = np.zeros((len(corners_px), 4, 2, 4, 2))
+    whiten[:, _SIDE, 0, _SIDE] = by_first = normal / first[..., None]
+    whiten[:, _SIDE, 1, _SIDE] = by_first * (-mixed / second)[..., None]
+    whiten[:, _SIDE, 1, _NEXT] = normal / second[..., None]
+    normal_before = normal[:, _BEFORE]
+    moved_px = np.ones(along.shape[:2]) if fit.sides.held is None else (~fit.sides.held).astype(float).reshape(-1, 4)
+    moved_px, moved_before_px = moved_px[..., None], moved_px[:, _BEFORE, None]
+    cosine = (normal * normal_before).sum(axis=-1, keepdims=True)
+    edge_bias = (moved_px - cosine * moved_before_px) * normal + (moved_before_px - cosine * moved_px) * normal_before
+    edge_bias /= 1.0 - cosine * cosine
+    return Meeting(
+        corners_px, whiten.reshape(-1, 8, 8), edge_bias, math.sqrt(float(np.vdot(first, first)) / first.size)
+    )
+
+
+def _held(image: Image, quads_px: Array, camera: Camera) -> npt.NDArray[np.bool_] | None:
+    """(4n,) sides that lie on the picture's edge, where `find_quads` has set them; None when none does."""
+    raw_px = distort(quads_px.reshape(-1, 2), camera).reshape(-1, 4, 2)
+    if not reaches_edge(raw_px, image.shape[1], image.shape[0]):
+        return None
+    on = edge_distances(raw_px, image.shape[1], image.shape[0]) < 0.5
+    held = (on & on[:, [1, 2, 3, 0]]).any(axis=-1).reshape(-1)
+    return held if held.any() else None

@@ -1,4 +1,4 @@
-"""Sides of quadrilaterals: where they lie, the pixels around them, and where they meet.
+"""Sides of quadrilaterals, the pixels around them, and their contrast: what the third stage measures on.
 
 The 4n sides are those of n quadrilaterals, each from its first corner to the next, clockwise. Lines are in undistorted
 pixels, where sides are straight. Pixels are (side, station, across): stations along a side, pixels across it from
@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.vision.near.regions import Image
+from shipland.vision.near.segment import Image
 
 _SIDE, _NEXT, _BEFORE = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [3, 0, 1, 2]])
 
@@ -77,92 +77,12 @@ class Sides:
         return Sides(middle_px, along, along[:, ::-1] * _QUARTER_TURN, self.length_px, self.reach_px, self.held)
 
 
-@dataclass(frozen=True)
-class SideFit:
-    """Where the sides lie, outward positive.
-
-    Attributes:
-        sides: what offset and slope are counted from.
-        offset_px: (s,) at the middle.
-        slope: (s,).
-        variance: (3,s) of the offset, of the two together, of the slope.
-        blur_px: standard deviation of the picture's blur.
-        misfit: root-mean-square residual of the pixels, against the contrast.
-        noisy: the misfit is larger than sensors leave.
-        clipped: the inside is brighter than the picture can tell.
-    """
-
-    sides: Sides
-    offset_px: Array
-    slope: Array
-    variance: Array
-    blur_px: float
-    misfit: float
-    noisy: bool
-    clipped: bool
-
-
 def distort(undistorted_px: Array, camera: Camera) -> Array:
     """Pixels (n,2) of the picture for undistorted pixels (n,2)."""
     if not camera.has_distortion:
         return undistorted_px
     homogeneous = np.column_stack([undistorted_px, np.ones(len(undistorted_px))])
     return camera.project(homogeneous @ np.linalg.inv(camera.matrix).T)
-
-
-@dataclass(frozen=True)
-class Meeting:
-    """Where sides meet.
-
-    Attributes:
-        corners_px: (n,4,2) between each side and the one before it.
-        whiten: (n,8,8) [1/px] what turns a deviation of a quadrilateral's corners into standard deviations of its
-            sides' ends.
-        edge_bias: (n,4,2) how the corners move when all sides that were measured move outward by one.
-        noise_px: standard deviation of a side's end, root mean square.
-    """
-
-    corners_px: Array
-    whiten: Array
-    edge_bias: Array
-    noise_px: float
-
-
-def intersect_sides(fit: SideFit) -> Meeting | None:
-    """The corners of fitted sides; None when neighbours are parallel."""
-    moved = fit.sides.moved(fit.offset_px, fit.slope)
-    along, normal = moved.along.reshape(-1, 4, 2), moved.outward.reshape(-1, 4, 2)
-    middle_px = moved.middle_px.reshape(-1, 4, 2)
-    before = along[:, _BEFORE]
-    determinant = before[..., 0] * along[..., 1] - before[..., 1] * along[..., 0]
-    if not np.abs(determinant).min() >= 0.2:
-        return None
-    # From the middle of the side before, along it, to where it meets this one.
-    middle_before_px = middle_px[:, _BEFORE]
-    way = middle_px - middle_before_px
-    lever_px = (way[..., 0] * along[..., 1] - way[..., 1] * along[..., 0]) / determinant
-    corners_px = middle_before_px + lever_px[..., None] * before
-    # Deviations of the two ends' distances from a side have its variance V0 + (x + y) V1 + x y V2 at the levers x, y.
-    start_px = ((corners_px - middle_px) * along).sum(axis=-1)
-    end_px = lever_px[:, _NEXT]
-    both, cross, square = fit.variance.reshape(3, -1, 4)
-    at_start, at_end = both + start_px * cross, cross + start_px * square
-    first = np.sqrt(at_start + start_px * at_end)
-    mixed = (at_start + end_px * at_end) / first
-    second = np.sqrt(np.maximum(both + end_px * (2.0 * cross + end_px * square) - mixed * mixed, 1e-12))
-    whiten = np.zeros((len(corners_px), 4, 2, 4, 2))
-    whiten[:, _SIDE, 0, _SIDE] = by_first = normal / first[..., None]
-    whiten[:, _SIDE, 1, _SIDE] = by_first * (-mixed / second)[..., None]
-    whiten[:, _SIDE, 1, _NEXT] = normal / second[..., None]
-    normal_before = normal[:, _BEFORE]
-    moved_px = np.ones(along.shape[:2]) if fit.sides.held is None else (~fit.sides.held).astype(float).reshape(-1, 4)
-    moved_px, moved_before_px = moved_px[..., None], moved_px[:, _BEFORE, None]
-    cosine = (normal * normal_before).sum(axis=-1, keepdims=True)
-    edge_bias = (moved_px - cosine * moved_before_px) * normal + (moved_before_px - cosine * moved_px) * normal_before
-    edge_bias /= 1.0 - cosine * cosine
-    return Meeting(
-        corners_px, whiten.reshape(-1, 8, 8), edge_bias, math.sqrt(float(np.vdot(first, first)) / first.size)
-    )
 
 
 _AXES = np.array([[0, 1, 2, 3, 4, 5], [1, 0, 3, 2, 5, 4]])
