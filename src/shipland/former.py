@@ -33,6 +33,7 @@ FORMER = {
     "push_time_s": "wind_time_s",
     "reference_mps": "velocity_bias_mps",
     "reference_time_s": "velocity_bias_time_s",
+    "sureness_gain": "score_gain",
     "swing": "wave",
     "swing_m": "wave_m",
     "swing_mps": "wave_mps",

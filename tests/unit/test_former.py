@@ -49,7 +49,14 @@ def test_every_new_name_is_one_and_no_former_name_is_used_again():
     used = set(keys(packaged_toml("default"))) | {
         member.name for enumeration in (Mode, Intent) for member in enumeration
     }
-    elsewhere = {"go_around_s", "oracle_forward_m", "oracle_in_square", "oracle_starboard_m", "manufacturing_tolerance"}
+    elsewhere = {
+        "score_gain",
+        "go_around_s",
+        "oracle_forward_m",
+        "oracle_in_square",
+        "oracle_starboard_m",
+        "manufacturing_tolerance",
+    }
     elsewhere |= {name for name, _ in (*AXIS_ENTRIES, *WHOLE_ENTRIES)}
     assert set(FORMER.values()) <= used | elsewhere
     assert not set(FORMER) & {field.name for field in dataclasses.fields(PilotCommand)}

@@ -33,10 +33,10 @@ class GeometricDeck:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
         nothing = Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_DECK.value)
         camera, deck = truth.ned_from_camera, truth.ned_from_deck
-        way_m = deck.translation_m - camera.translation_m
-        in_camera_m = camera.rotation.T @ way_m
-        range_m = math.hypot(*way_m.tolist())
-        facing = float(deck.rotation[:, 2] @ way_m) / max(range_m, 1e-9)
+        sight_m = deck.translation_m - camera.translation_m
+        in_camera_m = camera.rotation.T @ sight_m
+        range_m = math.hypot(*sight_m.tolist())
+        facing = float(deck.rotation[:, 2] @ sight_m) / max(range_m, 1e-9)
         if missed or not self._errors.least_m <= range_m <= self._errors.most_m or facing < LEAST_FACING:
             return nothing
         column_px, row_px = self._camera.project(in_camera_m[None, :])[0].tolist()

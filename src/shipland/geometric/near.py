@@ -2,8 +2,8 @@
 
 It answers the same `Observation` as the near vision and costs a fiftieth, so that thousands of landings can be
 flown. Its error model is fitted to rendered pictures (`tools/fit_geometric.py`); a test compares the two. The pose is
-the near vision's solver's, found from the truth (`drawn_pose`); another compares these. Where the gimbal's word does
-not fit the corners, the solver itself decides, and the pose must pass the near vision's gates.
+the near vision's solver's, found from the truth (`drawn_pose`); another compares these. Where the gimbal's vertical
+does not fit the corners, the solver itself decides, and the pose must pass the near vision's gates.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class GeometricVision:
     def __init__(
         self,
         truth_source: GroundTruthSource,
-        target: Target,
+        cue: Target,
         camera: Camera,
         parameters: GeometricParameters,
         near: VisionParameters,
@@ -53,8 +53,8 @@ class GeometricVision:
         self._parameters = parameters
         self._least_facing = math.cos(math.radians(near.max_obliquity_deg))
         self._rng = rng
-        self._made_to = target.manufacturing_tolerance
-        self._plane_m = np.ascontiguousarray(target.points_in_bar_m[:, 1:])
+        self._tolerance = cue.manufacturing_tolerance
+        self._plane_m = np.ascontiguousarray(cue.points_in_bar_m[:, 1:])
         border_px = parameters.border_px
         self._last: tuple[float, Pose] | None = None
         self._low_px = border_px
@@ -116,7 +116,7 @@ class GeometricVision:
     def _refused(self, taken: Solution, quads_px: Array, sigma_px: float) -> str:
         """Why near vision would not believe a pose; empty where it would."""
         near = self._near
-        if not taken.reprojection_px <= largest_reprojection_px(quads_px, sigma_px, self._made_to, near):
+        if not taken.reprojection_px <= largest_reprojection_px(quads_px, sigma_px, self._tolerance, near):
             return Refusal.REPROJECTION.value
         if not sides_agree(quads_px, quads_px + taken.residual_px, sigma_px, near):
             return Refusal.SIDES_UNEQUAL.value

@@ -233,12 +233,12 @@ def _fit(views: list[View], size: tuple[int, int]) -> _Fit:
     flags = 0
     try:
         for flags in (0, cv2.CALIB_FIX_K3):
-            _, matrix, distortion, turns, ways, deviations, _, _ = cv2.calibrateCameraExtended(
+            _, matrix, distortion, rotations, translations, deviations, _, _ = cv2.calibrateCameraExtended(
                 boards, corners, size, np.eye(3), np.zeros(5), flags=flags
             )
-            coefficients, spread = np.asarray(distortion, float).ravel()[:5], np.asarray(deviations, float).ravel()
+            coefficients, stds = np.asarray(distortion, float).ravel()[:5], np.asarray(deviations, float).ravel()
             # Deviations are in the order fx, fy, cx, cy, k1, k2, p1, p2, k3.
-            if abs(coefficients[4]) > _SURE * spread[8]:
+            if abs(coefficients[4]) > _SURE * stds[8]:
                 break
         camera = Camera(*size, np.asarray(matrix, float), coefficients)
     except (cv2.error, ValueError):
@@ -248,12 +248,13 @@ def _fit(views: list[View], size: tuple[int, int]) -> _Fit:
         ) from None
     residuals_px: list[Array] = [
         np.asarray(
-            cv2.projectPoints(view.board_m, turn, way, camera.matrix, camera.distortion)[0].reshape(-1, 2), np.float64
+            cv2.projectPoints(view.board_m, rotation, translation, camera.matrix, camera.distortion)[0].reshape(-1, 2),
+            np.float64,
         )
         - view.corners_px
-        for view, turn, way in zip(views, turns, ways, strict=True)
+        for view, rotation, translation in zip(views, rotations, translations, strict=True)
     ]
-    return _Fit(camera, float(np.hypot(spread[0], spread[1]) / math.sqrt(2.0)), residuals_px)
+    return _Fit(camera, float(np.hypot(stds[0], stds[1]) / math.sqrt(2.0)), residuals_px)
 
 
 def _pictures(paths: Sequence[Path]) -> Iterator[Path]:
@@ -336,8 +337,8 @@ def _charuco(board: Board, across: int, down: int) -> Finder:
         if numbers is None or len(numbers) < _LEAST_CORNERS:
             return None
         seen = np.asarray(numbers).ravel()
-        spread = np.linalg.svd(board_m[seen] - board_m[seen].mean(axis=0), compute_uv=False)
-        if spread[1] < board.square_m:  # all in one row: no plane
+        extent_m = np.linalg.svd(board_m[seen] - board_m[seen].mean(axis=0), compute_uv=False)
+        if extent_m[1] < board.square_m:  # all in one row: no plane
             return None
         return View(board_m[seen], np.asarray(corners, np.float32).reshape(-1, 2))
 

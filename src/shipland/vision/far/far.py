@@ -67,8 +67,8 @@ class FarVision:
             self._bar = self._search("bar", self.bar, parameters.bar, subject)
 
     def _search(self, name: str, detector: Detector, confirmation: Confirmation, subject: Subject) -> TargetSearch:
-        standing = HorizonConsistency(subject, self.camera, self.parameters)
-        return TargetSearch(name, detector, self.camera, self.parameters, confirmation, standing)
+        horizon = HorizonConsistency(subject, self.camera, self.parameters)
+        return TargetSearch(name, detector, self.camera, self.parameters, confirmation, horizon)
 
     @staticmethod
     def load(camera: Camera, parameters: DetectorParameters, rig: Rig | None = None) -> FarVision:

@@ -71,15 +71,15 @@ class DetectorParameters:
         ship_rise, bar_rise: how far above the horizon the box's middle may lie besides, in its own longer sides;
             negative for a box whose foot must lie below.
         height_sd_m, horizon_sd_deg: errors of the camera's height over the water and of the horizon.
-        span_sd: spread of the target's apparent width, by its aspect and the box's error, as a share of it.
-        other_sd: spread of the width of other things, likewise.
+        span_sd: standard deviation of the target's apparent width, by its aspect and the box's error, as a share of it.
+        other_sd: that of the width of other objects.
         lost_frames: a track ends after so many frames without a hit.
         stale_s: a track ends when no frame came for so long.
         sure_confidence: a target of at least this mean confidence, without a rival, is sure.
         recheck_frames: a whole frame is searched again every so many frames while the target is sure,
         doubt_frames: or every so many while it is not.
         recheck_margin: log-odds by which a rival's mean must be better to take over.
-        sureness_gain: weight of a new box in the running mean of a track's confidence, 0 … 1.
+        score_gain: weight of a new box in the running mean of a track's confidence, 0 … 1.
         bar_search_ship_px: width of the ship's box from which on the bar is looked for inside it.
         velocity_gain: weight of a new box's displacement in a track's velocity, 0 … 1.
     """
@@ -114,13 +114,13 @@ class DetectorParameters:
     recheck_frames: int
     doubt_frames: int
     recheck_margin: float
-    sureness_gain: float
+    score_gain: float
     bar_search_ship_px: float
     velocity_gain: float
 
     def __post_init__(self) -> None:
         shares = "acquire_confidence sure_confidence max_iou velocity_gain"
-        for name in (*shares.split(), "sureness_gain"):
+        for name in (*shares.split(), "score_gain"):
             require(0.0 < getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1, got {getattr(self, name)}")
         require(
             0 < self.tile_min_px <= self.tile_max_px and not (self.tile_min_px % 32 or self.tile_max_px % 32),

@@ -1,8 +1,8 @@
 """The look down: where the deck's centre is, by the markings of the deck.
 
 The picture is drawn anew as a level camera would see it that looks straight down, north of the picture ahead. There a
-deck that leans by a few degrees is nearly its own plan at some scale: the plan is found by correlation, then the
-homography between the two by ECC (Evangelidis and Psarakis 2008), which tells the place of the deck's centre. Light
+deck that is tilted by a few degrees is nearly its own plan at some scale: the plan is found by correlation, then the
+homography between the two by ECC (Evangelidis and Psarakis 2008), which gives the place of the deck's centre. Light
 that changes over the deck changes nothing: both are compared by their local contrast.
 """
 
@@ -34,7 +34,7 @@ _PLAN_PX, _FINE, _BARE = 144, 4, 0.3
 """Of the plan: its side, how much finer it is drawn, and the brightness of a bare deck."""
 _BLUR_PX, _LOCAL_PX = 1.0, 9.0
 """Of the contrast: what is smoothed, and what is local."""
-_LEAST_SPREAD = 0.1
+_LEAST_STD = 0.1
 """Share of the mean one: what is flat has no contrast."""
 _COARSE, _SCALES = 0.5, 1.1
 """Of the search: how much smaller its pictures are, and the ratio of one height that it tries to the next."""
@@ -153,7 +153,7 @@ class DeckVision:
         return sight
 
     def _sight(self, found: Array) -> DeckSight | None:
-        """The place that a homography tells, unless no deck lies so."""
+        """The deck's place by a homography; None where no deck can lie so."""
         plan_px_per_m = _PLAN_PX / self._size_m
         centre_px = 0.5 * (_PLAN_PX - 1)
         plan_from_deck = np.array([[plan_px_per_m, 0.0, centre_px], [0.0, plan_px_per_m, centre_px], [0.0, 0.0, 1.0]])
@@ -209,6 +209,6 @@ def _contrast(picture: Float, valid: Float) -> Float:
     room = np.maximum(cv2.GaussianBlur(valid, (0, 0), _LOCAL_PX), 1e-3)
     smooth = cv2.GaussianBlur(picture, (0, 0), _BLUR_PX)
     over = smooth - cv2.GaussianBlur(smooth * valid, (0, 0), _LOCAL_PX) / room
-    spread = np.sqrt(cv2.GaussianBlur(over * over * valid, (0, 0), _LOCAL_PX) / room)
-    least = _LEAST_SPREAD * float(np.mean(spread)) + 1e-6
-    return (over / (spread + least) * valid).astype(np.float32)
+    std = np.sqrt(cv2.GaussianBlur(over * over * valid, (0, 0), _LOCAL_PX) / room)
+    least = _LEAST_STD * float(np.mean(std)) + 1e-6
+    return (over / (std + least) * valid).astype(np.float32)

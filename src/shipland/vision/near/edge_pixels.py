@@ -50,9 +50,9 @@ class Sides:
     def of(quads_px: Array, reach_px: float, held: npt.NDArray[np.bool_] | None = None) -> Sides:
         """The sides of quadrilaterals (n,4,2); pixels are taken no farther out than 0.42 of the shorter side."""
         ends = quads_px[:, _NEXT]
-        way = (ends - quads_px).reshape(-1, 2)
-        length_px = np.sqrt(way[:, 0] * way[:, 0] + way[:, 1] * way[:, 1])
-        along = way / length_px[:, None]
+        side_px = (ends - quads_px).reshape(-1, 2)
+        length_px = np.sqrt(side_px[:, 0] * side_px[:, 0] + side_px[:, 1] * side_px[:, 1])
+        along = side_px / length_px[:, None]
         shorter_px = length_px.reshape(-1, 4).min(axis=1).repeat(4)
         reach = np.minimum(reach_px, np.maximum(0.42 * shorter_px, 1.5))
         middle_px = 0.5 * (ends + quads_px).reshape(-1, 2)
@@ -118,7 +118,7 @@ def _light_of_levels() -> npt.NDArray[np.float32]:
 
 LIGHT = _light_of_levels()
 """(256,) light, 0 … 255, of a grey level by sRGB's curve [IEC 61966-2-1]: an edge is symmetric about its place in light
-only. Cameras have curves of their own; what theirs differ by is left to the growth that the pose solves for."""
+only. Cameras have curves of their own; the pose solves for the edge bias that these leave."""
 
 _LIGHT_A_LEVEL = np.gradient(LIGHT.astype(float))
 """(256,) by how much light grows with a grey level."""
@@ -237,7 +237,7 @@ def contrasts(
 ) -> tuple[Array, bool, float] | None:
     """Light of pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
 
-    And whether the inside is brighter than the picture can tell, which moves the edge outward; and by how much a
+    And whether the inside saturates, which moves the edge outward; and by how much a
     pixel's share differs, root mean square, for every grey level that a sensor's noise has.
 
     Args:
@@ -287,7 +287,7 @@ def contrasts(
 
 
 def _mixed_by_luma(levels: npt.NDArray[np.uint8], inside: Array, outside: Array) -> Array | None:
-    """Share (…,) of the light inside in pixels (…,3), by their luma; None where luma does not tell the two apart.
+    """Share (…,) of the light inside in pixels (…,3), by their luma; None where the two have nearly the same luma.
 
     The luma of a mixture of two lights (3,) rises with the share of the brighter, though not in proportion.
     """

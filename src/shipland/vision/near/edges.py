@@ -112,8 +112,8 @@ class EdgeFloor:
 
     Attributes:
         plain_px: of a single column of pixels.
-        clipped_px: of a whole side, besides, where the inside is brighter than the picture can tell: the edge then
-            seems to lie where its pixels meet it.
+        clipped_px: of a whole side, besides, where the inside saturates: the edge then seems to lie where its pixels
+            meet it.
         coded_px: of a whole side of 20 px or less, besides, in coded pictures, times the misfit: coding moves blocks,
             and a side with them, by the more the less of the picture is left. A longer side lies in more blocks, which
             err each for itself.
@@ -203,31 +203,31 @@ def _coarse(values: Array, pixels: EdgePixels) -> Array:
     along = pixels.along[:, :, count // 2]
     weights = np.full(stations, 1.0 / stations)
     mean, offset_px = along @ weights, crossing_px @ weights
-    spread = (along * along) @ weights - mean * mean
-    tilt_px = ((along * crossing_px) @ weights - mean * offset_px) / np.maximum(spread, 1e-6)
+    variance = (along * along) @ weights - mean * mean
+    tilt_px = ((along * crossing_px) @ weights - mean * offset_px) / np.maximum(variance, 1e-6)
     return np.array([offset_px - tilt_px * mean, tilt_px])
 
 
 def _blur_px(values: Array, pixels: EdgePixels, ends: Array) -> float:
     """A first guess of the blur from the second moment of the edges.
 
-    The differences of neighbouring pixels spread about an edge by σ² + 1/12 px² for a pixel's own size and 1/12 more
+    The differences of neighbouring pixels have the variance σ² + 1/12 px² for a pixel's own size and 1/12 more
     for its sampling, on average over where the edge meets the pixels.
     """
     steps = values[:, :, :-1] - values[:, :, 1:]
     between_px = 0.5 * (pixels.out_px[:, :, :-1] + pixels.out_px[:, :, 1:])
     between_px -= ends[0][:, None, None] + ends[1][:, None, None] * pixels.along[:, :, :-1]
-    spread = np.einsum("spx,spx,spx->s", steps, between_px, between_px) / np.maximum(steps.sum(axis=(1, 2)), 1e-3)
+    moment = np.einsum("spx,spx,spx->s", steps, between_px, between_px) / np.maximum(steps.sum(axis=(1, 2)), 1e-3)
     spacing_px = pixels.out_px[:, 0, 1] - pixels.out_px[:, 0, 0]
-    variance = float(np.sort(spread - (1.0 + spacing_px**2) / 12.0)[len(spread) // 2])
+    variance = float(np.sort(moment - (1.0 + spacing_px**2) / 12.0)[len(moment) // 2])
     return min(max(math.sqrt(max(variance, 0.0)), _BLUR_PX[0]), _BLUR_PX[1])
 
 
 def _rounding(pixels: EdgePixels, sides: Sides, half_px: Array, blur_px: float) -> Array:
     """(s,station,across) what the blur leaves of the inside near a side's ends, where its neighbours cut it off."""
-    spread_px = math.sqrt(blur_px * blur_px + 1.0 / 12.0)
-    along = pixels.along * (half_px / spread_px)[:, None, None]
-    end = (0.5 / spread_px * sides.length_px)[:, None, None]
+    width_px = math.sqrt(blur_px * blur_px + 1.0 / 12.0)
+    along = pixels.along * (half_px / width_px)[:, None, None]
+    end = (0.5 / width_px * sides.length_px)[:, None, None]
     left = ndtr(along + end)
     left -= ndtr(along - end)
     return np.asarray(left)
@@ -243,7 +243,7 @@ def _fit(image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: 
     if not fits:
         return None
     stated = [_as_coded(it, floor) if it.noisy else it for it in fits]
-    # Of two coded fits their pixels tell the better; beside a clean one what coding adds counts.
+    # Two coded fits are compared by their pixels; beside a clean one, what coding adds counts.
     compared = fits if all(it.noisy for it in fits) else stated
     return stated[int(np.argmin([float(it.variance[0].sum()) for it in compared]))]
 
@@ -347,7 +347,7 @@ class SideFit:
         blur_px: standard deviation of the picture's blur.
         misfit: root-mean-square residual of the pixels, against the contrast.
         noisy: the misfit is larger than sensors leave.
-        clipped: the inside is brighter than the picture can tell.
+        clipped: the inside saturates.
     """
 
     sides: Sides
@@ -389,8 +389,8 @@ def intersect_sides(fit: SideFit) -> Meeting | None:
         return None
     # From the middle of the side before, along it, to where it meets this one.
     middle_before_px = middle_px[:, _BEFORE]
-    way = middle_px - middle_before_px
-    lever_px = (way[..., 0] * along[..., 1] - way[..., 1] * along[..., 0]) / determinant
+    apart_px = middle_px - middle_before_px
+    lever_px = (apart_px[..., 0] * along[..., 1] - apart_px[..., 1] * along[..., 0]) / determinant
     corners_px = middle_before_px + lever_px[..., None] * before
     # Deviations of the two ends' distances from a side have its variance V0 + (x + y) V1 + x y V2 at the levers x, y.
     start_px = ((corners_px - middle_px) * along).sum(axis=-1)

@@ -52,15 +52,14 @@ class VisionParameters:
             its least (erratum 4).
         edge_reach_px: how far across a side pixels are taken; more where the picture is blurred.
         edge_floor_px: standard deviation of what a single column of pixels across a side errs by without any noise.
-        edge_clipped_px: standard deviation of what a whole side errs by besides where the cue is brighter than the
-            picture can tell.
+        edge_clipped_px: standard deviation of what a whole side errs by besides where the cue saturates.
         edge_coded_px: standard deviation of what a whole side errs by besides in pictures coded with colour at half
             resolution, as JPEG and H.264 are, for a misfit of the fitted edges of 1: these have 0.02 to 0.1.
         edge_growth_px: standard deviation of how far all sides together lie outward of where they should, as a lamp's
             blooming and a camera's tone curve have it. The pose solves for it: rectangles that grow and a gap between
-            them that shrinks tell it from distance.
+            them that shrinks distinguish it from distance.
         row_motion_px_s: standard deviation, along columns and along rows, of how fast the cue moves over the picture of
-            a rolling shutter (`Camera.row_time_s`) when no earlier picture tells.
+            a rolling shutter (`Camera.row_time_s`) without an earlier picture.
         row_shake_px_s: the same of what the motion since the last picture leaves.
         max_blur: largest standard deviation of the picture's blur, as a fraction of the cue's shortest side: beyond,
             the smears of opposite sides meet, and corners are off by more than is stated.

@@ -205,7 +205,7 @@ _LEAST_TURN = 0.3
 """Sine of the least turn from one side to the next."""
 
 _FLUSH_PX = 2.0
-"""A corner this near to the picture's edge lies on it: regions end at pixels, and a side may lean a little."""
+"""A corner this near to the picture's edge lies on it: regions end at pixels, and a side may be a little oblique."""
 
 _CUT_SIDE_PX = 8.0
 """Least side of a cut region that can be a part of the cue."""
