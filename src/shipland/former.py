@@ -17,6 +17,7 @@ FORMER = {
     "dropping": "in_final_descent",
     "drop_m": "final_descent_offset_m",
     "drop_mps": "final_descent_mps",
+    "edge_growth_px": "edge_bias_px",
     "eyes": "selector",
     "known_m": "position_std_max_m",
     "lean_deg": "tilt_deg",

@@ -170,7 +170,7 @@ def test_errors_and_covariance_are_the_solvers(range_m, bearing_deg, yaw_deg, le
         settled, turn, shift_m, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
         assert settled
         freedom = 16 - 6 + (2 if level_rad else 0)
-        drawn = Solution(Pose(turn, shift_m), chi2, 0.0, covariance, 0.0, residual_px.reshape(-1, 4, 2), freedom)
+        drawn = Solution(Pose(turn, shift_m), chi2, covariance, 0.0, residual_px.reshape(-1, 4, 2), freedom)
         corners = Corners(corners_px, np.tile(np.eye(8) / sigma_px, (2, 1, 1)), PLANE_M.reshape(-1, 4, 2))
         prior = LevelPrior(down, level_rad) if level_rad else None
         solved = solve(corners, CAMERA, prior, Pose(rotation, sight_m))[0]

@@ -129,7 +129,7 @@ def _solution(rotation: Array, sight_m: Array, measured: CornerMeasurement) -> S
     if not settled:
         return None
     freedom = residual_px.size - 6 + (2 if measured.level_rad > 0.0 else 0)
-    return Solution(Pose(*pose), chi2, 0.0, covariance, NO_COMMON_ERROR, residual_px.reshape(-1, 4, 2), freedom)
+    return Solution(Pose(*pose), chi2, covariance, NO_COMMON_ERROR, residual_px.reshape(-1, 4, 2), freedom)
 
 
 def _down_in_camera(gimbal: GimbalAttitude) -> Array:

@@ -98,10 +98,10 @@ def covariance_over_heading(
     # What stays unknown when the angle is known.
     known = replace(taken, covariance=taken.covariance - np.outer(along, along) / variance)
     weight, square = 1.0, np.zeros((4, 4))
-    for beside in poses_about_vertical(taken, _FLAT_SIGMAS * std_rad, corners, camera, prior):
-        off = _joined(*position_and_yaw(beside.camera_from_plane)) - here
+    for beside, chi2 in poses_about_vertical(taken, _FLAT_SIGMAS * std_rad, corners, camera, prior):
+        off = _joined(*position_and_yaw(beside)) - here
         off[3] = math.remainder(off[3], math.tau)
-        share = math.exp(min(0.5 * (taken.chi2 - beside.chi2) / excess, 0.0))
+        share = math.exp(min(0.5 * (taken.chi2 - chi2) / excess, 0.0))
         square += share * np.outer(off, off)
         weight += share
     covariance = np.asarray(excess * covariance_in_bar(known) + square / weight)

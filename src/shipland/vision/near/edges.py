@@ -23,10 +23,10 @@ _RECENTRE = 0.4
 """A side farther than this fraction of the reach from where its pixels were taken is measured once more."""
 
 _RECENTRE_BLURRED = 0.15
-"""The same for much blurred pictures, as a fraction of the blur: what it leaves of a side hangs on its ends."""
+"""The same for much blurred pictures, as a fraction of the blur: the visible part of a side depends on its ends."""
 
 _MUCH_BLURRED_PX = 0.75
-"""What much is; below, the error is 0.02 px at most."""
+"""Least blur of a much blurred picture; below, the error is 0.02 px at most."""
 
 _REFIT_PX = 0.08
 """A Gauss–Newton step longer than this is followed by another; the error left is of its square."""
@@ -47,19 +47,18 @@ _BLUR_PX = (0.12, 8.0)
 """Range of the blur that is taken from the picture."""
 
 _ROUNDING_BLUR_PX = 0.5
-"""Blur from which the corners' rounding reaches the pixels that a side is fitted to, and the edge the outermost of
-them."""
+"""Blur from which rounded corners reach the pixels of a side, and the edge reaches the outermost of them."""
 
 _MISFIT = 0.024
-"""Root-mean-square misfit, against the contrast, from which a side is measured by its light alone as well: above what
-sensors leave, below what coded colour does. What is measured by its light then is taken for coded."""
+"""Root-mean-square misfit, against the contrast, from which a picture is taken for coded and a side is measured by its
+luma as well: above a sensor's noise, below that of coded colour."""
 
 _MISFIT_LEVELS = 3.5
 """The same in grey levels of a sensor's noise, for small contrasts. Rendered pictures with noise of 1.5 have 1.5 to 2.7
 where the lamp clips and its other colours are measured; H.264 at 8 Mbit/s has 5 and more in 95 % of such pictures."""
 
 _CODED_SIDE_PX = 20.0
-"""Length of a side up to which it errs as a whole: about that of a block."""
+"""Length of a side up to which coding moves it as a whole: about a block's."""
 
 _HELD_PX = 0.05
 """Standard deviation of a side that is taken to lie on the picture's edge."""
@@ -71,9 +70,9 @@ class MeasuredCorners:
 
     Attributes:
         corners_px: (n,4,2) undistorted.
-        whiten: (n,8,8) [1/px] what turns deviations of a quadrilateral's (column, row) × four corners into standard
+        whiten: (n,8,8) [1/px] turns deviations of a quadrilateral's (column, row) × four corners into standard
             deviations.
-        noise_px: standard deviation of a corner on either axis, about.
+        noise_px: standard deviation of a corner on either axis, about: of the sides' ends, root mean square.
         edge_bias_px: (n,4,2) how the corners move when all sides err outward together, by one standard deviation; None
             when the method has no sides.
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
@@ -88,77 +87,65 @@ class MeasuredCorners:
     held: bool = False
 
 
+@dataclass(frozen=True)
+class SideFit:
+    """Where the sides lie, outward positive.
+
+    Attributes:
+        sides: what offset and slope are counted from.
+        offset_px: (s,) at the middle.
+        slope: (s,).
+        variance: (3,s) of the offset, of the two together, of the slope.
+        blur_px: standard deviation of the picture's blur.
+        misfit: root-mean-square residual of the pixels, against the contrast.
+        noisy: the misfit is larger than sensors leave.
+        clipped: the inside saturates.
+    """
+
+    sides: Sides
+    offset_px: Array
+    slope: Array
+    variance: Array
+    blur_px: float
+    misfit: float
+    noisy: bool
+    clipped: bool
+
+
 def measure_corners(
     image: Image, quads_px: Array, camera: Camera, parameters: VisionParameters, blur_px: float | None = None
 ) -> MeasuredCorners | None:
-    """Corners where the lines fitted to the sides meet, weighted by what is known of the lines.
+    """Corners where the lines fitted to the sides meet, in undistorted pixels, where sides are straight.
 
-    Lines are fitted in undistorted pixels, where sides are straight.
-    """
-    held = _held(image, quads_px, camera)
-    sides = Sides.of(quads_px, parameters.edge_reach_px, held)
-    floor = EdgeFloor(parameters.edge_floor_px, parameters.edge_clipped_px, parameters.edge_coded_px)
-    fit = measure_sides(image, sides, camera, floor, blur_px)
-    met = None if fit is None else intersect_sides(fit)
-    if fit is None or met is None:
-        return None
-    edge_bias_px = parameters.edge_growth_px * met.edge_bias
-    return MeasuredCorners(met.corners_px, met.whiten, met.noise_px, edge_bias_px, fit.blur_px, held is not None)
-
-
-@dataclass(frozen=True)
-class EdgeFloor:
-    """Errors that are not noise, standard deviations [px].
-
-    Attributes:
-        plain_px: of a single column of pixels.
-        clipped_px: of a whole side, besides, where the inside saturates: the edge then seems to lie where its pixels
-            meet it.
-        coded_px: of a whole side of 20 px or less, besides, in coded pictures, times the misfit: coding moves blocks,
-            and a side with them, by the more the less of the picture is left. A longer side lies in more blocks, which
-            err each for itself.
-    """
-
-    plain_px: float
-    clipped_px: float
-    coded_px: float
-
-
-def measure_sides(
-    image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: float | None = None
-) -> SideFit | None:
-    """Where the sides lie, at sub-pixel.
-
-    The area under each column of pixels across a side finds it coarsely; then Gauss–Newton fits one straight edge to
-    all of the side's pixels, each of which sees the edge through its own square and the picture's blur. What turns out
-    far from where the pixels were taken, or blurred more than they reach, is measured once more.
+    The area under each column of pixels across a side finds it coarsely. Then Gauss–Newton fits one straight edge to
+    all of the side's pixels, each of which sees the edge through its own square and the picture's blur. A side that
+    turns out far from where its pixels were taken, or blurred more than they reach, is measured once more.
 
     Args:
         image: (H,W,3) BGR.
-        sides: known to within two pixels.
-        camera: its distortion is taken into account.
-        floor: of the errors stated.
-        blur_px: a guess of the picture's blur; None to take it from the picture.
+        quads_px: (n,4,2) corners to within two pixels, clockwise, undistorted.
+        camera: its distortion is taken out.
+        parameters: sizes and error floors.
+        blur_px: a guess of the picture's blur, as the last one's; None to take it from the picture.
 
     Returns:
-        The fit and the sides as last centred; None when there is no contrast, or a side too far off.
+        None when there is no contrast, a side is too far off, or sides are parallel.
     """
+    sides = Sides.of(quads_px, parameters.edge_reach_px, _held(image, quads_px, camera))
     for _ in range(_TRIES):
-        fit = _fit(image, sides, camera, floor, blur_px)
+        fit = _fit(image, sides, camera, parameters, blur_px)
         if fit is None or fit.blur_px * _REACH_PER_BLUR > float(sides.reach_px.min()):
             wider = sides.wider()
             if np.any(wider.reach_px > sides.reach_px):
                 sides, blur_px = wider, None
                 continue
-        if fit is None:
+        met = None if fit is None else _intersected(fit, parameters.edge_bias_px)
+        if fit is None or met is None:
             return None
         ends_px = np.abs(fit.offset_px) + np.abs(fit.slope) * sides.half_px()
         near = _RECENTRE * sides.reach_px if fit.blur_px <= _MUCH_BLURRED_PX else _RECENTRE_BLURRED * fit.blur_px
         if np.all(ends_px <= near):
-            return fit
-        met = intersect_sides(fit)
-        if met is None:
-            return None
+            return met
         sides = replace(Sides.of(met.corners_px, 0.0, sides.held), reach_px=sides.reach_px)
     return None
 
@@ -233,34 +220,36 @@ def _rounding(pixels: EdgePixels, sides: Sides, half_px: Array, blur_px: float) 
     return np.asarray(left)
 
 
-def _fit(image: Image, sides: Sides, camera: Camera, floor: EdgeFloor, blur_px: float | None) -> SideFit | None:
+def _fit(
+    image: Image, sides: Sides, camera: Camera, parameters: VisionParameters, blur_px: float | None
+) -> SideFit | None:
     pixels = edge_pixels(image, sides, camera, sides.half_px())
-    fit = _fit_to(pixels, sides, floor, blur_px, by_luma=False)
+    fit = _fit_to(pixels, sides, parameters, blur_px, by_luma=False)
     if fit is not None and not fit.noisy:
         return fit
-    by_luma = _fit_to(pixels, sides, floor, None, by_luma=True)
+    by_luma = _fit_to(pixels, sides, parameters, None, by_luma=True)
     fits = [it for it in (fit, by_luma) if it is not None]
     if not fits:
         return None
-    stated = [_as_coded(it, floor) if it.noisy else it for it in fits]
+    stated = [_as_coded(it, parameters) if it.noisy else it for it in fits]
     # Two coded fits are compared by their pixels; beside a clean one, what coding adds counts.
     compared = fits if all(it.noisy for it in fits) else stated
     return stated[int(np.argmin([float(it.variance[0].sum()) for it in compared]))]
 
 
-def _as_coded(fit: SideFit, floor: EdgeFloor) -> SideFit:
+def _as_coded(fit: SideFit, parameters: VisionParameters) -> SideFit:
     """A fit whose misfit is that of coding, with what coding adds to its variance."""
     sides = fit.sides
-    coded2 = (floor.coded_px * fit.misfit) ** 2 * _CODED_SIDE_PX / np.maximum(sides.length_px, _CODED_SIDE_PX)
+    coded2 = (parameters.edge_coded_px * fit.misfit) ** 2 * _CODED_SIDE_PX / np.maximum(sides.length_px, _CODED_SIDE_PX)
     if fit.clipped:  # which a side that crosses several rows of pixels (columns, if it is steep) averages out
         crossed = sides.length_px * np.abs(sides.along).min(axis=1) / np.abs(sides.along).max(axis=1)
-        coded2 += (floor.clipped_px / np.maximum(crossed, 1.0)) ** 2
+        coded2 += (parameters.edge_clipped_px / np.maximum(crossed, 1.0)) ** 2
     more = np.array([coded2, np.zeros_like(coded2), coded2 / sides.half_px() ** 2])
     return replace(fit, variance=fit.variance + (more if sides.held is None else more * ~sides.held))
 
 
 def _fit_to(
-    pixels: EdgePixels, sides: Sides, floor: EdgeFloor, blur_px: float | None, *, by_luma: bool
+    pixels: EdgePixels, sides: Sides, parameters: VisionParameters, blur_px: float | None, *, by_luma: bool
 ) -> SideFit | None:
     half_px = sides.half_px()
     profile = contrasts(pixels, sides.held, by_luma=by_luma)
@@ -297,7 +286,7 @@ def _fit_to(
         (a, b, p, blur_a), (_, c, q, blur_b), (_, _, residual2, blur_residual), (_, _, _, blur2) = gram
         scale = 1.0 / np.maximum(a * c - b * b, 1e-9)
         step = np.array([c * p - b * q, a * q - b * p]) * scale
-        # The blur is one for all sides: what it gains once every side has moved along with it.
+        # All sides have the same blur: its step is that of the Schur complement, with every side moved along.
         with_blur = np.array([c * blur_a - b * blur_b, a * blur_b - b * blur_a]) * scale
         gain = float(blur_residual.sum() - with_blur[0] @ p - with_blur[1] @ q)
         curvature = float(blur2.sum() - with_blur[0] @ blur_a - with_blur[1] @ blur_b)
@@ -321,9 +310,9 @@ def _fit_to(
     # The levels inside and outside come from two pixels a column each, and shift the edge as they err.
     levels2 = noise2 * pixels.columns / np.maximum(4.0 * a * a, 1e-9)
     noise2 *= scale
-    floor2 = floor.plain_px**2 / pixels.columns + levels2
+    floor2 = parameters.edge_floor_px**2 / pixels.columns + levels2
     noisy = misfit > max(_MISFIT, _MISFIT_LEVELS * per_level)
-    whole2 = floor.clipped_px**2 if clipped and not noisy else 0.0
+    whole2 = parameters.edge_clipped_px**2 if clipped and not noisy else 0.0
     variance = np.array(
         [noise2 * c + floor2 + whole2, -noise2 * b / half_px, (noise2 * a + 3.0 * floor2 + whole2) / half_px**2]
     )
@@ -335,51 +324,8 @@ def _fit_to(
     return SideFit(sides, ends[0], ends[1] / half_px, variance, blur_px, misfit, noisy, clipped)
 
 
-@dataclass(frozen=True)
-class SideFit:
-    """Where the sides lie, outward positive.
-
-    Attributes:
-        sides: what offset and slope are counted from.
-        offset_px: (s,) at the middle.
-        slope: (s,).
-        variance: (3,s) of the offset, of the two together, of the slope.
-        blur_px: standard deviation of the picture's blur.
-        misfit: root-mean-square residual of the pixels, against the contrast.
-        noisy: the misfit is larger than sensors leave.
-        clipped: the inside saturates.
-    """
-
-    sides: Sides
-    offset_px: Array
-    slope: Array
-    variance: Array
-    blur_px: float
-    misfit: float
-    noisy: bool
-    clipped: bool
-
-
-@dataclass(frozen=True)
-class Meeting:
-    """Where sides meet.
-
-    Attributes:
-        corners_px: (n,4,2) between each side and the one before it.
-        whiten: (n,8,8) [1/px] what turns a deviation of a quadrilateral's corners into standard deviations of its
-            sides' ends.
-        edge_bias: (n,4,2) how the corners move when all sides that were measured move outward by one.
-        noise_px: standard deviation of a side's end, root mean square.
-    """
-
-    corners_px: Array
-    whiten: Array
-    edge_bias: Array
-    noise_px: float
-
-
-def intersect_sides(fit: SideFit) -> Meeting | None:
-    """The corners of fitted sides; None when neighbours are parallel."""
+def _intersected(fit: SideFit, edge_bias_std_px: float) -> MeasuredCorners | None:
+    """The corners of fitted sides, each between a side and the one before it; None when neighbours are parallel."""
     moved = fit.sides.moved(fit.offset_px, fit.slope)
     along, normal = moved.along.reshape(-1, 4, 2), moved.outward.reshape(-1, 4, 2)
     middle_px = moved.middle_px.reshape(-1, 4, 2)
@@ -410,8 +356,10 @@ def intersect_sides(fit: SideFit) -> Meeting | None:
     cosine = (normal * normal_before).sum(axis=-1, keepdims=True)
     edge_bias = (moved_px - cosine * moved_before_px) * normal + (moved_before_px - cosine * moved_px) * normal_before
     edge_bias /= 1.0 - cosine * cosine
-    return Meeting(
-        corners_px, whiten.reshape(-1, 8, 8), edge_bias, math.sqrt(float(np.vdot(first, first)) / first.size)
+    noise_px = math.sqrt(float(np.vdot(first, first)) / first.size)
+    held = fit.sides.held is not None
+    return MeasuredCorners(
+        corners_px, whiten.reshape(-1, 8, 8), noise_px, edge_bias_std_px * edge_bias, fit.blur_px, held
     )
 
 

@@ -51,18 +51,20 @@ class VisionParameters:
         forstner_fraction, forstner_min_px: window side as a fraction of the quadrilateral's shorter side, and
             its least (erratum 4).
         edge_reach_px: how far across a side pixels are taken; more where the picture is blurred.
-        edge_floor_px: standard deviation of what a single column of pixels across a side errs by without any noise.
-        edge_clipped_px: standard deviation of what a whole side errs by besides where the cue saturates.
-        edge_coded_px: standard deviation of what a whole side errs by besides in pictures coded with colour at half
-            resolution, as JPEG and H.264 are, for a misfit of the fitted edges of 1: these have 0.02 to 0.1.
-        edge_growth_px: standard deviation of how far all sides together lie outward of where they should, as a lamp's
-            blooming and a camera's tone curve have it. The pose solves for it: rectangles that grow and a gap between
-            them that shrinks distinguish it from distance.
+        edge_floor_px: standard deviation of the error of one column of pixels across a side without any noise.
+        edge_clipped_px: standard deviation of a further error of a whole side where the cue saturates: the edge then
+            seems to lie where its pixels meet it.
+        edge_coded_px: standard deviation of a further error of a whole side of up to 20 px in pictures coded with
+            colour at half resolution, as JPEG and H.264 are, per unit of misfit of the fitted edges (they have 0.02 to
+            0.1): coding moves blocks, and a side with them. A longer side lies in more blocks of independent errors.
+        edge_bias_px: standard deviation of the common outward error of all sides, as a lamp's blooming and a camera's
+            tone curve have it. The pose solves for it: rectangles that grow and a gap between them that shrinks
+            distinguish it from distance.
         row_motion_px_s: standard deviation, along columns and along rows, of how fast the cue moves over the picture of
             a rolling shutter (`Camera.row_time_s`) without an earlier picture.
         row_shake_px_s: the same of what the motion since the last picture leaves.
         max_blur: largest standard deviation of the picture's blur, as a fraction of the cue's shortest side: beyond,
-            the smears of opposite sides meet, and corners are off by more than is stated.
+            the smears of opposite sides meet, and corners are off by more than their covariance.
         max_noise: largest standard deviation of a side's end, as a fraction of the cue's shortest side: sides that are
             not straight, as an ellipse's, state a large one.
         corner_noise_px: standard deviation of a Förstner corner, per axis.
@@ -102,7 +104,7 @@ class VisionParameters:
     edge_floor_px: float
     edge_clipped_px: float
     edge_coded_px: float
-    edge_growth_px: float
+    edge_bias_px: float
     row_motion_px_s: float
     row_shake_px_s: float
     max_blur: float
@@ -137,7 +139,7 @@ class VisionParameters:
             "edge_floor_px",
             "edge_clipped_px",
             "edge_coded_px",
-            "edge_growth_px",
+            "edge_bias_px",
             "row_motion_px_s",
             "row_shake_px_s",
             "screening_px",

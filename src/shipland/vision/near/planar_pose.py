@@ -98,8 +98,7 @@ class Solution:
 
     Attributes:
         camera_from_plane: the pose.
-        chi2: weighted sum of squared residuals; the prior's share is `prior_chi2`.
-        prior_chi2: of the level prior, 0 without one.
+        chi2: weighted sum of squared residuals, the prior's included.
         covariance: (6,6) of the left rotation vector [rad] and translation [m], both in `camera`.
         common: (m,) errors that all corners have in common, in standard deviations of each.
         residual_px: (n,4,2) reprojected minus measured, once the measured are freed of the common errors.
@@ -109,7 +108,6 @@ class Solution:
 
     camera_from_plane: Pose
     chi2: float
-    prior_chi2: float
     covariance: Array
     common: Array
     residual_px: Array
@@ -194,25 +192,15 @@ def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: Leve
     return refiner.solution(camera_from_plane, refiner.linearise(camera_from_plane))
 
 
-@dataclass(frozen=True)
-class YawedPose:
-    """A pose beside a solution: turned about the cue's vertical, in all else what solves the corners best then.
-
-    Attributes:
-        camera_from_plane: the pose.
-        chi2: weighted sum of squared residuals.
-    """
-
-    camera_from_plane: Pose
-    chi2: float
-
-
 def poses_about_vertical(
     solution: Solution, angles_rad: Array, corners: Corners, camera: Camera, prior: LevelPrior | None
-) -> list[YawedPose]:
-    """Poses beside a solution, at angles from it about the cue's vertical; those that solve nothing are left out."""
+) -> list[tuple[Pose, float]]:
+    """Poses beside a solution, turned by angles about the cue's vertical and refined in all else, each with its χ².
+
+    Angles at which nothing solves the corners are left out.
+    """
     refiner = _Refiner(corners, camera, prior)
-    found = [refiner.poses_about_vertical(solution.camera_from_plane, float(angle_rad)) for angle_rad in angles_rad]
+    found = [refiner.pose_about_vertical(solution.camera_from_plane, float(angle_rad)) for angle_rad in angles_rad]
     return [pose for pose in found if pose is not None]
 
 
@@ -243,12 +231,10 @@ class _Linear:
 
     Attributes:
         gram: (7,7) products of the whitened Jacobian's six columns and the whitened residual.
-        prior_chi2: the prior's share of the residual's square.
         residual: (n,2) of the rays.
     """
 
     gram: Array
-    prior_chi2: float
     residual: Array
 
 
@@ -345,8 +331,8 @@ class _Refiner:
         except np.linalg.LinAlgError:
             return None
 
-    def poses_about_vertical(self, pose: Pose, angle_rad: float) -> YawedPose | None:
-        """A pose turned about the cue's vertical, refined in everything else; None when it diverges."""
+    def pose_about_vertical(self, pose: Pose, angle_rad: float) -> tuple[Pose, float] | None:
+        """A pose turned about the cue's vertical, refined in all else, and its χ²; None when it diverges."""
         down = pose.rotation[:, 1]
         turn = cv2.Rodrigues(angle_rad * down)[0]
         translation = self._translation(turn @ pose.rotation)
@@ -361,7 +347,7 @@ class _Refiner:
             return None
         pose = _moved(pose, step)
         chi2 = float(self.linearise(pose).gram[6, 6])
-        return YawedPose(pose, chi2) if np.isfinite(chi2) and pose.translation_m[2] > 0.0 else None
+        return (pose, chi2) if np.isfinite(chi2) and pose.translation_m[2] > 0.0 else None
 
     def solution(self, pose: Pose, at: _Linear) -> Solution:
         """A pose with its covariance; LinAlgError when the corners do not determine it."""
@@ -376,7 +362,6 @@ class _Refiner:
         return Solution(
             camera_from_plane=pose,
             chi2=float(at.gram[6, 6]),
-            prior_chi2=at.prior_chi2,
             covariance=np.asarray(covariance, dtype=float),
             common=amplitudes,
             residual_px=residual_px,
@@ -404,13 +389,11 @@ class _Refiner:
         np.matmul(self._whiten, partial.reshape(-1, 8, 7), out=whitened.reshape(-1, 8, 7))
         if self._common is not None:
             whitened -= self._share @ (self._common @ whitened)
-        prior_chi2 = 0.0
         if self._across is not None:
             x, y, z = rotation[:, 1].tolist()
             tilt = self._across @ [[0.0, z, -y, x], [-z, 0.0, x, y], [y, -x, 0.0, z]]
             rows[size:, :3], rows[size:, 6] = tilt[:, :3], tilt[:, 3]
-            prior_chi2 = float(np.vdot(tilt[:, 3], tilt[:, 3]))
-        return _Linear(rows.T @ rows, prior_chi2, partial[:, :, 6].copy())
+        return _Linear(rows.T @ rows, partial[:, :, 6].copy())
 
 
 def _moved(pose: Pose, step: Array) -> Pose:
