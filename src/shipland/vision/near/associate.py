@@ -87,13 +87,13 @@ def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> l
             row = score[seed, model].copy()
             row[:, seed] = np.inf
             row[model] = np.inf
-            for index, candidates in _alternatives(row):
-                members = {model: seed} | dict(zip(index, candidates, strict=True))
+            for others in _alternatives(row):
+                members = {model: seed} | others
                 if len(set(members.values())) < len(members):
                     continue
                 order = tuple(sorted(members))
                 chosen = tuple(members[i] for i in order)
-                quality = float(sum(row[i, c] for i, c in zip(index, candidates, strict=True))) / max(len(index), 1)
+                quality = float(sum(row[i, c] for i, c in others.items())) / max(len(others), 1)
                 key = (order, chosen)
                 if key not in matches or quality < matches[key][1]:
                     quads = np.stack([turned[c, i] for i, c in zip(order, chosen, strict=True)])
@@ -169,15 +169,13 @@ def _area(quads: Array) -> Array:
     return 0.5 * np.asarray(diagonal[..., 0] * other[..., 1] - diagonal[..., 1] * other[..., 0])
 
 
-def _alternatives(row: Array) -> list[tuple[list[int], list[int]]]:
-    """Ways to fill the other models: each with its nearest candidate; with two models, also the runners-up."""
+def _alternatives(row: Array) -> list[dict[int, int]]:
+    """Candidates by model for the other models: none, the nearest of each, and of two models also the runners-up."""
     index = [int(i) for i in np.flatnonzero(np.isfinite(row).any(axis=1))]
-    found: list[tuple[list[int], list[int]]] = [([], [])]
     if not index:
-        return found
-    best = [int(np.argmin(row[i])) for i in index]
-    found.append((index, best))
+        return [{}]
+    found = [{}, {i: int(np.argmin(row[i])) for i in index}]
     if len(index) == 1:
         runners = np.argsort(row[index[0]])[1:4]
-        found += [(index, [int(c)]) for c in runners if np.isfinite(row[index[0], c])]
+        found += [{index[0]: int(c)} for c in runners if np.isfinite(row[index[0], c])]
     return found
