@@ -62,7 +62,7 @@ class GeometricVision:
 
     def see(self, frame: Frame) -> Observation:
         """What near vision would make of the picture; never raises."""
-        # Drawn for every frame, seen or not: a flight's numbers must not shift with one frame's luck.
+        # Drawn for every frame, seen or not: the random numbers of later frames do not depend on this one's outcome.
         noise = self._rng.standard_normal(self._plane_m.shape)
         missed = self._rng.random() < self._parameters.miss_rate
         truth = self._truth_source.truth_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)

@@ -89,23 +89,23 @@ _AXES = np.array([[0, 1, 2, 3, 4, 5], [1, 0, 3, 2, 5, 4]])
 """Order of three (column, row) pairs as (main axis, other axis), for flat sides and for steep ones."""
 
 _STATIONS = np.arange(20.0)
-"""Most columns (rows, for steep sides) of pixels that one side is fitted to."""
+"""Numbers of the columns (rows, for steep sides) of pixels of one side: 20 at most."""
 
 _LUMA_BGR = np.array([0.114, 0.587, 0.299])
 """ITU-R BT.601, the luma of JPEG and of most video."""
 
 _SHARES = np.linspace(-0.1, 1.1, 25)
-"""Of the light inside, at which luma is looked up; a little beyond, so that noise is not cut off."""
+"""Shares of the light inside at which luma is tabulated; beyond 0 and 1, so that noise is not cut off."""
 
 _LEAST_LUMA = 10.0
 """Smallest difference of luma between inside and outside that is measured [grey levels]."""
 
 _LEAST_CONTRAST = 6.0
-"""Smallest difference of light between inside and outside that is measured, of 255."""
+"""Smallest difference of light between inside and outside that is measured [of 255]."""
 
 
 def _levels_of(light: Array) -> Array:
-    """Grey levels of light, 0 … 255, by the inverse of sRGB's curve, which goes on beyond both ends."""
+    """Grey levels of light, 0 … 255, by the inverse of sRGB's curve, extrapolated at both ends."""
     share = light / 255.0
     return 255.0 * np.where(share <= 0.0031308, 12.92 * share, 1.055 * np.maximum(share, 0.0) ** (1.0 / 2.4) - 0.055)
 
@@ -121,13 +121,13 @@ LIGHT = _light_of_levels()
 only. Cameras have curves of their own; the pose solves for the edge bias that these leave."""
 
 _LIGHT_A_LEVEL = np.gradient(LIGHT.astype(float))
-"""(256,) by how much light grows with a grey level."""
+"""(256,) derivative of light by grey level."""
 
 _CLIPPED = float(LIGHT[240])
-"""Mean light from which a colour is taken to be clipped, or bent by the shoulder of a tone curve."""
+"""Mean light from which a colour is taken to be saturated, or on the shoulder of a tone curve."""
 
 _LEAST_SIDE_CONTRAST = 0.15
-"""The same for a single side, against the cue's."""
+"""Smallest contrast of a single side, against the cue's."""
 
 
 @dataclass(frozen=True)
@@ -138,8 +138,8 @@ class EdgePixels:
         levels: (…,3) uint8, the picture's.
         out_px: distance outward from the side.
         along: place along it, -1 to 1 between the ends of what is looked at.
-        use: 1 where the pixel counts; 0 where it is another's double, too far out, or outside of the picture.
-        columns: (s,) columns (rows) of pixels that differ.
+        use: 1 where the pixel counts; 0 where it repeats another, is too far out, or outside of the picture.
+        columns: (s,) number of distinct columns (rows) of pixels.
     """
 
     levels: npt.NDArray[np.uint8]
@@ -253,7 +253,7 @@ def contrasts(
     ends = (sums if held is None else sums[~held])[:, [0, 1, -2, -1]].sum(axis=0)
     ends *= 0.5 / max(stations * (sides if held is None else int(np.count_nonzero(~held))), 1)
     inside, outside = ends[0] + ends[1], ends[2] + ends[3]
-    # A colour that is clipped has its edge where the first trace of light is; the others are not bent.
+    # The edge of a saturated colour is moved outward; the other colours are not affected.
     clear = np.maximum(inside, outside) < _CLIPPED
     direction = None if clear.all() or by_luma else contrast_direction(inside * clear, outside * clear)
     clipped = direction is None and not clear.all()

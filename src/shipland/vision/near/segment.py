@@ -22,7 +22,7 @@ _BRIGHT_PERCENT = 99.0
 """Percentile of saturation and of value that is taken for the picture's maximum."""
 
 _BAND_ROWS = 128
-"""Rows that `coloured_window` looks at at once; even."""
+"""Rows of a band of `coloured_window`; even."""
 
 
 @dataclass(frozen=True)
@@ -106,8 +106,8 @@ def adapted(image: Image, parameters: VisionParameters) -> VisionParameters:
 def coloured_window(image: Image, parameters: VisionParameters) -> Window:
     """The part of a picture that holds all its coloured regions; empty when there are none.
 
-    Every second pixel of every second row is looked at: opening leaves nothing that has none of them. When they are all
-    over the picture, so is the window. It goes band by band: what a band needs stays in the processor's cache.
+    Every second pixel of every second row is enough: opening removes whatever has none of them. The picture is taken in
+    bands, which stay in the processor's cache.
     """
     height, width = image.shape[:2]
     if width < 64 or height < 64:
@@ -136,7 +136,7 @@ def colour_mask(image: Image, parameters: VisionParameters) -> Image:
     mask = gate(image, parameters)
     kernel = np.ones((parameters.kernel_px, parameters.kernel_px), np.uint8)
     opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
-    # Nothing lies outside: else closing would join a region to the picture's edge. What is at the edge stays there.
+    # A border of 0, or closing would join a region to the picture's edge; what opening left at the edge is kept.
     closed = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     return np.asarray(cv2.bitwise_or(closed, opened), np.uint8)
 
@@ -205,13 +205,13 @@ _LEAST_TURN = 0.3
 """Sine of the least turn from one side to the next."""
 
 _FLUSH_PX = 2.0
-"""A corner this near to the picture's edge lies on it: regions end at pixels, and a side may be a little oblique."""
+"""Distance from the picture's edge within which a corner lies on it: regions end at pixels, sides may be oblique."""
 
 _CUT_SIDE_PX = 8.0
 """Least side of a cut region that can be a part of the cue."""
 
 _SUBPIXEL = 16
-"""OpenCV's simplification rounds its corners to whole numbers: it gets the hull in sixteenths of a pixel."""
+"""Scale of the hull for OpenCV's simplification, which rounds corners to whole numbers."""
 
 _AREA_RATIO = (0.82, 1.18)
 """Area of the four-cornered approximation over that of the hull."""
@@ -220,8 +220,7 @@ _AREA_RATIO = (0.82, 1.18)
 def quad_from_region(region: Region, min_side_px: float) -> Array | None:
     """Four corners (4,2) [px], clockwise in the picture, of a region that is one quadrilateral; else None.
 
-    The sides run around the centres of the region's outermost pixels, which is within half a pixel of where the colour
-    changes by half.
+    The sides run through the centres of the region's outermost pixels: within half a pixel of the true edge.
     """
     hull = cv2.convexHull(region.contour_px)
     hull_px2 = cv2.contourArea(hull)
