@@ -31,7 +31,7 @@ from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig, default_rig, packaged_table
 from shipland.sim.scene.scene import Scene, SceneParameters
 from shipland.sim.state import SceneState
-from shipland.vision.near import pipeline, pose, published
+from shipland.vision.near import choice, pipeline, pose, published
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
 from shipland.vision.near.segment import Window
@@ -146,7 +146,7 @@ def peer_frames(peer: Peer, looks: list[Look], camera: Camera, margins: VisionPa
 
 STAGES: dict[str, tuple[object, str]] = {
     "segment": (pipeline, "segment"),
-    "associate with the last pose": (pipeline, "match_by_prediction"),
+    "associate with the last pose": (choice, "match_by_prediction"),
     "pose": (pipeline, "solve_pose"),
     "validate": (pipeline, "validate"),
     "covariance from afar": (pose, "covariance_over_heading"),

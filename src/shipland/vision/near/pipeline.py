@@ -8,15 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
-import cv2
 import numpy as np
 
 from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target
-from shipland.vision.near.associate import Match, match_by_geometry, match_by_prediction
+from shipland.vision.near.associate import Match
+from shipland.vision.near.choice import Choice
 from shipland.vision.near.edges import MeasuredCorners, measure_corners
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import LevelPrior
@@ -25,31 +26,22 @@ from shipland.vision.near.refusal import Refusal, gimbal_off
 from shipland.vision.near.segment import (
     Image,
     QuadsOf,
-    Region,
     Window,
     adapted,
     coloured_window,
     find_quads,
-    is_cut_quad,
     segment,
 )
 from shipland.vision.near.track import Track
 from shipland.vision.near.validate import (
     SidesAgree,
     corners_are_sharp,
-    explains_absence,
     jumps,
     sides_agree,
     validate,
 )
 
 __all__ = ["NearVision", "Refusal", "Steps", "VisionParameters"]
-
-_MOST_MEASURED = 8
-"""Hypotheses that are measured in one picture; each takes about a millisecond."""
-
-_LIKE_SIZE = 2.0
-"""Ratio of areas up to which two quadrilaterals may belong together."""
 
 MeasureCorners = Callable[[Image, Array, Camera, VisionParameters, float | None], MeasuredCorners | None]
 """Image, corners (n,4,2) to within two pixels, camera, parameters, blur of the last picture: corners at sub-pixel."""
@@ -131,43 +123,14 @@ class NearVision:
         segments = segment(image, window, gate, self._steps.quads_of)
         if segments is None:
             return Refusal.NOTHING_GREEN
-        result = self._cue_among(segments.quads, segments.cut, image, known, parts)
+        choice = Choice(partial(self._pose_of, image, known), self._setup, known.predicted_px, segments.cut)
+        result = choice.cue_among(segments.quads, parts=parts)
         if isinstance(result, Refusal) and parts and segments.flush:
-            flush = self._cue_among(segments.quads + segments.flush, segments.cut, image, known, parts)
+            flush = choice.cue_among(segments.quads + segments.flush, parts=parts)
             return flush if isinstance(flush, PoseCandidate) else result
         return result
 
-    def _cue_among(
-        self, quads: list[Array], cut: list[Region], image: Image, known: Known, parts: bool
-    ) -> PoseCandidate | Refusal:
-        """Whole cues first, where the last pose predicts them and then anywhere; then parts in the same order."""
-        if not quads:
-            return _cut_or(Refusal.NO_QUADRILATERAL, cut)
-        setup = self._setup
-        quads_px = setup.camera.undistort(np.concatenate(quads)).reshape(-1, 4, 2)
-        count = len(setup.plane_m)
-        predicted = None if known.predicted_px is None else match_by_prediction(quads_px, known.predicted_px)
-        refusal = Refusal.NO_MATCH
-        if predicted is not None and len(predicted.model) == count:
-            result = self._pose_of(predicted, image, known)
-            if isinstance(result, PoseCandidate):
-                return result
-            refusal = result
-        hypotheses = match_by_geometry(quads_px, setup.plane_m, math.radians(setup.parameters.max_roll_deg))
-        found, why = self._poses_of([match for match in hypotheses if len(match.model) == count], image, known)
-        if found:
-            return self._one_of(found, known.predicted_px)
-        if not parts:
-            return why or refusal
-        if predicted is not None and len(predicted.model) < count:
-            result = self._pose_of(predicted, image, known)
-            if isinstance(result, PoseCandidate):
-                return result
-        some = [match for match in hypotheses if len(match.model) < count and (cut or len(match.model) > 1)]
-        some = [match for match in some if not _in_company(match, quads_px)]
-        return self._part_of(some, cut, image, known) or why or _cut_or(refusal, cut)
-
-    def _pose_of(self, match: Match, image: Image, known: Known) -> PoseCandidate | Refusal:
+    def _pose_of(self, image: Image, known: Known, match: Match) -> PoseCandidate | Refusal:
         """One hypothesis through edges, pose and validation."""
         setup, steps = self._setup, self._steps
         measured = steps.measure(image, match.quads_px, setup.camera, setup.parameters, known.blur_px)
@@ -178,45 +141,6 @@ class NearVision:
             return Refusal.NO_SOLUTION
         return validate(candidate, steps.screen) or candidate
 
-    def _poses_of(
-        self, hypotheses: list[Match], image: Image, known: Known
-    ) -> tuple[list[PoseCandidate], Refusal | None]:
-        """Poses, and the first reason among the others; a quadrilateral that a pose uses is not used again."""
-        found: list[PoseCandidate] = []
-        refusal: Refusal | None = None
-        used: set[int] = set()
-        for match in hypotheses[:_MOST_MEASURED]:
-            if used.intersection(match.candidates):
-                continue
-            result = self._pose_of(match, image, known)
-            if isinstance(result, PoseCandidate):
-                found.append(result)
-                used.update(match.candidates)
-            elif refusal is None:
-                refusal = result
-        return found, refusal
-
-    def _one_of(self, found: list[PoseCandidate], predicted_px: Array | None) -> PoseCandidate | Refusal:
-        """Of several whole cues the one that the last pose predicts, else the nearest."""
-        if len(found) == 1:
-            return found[0]
-        if predicted_px is not None:
-            wanted = predicted_px.mean(axis=(0, 1))
-            return min(found, key=lambda candidate: math.dist(candidate.corners_px.mean(axis=(0, 1)), wanted))
-        if self._setup.parameters.several_cues == "refuse":
-            return Refusal.AMBIGUOUS
-        return min(found, key=lambda candidate: candidate.distance_m)
-
-    def _part_of(
-        self, hypotheses: list[Match], cut: list[Region], image: Image, known: Known
-    ) -> PoseCandidate | Refusal | None:
-        """A cue that is not whole: the one hypothesis that explains what is missing; None when there is none."""
-        results = [self._pose_of(match, image, known) for match in hypotheses[:_MOST_MEASURED]]
-        proven = [result for result in results if isinstance(result, PoseCandidate) and explains_absence(result, cut)]
-        most = max((len(candidate.match.model) for candidate in proven), default=0)
-        best = [candidate for candidate in proven if len(candidate.match.model) == most]
-        return (best[0] if len(best) == 1 else Refusal.AMBIGUOUS) if best else None
-
 
 def _level(gimbal: GimbalAttitude, noise_rad: float) -> LevelPrior | None:
     """The gimbal's vertical; None without a finite attitude, or where the noise is 0, which leaves the gimbal out."""
@@ -224,20 +148,3 @@ def _level(gimbal: GimbalAttitude, noise_rad: float) -> LevelPrior | None:
         return None
     level = level_from_camera(GimbalAttitude(gimbal.roll_rad, gimbal.pitch_rad))
     return LevelPrior(level[2].copy(), noise_rad)
-
-
-def _cut_or(refusal: Refusal, cut: list[Region]) -> Refusal:
-    """That the cue is cut, where a cut region could be a part of one; else another reason."""
-    return Refusal.CUT_BY_FRAME if any(is_cut_quad(region) for region in cut) else refusal
-
-
-def _in_company(match: Match, quads_px: Array) -> bool:
-    """Whether a quadrilateral that the hypothesis does not use is as large as one that it uses, within a factor.
-
-    Another whole quadrilateral of like size belongs to a row of them, not to a cue that is cut.
-    """
-    area_px2 = np.array([cv2.contourArea(quad.astype(np.float32)) for quad in quads_px])
-    used = area_px2[list(match.candidates)]
-    others = np.delete(area_px2, match.candidates)
-    ratio = others[:, None] / np.maximum(used, 1e-9)
-    return bool(np.any((ratio > 1.0 / _LIKE_SIZE) & (ratio < _LIKE_SIZE)))
