@@ -13,7 +13,8 @@ from shipland.config import build
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target, packaged_table
-from shipland.vision.near.pipeline import NearVision, VisionParameters
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.pipeline import NearVision
 from shipland.vision.pictures import FilePicture, is_film, pictures_of
 
 _UNKNOWN_GIMBAL = GimbalAttitude(0.0, 0.0)

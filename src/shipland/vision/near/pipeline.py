@@ -41,8 +41,6 @@ from shipland.vision.near.validate import (
     validate,
 )
 
-__all__ = ["NearVision", "Refusal", "Steps", "VisionParameters"]
-
 MeasureCorners = Callable[[Image, Array, Camera, VisionParameters, float | None], MeasuredCorners | None]
 """Image, corners (n,4,2) to within two pixels, camera, parameters, blur of the last picture: corners at sub-pixel."""
 
