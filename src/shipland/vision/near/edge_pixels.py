@@ -17,7 +17,7 @@ from shipland.camera import Camera
 from shipland.frames import Array
 from shipland.vision.near.segment import Image
 
-_SIDE, _NEXT, _BEFORE = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [3, 0, 1, 2]])
+_NEXT = np.array([1, 2, 3, 0])
 
 MOST_ACROSS = 12
 """Most pixels that are taken across a side, inward or outward."""
