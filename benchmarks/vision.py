@@ -32,9 +32,10 @@ from shipland.rig import Rig, default_rig, packaged_table
 from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
-from shipland.vision.near import pipeline, sighting
-from shipland.vision.near.pipeline import NearVision, VisionParameters
-from shipland.vision.near.regions import Window
+from shipland.vision.near import choice, pipeline, pose, published
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.pipeline import NearVision, Steps
+from shipland.vision.near.segment import Window
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 from peers import Peer, apriltag, aruco, grain, in_picture
@@ -43,11 +44,11 @@ Picture = npt.NDArray[np.uint8]
 RANGES_M = (2.0, 4.0, 8.0, 15.0)
 PICTURES = 5
 NOISE = 1.5
-CHAINS: dict[str, dict[str, str]] = {
-    "default": {},
-    "watershed on every region": {"watershed": "always"},
-    "Förstner corners": {"corners": "forstner"},
-    "as published": {"watershed": "always", "corners": "forstner", "screening": "printed"},
+CHAINS = {
+    "default": Steps(),
+    "watershed on every region": Steps(quads_of=published.find_quads),
+    "Förstner corners": Steps(measure=published.measure_corners),
+    "as published": published.STEPS,
 }
 
 
@@ -145,16 +146,14 @@ def peer_frames(peer: Peer, looks: list[Look], camera: Camera, margins: VisionPa
 
 
 STAGES: dict[str, tuple[object, str]] = {
-    "regions through the colour gate": (pipeline, "find_regions"),
-    "quadrilaterals": (pipeline, "find_quads"),
-    "match with the last pose": (pipeline, "match_by_prediction"),
-    "sides and corners": (sighting, "measure_corners"),
-    "pose": (sighting, "solve"),
-    "covariance from afar": (sighting, "spread_of"),
-    "screening": (sighting, "sides_agree"),
-    "covariance": (sighting, "bar_pose_of"),
+    "segment": (pipeline, "segment"),
+    "associate with the last pose": (choice, "match_by_prediction"),
+    "pose": (pipeline, "solve_pose"),
+    "validate": (pipeline, "validate"),
+    "covariance from afar": (pose, "covariance_over_heading"),
+    "covariance": (pose, "bar_pose_of"),
 }
-"""Where the parts of a followed picture are called, by module and name."""
+"""Where the parts of a followed picture are called, by module and name; the edges are a step of the vision's own."""
 
 
 def stages_ms(vision: NearVision, frames: list[Frame], rounds: int) -> dict[str, float]:
@@ -170,8 +169,10 @@ def stages_ms(vision: NearVision, frames: list[Frame], rounds: int) -> dict[str,
 
         return call
 
-    look, rows = following(vision, frames), []
+    look, rows, names = following(vision, frames), [], ["edges", *STAGES]
     with ExitStack() as patches:
+        edges = replace(vision._steps, measure=timed("edges", vision._steps.measure))
+        patches.enter_context(patch.object(vision, "_steps", edges))
         for name, (module, part) in STAGES.items():
             patches.enter_context(patch.object(module, part, timed(name, getattr(module, part))))
         for _ in range(rounds):
@@ -180,9 +181,9 @@ def stages_ms(vision: NearVision, frames: list[Frame], rounds: int) -> dict[str,
                 started = time.perf_counter()
                 look(frame)
                 whole = time.perf_counter() - started
-                parts = [spent.get(name, 0.0) for name in STAGES]
+                parts = [spent.get(name, 0.0) for name in names]
                 rows.append([*parts, whole - sum(parts), whole])
-    return dict(zip([*STAGES, "the rest", "all"], 1e3 * np.median(rows, axis=0), strict=True))
+    return dict(zip([*names, "the rest", "all"], 1e3 * np.median(rows, axis=0), strict=True))
 
 
 def main() -> None:
@@ -210,8 +211,8 @@ def main() -> None:
             table.add_row(name, "followed", *(f"{column[name]:.2f}" for column in columns))
         Console(width=120).print(table)
         return
-    for name, changes in CHAINS.items():
-        vision = NearVision(rig.target, camera, replace(parameters, **changes))  # type: ignore[arg-type]
+    for name, steps in CHAINS.items():
+        vision = NearVision(rig.target, camera, parameters, steps)
         table.add_row(name, "whole", *(median_ms(searching(vision), some, rounds) for some in there_and_back))
         table.add_row(name, "followed", *(median_ms(following(vision, some), some, rounds) for some in there_and_back))
     for peer in (aruco(rig), aruco(rig, refined=False), apriltag(rig), apriltag(rig, 1.0)):

@@ -39,7 +39,7 @@ from shipland.learning.shot import Shot
 from shipland.learning.shots import draw_scene, draw_shot
 from shipland.learning.synth import FRAME_S, draw
 from shipland.sim.scene.scene import Scene
-from shipland.vision.far.detector import detector_parameters
+from shipland.vision.far.parameters import detector_parameters
 
 Picture = npt.NDArray[np.uint8]
 LEVELS = (0.0, 4.0, 8.0, 16.0, 32.0, 256.0)

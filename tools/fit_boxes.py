@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from shipland.config import build
-from shipland.geometric.far import BoxErrors
+from shipland.geometric.parameters import BoxErrors
 from shipland.learning.ranges import SceneRecord, hits
 from shipland.rig import packaged_table
-from shipland.vision.far.detector import detector_parameters
+from shipland.vision.far.parameters import detector_parameters
 
 MIN_IOU = 0.3
 

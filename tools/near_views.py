@@ -17,10 +17,12 @@ from shipland.rig import Rig, default_rig, packaged_table
 from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
-from shipland.vision.near.matching import model_plane
+from shipland.vision.near.associate import model_plane
+from shipland.vision.near.covariance import covariance_in_bar
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
-from shipland.vision.near.pose import Corners, LevelPrior, bound, covariance_in_bar
+from shipland.vision.near.planar_pose import Corners, LevelPrior, bound
+from shipland.vision.near.published import published_vision
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,9 +58,10 @@ class Setting:
         parameters = build(SceneParameters, packaged_table("scene"), "scene")
         return Scene(self.rig, replace(parameters, **changes), np.random.default_rng(seed))
 
-    def eyes(self, **changes: object) -> NearVision:
-        """The near vision with some of its parameters changed."""
-        return NearVision(self.rig.target, self.camera, replace(self.vision, **changes))  # type: ignore[arg-type]
+    def eyes(self, *, published: bool = False, **changes: object) -> NearVision:
+        """The near vision, or the published chain, with some of its parameters changed."""
+        parameters = replace(self.vision, **changes)  # type: ignore[arg-type]
+        return (published_vision if published else NearVision)(self.rig.target, self.camera, parameters)
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,8 @@ from shipland.sim.scene.tone import develop
 from shipland.sim.state import SceneState
 from shipland.sim.target_box import NearestBox, target_box
 from shipland.vision.far.decode import iou
-from shipland.vision.far.detector import Detector, detector_parameters
+from shipland.vision.far.detector import Detector
+from shipland.vision.far.parameters import detector_parameters
 
 Picture = npt.NDArray[np.uint8]
 Light16 = npt.NDArray[np.uint16]

@@ -1,7 +1,7 @@
 """Pose error of the near vision against range and angle on rendered pictures, beside the Cramér–Rao bound and peers.
 
     python tools/pose_error.py                      # out/pose_error/table.md, peers.md and plot.png
-    python tools/pose_error.py --corners forstner   # the published corners
+    python tools/pose_error.py --published          # the published chain
     python tools/pose_error.py --no-gimbal          # corners alone: what the gimbal knows is left out
     python tools/pose_error.py --no-peers
 
@@ -152,7 +152,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=40, help="pictures a range and angle")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--corners", choices=("edges", "forstner"), default="edges")
+    parser.add_argument("--published", action="store_true", help="the published chain instead of ours")
     parser.add_argument("--no-gimbal", action="store_true")
     parser.add_argument("--no-peers", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("out/pose_error"))
@@ -160,8 +160,8 @@ def main() -> None:
     setting = Setting.packaged()
     rng = np.random.default_rng(arguments.seed)
     gimbal_noise_rad = setting.gimbal_noise_rad
-    eyes = setting.eyes(corners=arguments.corners)
-    alone = setting.eyes(corners=arguments.corners, gimbal_noise_rad=0.0)
+    eyes = setting.eyes(published=arguments.published)
+    alone = setting.eyes(published=arguments.published, gimbal_noise_rad=0.0)
     if arguments.no_gimbal:
         eyes, setting = alone, replace(setting, gimbal_noise_rad=0.0)
     peers = [] if arguments.no_peers else [aruco(setting.rig), apriltag(setting.rig, 1.0)]

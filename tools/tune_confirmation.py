@@ -26,8 +26,9 @@ from shipland.learning.synth import FRAME_S
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.rig import default_rig, packaged_table
 from shipland.vision.far.decode import PIXEL_CENTRE
-from shipland.vision.far.detector import Confirmation, Detector, DetectorParameters, Picture, detector_parameters
+from shipland.vision.far.detector import Detector, Picture
 from shipland.vision.far.far import FarVision
+from shipland.vision.far.parameters import Confirmation, DetectorParameters, detector_parameters
 
 
 class KeptBoxes(Detector):

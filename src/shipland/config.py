@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 from shipland.errors import ConfigError
 from shipland.files import MOST_LEVELS, refuse_deep
-from shipland.former import FORMER
+from shipland.former import FORMER, GONE
 
 T = TypeVar("T")
 Table = dict[str, Any]
@@ -188,6 +188,8 @@ def build(cls: type[T], table: Mapping[str, Any], where: str = "configuration") 
         if key not in fields:
             if FORMER.get(key) in fields:
                 raise ConfigError(f"{where}: {key!r} is called {FORMER[key]!r} now")
+            if instead := GONE.get(f"{where.rpartition('.')[2]}.{key}"):
+                raise ConfigError(f"{where}: {key!r} is no key any more; {instead}")
             near = difflib.get_close_matches(key, fields, n=1, cutoff=0.0)
             raise ConfigError(
                 f"{where}: unknown key {key!r}; did you mean {near[0]!r}?"

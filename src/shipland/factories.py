@@ -32,6 +32,7 @@ PACKAGED: dict[str, dict[str, str]] = {
     },
     "visions": {
         "geometric": "shipland.scenario.visions:geometric",
+        "published": "shipland.scenario.visions:published",
         "rendered": "shipland.scenario.visions:rendered",
     },
     "vehicles": {

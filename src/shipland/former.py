@@ -19,6 +19,7 @@ FORMER = {
     "drop_m": "final_descent_offset_m",
     "drop_mps": "final_descent_mps",
     "dropping": "in_final_descent",
+    "edge_growth_px": "edge_bias_px",
     "eyes": "selector",
     "from_spread_deg": "from_half_range_deg",
     "heading_error_spread_deg": "heading_error_half_range_deg",
@@ -40,6 +41,7 @@ FORMER = {
     "push_time_s": "wind_time_s",
     "reference_mps": "velocity_bias_mps",
     "reference_time_s": "velocity_bias_time_s",
+    "sureness_gain": "score_gain",
     "swing": "wave",
     "swing_m": "wave_m",
     "swing_mps": "wave_mps",
@@ -54,18 +56,27 @@ FORMER = {
 }
 """Today's name by the former one."""
 
+GONE = {
+    "vision.corners": "--vision published flies the published near chain",
+    "vision.screening": "--vision published flies the published near chain",
+    "vision.watershed": "--vision published flies the published near chain",
+}
+"""What does a former key's work today, by the key with its table."""
+
 
 def todays(name: str) -> str:
     """A name, or several with dots between them, as they are called today."""
     return ".".join(FORMER.get(part, part) for part in name.split("."))
 
 
-def renamed(table: Any) -> Any:  # noqa: ANN401 - a configuration as JSON has it
-    """A table and the tables in it, with today's keys."""
+def renamed(table: Any, where: str = "") -> Any:  # noqa: ANN401 - a configuration as JSON has it
+    """A table and the tables in it, with today's keys and without those that are gone; `where` is its own key."""
     if isinstance(table, dict):
-        return {FORMER.get(key, key): renamed(value) for key, value in table.items()}
+        return {
+            FORMER.get(key, key): renamed(value, key) for key, value in table.items() if f"{where}.{key}" not in GONE
+        }
     if isinstance(table, list):
-        return [renamed(value) for value in table]
+        return [renamed(value, where) for value in table]
     return table
 
 

@@ -9,6 +9,9 @@ from typing import Any
 
 from shipland.errors import DataError
 
+IMAGE_TOPIC = "/camera/image"
+"""Of the pictures in a flight log."""
+
 
 def mcap_records(path: Path) -> Iterator[Any]:
     """The records of `mcap.records`, chunks opened; of a file that is broken off or damaged, those before the damage.

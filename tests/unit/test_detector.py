@@ -13,8 +13,9 @@ from shipland.learning.export import onnx_bytes, write_int8, write_onnx
 from shipland.learning.yolov3 import random_weights, yolov3_layers
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode, iou, suppress, to_boxes
-from shipland.vision.far.detector import Detector, cut_tile, detector_parameters, padded, weights_path
+from shipland.vision.far.detector import Detector, cut_tile, padded, weights_path
 from shipland.vision.far.far import FarVision
+from shipland.vision.far.parameters import detector_parameters
 from shipland.vision.far.runtime import load_engine
 from shipland.vision.far.track import log_odds
 

@@ -6,7 +6,7 @@ import pytest
 
 from shipland.config import packaged_toml
 from shipland.errors import ConfigError
-from shipland.former import FORMER, renamed
+from shipland.former import FORMER, GONE, renamed
 from shipland.guidance.horizon.steering import AXIS_ENTRIES, WHOLE_ENTRIES
 from shipland.messages import Intent, Mode, PilotCommand
 from shipland.record.rows import from_row, to_row
@@ -31,6 +31,15 @@ def test_a_former_key_is_refused_with_its_new_name():
         load_scenario("near", guidance={"approach": {"astray_m": 0.3}})
 
 
+def test_a_key_that_is_gone_is_refused_with_what_does_its_work_and_read_past_in_a_log():
+    with pytest.raises(ConfigError, match=r"vision: 'corners' is no key any more; --vision published"):
+        load_scenario("near", vision={"corners": "forstner"})
+    former = {"vision": {"corners": "edges", "track_s": 1.0}, "corners": 1}
+    assert renamed(former) == {"vision": {"track_s": 1.0}, "corners": 1}
+    today = packaged_toml("default")
+    assert not [key for key in GONE if key.partition(".")[2] in today[key.partition(".")[0]]]
+
+
 def test_every_new_name_is_one_and_no_former_name_is_used_again():
     def keys(table):
         for key, value in table.items():
@@ -40,7 +49,14 @@ def test_every_new_name_is_one_and_no_former_name_is_used_again():
     used = set(keys(packaged_toml("default"))) | {
         member.name for enumeration in (Mode, Intent) for member in enumeration
     }
-    elsewhere = {"go_around_s", "oracle_forward_m", "oracle_in_square", "oracle_starboard_m", "manufacturing_tolerance"}
+    elsewhere = {
+        "score_gain",
+        "go_around_s",
+        "oracle_forward_m",
+        "oracle_in_square",
+        "oracle_starboard_m",
+        "manufacturing_tolerance",
+    }
     elsewhere |= {name for name, _ in (*AXIS_ENTRIES, *WHOLE_ENTRIES)}
     assert set(FORMER.values()) <= used | elsewhere
     assert not set(FORMER) & {field.name for field in dataclasses.fields(PilotCommand)}

@@ -11,12 +11,13 @@ from shipland.camera import Camera, camera_pose, level_from_camera
 from shipland.config import build
 from shipland.frames import CAMERA_FROM_MOUNT, Pose
 from shipland.geometric.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
-from shipland.geometric.near import GeometricParameters, GeometricVision, _down_in_camera
+from shipland.geometric.near import GeometricVision, _down_in_camera
+from shipland.geometric.parameters import GeometricParameters
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import default_rig, packaged_table
-from shipland.vision.near.candidate import bar_pose_of
+from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import Corners, LevelPrior, Solution, solve
+from shipland.vision.near.planar_pose import Corners, LevelPrior, Solution, solve
 from shipland.vision.near.refusal import Refusal
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
@@ -169,7 +170,7 @@ def test_errors_and_covariance_are_the_solvers(range_m, bearing_deg, yaw_deg, le
         settled, turn, shift_m, chi2, covariance, residual_px = pose_from_truth(rotation, sight_m, measured)
         assert settled
         freedom = 16 - 6 + (2 if level_rad else 0)
-        drawn = Solution(Pose(turn, shift_m), chi2, 0.0, covariance, 0.0, residual_px.reshape(-1, 4, 2), freedom)
+        drawn = Solution(Pose(turn, shift_m), chi2, covariance, 0.0, residual_px.reshape(-1, 4, 2), freedom)
         corners = Corners(corners_px, np.tile(np.eye(8) / sigma_px, (2, 1, 1)), PLANE_M.reshape(-1, 4, 2))
         prior = LevelPrior(down, level_rad) if level_rad else None
         solved = solve(corners, CAMERA, prior, Pose(rotation, sight_m))[0]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from shipland.config import merge
-from shipland.geometric.far import BoxErrors, GeometricFar
+from shipland.geometric.far import GeometricFar
+from shipland.geometric.parameters import BoxErrors
 from shipland.messages import PilotCommand
 from shipland.scenario.autonomy import build_vehicle
 from shipland.scenario.scenario import load_scenario, scenario_table

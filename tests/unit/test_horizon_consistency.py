@@ -9,9 +9,9 @@ import pytest
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.rig import default_rig
 from shipland.scenario.scenario import load_scenario
-from shipland.vision.far.detector import detector_parameters
 from shipland.vision.far.far import _ship_spans_m
 from shipland.vision.far.horizon_consistency import HorizonConsistency, Subject, apart
+from shipland.vision.far.parameters import detector_parameters
 
 PARAMETERS = detector_parameters()
 SHIP = Subject(spans_m=(3.3, 3.3), foot=0.5, foot_m=0.0, rise=-1.0)
@@ -33,45 +33,45 @@ def on_the_sea(camera, range_m: float, height_m: float, wide_m: float, up_m: flo
 
 @pytest.mark.parametrize(("range_m", "height_m"), [(250.0, 20.0), (120.0, 10.0), (60.0, 15.0)])
 def test_a_ship_suits_its_place_and_what_is_smaller_or_larger_does_not(camera, range_m, height_m):
-    standing = HorizonConsistency(SHIP, camera, PARAMETERS)
+    consistency = HorizonConsistency(SHIP, camera, PARAMETERS)
     for wide_m, low, high in ((3.3, 0.8, 3.0), (2.5, 0.0, 3.0), (0.6, -6.0, -2.0), (14.0, -6.0, -2.0)):
-        odds = standing.evidence(on_the_sea(camera, range_m, height_m, wide_m), frame(height_m))
+        odds = consistency.evidence(on_the_sea(camera, range_m, height_m, wide_m), frame(height_m))
         assert low <= odds <= high, wide_m
 
 
 @pytest.mark.parametrize("wide_m", [14.0, 30.0, 70.0, 98.0])
 def test_a_long_hull_suits_its_place_from_wherever_it_is_seen(camera, wide_m):
     """A frigate from dead astern has a seventh of the width that it has from 40° off."""
-    standing = HorizonConsistency(
+    consistency = HorizonConsistency(
         replace(SHIP, spans_m=_ship_spans_m(load_scenario("frigate-sea5").rig)), camera, PARAMETERS
     )
     for range_m, height_m in ((3000.0, 60.0), (800.0, 40.0)):
-        assert standing.evidence(on_the_sea(camera, range_m, height_m, wide_m), frame(height_m)) > 0.8
-        assert standing.evidence(on_the_sea(camera, range_m, height_m, 0.2 * 14.0), frame(height_m)) < -2.0
+        assert consistency.evidence(on_the_sea(camera, range_m, height_m, wide_m), frame(height_m)) > 0.8
+        assert consistency.evidence(on_the_sea(camera, range_m, height_m, 0.2 * 14.0), frame(height_m)) < -2.0
     assert _ship_spans_m(default_rig()) == pytest.approx((3.3, 3.3), abs=0.05)
 
 
 def test_from_low_over_the_water_the_horizon_tells_little(camera):
     """At a metre the height is as good as unknown: neither for nor against."""
-    standing = HorizonConsistency(SHIP, camera, PARAMETERS)
+    consistency = HorizonConsistency(SHIP, camera, PARAMETERS)
     for wide_m in (0.6, 3.3, 14.0):
-        assert abs(standing.evidence(on_the_sea(camera, 250.0, 1.0, wide_m), frame(1.0))) < 0.8
+        assert abs(consistency.evidence(on_the_sea(camera, 250.0, 1.0, wide_m), frame(1.0))) < 0.8
     buoy = on_the_sea(camera, 150.0, 20.0, 0.6)
-    assert standing.evidence(buoy, frame(20.0)) < -2.0  # the same thing from above
+    assert consistency.evidence(buoy, frame(20.0)) < -2.0  # the same thing from above
 
 
 def test_a_barometer_that_errs_by_a_metre_refuses_no_ship(camera):
-    standing = HorizonConsistency(SHIP, camera, PARAMETERS)
+    consistency = HorizonConsistency(SHIP, camera, PARAMETERS)
     for height_m in (2.0, 5.0, 20.0):
         for error_m in (-1.0, 1.0):
             box = on_the_sea(camera, 150.0, height_m, 3.3)
-            assert standing.evidence(box, frame(height_m + error_m)) > -0.5
+            assert consistency.evidence(box, frame(height_m + error_m)) > -0.5
 
 
 @pytest.mark.parametrize("height_m", [None, math.nan])
 def test_without_a_height_nothing_is_said(camera, height_m):
-    standing = HorizonConsistency(SHIP, camera, PARAMETERS)
-    assert standing.evidence(on_the_sea(camera, 100.0, 10.0, 0.6), frame(height_m)) == 0.0
+    consistency = HorizonConsistency(SHIP, camera, PARAMETERS)
+    assert consistency.evidence(on_the_sea(camera, 100.0, 10.0, 0.6), frame(height_m)) == 0.0
     unknown = HorizonConsistency(replace(SHIP, spans_m=None), camera, PARAMETERS)
     assert unknown.evidence(on_the_sea(camera, 100.0, 10.0, 0.6), frame(10.0)) == 0.0
 
@@ -86,10 +86,10 @@ def test_a_bar_over_the_water_is_judged_where_it_hangs(camera):
 
 
 def test_any_box_gives_a_finite_number(camera, rng):
-    standing = HorizonConsistency(SHIP, camera, PARAMETERS)
+    consistency = HorizonConsistency(SHIP, camera, PARAMETERS)
     for _ in range(300):
         box = Box(tuple(rng.uniform(-50.0, 1300.0, 2)), tuple(rng.uniform(0.0, 900.0, 2)), 0.5)
-        odds = standing.evidence(
+        odds = consistency.evidence(
             box, Frame(0.0, None, GimbalAttitude(0.0, rng.uniform(-1.5, 1.5)), rng.uniform(-9, 99))
         )
         assert np.isfinite(odds) and -6.0 <= odds <= 3.0
@@ -102,8 +102,8 @@ def test_one_thing_is_one_box(camera):
 
 
 def test_a_target_that_the_edge_cuts_is_not_measured(camera):
-    standing = HorizonConsistency(SHIP, camera, PARAMETERS)
+    consistency = HorizonConsistency(SHIP, camera, PARAMETERS)
     buoy = on_the_sea(camera, 60.0, 10.0, 1.0)
-    assert standing.evidence(buoy, frame(10.0)) < -1.0
+    assert consistency.evidence(buoy, frame(10.0)) < -1.0
     for cut_px in ((5.0, buoy.centre_px[1]), (1276.0, buoy.centre_px[1]), (640.0, 715.0)):
-        assert standing.evidence(replace(buoy, centre_px=cut_px), frame(10.0)) == 0.0
+        assert consistency.evidence(replace(buoy, centre_px=cut_px), frame(10.0)) == 0.0

@@ -28,9 +28,11 @@ from shipland.camera import Camera, CameraParameters
 from shipland.config import build, merge
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Quad, Target, default_rig, packaged_table
-from shipland.vision.near.candidate import bar_pose_of
-from shipland.vision.near.pipeline import NearVision, VisionParameters
-from shipland.vision.near.pose import Corners, LevelPrior, solve
+from shipland.vision.near import published
+from shipland.vision.near.covariance import bar_pose_of
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.pipeline import NearVision, Steps
+from shipland.vision.near.planar_pose import Corners, LevelPrior, solve
 from shipland.vision.near.refusal import Refusal
 
 TABLE = packaged_table("vision")
@@ -59,8 +61,8 @@ def look(image, target=BAR, camera=CAMERA, parameters=CORNERS_ALONE):
 def test_pose_of_a_drawn_bar(corners, place_m, yaw_deg, pitch_deg):
     rng = np.random.default_rng(1)
     pose = camera_from_bar(place_m, np.radians(yaw_deg), np.radians(pitch_deg))
-    parameters = build(VisionParameters, merge(TABLE, {"gimbal_noise_rad": 0.0, "corners": corners}))
-    seen = look(bar_picture(BAR, CAMERA, pose, rng), parameters=parameters)
+    steps = {"edges": Steps(), "forstner": Steps(measure=published.measure_corners)}[corners]
+    seen = NearVision(BAR, CAMERA, CORNERS_ALONE, steps).see(Frame(0.0, bar_picture(BAR, CAMERA, pose, rng), NO_GIMBAL))
     assert seen.bar_pose is not None, seen.reason
     truth_px = project_plane(BAR.points_in_bar_m[:, 1:], CAMERA, pose)
     rms_px = np.sqrt(np.mean((seen.bar_pose.corners_px - truth_px) ** 2))

@@ -27,8 +27,12 @@ from shipland.config import build
 from shipland.frames import Pose
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Quad, Target, default_rig, packaged_table
-from shipland.vision.near.pipeline import NearVision, Refusal, VisionParameters
-from shipland.vision.near.regions import coloured_window
+from shipland.vision.near import published
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.pipeline import NearVision, Steps
+from shipland.vision.near.published import published_vision
+from shipland.vision.near.refusal import Refusal
+from shipland.vision.near.segment import coloured_window
 
 PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
 BAR = default_rig().target
@@ -74,7 +78,7 @@ def test_40_degrees_off_the_axis(range_m, azimuth_deg, rng, camera):
     where, yaw = place(range_m, azimuth_deg), np.radians(azimuth_deg)
     image = bar_picture(BAR, camera, camera_from_bar(where, yaw), rng, QUIET)
     assert_pose(look_at(vision(camera=camera), image), where, yaw)
-    as_printed = look_at(vision(camera=camera, screening="printed"), image)
+    as_printed = look_at(published_vision(BAR, camera, PARAMETERS), image)
     assert (as_printed.reason == Refusal.SIDES_UNEQUAL.value) is (range_m < 3.0)  # 15 % longer on one side
 
 
@@ -133,18 +137,20 @@ def test_any_known_coplanar_quadrilaterals(name, rng):
 
 
 @pytest.mark.parametrize(
-    "changes",
-    [
-        {"watershed": "always"},
-        {"corners": "forstner"},
-        {"watershed": "always", "corners": "forstner", "screening": "printed"},
-    ],
-    ids=["watershed", "forstner", "as published"],
+    "steps",
+    [Steps(quads_of=published.find_quads), Steps(measure=published.measure_corners)],
+    ids=["watershed", "forstner"],
 )
-def test_the_published_parts_work(changes, rng):
+def test_each_published_step_works_in_our_chain(steps, rng):
     where = place(5.0, 8.0)
     image = bar_picture(BAR, SMALL, camera_from_bar(where, 0.14), rng, Look(0.6, 1.5))
-    assert_pose(look_at(vision(**changes), image), where, 0.14)
+    assert_pose(look_at(NearVision(BAR, SMALL, PARAMETERS, steps), image), where, 0.14)
+
+
+def test_the_published_chain_works(rng):
+    where = place(5.0, 8.0)
+    image = bar_picture(BAR, SMALL, camera_from_bar(where, 0.14), rng, Look(0.6, 1.5))
+    assert_pose(look_at(published_vision(BAR, SMALL, PARAMETERS), image), where, 0.14)
 
 
 @pytest.mark.parametrize("kind", ["rectangles", "shapes", "foliage"])

@@ -11,10 +11,10 @@ from shipland.config import build
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import default_rig, packaged_table
-from shipland.vision.near.matching import model_plane
+from shipland.vision.near.associate import model_plane
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
-from shipland.vision.near.rows import Followed, row_motion
+from shipland.vision.near.pose import Followed, row_motion
 
 PARAMETERS = build(VisionParameters, packaged_table("vision"))
 GLOBAL = Camera.from_parameters(build(CameraParameters, packaged_table("camera")))

@@ -5,11 +5,15 @@ import logging
 import numpy as np
 import pytest
 
+from shipland import factories
 from shipland.camera import Camera
 from shipland.config import build
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import default_rig, packaged_table
-from shipland.vision.near.pipeline import NearVision, VisionParameters
+from shipland.scenario.scenario import load_scenario
+from shipland.scenario.visions import VisionSetup, needs_pictures
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.pipeline import NearVision
 from shipland.vision.selector import VisionSelector, VisionSelectorParameters
 from shipland.vision.vision import see_or_degrade
 
@@ -42,9 +46,22 @@ def test_in_flight_a_vision_that_raises_costs_its_frame_and_is_logged(caplog):
 
 
 @pytest.mark.parametrize(("near", "far"), [(Broken(), Sound()), (Sound(), Broken())])
-def test_eyes_hide_no_fault(near, far):
+def test_the_selector_hides_no_fault(near, far):
     with pytest.raises(IndexError):
         VisionSelector(near, far, build(VisionSelectorParameters, packaged_table("selector"))).see(FRAME)
+
+
+def test_the_published_vision_is_the_rendered_one_with_the_published_steps(monkeypatch):
+    monkeypatch.setattr("shipland.vision.far.far.FarVision.load", lambda *_: Sound())
+    made, rng = [], np.random.default_rng(1)
+    for module, name in (("pipeline", "NearVision"), ("published", "published_vision")):
+        monkeypatch.setattr(f"shipland.vision.near.{module}.{name}", lambda *given, name=name: made.append(name))
+    scenario = load_scenario("near")
+    for vision in ("published", "rendered"):
+        factory = factories.resolve("visions", vision)
+        assert needs_pictures(factory)
+        factory(VisionSetup(scenario, Camera.from_parameters(scenario.camera), None, rng, rng))
+    assert made == ["published_vision", "NearVision"]
 
 
 def test_near_vision_hides_no_fault(monkeypatch):

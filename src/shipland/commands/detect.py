@@ -33,8 +33,9 @@ class Detect(PictureOptions):
     def run(self) -> int:
         """Look at every picture and say what is in it."""
         from shipland.report.drawings import draw_boxes
-        from shipland.vision.far.detector import Detector, detector_parameters
+        from shipland.vision.far.detector import Detector
         from shipland.vision.far.files import COLUMNS, detect_paths
+        from shipland.vision.far.parameters import detector_parameters
 
         settings = detector_parameters(self.config)
         detector = Detector.load(self.kind if self.weights is None else str(self.weights), settings)

@@ -40,8 +40,8 @@ class Fly(ScenarioOptions):
     """Who flies: `horizon` is ours, `paper` the published system, `p` and `pid` its modes with plain linear laws,
     `residual` and `learned` are `horizon` with a policy; your own as `module:factory`."""
     vision: str = "rendered"
-    """`rendered`: vision on drawn pictures; `geometric`: true corners with vision's errors, at a fraction of the
-    cost; your own as `module:factory`."""
+    """`rendered`: vision on drawn pictures; `published`: the same with the published near chain; `geometric`: true
+    corners with vision's errors, at a fraction of the cost; your own as `module:factory`."""
     seed: int = 1
     """Seed of everything random; the same seed gives the same flight."""
     out: Path = Path("out/flight")

@@ -27,7 +27,6 @@ from shipland.record.info import config_digest, file_digest
 from shipland.scenario.scenario import Scenario
 from shipland.scenario.visions import needs_pictures
 from shipland.version import code_version
-from shipland.vision.far.detector import weights_path
 
 _SOURCES = {".py", ".toml", ".frag", ".vert", ".glsl", ".npz"}
 _LIBRARIES = ("numpy", "scipy", "mujoco", "opencv-python-headless", "openvino")
@@ -61,6 +60,8 @@ def campaign_key(scenario: Scenario, pilot: str, vision: str) -> dict[str, Any]:
     """
     table, detector, weights = scenario.table(), scenario.detector, {}
     if needs_pictures(factories.resolve("visions", vision)):
+        from shipland.vision.far.detector import weights_path
+
         for kind, name in (("ship", detector.ship_weights), ("bar", detector.bar_weights)):
             weights[kind] = file_digest(weights_path(name, detector.precision))
     return {

@@ -3,39 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from shipland.camera import Camera, level_from_camera
-from shipland.config import require
+from shipland.geometric.parameters import DeckErrors
 from shipland.messages import DeckSight, Frame, Observation
 from shipland.vehicles.vehicle import GroundTruthSource
 from shipland.vision.near.refusal import Refusal
 
 LEAST_FACING = 0.5
 """Cosine of the angle at which a deck is seen most steeply."""
-
-
-@dataclass(frozen=True)
-class DeckErrors:
-    """`[geometric.deck]`.
-
-    Attributes:
-        least_m, most_m: from the camera; nearer too little of the markings is in view, farther they are too small.
-        noise_m: standard deviation of a place along each axis.
-        miss_rate: share of frames without a sight.
-    """
-
-    least_m: float
-    most_m: float
-    noise_m: float
-    miss_rate: float
-
-    def __post_init__(self) -> None:
-        require(0.0 < self.least_m < self.most_m, "0 < least_m < most_m must hold")
-        require(self.noise_m > 0.0, "noise_m must be positive")
-        require(0.0 <= self.miss_rate < 1.0, "miss_rate must be in [0, 1)")
 
 
 class GeometricDeck:
@@ -55,10 +33,10 @@ class GeometricDeck:
             return Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_PICTURE.value)
         nothing = Observation(frame.t_s, frame.gimbal, reason=Refusal.NO_DECK.value)
         camera, deck = truth.ned_from_camera, truth.ned_from_deck
-        way_m = deck.translation_m - camera.translation_m
-        in_camera_m = camera.rotation.T @ way_m
-        range_m = math.hypot(*way_m.tolist())
-        facing = float(deck.rotation[:, 2] @ way_m) / max(range_m, 1e-9)
+        sight_m = deck.translation_m - camera.translation_m
+        in_camera_m = camera.rotation.T @ sight_m
+        range_m = math.hypot(*sight_m.tolist())
+        facing = float(deck.rotation[:, 2] @ sight_m) / max(range_m, 1e-9)
         if missed or not self._errors.least_m <= range_m <= self._errors.most_m or facing < LEAST_FACING:
             return nothing
         column_px, row_px = self._camera.project(in_camera_m[None, :])[0].tolist()

@@ -126,7 +126,7 @@ def _linearised(rotation: Array, translation_m: Array, measured: CornerMeasureme
     count = len(plane_m)
     partial, residual = np.zeros((2 * count + 3, 6)), np.zeros(2 * count + 3)
     fx, skew, fy = matrix[0, 0] / sigma_px, matrix[0, 1] / sigma_px, matrix[1, 1] / sigma_px
-    foreseen_px = projected(rotation, translation_m, plane_m, matrix)
+    predicted_px = projected(rotation, translation_m, plane_m, matrix)
     for i in range(count):
         right, down = plane_m[i]
         x = rotation[0, 0] * right + rotation[0, 1] * down
@@ -141,7 +141,7 @@ def _linearised(rotation: Array, translation_m: Array, measured: CornerMeasureme
             partial[2 * i, j] = fx * across[j] + skew * along[j]
             partial[2 * i + 1, j] = fy * along[j]
         for j in range(2):
-            residual[2 * i + j] = (foreseen_px[i, j] - corners_px[i, j]) / sigma_px
+            residual[2 * i + j] = (predicted_px[i, j] - corners_px[i, j]) / sigma_px
     if level_rad > 0.0:
         # The cross product of the gimbal's down and the plane's, which turns with the camera, should be zero.
         a, b, c = rotation[0, 1], rotation[1, 1], rotation[2, 1]

@@ -7,61 +7,16 @@ modelled: flights that must meet them fly the rendered camera.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.config import require
+from shipland.geometric.parameters import BoxErrors, BoxParameters
 from shipland.messages import Box, Frame, Observation
 from shipland.rig import Rig
 from shipland.sim.state import SceneState
 from shipland.sim.target_box import target_box
-
-
-@dataclass(frozen=True)
-class BoxErrors:
-    """`[geometric.ship]` and `[geometric.bar]`: a detector's errors at some ranges, linear between them.
-
-    Attributes:
-        range_m: ascending; beyond the last nothing is found.
-        miss_rate: share of frames without a box.
-        centre_px: standard deviation of a box's centre, column and row each.
-        area: standard deviation of a box's area, as a share of it.
-    """
-
-    range_m: tuple[float, ...]
-    miss_rate: tuple[float, ...]
-    centre_px: tuple[float, ...]
-    area: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        require(len(self.range_m) > 1 and bool(np.all(np.diff(self.range_m) > 0.0)), "range_m must ascend")
-        for name in ("miss_rate", "centre_px", "area"):
-            values = getattr(self, name)
-            require(len(values) == len(self.range_m), f"{name} must have as many values as range_m")
-            require(min(values) >= 0.0, f"{name} must not be negative")
-        require(max(self.miss_rate) <= 1.0, "miss_rate must not exceed 1")
-
-
-@dataclass(frozen=True)
-class BoxParameters:
-    """`[geometric.boxes]`: what counts as visible, and when a box is believed.
-
-    Attributes:
-        least_visible: share of the box that must lie in the picture.
-        least_facing: sine of the flattest angle at which the bar is seen.
-        confirm_hits, confirm_frames: a target is believed after so many hits in so many frames.
-    """
-
-    least_visible: float
-    least_facing: float
-    confirm_hits: int
-    confirm_frames: int
-
-    def __post_init__(self) -> None:
-        require(1 <= self.confirm_hits <= self.confirm_frames, "confirm_hits must lie in 1 … confirm_frames")
 
 
 class _Detector:
@@ -74,11 +29,11 @@ class _Detector:
         self._hits: deque[bool] = deque(maxlen=parameters.confirm_frames)
         self._believed = False
 
-    def see(self, sides: tuple[float, float, float, float] | None, range_m: float, luck: np.ndarray) -> Box | None:
-        """The box with its errors, if it is found and believed; `luck` (4,) holds a uniform and three normals."""
+    def see(self, sides: tuple[float, float, float, float] | None, range_m: float, draws: np.ndarray) -> Box | None:
+        """The box with its errors, if it is found and believed; `draws` (4,) holds a uniform and three normals."""
         errors = self._errors
         miss = float(np.interp(range_m, errors.range_m, errors.miss_rate, right=1.0))
-        found = sides is not None and luck[0] >= miss
+        found = sides is not None and draws[0] >= miss
         self._hits.append(found)
         if not any(self._hits):
             self._believed = False
@@ -87,14 +42,14 @@ class _Detector:
             return None
         left, top, right, bottom = sides
         centre = np.array([0.5 * (left + right) - 0.5, 0.5 * (top + bottom) - 0.5])
-        centre += float(np.interp(range_m, errors.range_m, errors.centre_px)) * luck[1:3]
-        grow = np.exp(0.5 * float(np.interp(range_m, errors.range_m, errors.area)) * luck[3])
-        size = ((right - left) * grow, (bottom - top) * grow)
+        centre += float(np.interp(range_m, errors.range_m, errors.centre_px)) * draws[1:3]
+        scale = np.exp(0.5 * float(np.interp(range_m, errors.range_m, errors.area)) * draws[3])
+        size = ((right - left) * scale, (bottom - top) * scale)
         return Box((float(centre[0]), float(centre[1])), (float(size[0]), float(size[1])), 1.0 - miss)
 
 
 class Scenes(Protocol):
-    """Who knows what a camera saw."""
+    """Source of the scenes that a camera saw."""
 
     def scene_at(self, t_s: float) -> SceneState | None:
         """The scene at an exposure [s]; None where it is not known."""
@@ -119,12 +74,12 @@ class GeometricFar:
 
     def see(self, frame: Frame) -> Observation:
         """What the detectors would make of the picture; never raises."""
-        luck = np.column_stack([self._rng.random(2), self._rng.normal(size=(2, 3))])
+        draws = np.column_stack([self._rng.random(2), self._rng.normal(size=(2, 3))])
         scene = self._scenes.scene_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)
         if scene is None:
             return Observation(frame.t_s, frame.gimbal, reason="far: no picture")
         boxes = []
-        for detector, numbers in zip(self._detectors, luck, strict=True):
+        for detector, numbers in zip(self._detectors, draws, strict=True):
             target = scene.ned_from_bar if detector.kind == "bar" else scene.ned_from_ship
             range_m = float(np.linalg.norm(scene.ned_from_camera.translation_m - target.translation_m))
             visible, facing = self._parameters.least_visible, self._parameters.least_facing

@@ -2,78 +2,38 @@
 
 It answers the same `Observation` as the near vision and costs a fiftieth, so that thousands of landings can be
 flown. Its error model is fitted to rendered pictures (`tools/fit_geometric.py`); a test compares the two. The pose is
-the near vision's solver's, found from the truth (`drawn_pose`); another compares these. Where the gimbal's word does
-not fit the corners, the solver itself decides, and the pose must pass the near vision's gates.
+the near vision's solver's, found from the truth (`drawn_pose`); another compares these. Where the gimbal's vertical
+does not fit the corners, the solver itself decides, and the pose must pass the near vision's gates.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.config import require
 from shipland.frames import Array, Pose
-from shipland.geometric.deck import DeckErrors
 from shipland.geometric.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
-from shipland.geometric.far import BoxErrors, BoxParameters
+from shipland.geometric.parameters import GeometricParameters
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target
 from shipland.vehicles.vehicle import GroundTruthSource
-from shipland.vision.near.candidate import (
-    bar_pose_of,
-    jumps,
-    largest_reprojection_px,
-    ordered,
-    sides_agree,
-    within_reach,
-)
+from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.pose import (
+from shipland.vision.near.planar_pose import (
     CONTRADICTION_CHI2,
     DOUBTFUL_CHI2,
-    NOTHING_IN_COMMON,
+    NO_COMMON_ERROR,
     Corners,
     LevelPrior,
     Solution,
     level_off,
+    ordered,
     solve,
 )
 from shipland.vision.near.refusal import Refusal, gimbal_off
-
-
-@dataclass(frozen=True)
-class GeometricParameters:
-    """`[geometric]`: the error model of the vision, fitted to rendered pictures.
-
-    Attributes:
-        corner_noise_px, corner_noise_px_per_m: standard deviation of a corner's column and row, each, at range zero,
-            and its growth with range.
-        max_range_m: beyond it nothing is found.
-        miss_rate: share of frames without a pose within that range.
-        border_px: a corner nearer than this to the picture's edge is cut off.
-        ship, bar, boxes: of the far vision.
-        deck: of the look down.
-    """
-
-    corner_noise_px: float
-    corner_noise_px_per_m: float
-    max_range_m: float
-    miss_rate: float
-    border_px: float
-    ship: BoxErrors
-    bar: BoxErrors
-    boxes: BoxParameters
-    deck: DeckErrors
-
-    def __post_init__(self) -> None:
-        require(self.corner_noise_px > 0.0, "corner_noise_px must be positive")
-        require(self.corner_noise_px_per_m >= 0.0, "corner_noise_px_per_m must not be negative")
-        require(self.max_range_m > 0.0, "max_range_m must be positive")
-        require(0.0 <= self.miss_rate < 1.0, "miss_rate must be in [0, 1)")
-        require(self.border_px >= 0.0, "border_px must not be negative")
+from shipland.vision.near.validate import jumps, largest_reprojection_px, sides_agree, within_reach
 
 
 class GeometricVision:
@@ -82,7 +42,7 @@ class GeometricVision:
     def __init__(
         self,
         truth_source: GroundTruthSource,
-        target: Target,
+        cue: Target,
         camera: Camera,
         parameters: GeometricParameters,
         near: VisionParameters,
@@ -93,8 +53,8 @@ class GeometricVision:
         self._parameters = parameters
         self._least_facing = math.cos(math.radians(near.max_obliquity_deg))
         self._rng = rng
-        self._made_to = target.manufacturing_tolerance
-        self._plane_m = np.ascontiguousarray(target.points_in_bar_m[:, 1:])
+        self._tolerance = cue.manufacturing_tolerance
+        self._plane_m = np.ascontiguousarray(cue.points_in_bar_m[:, 1:])
         border_px = parameters.border_px
         self._last: tuple[float, Pose] | None = None
         self._low_px = border_px
@@ -102,7 +62,7 @@ class GeometricVision:
 
     def see(self, frame: Frame) -> Observation:
         """What near vision would make of the picture; never raises."""
-        # Drawn for every frame, seen or not: a flight's numbers must not shift with one frame's luck.
+        # Drawn for every frame, seen or not: the random numbers of later frames do not depend on this one's outcome.
         noise = self._rng.standard_normal(self._plane_m.shape)
         missed = self._rng.random() < self._parameters.miss_rate
         truth = self._truth_source.truth_at(frame.t_s if frame.stamp_s is None else frame.stamp_s)
@@ -156,7 +116,7 @@ class GeometricVision:
     def _refused(self, taken: Solution, quads_px: Array, sigma_px: float) -> str:
         """Why near vision would not believe a pose; empty where it would."""
         near = self._near
-        if not taken.reprojection_px <= largest_reprojection_px(quads_px, sigma_px, self._made_to, near):
+        if not taken.reprojection_px <= largest_reprojection_px(quads_px, sigma_px, self._tolerance, near):
             return Refusal.REPROJECTION.value
         if not sides_agree(quads_px, quads_px + taken.residual_px, sigma_px, near):
             return Refusal.SIDES_UNEQUAL.value
@@ -169,7 +129,7 @@ def _solution(rotation: Array, sight_m: Array, measured: CornerMeasurement) -> S
     if not settled:
         return None
     freedom = residual_px.size - 6 + (2 if measured.level_rad > 0.0 else 0)
-    return Solution(Pose(*pose), chi2, 0.0, covariance, NOTHING_IN_COMMON, residual_px.reshape(-1, 4, 2), freedom)
+    return Solution(Pose(*pose), chi2, covariance, NO_COMMON_ERROR, residual_px.reshape(-1, 4, 2), freedom)
 
 
 def _down_in_camera(gimbal: GimbalAttitude) -> Array:

@@ -1,4 +1,4 @@
-"""Directions in the picture: of what the aircraft flies on."""
+"""Directions and ranges of what the picture shows."""
 
 from __future__ import annotations
 
@@ -32,6 +32,10 @@ class View:
     def bearing_rad(self, column_px: float) -> float:
         """Of a column of the picture, clockwise from its middle."""
         return math.atan2(column_px - self.middle_px[0], self.focal_px)
+
+    def range_m(self, area_px2: float, side_m: float) -> float:
+        """Of a box by its area, whose object has the area of a square with side `side_m`, seen frontally."""
+        return self.focal_px * side_m / math.sqrt(area_px2)
 
     def depression_rad(self, row_px: float) -> float:
         """Of a row of the picture, below its middle."""

@@ -36,8 +36,9 @@ from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
 from shipland.sim.target_box import NearestBox, target_box
 from shipland.vision.far.decode import PIXEL_CENTRE, iou
-from shipland.vision.far.detector import Detector, DetectorParameters, detector_parameters
+from shipland.vision.far.detector import Detector
 from shipland.vision.far.far import FarVision
+from shipland.vision.far.parameters import DetectorParameters, detector_parameters
 
 Picture = npt.NDArray[np.uint8]
 LEAST_CONFIDENCE = 0.05

@@ -37,6 +37,7 @@ from foxglove.messages import Log as LogMessage
 from shipland.camera import Camera
 from shipland.config import require
 from shipland.errors import DataError
+from shipland.mcap_records import IMAGE_TOPIC
 from shipland.messages import FlightRecord, Mode, TouchdownVerdict
 from shipland.record import foxglove_scene as scene
 from shipland.record.columns import Derived, derive
@@ -45,7 +46,6 @@ from shipland.record.reader import FLIGHT_TOPIC, HEADER_TOPIC, VERDICT_TOPIC
 from shipland.record.rows import json_schema, to_row
 from shipland.record.sink import Sink
 from shipland.rig import Rig
-from shipland.vision.log_pictures import IMAGE_TOPIC
 
 _FLUSH_S = 1.0
 """Flight time between two flushes of the log."""

@@ -154,7 +154,7 @@ def _classes(stem: str) -> dict[str, type]:
     from shipland.vehicles.checks import PreflightParameters
     from shipland.vehicles.mavlink.parameters import MavlinkParameters
     from shipland.vehicles.touchdown import TouchdownParameters
-    from shipland.vision.far.detector import DetectorParameters
+    from shipland.vision.far.parameters import DetectorParameters
 
     files: dict[str, dict[str, type]] = {
         "default": {"": Scenario},

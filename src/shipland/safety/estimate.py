@@ -308,7 +308,7 @@ class SafetyEstimator:
         return replace(estimate, seen_s=exposure_s, pose_s=exposure_s, place_in_bar_m=place_m)
 
     def _with_box(self, estimate: SafetyEstimate, box: Box, side_m: float, exposure_s: float) -> SafetyEstimate:
-        range_m = self._view.focal_px * side_m / math.sqrt(box.area_px2)
+        range_m = self._view.range_m(box.area_px2, side_m)
         direction_rad = estimate.heading_rad + self._view.bearing_rad(box.centre_px[0])
         way_m = range_m * np.array([math.cos(direction_rad), math.sin(direction_rad)])
         return replace(estimate, seen_s=exposure_s, bar_from_aircraft_m=way_m)

@@ -29,8 +29,6 @@ from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.checks import Check, PreflightParameters
 from shipland.vehicles.replay import Recorded, ReplayVehicle, recorded_video
 from shipland.vehicles.vehicle import Real, Vehicle
-from shipland.vision.log_pictures import read_pictures
-from shipland.vision.pictures import is_video
 
 
 def make_vehicle(
@@ -59,6 +57,8 @@ def make_vehicle(
 
 def replay(setup: VehicleSetup) -> Vehicle:
     """`replay://flight.mcap` and `replay://film.mp4?pitch_deg=-5&latency_s=0.2`."""
+    from shipland.vision.pictures import is_video
+
     address = setup.address
     address.only("pitch_deg", "latency_s")
     path = Path(address.place)
@@ -75,6 +75,8 @@ def replayed_log(path: Path) -> ReplayVehicle:
 
     What was received at a cycle's decision counts as received then. DataError when the log cannot be read.
     """
+    from shipland.vision.log_pictures import read_pictures
+
     log = read_log(path)
     rows = {round(record.frame.t_s * 1e9): record for record in log.records}
     first = next(read_pictures(path), None)

@@ -24,7 +24,7 @@ from shipland.config import (
     settings,
 )
 from shipland.errors import ConfigError
-from shipland.geometric.near import GeometricParameters
+from shipland.geometric.parameters import GeometricParameters
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.rig import Rig
 from shipland.safety.assurance import SafetyParameters
@@ -38,7 +38,7 @@ from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.ship.ship import ShipParameters
 from shipland.sim.world import StartParameters
 from shipland.vehicles.delays import DelayParameters
-from shipland.vision.far.detector import DetectorParameters
+from shipland.vision.far.parameters import DetectorParameters
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.selector import VisionSelectorParameters
 

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
 from shipland.camera import Camera
 from shipland.errors import ConfigError
-from shipland.geometric.deck import GeometricDeck
-from shipland.geometric.far import GeometricFar
-from shipland.geometric.near import GeometricVision
 from shipland.scenario.scenario import Scenario
 from shipland.sim.state import SceneState
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
 from shipland.vision.selector import VisionSelector
 from shipland.vision.vision import Vision
+
+if TYPE_CHECKING:
+    pass
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -61,12 +61,23 @@ def needs_pictures(factory: Callable[..., object]) -> bool:
 
 def rendered(setup: VisionSetup) -> Vision:
     """Near and far vision on drawn pictures."""
-    from shipland.vision.far.far import FarVision  # `geometric` imports neither detectors nor image processing
-    from shipland.vision.near.deck import DeckVision
     from shipland.vision.near.pipeline import NearVision
 
+    return _of_pictures(setup, NearVision(setup.scenario.rig.target, setup.camera, setup.scenario.vision))
+
+
+def published(setup: VisionSetup) -> Vision:
+    """As `rendered`, with the near chain as published [Lee2022]."""
+    from shipland.vision.near.published import published_vision
+
+    return _of_pictures(setup, published_vision(setup.scenario.rig.target, setup.camera, setup.scenario.vision))
+
+
+def _of_pictures(setup: VisionSetup, near: Vision) -> Vision:
+    from shipland.vision.far.far import FarVision
+    from shipland.vision.near.deck import DeckVision
+
     scenario = setup.scenario
-    near = NearVision(scenario.rig.target, setup.camera, scenario.vision)
     below = DeckVision(scenario.rig, setup.camera, scenario.vision.deck)
     return VisionSelector(near, FarVision.load(setup.camera, scenario.detector, scenario.rig), scenario.selector, below)
 
@@ -74,6 +85,10 @@ def rendered(setup: VisionSetup) -> Vision:
 @without_pictures
 def geometric(setup: VisionSetup) -> Vision:
     """True corners and boxes with the errors of `rendered`, without a picture."""
+    from shipland.geometric.deck import GeometricDeck
+    from shipland.geometric.far import GeometricFar
+    from shipland.geometric.near import GeometricVision
+
     scenario, vehicle, camera, model = setup.scenario, setup.vehicle, setup.camera, setup.scenario.geometric
     if not isinstance(vehicle, GroundTruthSource):
         raise ConfigError("--vision geometric needs the truth, which only a simulated world knows")

@@ -10,7 +10,6 @@ from pathlib import Path
 from shipland.camera import Camera
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
-from shipland.vision.pictures import read_video
 
 _REMEMBERED = 64
 """Given frames whose truth is kept."""
@@ -137,6 +136,8 @@ def recorded_video(path: Path, camera: Camera, pitch_rad: float, latency_s: floa
     Raises:
         DataError: no video, or its pictures are of another size than the calibration.
     """
+    from shipland.vision.pictures import read_video
+
     gimbal = GimbalAttitude(0.0, pitch_rad)
     for t_s, image in read_video(path):
         height_px, width_px = image.shape[:2]

@@ -21,26 +21,23 @@ from shipland.vision.pictures import picture_files, read_picture
 Image = npt.NDArray[np.uint8]
 
 _LEAST_VIEWS = 4
-"""Pictures with the board that a calibration needs; a dozen or more make a good one."""
+"""Least number of pictures with the board; a dozen or more make a good calibration."""
 
 _LEAST_CORNERS = 8
-"""Of a ChArUco board that is seen in part."""
+"""Least number of corners of a ChArUco board that is seen in part."""
 
-_OUTLIER = 3.0
-"""A picture is left out when its error is larger than this many times the median."""
+_OUTLIER, _OUTLIER_PX = 3.0, 0.3
+"""A picture is left out when its error is larger than both this multiple of the median and what a sharp picture of a
+flat board reaches."""
 
-_OUTLIER_PX = 0.3
-"""And larger than this: what a sharp picture of a flat board reaches."""
-
-_SURE = 3.0
+_SIGNIFICANT = 3.0
 """Standard deviations that the sixth-power radial term must differ from zero by to be kept."""
 
-_FOCAL_SURE = 0.01
+_FOCAL_STD_MAX = 0.01
 """Largest standard deviation of the focal length, as a fraction of it, that passes without a warning."""
 
-_CELLS = (8, 6)
-_COVERED = 0.6
-"""Share of 8 × 6 cells of the picture with a corner in them, from which there is no warning."""
+_CELLS, _COVERED = (8, 6), 0.6
+"""Cells of the picture, and the share of them with a corner from which there is no warning."""
 
 _LOOKED_AT = 5
 """Pictures that are searched for another board when the one described is in none."""
@@ -86,7 +83,7 @@ Finder = Callable[[Image], View | None]
 
 @dataclass(frozen=True)
 class PictureResult:
-    """What became of one picture.
+    """Result of one picture.
 
     Attributes:
         file: its path.
@@ -103,7 +100,7 @@ class PictureResult:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A camera and what it rests on.
+    """A calibrated camera with its pictures and errors.
 
     Attributes:
         camera: intrinsics.
@@ -138,7 +135,7 @@ class Calibration:
             f"reprojection error {self.rms_px:.3f} px over {len(self.views)} pictures; "
             f"corners in {100.0 * self.covered:.0f} % of the picture's {_CELLS[0]} × {_CELLS[1]} cells",
         ]
-        if self.focal_sd_px > _FOCAL_SURE * self.camera.focal_px:
+        if self.focal_sd_px > _FOCAL_STD_MAX * self.camera.focal_px:
             lines.append("warning: the focal length is known to worse than 1 %: take pictures with the board tilted")
         if self.covered < _COVERED:
             lines.append("warning: large parts of the picture have no corner: move the board into its corners as well")
@@ -233,12 +230,12 @@ def _fit(views: list[View], size: tuple[int, int]) -> _Fit:
     flags = 0
     try:
         for flags in (0, cv2.CALIB_FIX_K3):
-            _, matrix, distortion, turns, ways, deviations, _, _ = cv2.calibrateCameraExtended(
+            _, matrix, distortion, rotations, translations, deviations, _, _ = cv2.calibrateCameraExtended(
                 boards, corners, size, np.eye(3), np.zeros(5), flags=flags
             )
-            coefficients, spread = np.asarray(distortion, float).ravel()[:5], np.asarray(deviations, float).ravel()
+            coefficients, stds = np.asarray(distortion, float).ravel()[:5], np.asarray(deviations, float).ravel()
             # Deviations are in the order fx, fy, cx, cy, k1, k2, p1, p2, k3.
-            if abs(coefficients[4]) > _SURE * spread[8]:
+            if abs(coefficients[4]) > _SIGNIFICANT * stds[8]:
                 break
         camera = Camera(*size, np.asarray(matrix, float), coefficients)
     except (cv2.error, ValueError):
@@ -248,12 +245,13 @@ def _fit(views: list[View], size: tuple[int, int]) -> _Fit:
         ) from None
     residuals_px: list[Array] = [
         np.asarray(
-            cv2.projectPoints(view.board_m, turn, way, camera.matrix, camera.distortion)[0].reshape(-1, 2), np.float64
+            cv2.projectPoints(view.board_m, rotation, translation, camera.matrix, camera.distortion)[0].reshape(-1, 2),
+            np.float64,
         )
         - view.corners_px
-        for view, turn, way in zip(views, turns, ways, strict=True)
+        for view, rotation, translation in zip(views, rotations, translations, strict=True)
     ]
-    return _Fit(camera, float(np.hypot(spread[0], spread[1]) / math.sqrt(2.0)), residuals_px)
+    return _Fit(camera, float(np.hypot(stds[0], stds[1]) / math.sqrt(2.0)), residuals_px)
 
 
 def _pictures(paths: Sequence[Path]) -> Iterator[Path]:
@@ -264,7 +262,7 @@ def _pictures(paths: Sequence[Path]) -> Iterator[Path]:
 
 
 def _seen_instead(files: Sequence[Path], charuco: bool) -> str:
-    """What board the first pictures show; where none, how to count."""
+    """Advice: the board that the first pictures show; where none, how to count."""
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_1000)
     markers = cv2.aruco.ArucoDetector(family)
     for file in files[:_LOOKED_AT]:
@@ -336,8 +334,8 @@ def _charuco(board: Board, across: int, down: int) -> Finder:
         if numbers is None or len(numbers) < _LEAST_CORNERS:
             return None
         seen = np.asarray(numbers).ravel()
-        spread = np.linalg.svd(board_m[seen] - board_m[seen].mean(axis=0), compute_uv=False)
-        if spread[1] < board.square_m:  # all in one row: no plane
+        extent_m = np.linalg.svd(board_m[seen] - board_m[seen].mean(axis=0), compute_uv=False)
+        if extent_m[1] < board.square_m:  # all in one row: no plane
             return None
         return View(board_m[seen], np.asarray(corners, np.float32).reshape(-1, 2))
 

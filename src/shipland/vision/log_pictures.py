@@ -9,9 +9,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from shipland.mcap_records import mcap_records
+from shipland.mcap_records import IMAGE_TOPIC, mcap_records
 
-IMAGE_TOPIC = "/camera/image"
 _DATA_FIELD = 2
 """Number of `data` in foxglove.CompressedImage."""
 

@@ -1,7 +1,7 @@
 """Near and far vision as one: corners first, then the detectors, in one time budget a frame.
 
-What was seen last decides what is looked at: corners are not looked for while the boxes say that they are too small,
-and no detector runs while corners are being followed.
+The last observation decides what is looked for: no corners while the boxes are too small for them, no detector while
+corners are being followed.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ class VisionSelectorParameters:
     """`[selector]`.
 
     Attributes:
-        corners_bar_px: corners are not looked for while the bar's box is narrower than this.
-        corners_ship_px: nor, without a bar's box, while the ship's is narrower than this.
-        patience_s: after a pose no detector runs for this long: a few frames without corners are no reason to.
-        memory_s: boxes older than this decide nothing.
-        deck_pitch_deg: a camera that looks down more steeply sees the deck, or nothing.
+        corners_bar_px: least width of the bar's box for which corners are looked for.
+        corners_ship_px: least width of the ship's box for which they are, without a bar's box.
+        patience_s: time after a pose in which no detector runs, so that a few frames without corners start none.
+        memory_s: age from which boxes are ignored.
+        deck_pitch_deg: camera pitch below which only the deck is looked for.
     """
 
     corners_bar_px: float
@@ -60,7 +60,7 @@ class VisionSelector:
     def see(self, frame: Frame) -> Observation:
         """A pose, or boxes with the reason why there is no pose."""
         if self._below is not None and frame.gimbal.pitch_rad < self._down_rad:
-            self._pose_s = frame.t_s  # on its way up no detector runs either
+            self._pose_s = frame.t_s  # no detector runs while the camera turns up again either
             return self._below.see(frame)
         reason, off_rad = "too far for corners", 0.0
         if self._near_enough(frame.t_s):

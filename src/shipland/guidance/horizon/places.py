@@ -12,6 +12,7 @@ from shipland.estimation.delayed import Inputs
 from shipland.estimation.heading import Headings
 from shipland.frames import Array, rotated
 from shipland.guidance.horizon.parameters import MeasurementNoise
+from shipland.guidance.view import View
 from shipland.messages import BarPose, Box, DeckSight
 from shipland.rig import Rig
 
@@ -38,8 +39,7 @@ class Places:
 
     def __init__(self, measured: MeasurementNoise, rig: Rig, camera: Camera, camera_in_body_m: Array) -> None:
         self._measured = measured
-        self._focal_px = camera.focal_px
-        self._middle_px = (float(camera.matrix[0, 2]), float(camera.matrix[1, 2]))
+        self._view = View.of(camera)
         self._camera_in_body_m = np.asarray(camera_in_body_m, dtype=float)
         board_width_m, board_height_m = rig.board_size_m
         self._stern_ratio = rig.platform_width_m / rig.superstructure_height_m
@@ -117,16 +117,16 @@ class Places:
         area_px2 = box.area_px2
         if measured.ship_as_stern and not is_bar:
             area_px2 = min(area_px2, self._stern_ratio * box.size_px[1] ** 2)
-        range_m = self._focal_px * size_m / math.sqrt(max(area_px2, 1.0))
-        right = (box.centre_px[0] - self._middle_px[0]) / self._focal_px
-        elevation_rad = camera_pitch_rad - math.atan2(box.centre_px[1] - self._middle_px[1], self._focal_px)
+        range_m = self._view.range_m(max(area_px2, 1.0), size_m)
+        right = (box.centre_px[0] - self._view.middle_px[0]) / self._view.focal_px
+        elevation_rad = camera_pitch_rad - self._view.depression_rad(box.centre_px[1])
         if not (math.isfinite(elevation_rad) and abs(elevation_rad) < _STEEPEST_BOX_RAD):
             return None
         to_target_m = range_m * np.array([1.0, right])
         nose_rad = headings.nose_rad
         along, across = rotated(np.array([1.0, right]), nose_rad), rotated(np.array([-right, 1.0]), nose_rad)
         along_m = 0.5 * measured.area_share * range_m
-        across_m = range_m * measured.centre_px / self._focal_px + measured.box_m
+        across_m = range_m * measured.centre_px / self._view.focal_px + measured.box_m
         across_variance = across_m**2 + range_m**2 * float(headings.covariance[0, 0])
         covariance = measured.repeated * (
             along_m**2 * np.outer(along, along) + across_variance * np.outer(across, across)

@@ -27,7 +27,7 @@ PIXEL_CENTRE = 0.5
 """Pixel centres at whole numbers against pixel edges at whole numbers."""
 
 MOST_CANDIDATES = 500
-"""What suppression looks at, at most: bounds its time, whatever the picture and the network."""
+"""Most boxes that suppression compares; bounds its time."""
 
 
 class Decoding(enum.Enum):
@@ -44,7 +44,7 @@ class Decoding(enum.Enum):
 
 @dataclass(frozen=True)
 class DetectorSpec:
-    """What a weights file must tell about itself to be read; travels in its metadata as JSON.
+    """Metadata of a weights file, stored in it as JSON.
 
     Attributes:
         classes: names of the classes.
@@ -151,7 +151,7 @@ def iou(boxes: npt.NDArray[np.floating[Any]], other: npt.NDArray[np.floating[Any
 def suppress(
     boxes: Float32, scores: Float32, kinds: Float32, max_iou: float, merge: bool
 ) -> tuple[Float32, Float32, Float32]:
-    """Greedy non-maximum suppression within each class, best first; looks at the MOST_CANDIDATES surest only.
+    """Greedy non-maximum suppression within each class, best first, of the MOST_CANDIDATES most confident.
 
     Args:
         boxes: (n,4) rows (centre, size).

@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from shipland.camera import Camera
 from shipland.messages import Box, Frame, Observation
 from shipland.rig import Rig
-from shipland.vision.far.detector import Confirmation, Detector, DetectorParameters, Picture
+from shipland.vision.far.detector import Detector, Picture
 from shipland.vision.far.horizon_consistency import HorizonConsistency, Subject
+from shipland.vision.far.parameters import Confirmation, DetectorParameters
 from shipland.vision.far.search import NETWORK_STEP_PX, TargetSearch, inside
 
 _ASPECT_RAD = math.radians(40.0)
@@ -66,8 +67,8 @@ class FarVision:
             self._bar = self._search("bar", self.bar, parameters.bar, subject)
 
     def _search(self, name: str, detector: Detector, confirmation: Confirmation, subject: Subject) -> TargetSearch:
-        standing = HorizonConsistency(subject, self.camera, self.parameters)
-        return TargetSearch(name, detector, self.camera, self.parameters, confirmation, standing)
+        horizon = HorizonConsistency(subject, self.camera, self.parameters)
+        return TargetSearch(name, detector, self.camera, self.parameters, confirmation, horizon)
 
     @staticmethod
     def load(camera: Camera, parameters: DetectorParameters, rig: Rig | None = None) -> FarVision:

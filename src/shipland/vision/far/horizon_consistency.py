@@ -1,8 +1,8 @@
-"""What the horizon says of a box: whether it can stand on the sea, and whether its size suits its place.
+"""Consistency of a box with the horizon: whether its object can stand on the sea, and whether its size fits its place.
 
-The gimbal tells where the horizon is. What stands on the sea is the nearer the farther below the horizon it lies, so
-where the camera's height is known, the place of a box tells the range of what it holds, and its size tells it again if
-it holds the target. A buoy near by has the size of a ship far off, and lies lower.
+The gimbal gives the horizon. An object on the sea is nearer the farther below the horizon it lies. Where the camera's
+height is known, the place of a box gives the range of its object; so does its size, if it holds the target. A buoy near
+by has the size of a ship far off, and lies lower.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array
 from shipland.messages import Box, Frame, GimbalAttitude
-from shipland.vision.far.detector import DetectorParameters
+from shipland.vision.far.parameters import DetectorParameters
 
 _MOST_EVIDENCE, _LEAST_EVIDENCE = 3.0, -6.0
 _LEAST_HEIGHT_M = 0.3
@@ -26,7 +26,7 @@ _MOST_BOXES = 50
 
 @dataclass(frozen=True)
 class Subject:
-    """What one kind of target is like.
+    """Dimensions of one kind of target.
 
     Attributes:
         spans_m: how wide it may look, least and most, as most often seen; None where that is not known.
@@ -43,7 +43,7 @@ class Subject:
 
 
 class HorizonConsistency:
-    """Judges boxes of one kind of target, seen with one camera."""
+    """Consistency of boxes of one kind of target, seen with one camera."""
 
     def __init__(self, subject: Subject, camera: Camera, parameters: DetectorParameters) -> None:
         self._subject, self._camera, self._parameters = subject, camera, parameters
@@ -51,7 +51,7 @@ class HorizonConsistency:
         self._level_rad = math.radians(parameters.horizon_sd_deg)
 
     def on_the_sea(self, boxes: list[Box], gimbal: GimbalAttitude) -> list[Box]:
-        """Those boxes that can belong to something on the sea."""
+        """The boxes that can belong to an object on the sea."""
         if not boxes:
             return boxes
         rise = self._subject.rise
@@ -65,9 +65,9 @@ class HorizonConsistency:
 
         0 where height or span are not known, or the picture's edge may have cut the target.
 
-        The angle below the horizon at which the target would lie, at the range that its size tells, against the angle
-        found: of the target they differ by its aspect, the height's error and the horizon's, of other things on the sea
-        besides by their own size. Of the ranges that its spans leave open the one that suits best counts.
+        The angle below the horizon at which the target would lie, at the range of its size, is compared with the angle
+        measured. For the target they differ by its aspect and the errors of height and horizon; for other objects on
+        the sea by their own size as well. Of the ranges that the spans allow, the most likely counts.
         """
         subject, parameters, height_m = self._subject, self._parameters, frame.height_m
         if subject.spans_m is None or height_m is None or not math.isfinite(height_m) or self._cut(box):
@@ -77,8 +77,8 @@ class HorizonConsistency:
         nearest_m, farthest_m = (
             self._camera.focal_px * span_m / max(box.size_px[0], 1.0) for span_m in subject.spans_m
         )
-        suits_m = above_m / math.sin(found_rad) if found_rad * above_m > 0.0 else math.inf
-        range_m = min(max(suits_m, nearest_m), farthest_m)
+        measured_m = above_m / math.sin(found_rad) if found_rad * above_m > 0.0 else math.inf
+        range_m = min(max(measured_m, nearest_m), farthest_m)
         wanted_rad = math.asin(min(max(above_m / range_m, -1.0), 1.0))
         scale_rad = 0.5 * (abs(wanted_rad) + abs(found_rad))
         known = self._level_rad**2 + (parameters.height_sd_m / range_m) ** 2 + (parameters.span_sd * scale_rad) ** 2
@@ -102,7 +102,7 @@ class HorizonConsistency:
 
 
 def apart(boxes: list[Box]) -> list[Box]:
-    """The surest of boxes that overlap: what one thing is seen as twice would share out its evidence to two tracks."""
+    """The most confident of boxes that overlap: two boxes of one object would divide its evidence over two tracks."""
     kept: list[Box] = []
     for box in sorted(boxes, key=lambda item: -item.confidence)[:_MOST_BOXES]:
         if not any(_overlap(box, other) for other in kept):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -11,13 +11,12 @@ import numpy.typing as npt
 from shipland.errors import DataError, SystemLibraryError
 from shipland.files import check_digest
 from shipland.vision.far.decode import STRIDES, DetectorSpec, Float32
+from shipland.vision.far.parameters import Precision, Runtime
 
 INPUT_NAME = "picture"
 METADATA_KEY = "shipland_detector"
 FIRST_BYTE = b"\x08"
 """ONNX files start with field 1 of their protobuf, the version."""
-Precision = Literal["auto", "bf16", "fp32"]
-Runtime = Literal["auto", "openvino", "onnxruntime"]
 Picture = npt.NDArray[np.uint8]
 
 

@@ -1,7 +1,7 @@
 """The search for one kind of target: candidates over whole frames, then the one that is believed, in tiles.
 
-A whole frame is searched until a candidate convinces, and again from time to time: a target that was believed gives way
-to a surer rival. The horizon is known from the gimbal; what stands above it does not stand on the sea.
+A whole frame is searched until a candidate convinces, and again from time to time: a believed target is replaced by a
+rival with a higher score. The horizon is known from the gimbal; what stands above it does not stand on the sea.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.messages import Box, Frame
-from shipland.vision.far.detector import Confirmation, Detector, DetectorParameters, Picture
+from shipland.vision.far.detector import Detector, Picture
 from shipland.vision.far.horizon_consistency import HorizonConsistency, apart
+from shipland.vision.far.parameters import Confirmation, DetectorParameters
 from shipland.vision.far.track import Track, log_odds
 
 NETWORK_STEP_PX = 32
@@ -29,7 +30,7 @@ class TargetSearch:
         camera: intrinsics.
         parameters: thresholds and counts.
         confirmation: when a candidate is believed.
-        standing: what the horizon says of boxes.
+        horizon: consistency of boxes with the horizon.
         tracks: candidates.
         target: the one that is believed.
     """
@@ -39,7 +40,7 @@ class TargetSearch:
     camera: Camera
     parameters: DetectorParameters
     confirmation: Confirmation
-    standing: HorizonConsistency
+    horizon: HorizonConsistency
     tracks: list[Track] = field(default_factory=list)
     target: Track | None = None
     _since_search: int = 0
@@ -53,7 +54,7 @@ class TargetSearch:
         """Whether the whole frame should be searched: always without a target, often while it is doubtful."""
         if self.target is None:
             return True
-        sure = self.target.sureness >= log_odds(self.parameters.sure_confidence) and len(self.tracks) == 0
+        sure = self.target.score >= log_odds(self.parameters.sure_confidence) and len(self.tracks) == 0
         return self._since_search >= (self.parameters.recheck_frames if sure else self.parameters.doubt_frames)
 
     def search(self, frame: Frame, picture: Picture) -> Box | None:
@@ -78,7 +79,7 @@ class TargetSearch:
         tile_px, reduction = tile_for(float(self.target.size_px.max()), self.parameters, reach_px)
         centre = (float(predicted_px[0]), float(predicted_px[1]))
         found = self.detector.detect_in_tile(picture, centre, tile_px, reduction, self.confirmation.track_confidence)
-        return self._update_target(apart(self.standing.on_the_sea(found, frame.gimbal)), frame)
+        return self._update_target(apart(self.horizon.on_the_sea(found, frame.gimbal)), frame)
 
     def reason(self) -> str:
         """Why no box is reported."""
@@ -94,8 +95,8 @@ class TargetSearch:
         )
 
     def _take(self, found: list[Box], frame: Frame) -> Box | None:
-        """Give boxes to the target and the candidates, the surest first; the target's box."""
-        boxes = apart(self.standing.on_the_sea(found, frame.gimbal))
+        """Give boxes to the target and the candidates, the most confident first; the target's box."""
+        boxes = apart(self.horizon.on_the_sea(found, frame.gimbal))
         reported = self._update_target(boxes, frame)
         rest = [box for box in boxes if box is not reported]
         given: dict[int, Box] = {}
@@ -120,7 +121,7 @@ class TargetSearch:
         alive = [track for track in self.tracks if not track.hopeless(self.confirmation)]
         room = max(self.parameters.most_candidates - len(alive), 0)
         started = [
-            Track.start(box, self.standing.evidence(box, frame), frame, self.confirmation) for box in fresh[:room]
+            Track.start(box, self.horizon.evidence(box, frame), frame, self.confirmation) for box in fresh[:room]
         ]
         self.tracks = alive + started
         best = max(
@@ -136,8 +137,8 @@ class TargetSearch:
         return reported
 
     def _hit(self, track: Track, box: Box, frame: Frame) -> None:
-        suits = self.standing.evidence(box, frame)
-        track.hit(box, suits, frame, self.camera.focal_px, self.parameters, self.confirmation)
+        horizon_odds = self.horizon.evidence(box, frame)
+        track.hit(box, horizon_odds, frame, self.camera.focal_px, self.parameters, self.confirmation)
 
     def _update_target(self, boxes: list[Box], frame: Frame) -> Box | None:
         target = self.target

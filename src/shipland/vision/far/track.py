@@ -3,7 +3,7 @@
 Evidence is a sum of log-odds, one term a frame in which the target was looked for: a box adds what its confidence says
 above `neutral_confidence` (the sequential test of [Wald, "Sequential tests of statistical hypotheses", 1945]), a frame
 without a box takes some away. A decoy of middling confidence never gathers enough; a faint ship may in time. What its
-size says (`standing.py`) is the same in every frame and counts once.
+size says (`horizon_consistency.py`) is the same in every frame and counts once.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from shipland.frames import Array
 from shipland.messages import Box, Frame, GimbalAttitude
-from shipland.vision.far.detector import Confirmation, DetectorParameters
+from shipland.vision.far.parameters import Confirmation, DetectorParameters
 
 _MOST_LOG_ODDS = 3.0
 
@@ -38,8 +38,8 @@ class Track:
         gimbal: the camera's attitude at the last hit.
         hits: the last frames that it was looked for in, whether each was a hit.
         evidence: log-odds gathered.
-        sureness: running mean of the boxes' log-odds.
-        suits: log-odds of the last box's size at its place.
+        score: running mean of the log-odds of the boxes' confidence.
+        horizon_odds: log-odds of the last box by the horizon (`HorizonConsistency.evidence`).
         misses: frames since the last hit.
     """
 
@@ -50,13 +50,13 @@ class Track:
     gimbal: GimbalAttitude
     hits: deque[bool]
     evidence: float
-    sureness: float
-    suits: float = 0.0
+    score: float
+    horizon_odds: float = 0.0
     misses: int = 0
 
     @staticmethod
-    def start(box: Box, suits: float, frame: Frame, confirmation: Confirmation) -> Track:
-        """A track from its first box, whose size at its place speaks for it by `suits`."""
+    def start(box: Box, horizon_odds: float, frame: Frame, confirmation: Confirmation) -> Track:
+        """A track from its first box, with its log-odds by the horizon."""
         odds = log_odds(box.confidence)
         return Track(
             frame.t_s,
@@ -66,8 +66,8 @@ class Track:
             frame.gimbal,
             deque([True], maxlen=confirmation.confirm_frames),
             evidence=odds - log_odds(confirmation.neutral_confidence),
-            sureness=odds,
-            suits=suits,
+            score=odds,
+            horizon_odds=horizon_odds,
         )
 
     def turned_px(self, gimbal: GimbalAttitude, focal_px: float) -> Array:
@@ -96,13 +96,13 @@ class Track:
     def hit(
         self,
         box: Box,
-        suits: float,
+        horizon_odds: float,
         frame: Frame,
         focal_px: float,
         parameters: DetectorParameters,
         confirmation: Confirmation,
     ) -> None:
-        """Take a box of `frame`, whose size at its place speaks for it by `suits`."""
+        """Take a box of `frame`, with its log-odds by the horizon."""
         centre = np.array(box.centre_px)
         elapsed_s = frame.t_s - self.t_s
         if elapsed_s > 0.0:
@@ -111,27 +111,27 @@ class Track:
         odds = log_odds(box.confidence)
         self.t_s, self.gimbal = frame.t_s, frame.gimbal
         self.centre_px, self.size_px = centre, np.array(box.size_px)
-        self.suits = suits
+        self.horizon_odds = horizon_odds
         self.hits.append(True)
         self.misses = 0
         gathered = self.evidence + odds - log_odds(confirmation.neutral_confidence)
         self.evidence = min(gathered, confirmation.most_evidence)
-        self.sureness += parameters.sureness_gain * (odds - self.sureness)
+        self.score += parameters.score_gain * (odds - self.score)
 
     def miss(self, confirmation: Confirmation) -> None:
-        """Note a frame without a box; the motion until then foretells no more: a nose that yaws swings back."""
+        """Note a frame without a box; the velocity is set to zero, since a nose that yaws comes back."""
         self.hits.append(False)
         self.velocity_px_s = np.zeros(2)
         self.misses += 1
         self.evidence -= confirmation.miss_evidence
 
     def support(self, confirmation: Confirmation) -> float:
-        """All that speaks for it: what its boxes gathered, and their size."""
-        return self.evidence + confirmation.size_weight * self.suits
+        """Log-odds of its boxes and of their size, weighted."""
+        return self.evidence + confirmation.size_weight * self.horizon_odds
 
     def rank(self) -> float:
-        """By which the best of rivals is taken."""
-        return self.sureness + self.suits
+        """The rival with the largest is taken."""
+        return self.score + self.horizon_odds
 
     def convincing(self, confirmation: Confirmation) -> bool:
         """Whether to believe it."""

@@ -1,9 +1,9 @@
 """The look down: where the deck's centre is, by the markings of the deck.
 
-The picture is drawn anew as a level camera would see it that looks straight down, north of the picture ahead. There a
-deck that leans by a few degrees is nearly its own plan at some scale: the plan is found by correlation, then the
-homography between the two by ECC (Evangelidis and Psarakis 2008), which tells the place of the deck's centre. Light
-that changes over the deck changes nothing: both are compared by their local contrast.
+The picture is resampled to the view of a level camera that looks straight down, ahead up. There a deck that is tilted
+by a few degrees is nearly its own plan at some scale. The plan is found by correlation, then the homography between the
+two by ECC (Evangelidis and Psarakis 2008), which gives the place of the deck's centre. Plan and view are compared by
+their local contrast, so that uneven light on the deck has no effect.
 """
 
 from __future__ import annotations
@@ -24,22 +24,31 @@ from shipland.vision.near.refusal import Refusal
 
 Float = npt.NDArray[np.float32]
 Grey = npt.NDArray[np.uint8]
+
 _VIEW_PX, _HALF_VIEW = 256, math.tan(math.radians(50.0))
-"""Of the level view: its side, and the slope that its edge is seen at."""
+"""Side of the level view, and the slope of the ray at its edge."""
+
 _FOCAL_PX, _MIDDLE_PX = 0.5 * _VIEW_PX / _HALF_VIEW, 0.5 * (_VIEW_PX - 1)
-"""Of the view that a search looks at; the homography is refined in one that shows the deck as large as its plan."""
+"""Focal length and centre of the searched view; ECC refines in a view that shows the deck as large as its plan."""
+
 _LEAST_AHEAD = 0.2
-"""What lies beside the camera, or behind it, is in no picture."""
+"""Cosine to the optical axis from which a direction is in the picture."""
+
 _PLAN_PX, _FINE, _BARE = 144, 4, 0.3
-"""Of the plan: its side, how much finer it is drawn, and the brightness of a bare deck."""
+"""Side of the plan, oversampling of its drawing, brightness of a bare deck."""
+
 _BLUR_PX, _LOCAL_PX = 1.0, 9.0
-"""Of the contrast: what is smoothed, and what is local."""
-_LEAST_SPREAD = 0.1
-"""Share of the mean one: what is flat has no contrast."""
+"""Standard deviations of the smoothing and of the neighbourhood of the local contrast."""
+
+_LEAST_STD = 0.1
+"""Regularisation of the local contrast, as a share of the mean standard deviation: flat areas have none."""
+
 _COARSE, _SCALES = 0.5, 1.1
-"""Of the search: how much smaller its pictures are, and the ratio of one height that it tries to the next."""
+"""Scale of the searched pictures, and the ratio of neighbouring heights that are searched."""
+
 _LEAST_DRAWN = 0.5
-"""Share of the plan's contrast that must lie in the picture, of what does at the best place of that height."""
+"""Least share of the plan's contrast in the picture, against the best place at the same height."""
+
 _UNTIL = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-4)
 _FORWARD_RIGHT_DOWN: Array = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """`level` from the level camera's axes: right, back, down."""
@@ -51,7 +60,7 @@ class DeckVision:
     Args:
         rig: whose deck it is.
         camera: intrinsics of the pictures.
-        parameters: what is a deck.
+        parameters: of the look down.
     """
 
     def __init__(self, rig: Rig, camera: Camera, parameters: DeckVisionParameters) -> None:
@@ -84,7 +93,7 @@ class DeckVision:
         return Observation(frame.t_s, frame.gimbal, deck=sight)
 
     def _coarse(self, fine: Float, height_m: float) -> Float:
-        """The plan as large as a search sees it from a height: the local contrast of that size."""
+        """Local contrast of the plan, as large as the searched view shows it from a height."""
         side_px = _FOCAL_PX * self._size_m / height_m
         coarse = round(_COARSE * side_px)
         return _resized(_drawn(fine, round(side_px)), (coarse, coarse))
@@ -104,7 +113,7 @@ class DeckVision:
         return _contrast(view, valid), valid
 
     def _searched(self, grey: Grey, gimbal: GimbalAttitude) -> Array:
-        """(3,3) as `_found`, where the plan correlates best of every height and place."""
+        """(3,3) homography as `_found` at the height and place of the best correlation with the plan."""
         view, valid = self._level_view(grey, gimbal, _FOCAL_PX)
         half = (round(_COARSE * _VIEW_PX), round(_COARSE * _VIEW_PX))
         small, room = _resized(view * valid, half), _resized(valid, half)
@@ -129,7 +138,7 @@ class DeckVision:
         return best[1]
 
     def _refined(self, grey: Grey, gimbal: GimbalAttitude, start: Array) -> DeckSight | None:
-        """The sight that ECC comes to from a first homography; None, and nothing remembered, where it is no deck."""
+        """The sight that ECC refines from a first homography; None, and nothing remembered, where it is no deck."""
         self._found = None
         focal_px = start[2, 2] / math.sqrt(abs(start[0, 0] * start[1, 1] - start[0, 1] * start[1, 0]))
         view, valid = self._level_view(grey, gimbal, focal_px)
@@ -153,7 +162,7 @@ class DeckVision:
         return sight
 
     def _sight(self, found: Array) -> DeckSight | None:
-        """The place that a homography tells, unless no deck lies so."""
+        """The deck's place by a homography; None where no deck can lie so."""
         plan_px_per_m = _PLAN_PX / self._size_m
         centre_px = 0.5 * (_PLAN_PX - 1)
         plan_from_deck = np.array([[plan_px_per_m, 0.0, centre_px], [0.0, plan_px_per_m, centre_px], [0.0, 0.0, 1.0]])
@@ -180,7 +189,7 @@ def _straight(focal_px: float) -> Array:
 
 
 def _plan(marks: tuple[DeckMark, ...], size_m: float) -> Float:
-    """(n,n) the deck from above, ahead up: how bright, drawn finely."""
+    """(n,n) brightness of the deck from above, ahead up, oversampled."""
     side = _FINE * _PLAN_PX
     picture = np.full((side, side), _BARE, np.float32)
     scale, half = side / size_m, 0.5 * side
@@ -195,7 +204,7 @@ def _plan(marks: tuple[DeckMark, ...], size_m: float) -> Float:
 
 
 def _drawn(fine: Float, side_px: int) -> Float:
-    """Local contrast of a plan as large as that."""
+    """Local contrast of a plan resized to a side."""
     picture = _resized(fine, (side_px, side_px))
     return _contrast(picture, np.ones_like(picture))
 
@@ -205,10 +214,10 @@ def _resized(picture: Float, size: tuple[int, int]) -> Float:
 
 
 def _contrast(picture: Float, valid: Float) -> Float:
-    """How much brighter than around it, in standard deviations of what is around it."""
+    """Brightness relative to the neighbourhood, in the neighbourhood's standard deviations."""
     room = np.maximum(cv2.GaussianBlur(valid, (0, 0), _LOCAL_PX), 1e-3)
     smooth = cv2.GaussianBlur(picture, (0, 0), _BLUR_PX)
     over = smooth - cv2.GaussianBlur(smooth * valid, (0, 0), _LOCAL_PX) / room
-    spread = np.sqrt(cv2.GaussianBlur(over * over * valid, (0, 0), _LOCAL_PX) / room)
-    least = _LEAST_SPREAD * float(np.mean(spread)) + 1e-6
-    return (over / (spread + least) * valid).astype(np.float32)
+    std = np.sqrt(cv2.GaussianBlur(over * over * valid, (0, 0), _LOCAL_PX) / room)
+    least = _LEAST_STD * float(np.mean(std)) + 1e-6
+    return (over / (std + least) * valid).astype(np.float32)

@@ -13,7 +13,8 @@ from shipland.config import build
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Target, packaged_table
-from shipland.vision.near.pipeline import NearVision, VisionParameters
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.pipeline import NearVision
 from shipland.vision.pictures import FilePicture, is_film, pictures_of
 
 _UNKNOWN_GIMBAL = GimbalAttitude(0.0, 0.0)
@@ -66,8 +67,8 @@ class SeeResult:
             name: found[name] for name in ("file", "t_s", "found", "reason", "distance_m", "yaw_deg", "reprojection_px")
         }
         if pose is not None:
-            spread = np.sqrt(np.diag(pose.covariance))
-            values = [*pose.position_in_bar_m, *spread[:3], np.degrees(spread[3])]
+            std = np.sqrt(np.diag(pose.covariance))
+            values = [*pose.position_in_bar_m, *std[:3], np.degrees(std[3])]
             row |= {
                 name: round(float(value), 5) for name, value in zip(COLUMNS[5:8] + COLUMNS[9:13], values, strict=True)
             }
@@ -89,7 +90,7 @@ class SeeResult:
 
 def see_paths(
     paths: Sequence[Path],
-    target: Target,
+    cue: Target,
     camera: Camera,
     broken: Callable[[Path, DataError], None] | None = None,
 ) -> Iterator[SeeResult]:
@@ -97,7 +98,7 @@ def see_paths(
 
     Args:
         paths: pictures, folders of pictures, videos.
-        target: the cue.
+        cue: what is looked for.
         camera: of pictures of its size, and of others of the same aspect.
         broken: called with a picture or video that is missing or broken or of another aspect than the camera's, before
             the rest follows; None raises.
@@ -105,11 +106,11 @@ def see_paths(
     Raises:
         DataError: without `broken`, what it would be called with.
     """
-    eyes = _Eyes(target, camera)
+    visions = _VisionBySize(cue, camera)
     for some in [[path] for path in paths] or [[]]:
         for picture in pictures_of(some, broken):
             try:
-                result = eyes.see(picture)
+                result = visions.see(picture)
             except DataError as error:
                 if broken is None:
                     raise
@@ -125,11 +126,11 @@ def default_camera() -> Camera:
     return Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
 
 
-class _Eyes:
+class _VisionBySize:
     """One near vision a picture size, made when it is first needed."""
 
-    def __init__(self, target: Target, camera: Camera) -> None:
-        self._target, self._camera = target, camera
+    def __init__(self, cue: Target, camera: Camera) -> None:
+        self._cue, self._camera = cue, camera
         parameters = build(VisionParameters, packaged_table("vision"), "vision")
         self._parameters = replace(parameters, gimbal_noise_rad=0.0)
         self._by_size: dict[tuple[int, int], NearVision] = {}
@@ -138,7 +139,7 @@ class _Eyes:
         """What is in one picture; a video's pictures are followed."""
         size = (picture.image.shape[1], picture.image.shape[0])
         if size not in self._by_size:
-            self._by_size[size] = NearVision(self._target, self._camera_at(picture.name, *size), self._parameters)
+            self._by_size[size] = NearVision(self._cue, self._camera_at(picture.name, *size), self._parameters)
         vision = self._by_size[size]
         if not picture.follows:
             vision.reset()

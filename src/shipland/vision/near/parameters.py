@@ -1,4 +1,4 @@
-"""What `[vision]` in TOML says of the near chain."""
+"""Parameters of the near chain and of the look down: `[vision]` in TOML."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class DeckVisionParameters:
 
     Attributes:
         least_m, most_m: height of the camera over the deck at which it is looked for.
-        least_correlation: of plan and view; less is no deck.
-        largest_tilt_deg, largest_turn_deg: of the deck against the level, and against the nose; more is no deck.
-        deviation_m: standard deviation of a place along each axis, at a height of a metre; it goes with the height.
+        least_correlation: of plan and view, for a deck.
+        largest_tilt_deg, largest_turn_deg: of a deck against the level, and against the nose.
+        deviation_m: standard deviation of a place along each axis per metre of height.
     """
 
     least_m: float
@@ -40,54 +40,51 @@ class VisionParameters:
 
     Attributes:
         hue, saturation, value: the colour gate in OpenCV's ranges (hue 0 … 179), both ends included.
-        adaptive: whether a picture in which this gate leads to no pose is looked at once more, through a gate made from
-            the picture itself: `regions.adapted`.
-        adaptive_hue: by how much hue is then widened on either side, OpenCV's units of 2°.
-        adaptive_floor: the least that the floors of saturation and value may then be lowered to, as a fraction.
+        adaptive: whether a picture without a pose is searched once more, through a gate made from the picture itself
+            (`segment.adapted`).
+        adaptive_hue: widening of hue on either side in that gate, OpenCV's units of 2°.
+        adaptive_floor: fraction to which that gate may lower the floors of saturation and value.
         kernel_px: side of the square kernel of opening and closing.
-        watershed: where the published watershed runs: on every region, on those that are no quadrilateral
-            without it, or nowhere.
         watershed_margin: erosion and dilation around the boundary, as a fraction of the region's longer side.
-        min_side_px: shortest side of a quadrilateral that is looked at.
-        max_candidates: largest regions that are looked at in one picture.
-        corners: sub-pixel corners by lines fitted to the sides and intersected, or by Förstner's operator.
-        forstner_fraction, forstner_min_px: window side as a fraction of the quadrilateral's shorter side, and
-            its least (erratum 4).
+        min_side_px: shortest side of a quadrilateral.
+        max_candidates: most regions of one picture, the largest.
+        forstner_fraction, forstner_min_px: window side of Förstner's operator as a fraction of the quadrilateral's
+            shorter side, and its least (erratum 4); of the published chain.
         edge_reach_px: how far across a side pixels are taken; more where the picture is blurred.
-        edge_floor_px: standard deviation of what a single column of pixels across a side errs by without any noise.
-        edge_clipped_px: standard deviation of what a whole side errs by besides where the cue is brighter than the
-            picture can tell.
-        edge_coded_px: standard deviation of what a whole side errs by besides in pictures coded with colour at half
-            resolution, as JPEG and H.264 are, for a misfit of the fitted edges of 1: these have 0.02 to 0.1.
-        edge_growth_px: standard deviation of how far all sides together lie outward of where they should, as a lamp's
-            blooming and a camera's tone curve have it. The pose solves for it: rectangles that grow and a gap between
-            them that shrinks tell it from distance.
+        edge_floor_px: standard deviation of the error of one column of pixels across a side without any noise.
+        edge_clipped_px: standard deviation of a further error of a whole side where the cue saturates: the edge then
+            seems to lie where its pixels meet it.
+        edge_coded_px: standard deviation of a further error of a whole side of up to 20 px in pictures coded with
+            colour at half resolution, as JPEG and H.264 are, per unit of misfit of the fitted edges (they have 0.02 to
+            0.1): coding moves blocks, and a side with them. A longer side lies in more blocks of independent errors.
+        edge_bias_px: standard deviation of the common outward error of all sides, as a lamp's blooming and a camera's
+            tone curve have it. The pose solves for it: rectangles that grow and a gap between them that shrinks
+            distinguish it from distance.
         row_motion_px_s: standard deviation, along columns and along rows, of how fast the cue moves over the picture of
-            a rolling shutter (`Camera.row_time_s`) when no earlier picture tells.
-        row_shake_px_s: the same of what the motion since the last picture leaves.
+            a rolling shutter (`Camera.row_time_s`) without an earlier picture.
+        row_shake_px_s: the same of the change of that motion since the last picture.
         max_blur: largest standard deviation of the picture's blur, as a fraction of the cue's shortest side: beyond,
-            the smears of opposite sides meet, and corners are off by more than is stated.
+            the smears of opposite sides meet, and corners are off by more than their covariance.
         max_noise: largest standard deviation of a side's end, as a fraction of the cue's shortest side: sides that are
             not straight, as an ellipse's, state a large one.
         corner_noise_px: standard deviation of a Förstner corner, per axis.
-        screening: how the ±10 % and ±5 % are read: against what the pose's perspective gives, or raw as printed.
         length_tolerance: largest relative difference of opposite sides' lengths.
         slope_tolerance: largest difference of opposite sides' slopes.
-        screening_px: what both tolerances allow at least, on sides so short that they would ask for more than corners
-            can be measured to.
-        reprojection_px: largest root-mean-square reprojection error, besides what the cue is made to
-            (`Target.manufacturing_tolerance`) and four standard deviations of the corners.
+        screening_px: least of both tolerances in pixels, for sides so short that the fractions are below the corners'
+            errors.
+        reprojection_px: largest root-mean-square reprojection error, in addition to the cue's
+            `Target.manufacturing_tolerance` and four standard deviations of the corners.
         max_distance_m: farthest pose that is accepted.
         max_obliquity_deg: largest angle between the line of sight and the cue's normal.
         max_roll_deg: largest roll of the camera against the cue.
-        several_cues: what to do when the whole cue is there more than once: take the nearest, or refuse.
+        several_cues: where the whole cue is there more than once, the nearest is taken, or all are refused.
         track_s: longest time over which the last pose predicts the next.
-        track_climb_mps: a pose within `track_s` of the last that is higher or lower by more than this takes, and half a
-            metre, is refused: it is of the cue's reflection; 0 leaves the test out.
+        track_climb_mps: vertical speed that a pose may have against the last one within `track_s`, half a metre
+            allowed; a faster one is of the cue's reflection and is refused. 0 leaves the test out.
         track_margin: growth of the tracked region on each side, as a fraction of the cue's width or height.
         track_margin_px: its least.
-        gimbal_noise_rad: standard deviation of the gimbal's roll and pitch as the frame states them, for use as
-            a prior of the cue's level; 0 leaves the gimbal out.
+        gimbal_noise_rad: standard deviation of the frame's gimbal roll and pitch, as a prior of the cue's vertical; 0
+            leaves the gimbal out.
         deck: of the look down.
     """
 
@@ -98,24 +95,21 @@ class VisionParameters:
     adaptive_hue: int
     adaptive_floor: float
     kernel_px: int
-    watershed: Literal["always", "where_needed", "never"]
     watershed_margin: float
     min_side_px: float
     max_candidates: int
-    corners: Literal["edges", "forstner"]
     forstner_fraction: float
     forstner_min_px: float
     edge_reach_px: float
     edge_floor_px: float
     edge_clipped_px: float
     edge_coded_px: float
-    edge_growth_px: float
+    edge_bias_px: float
     row_motion_px_s: float
     row_shake_px_s: float
     max_blur: float
     max_noise: float
     corner_noise_px: float
-    screening: Literal["perspective", "printed"]
     length_tolerance: float
     slope_tolerance: float
     screening_px: float
@@ -132,43 +126,22 @@ class VisionParameters:
     deck: DeckVisionParameters
 
     def __post_init__(self) -> None:
-        for name, (low, high), top in (
-            ("hue", self.hue, 179),
-            ("saturation", self.saturation, 255),
-            ("value", self.value, 255),
-        ):
+        for name, top in (("hue", 179), ("saturation", 255), ("value", 255)):
+            low, high = getattr(self, name)
             require(0 <= low <= high <= top, f"{name} must be two rising numbers in 0 … {top}, got {[low, high]}")
         require(self.adaptive_hue >= 0, f"adaptive_hue must not be negative, got {self.adaptive_hue}")
         require(0.0 < self.adaptive_floor <= 1.0, f"adaptive_floor must be in 0 … 1, got {self.adaptive_floor}")
         require(self.kernel_px >= 1 and self.kernel_px % 2 == 1, f"kernel_px must be odd, got {self.kernel_px}")
         for name in (
-            "edge_floor_px",
-            "edge_clipped_px",
-            "edge_coded_px",
-            "edge_growth_px",
-            "row_motion_px_s",
-            "row_shake_px_s",
-            "screening_px",
-            "track_s",
-            "track_climb_mps",
-            "track_margin",
-            "gimbal_noise_rad",
-        ):
+            "edge_floor_px", "edge_clipped_px", "edge_coded_px", "edge_bias_px", "row_motion_px_s", "row_shake_px_s",
+            "screening_px", "track_s", "track_climb_mps", "track_margin", "gimbal_noise_rad",
+        ):  # fmt: skip
             require(getattr(self, name) >= 0.0, f"{name} must not be negative")
         for name in (
-            "watershed_margin",
-            "min_side_px",
-            "forstner_fraction",
-            "forstner_min_px",
-            "max_blur",
-            "max_noise",
-            "corner_noise_px",
-            "length_tolerance",
-            "slope_tolerance",
-            "reprojection_px",
-            "max_distance_m",
+            "watershed_margin", "min_side_px", "forstner_fraction", "forstner_min_px", "max_blur", "max_noise",
+            "corner_noise_px", "length_tolerance", "slope_tolerance", "reprojection_px", "max_distance_m",
             "track_margin_px",
-        ):
+        ):  # fmt: skip
             require(getattr(self, name) > 0.0, f"{name} must be positive, got {getattr(self, name)}")
         require_within(
             self,

@@ -1,434 +1,223 @@
-"""Pose of the camera against a planar cue: two planar solutions, refined together, and their covariance.
+"""The fourth stage: measured corners in, the camera's pose out.
 
-Frame `plane`: the cue's, with OpenCV-like axes right, down, forward; `plane` = CAMERA_FROM_MOUNT · `bar`.
+The planar solver (`planar_pose`) takes corners of one instant. A rolling shutter exposes rows one after the other while
+the cue moves over the picture. The picture's time is that of its middle row; a row exposed `late_s` after it shows the
+cue where it has moved by then: by its motion in the picture since the last one, and by a change of that motion. Without
+a last picture only a bound of the cue's speed is known. Rows that are stretched or sheared then look like a cue that is
+turned, and the pose's covariance says so.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
-import cv2
 import numpy as np
-from scipy.linalg import lapack
 
 from shipland.camera import Camera
-from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose
+from shipland.frames import Array, Pose
+from shipland.messages import BarPose
+from shipland.rig import Target
+from shipland.vision.near.associate import Match, model_plane
+from shipland.vision.near.covariance import bar_pose_of, covariance_over_heading
+from shipland.vision.near.edge_pixels import distort
+from shipland.vision.near.edges import MeasuredCorners
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.planar_pose import DISPROVED, Corners, LevelPrior, Solution, ordered, solve
 
-_STEPS = 8
-"""Most Levenberg–Marquardt steps; three or four are usual."""
-
-_GAIN_DONE = 0.03
-"""The step that would lower the sum of squared standard deviations by less is the last one."""
-
-_DAMPING = 1e-3
-"""Of the first Levenberg–Marquardt step from a closed-form start."""
-
-_HELD = 1e3
-"""What holds the angle about the cue's vertical, against everything that is known of the pose."""
-
-_IDENTITY = np.eye(6)
-
-NOTHING_IN_COMMON = np.zeros(0)
-"""`Solution.common` of corners that err each for itself."""
-
-_TRUST = 2.0
-"""Degrees of freedom that the corners' stated covariance is worth against what their own misfit says of it."""
-
-_NUDGE = 1e-7
-"""OpenCV's IPPE divides zero by zero on exact pixels of some symmetrical views: it gets them a little off then."""
-
-DOUBTFUL_CHI2 = 2.5
-"""Sum of squared standard deviations a coordinate, from which a followed pose is not trusted."""
-
-CONTRADICTION_CHI2 = 25.0
-"""χ² that leaving the prior out must gain, in units of what the corners err by without it (`Solution.excess`): the
-cue's vertical and the gimbal's are five standard deviations of both apart."""
-
-_LEAST_OFF_COSINE = float(np.cos(np.radians(2.0)))
-"""By less than this nothing is proved: a rolling shutter that nobody told of leans the cue by 1.2° at 9°/s of yaw, and
-systematic errors of the corners leaned it by 0.7° in a rendered landing. A gimbal off by 2° moves the height by 0.13 m
-at 4 m."""
-
-DISPROVED = 4.0
-"""Excess of χ² from which what the corners were stated to be known to is given up: an error twice as large. They prove
-nothing against the gimbal then."""
-
-_ANOTHER_CUE_COSINE = float(np.cos(np.radians(30.0)))
-"""By more than this a prior is not thought wrong; rather is it another cue, of other proportions."""
+_AXES = np.eye(2)
 
 
 @dataclass(frozen=True)
-class Corners:
-    """Measured corners and what they are known to.
+class Setup:
+    """The cue, the camera and the parameters, which do not change from picture to picture.
 
     Attributes:
-        undistorted_px: (n,4,2) as a distortion-free camera would see them.
-        whiten: (n,8,8) what turns deviations of a quadrilateral's (column, row) × four corners into standard
-            deviations [1/px]: the inverse of a square root of their covariance.
-        plane_m: (n,4,2) the same corners in the cue's plane (right, down) [m].
-        common_px: (m,n,4,2) errors that all corners may have in common, each at one standard deviation; None for none.
+        plane_m: (n,4,2) corners (right, down) of the cue's quadrilaterals.
+        manufacturing_tolerance: of the cue's dimensions (`Target.manufacturing_tolerance`).
+        camera: intrinsics.
+        parameters: of the near chain.
     """
 
-    undistorted_px: Array
-    whiten: Array
     plane_m: Array
-    common_px: Array | None = None
+    manufacturing_tolerance: float
+    camera: Camera
+    parameters: VisionParameters
+
+    @staticmethod
+    def of(cue: Target, camera: Camera, parameters: VisionParameters) -> Setup:
+        """For one cue."""
+        return Setup(model_plane(cue), cue.manufacturing_tolerance, camera, parameters)
+
+    def projected_px(self, camera_from_plane: Pose) -> Array:
+        """(n,4,2) all corners of the cue in the picture; NaN where they are not in front of the camera."""
+        points = np.zeros((self.plane_m.size // 2, 3))
+        points[:, :2] = self.plane_m.reshape(-1, 2)
+        return self.camera.project(camera_from_plane.apply(points)).reshape(-1, 4, 2)
 
 
 @dataclass(frozen=True)
-class LevelPrior:
-    """What the gimbal knows: the direction of `bar`'s down axis in `camera`, to within a noise.
+class Followed:
+    """Where the last picture showed the cue.
 
     Attributes:
-        down_in_camera: (3,) unit vector.
-        noise_rad: standard deviation about either perpendicular axis.
+        corners_px: (n,4,2) all of its corners, undistorted, as measured.
+        since_s: from that picture to this.
     """
 
-    down_in_camera: Array
-    noise_rad: float
+    corners_px: Array
+    since_s: float
 
 
 @dataclass(frozen=True)
-class Solution:
-    """One pose that solves the corners.
+class Known:
+    """What is known before a picture is looked at.
 
     Attributes:
-        camera_from_plane: the pose.
-        chi2: weighted sum of squared residuals; the prior's share is `prior_chi2`.
-        prior_chi2: of the level prior, 0 without one.
-        covariance: (6,6) of the left rotation vector [rad] and translation [m], both in `camera`.
-        common: (m,) what all corners err by in common, in standard deviations of each such error.
-        residual_px: (n,4,2) reprojected minus measured, once the measured are freed of that.
-        freedom: residuals less unknowns.
-        level_off_rad: angle of the cue's vertical to the prior's, where that contradicted the corners and was left out.
+        level: the gimbal's vertical, or None.
+        predicted_px: (n,4,2) the cue's corners by the last pose, or None.
+        last: the last pose, camera_from_plane, or None.
+        blur_px: the last picture's blur, or None.
+        followed: where the last picture showed all of the cue's corners, or None.
     """
 
-    camera_from_plane: Pose
-    chi2: float
-    prior_chi2: float
-    covariance: Array
-    common: Array
-    residual_px: Array
-    freedom: int
-    level_off_rad: float = 0.0
+    level: LevelPrior | None
+    predicted_px: Array | None = None
+    last: Pose | None = None
+    blur_px: float | None = None
+    followed: Followed | None = None
+
+
+@dataclass(frozen=True)
+class PoseCandidate:
+    """A pose that no test has accepted yet, and what it rests on.
+
+    Attributes:
+        setup: cue, camera, parameters.
+        match: which quadrilaterals of the picture.
+        measured: their corners.
+        corners: what the pose was solved from.
+        level: the gimbal's vertical, or None.
+        solutions: the planar solutions, the one taken first.
+        corners_px: (k,4,2) where the picture shows the corners, once freed of the sides' common error.
+    """
+
+    setup: Setup
+    match: Match
+    measured: MeasuredCorners
+    corners: Corners
+    level: LevelPrior | None
+    solutions: list[Solution]
+    corners_px: Array
 
     @property
-    def excess(self) -> float:
-        """By how much the corners' variance was taken too small: χ² a degree of freedom, held to 1 by a few more."""
-        return max((self.chi2 + _TRUST) / (self.freedom + _TRUST), 1.0)
+    def camera_from_plane(self) -> Pose:
+        """The pose taken."""
+        return self.solutions[0].camera_from_plane
 
     @property
-    def reprojection_px(self) -> float:
-        """Root-mean-square distance of observed and reprojected corners."""
-        return math.sqrt(2.0 * float(np.vdot(self.residual_px, self.residual_px)) / self.residual_px.size)
+    def level_off_rad(self) -> float:
+        """See `Solution`."""
+        return self.solutions[0].level_off_rad
+
+    @property
+    def distance_m(self) -> float:
+        """From the camera to the cue's origin."""
+        return float(np.linalg.norm(self.camera_from_plane.translation_m))
+
+    @property
+    def whole(self) -> bool:
+        """Whether it rests on all of the cue's quadrilaterals."""
+        return len(self.match.model) == len(self.setup.plane_m)
+
+    @cached_property
+    def bar_pose(self) -> BarPose:
+        """What crosses to the pilot."""
+        covariance = covariance_over_heading(self.solutions[0], self.corners, self.setup.camera, self.level)
+        return bar_pose_of(self.solutions, self.corners_px, covariance)
 
 
-def solve(
-    corners: Corners, camera: Camera, prior: LevelPrior | None = None, near: Pose | None = None
-) -> list[Solution]:
-    """The one or two poses that solve the corners, better first; empty when none does.
+def solve_pose(match: Match, measured: MeasuredCorners, setup: Setup, known: Known) -> PoseCandidate | None:
+    """The pose that measured corners lead to; None when no pose solves them."""
+    corners_px, edge_bias_px = measured.corners_px, measured.edge_bias_px
+    common_px = None if edge_bias_px is None else edge_bias_px[None]
+    if setup.camera.row_time_s > 0.0:
+        moved = _row_motion(corners_px, match, setup, known.followed)
+        corners_px = corners_px - moved.moved_px
+        common_px = moved.unsure_px if common_px is None else np.concatenate([common_px, moved.unsure_px])
+    corners = Corners(corners_px, measured.whiten, setup.plane_m[list(match.model)], common_px)
+    solutions, corners = _solved(corners, setup.camera, known)
+    if not solutions:
+        return None
+    shown_px = measured.corners_px
+    if edge_bias_px is not None:
+        shown_px = shown_px - solutions[0].common[0] * edge_bias_px
+    shown_px = distort(shown_px.reshape(-1, 2), setup.camera).reshape(-1, 4, 2)
+    return PoseCandidate(setup, match, measured, corners, known.level, solutions, shown_px)
 
-    IPPE gives both planar solutions, Levenberg–Marquardt refines them [Lee2022, §Pose Estimation]. A prior that the
-    corners contradict is left out; what is found then says by how much (`Solution.level_off_rad`).
 
-    Args:
-        corners: measured.
-        camera: intrinsics.
-        prior: what the gimbal knows.
-        near: a pose (camera_from_plane) not far off; with a prior, which leaves no second solution, it is what the
-            refinement starts from.
+def _solved(corners: Corners, camera: Camera, known: Known) -> tuple[list[Solution], Corners]:
+    """The planar solutions, the one taken first, and the corners with the covariance that they were solved with.
+
+    Corners that lie much farther from any pose's than their covariance allows have a larger error than stated, as when
+    rows are exposed one after the other. They are solved anew, all with the same deviation: the residual's.
     """
-    solutions: list[Solution] = []
-    if prior is not None and near is not None:
-        followed = _Refiner(corners, camera, prior).follow(near)
-        if followed is not None and followed.chi2 < DOUBTFUL_CHI2 * corners.plane_m.size:
-            solutions = [followed]
-    solutions = solutions or _solve(corners, camera, prior)
-    if prior is None or not solutions or solutions[0].chi2 <= CONTRADICTION_CHI2:
-        return solutions
-    free = _solve(corners, camera, None)
-    off_rad = level_off(solutions[0], free[0], prior) if free else 0.0
-    return [replace(solution, level_off_rad=off_rad) for solution in free] if off_rad > 0.0 else solutions
-
-
-def level_off(held: Solution, free: Solution, prior: LevelPrior) -> float:
-    """Angle by which corners contradict the gimbal's vertical [rad]; 0 where they may agree.
-
-    Args:
-        held: the pose that solves corners and prior.
-        free: the pose that solves the corners alone.
-        prior: what the gimbal knows.
-    """
-    cosine = float(free.camera_from_plane.rotation[:, 1] @ prior.down_in_camera)
-    contradicted = (
-        free.excess < DISPROVED
-        and held.chi2 - free.chi2 > CONTRADICTION_CHI2 * free.excess
-        and _ANOTHER_CUE_COSINE < cosine < _LEAST_OFF_COSINE
-    )
-    return math.acos(min(cosine, 1.0)) if contradicted else 0.0
-
-
-def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: LevelPrior | None = None) -> Solution:
-    """The Cramér–Rao bound at a known pose: its `covariance` is the least that unbiased estimates can have.
-
-    Args:
-        camera_from_plane: the true pose.
-        corners: noise and model; the measured pixels do not matter.
-        camera: intrinsics.
-        prior: what is known besides.
-    """
-    refiner = _Refiner(corners, camera, prior)
-    return refiner.solution(camera_from_plane, refiner.linearise(camera_from_plane))
+    solutions = ordered(solve(corners, camera, known.level, known.last), known.last)
+    if not solutions or solutions[0].excess < DISPROVED:
+        return solutions, corners
+    free = solutions if known.level is None else solve(corners, camera)
+    if not free or free[0].excess < DISPROVED:
+        return solutions, corners  # the gimbal's vertical does not fit
+    taken = solutions[0]
+    noise_px = math.sqrt(float(np.vdot(taken.residual_px, taken.residual_px)) / taken.freedom)
+    alike = replace(corners, whiten=np.broadcast_to(np.eye(8) / noise_px, corners.whiten.shape))
+    again = ordered(solve(alike, camera, known.level, known.last), known.last)
+    return (again, alike) if again else (solutions, corners)
 
 
 @dataclass(frozen=True)
-class YawedPose:
-    """A pose beside a solution: turned about the cue's vertical, in all else what solves the corners best then.
+class RowMotion:
+    """Motion of the corners between the times of their rows.
 
     Attributes:
-        camera_from_plane: the pose.
-        chi2: weighted sum of squared residuals.
+        moved_px: (k,4,2) motion of the corners since the middle row was exposed.
+        unsure_px: (2,k,4,2) its error at one standard deviation of the cue's motion along columns, and along rows.
     """
 
-    camera_from_plane: Pose
-    chi2: float
+    moved_px: Array
+    unsure_px: Array
 
 
-def poses_about_vertical(
-    solution: Solution, angles_rad: Array, corners: Corners, camera: Camera, prior: LevelPrior | None
-) -> list[YawedPose]:
-    """Poses beside a solution, at angles from it about the cue's vertical; those that solve nothing are left out."""
-    refiner = _Refiner(corners, camera, prior)
-    found = [refiner.poses_about_vertical(solution.camera_from_plane, float(angle_rad)) for angle_rad in angles_rad]
-    return [pose for pose in found if pose is not None]
+def row_motion(
+    corners_px: Array, rows: Array, plane_m: Array, camera: Camera, parameters: VisionParameters, last: Followed | None
+) -> RowMotion:
+    """Motion of the corners between the times of their rows.
 
-
-def _solve(corners: Corners, camera: Camera, prior: LevelPrior | None) -> list[Solution]:
-    refiner = _Refiner(corners, camera, prior)
-    for nudge in (0.0, _NUDGE):
-        rays = refiner.rays + nudge * np.sin(np.arange(refiner.rays.size)).reshape(2, -1)
-        try:
-            _, rotations, translations, _ = cv2.solvePnPGeneric(
-                refiner.plane.T, rays.T.reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
-            )
-        except cv2.error:  # a homography that does not exist
-            continue
-        starts = [
-            Pose(np.asarray(cv2.Rodrigues(rotation)[0], float), np.asarray(translation, float).ravel())
-            for rotation, translation in zip(rotations, translations, strict=True)
-            if np.isfinite(rotation).all() and np.isfinite(translation).all() and translation[2] > 0.0
-        ]
-        if starts:
-            refined = (refiner.refine(start, _DAMPING) for start in starts)
-            return sorted((found for found in refined if found is not None), key=lambda solution: solution.chi2)
-    return []
-
-
-@dataclass(frozen=True)
-class _Linear:
-    """The residuals at a pose, and how they change.
-
-    Attributes:
-        gram: (7,7) products of the whitened Jacobian's six columns and the whitened residual.
-        prior_chi2: the prior's share of the residual's square.
-        residual: (n,2) of the rays.
+    Args:
+        corners_px: (k,4,2) as measured, undistorted.
+        rows: (k,4) of the picture in which they were seen.
+        plane_m: (k,4,2) where they lie in the cue.
+        camera: its `row_time_s`.
+        parameters: how fast the cue moves.
+        last: the same corners in the last picture; None when it is not known.
     """
-
-    gram: Array
-    prior_chi2: float
-    residual: Array
-
-
-class _Refiner:
-    """Levenberg–Marquardt on rays (x/z, y/z) instead of pixels.
-
-    Whitening by the corners' covariance makes every residual one standard deviation. A step is a left rotation vector
-    and a translation, both in `camera`.
-    """
-
-    def __init__(self, corners: Corners, camera: Camera, prior: LevelPrior | None) -> None:
-        count = corners.plane_m.size // 2
-        self.plane = np.zeros((3, count))
-        self.plane[:2] = corners.plane_m.reshape(-1, 2).T
-        (fx, skew, cx), (_, fy, cy), _ = camera.matrix.tolist()
-        self._to_pixels = camera.matrix[:2, :2]
-        columns, rows = corners.undistorted_px.reshape(-1, 2).T
-        self.rays = np.empty((2, count))
-        self.rays[1] = (rows - cy) / fy
-        self.rays[0] = (columns - cx - skew * self.rays[1]) / fx if skew != 0.0 else (columns - cx) / fx
-        self._size = 2 * count
-        self._whiten = (corners.whiten.reshape(-1, 4, 2) @ self._to_pixels).reshape(-1, 8, 8)
-        kinds = 0 if corners.common_px is None else len(corners.common_px)
-        self._common: Array | None = None
-        self._common_px = corners.common_px
-        if corners.common_px is not None:
-            # W' of the covariance (WᵀW)⁻¹ + C Cᵀ is (1 − V K Vᵀ) W, with V = W C and VᵀV = Q λ Qᵀ:
-            # K = Q (1 − (1 + λ)^−½) / λ Qᵀ.
-            common = (corners.whiten @ corners.common_px.reshape(kinds, -1, 8, 1)).reshape(kinds, -1)
-            length2, turn = np.linalg.eigh(common @ common.T)
-            length2 = np.maximum(length2, 1e-12)
-            self._common = common
-            self._share = common.T @ (turn * ((1.0 - (1.0 + length2) ** -0.5) / length2) @ turn.T)
-            self._amplitude = turn * (1.0 / (1.0 + length2)) @ turn.T
-        self._across: Array | None = None
-        if prior is not None:
-            self._across = _perpendicular(prior.down_in_camera) / prior.noise_rad
-        self._freedom = self._size - 6 + (0 if prior is None else 2) - kinds
-        # Rows for the prior stay zero without one.
-        self._rows = np.zeros((self._size + 2, 7))
-        self._partial = np.zeros((count, 2, 7))
-
-    def follow(self, near: Pose) -> Solution | None:
-        """The solution from a pose not far off; None when there is none.
-
-        The rotation is kept for a start, with the translation that suits it best: for a known rotation it is linear.
-        """
-        translation = self._translation(near.rotation)
-        return None if translation is None else self.refine(Pose(near.rotation, translation), 0.0)
-
-    def _translation(self, rotation: Array) -> Array | None:
-        """The translation (3,) with which rays meet the plane best, unweighted; None when it is behind the camera."""
-        arms = rotation @ self.plane
-        aim = self.rays * arms[2] - arms[:2]
-        aim_u, aim_v = aim.sum(axis=1).tolist()
-        sum_u, sum_v = self.rays.sum(axis=1).tolist()
-        count = self._size // 2
-        spread = float(np.vdot(self.rays, self.rays)) - (sum_u * sum_u + sum_v * sum_v) / count
-        forward = (sum_u * aim_u + sum_v * aim_v) / count - float(np.vdot(self.rays, aim))
-        if not (spread > 0.0 and forward > 0.0):
-            return None
-        forward /= spread
-        return np.array([(aim_u + sum_u * forward) / count, (aim_v + sum_v * forward) / count, forward])
-
-    def refine(self, start: Pose, damping: float) -> Solution | None:
-        """The solution from a start; None when it diverges. Without damping it starts as Gauss–Newton."""
-        pose, now = start, self.linearise(start)
-        for _ in range(_STEPS):
-            normal, gradient = now.gram[:6, :6], now.gram[:6, 6]
-            if damping > 0.0:
-                normal = normal.copy()
-                normal.flat[::7] *= 1.0 + damping
-            _, step, failed = lapack.dposv(normal, -gradient)
-            if failed:
-                return None
-            stepped = Pose(cv2.Rodrigues(step[:3])[0] @ pose.rotation, pose.translation_m + step[3:])
-            promised = -float(step @ gradient)
-            if promised < _GAIN_DONE:
-                pose = stepped
-                break
-            then = self.linearise(stepped)
-            gained = now.gram[6, 6] - then.gram[6, 6]
-            if gained >= 0.0:
-                pose, now = stepped, then
-            # Near the view where both solutions merge the cost is of fourth order and Gauss–Newton oversteps.
-            if gained <= 0.25 * promised:
-                damping = min(max(30.0 * damping, _DAMPING), 1e6)
-            elif gained > 0.75 * promised:
-                damping *= 0.1
-        if not (np.isfinite(now.gram[6, 6]) and pose.translation_m[2] > 0.0):
-            return None
-        try:
-            return self.solution(pose, now)
-        except np.linalg.LinAlgError:
-            return None
-
-    def poses_about_vertical(self, pose: Pose, angle_rad: float) -> YawedPose | None:
-        """A pose turned about the cue's vertical, refined in everything else; None when it diverges."""
-        down = pose.rotation[:, 1]
-        turn = cv2.Rodrigues(angle_rad * down)[0]
-        translation = self._translation(turn @ pose.rotation)
-        if translation is None:
-            return None
-        pose = Pose(turn @ pose.rotation, translation)
-        gram = self.linearise(pose).gram
-        normal = gram[:6, :6]
-        normal[:3, :3] += _HELD * float(normal.trace()) * np.outer(down, down)
-        _, step, failed = lapack.dposv(normal, -gram[:6, 6])
-        if failed:
-            return None
-        pose = Pose(cv2.Rodrigues(step[:3])[0] @ pose.rotation, pose.translation_m + step[3:])
-        chi2 = float(self.linearise(pose).gram[6, 6])
-        return YawedPose(pose, chi2) if np.isfinite(chi2) and pose.translation_m[2] > 0.0 else None
-
-    def solution(self, pose: Pose, at: _Linear) -> Solution:
-        """A pose with its covariance; LinAlgError when the corners do not settle it."""
-        _, covariance, failed = lapack.dposv(at.gram[:6, :6], _IDENTITY)
-        if failed:
-            raise np.linalg.LinAlgError("the corners do not settle the pose")
-        residual_px, amplitudes = (at.residual @ self._to_pixels.T).reshape(-1, 4, 2), NOTHING_IN_COMMON
-        if self._common is not None and self._common_px is not None:
-            whitened = self._whiten @ at.residual.reshape(-1, 8, 1)
-            amplitudes = -self._amplitude @ (self._common @ whitened.ravel())
-            residual_px += np.tensordot(amplitudes, self._common_px, axes=1)
-        return Solution(
-            camera_from_plane=pose,
-            chi2=float(at.gram[6, 6]),
-            prior_chi2=at.prior_chi2,
-            covariance=np.asarray(covariance, dtype=float),
-            common=amplitudes,
-            residual_px=residual_px,
-            freedom=self._freedom,
-        )
-
-    def linearise(self, pose: Pose) -> _Linear:
-        rotation = pose.rotation
-        arms = rotation @ self.plane
-        near = 1.0 / np.maximum(arms[2] + pose.translation_m[2], 1e-6)
-        seen = (arms[:2] + pose.translation_m[:2, None]) * near
-        arms *= near
-        # Columns: three of rotation, three of translation, the residual.
-        partial = self._partial
-        partial[:, :, 0] = (-arms[1] * seen).T
-        partial[:, :, 1] = (arms[0] * seen).T
-        partial[:, 0, 1] += arms[2]
-        partial[:, 1, 0] -= arms[2]
-        partial[:, 0, 2], partial[:, 1, 2] = -arms[1], arms[0]
-        partial[:, 0, 3] = partial[:, 1, 4] = near
-        partial[:, :, 5] = (-near * seen).T
-        partial[:, :, 6] = (seen - self.rays).T
-        rows, size = self._rows, self._size
-        whitened = rows[:size]
-        np.matmul(self._whiten, partial.reshape(-1, 8, 7), out=whitened.reshape(-1, 8, 7))
-        if self._common is not None:
-            whitened -= self._share @ (self._common @ whitened)
-        prior_chi2 = 0.0
-        if self._across is not None:
-            x, y, z = rotation[:, 1].tolist()
-            tilt = self._across @ [[0.0, z, -y, x], [-z, 0.0, x, y], [y, -x, 0.0, z]]
-            rows[size:, :3], rows[size:, 6] = tilt[:, :3], tilt[:, 3]
-            prior_chi2 = float(np.vdot(tilt[:, 3], tilt[:, 3]))
-        return _Linear(rows.T @ rows, prior_chi2, partial[:, :, 6].copy())
+    late_s = camera.row_time_s * (rows - 0.5 * (camera.height_px - 1))
+    motion_px_s, std_px_s = np.zeros(corners_px.shape), parameters.row_motion_px_s
+    if last is not None:
+        since_s = last.since_s + camera.row_time_s * (corners_px - last.corners_px)[..., 1:]
+        measured_px_s = (corners_px - last.corners_px) / since_s
+        # A plane that is small in the picture moves linearly in its coordinates: the corners' errors average out.
+        place = np.column_stack([np.ones(plane_m.size // 2), plane_m.reshape(-1, 2)])
+        fit, *_ = np.linalg.lstsq(place, measured_px_s.reshape(-1, 2), rcond=None)
+        motion_px_s, std_px_s = (place @ fit).reshape(corners_px.shape), parameters.row_shake_px_s
+    unsure_px = std_px_s * late_s[..., None] * _AXES[:, None, None]
+    return RowMotion(late_s[..., None] * motion_px_s, unsure_px)
 
 
-def position_and_yaw(camera_from_plane: Pose) -> tuple[Array, float]:
-    """The camera's optical centre in `bar` (3,) [m], and the heading of its vertical plane there [rad]."""
-    bar_from_camera = CAMERA_FROM_MOUNT.T @ camera_from_plane.rotation.T
-    position_in_bar_m = -bar_from_camera @ camera_from_plane.translation_m
-    return position_in_bar_m, float(np.arctan2(bar_from_camera[1, 2], bar_from_camera[0, 2]))
-
-
-def covariance_in_bar(solution: Solution) -> Array:
-    """(4,4) covariance of (position in `bar` [m], yaw [rad]) from the solution's (6,6)."""
-    pose = solution.camera_from_plane
-    bar_from_camera = CAMERA_FROM_MOUNT.T @ pose.rotation.T
-    # R' = exp(w) R turns position −B Rᵀ t into −B Rᵀ (t + dt − w × t), and the optical axis into B Rᵀ (z − w × z).
-    x, y, z = pose.translation_m.tolist()
-    right, down, forward = bar_from_camera.T.tolist()
-    horizontal2 = max(forward[0] * forward[0] + forward[1] * forward[1], 1e-12)
-    jacobian = np.zeros((4, 6))
-    jacobian[:3, :3] = -bar_from_camera @ [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-    jacobian[:3, 3:] = -bar_from_camera
-    jacobian[3, 0] = (forward[0] * down[1] - forward[1] * down[0]) / horizontal2
-    jacobian[3, 1] = -(forward[0] * right[1] - forward[1] * right[0]) / horizontal2
-    return np.asarray(jacobian @ solution.covariance @ jacobian.T)
-
-
-def _perpendicular(direction: Array) -> Array:
-    """Two unit vectors (2,3) perpendicular to a unit vector and to each other."""
-    x, y, z = direction.tolist()
-    # Frisvad's frame, about the axis that the direction is farthest against.
-    sign = 1.0 if z >= 0.0 else -1.0
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return np.array([[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]])
+def _row_motion(corners_px: Array, match: Match, setup: Setup, followed: Followed | None) -> RowMotion:
+    """Motion of the corners (k,4,2) of a match between the times of their rows."""
+    rows = distort(corners_px.reshape(-1, 2), setup.camera)[:, 1].reshape(-1, 4)
+    model = list(match.model)
+    last = None if followed is None else replace(followed, corners_px=followed.corners_px[model])
+    return row_motion(corners_px, rows, setup.plane_m[model], setup.camera, setup.parameters, last)

@@ -1,4 +1,4 @@
-"""Sides of quadrilaterals: where they lie, the pixels around them, and where they meet.
+"""Sides of quadrilaterals, the pixels around them, and their contrast: what the third stage measures on.
 
 The 4n sides are those of n quadrilaterals, each from its first corner to the next, clockwise. Lines are in undistorted
 pixels, where sides are straight. Pixels are (side, station, across): stations along a side, pixels across it from
@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.vision.near.regions import Image
+from shipland.vision.near.segment import Image
 
-_SIDE, _NEXT, _BEFORE = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [3, 0, 1, 2]])
+_NEXT = np.array([1, 2, 3, 0])
 
 MOST_ACROSS = 12
 """Most pixels that are taken across a side, inward or outward."""
@@ -50,9 +50,9 @@ class Sides:
     def of(quads_px: Array, reach_px: float, held: npt.NDArray[np.bool_] | None = None) -> Sides:
         """The sides of quadrilaterals (n,4,2); pixels are taken no farther out than 0.42 of the shorter side."""
         ends = quads_px[:, _NEXT]
-        way = (ends - quads_px).reshape(-1, 2)
-        length_px = np.sqrt(way[:, 0] * way[:, 0] + way[:, 1] * way[:, 1])
-        along = way / length_px[:, None]
+        side_px = (ends - quads_px).reshape(-1, 2)
+        length_px = np.sqrt(side_px[:, 0] * side_px[:, 0] + side_px[:, 1] * side_px[:, 1])
+        along = side_px / length_px[:, None]
         shorter_px = length_px.reshape(-1, 4).min(axis=1).repeat(4)
         reach = np.minimum(reach_px, np.maximum(0.42 * shorter_px, 1.5))
         middle_px = 0.5 * (ends + quads_px).reshape(-1, 2)
@@ -77,31 +77,6 @@ class Sides:
         return Sides(middle_px, along, along[:, ::-1] * _QUARTER_TURN, self.length_px, self.reach_px, self.held)
 
 
-@dataclass(frozen=True)
-class SideFit:
-    """Where the sides lie, outward positive.
-
-    Attributes:
-        sides: what offset and slope are counted from.
-        offset_px: (s,) at the middle.
-        slope: (s,).
-        variance: (3,s) of the offset, of the two together, of the slope.
-        blur_px: standard deviation of the picture's blur.
-        misfit: root-mean-square residual of the pixels, against the contrast.
-        noisy: the misfit is larger than sensors leave.
-        clipped: the inside is brighter than the picture can tell.
-    """
-
-    sides: Sides
-    offset_px: Array
-    slope: Array
-    variance: Array
-    blur_px: float
-    misfit: float
-    noisy: bool
-    clipped: bool
-
-
 def distort(undistorted_px: Array, camera: Camera) -> Array:
     """Pixels (n,2) of the picture for undistorted pixels (n,2)."""
     if not camera.has_distortion:
@@ -110,82 +85,27 @@ def distort(undistorted_px: Array, camera: Camera) -> Array:
     return camera.project(homogeneous @ np.linalg.inv(camera.matrix).T)
 
 
-@dataclass(frozen=True)
-class Meeting:
-    """Where sides meet.
-
-    Attributes:
-        corners_px: (n,4,2) between each side and the one before it.
-        whiten: (n,8,8) [1/px] what turns a deviation of a quadrilateral's corners into standard deviations of its
-            sides' ends.
-        edge_bias: (n,4,2) how the corners move when all sides that were measured move outward by one.
-        noise_px: standard deviation of a side's end, root mean square.
-    """
-
-    corners_px: Array
-    whiten: Array
-    edge_bias: Array
-    noise_px: float
-
-
-def intersect_sides(fit: SideFit) -> Meeting | None:
-    """The corners of fitted sides; None when neighbours are parallel."""
-    moved = fit.sides.moved(fit.offset_px, fit.slope)
-    along, normal = moved.along.reshape(-1, 4, 2), moved.outward.reshape(-1, 4, 2)
-    middle_px = moved.middle_px.reshape(-1, 4, 2)
-    before = along[:, _BEFORE]
-    determinant = before[..., 0] * along[..., 1] - before[..., 1] * along[..., 0]
-    if not np.abs(determinant).min() >= 0.2:
-        return None
-    # From the middle of the side before, along it, to where it meets this one.
-    middle_before_px = middle_px[:, _BEFORE]
-    way = middle_px - middle_before_px
-    lever_px = (way[..., 0] * along[..., 1] - way[..., 1] * along[..., 0]) / determinant
-    corners_px = middle_before_px + lever_px[..., None] * before
-    # Deviations of the two ends' distances from a side have its variance V0 + (x + y) V1 + x y V2 at the levers x, y.
-    start_px = ((corners_px - middle_px) * along).sum(axis=-1)
-    end_px = lever_px[:, _NEXT]
-    both, cross, square = fit.variance.reshape(3, -1, 4)
-    at_start, at_end = both + start_px * cross, cross + start_px * square
-    first = np.sqrt(at_start + start_px * at_end)
-    mixed = (at_start + end_px * at_end) / first
-    second = np.sqrt(np.maximum(both + end_px * (2.0 * cross + end_px * square) - mixed * mixed, 1e-12))
-    whiten = np.zeros((len(corners_px), 4, 2, 4, 2))
-    whiten[:, _SIDE, 0, _SIDE] = by_first = normal / first[..., None]
-    whiten[:, _SIDE, 1, _SIDE] = by_first * (-mixed / second)[..., None]
-    whiten[:, _SIDE, 1, _NEXT] = normal / second[..., None]
-    normal_before = normal[:, _BEFORE]
-    moved_px = np.ones(along.shape[:2]) if fit.sides.held is None else (~fit.sides.held).astype(float).reshape(-1, 4)
-    moved_px, moved_before_px = moved_px[..., None], moved_px[:, _BEFORE, None]
-    cosine = (normal * normal_before).sum(axis=-1, keepdims=True)
-    edge_bias = (moved_px - cosine * moved_before_px) * normal + (moved_before_px - cosine * moved_px) * normal_before
-    edge_bias /= 1.0 - cosine * cosine
-    return Meeting(
-        corners_px, whiten.reshape(-1, 8, 8), edge_bias, math.sqrt(float(np.vdot(first, first)) / first.size)
-    )
-
-
 _AXES = np.array([[0, 1, 2, 3, 4, 5], [1, 0, 3, 2, 5, 4]])
 """Order of three (column, row) pairs as (main axis, other axis), for flat sides and for steep ones."""
 
 _STATIONS = np.arange(20.0)
-"""Most columns (rows, for steep sides) of pixels that one side is fitted to."""
+"""Numbers of the columns (rows, for steep sides) of pixels of one side: 20 at most."""
 
 _LUMA_BGR = np.array([0.114, 0.587, 0.299])
 """ITU-R BT.601, the luma of JPEG and of most video."""
 
 _SHARES = np.linspace(-0.1, 1.1, 25)
-"""Of the light inside, at which luma is looked up; a little beyond, so that noise is not cut off."""
+"""Shares of the light inside at which luma is tabulated; beyond 0 and 1, so that noise is not cut off."""
 
 _LEAST_LUMA = 10.0
 """Smallest difference of luma between inside and outside that is measured [grey levels]."""
 
 _LEAST_CONTRAST = 6.0
-"""Smallest difference of light between inside and outside that is measured, of 255."""
+"""Smallest difference of light between inside and outside that is measured [of 255]."""
 
 
 def _levels_of(light: Array) -> Array:
-    """Grey levels of light, 0 … 255, by the inverse of sRGB's curve, which goes on beyond both ends."""
+    """Grey levels of light, 0 … 255, by the inverse of sRGB's curve, extrapolated at both ends."""
     share = light / 255.0
     return 255.0 * np.where(share <= 0.0031308, 12.92 * share, 1.055 * np.maximum(share, 0.0) ** (1.0 / 2.4) - 0.055)
 
@@ -198,16 +118,16 @@ def _light_of_levels() -> npt.NDArray[np.float32]:
 
 LIGHT = _light_of_levels()
 """(256,) light, 0 … 255, of a grey level by sRGB's curve [IEC 61966-2-1]: an edge is symmetric about its place in light
-only. Cameras have curves of their own; what theirs differ by is left to the growth that the pose solves for."""
+only. Cameras have curves of their own; the pose solves for the edge bias that these leave."""
 
 _LIGHT_A_LEVEL = np.gradient(LIGHT.astype(float))
-"""(256,) by how much light grows with a grey level."""
+"""(256,) derivative of light by grey level."""
 
 _CLIPPED = float(LIGHT[240])
-"""Mean light from which a colour is taken to be clipped, or bent by the shoulder of a tone curve."""
+"""Mean light from which a colour is taken to be saturated, or on the shoulder of a tone curve."""
 
 _LEAST_SIDE_CONTRAST = 0.15
-"""The same for a single side, against the cue's."""
+"""Smallest contrast of a single side, against the cue's."""
 
 
 @dataclass(frozen=True)
@@ -218,8 +138,8 @@ class EdgePixels:
         levels: (…,3) uint8, the picture's.
         out_px: distance outward from the side.
         along: place along it, -1 to 1 between the ends of what is looked at.
-        use: 1 where the pixel counts; 0 where it is another's double, too far out, or outside of the picture.
-        columns: (s,) columns (rows) of pixels that differ.
+        use: 1 where the pixel counts; 0 where it repeats another, is too far out, or outside of the picture.
+        columns: (s,) number of distinct columns (rows) of pixels.
     """
 
     levels: npt.NDArray[np.uint8]
@@ -317,7 +237,7 @@ def contrasts(
 ) -> tuple[Array, bool, float] | None:
     """Light of pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
 
-    And whether the inside is brighter than the picture can tell, which moves the edge outward; and by how much a
+    And whether the inside saturates, which moves the edge outward; and by how much a
     pixel's share differs, root mean square, for every grey level that a sensor's noise has.
 
     Args:
@@ -333,7 +253,7 @@ def contrasts(
     ends = (sums if held is None else sums[~held])[:, [0, 1, -2, -1]].sum(axis=0)
     ends *= 0.5 / max(stations * (sides if held is None else int(np.count_nonzero(~held))), 1)
     inside, outside = ends[0] + ends[1], ends[2] + ends[3]
-    # A colour that is clipped has its edge where the first trace of light is; the others are not bent.
+    # The edge of a saturated colour is moved outward; the other colours are not affected.
     clear = np.maximum(inside, outside) < _CLIPPED
     direction = None if clear.all() or by_luma else contrast_direction(inside * clear, outside * clear)
     clipped = direction is None and not clear.all()
@@ -367,7 +287,7 @@ def contrasts(
 
 
 def _mixed_by_luma(levels: npt.NDArray[np.uint8], inside: Array, outside: Array) -> Array | None:
-    """Share (…,) of the light inside in pixels (…,3), by their luma; None where luma does not tell the two apart.
+    """Share (…,) of the light inside in pixels (…,3), by their luma; None where the two have nearly the same luma.
 
     The luma of a mixture of two lights (3,) rises with the share of the brighter, though not in proportion.
     """

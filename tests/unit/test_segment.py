@@ -12,8 +12,9 @@ from pictures import Look, finish, foliage
 from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.rig import packaged_table
+from shipland.vision.near import published
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.regions import (
+from shipland.vision.near.segment import (
     Window,
     adapted,
     colour_mask,
@@ -60,7 +61,7 @@ def regions_of(image, parameters=PARAMETERS):
 )
 def test_the_published_gate(hsv, passes, monkeypatch):
     # [Lee2022, §Image Filtering]: H 35–85, S 70–255, V 90–255, both ends included.
-    monkeypatch.setattr("shipland.vision.near.regions.cv2.cvtColor", lambda image, code: image)
+    monkeypatch.setattr("shipland.vision.near.segment.cv2.cvtColor", lambda image, code: image)
     assert bool(gate(np.array([[hsv]], np.uint8), PARAMETERS)[0, 0]) is passes
 
 
@@ -156,17 +157,15 @@ def test_watershed_finds_the_boundary_that_the_gate_missed():
 
 def test_the_published_chain_gives_the_same_quadrilateral():
     image = picture(cv2.boxPoints(((80.0, 60.0), (70.0, 30.0), 5.0)))
-    quads = [
-        find_quads(image, regions_of(image), replace(PARAMETERS, watershed=kind)).quads[0]
-        for kind in ("always", "where_needed", "never")
-    ]
-    assert np.array_equal(quads[1], quads[2])
-    assert np.abs(quads[0] - quads[1]).max() < 2.0  # px: the flood meets within its one-pixel margins
+    published_quad, ours = (
+        find(image, regions_of(image), PARAMETERS)[0] for find in (published.find_quads, find_quads)
+    )
+    assert np.abs(published_quad - ours).max() < 2.0  # px: the flood meets within its one-pixel margins
 
 
 def test_foliage_is_bounded_work(camera, rng, monkeypatch):
     floods = []
-    monkeypatch.setattr("shipland.vision.near.regions.watershed_region", lambda *given: floods.append(given))
+    monkeypatch.setattr("shipland.vision.near.segment.watershed_region", lambda *given: floods.append(given))
     image = finish(foliage(camera, rng), rng, Look(noise=0.0))
     regions = regions_of(image)
     assert 30 < len(regions) <= PARAMETERS.max_candidates

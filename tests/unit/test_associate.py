@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pictures import camera_from_bar, project_plane, rectangles
 from shipland.camera import Camera
 from shipland.rig import Quad, Target, default_rig
-from shipland.vision.near.matching import match_by_geometry, match_by_prediction, model_plane
+from shipland.vision.near.associate import match_by_geometry, match_by_prediction, model_plane
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 ROLL = np.radians(40.0)

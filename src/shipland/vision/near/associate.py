@@ -1,4 +1,4 @@
-"""Which quadrilateral of the picture is which of the cue: hypotheses from geometry, or from the last pose."""
+"""The second stage: which quadrilateral of the picture is which of the cue, by geometry or by the last pose."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from shipland.frames import Array
 from shipland.rig import Target
 
 _PLACE_TOLERANCE = 0.4
-"""How far a neighbour may lie from where one quadrilateral's affine frame puts it, as a fraction of the way to it.
+"""How far a neighbour may lie from where one quadrilateral's affine frame puts it, as a fraction of its distance.
 Perspective alone reaches 0.3 for the rig's bar at 2 m and 40° off."""
 
 _SIZE_RATIO = 3.0
-"""Largest ratio of a neighbour's area to the one foreseen."""
+"""Largest ratio of a neighbour's area to the one predicted."""
 
 _APART = 0.7
-"""How far corners may lie from where the last pose foresees them, in square roots of their quadrilateral's area."""
+"""How far corners may lie from where the last pose predicts them, in square roots of their quadrilateral's area."""
 
 _TURNS = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [2, 3, 0, 1], [3, 0, 1, 2]])
 """The four ways to count a quadrilateral's corners clockwise."""
@@ -32,8 +32,8 @@ class Match:
     """A hypothesis: quadrilaterals of the picture for quadrilaterals of the cue.
 
     Attributes:
-        model: indices into the target's quadrilaterals, rising.
-        quads_px: (k,4,2) their corners in the picture, in the target's order of corners.
+        model: indices into the cue's quadrilaterals, rising.
+        quads_px: (k,4,2) their corners in the picture, in the cue's order of corners.
         candidates: indices into the picture's quadrilaterals.
     """
 
@@ -42,15 +42,15 @@ class Match:
     candidates: tuple[int, ...]
 
 
-def model_plane(target: Target) -> Array:
-    """(n,4,2) corners (right, down) of the target's quadrilaterals [m]."""
-    return np.array([quad.corners_m for quad in target.quad], dtype=float)
+def model_plane(cue: Target) -> Array:
+    """(n,4,2) corners (right, down) of the cue's quadrilaterals [m]."""
+    return np.array([quad.corners_m for quad in cue.quad], dtype=float)
 
 
 def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> list[Match]:
     """Hypotheses, those with most quadrilaterals first, then the best fitting.
 
-    Each quadrilateral of the picture is tried as each of the cue; its affine frame foresees the others.
+    Each quadrilateral of the picture is tried as each of the cue; its affine frame predicts the others.
 
     Args:
         quads_px: (m,4,2) clockwise corners found, starting anywhere.
@@ -66,14 +66,14 @@ def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> l
         return [Match((0,), turned[c, 0][None], (int(c),)) for c in np.flatnonzero(allowed[:, 0])]
     frame = _affine(turned, plane_m)
     model_centre = 0.25 * plane_m.sum(axis=1)
-    way_m = model_centre[None] - model_centre[:, None]
+    apart_m = model_centre[None] - model_centre[:, None]
     centre = 0.25 * quads_px.sum(axis=1)
     # Differences of points as complex numbers.
-    way_px = _complex(frame @ way_m.transpose(0, 2, 1)[None])
-    reach = np.maximum(np.abs(way_px), 1.0)[..., None]
+    apart_px = _complex(frame @ apart_m.transpose(0, 2, 1)[None])
+    reach = np.maximum(np.abs(apart_px), 1.0)[..., None]
     column, row = centre.T
     place = column + 1j * row
-    off = np.abs((place[:, None, None] + way_px)[..., None] - place) / reach
+    off = np.abs((place[:, None, None] + apart_px)[..., None] - place) / reach
     stretch = np.abs(frame[..., 0, 0] * frame[..., 1, 1] - frame[..., 0, 1] * frame[..., 1, 0])
     expected = np.maximum(stretch[:, :, None] * np.abs(_area(plane_m)), 1e-9)
     ratio = np.abs(_area(quads_px)) / expected[..., None]
@@ -87,13 +87,13 @@ def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> l
             row = score[seed, model].copy()
             row[:, seed] = np.inf
             row[model] = np.inf
-            for index, candidates in _alternatives(row):
-                members = {model: seed} | dict(zip(index, candidates, strict=True))
+            for others in _alternatives(row):
+                members = {model: seed} | others
                 if len(set(members.values())) < len(members):
                     continue
                 order = tuple(sorted(members))
                 chosen = tuple(members[i] for i in order)
-                quality = float(sum(row[i, c] for i, c in zip(index, candidates, strict=True))) / max(len(index), 1)
+                quality = float(sum(row[i, c] for i, c in others.items())) / max(len(others), 1)
                 key = (order, chosen)
                 if key not in matches or quality < matches[key][1]:
                     quads = np.stack([turned[c, i] for i, c in zip(order, chosen, strict=True)])
@@ -103,15 +103,15 @@ def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> l
 
 
 def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
-    """The quadrilaterals that lie where the last pose foresees those of the cue; None when there are none.
+    """The quadrilaterals that lie where the last pose predicts those of the cue; None when there are none.
 
     Args:
         quads_px: (m,4,2) found.
-        predicted_px: (n,4,2) foreseen, in the target's order of corners.
+        predicted_px: (n,4,2) predicted, in the cue's order of corners.
     """
     if not len(quads_px):
         return None
-    # Mean square distance of corners from foreseen ones, for each of the four ways to count them.
+    # Mean square distance of corners from predicted ones, for each of the four ways to count them.
     off = (quads_px[:, None, _TURNS] - predicted_px[None, :, None]).reshape(len(quads_px), len(predicted_px), 4, 8)
     off2 = np.einsum("mnrs,mnrs->mnr", off, off)
     best = off2.argmin(axis=2)
@@ -150,9 +150,9 @@ def _directions(quads: Array) -> Array:
     return np.asarray(sides / np.maximum(lengths, 1e-9)[..., None])
 
 
-def _complex(ways: Array) -> npt.NDArray[np.complex128]:
+def _complex(vectors: Array) -> npt.NDArray[np.complex128]:
     """Vectors (…,2,n) as complex numbers (…,n)."""
-    return np.asarray(ways[..., 0, :] + 1j * ways[..., 1, :])
+    return np.asarray(vectors[..., 0, :] + 1j * vectors[..., 1, :])
 
 
 def _affine(turned: Array, plane_m: Array) -> Array:
@@ -169,15 +169,13 @@ def _area(quads: Array) -> Array:
     return 0.5 * np.asarray(diagonal[..., 0] * other[..., 1] - diagonal[..., 1] * other[..., 0])
 
 
-def _alternatives(row: Array) -> list[tuple[list[int], list[int]]]:
-    """Ways to fill the other models: each with its nearest candidate; with two models, also the runners-up."""
+def _alternatives(row: Array) -> list[dict[int, int]]:
+    """Candidates by model for the other models: none, the nearest of each, and of two models also the runners-up."""
     index = [int(i) for i in np.flatnonzero(np.isfinite(row).any(axis=1))]
-    ways: list[tuple[list[int], list[int]]] = [([], [])]
     if not index:
-        return ways
-    best = [int(np.argmin(row[i])) for i in index]
-    ways.append((index, best))
+        return [{}]
+    found = [{}, {i: int(np.argmin(row[i])) for i in index}]
     if len(index) == 1:
         runners = np.argsort(row[index[0]])[1:4]
-        ways += [(index, [int(c)]) for c in runners if np.isfinite(row[index[0], c])]
-    return ways
+        found += [{index[0]: int(c)} for c in runners if np.isfinite(row[index[0], c])]
+    return found

@@ -1,8 +1,9 @@
-"""Coloured regions of a picture (gate, opening, closing, watershed, contours) and their quadrilaterals."""
+"""The first stage: coloured regions of a picture (gate, opening, closing, contours) and their quadrilaterals."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import cv2
@@ -15,13 +16,13 @@ from shipland.vision.near.parameters import VisionParameters
 Image = npt.NDArray[np.uint8]
 
 _ADAPT_STEP_PX = 8
-"""Every so many rows and columns tell how bright a picture is."""
+"""Step of the rows and columns that are sampled for a picture's brightness."""
 
 _BRIGHT_PERCENT = 99.0
-"""Percentile of saturation and of value that counts as the picture's most."""
+"""Percentile of saturation and of value that is taken for the picture's maximum."""
 
 _BAND_ROWS = 128
-"""Rows that `coloured_window` looks at at once; even."""
+"""Rows of a band of `coloured_window`; even."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,8 @@ def adapted(image: Image, parameters: VisionParameters) -> VisionParameters:
 def coloured_window(image: Image, parameters: VisionParameters) -> Window:
     """The part of a picture that holds all its coloured regions; empty when there are none.
 
-    Every second pixel of every second row is looked at: opening leaves nothing that has none of them. When they are all
-    over the picture, so is the window. It goes band by band: what a band needs stays in the processor's cache.
+    Every second pixel of every second row is enough: opening removes whatever has none of them. The picture is taken in
+    bands, which stay in the processor's cache.
     """
     height, width = image.shape[:2]
     if width < 64 or height < 64:
@@ -135,7 +136,7 @@ def colour_mask(image: Image, parameters: VisionParameters) -> Image:
     mask = gate(image, parameters)
     kernel = np.ones((parameters.kernel_px, parameters.kernel_px), np.uint8)
     opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
-    # Nothing lies outside: else closing would join a region to the picture's edge. What is at the edge stays there.
+    # A border of 0, or closing would join a region to the picture's edge; what opening left at the edge is kept.
     closed = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     return np.asarray(cv2.bitwise_or(closed, opened), np.uint8)
 
@@ -198,19 +199,19 @@ _LEAST_PLAINNESS = 0.12
 """4π area / perimeter²: 1 for a circle, 0.6 for the rig's rectangles, 0.25 for a frame's three sides."""
 
 _MOST_FLOODS = 8
-"""Regions in one picture that the watershed is tried on where it is not asked for; bounds the time foliage takes."""
+"""Regions in one picture that the watershed is tried on; bounds the time that foliage takes."""
 
 _LEAST_TURN = 0.3
 """Sine of the least turn from one side to the next."""
 
 _FLUSH_PX = 2.0
-"""A corner this near to the picture's edge lies on it: regions end at pixels, and a side may lean a little."""
+"""Distance from the picture's edge within which a corner lies on it: regions end at pixels, sides may be oblique."""
 
 _CUT_SIDE_PX = 8.0
-"""Least side of what the picture's edge cuts that is told of as a cue's part."""
+"""Least side of a cut region that can be a part of the cue."""
 
 _SUBPIXEL = 16
-"""OpenCV's simplification rounds its corners to whole numbers: it gets the hull in sixteenths of a pixel."""
+"""Scale of the hull for OpenCV's simplification, which rounds corners to whole numbers."""
 
 _AREA_RATIO = (0.82, 1.18)
 """Area of the four-cornered approximation over that of the hull."""
@@ -219,8 +220,7 @@ _AREA_RATIO = (0.82, 1.18)
 def quad_from_region(region: Region, min_side_px: float) -> Array | None:
     """Four corners (4,2) [px], clockwise in the picture, of a region that is one quadrilateral; else None.
 
-    The sides run around the centres of the region's outermost pixels, which is within half a pixel of where the colour
-    changes by half.
+    The sides run through the centres of the region's outermost pixels: within half a pixel of the true edge.
     """
     hull = cv2.convexHull(region.contour_px)
     hull_px2 = cv2.contourArea(hull)
@@ -241,8 +241,8 @@ def _quad_of_hull(hull: cv2.typing.MatLike, hull_px2: float, min_side_px: float)
 
 
 @dataclass(frozen=True)
-class Found:
-    """What the coloured regions of a picture amount to.
+class Segments:
+    """The coloured regions of a picture as quadrilaterals.
 
     Attributes:
         quads: (4,2) corners [px] each, of regions that are whole.
@@ -255,6 +255,37 @@ class Found:
     cut: list[Region]
 
 
+QuadsOf = Callable[[Image, list[Region], VisionParameters], list[Array]]
+"""Finds the quadrilaterals (4,2) [px] among regions that are whole."""
+
+
+def segment(image: Image, window: Window, parameters: VisionParameters, quads_of: QuadsOf) -> Segments | None:
+    """The quadrilaterals in a part of a picture; None when nothing there passes the colour gate."""
+    regions = [] if window.empty else find_regions(image, window, parameters)
+    if not regions:
+        return None
+    cut = [region for region in regions if region.cut and _is_plain(region)]
+    cut_quads = (quad_from_region(region, parameters.min_side_px) for region in cut)
+    flush = (_snapped(quad, image.shape[1], image.shape[0]) for quad in cut_quads if quad is not None)
+    whole = [region for region in regions if not region.cut]
+    return Segments(quads_of(image, whole, parameters), [quad for quad in flush if quad is not None], cut)
+
+
+def find_quads(image: Image, regions: list[Region], parameters: VisionParameters) -> list[Array]:
+    """The quadrilaterals among whole regions; those of plain outline that are none get the watershed's boundary."""
+    quads = [quad_from_region(region, parameters.min_side_px) for region in regions]
+    doubtful = [index for index, quad in enumerate(quads) if quad is None and _is_plain(regions[index])]
+    for index in doubtful[:_MOST_FLOODS]:
+        quads[index] = flooded_quad(image, regions[index], parameters)
+    return [quad for quad in quads if quad is not None]
+
+
+def flooded_quad(image: Image, region: Region, parameters: VisionParameters) -> Array | None:
+    """Four corners (4,2) [px] of a region with the boundary that the watershed finds; None when it has no four."""
+    flooded = watershed_region(image, region, parameters.watershed_margin)
+    return None if flooded is None else quad_from_region(flooded, parameters.min_side_px)
+
+
 def is_cut_quad(region: Region) -> bool:
     """Whether a region that the picture's edge cuts is still four-cornered, and not a speck, as a cue's part is.
 
@@ -263,35 +294,6 @@ def is_cut_quad(region: Region) -> bool:
     hull = cv2.convexHull(region.contour_px)
     hull_px2 = cv2.contourArea(hull)
     return hull_px2 > 0.0 and _quad_of_hull(hull, hull_px2, _CUT_SIDE_PX) is not None
-
-
-def find_quads(image: Image, regions: list[Region], parameters: VisionParameters) -> Found:
-    """Quadrilaterals of regions, with the watershed where the parameters want it."""
-    found = Found([], [], [])
-    floods = 0
-    for region in regions:
-        plain = _is_plain(region)
-        if region.cut:
-            if not plain:
-                continue
-            found.cut.append(region)
-            quad = quad_from_region(region, parameters.min_side_px)
-            snapped = None if quad is None else _snapped(quad, image.shape[1], image.shape[0])
-            if snapped is not None:
-                found.flush.append(snapped)
-            continue
-        quad = None
-        if parameters.watershed != "always":
-            quad = quad_from_region(region, parameters.min_side_px)
-        if parameters.watershed == "always" or (
-            parameters.watershed == "where_needed" and quad is None and plain and floods < _MOST_FLOODS
-        ):
-            floods += 1
-            flooded = watershed_region(image, region, parameters.watershed_margin)
-            quad = None if flooded is None else quad_from_region(flooded, parameters.min_side_px)
-        if quad is not None:
-            found.quads.append(quad)
-    return found
 
 
 def _is_plain(region: Region) -> bool:

@@ -12,7 +12,8 @@ from pictures import TONES, Look, bar_picture, camera_from_bar, finish, light_of
 from shipland.camera import Camera
 from shipland.config import build
 from shipland.rig import packaged_table
-from shipland.vision.near.corners import edge_response, measure_corners
+from shipland.vision.near import edges, published
+from shipland.vision.near.edges import edge_response
 from shipland.vision.near.parameters import VisionParameters
 
 PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
@@ -31,8 +32,11 @@ def turned_box(width, height, centre=(80.3, 44.6), angle_deg=0.0):
     return 0.5 * np.array([[-width, -height], [width, -height], [width, height], [-width, height]]) @ turn + centre
 
 
-def found(image, start, camera=PLAIN, **changes):
-    return measure_corners(image, np.asarray(start)[None], camera, replace(PARAMETERS, **changes))
+METHODS = {"edges": edges.measure_corners, "forstner": published.measure_corners}
+
+
+def found(image, start, camera=PLAIN, method="edges", **changes):
+    return METHODS[method](image, np.asarray(start)[None], camera, replace(PARAMETERS, **changes))
 
 
 @pytest.mark.parametrize("distance_px", [-0.9, -0.2, 0.0, 0.3, 1.1])
@@ -77,7 +81,7 @@ def test_errors_are_as_large_as_they_say():
 @pytest.mark.parametrize("method", ["edges", "forstner"])
 def test_both_methods_find_them(method, rng):
     corners = turned_box(90.0, 30.0, angle_deg=2.0)
-    measured = found(drawn(corners, rng, Look(0.6, 1.5)), corners + 0.6, corners=method)
+    measured = found(drawn(corners, rng, Look(0.6, 1.5)), corners + 0.6, method=method)
     assert np.abs(measured.corners_px[0] - corners).max() < {"edges": 0.05, "forstner": 0.4}[method]  # px
 
 
@@ -87,7 +91,7 @@ def test_edges_beat_forstner(rng):
         corners = turned_box(60.0, 20.0, np.array([80.0, 45.0]) + rng.uniform(-0.5, 0.5, 2), rng.uniform(-5.0, 5.0))
         image = drawn(corners, rng, Look(0.5, 1.5))
         for method, kept in errors.items():
-            kept.append(found(image, corners + 0.4, corners=method).corners_px[0] - corners)
+            kept.append(found(image, corners + 0.4, method=method).corners_px[0] - corners)
     rms = {method: np.sqrt(np.mean(np.square(kept))) for method, kept in errors.items()}
     assert rms["edges"] < 0.3 * rms["forstner"]
 
@@ -157,9 +161,9 @@ def test_a_coded_lamp_that_clips_is_measured_by_its_luma(rng):
 @pytest.mark.parametrize("method", ["edges", "forstner"])
 def test_nothing_to_measure(method, rng):
     grey = np.full((90, 160, 3), 128, np.uint8)
-    assert found(grey, turned_box(60.0, 20.0), corners=method) is None
+    assert found(grey, turned_box(60.0, 20.0), method=method) is None
     noise = rng.integers(0, 255, (90, 160, 3), dtype=np.uint8)
-    measured = found(noise, turned_box(60.0, 20.0), corners=method)
+    measured = found(noise, turned_box(60.0, 20.0), method=method)
     assert measured is None or np.isfinite(measured.corners_px).all()
 
 

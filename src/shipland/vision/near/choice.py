@@ -1,0 +1,126 @@
+"""The choice among the hypotheses of one picture: whole cues first, then parts of one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from shipland.frames import Array
+from shipland.vision.near.associate import Match, match_by_geometry, match_by_prediction
+from shipland.vision.near.pose import PoseCandidate, Setup
+from shipland.vision.near.refusal import Refusal
+from shipland.vision.near.segment import Region, is_cut_quad
+from shipland.vision.near.validate import explains_absence
+
+_MOST_MEASURED = 8
+"""Hypotheses that are measured in one picture; each takes about a millisecond."""
+
+_LIKE_SIZE = 2.0
+"""Ratio of areas up to which two quadrilaterals may belong together."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The hypotheses of one picture, and what they are chosen by.
+
+    Attributes:
+        pose_of: a hypothesis's pose, or why it has none.
+        setup: cue, camera, parameters.
+        predicted_px: (n,4,2) the cue's corners by the last pose, or None.
+        cut: regions that the picture's edge cuts.
+    """
+
+    pose_of: Callable[[Match], PoseCandidate | Refusal]
+    setup: Setup
+    predicted_px: Array | None
+    cut: list[Region]
+
+    def cue_among(self, quads: list[Array], *, parts: bool) -> PoseCandidate | Refusal:
+        """Whole cues first, where the last pose predicts them and then anywhere; then parts in the same order.
+
+        Args:
+            quads: (4,2) corners [px] each, of the picture's quadrilaterals.
+            parts: whether a cue that is not whole will do.
+        """
+        if not quads:
+            return self._cut_or(Refusal.NO_QUADRILATERAL)
+        setup = self.setup
+        quads_px = setup.camera.undistort(np.concatenate(quads)).reshape(-1, 4, 2)
+        count = len(setup.plane_m)
+        predicted = None if self.predicted_px is None else match_by_prediction(quads_px, self.predicted_px)
+        refusal = Refusal.NO_MATCH
+        if predicted is not None and len(predicted.model) == count:
+            result = self.pose_of(predicted)
+            if isinstance(result, PoseCandidate):
+                return result
+            refusal = result
+        hypotheses = match_by_geometry(quads_px, setup.plane_m, math.radians(setup.parameters.max_roll_deg))
+        found, why = self._poses_of([match for match in hypotheses if len(match.model) == count])
+        if found:
+            return self._one_of(found)
+        if not parts:
+            return why or refusal
+        if predicted is not None and len(predicted.model) < count:
+            result = self.pose_of(predicted)
+            if isinstance(result, PoseCandidate):
+                return result
+        some = [match for match in hypotheses if len(match.model) < count and (self.cut or len(match.model) > 1)]
+        return self._part_of(some, quads_px) or why or self._cut_or(refusal)
+
+    def _poses_of(self, hypotheses: list[Match]) -> tuple[list[PoseCandidate], Refusal | None]:
+        """Poses, and the first reason among the others; a quadrilateral that a pose uses is not used again."""
+        found: list[PoseCandidate] = []
+        refusal: Refusal | None = None
+        used: set[int] = set()
+        for match in hypotheses[:_MOST_MEASURED]:
+            if used.intersection(match.candidates):
+                continue
+            result = self.pose_of(match)
+            if isinstance(result, PoseCandidate):
+                found.append(result)
+                used.update(match.candidates)
+            elif refusal is None:
+                refusal = result
+        return found, refusal
+
+    def _one_of(self, found: list[PoseCandidate]) -> PoseCandidate | Refusal:
+        """Of several whole cues the one that the last pose predicts, else the nearest."""
+        if len(found) == 1:
+            return found[0]
+        if self.predicted_px is not None:
+            wanted = self.predicted_px.mean(axis=(0, 1))
+            return min(found, key=lambda candidate: math.dist(candidate.corners_px.mean(axis=(0, 1)), wanted))
+        if self.setup.parameters.several_cues == "refuse":
+            return Refusal.AMBIGUOUS
+        return min(found, key=lambda candidate: candidate.distance_m)
+
+    def _part_of(self, hypotheses: list[Match], quads_px: Array) -> PoseCandidate | Refusal | None:
+        """A cue that is not whole: the one hypothesis that explains what is missing; None when there is none."""
+        area_px2 = np.array([cv2.contourArea(quad.astype(np.float32)) for quad in quads_px])
+        alone = [match for match in hypotheses if not _in_company(match, area_px2)]
+        results = [self.pose_of(match) for match in alone[:_MOST_MEASURED]]
+        proven = [
+            result for result in results if isinstance(result, PoseCandidate) and explains_absence(result, self.cut)
+        ]
+        most = max((len(candidate.match.model) for candidate in proven), default=0)
+        best = [candidate for candidate in proven if len(candidate.match.model) == most]
+        return (best[0] if len(best) == 1 else Refusal.AMBIGUOUS) if best else None
+
+    def _cut_or(self, refusal: Refusal) -> Refusal:
+        """That the cue is cut, where a cut region could be a part of one; else another reason."""
+        return Refusal.CUT_BY_FRAME if any(is_cut_quad(region) for region in self.cut) else refusal
+
+
+def _in_company(match: Match, area_px2: Array) -> bool:
+    """Whether a quadrilateral that the hypothesis does not use is as large as one that it uses, within a factor.
+
+    Another whole quadrilateral of like size belongs to a row of them, not to a cue that is cut.
+    """
+    used = area_px2[list(match.candidates)]
+    others = np.delete(area_px2, match.candidates)
+    ratio = others[:, None] / np.maximum(used, 1e-9)
+    return bool(np.any((ratio > 1.0 / _LIKE_SIZE) & (ratio < _LIKE_SIZE)))

@@ -1,0 +1,221 @@
+"""The fifth stage: the tests that a pose must pass before it is believed, each with its reason."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from shipland.frames import Array, Pose
+from shipland.messages import BarPose
+from shipland.vision.near.covariance import position_and_yaw
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.refusal import Refusal
+from shipland.vision.near.segment import Region, edge_distances
+
+if TYPE_CHECKING:
+    from shipland.vision.near.edges import MeasuredCorners
+    from shipland.vision.near.pose import PoseCandidate
+
+_MOST_COMMON = 3.0
+"""Standard deviations of the corners' common errors; a larger one would excuse rectangles of other dimensions."""
+
+_REPROJECTION_NOISE = 4.0
+"""Standard deviations of a corner that the reprojection error may have in addition."""
+
+_MOST_NOISE_PX = 0.1
+"""Most that these amount to: smeared or frayed sides state a noise that would excuse any shape."""
+
+_SIDE_NOISE = 4.0
+"""Standard deviations of a corner that the ends of a side may be off in addition."""
+
+_JUMP_M, _JUMP_SIGMAS = 0.5, 4.0
+"""Change of height, and its standard deviations, that two poses may differ by in no time."""
+
+_EDGE_PX = 1.0
+"""How far beyond the picture's edge a side that seems to lie on it may be."""
+
+_WHOLE = 0.98
+"""Share of a predicted quadrilateral in the picture from which it should have been found whole."""
+
+_COVERED = 0.6
+"""Least share of a predicted quadrilateral's visible part, and of a cut region, that the two must have in common."""
+
+_NEXT = np.array([1, 2, 3, 0])
+
+SidesAgree = Callable[[Array, Array, float, VisionParameters], bool]
+"""Measured and predicted corners (k,4,2), noise of a corner [px], parameters: whether opposite sides agree."""
+
+
+def corners_are_sharp(measured: MeasuredCorners, parameters: VisionParameters) -> bool:
+    """Whether blur and noise are small against the cue's shortest side."""
+    shortest_px = _shortest_px(measured.corners_px)
+    blurred = measured.blur_px is not None and measured.blur_px > parameters.max_blur * shortest_px
+    return not (blurred or measured.noise_px > parameters.max_noise * shortest_px)
+
+
+def validate(candidate: PoseCandidate, screen: SidesAgree) -> Refusal | None:
+    """Why a pose is refused; None when it passes reprojection gate, screening of opposite sides, and reach."""
+    corners, taken, measured = candidate.corners, candidate.solutions[0], candidate.measured
+    parameters, corners_px = candidate.setup.parameters, corners.undistorted_px
+    if corners.common_px is not None:
+        if not np.abs(taken.common).max() <= _MOST_COMMON:
+            return Refusal.REPROJECTION
+        corners_px = corners_px - np.tensordot(taken.common, corners.common_px, axes=1)
+    tolerance = candidate.setup.manufacturing_tolerance
+    if not taken.reprojection_px <= largest_reprojection_px(corners_px, measured.noise_px, tolerance, parameters):
+        return Refusal.REPROJECTION
+    if measured.held and _beyond_edge(candidate):
+        return Refusal.CUT_BY_FRAME
+    if not screen(corners_px, corners_px + taken.residual_px, measured.noise_px, parameters):
+        return Refusal.SIDES_UNEQUAL
+    return None if within_reach(taken.camera_from_plane, parameters) else Refusal.OUT_OF_REACH
+
+
+def largest_reprojection_px(
+    corners_px: Array, noise_px: float, manufacturing_tolerance: float, parameters: VisionParameters
+) -> float:
+    """Root-mean-square distance up to which corners fit the cue.
+
+    Args:
+        corners_px: (k,4,2) measured.
+        noise_px: their largest standard deviation.
+        manufacturing_tolerance: what the cue's dimensions are made to (`Target.manufacturing_tolerance`).
+        parameters: of the near chain.
+    """
+    diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
+    most_px = parameters.reprojection_px + manufacturing_tolerance * diagonal_px
+    return most_px + min(_REPROJECTION_NOISE * noise_px, _MOST_NOISE_PX)
+
+
+def sides_agree(measured_px: Array, predicted_px: Array, noise_px: float, parameters: VisionParameters) -> bool:
+    """Whether opposite sides agree within ±10 % in length and ±5 % in slope, perspective allowed for.
+
+    As printed (`published.sides_agree`), opposite sides are compared with each other. A rectangle seen obliquely from
+    near by fails that: at 2 m and 40° off, one end of the rig's rectangle is 15 % longer than the other. Here the ratio
+    of the lengths and the difference of the slopes are compared with those of the pose. For a distant or frontal view
+    both readings are one.
+
+    Args:
+        measured_px: (k,4,2) corners, clockwise from the first.
+        predicted_px: (k,4,2) the same corners projected with the pose.
+        noise_px: standard deviation of a measured corner.
+        parameters: tolerances.
+    """
+    (ratio, predicted), (shorter_px, _) = opposite_sides(np.array([measured_px, predicted_px]))
+    return ratio_is_within(ratio / predicted, shorter_px, noise_px, parameters)
+
+
+def ratio_is_within(
+    ratio: npt.NDArray[np.complex128], shorter_px: Array, noise_px: float, parameters: VisionParameters
+) -> bool:
+    """Whether ratios of opposite sides, as `opposite_sides` has them, are 1 within the tolerances.
+
+    Corners of a small rectangle are too uncertain for fractions: a few pixels are always allowed.
+    """
+    unsure = (parameters.screening_px + _SIDE_NOISE * noise_px) / np.minimum(shorter_px, 1e6)
+    length = np.abs(ratio)
+    tolerance = 1.0 + np.maximum(parameters.length_tolerance, unsure)
+    steepest = np.maximum(parameters.slope_tolerance, unsure)
+    agree = (length <= tolerance) & (length * tolerance >= 1.0)
+    agree &= np.abs(ratio.imag) <= steepest * np.maximum(ratio.real, 1e-9)
+    return bool(agree.all())
+
+
+def opposite_sides(quads_px: Array) -> tuple[npt.NDArray[np.complex128], Array]:
+    """(…,2) ratio of opposite sides, top to bottom and right to left, as complex numbers; (…,2) the shorter's length.
+
+    The magnitude is the ratio of the lengths, the angle's tangent the difference of the slopes.
+    """
+    corners = quads_px.view(np.complex128)[..., 0]
+    sides = corners[..., _NEXT] - corners
+    lengths = np.abs(sides)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return sides[..., :2] / -sides[..., 2:], np.minimum(lengths[..., :2], lengths[..., 2:])
+
+
+def within_reach(camera_from_plane: Pose, parameters: VisionParameters) -> bool:
+    """Whether a pose lies within the range and obliquity that are accepted."""
+    sight_m = camera_from_plane.translation_m
+    distance_m, facing = float(np.linalg.norm(sight_m)), float(camera_from_plane.rotation[:, 2] @ sight_m)
+    least_facing = math.cos(math.radians(parameters.max_obliquity_deg))
+    return distance_m <= parameters.max_distance_m and facing >= least_facing * distance_m
+
+
+def jumps(pose: BarPose, last: Pose, passed_s: float, parameters: VisionParameters) -> bool:
+    """Whether the camera would have risen or sunk since the last pose faster than an aircraft does.
+
+    The image of a cue that is its own reflection, in a wet deck or in water, is that of a cue which hangs lower.
+
+    Args:
+        pose: found now.
+        last: the last pose, camera_from_plane.
+        passed_s: time between them.
+        parameters: how fast that is.
+    """
+    if parameters.track_climb_mps <= 0.0:
+        return False
+    last_in_bar_m, _ = position_and_yaw(last)
+    risen_m = abs(float(pose.position_in_bar_m[2] - last_in_bar_m[2]))
+    unsure_m = _JUMP_SIGMAS * math.sqrt(max(float(pose.covariance[2, 2]), 0.0))
+    return risen_m > _JUMP_M + unsure_m + parameters.track_climb_mps * passed_s
+
+
+def explains_absence(candidate: PoseCandidate, cut: Sequence[Region]) -> bool:
+    """Whether the picture's edge explains the quadrilaterals that a pose lacks.
+
+    None of them may be one that should be there whole; and unless at least two quadrilaterals are whole, one that the
+    edge cuts must be found where the pose predicts it.
+    """
+    setup = candidate.setup
+    predicted_px = setup.projected_px(candidate.camera_from_plane)
+    if not np.isfinite(predicted_px).all():
+        return False
+    size_px = (setup.camera.width_px, setup.camera.height_px)
+    proven = len(candidate.match.model) > 1
+    for model, quad_px in enumerate(predicted_px):
+        if model in candidate.match.model:
+            continue
+        visible_px2 = _clipped_area(quad_px, size_px)
+        if visible_px2 >= _WHOLE * abs(cv2.contourArea(quad_px.astype(np.float32))):
+            return False
+        proven |= visible_px2 > 0.0 and any(_same_place(quad_px, region, size_px) for region in cut)
+    return proven
+
+
+def _beyond_edge(candidate: PoseCandidate) -> bool:
+    """Whether a corner that was set on the picture's edge lies more than a pixel off it by the pose."""
+    camera, residual_px = candidate.setup.camera, candidate.solutions[0].residual_px
+    held = edge_distances(candidate.corners_px, camera.width_px, camera.height_px) < 0.5
+    off_px = np.abs(residual_px[..., [0, 1, 0, 1]])
+    return bool(np.any(held & (off_px > _EDGE_PX)))
+
+
+def _shortest_px(quads_px: Array) -> float:
+    """The shortest side of quadrilaterals (n,4,2)."""
+    points = np.ascontiguousarray(quads_px).view(np.complex128)[..., 0]
+    return float(np.abs(points - points[:, [1, 2, 3, 0]]).min())
+
+
+def _picture_corners(size_px: tuple[int, int]) -> Array:
+    width, height = size_px
+    return np.array([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
+
+
+def _clipped_area(quad_px: Array, size_px: tuple[int, int]) -> float:
+    """Area [px²] of the part of a convex quadrilateral that lies in the picture."""
+    area, _ = cv2.intersectConvexConvex(quad_px.astype(np.float32), _picture_corners(size_px).astype(np.float32))
+    return float(area)
+
+
+def _same_place(quad_px: Array, region: Region, size_px: tuple[int, int]) -> bool:
+    """Whether a cut region fills what the picture shows of a predicted quadrilateral, and no more."""
+    hull = cv2.convexHull(region.contour_px).astype(np.float32)
+    hull_px2 = cv2.contourArea(hull)
+    visible_px2 = _clipped_area(quad_px, size_px)
+    common_px2, _ = cv2.intersectConvexConvex(quad_px.astype(np.float32), hull)
+    return common_px2 >= _COVERED * visible_px2 and common_px2 >= _COVERED * hull_px2 and hull_px2 > 0.0
