@@ -12,6 +12,8 @@ SERVE ?=
 test test-slow fuzz bench: export OMP_NUM_THREADS := 1
 test test-slow fuzz bench: export OPENBLAS_NUM_THREADS := 1
 test test-slow fuzz bench: export LP_NUM_THREADS := 1
+# The byte code of tests and sources is kept: pytest rewrites every assertion of a file that has none, in every worker.
+test test-slow: export PYTHONDONTWRITEBYTECODE :=
 
 help: ## list what there is (default)
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1 @/p' $(MAKEFILE_LIST) | while IFS=@ read -r name what; do printf 'make %-10s %s\n' "$$name" "$$what"; done

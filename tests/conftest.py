@@ -1,5 +1,6 @@
 """Shared by every test: one thread a process, hypothesis' profile, the packaged rig and camera, a seeded generator."""
 
+import fcntl
 import logging
 import os
 import signal
@@ -12,7 +13,9 @@ import hypothesis
 import numpy as np
 import pytest
 
+import shipland
 from shipland.camera import Camera, CameraParameters
+from shipland.compiled import cache_folder
 from shipland.config import build
 from shipland.rig import Rig, default_rig, packaged_table
 
@@ -54,6 +57,21 @@ def pytest_runtest_setup(item):
     if _OWN_TURN is not None:
         later = 0 if REAL_TIME in item.path.parents else 10
         os.setpriority(os.PRIO_PROCESS, 0, _OWN_TURN + later)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(tmp_path_factory):
+    """Of the workers beside each other, one compiles what a flight calls; the others wait for its machine code."""
+    folder = cache_folder(Path(shipland.__file__).parent)
+    if folder is None or "PYTEST_XDIST_WORKER" not in os.environ:
+        return
+    with (tmp_path_factory.getbasetemp().parent / "compiling").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not any(folder.rglob("*.nbi")):
+            from shipland.scenario.fly import fly_quietly
+            from shipland.scenario.scenario import load_scenario
+
+            fly_quietly(load_scenario("rig-natops", time_limit_s=1.0), "horizon", "geometric", 3)
 
 
 @pytest.fixture(scope="session")

@@ -65,11 +65,11 @@ def test_wind_of_the_near_scenario_spreads():
 @pytest.mark.parametrize("camera", ["geometric", "rendered"])
 def test_same_seed_gives_the_same_log(camera, tmp_path):
     config = tmp_path / "short.toml"
-    config.write_text("time_limit_s = 1.5\n")
+    config.write_text("time_limit_s = 0.7\n")
     for name in ("one", "two"):
         fly(config, vision=camera, seed=5, out=tmp_path / name, video=False)
     assert (tmp_path / "one/flight.mcap").read_bytes() == (tmp_path / "two/flight.mcap").read_bytes()
-    assert len(read_log(tmp_path / "one/flight.mcap").records) > 30
+    assert len(read_log(tmp_path / "one/flight.mcap").records) > 10
 
 
 def test_another_seed_gives_another_flight():
@@ -99,7 +99,7 @@ def test_geometric_camera_errs_as_the_rendered_one(distance_m):
     """Both look at the same moments of a hover: both find the bar, with errors of like size."""
     scenario = near(start={"distance_m": distance_m, "distance_half_range_m": 0.5, "heading_error_half_range_deg": 3.0})
     errors = {"rendered": [], "geometric": []}
-    for seed in (1, 2, 3, 4):
+    for seed in (1, 2):
         scene = build_scene(scenario, seed)
         vehicle = build_vehicle(scenario, seed, scene)
         target, camera = scenario.rig.target, vehicle.camera

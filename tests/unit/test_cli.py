@@ -6,22 +6,15 @@ import signal
 import subprocess
 import sys
 
+import cv2
+import numpy as np
 import pytest
 
 from shipland.cli import main
+from shipland.commands import campaign
 from shipland.record.reader import read_log
 
 HEAVY = ("mujoco", "moderngl", "matplotlib", "cv2", "av", "foxglove", "scipy", "openvino", "torch", "numpy")
-
-
-def shipland(*arguments, cwd=None):
-    return subprocess.run(
-        [sys.executable, "-m", "shipland.cli", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        cwd=cwd,
-        timeout=120,
-    )
 
 
 @pytest.fixture
@@ -61,20 +54,26 @@ def test_the_list_of_commands_fits_two_screens_and_each_command_tells_all(here):
     assert "Exit code: 0 landed" in fly
 
 
-def test_of_many_landings_the_terminal_shows_the_sums(tmp_path):
-    code = "from shipland.commands import campaign; campaign._ROWS_SHOWN = 1; from shipland.cli import main; main()"
-    words = ["campaign", "--set", "time_limit_s=1", "--count", "2", "--workers", "1", "--out", str(tmp_path / "out")]
-    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=120)
+SHORT_CAMPAIGN = ("campaign", "--set", "time_limit_s=1", "--count", "2", "--workers", "1", "--out")
+
+
+def test_of_many_landings_the_terminal_shows_the_sums(tmp_path, here, monkeypatch):
+    monkeypatch.setattr(campaign, "_ROWS_SHOWN", 1)
+    monkeypatch.setattr(campaign, "_PROGRESS_S", 0.0)
+    done = here(*SHORT_CAMPAIGN, tmp_path / "out")
     assert done.stdout.startswith("0 of 2 landed in the square")
     assert "| seed |" in (tmp_path / "out" / "table.md").read_text()
     assert "out: pilot horizon, 2 landings" in done.stderr
-    compared = shipland("compare", tmp_path, tmp_path)
+    # How far it is, where there is no terminal.
+    assert "1 of 2 flown, 0 in the square" in done.stderr
+    assert "2 of 2 flown" in done.stderr
+    compared = here("compare", tmp_path, tmp_path)
     assert compared.returncode == 2
     assert f"give one of {tmp_path / 'out'}" in compared.stderr
 
 
 def test_version_and_scenarios(here):
-    assert shipland("version").stdout.strip()
+    assert here("version").stdout.strip()
     assert "near" in here("scenarios").stdout
 
 
@@ -130,11 +129,9 @@ def test_bad_input_is_one_line_and_exit_2(arguments, words, tmp_path, here, monk
     assert words in line
 
 
-def test_see_prints_one_json_line_a_picture(tmp_path):
-    cv2 = pytest.importorskip("cv2")
-    np = pytest.importorskip("numpy")
+def test_see_prints_one_json_line_a_picture(tmp_path, here):
     cv2.imwrite(str(tmp_path / "dark.png"), np.zeros((720, 1280, 3), np.uint8))
-    done = shipland("see", tmp_path / "dark.png", "--json")
+    done = here("see", tmp_path / "dark.png", "--json")
     assert done.returncode == 0
     line = json.loads(done.stdout)
     assert list(line) == [
@@ -146,10 +143,10 @@ def test_see_prints_one_json_line_a_picture(tmp_path):
     assert line["reason"]
 
 
-def test_a_full_disk_is_one_line_after_the_flight(tmp_path):
+def test_a_full_disk_is_one_line_after_the_flight(tmp_path, here):
     (tmp_path / "flight.mcap").symlink_to("/dev/full")
     short = ("--set", "time_limit_s=2", "--vision", "geometric", "--no-video")
-    done = shipland("fly", *short, "--out", tmp_path)
+    done = here("fly", *short, "--out", tmp_path)
     assert done.returncode == 2
     *_, last = done.stderr.strip().splitlines()
     assert last.startswith("shipland: the flight is not on record as asked: log given up:")
@@ -215,14 +212,3 @@ def test_a_connection_that_is_lost_ends_the_flight_in_order(tmp_path):
         "flight.mcap", "plots.png", "summary.json", "timing.json",
     ]  # fmt: skip
     assert read_log(tmp_path / "flight.mcap").complete
-
-
-def test_a_campaign_says_how_far_it_is_where_there_is_no_terminal(tmp_path):
-    code = (
-        "from shipland.commands import campaign; campaign._PROGRESS_S = 0.0; "
-        "from shipland.cli import main; main()"
-    )  # fmt: skip
-    words = ["campaign", "--set", "time_limit_s=1", "--count", "2", "--workers", "1", "--out", str(tmp_path)]
-    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, timeout=120)
-    assert "1 of 2 flown, 0 in the square" in done.stderr
-    assert "2 of 2 flown" in done.stderr

@@ -19,16 +19,23 @@ from shipland.scenario.faults import Fault, FaultDraw, FaultKind, faults_of, wit
 from shipland.scenario.fly import fly_quietly
 from shipland.scenario.scenario import load_scenario
 
-START_S, LONG_S = 2.0, 2.0
+START_S, LONG_S, LONGEST_S = 1.0, 2.0, 4.5
+"""A fault begins, lasts, and the flight ends."""
 HOVER = PilotCommand(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-def flown(kind, length_s=6.0, pilot="horizon", also=(), **fault):
-    """Records and the scenario of a short flight in which one thing fails, and others `also`."""
+@cache
+def flown(kind, length_s=LONGEST_S, **fault):
+    """Records and the scenario of a short flight in which one thing fails; flown once."""
+    return flown_with(kind, length_s, (), **fault)
+
+
+def flown_with(kind, length_s, also, **fault):
+    """The same with other faults `also`."""
     table = {"kind": kind, "start_s": START_S, "duration_s": LONG_S} | fault
     scenario = load_scenario("rig-natops", fault=[table, *also])
     vehicle = build_vehicle(scenario, 3, None)
-    faulty, autonomy = with_faults(scenario, vehicle, build_autonomy(scenario, vehicle, pilot, "geometric", 3), 3)
+    faulty, autonomy = with_faults(scenario, vehicle, build_autonomy(scenario, vehicle, "horizon", "geometric", 3), 3)
     records = []
     fly(faulty, autonomy, length_s, lambda: 0.0, records.append)
     return records, scenario
@@ -38,7 +45,6 @@ def during(records, late_s=0.3):
     return [it for it in records if START_S + late_s < it.telemetry.t_s < START_S + LONG_S - 0.1]
 
 
-@cache
 def clean():
     return flown("low_battery", size=50.0)[0]
 
@@ -164,7 +170,7 @@ def test_a_frozen_gimbal_moves_the_height_by_what_it_is_off_at_that_range():
 
 @pytest.mark.parametrize(("direction", "axis"), [([0.0, 1.0, 0.0], 1), ([0.0, 0.0, 1.0], 2)])
 def test_flow_is_off_in_the_direction_that_is_said(direction, axis):
-    records = flown("flow_bias", size=2.0, direction_in_level=direction)[0]
+    records = flown("flow_bias", size=2.0, direction_in_level=tuple(direction))[0]
     false = next(it for it in records if it.telemetry.t_s > START_S + 0.02)
     sound = next(it for it in clean() if it.telemetry.t_s > START_S + 0.02)
     off_mps = false.telemetry.velocity_in_level_mps - sound.telemetry.velocity_in_level_mps
@@ -223,7 +229,7 @@ def test_after_a_stall_over_the_deck_nothing_is_left_of_the_landing():
 
 def test_blind_after_a_stall_it_climbs_held_by_the_vehicle_and_then_backs_off_against_the_wind():
     dark = {"kind": "occlusion", "start_s": 12.9, "duration_s": 20.0}
-    records, _ = flown("process_stall", 27.0, also=[dark], start_s=13.0, duration_s=3.0)
+    records, _ = flown_with("process_stall", 27.0, [dark], start_s=13.0, duration_s=3.0)
     commands = {it.telemetry.t_s: it.decision.command for it in records if it.telemetry.t_s > 16.5}
     assert {it.intent for it in commands.values()} == {Intent.GO_AROUND}
     climb, back = ([it for t_s, it in commands.items() if lo < t_s < hi] for lo, hi in ((16.5, 20.0), (21.0, 23.0)))
@@ -242,7 +248,7 @@ def test_blind_after_a_stall_it_climbs_held_by_the_vehicle_and_then_backs_off_ag
 
 def test_who_lost_the_place_near_the_ship_climbs_out_and_does_not_search():
     dark = {"kind": "occlusion", "start_s": 8.9, "duration_s": 20.0}
-    records, _ = flown("process_stall", 18.0, also=[dark], start_s=9.0, duration_s=2.0)
+    records, _ = flown_with("process_stall", 18.0, [dark], start_s=9.0, duration_s=2.0)
     after = [it for it in records if it.telemetry.t_s > 11.5]
     assert after[0].decision.estimate is None
     assert after[-1].decision.mode is Mode.GO_AROUND
@@ -274,7 +280,7 @@ def test_a_pilot_that_raises_holds_far_from_the_deck_and_climbs_near_it():
 
 def test_a_mirror_image_that_comes_while_the_pilot_raises_leads_nobody_down():
     mirror = {"kind": "reflection", "start_s": 9.66, "duration_s": 3.9, "size": 1.2}
-    records, _ = flown("pilot_raises", 45.0, also=[mirror], start_s=9.62, duration_s=2.7)
+    records, _ = flown_with("pilot_raises", 45.0, [mirror], start_s=9.62, duration_s=2.7)
     anew = [it for it in records if it.telemetry.t_s > 12.5 and it.decision.estimate is not None]
     assert len(anew) > 30
     for record in anew:
