@@ -164,15 +164,22 @@ def test_a_bar_that_contradicts_the_gimbal_is_not_flown_on(over_deck_m):
     assert ("safety" in committed.said) == (over_deck_m > PARAMETERS.monitor.commit_m)
 
 
-def test_who_comes_near_on_boxes_alone_goes_around():
+@pytest.mark.parametrize("posed", [True, False])
+def test_who_comes_near_on_boxes_alone_goes_around_unless_no_pose_was_ever_seen(posed):
     flight = Flight(over_deck(1.2, -1.5))
+    if posed:
+        flight.fly(1.0, {})
+    flight.seen = False
+    flight.fly(20.0, {"intent": Intent.HOLD})
+    assert "safety" not in flight.said
+    flight.t_s += STEP_S
     box_px = CAMERA.focal_px * np.array(RIG.board_size_m) / -flight.place_m[0]
-    seen = Observation(0.0, GimbalAttitude(0.0, 0.0), None, Box((640.0, 360.0), tuple(box_px), 0.9))
-    telemetry = Telemetry(100.0, 0.0, 0.0, 0.0, 5.0, np.zeros(3), 80.0, 90.0, True, 100.0, 100.0, 100.0, 100.0)
-    decision = Decision(PilotCommand(100.0, 5.0, 0.0, 0.0, 0.0, 0.0), Mode.TRACK_BAR, "asked")
-    checked = flight.safety.check(decision, replace(seen, t_s=100.0), telemetry)
-    assert "no pose yet" in checked.reason
-    assert checked.command.heave_percent > 0.0
+    bar = Observation(flight.t_s, GimbalAttitude(0.0, 0.0), None, Box((640.0, 360.0), tuple(box_px), 0.9))
+    decision = Decision(PilotCommand(flight.t_s, 5.0, 0.0, 0.0, 0.0, 0.0), Mode.TRACK_BAR, "asked")
+    telemetry = Telemetry(flight.t_s, 0.0, 0.0, 0.0, 5.0, np.zeros(3), 80.0, 90.0, True, *[flight.t_s] * 4)
+    checked = flight.safety.check(decision, bar, telemetry)
+    assert ("no pose for" in checked.reason) == posed
+    assert (checked.command.heave_percent > 0.0) == posed
 
 
 def test_a_ships_way_is_no_contradiction():

@@ -266,10 +266,8 @@ def blind_near(look: Look) -> Finding | None:
     distance_m, blind_s = look.estimate.bar_in_level()[0], look.t_s - look.estimate.pose_s
     near = look.command.intent is Intent.FLY and distance_m < look.limits.near_m
     known = blind_s < _POSED_S or look.t_s - look.estimate.bar_box_s < look.limits.blind_s
-    if not near or not known or blind_s <= look.limits.blind_s:
+    if not near or not known or not look.limits.blind_s < blind_s < math.inf:
         return None
-    if blind_s == math.inf:
-        return Finding(Action.GO_AROUND, f"no pose yet, {distance_m:.1f} m from the bar")
     return Finding(Action.GO_AROUND, f"no pose for {blind_s:.1f} s, {distance_m:.1f} m from the bar")
 
 
