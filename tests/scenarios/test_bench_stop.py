@@ -5,11 +5,11 @@ import subprocess
 import sys
 import time
 
-GRID = ["--scenario", "rig-natops", "--pilot", "paper", "horizon", "--set", "time_limit_s=2.0", "--runs", "8"]
+GRID = ["--scenario", "rig-natops", "--pilot", "paper,horizon", "--set", "time_limit_s=2.0", "--runs", "8"]
 
 
 def bench(out, workers):
-    words = ["bench", "run", *GRID, "--ceiling-motions", "0", "--out", str(out), "--workers", str(workers)]
+    words = ["campaign", *GRID, "--ceiling-motions", "0", "--out", str(out), "--workers", str(workers)]
     return [sys.executable, "-m", "shipland.cli", *words]
 
 
