@@ -120,7 +120,8 @@ class Campaign:
         pilots = names_of("pilot", self.pilot)
         if self.ceiling_motions == 1 or self.ceiling_motions < 0:
             raise ConfigError(f"--ceiling-motions must be 0, or 2 and more, got {self.ceiling_motions}")
-        words, entries = "", (SuiteEntry(names_of("scenario", self.scenario or "near"), (), self.vision),)
+        words = ""
+        entries: tuple[SuiteEntry, ...] = (SuiteEntry(names_of("scenario", self.scenario or "near"), (), self.vision),)
         if self.suite:
             suite = load_suite(self.suite)
             words, entries = f"{suite.name} {suite.version}", suite.cells
