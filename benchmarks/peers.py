@@ -2,7 +2,7 @@
 
 Rounds alternate between ours and theirs, so that a busy machine slows all alike; medians of the rounds, by processor
 time of one process. RotorPy and PyFlyt live in an environment of their own: `make peers` makes it, without it their
-rows are left out. Last, by the clock, landings a minute of `shipland bench run` with one worker and with two.
+rows are left out. Last, by the clock, landings a minute of `shipland campaign` with one worker and with two.
 
 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 python benchmarks/peers.py [rounds] [landings]
 """
@@ -102,7 +102,7 @@ def landings_a_minute(workers: int, landings: int) -> float:
     def clocked(runs: int) -> float:
         with tempfile.TemporaryDirectory() as folder:
             flags = ["--runs", str(runs), "--workers", str(workers), "--ceiling-motions", "0", "--out", folder]
-            command = [sys.executable, "-W", "ignore", "-m", "shipland", "bench", "run", "--scenario", SCENARIO]
+            command = [sys.executable, "-W", "ignore", "-m", "shipland", "campaign", "--scenario", SCENARIO]
             started_s = time.perf_counter()
             subprocess.run([*command, "--pilot", "horizon", *flags], check=True, capture_output=True)
             return time.perf_counter() - started_s
@@ -125,7 +125,7 @@ def main(rounds: int = 3, landings: int = 40) -> None:
         print(f"| {label} | {physics_hz} | {steps:,.0f} | {seconds:.0f} |", flush=True)
     if len(rows) < len(ROWS):
         print("\nRotorPy and PyFlyt are not here: `make peers` installs them.")
-    print(f"\n| `bench run`, {SCENARIO}, pilot `horizon` | landings a minute |\n|---|---:|")
+    print(f"\n| `campaign`, {SCENARIO}, pilot `horizon` | landings a minute |\n|---|---:|")
     for workers in (1, 2):
         print(f"| workers: {workers} | {landings_a_minute(workers, landings):.0f} |", flush=True)
 

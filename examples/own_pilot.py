@@ -1,7 +1,7 @@
 """A pilot of one's own in twenty lines: it stays up for a while before the packaged pilot may go down.
 
 shipland fly --pilot own_pilot:patient --vision geometric --out out/patient      # in this folder
-shipland campaign --pilot horizon,own_pilot:patient --count 100                    # side by side with another
+shipland campaign --pilot horizon,own_pilot:patient --runs 100                    # side by side with another
 """
 
 from dataclasses import replace

@@ -1,6 +1,6 @@
 """Why faulted flights failed, by flying each again: without one of its faults, and going around from the last one on.
 
-    shipland bench run faults --pilot horizon --runs 209 --out out/faults
+    shipland campaign faults --pilot horizon --runs 209 --out out/faults
     python tools/fault_causes.py out/faults            # every flight there that is no landing in the square
 
 A flight is a *hit* when it was no landing: it struck something, fell into the sea, or broke a limit. A safe action
@@ -126,7 +126,7 @@ def main(folder: tyro.conf.Positional[Path]) -> None:
     """Fly failed flights again.
 
     Args:
-        folder: of `shipland bench run faults`.
+        folder: of `shipland campaign faults`.
     """
     flights, rows, console = failed_in(folder), [HEAD], Console()
     for failed in track(flights, "flying again", console=console, disable=not console.is_terminal):

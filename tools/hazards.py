@@ -1,6 +1,6 @@
 """What flights into hazards touched: a row a cell of the suite `hazards`, and whether a bad contact could be avoided.
 
-    shipland bench run hazards --pilot horizon --runs 100 --ceiling-motions 0 --out out/hazards
+    shipland campaign hazards --pilot horizon --runs 100 --ceiling-motions 0 --out out/hazards
     python tools/hazards.py out/hazards                # the table
     python tools/hazards.py out/hazards --safe-action  # and each bad contact flown again
 
@@ -121,7 +121,7 @@ def main(folder: tyro.conf.Positional[Path], *, safe_action: bool = False) -> No
     """Print the table.
 
     Args:
-        folder: of `shipland bench run hazards`.
+        folder: of `shipland campaign hazards`.
         safe_action: fly every bad contact again, climbing.
     """
     console, actions = Console(), None

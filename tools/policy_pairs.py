@@ -1,7 +1,7 @@
 """Learned policies beside `horizon` on the same flights: rms of the touchdowns, and who lands in the square.
 
-    shipland bench run --scenario rig-natops ship-sea6 --pilot horizon residual learned --loop attitude \
-        --wind 5 9 --runs 200 --workers 2 --out out/policies
+    shipland campaign --scenario rig-natops,ship-sea6 --pilot horizon,residual,learned \
+        --set aircraft.loop.kind=attitude --set wind.mean_mps=5,9 --runs 200 --workers 2 --out out/policies
     python tools/policy_pairs.py out/policies [out/td3 …]
 
 A touchdown counts by its components from the deck's centre, each at most 0.5 m; a flight without a
@@ -86,7 +86,7 @@ def table_of(cells: list[CellResult]) -> Iterator[str]:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folders", type=Path, nargs="+", help="of `shipland bench run`")
+    parser.add_argument("folders", type=Path, nargs="+", help="of `shipland campaign`")
     print("\n".join(table_of(read_bench(parser.parse_args().folders))))
 
 

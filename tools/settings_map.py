@@ -1,6 +1,6 @@
 """Draw where a pilot lands over MaxTilt, wind, the ship's way and what a stick means.
 
-    shipland bench run settings --pilot paper --runs 5 --workers 2 --out out/settings
+    shipland campaign settings --pilot paper --runs 5 --workers 2 --out out/settings
     python tools/settings_map.py --results out/settings --picture out/settings/map.png
 
 Prints the shares by inner loop and wind; each number in the picture is of the flights of one cell.
@@ -14,11 +14,13 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-import pyarrow.parquet as pq
 import tyro
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
+
+from shipland.evaluation.bench import read_bench
+from shipland.evaluation.landing import row_of
 
 LOOPS = {
     ("attitude", 0.0): "stick = tilt",
@@ -29,16 +31,17 @@ LOOPS = {
 
 
 def main(results: Path, picture: Path = Path("out/settings-map.png")) -> None:
-    """Draw the flights of `shipland bench run settings`.
+    """Draw the flights of `shipland campaign settings`.
 
     Args:
         results: its folder.
         picture: file to write.
     """
     cells: dict[tuple[Any, ...], list[dict[str, Any]]] = defaultdict(list)
-    for row in pq.read_table(results / "flights.parquet").to_pylist():
-        trim_s = float(row.get("aircraft.loop.wind_trim_s") or 0.0)
-        cells[(row["loop"], trim_s), row["ship_mps"], row["max_tilt_deg"], row["wind_mps"]].append(row)
+    for cell in read_bench([results]):
+        trim_s = float(dict(cell.settings).get("aircraft.loop.wind_trim_s", 0.0))
+        for row in map(row_of, cell.landings):
+            cells[(row["loop"], trim_s), row["ship_mps"], row["max_tilt_deg"], row["wind_mps"]].append(row)
     ways, tilts, winds = (sorted({key[i] for key in cells}) for i in (1, 2, 3))
     figure, axes = plt.subplots(len(ways), len(LOOPS), figsize=(10.5, 2.6 * len(ways)), squeeze=False)
     for column, (loop, title) in enumerate(LOOPS.items()):

@@ -10,7 +10,6 @@ from typing import Annotated, Any, Protocol, Union
 
 import tyro
 
-from shipland.commands.bench import Bench
 from shipland.commands.calibrate import Calibrate
 from shipland.commands.campaign import Campaign
 from shipland.commands.compare import Compare
@@ -24,9 +23,11 @@ from shipland.commands.motion import Motion
 from shipland.commands.paper import Paper
 from shipland.commands.publish import Publish
 from shipland.commands.replay import Replay
+from shipland.commands.report import Report
 from shipland.commands.scenarios import Scenarios
 from shipland.commands.see import See
 from shipland.commands.serve_physics import ServePhysics
+from shipland.commands.suites import Suites
 from shipland.commands.synth import Synth
 from shipland.commands.train import Train
 from shipland.commands.version import Version
@@ -37,7 +38,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Fly,
     Campaign,
     Compare,
-    Bench,
+    Report,
     Replay,
     Paper,
     Motion,
@@ -53,6 +54,7 @@ COMMANDS: tuple[type[Command], ...] = (
     ServePhysics,
     Scenarios,
     Config,
+    Suites,
     Version,
 )
 """In the order of `shipland --help`."""

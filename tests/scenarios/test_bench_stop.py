@@ -5,11 +5,11 @@ import subprocess
 import sys
 import time
 
-GRID = ["--scenario", "rig-natops", "--pilot", "paper", "horizon", "--set", "time_limit_s=2.0", "--runs", "6"]
+GRID = ["--scenario", "rig-natops", "--pilot", "paper,horizon", "--set", "time_limit_s=2.0", "--runs", "6"]
 
 
 def bench(out, workers):
-    words = ["bench", "run", *GRID, "--ceiling-motions", "0", "--out", str(out), "--workers", str(workers)]
+    words = ["campaign", *GRID, "--ceiling-motions", "0", "--out", str(out), "--workers", str(workers)]
     return [sys.executable, "-m", "shipland.cli", *words]
 
 
@@ -28,7 +28,7 @@ def test_a_run_that_is_killed_and_gone_on_with_gives_the_same_tables(tmp_path):
             run.send_signal(how)
             said = run.communicate(timeout=60)[1]
         assert "Traceback" not in said
-        assert run.returncode == (-signal.SIGKILL if how is signal.SIGKILL else 1)
+        assert run.returncode == (-signal.SIGKILL if how is signal.SIGKILL else 130)
         assert before + 2 <= rows(out) < 12
     assert subprocess.run(bench(out, 1), capture_output=True, timeout=300).returncode == 0
     assert subprocess.run(bench(whole, 1), capture_output=True, timeout=300).returncode == 0

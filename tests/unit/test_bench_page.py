@@ -16,7 +16,7 @@ from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
 from shipland.report.bench_page import bench_page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-ABOUT = {"command": "shipland bench run made-up", "machine": {"processor": "p", "cores": 2, "platform": "Linux"}}
+ABOUT = {"command": "shipland campaign made-up", "machine": {"processor": "p", "cores": 2, "platform": "Linux"}}
 
 
 def made_up(folder):

@@ -54,22 +54,25 @@ def test_the_list_of_commands_fits_two_screens_and_each_command_tells_all(here):
     assert "Exit code: 0 landed" in fly
 
 
-SHORT_CAMPAIGN = ("campaign", "--set", "time_limit_s=1", "--count", "2", "--workers", "1", "--out")
-
-
-def test_of_many_landings_the_terminal_shows_the_sums(tmp_path, here, monkeypatch):
-    monkeypatch.setattr(campaign, "_ROWS_SHOWN", 1)
-    monkeypatch.setattr(campaign, "_PROGRESS_S", 0.0)
-    done = here(*SHORT_CAMPAIGN, tmp_path / "out")
-    assert done.stdout.startswith("0 of 2 landed in the square")
-    assert "| seed |" in (tmp_path / "out" / "table.md").read_text()
-    assert "out: pilot horizon, 2 landings" in done.stderr
+def test_a_campaign_leaves_tables_and_is_compared_and_reported(tmp_path, here, monkeypatch):
+    monkeypatch.setattr(campaign, "_SAY_EVERY_S", 0.0)
+    out = tmp_path / "out"
+    words = ["campaign", "--set", "time_limit_s=1", "--runs", "2", "--workers", "1", "--ceiling-motions", "0"]
+    done = here(*words, "--pilot", "paper,horizon", "--out", str(out))
+    assert done.returncode == 0, done.stderr
     # How far it is, where there is no terminal.
-    assert "1 of 2 flown, 0 in the square" in done.stderr
-    assert "2 of 2 flown" in done.stderr
-    compared = here("compare", tmp_path, tmp_path)
+    assert "4 of 4 flown" in done.stderr
+    cell = out / "near_time_limit_s=1_horizon"
+    assert "| near | horizon | 2 | 0 (0.0 %) |" in done.stdout
+    assert "| seed |" in (cell / "table.md").read_text()
+    assert (cell / "landings.png").exists()
+    assert len((out / "flights.csv").read_text().splitlines()) == 5
+    assert "2 seeds flown by both" in here("compare", cell, out / "near_time_limit_s=1_paper").stdout
+    assert "| near_time_limit_s=1_paper | 2 |" in here("compare", out, out).stdout
+    assert here("report", out, "--ceiling-motions", "0").returncode == 0
+    compared = here("compare", out, tmp_path)
     assert compared.returncode == 2
-    assert f"give one of {tmp_path / 'out'}" in compared.stderr
+    assert "holds no campaign" in compared.stderr
 
 
 def test_version_and_scenarios(here):
@@ -97,7 +100,7 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
         (("fly", "--config", "unknown.toml"), "did you mean 'deck_size_m'"),
         (("fly", "--config", "value.toml"), "mean_mps"),
         (("fly", "--out", "file.txt"), "file.txt"),
-        (("campaign", "--count", "0"), "at least 1"),
+        (("campaign", "--runs", "0"), "at least 1"),
         (("motion", "--set", "ship.sea.sea_state=9"), "sea_state"),
         (("fly", "--seed", "-1"), "0 or more"),
         (("campaign", "--first-seed", "-1"), "0 or more"),

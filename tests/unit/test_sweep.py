@@ -5,50 +5,36 @@ from dataclasses import replace
 import pytest
 from test_campaign import GOOD, seeded
 
+from shipland.commands.options import names_of
 from shipland.config import setting
 from shipland.errors import ConfigError
-from shipland.evaluation.sweep import Cell, cells, comparison, sweep_table, text_of
-from shipland.report.outputs import load_outputs
-from shipland.report.sweep_plots import plot_sweep
+from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
+from shipland.evaluation.sweep import combinations, comparison, text_of
 from shipland.scenario.scenario import load_scenario, scenario_table
 
 CHANGES = ("wind.mean_mps=0,3.5", "ship.motion=sea", "vision.hue=[35, 85]")
 
 
 def test_every_combination_once():
-    found = cells(CHANGES, ["paper", "horizon"])
-    assert [cell.name for cell in found] == [
-        "paper-wind.mean_mps=0", "paper-wind.mean_mps=3.5",
-        "horizon-wind.mean_mps=0", "horizon-wind.mean_mps=3.5",
-    ]  # fmt: skip
-    scenario = load_scenario(scenario_table("near", None, found[1].changes))
+    found = combinations(CHANGES)
+    assert [chosen[0] for chosen in found] == [("wind.mean_mps", "0"), ("wind.mean_mps", "3.5")]
+    scenario = load_scenario(scenario_table("near", None, [f"{key}={value}" for key, value in found[1]]))
     assert (scenario.wind.mean_mps, scenario.ship.motion, scenario.vision.hue) == (3.5, "sea", (35, 85))
 
 
-def test_one_campaign_is_a_sweep_of_one():
-    (cell,) = cells((), ["paper"])
-    assert cell == Cell("paper", (), ())
+def test_without_changes_there_is_one():
+    assert combinations(()) == [()]
 
 
 def test_a_foreign_pilots_name_makes_a_folder():
-    (cell,) = cells((), ["my.module:factory"])
-    assert cell.name == "my.module_factory"
+    (cell,) = bench_cells([SuiteEntry(("near",))], Overrides(("statistics:mean",)))
+    assert cell.name == "near_statistics.mean"
 
 
-def test_a_pilot_twice_is_refused():
-    with pytest.raises(ConfigError, match="different names"):
-        cells((), ["paper", "paper"])
-
-
-def test_side_by_side(tmp_path):
-    missed = replace(seeded(GOOD, 2), in_square=False, forward_m=0.4)
-    done = [(cell, [GOOD, missed] if "3.5" in cell.name else [GOOD]) for cell in cells(CHANGES, ["paper", "mine"])]
-    rows = sweep_table(done, "square").splitlines()
-    assert rows[0].startswith("| pilot | wind.mean_mps | in the square |")
-    assert rows[3].startswith("| paper | 3.5 | 1 of 2 |")
-    assert len(rows) == 6
-    plot_sweep(tmp_path / "sweep.png", done, "made up", "square", load_outputs().plots)
-    assert (tmp_path / "sweep.png").stat().st_size > 10_000
+def test_a_name_twice_is_refused():
+    for text in ("paper,paper", "paper,", ""):
+        with pytest.raises(ConfigError, match="different names"):
+            names_of("pilot", text)
 
 
 def test_pairs_are_the_seeds_that_both_flew():

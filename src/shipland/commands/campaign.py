@@ -1,128 +1,184 @@
-"""`shipland campaign`: many landings with a progress bar, tables and pictures; sweeps of them side by side."""
+"""`shipland campaign`: many landings of one scenario, of every combination of values and pilots, or of a suite."""
 
 from __future__ import annotations
 
+import shlex
 import sys
 import time
-from dataclasses import dataclass, replace
+from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from shipland.commands.options import ScenarioOptions, checked_seed, command_line
+import tyro
+
+from shipland.commands.options import Changes, checked_seed, command_line, names_of
 from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
-    from shipland.evaluation.campaign import CampaignPlan
-    from shipland.evaluation.landing import Landing
-    from shipland.evaluation.sweep import Cell
+    from shipland.evaluation.bench import Bench, BenchPlan
+
+_SAY_EVERY_S = 15.0
 
 
 @dataclass(frozen=True)
-class Campaign(ScenarioOptions):
-    """Fly many seeds of one scenario and sum them up; what was flown before is kept and not flown again.
+class Campaign:
+    """Fly the cells of a suite, or every combination of the scenarios and values given here.
 
-    Leaves landings.csv, campaign.json, table.md and landings.png in the output folder. Several values
-    (`--set wind.mean_mps=0,3,6`) or several pilots (`--pilot paper,horizon`) make one campaign each, in a folder
-    of its own, and sweep.md and sweep.png with all side by side. Exit code: 0 all landed in the square, 1 not, 2 bad
-    input, 130 stopped by Ctrl-C; the same command goes on.
+    A cell is one scenario with one value of every setting and one pilot; all cells share the workers and fly the same
+    seeds. Leaves bench.json, tables.md, flights.csv, and in a folder a cell landings.csv, table.md, landings.png and
+    the logs of flights that did not land in the square. Ctrl-C, SIGTERM and --time-limit-s stop in order; run
+    the command again to resume. Results of other code, configuration or weights are refused. Exit code: 0 everything
+    is flown, however it landed, 1 not, 2 bad input, 130 stopped by a person.
 
-    Example: shipland campaign --scenario near --count 20 --out out/near20
+    Example: shipland campaign --scenario near --runs 20 --out out/near20
 
-    Example: shipland campaign --scenario near --set wind.mean_mps=0,3,6 --pilot paper,horizon --out out/wind
+    Example: shipland campaign near --pilot paper,horizon --runs 100 --out out/near
+
+    Example: shipland campaign --scenario rig-natops,ship-sea6 --set wind.mean_mps=0,5,9
+        --set aircraft.loop.kind=attitude,velocity --runs 200 --time-limit-s 540 --out out/tables
     """
 
+    suite: Annotated[str, tyro.conf.Positional] = ""
+    """Name of a suite (see `shipland suites`), or the path of its TOML file; none with --scenario."""
+    out: Path = Path("out/campaign")
+    """Output folder; made when missing."""
+    scenario: str = ""
+    """As in `shipland fly`, instead of a suite; several with commas between."""
     pilot: str = "horizon"
     """Who flies, as in `shipland fly`; several with commas between."""
     vision: str = "geometric"
-    """As in `shipland fly`."""
+    """Who sees, as in `shipland fly`; a suite says it itself."""
+    changes: Annotated[Changes, tyro.conf.arg(name="set", metavar="KEY=A,B,…")] = ()
+    """Values of a key, laid over every cell, as `--set wind.mean_mps=0,5,9`; may be given again."""
+    config: Path | None = None
+    """TOML file laid over every scenario."""
+    only: tuple[str, ...] = ()
+    """Shell patterns of cells to fly, as `--only 'rig-*mean_mps=5*'`."""
+    runs: int = 20
+    """Flights a cell."""
     first_seed: int = 1
-    """First seed."""
-    count: int = 20
-    """Number of landings."""
-    out: Path = Path("out/campaign")
-    """Output folder; made when missing."""
+    """Seed of the first."""
     workers: int = 2
-    """Processes."""
+    """Processes; without meaning with --cluster."""
+    cluster: str = ""
+    """Fly on a Ray cluster: its address, or `auto` (extra `cluster`)."""
+    time_limit_s: float = 0.0
+    """Stop in order after so long; 0: no limit."""
+    ceiling_motions: int = 60
+    """Motions drawn for each ceiling; 0: no ceilings."""
     logs: bool = False
-    """Keep each flight's log, without pictures, as flights/SEED.mcap: `shipland paper --flights` draws from them."""
+    """Keep the log of every flight, without pictures, in CELL/flights: `shipland paper --flights` draws from them."""
+    print_only: bool = False
+    """Fly nothing; print the tables of what there is."""
 
     def run(self) -> int:
-        """Fly; 0 when all landed in the square, 1 when not."""
-        from shipland.evaluation.sweep import cells
-        from shipland.rig import area_of
+        """Fly and print; 0 when everything asked for is flown, 1 when not."""
+        from shipland.evaluation.bench import open_bench, read_bench
+        from shipland.evaluation.bench_rows import write_rows
+        from shipland.evaluation.bench_tables import ceilings_of, leaderboard, pairs, rivals
+        from shipland.report.campaign import write_campaign
 
-        for name, value in (("count", self.count), ("workers", self.workers)):
+        plan = self._plan()
+        stopped = False
+        with open_bench(plan) as bench:
+            left = sum(1 for _ in bench.missing())
+            if left and not self.print_only:
+                done, stopped = self._fly(bench, left)
+                left -= done
+        names = [cell.name for cell in plan.cells]
+        everything = read_bench([plan.out])
+        write_rows(plan.out / "flights.csv", everything)
+        asked = {cell.name: cell for cell in everything if cell.name in names}
+        cells = [asked[name] for name in names]
+        for planned, flown in zip(plan.cells, cells, strict=True):
+            if flown.landings:
+                write_campaign(plan.out / flown.name, planned, flown.landings)
+        ceilings = {}
+        if self.ceiling_motions:
+            ceilings = ceilings_of(cells, self.ceiling_motions, plan.out / "ceilings.json")
+        parts = ["\n".join(leaderboard(cells, ceilings)), "\n".join(rivals(cells))]
+        if len({cell.pilot for cell in cells}) > 1:
+            parts.append("\n".join(pairs(cells)))
+        text = "\n\n".join(parts)
+        print(text)
+        (plan.out / "tables.md").write_text(text + "\n", encoding="utf-8")
+        print(
+            f"{plan.out}: tables.md, flights.csv, and for each cell a folder with landings.csv, table.md, landings.png "
+            f"and logs; one page of all: shipland report {shlex.quote(str(plan.out))}",
+            file=sys.stderr,
+        )
+        return 130 if stopped else int(left > 0)
+
+    def _plan(self) -> BenchPlan:
+        from shipland.evaluation.bench import BenchPlan
+        from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells, load_suite
+
+        for name, value in (("runs", self.runs), ("workers", self.workers)):
             if value < 1:
                 raise ConfigError(f"--{name} must be at least 1, got {value}")
-        combined = cells(self.changes, self.pilot.split(","))
-        plans = [self._plan(cell, self.out if len(combined) == 1 else self.out / cell.name) for cell in combined]
-        done = [(cell, _fly(plan)) for cell, plan in zip(combined, plans, strict=True)]
-        if len(done) > 1:
-            _write_sweep(self, done, area_of(plan.scenario.rig for plan in plans))
-        return 0 if all(it.good for _, landings in done for it in landings) else 1
+        if self.suite and self.scenario:
+            raise ConfigError("give either a suite (`shipland suites` names them) or --scenario")
+        pilots = names_of("pilot", self.pilot)
+        if self.ceiling_motions == 1 or self.ceiling_motions < 0:
+            raise ConfigError(f"--ceiling-motions must be 0, or 2 and more, got {self.ceiling_motions}")
+        words = ""
+        entries: tuple[SuiteEntry, ...] = (SuiteEntry(names_of("scenario", self.scenario or "near"), (), self.vision),)
+        if self.suite:
+            suite = load_suite(self.suite)
+            words, entries = f"{suite.name} {suite.version}", suite.cells
+        cells = bench_cells(entries, Overrides(pilots, self.changes, self.config, self.only))
+        seeds = range(checked_seed(self.first_seed), self.first_seed + self.runs)
+        return BenchPlan(cells, seeds, self.out, words, command_line(), self.logs)
 
-    def _plan(self, cell: Cell, out: Path) -> CampaignPlan:
-        """Checked before anything flies."""
-        from shipland import factories
-        from shipland.evaluation.campaign import CampaignPlan
+    def _fly(self, bench: Bench, left: int) -> tuple[int, bool]:
+        """Fly with a progress line; how many were flown, and whether a person stopped it."""
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-        scenario = replace(self, changes=cell.changes).load()
-        factories.resolve("pilots", cell.pilot)
-        factories.resolve("visions", self.vision)
-        seeds = range(checked_seed(self.first_seed), self.first_seed + self.count)
-        return CampaignPlan(scenario, cell.pilot, self.vision, seeds, out, self.workers, self.logs, command_line())
+        from shipland.evaluation.bench import processes
+        from shipland.evaluation.statistics import share_interval
+        from shipland.rig import area_of
 
+        if self.cluster:
+            from shipland.evaluation.cluster import cluster
 
-_PROGRESS_S = 10.0
-"""Between two lines of progress where there is no terminal."""
-
-_ROWS_SHOWN = 20
-"""Landings that are shown one by one; of more, the sums alone: table.md has every row."""
-
-
-def _fly(plan: CampaignPlan) -> list[Landing]:
-    from contextlib import closing
-
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
-    from shipland.evaluation.campaign import run_campaign
-    from shipland.evaluation.rules import rules_table
-    from shipland.evaluation.tables import landings_table, summary_of
-    from shipland.report.campaign import write_campaign
-
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    landings: list[Landing] = []
-    area = plan.scenario.rig.landing_area
-    columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    said_s = time.monotonic()
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
-        task = progress.add_task("landings", total=len(plan.seeds))
-        with closing(run_campaign(plan)) as flown:
-            for landing in flown:
-                if not landings:
-                    console.print(f"{plan.out}: pilot {plan.pilot}, {len(plan.seeds)} landings")
-                landings.append(landing)
-                good = sum(each.good for each in landings)
-                progress.update(task, advance=1, description=f"{good} of {len(landings)} in the {area}")
-                if not console.is_terminal and time.monotonic() - said_s > _PROGRESS_S:
-                    said_s = time.monotonic()
-                    console.print(f"{len(landings)} of {len(plan.seeds)} flown, {good} in the {area}")
-    write_campaign(plan, landings)
-    rows = landings_table(landings, area) if len(landings) <= _ROWS_SHOWN else summary_of(landings, area)
-    print(f"{rows}\n\n{rules_table(landings, plan.scenario.rig)}")
-    console.print(f"{plan.out}: landings.csv, campaign.json, table.md, landings.png")
-    return landings
-
-
-def _write_sweep(command: Campaign, done: list[tuple[Cell, list[Landing]]], area: str) -> None:
-    from shipland.evaluation.sweep import sweep_table
-    from shipland.report.outputs import load_outputs
-    from shipland.report.sweep_plots import plot_sweep
-
-    text = sweep_table(done, area)
-    (command.out / "sweep.md").write_text(f"{text}\n", encoding="utf-8")
-    title = f"{command.scenario}, vision {command.vision}, {command.count} landings each"
-    plot_sweep(command.out / "sweep.png", done, title, area, load_outputs().plots)
-    print(f"\n{text}")
-    print(f"{command.out}: sweep.md, sweep.png, and a folder for each of {len(done)} campaigns", file=sys.stderr)
+            executor = cluster(self.cluster)
+        else:
+            executor = processes(min(self.workers, left))
+        flown, good, stopped = 0, 0, False
+        begun_s = said_s = time.monotonic()
+        console = Console(stderr=True, highlight=False)
+        cells, area = len(bench.plan.cells), area_of(cell.scenario.rig for cell in bench.plan.cells)
+        console.print(f"{cells} cell{'s' * (cells > 1)}, {left} of {cells * self.runs} flights to fly")
+        columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        try:
+            with (
+                Progress(*columns, console=console, disable=not console.is_terminal) as progress,
+                closing(bench.fly(executor)) as flights,
+            ):
+                task = progress.add_task("flights", total=left)
+                for _, landing in flights:
+                    flown, good, now_s = flown + 1, good + landing.good, time.monotonic()
+                    low, high = share_interval(good, flown)
+                    words = f"{good} of {flown} in the {area} ({100.0 * low:.0f}–{100.0 * high:.0f} %)"
+                    progress.update(task, advance=1, description=words)
+                    if not console.is_terminal and now_s - said_s > _SAY_EVERY_S:
+                        said_s = now_s
+                        minutes = (left - flown) * (now_s - begun_s) / flown / 60.0
+                        print(f"{words}, {left - flown} to fly, {minutes:.1f} min to go", file=sys.stderr, flush=True)
+                    if self.time_limit_s and now_s - begun_s > self.time_limit_s:
+                        break
+        except KeyboardInterrupt:
+            stopped = True
+            console.print("stopped")
+        spent_s = time.monotonic() - begun_s
+        console.print(
+            f"{flown} of {left} flown in {spent_s:.0f} s ({60.0 * flown / spent_s:.0f} a minute)"
+            + ("" if flown == left else "; run the command again to resume")
+        )
+        for cell, seed, reason in bench.lost[:10]:
+            console.print(f"lost: {cell}, seed {seed}: {reason}")
+        if len(bench.lost) > 10:
+            console.print(f"lost: {len(bench.lost) - 10} more")
+        return flown, stopped

@@ -1,4 +1,4 @@
-"""`shipland compare`: two campaigns seed by seed."""
+"""`shipland compare`: two campaigns, or two cells, seed by seed."""
 
 from __future__ import annotations
 
@@ -11,23 +11,33 @@ import tyro
 
 @dataclass(frozen=True)
 class Compare:
-    """Compare two campaigns that flew the same seeds: who landed where the other did not, and the touchdown errors.
+    """Compare two folders that flew the same seeds: who landed where the other did not, and the touchdown errors.
+
+    Of two campaigns with several cells the cells in common are compared, a line each: two versions of the code, for
+    instance.
 
     Prints McNemar's exact test and a paired bootstrap of the difference of the median errors.
 
-    Example: shipland compare out/campaign/paper out/campaign/horizon
+    Example: shipland compare out/campaign/near_paper out/campaign/near_horizon
+
+    Example: shipland compare out/before out/after
     """
 
     first: Annotated[Path, tyro.conf.Positional]
-    """Folder of a campaign."""
+    """Folder of a campaign, or of a cell in one."""
     second: Annotated[Path, tyro.conf.Positional]
     """Folder of another."""
 
     def run(self) -> int:
         """Print the comparison."""
+        from shipland.evaluation.bench import read_bench
+        from shipland.evaluation.bench_tables import paired
         from shipland.evaluation.folder import read_campaign
         from shipland.evaluation.sweep import comparison
 
+        if all((folder / "bench.json").exists() for folder in (self.first, self.second)):
+            print("\n".join(paired(read_bench([self.first]), read_bench([self.second]))))
+            return 0
         first, second = read_campaign(self.first), read_campaign(self.second)
         print(comparison(first, second, (str(self.first), str(self.second))))
         return 0

@@ -58,3 +58,11 @@ def checked_seed(seed: int) -> int:
     if seed < 0:
         raise ConfigError(f"a seed must be 0 or more, got {seed}")
     return seed
+
+
+def names_of(option: str, text: str) -> tuple[str, ...]:
+    """Names with commas between; ConfigError names the option when one is empty or comes twice."""
+    names = tuple(text.split(","))
+    if len(set(names)) < len(names) or not all(names):
+        raise ConfigError(f"--{option} {text}: expected different names, separated by commas")
+    return names

@@ -41,6 +41,7 @@ class BenchPlan:
             did not land in the square, bench.json what was asked for.
         suite: name and version; empty for a grid of the command line.
         command: command line to write down.
+        logs: keep the log of every flight.
     """
 
     cells: Sequence[BenchCell]
@@ -48,6 +49,7 @@ class BenchPlan:
     out: Path
     suite: str = ""
     command: str = ""
+    logs: bool = False
 
 
 class Bench:
@@ -74,7 +76,9 @@ class Bench:
             for cell in plan.cells:
                 if seed not in self._folders[cell.name].seeds:
                     log = plan.out / cell.name / "flights" / f"{seed}.mcap"
-                    yield FlightJob(cell.scenario, cell.pilot, cell.vision, seed, log, True, cell.name, plan.command)
+                    yield FlightJob(
+                        cell.scenario, cell.pilot, cell.vision, seed, log, not plan.logs, cell.name, plan.command
+                    )
 
     def fly(self, executor: Executor) -> Generator[tuple[FlightJob, Landing], None, None]:
         """Fly what is missing and yield it as it is kept; closing the generator stops in order."""
@@ -97,6 +101,8 @@ def open_bench(plan: BenchPlan) -> Iterator[Bench]:
         DataError: it holds landings of other code, configuration or weights, another process flies in it, or it cannot
             be written.
     """
+    if (plan.out / "landings.csv").exists():
+        raise DataError(f"{plan.out} holds one table of landings, not a campaign's cells; give another folder")
     with stop_requests(), claimed(plan.out):
         yield Bench(plan)
 

@@ -1,43 +1,16 @@
-"""Many landings of one scenario: a row each, resumable, on several cores."""
+"""One flight of a campaign and its row."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from shipland.evaluation.folder import campaign_key, open_folder
 from shipland.evaluation.landing import Landing, landing_of
-from shipland.evaluation.workers import run_jobs
 from shipland.factories import Factory
 from shipland.messages import FlightRecord
 from shipland.scenario.fly import flight_log, fly_quietly
 from shipland.scenario.scenario import Scenario
-from shipland.stopping import check_stop, stop_requests
-
-
-@dataclass(frozen=True)
-class CampaignPlan:
-    """A campaign with a folder: one scenario, one pilot, many seeds.
-
-    Attributes:
-        scenario: what is flown.
-        pilot, vision: names, as `factories.resolve` takes them.
-        seeds: of the flights.
-        out: folder; made when missing.
-        workers: processes.
-        logs: keep each flight's log, without pictures, as flights/SEED.mcap.
-        command: command line to write into the logs.
-    """
-
-    scenario: Scenario
-    pilot: str
-    vision: str
-    seeds: Sequence[int]
-    out: Path
-    workers: int
-    logs: bool
-    command: str = ""
+from shipland.stopping import check_stop
 
 
 @dataclass(frozen=True)
@@ -85,31 +58,3 @@ def land_once(flight: FlightJob) -> Landing:
             writer.finish(flown.verdict)
         part.replace(flight.log)
     return landing
-
-
-def run_campaign(plan: CampaignPlan) -> Generator[Landing, None, None]:
-    """Yield the landings, first those found in `landings.csv`, then the others as they are flown and written.
-
-    Raises:
-        DataError: the folder holds landings of another code, configuration or weights, or a broken table; another
-            campaign flies in it; or it cannot be written.
-    """
-    key = campaign_key(plan.scenario, plan.pilot, plan.vision)
-    logs = plan.out / "flights" if plan.logs else None
-    with stop_requests(), open_folder(plan.out, key) as folder:
-        missing = [seed for seed in plan.seeds if seed not in folder.done]
-        yield from (folder.done[seed] for seed in plan.seeds if seed in folder.done)
-        flights = [
-            FlightJob(
-                plan.scenario,
-                plan.pilot,
-                plan.vision,
-                seed,
-                None if logs is None else logs / f"{seed}.mcap",
-                command=plan.command,
-            )
-            for seed in missing
-        ]
-        workers = min(plan.workers, max(len(missing), 1))
-        for _, landing in run_jobs(land_once, flights, workers, lambda _, landing: folder.append(landing)):
-            yield landing

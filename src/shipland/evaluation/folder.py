@@ -98,7 +98,7 @@ def _version_of(name: str) -> str:
 
 
 class CampaignFolder:
-    """An open folder; made by `open_folder`.
+    """An open folder; made by `folder_in`.
 
     Attributes:
         done: landings found in it, by seed.
@@ -128,20 +128,12 @@ class CampaignFolder:
         self.seeds.add(landing.seed)
 
 
-@contextmanager
-def open_folder(out: Path, key: dict[str, Any]) -> Iterator[CampaignFolder]:
-    """The folder of a campaign, made when missing, for this process alone.
+def folder_in(out: Path, key: dict[str, Any]) -> CampaignFolder:
+    """A campaign's folder, made when missing, within one that is `claimed`.
 
     Raises:
-        DataError: it holds landings of another key or a broken table, another process flies in it, or it cannot be
-            written.
+        DataError: it holds landings of another key or a broken table, or it cannot be written.
     """
-    with claimed(out):
-        yield folder_in(out, key)
-
-
-def folder_in(out: Path, key: dict[str, Any]) -> CampaignFolder:
-    """A campaign's folder, made when missing, within one that is `claimed`; DataError as `open_folder`."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         return CampaignFolder(out, key)

@@ -12,7 +12,7 @@ from typing import Any
 from shipland import factories
 from shipland.config import build, packaged_names, packaged_toml, read_toml, require
 from shipland.errors import ConfigError
-from shipland.evaluation.sweep import cells as combinations
+from shipland.evaluation.sweep import combinations
 from shipland.former import as_before
 from shipland.record.info import config_digest
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
@@ -145,17 +145,16 @@ def bench_cells(entries: Sequence[SuiteEntry], asked: Overrides) -> list[BenchCe
         factories.resolve("visions", entry.vision)
         changes = (*entry.set, *asked.changes)
         for name in entry.scenarios:
-            for chosen in combinations(changes, ["-"]):
-                scenario = load_scenario(scenario_table(name, asked.config, chosen.changes))
-                packaged = tuple(tuple(text.split("=", 1)) for text in chosen.changes)
-                settings = tuple((key, value) for key, value in packaged)
+            for settings in combinations(changes):
+                laid_over = [f"{key}={value}" for key, value in settings]
+                scenario = load_scenario(scenario_table(name, asked.config, laid_over))
                 for pilot in asked.pilots:
                     cell = BenchCell(scenario, settings, pilot, entry.vision)
                     if found.setdefault(cell.name, cell).scenario != cell.scenario:
                         raise ConfigError(f"two cells are called {cell.name} and differ")
     chosen_cells = [it for it in found.values() if _wanted(it.group, asked.only)]
     if not chosen_cells:
-        raise ConfigError(f"no cell is called {' or '.join(asked.only)}; see `shipland bench list SUITE`")
+        raise ConfigError(f"no cell is called {' or '.join(asked.only)}; see `shipland suites SUITE`")
     return chosen_cells
 
 

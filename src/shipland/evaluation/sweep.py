@@ -1,12 +1,10 @@
-"""Campaigns side by side: every combination of the values and pilots asked for, with the same seeds."""
+"""Every combination of several values, and two tables of landings seed by seed."""
 
 from __future__ import annotations
 
 import itertools
 import json
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,42 +15,14 @@ from shipland.evaluation.statistics import share_interval
 from shipland.evaluation.tables import interval_text, pair_up
 
 
-@dataclass(frozen=True)
-class Cell:
-    """One campaign of a sweep.
-
-    Attributes:
-        pilot: who flies.
-        changes: `section.key=value`, each with one value, as `scenario_table` takes them.
-        swept: those of them that have other values in other cells, key and value.
-    """
-
-    pilot: str
-    changes: tuple[str, ...]
-    swept: tuple[tuple[str, str], ...]
-
-    @property
-    def name(self) -> str:
-        """The cell in words; also its folder's name."""
-        words = "-".join([self.pilot, *(f"{key}={value}" for key, value in self.swept)])
-        return re.sub(r"[^\w.=+-]+", "_", words)
-
-
-def cells(changes: Sequence[str], pilots: Sequence[str]) -> list[Cell]:
-    """Every combination of the several values in `changes` and the pilots, the last key varying fastest.
+def combinations(changes: Sequence[str]) -> list[tuple[tuple[str, str], ...]]:
+    """Every combination of the values in `changes`, as (key, value) pairs, the last key varying fastest.
 
     Raises:
-        ConfigError: a text is no setting, or a pilot comes twice.
+        ConfigError: a text is no setting.
     """
-    if len(set(pilots)) < len(pilots) or not all(pilots):
-        raise ConfigError(f"--pilot {','.join(pilots)}: expected different names, separated by commas")
     options = [[(key, text_of(value)) for value in values] for key, values in map(setting, changes)]
-    swept = {choices[0][0] for choices in options if len(choices) > 1}
-    return [
-        Cell(pilot, tuple(f"{key}={value}" for key, value in chosen), tuple(it for it in chosen if it[0] in swept))
-        for pilot in pilots
-        for chosen in itertools.product(*options)
-    ]
+    return list(itertools.product(*options))
 
 
 def text_of(value: object) -> str:
@@ -64,32 +34,6 @@ def text_of(value: object) -> str:
     if isinstance(value, str) and setting(f"key={value}")[1] != [value]:
         return json.dumps(value)  # quotes that keep it one string
     return str(value)
-
-
-def sweep_table(done: Sequence[tuple[Cell, Sequence[Landing]]], area: str) -> str:
-    """Markdown: a row a cell; `area` in a word, as `rig.area_of` says it."""
-    keys = [key for key, _ in done[0][0].swept]
-    head = [
-        "pilot",
-        *keys,
-        f"in the {area}",
-        "95 % interval",
-        "median error [m]",
-        "median sink [m/s]",
-        "median time [s]",
-    ]
-    lines = [f"| {' | '.join(head)} |", f"|{'|'.join(['---'] * (1 + len(keys)) + ['---:'] * 5)}|"]
-    for cell, landings in done:
-        good = sum(landing.good for landing in landings)
-        low, high = share_interval(good, len(landings))
-        figures = [
-            median([landing.error_m for landing in landings], 3),
-            median([landing.sink_mps for landing in landings], 2),
-            median([landing.time_s for landing in landings], 1),
-        ]
-        share = [f"{good} of {len(landings)}", f"{100.0 * low:.1f}–{100.0 * high:.1f} %"]
-        lines.append(f"| {' | '.join([cell.pilot, *(value for _, value in cell.swept), *share, *figures])} |")
-    return "\n".join(lines)
 
 
 def median(values: Sequence[float], digits: int) -> str:

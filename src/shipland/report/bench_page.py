@@ -23,7 +23,7 @@ from shipland.report.svg import Column, Points, Share, colour_of, point_chart, s
 from shipland.rig import area_of
 
 _MOST_LISTED = 300
-"""Failures listed on the page; all are in flights.parquet."""
+"""Failures listed on the page; all are in flights.csv."""
 _STYLE = """
 :root{--ink:#1d2430;--dim:#5b6675;--line:#d9dee5;--page:#fff;--band:#f5f7f9}
 @media(prefers-color-scheme:dark){:root{--ink:#e6e9ee;--dim:#9aa5b4;--line:#353d49;--page:#14181e;--band:#1c222b}}
@@ -274,7 +274,7 @@ def _failures(cells: Sequence[CellResult], folder: Path) -> str:
     head = "".join(
         f"<th>{name}</th>" for name in ("cell", "seed", "cause", "in words", "what was made to fail", "again")
     )
-    more = f"<p>{len(failed) - _MOST_LISTED} more in flights.parquet.</p>" if len(failed) > _MOST_LISTED else ""
+    more = f"<p>{len(failed) - _MOST_LISTED} more in flights.csv.</p>" if len(failed) > _MOST_LISTED else ""
     body, area = "".join(f"<tr>{row}</tr>" for row in rows), area_of(cell.rig for cell in cells)
     return (
         f"<details><summary>{len(failed)} flights that did not land in the {area}</summary>"

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from shipland.errors import DataError
-from shipland.evaluation.campaign import CampaignPlan
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.rules import rules_table
+from shipland.evaluation.suite import BenchCell
 from shipland.evaluation.tables import causes_table, landings_table, modes_table
 from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
 from shipland.report.outputs import load_outputs
@@ -18,13 +19,13 @@ from shipland.scenario.scenario import Scenario
 from shipland.sim.ship.ship import build_ship
 
 
-def write_campaign(plan: CampaignPlan, landings: Sequence[Landing]) -> None:
+def write_campaign(folder: Path, cell: BenchCell, landings: Sequence[Landing]) -> None:
     """Write `table.md`, `landings.png` and, where all flights meet one motion, `instants.png`.
 
     Raises:
         DataError: one of them cannot be written.
     """
-    scenario = plan.scenario
+    scenario = cell.scenario
     tables = [
         landings_table(landings, scenario.rig.landing_area),
         causes_table(landings),
@@ -32,21 +33,21 @@ def write_campaign(plan: CampaignPlan, landings: Sequence[Landing]) -> None:
         rules_table(landings, scenario.rig),
     ]
     try:
-        (plan.out / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
+        (folder / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
     except OSError as error:
-        raise DataError(f"{plan.out / 'table.md'} cannot be written: {error.strerror}") from None
+        raise DataError(f"{folder / 'table.md'} cannot be written: {error.strerror}") from None
     touchdowns = Touchdowns(
         t_s=np.array([landing.time_s if landing.touched else np.nan for landing in landings]),
         place_in_deck_m=np.array([[landing.forward_m, landing.starboard_m] for landing in landings]),
         landed=np.array([landing.good for landing in landings]),
     )
-    title = f"{scenario.name}, pilot {plan.pilot}, vision {plan.vision}"
+    title = f"{scenario.name}, pilot {cell.pilot}, vision {cell.vision}"
     parameters = load_outputs().plots
-    plot_touchdowns(plan.out / "landings.png", touchdowns, scenario.rig, title, parameters)
+    plot_touchdowns(folder / "landings.png", touchdowns, scenario.rig, title, parameters)
     if scenario.ship.same_motion:
         instants_s = np.array([landing.instant_s if landing.touched else np.nan for landing in landings])
         trace = _trace(scenario, max(landing.instant_s for landing in landings) + 5.0)
-        plot_instants(plan.out / "instants.png", trace, replace(touchdowns, t_s=instants_s), title, parameters)
+        plot_instants(folder / "instants.png", trace, replace(touchdowns, t_s=instants_s), title, parameters)
 
 
 def _trace(scenario: Scenario, length_s: float) -> DeckTrace:

@@ -1,4 +1,4 @@
-"""`shipland bench list`: the suites, or the cells of one."""
+"""`shipland suites`: the suites, or the cells of one."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import tyro
 
 
 @dataclass(frozen=True)
-class BenchList:
+class Suites:
     """List the suites, or the cells of one, each with the digest of its configuration.
 
-    Example: shipland bench list near
+    Example: shipland suites near
     """
 
     suite: Annotated[str, tyro.conf.Positional] = ""

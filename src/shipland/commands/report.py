@@ -1,4 +1,4 @@
-"""`shipland bench report`: one HTML page of a bench."""
+"""`shipland report`: one HTML page of campaigns."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import tyro
 
 
 @dataclass(frozen=True)
-class BenchReport:
+class Report:
     """Make one HTML page of what was flown; it needs nothing beside it. Several folders are merged.
 
-    Example: shipland bench report out/near
+    Example: shipland report out/near
     """
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
-    """Folders of a bench; a flight that two of them hold counts once."""
+    """Folders of campaigns; a flight that two of them hold counts once."""
     out: Path | None = None
     """The page; report.html in the first folder when not given."""
     ceiling_motions: int = 60
@@ -31,7 +31,7 @@ class BenchReport:
         from shipland.report.bench_page import bench_page
 
         if not self.folders:
-            raise ConfigError("give the folder of a bench")
+            raise ConfigError("give the folder of a campaign")
         cells = read_bench(self.folders)
         if not any(cell.landings for cell in cells):
             raise DataError(f"{self.folders[0]} holds no flights yet")
