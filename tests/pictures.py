@@ -123,8 +123,8 @@ def bar_picture(target: Target, camera: Camera, pose: Pose, rng, look: Look = Lo
 
 
 def plain_canvas(camera: Camera, colour=SKY) -> Array:
-    """A canvas of one colour."""
-    return np.full((camera.height_px, camera.width_px, 3), light_of(colour))
+    """A canvas of one colour, of single precision: a power costs half as much."""
+    return np.full((camera.height_px, camera.width_px, 3), light_of(colour), np.float32)
 
 
 def add_target(

@@ -10,7 +10,7 @@ from shipland.messages import Mode
 from shipland.scenario.fly import fly_quietly
 from shipland.scenario.scenario import load_scenario, scenario_table
 
-START = {"distance_m": 110.0, "distance_half_range_m": 5.0, "bearing_half_range_deg": 30.0, "height_m": 15.0}
+START = {"distance_m": 70.0, "distance_half_range_m": 5.0, "bearing_half_range_deg": 30.0, "height_m": 15.0}
 CALM = {"mean_mps": 2.0, "mean_half_range_mps": 0.0, "turbulence": {"enabled": False}, "airwake": {"enabled": False}}
 
 
@@ -75,7 +75,7 @@ def test_other_processing_times_land_too(processing):
 def test_without_a_ship_it_searches_and_holds_and_says_so():
     none = {"range_m": [1.0, 400.0], "miss_rate": [1.0, 1.0], "centre_px": [1.0, 1.0], "area": [0.1, 0.1]}
     blind = {"ship": none, "bar": none}
-    flown, records = flight(geometric=blind | {"max_range_m": 1.0}, time_limit_s=60.0)
+    flown, records = flight(geometric=blind | {"max_range_m": 1.0}, time_limit_s=25.0)
     assert flown.verdict is None
     assert "time limit" in flown.reason
     assert {record.decision.mode for record in records} == {Mode.SEARCH}
@@ -84,8 +84,8 @@ def test_without_a_ship_it_searches_and_holds_and_says_so():
 
 
 def test_rendered_detectors_lead_towards_the_ship():
-    flown, records = flight(camera="rendered", time_limit_s=14.0, start=START | {"distance_m": 70.0, "height_m": 8.0})
+    flown, records = flight(camera="rendered", time_limit_s=11.0, start=START | {"height_m": 8.0})
     seen = [record for record in records if record.observation.ship_box or record.observation.bar_box]
     assert len(seen) > 10, flown.reason
     distances_m = [np.linalg.norm(record.truth.aircraft_in_bar_m) for record in (records[0], records[-1])]
-    assert distances_m[1] < distances_m[0] - 20.0
+    assert distances_m[1] < distances_m[0] - 15.0

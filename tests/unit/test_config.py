@@ -9,6 +9,7 @@ from typing import Literal
 import hypothesis.strategies as st
 import pytest
 from hypothesis import given
+from hypothesis import settings as hypothesis_settings
 
 from shipland.config import build, merge, nested, packaged_names, packaged_toml, read_toml, require, setting, settings
 from shipland.errors import ConfigError, ShiplandError
@@ -150,6 +151,7 @@ class TestBuild:
         with pytest.raises(ConfigError, match="s: expected a table, got 3"):
             build(Settings, 3, "s")
 
+    @hypothesis_settings(max_examples=40)
     @given(st.dictionaries(st.text(), st.recursive(st.none() | st.booleans() | st.floats() | st.text(), st.lists)))
     def test_any_table_is_either_built_or_refused_in_the_family_of_errors(self, junk):
         with pytest.raises(ShiplandError):

@@ -1,5 +1,7 @@
 """The pilots `residual` and `learned`: a policy near the landing point, and the pilot alone wherever it fails."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,7 @@ def seen(**values):
     return Steered(**(known | values))
 
 
+@cache
 def flown(pilot, path=None, **overrides):
     key = {"residual": "guidance.learned.residual", "learned": "guidance.learned.direct"}.get(pilot)
     settings = overrides | ({key: path} if path is not None else {})
@@ -94,7 +97,7 @@ def test_a_direct_policy_takes_the_place_of_the_pilots_input(policy):
 
 
 def test_a_vehicle_whose_sticks_mean_a_velocity_flies_without(policy):
-    path, velocity = policy((0.3, 0.0)), {"aircraft.loop.kind": "velocity"}
+    path, velocity = policy((0.3, 0.0)), {"aircraft.loop.kind": "velocity", "time_limit_s": 20.0}
     flight = flown("residual", path, **velocity)
     assert sticks(flight) == sticks(flown("horizon", **velocity))
     assert "sticks of this vehicle mean a velocity" in flight.records[0].decision.reason

@@ -163,7 +163,7 @@ def test_refusals_have_their_names(image, refusal):
 @pytest.mark.parametrize("kind", ["rectangles", "shapes", "foliage"])
 def test_green_things_that_are_no_bar_give_no_pose(kind):
     rng = np.random.default_rng(6)
-    for _ in range(8):  # of the whole size; test_pipeline has more of them, smaller
+    for _ in range(4):  # of the whole size; test_pipeline has more of them, smaller
         canvas = foliage(CAMERA, rng) if kind == "foliage" else decoys(CAMERA, kind, rng)
         seen = look(finish(canvas, rng))
         assert seen.bar_pose is None
@@ -315,7 +315,7 @@ def assert_sound(seen, t_s, gimbal):
 
 @pytest.mark.parametrize("adaptive", [False, True])
 @given(st.lists(SEEN, min_size=1, max_size=4))
-@settings(max_examples=60)
+@settings(max_examples=40)
 def test_whatever_comes_after_whatever_else_is_answered_in_words(adaptive, sequence):
     """Pictures, time stamps (NaN, endless, backward) and gimbals of any kind, with a pose followed or without."""
     eyes = NearVision(BAR, TINY, build(VisionParameters, merge(TABLE, {"adaptive": adaptive})))
@@ -430,7 +430,7 @@ def reflected(image):
 @pytest.mark.parametrize("gimbal", [GimbalAttitude(0.0, 0.0), NO_GIMBAL], ids=["gimbal", "no gimbal"])
 def test_a_cue_that_has_an_up_is_not_its_reflection(gimbal):
     rng = np.random.default_rng(11)
-    for _ in range(5):
+    for _ in range(3):
         range_m, azimuth_rad = rng.uniform(2.0, 15.0), rng.uniform(-0.6, 0.6)
         place_m = range_m * np.array([-np.cos(azimuth_rad), -np.sin(azimuth_rad), rng.uniform(-0.1, 0.05)])
         look = Look(0.5, 1.0)
@@ -474,7 +474,7 @@ def test_two_ellipses_are_no_rectangles():
     turn = np.linspace(0.0, 2.0 * np.pi, 65)[:-1]
     outline = np.column_stack([0.225 * np.cos(turn), 0.075 * np.sin(turn)])
     rng = np.random.default_rng(4)
-    for range_m in (17.0, 18.5, 19.0):
+    for range_m in (17.0, 19.0):
         image = np.full((720, 1280, 3), 128.0)
         for middle_m in (-0.375, 0.375):
             corners_px = project_plane(
