@@ -12,7 +12,6 @@ from shipland.estimation.heading import HeadingNoise
 from shipland.estimation.latency import LatencyParameters
 from shipland.estimation.relative_state import Disturbances
 from shipland.estimation.wave_bank import WaveParameters
-from shipland.guidance.horizon.descent import DescentParameters
 from shipland.guidance.horizon.gains import Weights
 from shipland.guidance.horizon.levelling import LevellingParameters
 
@@ -118,6 +117,51 @@ class PathParameters:
     climb_per_s: float
     climb_mps: float
     turn_per_s: float
+
+
+@dataclass(frozen=True)
+class DescentParameters:
+    """`[guidance.horizon.descent]`.
+
+    Attributes:
+        sink_mps: speed of the descent to `wait_height_m`.
+        wait_height_m: over the neutral deck, of the aircraft's centre; 0 descends without waiting.
+        wait_band_m: within this height above it the sink has ended.
+        slow_per_s: the sink slows towards it at this rate, so that the aircraft does not overshoot.
+        pause_m: the sink pauses while the offset is larger.
+        final_descent_mps: speed of the final descent.
+        final_descent_offset_m: predicted offset at contact at which the final descent begins.
+        relax_after_s, relax_per_s: after this wait the allowed offset grows by this share a second.
+        contact_height_m: of the aircraft's centre when its lowest foot touches the neutral deck.
+        deck_watch_height_m: over the neutral deck, during the deck watch.
+        deck_watch_offset_m: predicted offset from the deck's centre at contact at which the deck watch ends.
+        deck_watch_max_s: longest deck watch; then the landing goes on as with `moment = "any"`.
+        reacquire_s: from the last look down to the final descent: the camera looks up and poses correct the position.
+        reacquire_max_s: the final descent begins by then, or the deck watch begins again.
+        reacquire_offset_m: predicted offset from the deck's centre at contact at which the final descent begins.
+    """
+
+    sink_mps: float
+    wait_height_m: float
+    wait_band_m: float
+    slow_per_s: float
+    pause_m: float
+    final_descent_mps: float
+    final_descent_offset_m: float
+    relax_after_s: float
+    relax_per_s: float
+    contact_height_m: float
+    deck_watch_height_m: float
+    deck_watch_offset_m: float
+    deck_watch_max_s: float
+    reacquire_s: float
+    reacquire_max_s: float
+    reacquire_offset_m: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require(value >= 0.0, f"{name} must not be negative, got {value}")
+        require_within(self, sink_mps=(0.01, 5.0), final_descent_mps=(0.01, 5.0))
 
 
 @dataclass(frozen=True)

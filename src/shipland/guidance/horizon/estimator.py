@@ -26,7 +26,7 @@ from shipland.estimation.relative_state import (
 from shipland.estimation.wave_bank import WaveBank, WaveEstimate
 from shipland.estimation.wave_motion import WaveMotion
 from shipland.frames import GRAVITY_MPS2, Array, all_finite, rotated, wrap_angle
-from shipland.guidance.horizon.estimated import Estimated
+from shipland.guidance.horizon.estimated import Actuation, Estimated
 from shipland.guidance.horizon.heading_filters import HeadingFilters
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.places import HeightGate, Places, SeenPlace
@@ -53,7 +53,7 @@ def motion_of(response: Response) -> AxisModel:
     )
 
 
-class Navigator:
+class Estimator:
     """Keeps the filters; every input of the flight passes through here once."""
 
     def __init__(
@@ -63,18 +63,18 @@ class Navigator:
         self._places = Places(parameters.measured, rig, camera, camera_in_body_m)
         self._heights = HeightGate(response.climb_lag_s)
         self._low_m = float(rig.deck_in_bar_m[2]) - parameters.margins.low_m
-        self.motion = motion_of(response)
-        self.servo = ShapedSpeed(self.motion) if self.motion.inputs > 1 else None
+        self._motion = motion_of(response)
+        self._servo = ShapedSpeed(self._motion) if self._motion.inputs > 1 else None
         self._climb = AxisModel(0.05, 0.0, 1.0 / response.climb_lag_s)
         wave = parameters.wave
-        self._wave = wave if self.servo is None else replace(wave, followed=wave.followed_servo)
+        self._wave = wave if self._servo is None else replace(wave, followed=wave.followed_servo)
         self._bank = WaveBank(self._wave)
         self._waves: WaveEstimate | None = None
         self._along_rad: float | None = None
-        self.wave = self._wave.believed[self._wave.first]
+        self._wave_motion = self._wave.believed[self._wave.first]
         self._gust_mps2 = parameters.gust_levels_mps2[-2]
         delayed, measured = parameters.delayed, parameters.measured
-        least_mps = measured.velocity_mps if self.servo is None else measured.velocity_tracked_mps
+        least_mps = measured.velocity_mps if self._servo is None else measured.velocity_tracked_mps
         self._across = DelayedFilter(self._across_model(), delayed, least_mps)
         self._down = DelayedFilter(self._down_model(), delayed, measured.velocity_down_mps)
         self._latency = LatencyBank(parameters.latency)
@@ -82,31 +82,30 @@ class Navigator:
         self._gain_models = self._models_by_gain()
         stern_m = -float(rig.bar_in_ship_m[0]) - rig.deck_ahead_of_stern_m
         self._hull_m = (stern_m, stern_m + rig.platform_length_m, 0.5 * rig.platform_width_m)
-        self._deck_down_m = float(rig.deck_in_bar_m[2])
-        self._pushes, self._climbs = Inputs(2 * self.motion.inputs), Inputs(1)
+        self._deck_in_bar_m = rig.deck_in_bar_m
+        self._pushes, self._climbs = Inputs(2 * self._motion.inputs), Inputs(1)
         self._headings = HeadingFilters(parameters.heading, parameters.heading_turning, parameters.turn_from_rad_s)
         self._velocity_s = -math.inf
         self._seen_s = self._showed_s = self._posed_s = -math.inf
         self._line_rad: float | None = None
         """Heading of the newest sight, where that was a box."""
-        self.deck_s = -math.inf
+        self._deck_s = -math.inf
         """When the newest picture of the deck was taken."""
-        self.landing = False
-        """Low over the deck, or on the way up from it: a leap in full view may lead onto what stands there."""
-        self.doubted = ""
-        """Why the newest picture's pose was not believed; empty where it was, or there was none."""
+        self.rejected = ""
+        """Why the newest picture's pose was rejected; empty where it was taken, or there was none."""
+        self._landing = False
         self._sinking: tuple[float, float] | None = None
         self._tilted_mps2: Array = np.zeros(2)
         self._nose_up_rad = 0.0
         self._tilted_s = -math.inf
-        self.trim_mps2: Array = np.zeros(2)
+        self._trim_mps2: Array = np.zeros(2)
         """(2,) by the mean tilt; of a vehicle that holds by itself, against the mean wind."""
 
     def _across_model(self) -> Model:
-        return self._model_of_gain(self.motion.gain)
+        return self._model_of_gain(self._motion.gain)
 
     def _model_of_gain(self, gain: float) -> Model:
-        return _model(2, replace(self.motion, gain=gain), self.disturbances, self.wave, self._spread())
+        return _model(2, replace(self._motion, gain=gain), self.disturbances, self._wave_motion, self._spread())
 
     def _change_models(self) -> None:
         """Those across, after a change of what is believed of motion, disturbances or the ship's axis."""
@@ -118,7 +117,7 @@ class Navigator:
 
     def _spread(self) -> Spread | None:
         """A ship's sway is larger than its surge, and goes with its heave."""
-        if not self.wave.bar_moves or self._along_rad is None:
+        if not self._wave_motion.bar_moves or self._along_rad is None:
             return None
         return replace(self._wave.spread, along_rad=self._along_rad)
 
@@ -134,7 +133,7 @@ class Navigator:
     @property
     def disturbances(self) -> Disturbances:
         """Horizontally, as they are taken for now."""
-        if self.motion.servo_per_s > 0.0:
+        if self._motion.servo_per_s > 0.0:
             return self._parameters.horizontal_servo
         return self._parameters.horizontal_at(self._gust_mps2)
 
@@ -144,7 +143,7 @@ class Navigator:
         if across is None or self._response.kind != "attitude":
             return
         wind_mps2 = math.hypot(*(across.of(WIND) + across.of(GUST)).tolist())
-        share = self._parameters.gust_share_at_sea if self.wave.bar_moves else self._parameters.gust_share
+        share = self._parameters.gust_share_at_sea if self._wave_motion.bar_moves else self._parameters.gust_share
         wanted = min(levels, key=lambda level: abs(math.log(level / max(share * wind_mps2, 1e-3))))
         between = abs(math.log(share * max(wind_mps2, 1e-3) / self._gust_mps2))
         if wanted != self._gust_mps2 and between > 0.6 * math.log(levels[1] / levels[0]):
@@ -154,31 +153,26 @@ class Navigator:
     def _judge_trim(self, now_s: float) -> None:
         share = 1.0 - math.exp(-max(now_s - self._tilted_s, 0.0) / _TRIM_S)
         tilt_mps2 = rotated(self._tilted_mps2, self._headings.nose_at(now_s))
-        self.trim_mps2, self._tilted_s = self.trim_mps2 + share * (tilt_mps2 - self.trim_mps2), now_s
+        self._trim_mps2, self._tilted_s = self._trim_mps2 + share * (tilt_mps2 - self._trim_mps2), now_s
 
     def _judge_view(self) -> None:
         """A servo on optical flow follows the motion of the ship below it."""
-        if self.motion.servo_per_s <= 0.0:
+        if self._motion.servo_per_s <= 0.0:
             return
         share = self._over_ship()
-        if abs(share - self.motion.over_ship) > _VIEW_STEP:
+        if abs(share - self._motion.over_ship) > _VIEW_STEP:
             share = _VIEW_STEP * round(share / _VIEW_STEP)
             settle_s = self._parameters.delayed.flow_settle_s
-            self.motion = replace(self.motion, over_ship=share, settle_s=settle_s)
+            self._motion = replace(self._motion, over_ship=share, settle_s=settle_s)
             self._change_models()
 
     def _down_model(self) -> Model:
-        return _model(1, self._climb, self._parameters.vertical, self.wave)
+        return _model(1, self._climb, self._parameters.vertical, self._wave_motion)
 
     @property
     def seen_s(self) -> float:
         """When the newest picture that told a place was exposed."""
         return self._seen_s
-
-    @property
-    def velocity_s(self) -> float:
-        """When the newest velocity of the vehicle was true."""
-        return self._velocity_s
 
     def effect_s(self, now_s: float) -> float:
         """When a command that is ready now takes effect."""
@@ -191,30 +185,33 @@ class Navigator:
         climb = 0.01 * command.heave_percent * self._response.max_climb_mps
         sticks = command.pitch_percent, command.roll_percent
         push = np.array([self._response.input_of(stick) for stick in sticks])
-        if self.servo is None and max(map(abs, sticks)) < self._response.hold_below_percent:
-            push = self._tilted_mps2 / self.motion.gain  # the vehicle holds its place by itself, against the wind
+        if self._servo is None and max(map(abs, sticks)) < self._response.hold_below_percent:
+            push = self._tilted_mps2 / self._motion.gain  # the vehicle holds its place by itself, against the wind
         self._headings.sent(effect_s + self._response.turn_lag_s, turn)
         self._climbs.add(effect_s, np.array([-climb]))
         nose_rad = self._headings.nose_at(effect_s)
-        if self.servo is None:
+        if self._servo is None:
             self._pushes.add(effect_s, rotated(push, nose_rad))
         else:
-            self.servo.ask(effect_s, rotated(push, nose_rad), self._pushes)
+            self._servo.ask(effect_s, rotated(push, nose_rad), self._pushes)
 
     def taken_s(self, stamp_s: float) -> float:
         """When a picture was taken, as far as that is known."""
         return stamp_s + self._latency.correction_s
 
-    def nose_rad(self, t_s: float) -> float:
-        """The nose's heading in the axes of the flight."""
-        return self._headings.nose_at(t_s)
+    def trim_in_level_mps2(self, now_s: float) -> Array | None:
+        """(2,) forward and right, by the mean tilt of late; None where the vehicle's servo is modelled."""
+        return rotated(self._trim_mps2, -self._headings.nose_at(now_s)) if self._servo is None else None
 
-    def input_before(self) -> Array:
-        """(2,) the newest input sent, in the axes of the flight."""
-        return self._pushes.latest() if self.servo is None else self.servo.asked_mps
+    def take(self, observation: Observation, telemetry: Telemetry, landing: bool = False) -> None:
+        """One cycle's observation and telemetry.
 
-    def take(self, observation: Observation, telemetry: Telemetry) -> None:
-        """One cycle's news."""
+        Args:
+            observation: of the newest frame.
+            telemetry: of the decision's time.
+            landing: low over the deck, or on the way up from it: there a leap of the position is not soon believed.
+        """
+        self._landing = landing
         if observation.bar_pose is not None and not _finite(observation.bar_pose):
             observation = replace(observation, bar_pose=None)
         observation = replace(observation, t_s=self.taken_s(observation.t_s))
@@ -230,7 +227,7 @@ class Navigator:
         headings = self._headings.take(t_s, pose)
         self._judge_axis()
         self._take_velocity(telemetry)
-        turn_rad_s, self.doubted = self._headings.turn_rad_s, ""
+        turn_rad_s, self.rejected = self._headings.turn_rad_s, ""
         box = observation.bar_box or observation.ship_box
         if pose is not None:
             self._line_rad = None
@@ -272,7 +269,7 @@ class Navigator:
         if not self._parameters.measured.flow or across is None or down is None or headings is None:
             return 0.0
         ahead_m, right_m = rotated(across.of(POSITION), -headings.bar_rad).tolist()
-        half_m = max(self._deck_down_m - float(down.of(POSITION)[0]), 0.05) * _FLOW_SLOPE
+        half_m = max(float(self._deck_in_bar_m[2]) - float(down.of(POSITION)[0]), 0.05) * _FLOW_SLOPE
         stern_m, bow_m, side_m = self._hull_m
         along_m = min(ahead_m + half_m, bow_m) - max(ahead_m - half_m, stern_m)
         aside_m = min(right_m + half_m, side_m) - max(right_m - half_m, -side_m)
@@ -290,7 +287,7 @@ class Navigator:
             self._posed_s = -math.inf
         self._showed_s = t_s
         if self._heights.refuses(t_s, place.down_m, place.down_variance, self._climbs):
-            self.doubted = "a pose at a height that no climb leads to"
+            self.rejected = "a pose at a height that no climb leads to"
             return
         self._take_wave(t_s, place.down_m, place.down_variance)
         stamp_s = t_s - self._latency.correction_s
@@ -298,7 +295,7 @@ class Navigator:
         self._judge_gain(t_s, place, turn_rad_s)
         self._enter(t_s, place, turn_rad_s)
         if self._across.refused:
-            self.doubted = "a pose where the aircraft cannot be"
+            self.rejected = "a pose where the aircraft cannot be"
         else:
             self._posed_s = t_s
 
@@ -314,16 +311,16 @@ class Navigator:
         down_m, spread = np.array([place.down_m]), np.array([[place.down_variance]])
         self._down.update_deck(t_s, down_m, spread, self._climbs)
         if self._across.update_deck(t_s, place.across_m, place.covariance, self._pushes, turn_rad_s):
-            self._seen_s = self.deck_s = t_s
+            self._seen_s = self._deck_s = t_s
 
     def _judge_gain(self, t_s: float, place: SeenPlace, turn_rad_s: float) -> None:
         """What the sticks do; only where they mean a tilt: a servo brings about the speed that is asked for."""
-        if self.motion.servo_per_s > 0.0:
+        if self._motion.servo_per_s > 0.0:
             return
         across_m, covariance, models = place.across_m, place.covariance, self._gain_models
         better = self._gain.update_pose(t_s, across_m, covariance, self._pushes, turn_rad_s, self._across, models)
         if better is not None:
-            self.motion, self._across = replace(self.motion, gain=self._gain.gain), better
+            self._motion, self._across = replace(self._motion, gain=self._gain.gain), better
             self._latency.forget_place()
 
     def _take_wave(self, t_s: float, down_m: float, variance: float) -> None:
@@ -344,7 +341,7 @@ class Navigator:
         moved_m = float(self._climbs.mean(before.t_s - lag_s, t_s - lag_s)[0]) * max(t_s - before.t_s, 0.0)
         self._waves = after = self._bank.update_pose(before, t_s, moved_m, down_m, variance)
         if after.chosen != before.chosen:
-            self.wave = self._wave.believed[after.chosen]
+            self._wave_motion = self._wave.believed[after.chosen]
             model = self._across_model()
             self._across.adopt(model)
             self._latency.adopt(model)
@@ -357,7 +354,7 @@ class Navigator:
         across_m, covariance = place.across_m, place.covariance
         down_m, spread = np.array([place.down_m]), np.array([[place.down_variance]])
         measured = self._parameters.measured
-        patience_s = measured.lost_s if self.landing else 0.0
+        patience_s = measured.lost_s if self._landing else 0.0
         lost = self._across.refused >= measured.lost_refusals and t_s - self._posed_s >= patience_s
         if self._across.estimate is None or lost:
             self._across.start(t_s, across_m, covariance, measured.first_mps, way_mps)
@@ -379,8 +376,8 @@ class Navigator:
         if headings is None:
             return None
         turn_rad_s = self._headings.turn_rad_s
-        if self.servo is not None:
-            self.servo.advance(t_s, self._pushes)
+        if self._servo is not None:
+            self._servo.advance(t_s, self._pushes)
         across = self._across.predict(t_s, self._pushes, turn_rad_s)
         down = self._down.predict(t_s, self._climbs)
         if across is None or down is None or not all_finite(across.mean):
@@ -389,7 +386,7 @@ class Navigator:
         nose_rad = self._headings.nose_at(t_s)
         bar_rad = headings.bar_rad + turn_rad_s * passed_s
         (nose, both, _), (_, bar, _), _ = headings.covariance.tolist()
-        wave = self.wave
+        wave = self._wave_motion
         below, sinking = less_wave(down.mean, wave.observed_share)
         place_m, speed_mps = less_wave(across.mean, wave.observed_share)
         north, east = (-place_m).tolist()
@@ -411,6 +408,15 @@ class Navigator:
             headings.bar_known,
             nose + bar - 2.0 * both,
             math.atan2(east, north) if self._line_rad is None else self._line_rad,
+            self._deck_in_bar_m,
+            self._deck_s,
+            Actuation(
+                self._motion,
+                self._pushes.latest() if self._servo is None else self._servo.asked_mps,
+                None if self._servo is None else self._servo.state,
+                self._trim_mps2,
+                self._velocity_s,
+            ),
         )
 
 
