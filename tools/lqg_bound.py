@@ -18,8 +18,8 @@ import tyro
 from shipland.estimation.relative_state import POSITION, STATES, WAVE, Model, updated
 from shipland.estimation.wave_motion import WaveMotion
 from shipland.frames import Array
+from shipland.guidance.horizon.assumptions import motion_of
 from shipland.guidance.horizon.gains import gains_of
-from shipland.guidance.horizon.navigator import motion_of
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.response import Response
 from shipland.scenario.autonomy import response_of
