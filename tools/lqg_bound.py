@@ -71,7 +71,7 @@ def hover_m(case: Case, horizon: HorizonParameters, response: Response, delay_s:
     estimate = model.start(0.0, np.zeros(1), 0.01 * np.eye(1), 0.5)
     for index in range(900):
         estimate = model.predicted(estimate, STEP_MS, np.zeros(model.motion.inputs))
-        estimate = updated(estimate, model.seen(estimate), np.zeros(1), PLACE_M**2 * np.eye(1)).estimate
+        estimate = updated(estimate, model.pose(estimate), np.zeros(1), PLACE_M**2 * np.eye(1)).estimate
         if index % VELOCITY_EVERY == 0:
             velocity = model.velocity(estimate, 0.5, horizon.delayed.flow_settle_s)
             estimate = updated(estimate, velocity, np.zeros(1), horizon.measured.velocity_mps**2 * np.eye(1)).estimate

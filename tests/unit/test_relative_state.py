@@ -49,7 +49,7 @@ def test_noise_of_two_steps_is_that_of_one():
 def test_the_swing_keeps_its_deviation():
     a, b, q = dynamics(TILT, NOISE, SWING_OF_SHIP)
     transition, _, noise = discretised(a, b, q, 0.05)
-    rows, spread = slice(WAVE, WAVE + WAVE_STATES), SWING_OF_SHIP.spread
+    rows, spread = slice(WAVE, WAVE + WAVE_STATES), SWING_OF_SHIP.covariance
     np.testing.assert_allclose(
         transition[rows, rows] @ spread @ transition[rows, rows].T + noise[rows, rows], spread, atol=1e-6
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from shipland.estimation.heading import Headings
-from shipland.estimation.relative_state import GUST, WIND, AxisModel, Disturbances, GaussianState, Model, Spread
+from shipland.estimation.relative_state import GUST, WIND, AxisModel, Disturbances, GaussianState, Model, WaveShares
 from shipland.estimation.wave_motion import WaveMotion
 from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.parameters import HorizonParameters
@@ -55,10 +55,10 @@ class Assumptions:
         """The horizontal model, for a gain of the sticks."""
         servo = self.motion.servo_per_s > 0.0
         noise = parameters.horizontal_servo if servo else parameters.horizontal_at(self.gust_mps2)
-        spread = None  # a ship's sway is larger than its surge, and goes with its heave
+        shares = None  # a ship's sway is larger than its surge, and goes with its heave
         if self.wave.bar_moves and self.axis_rad is not None:
-            spread = replace(parameters.wave.spread, along_rad=self.axis_rad)
-        return _model(2, replace(self.motion, gain=gain), noise, self.wave, spread)
+            shares = replace(parameters.wave.spread, along_rad=self.axis_rad)
+        return _model(2, replace(self.motion, gain=gain), noise, self.wave, shares)
 
     def down_model(self, parameters: HorizonParameters, response: Response) -> Model:
         """The vertical model."""
@@ -109,5 +109,7 @@ def ship_in_view(aircraft_in_bar_m: Array, over_deck_m: float, hull_m: tuple[flo
 
 
 @lru_cache(maxsize=64)
-def _model(axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, spread: Spread | None = None) -> Model:
-    return Model(axes, motion, noise, wave, spread)
+def _model(
+    axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, shares: WaveShares | None = None
+) -> Model:
+    return Model(axes, motion, noise, wave, shares)
