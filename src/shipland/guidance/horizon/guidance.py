@@ -55,7 +55,7 @@ class Guidance:
         self._limit_cycle.take(actuation.input_before / self._response.full_input, step_s)
         far = math.hypot(*estimate.offset_m.tolist()) > parameters.margins.gentle_m
         blind = now_s - actuation.velocity_s > _BLIND_S
-        oscillating = self._limit_cycle.swinging and mode is not Mode.LAND
+        oscillating = self._limit_cycle.oscillating and mode is not Mode.LAND
         gains = self._regulator.gains(estimate, far or blind or oscillating, cycle_s)
         contact_s = contact_in_s(estimate.height_m, estimate.down_mps, self._response.climb_lag_s, parameters.descent)
         descent = None
