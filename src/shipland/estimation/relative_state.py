@@ -402,35 +402,19 @@ def velocity_of(
     return expected, jacobian
 
 
-@dataclass(frozen=True)
-class Taken:
-    """An estimate after a measurement.
-
-    Attributes:
-        estimate: as it is now; as it was where the measurement was refused.
-        normalised: the innovation squared over its covariance, chi-squared of the measurement's size where all is well.
-        accepted: it was finite and inside the gate.
-    """
-
-    estimate: GaussianState
-    normalised: float
-    accepted: bool
-
-
 def updated(
-    estimate: GaussianState, expected: tuple[Array, Array], measured: Array, covariance: Array, gate: float = math.inf
-) -> Taken:
-    """Take a measurement (m,) with covariance (m,m) of the estimate's own time, unless the innovation gate rejects it.
+    estimate: GaussianState, expected: tuple[Array, Array], measured: Array, covariance: Array
+) -> tuple[GaussianState, float]:
+    """The estimate after a measurement (m,) of its own time, and the normalised innovation squared; for analysis.
+
+    A flight's filter is `DelayedFilter`, by the same `kernels.corrected`.
 
     Args:
         estimate: before.
         expected: (m,) and its Jacobian (m,n): `Model.pose`, `Model.velocity`.
         measured: the measurement.
-        covariance: of its error.
-        gate: largest normalised innovation squared that is taken.
+        covariance: (m,m) of its error.
     """
     predicted, jacobian = expected
     mean, after, normalised = corrected(estimate.mean, estimate.covariance, jacobian, measured - predicted, covariance)
-    if not normalised <= gate:  # NaN too
-        return Taken(estimate, normalised, False)
-    return Taken(GaussianState(estimate.t_s, mean, after), normalised, True)
+    return GaussianState(estimate.t_s, mean, after), normalised
