@@ -16,10 +16,10 @@ import cv2
 import numpy as np
 from near_views import Setting, light, markdown
 from rich.progress import track
+from shipland.guidance.horizon.look_down import DOWN_RAD
 
 from shipland.camera import level_from_camera
 from shipland.frames import Pose, rotation_from_euler
-from shipland.guidance.horizon.look_down import DOWN_RAD
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.sim.state import SceneState

@@ -18,8 +18,8 @@ import tyro
 from shipland.estimation.relative_state import POSITION, STATES, WAVE, Model, updated
 from shipland.estimation.wave_motion import WaveMotion
 from shipland.frames import Array
+from shipland.guidance.horizon.assumptions import motion_of
 from shipland.guidance.horizon.gains import gains_of
-from shipland.guidance.horizon.navigator import motion_of
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.response import Response
 from shipland.scenario.autonomy import response_of
@@ -71,10 +71,10 @@ def hover_m(case: Case, horizon: HorizonParameters, response: Response, delay_s:
     estimate = model.start(0.0, np.zeros(1), 0.01 * np.eye(1), 0.5)
     for index in range(900):
         estimate = model.predicted(estimate, STEP_MS, np.zeros(model.motion.inputs))
-        estimate = updated(estimate, model.seen(estimate), np.zeros(1), PLACE_M**2 * np.eye(1)).estimate
+        estimate = updated(estimate, model.pose(estimate), np.zeros(1), PLACE_M**2 * np.eye(1))[0]
         if index % VELOCITY_EVERY == 0:
             velocity = model.velocity(estimate, 0.5, horizon.delayed.flow_settle_s)
-            estimate = updated(estimate, velocity, np.zeros(1), horizon.measured.velocity_mps**2 * np.eye(1)).estimate
+            estimate = updated(estimate, velocity, np.zeros(1), horizon.measured.velocity_mps**2 * np.eye(1))[0]
     error = model.predicted(estimate, round(1e3 * delay_s), np.zeros(model.motion.inputs)).covariance
     transition, inputs, spread = model.step(STEP_MS)
     weights = replace(horizon.weights, **FREE) if free else horizon.weights

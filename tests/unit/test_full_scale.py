@@ -12,7 +12,7 @@ from shipland.commands.options import ship_and_camera_of
 from shipland.config import ConfigError
 from shipland.errors import DataError
 from shipland.frames import Pose
-from shipland.guidance.horizon.navigator import Navigator
+from shipland.guidance.horizon.estimator import Estimator
 from shipland.learning.arguments import SynthArguments
 from shipland.learning.dataset import read_dataset
 from shipland.learning.shots import draw_scene, draw_shot
@@ -110,9 +110,9 @@ def test_from_the_quarter_a_ship_counts_as_no_wider_than_its_stern():
     seen = Observation(0.0, GimbalAttitude(0.0, 0.0), None, None, box)
     for as_stern, expected_m in ((True, 3000.0), (False, 3000.0 * math.sqrt(14.0 / 49.0))):
         measured = replace(horizon.measured, ship_as_stern=as_stern)
-        navigator = Navigator(replace(horizon, measured=measured), response_of(SEA5), rig, camera, np.zeros(3))
-        navigator.take(seen, Telemetry(0.1, None, None, None, None, None, None, None, True))
-        estimate = navigator.estimate(0.1)
+        estimator = Estimator(replace(horizon, measured=measured), response_of(SEA5), rig, camera, np.zeros(3))
+        estimator.take(seen, Telemetry(0.1, None, None, None, None, None, None, None, True))
+        estimate = estimator.estimate(0.1)
         assert estimate is not None
         assert math.hypot(*estimate.place_m) == pytest.approx(expected_m, rel=0.01)
 

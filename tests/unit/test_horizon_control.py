@@ -22,7 +22,7 @@ from shipland.estimation.relative_state import (
     dynamics,
 )
 from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
-from shipland.guidance.horizon.descent import Descent, Over, Phase, contact_in_s, next_descent
+from shipland.guidance.horizon.descent import Descent, Outlook, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.gains import INPUT, gains_of
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.reference import Pace, at_rest, moved, reference_reset
@@ -186,7 +186,7 @@ def test_an_estimate_that_leaps_in_every_picture_does_not_take_the_speed_wanted_
 
 
 def _over(t_s, height_m, offset_m=0.0, contact_m=0.0, lull=True):
-    return Over(t_s, 0.033, height_m, offset_m, contact_m, lull)
+    return Outlook(t_s, 0.033, height_m, offset_m, contact_m, lull)
 
 
 @pytest.mark.parametrize("sink_mps", [-0.3, 0.0, 0.1, 0.6, 1.0, 1.3])

@@ -79,7 +79,7 @@ def test_a_mean_through_inputs_that_change(turn_rad_s):
         expected[[VELOCITY_BIAS, STATES + VELOCITY_BIAS]] += change
         expected[[VELOCITY, STATES + VELOCITY]] -= change
         t_s += step_s
-    found = mean_after(mean, 1.02, MODEL.way(197), 197, inputs.history, inputs.count, (turn_rad_s, *AXIS_KEPT))
+    found = mean_after(mean, 1.02, MODEL.propagator(197), 197, inputs.history, inputs.count, (turn_rad_s, *AXIS_KEPT))
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
@@ -116,7 +116,7 @@ def test_a_place_less_a_share_of_the_swing():
 
 @pytest.mark.parametrize("way_ms", [0, 33, 80, 160, 197])
 def test_a_way_holds_its_steps(way_ms):
-    way, size = MODEL.way(way_ms), 2 * STATES
+    way, size = MODEL.propagator(way_ms), 2 * STATES
     if way_ms == 0:
         np.testing.assert_array_equal(way[0], np.eye(size))
         assert not way[1:].any()

@@ -10,14 +10,14 @@ from responses import SPEED_LIKE
 from shipland.errors import ConfigError
 from shipland.guidance.horizon.descent import (
     Descent,
-    DescentParameters,
-    Over,
+    Outlook,
     Phase,
     contact_in_s,
     dropped,
     next_descent,
 )
 from shipland.guidance.horizon.levelling import LevellingParameters, speed_near_contact, tilt_near_contact
+from shipland.guidance.horizon.parameters import DescentParameters
 from shipland.guidance.response import ANAFI_LIKE
 
 LEVELLING = LevellingParameters(tilt_deg=10.0, lags=1.5, touch_deg=16.0, touch_m=0.08, touch_offset_m=0.2)
@@ -69,7 +69,7 @@ def test_a_speed_that_leans_little_is_as_the_gains_want_it() -> None:
 @pytest.mark.parametrize("phase", [Phase.SINK, Phase.WAIT])
 def test_a_contact_that_would_come_askew_ends_the_descent(phase: Phase, descent_parameters: DescentParameters) -> None:
     before = Descent(phase, 1.0, 0.3)
-    over = Over(2.0, 0.03, 0.15, 0.1, 0.15, lull=True, contact_imminent=True)
+    over = Outlook(2.0, 0.03, 0.15, 0.1, 0.15, lull=True, contact_imminent=True)
     assert next_descent(before, over, descent_parameters).phase is Phase.FINAL_DESCENT
     assert (
         next_descent(before, replace(over, contact_imminent=False), descent_parameters).phase is not Phase.FINAL_DESCENT
@@ -89,7 +89,7 @@ def test_it_is_waited_where_the_drop_leaves_time_to_level(descent_parameters: De
         descent, height_m = None, 1.0
         for cycle in range(150):
             now_s = cycle / 30.0
-            over = Over(
+            over = Outlook(
                 now_s, 1.0 / 30.0, height_m, 0.1, 0.15, lull=True, final_descent_height_m=final_descent_height_m
             )
             descent = next_descent(descent, over, descent_parameters)

@@ -21,7 +21,7 @@ def test_a_swing_from_stop_to_stop_is_known_within_two_seconds(period_s: float) 
     def stops(t_s: float) -> tuple[float, float]:
         return math.copysign(1.0, math.sin(2.0 * math.pi * t_s / period_s)), 0.0
 
-    assert after(2.0, stops).swinging
+    assert after(2.0, stops).oscillating
 
 
 def test_a_lean_against_the_wind_and_gusts_are_none() -> None:
@@ -31,19 +31,19 @@ def test_a_lean_against_the_wind_and_gusts_are_none() -> None:
         forward, right = 0.2 * rng.standard_normal(2)
         return 0.6 + float(forward), float(right)
 
-    assert not after(20.0, gusty).swinging
+    assert not after(20.0, gusty).oscillating
 
 
 def test_it_ends_when_the_sticks_rest() -> None:
     def ends(t_s: float) -> tuple[float, float]:
         return (math.copysign(1.0, math.sin(2.0 * math.pi * t_s)), 0.0) if t_s < 5.0 else (0.0, 0.0)
 
-    assert after(5.0, ends).swinging
-    assert not after(8.0, ends).swinging
+    assert after(5.0, ends).oscillating
+    assert not after(8.0, ends).oscillating
 
 
 def test_a_clock_that_leaps_back_raises_nothing() -> None:
     restless = LimitCycleDetector()
     restless.take(np.array([1.0, 0.0]), 0.03)
     restless.take(np.array([-1.0, 0.0]), -1e9)
-    assert not restless.swinging
+    assert not restless.oscillating

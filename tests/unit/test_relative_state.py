@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.relative_state import (
     ACTUATION,
     POSITION,
@@ -49,7 +50,7 @@ def test_noise_of_two_steps_is_that_of_one():
 def test_the_swing_keeps_its_deviation():
     a, b, q = dynamics(TILT, NOISE, SWING_OF_SHIP)
     transition, _, noise = discretised(a, b, q, 0.05)
-    rows, spread = slice(WAVE, WAVE + WAVE_STATES), SWING_OF_SHIP.spread
+    rows, spread = slice(WAVE, WAVE + WAVE_STATES), SWING_OF_SHIP.covariance
     np.testing.assert_allclose(
         transition[rows, rows] @ spread @ transition[rows, rows].T + noise[rows, rows], spread, atol=1e-6
     )
@@ -79,13 +80,12 @@ def _flight(rng, model, velocity, steps=400):
         estimate = model.predicted(estimate, 33, given)
         expected, jacobian = model.pose(estimate)
         measured = jacobian @ truth + 0.01 * rng.standard_normal(model.axes)
-        taken = updated(estimate, (expected, jacobian), measured, 1e-4 * np.eye(model.axes))
-        estimate = taken.estimate
-        normalised.append(taken.normalised)
+        estimate, squared = updated(estimate, (expected, jacobian), measured, 1e-4 * np.eye(model.axes))
+        normalised.append(squared)
         if velocity and step % 6 == 0:
             expected = model.velocity(estimate)
             measured = expected[1] @ truth + 0.05 * rng.standard_normal(model.axes)
-            estimate = updated(estimate, expected, measured, 0.05**2 * np.eye(model.axes)).estimate
+            estimate = updated(estimate, expected, measured, 0.05**2 * np.eye(model.axes))[0]
     error = (estimate.mean - truth)[KNOWN]
     return float(error @ np.linalg.solve(estimate.covariance[np.ix_(KNOWN, KNOWN)], error)), float(np.mean(normalised))
 
@@ -143,13 +143,16 @@ def test_an_autopilot_on_optical_flow_is_carried_along_by_the_ship():
     assert (a @ state)[ACTUATION] == pytest.approx(-2.0 / 0.15 * told)
 
 
-def test_what_is_not_finite_or_astray_is_refused():
-    model = Model(2, TILT, NOISE, SWING_OF_SHIP)
-    estimate = model.start(0.0, np.zeros(2), 0.01 * np.eye(2), 0.1)
+def test_what_is_not_finite_or_an_outlier_is_rejected():
+    late = DelayedFilter(
+        Model(2, TILT, NOISE, SWING_OF_SHIP), DelayedParameters(16.0, 30.0, 0.05, 0.5, 1.0, 0.0, 0.6), 0.02
+    )
+    late.start(0.0, np.zeros(2), 0.01 * np.eye(2), 0.1)
+    mean, covariance = late.estimate.mean.copy(), late.estimate.covariance.copy()
     for measured in (np.array([math.nan, 0.0]), np.array([math.inf, 0.0]), np.array([50.0, 0.0])):
-        taken = updated(estimate, model.pose(estimate), measured, 1e-4 * np.eye(2), gate=30.0)
-        assert not taken.accepted
-        assert taken.estimate is estimate
+        assert not late.update_pose(0.0, measured, 1e-4 * np.eye(2), Inputs(2))
+        assert np.array_equal(late.estimate.mean, mean)
+        assert np.array_equal(late.estimate.covariance, covariance)
 
 
 def test_a_steady_push_is_learned():
@@ -161,7 +164,7 @@ def test_a_steady_push_is_learned():
     for _ in range(200):
         truth = matrix @ truth
         estimate = model.predicted(estimate, 33, np.zeros(1))
-        estimate = updated(estimate, model.pose(estimate), truth[:1], 1e-4 * np.eye(1)).estimate
+        estimate = updated(estimate, model.pose(estimate), truth[:1], 1e-4 * np.eye(1))[0]
     pushed = float(estimate.of(WIND)[0] + estimate.mean[WIND - 1])
     assert pushed == pytest.approx(1.2, abs=0.1)
 
@@ -187,9 +190,9 @@ def test_a_deck_below_a_still_bar_takes_the_flow_that_pictures_deny():
         estimate = model.start(0.0, np.zeros(1), 1e-6 * np.eye(1), 0.1)
         for step in range(60):
             estimate = model.predicted(estimate, 33, np.zeros(1))
-            estimate = updated(estimate, model.pose(estimate), np.zeros(1), 1e-5 * np.eye(1)).estimate
+            estimate = updated(estimate, model.pose(estimate), np.zeros(1), 1e-5 * np.eye(1))[0]
             if step % 6 == 0:
                 flow = model.velocity(estimate, over_ship=1.0)
-                estimate = updated(estimate, flow, np.array([0.3]), 0.05**2 * np.eye(1)).estimate
+                estimate = updated(estimate, flow, np.array([0.3]), 0.05**2 * np.eye(1))[0]
         speeds.append(estimate.of(VELOCITY)[0])
     assert abs(speeds[0]) < 0.5 * abs(speeds[1])

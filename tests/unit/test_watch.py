@@ -12,8 +12,8 @@ from shipland.errors import ConfigError
 from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.relative_state import POSITION, WAVE, AxisModel, Disturbances, Model
 from shipland.estimation.wave_motion import WaveMotion
-from shipland.guidance.horizon.descent import DescentParameters, Over, Phase, next_descent
-from shipland.guidance.horizon.look_down import GimbalLookDown, next_look_down
+from shipland.guidance.horizon.descent import GimbalLookDown, Outlook, Phase, next_descent, next_look_down
+from shipland.guidance.horizon.parameters import DescentParameters
 from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
 from shipland.messages import BarPose, DeckSight, Frame, GimbalAttitude, Mode, Observation, Telemetry
 from shipland.rig import default_rig, packaged_table
@@ -32,7 +32,9 @@ def descended(from_deck_m, seconds=20.0):
     phases, descent, t_s = [], None, 0.0
     while t_s < seconds and (descent is None or descent.phase is not Phase.FINAL_DESCENT):
         height_m = 1.2 if descent is None else descent.height_m
-        descent = next_descent(descent, Over(t_s, STEP_S, height_m, 0.0, 0.1, True, False, from_deck_m(t_s)), DESCENT)
+        descent = next_descent(
+            descent, Outlook(t_s, STEP_S, height_m, 0.0, 0.1, True, False, from_deck_m(t_s)), DESCENT
+        )
         if not phases or phases[-1][0] is not descent.phase:
             phases.append((descent.phase, t_s))
         t_s += STEP_S

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from shipland.estimation.relative_state import STATES, WAVE, AxisModel, Disturbances, Model, Spread
+from shipland.estimation.relative_state import STATES, WAVE, AxisModel, Disturbances, Model, WaveShares
 from shipland.estimation.wave_motion import WaveMotion
 
 SHIP = WaveMotion(0.12, 2.0, 0.2)
@@ -17,8 +17,8 @@ def _density(wave, frequency_rad_s):
 
 
 def test_its_deviation_is_what_it_says_and_lasts():
-    assert SHIP.spread[0, 0] == pytest.approx(0.12**2)
-    rest = SHIP.matrix @ SHIP.spread + SHIP.spread @ SHIP.matrix.T + np.diag(SHIP.noise)
+    assert SHIP.covariance[0, 0] == pytest.approx(0.12**2)
+    rest = SHIP.matrix @ SHIP.covariance + SHIP.covariance @ SHIP.matrix.T + np.diag(SHIP.noise)
     np.testing.assert_allclose(rest, 0.0, atol=1e-12)
 
 
@@ -36,7 +36,7 @@ def test_only_a_bar_that_swings_is_followed_and_not_all_the_way(bar_moves, aimed
 
 @pytest.mark.parametrize("along_rad", [0.0, 0.7])
 def test_a_ship_sways_more_than_it_surges_whatever_its_heading(along_rad):
-    model = Model(2, AxisModel(0.06, 0.4), NOISE, SHIP, Spread(0.25, 1.0, along_rad))
+    model = Model(2, AxisModel(0.06, 0.4), NOISE, SHIP, WaveShares(0.25, 1.0, along_rad))
     estimate = model.start(0.0, np.zeros(2), np.eye(2), 0.5)
     ahead, aside = np.zeros((2, len(estimate.mean)))
     ahead[[WAVE, STATES + WAVE]] = np.cos(along_rad), np.sin(along_rad)

@@ -122,9 +122,11 @@ class DelayedFilter:
         self._velocity_limits = parameters.velocity_repeats, *variances, parameters.velocity_gate
         self._refused = 0
 
-    def start(self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float, way_mps: float = 0.0) -> None:
+    def start(
+        self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float, ship_std_mps: float = 0.0
+    ) -> None:
         """Begin at a place, as `Model.start` does."""
-        self.estimate = self.model.start(t_s, place_m, covariance_m2, speed_mps, way_mps)
+        self.estimate = self.model.start(t_s, place_m, covariance_m2, speed_mps, ship_std_mps)
         self._refused = 0
 
     def copy(self) -> DelayedFilter:
@@ -148,7 +150,7 @@ class DelayedFilter:
     def update_pose(
         self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float = 0.0
     ) -> bool:
-        """A picture's place (axes,) of its exposure; False where it was refused as astray, or is too old."""
+        """A picture's place (axes,) of its exposure; False where the innovation gate rejects it, or it is too old."""
         if self.estimate is None or t_s < self.estimate.t_s - 1e-3:
             return False
         self.normalised = self._pictured(
@@ -172,10 +174,10 @@ class DelayedFilter:
     ) -> float:
         """Take a place less this share of the wave motion, unless gated out; its normalised innovation squared."""
         estimate = self._with_velocities(t_s, inputs, turn_rad_s)
-        travelled = self._travelled(estimate, t_s, inputs, turn_rad_s)
+        propagation = self._propagation(estimate, t_s, inputs, turn_rad_s)
         gate = self._parameters.picture_gate
-        mean, covariance, normalised = _with_picture(travelled, observed_share, place_m, covariance_m2, gate)
-        self.estimate = GaussianState(_after_s(travelled), mean, covariance)
+        mean, covariance, normalised = _with_picture(propagation, observed_share, place_m, covariance_m2, gate)
+        self.estimate = GaussianState(_after_s(propagation), mean, covariance)
         return normalised
 
     @property
@@ -217,31 +219,40 @@ class DelayedFilter:
     ) -> tuple[GaussianState, float]:
         """The estimate at a velocity and with it, and the variance of one reading; `learns` from this one."""
         limits, wave = self._parameters, self.model.wave
-        travelled = self._travelled(estimate, reading.t_s, inputs, turn_rad_s)
+        propagation = self._propagation(estimate, reading.t_s, inputs, turn_rad_s)
         mean, covariance, variance = _with_velocity(
-            travelled,
+            propagation,
             reading.measured_mps,
             (reading.over_ship, limits.flow_settle_s, wave.frequency_rad_s, wave.deck_share),
             self._velocity_variance,
             self._velocity_limits,
             learns,
         )
-        return GaussianState(_after_s(travelled), mean, covariance), variance
+        return GaussianState(_after_s(propagation), mean, covariance), variance
 
     def _moved(self, estimate: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
-        travelled = self._travelled(estimate, to_s, inputs, turn_rad_s)
-        return GaussianState(_after_s(travelled), *_carried(travelled))
+        propagation = self._propagation(estimate, to_s, inputs, turn_rad_s)
+        return GaussianState(_after_s(propagation), *_propagated(propagation))
 
-    def _travelled(self, estimate: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> _Travel:
-        """The way from an estimate to a time, in whole milliseconds, none backwards, as the kernels take it."""
-        way_ms = max(round(1e3 * (to_s - estimate.t_s)), 0)
+    def _propagation(self, estimate: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> _Propagation:
+        """The propagation from an estimate to a time, in whole milliseconds, none backwards, as the kernels take it."""
+        step_ms = max(round(1e3 * (to_s - estimate.t_s)), 0)
         turn_rad_s = turn_rad_s if self.model.axes == 2 else 0.0
-        way = self.model.way(way_ms)
-        return estimate.mean, estimate.covariance, estimate.t_s, way, way_ms, inputs.history, inputs.count, turn_rad_s
+        propagator = self.model.propagator(step_ms)
+        return (
+            estimate.mean,
+            estimate.covariance,
+            estimate.t_s,
+            propagator,
+            step_ms,
+            inputs.history,
+            inputs.count,
+            turn_rad_s,
+        )
 
 
-_Travel = tuple[Array, Array, float, Array, int, Array, int, float]
-"""Mean, covariance, their time; `Model.way` and its length [ms]; the inputs' history and count; the ship's turn.
+_Propagation = tuple[Array, Array, float, Array, int, Array, int, float]
+"""Mean, covariance, their time; `Model.propagator` and its length [ms]; the inputs' history and count; the ship's turn.
 
 In one tuple, which compiled code takes faster than so many arguments.
 """
@@ -251,39 +262,39 @@ _Limits = tuple[float, float, float, float]
 """Of a velocity: repeats of a reading, the least and the most variance that it is given, the gate."""
 
 
-def _after_s(travelled: _Travel) -> float:
-    return travelled[2] + 1e-3 * travelled[4]
+def _after_s(propagation: _Propagation) -> float:
+    return propagation[2] + 1e-3 * propagation[4]
 
 
 @compiled
-def _carried(travelled: _Travel) -> tuple[Array, Array]:
+def _propagated(propagation: _Propagation) -> tuple[Array, Array]:
     """The mean in short strides, because the input changes; the covariance at once."""
-    mean, covariance, t_s, way, way_ms, history, count, turn_rad_s = travelled
-    if way_ms == 0:
+    mean, covariance, t_s, propagator, step_ms, history, count, turn_rad_s = propagation
+    if step_ms == 0:
         return mean, covariance
-    after = mean_after(mean, t_s, way, way_ms, history, count, (turn_rad_s, VELOCITY, VELOCITY_BIAS, STATES))
-    return after, predicted_covariance(way[0], covariance, way[1])
+    after = mean_after(mean, t_s, propagator, step_ms, history, count, (turn_rad_s, VELOCITY, VELOCITY_BIAS, STATES))
+    return after, predicted_covariance(propagator[0], covariance, propagator[1])
 
 
 @compiled
 def _with_picture(
-    travelled: _Travel, observed_share: float, place_m: Array, noise: Array, gate: float
+    propagation: _Propagation, observed_share: float, place_m: Array, noise: Array, gate: float
 ) -> tuple[Array, Array, float]:
-    """`_carried`, then with a picture's place (axes,) unless gated out; and its normalised innovation squared."""
-    mean, covariance = _carried(travelled)
+    """`_propagated`, then with a picture's place (axes,) unless gated out; and its normalised innovation squared."""
+    mean, covariance = _propagated(propagation)
     expected, jacobian = pose_measurement(mean, len(place_m), observed_share)
-    after, spread, normalised = corrected(mean, covariance, jacobian, place_m - expected, noise)
+    after, covariance_after, normalised = corrected(mean, covariance, jacobian, place_m - expected, noise)
     if not normalised <= gate:  # NaN too
         return mean, covariance, normalised
-    return after, spread, normalised
+    return after, covariance_after, normalised
 
 
 @compiled
 def _with_velocity(
-    travelled: _Travel, measured_mps: Array, view: _View, variance: float, limits: _Limits, learns: bool
+    propagation: _Propagation, measured_mps: Array, view: _View, variance: float, limits: _Limits, learns: bool
 ) -> tuple[Array, Array, float]:
-    """`_carried`, then with a velocity (axes,) unless gated out; and the `variance` of a reading, as it now is."""
-    mean, covariance = _carried(travelled)
+    """`_propagated`, then with a velocity (axes,) unless gated out; and the `variance` of a reading, as it now is."""
+    mean, covariance = _propagated(propagation)
     axes, (over_ship, settle_s, frequency_rad_s, below) = len(measured_mps), view
     repeats, least, most, gate = limits
     expected, jacobian = velocity_of(mean, axes, over_ship, settle_s, frequency_rad_s, below)
@@ -291,10 +302,10 @@ def _with_velocity(
     if learns:
         variance = _learned(variance, innovation, jacobian, covariance, most)
     noise = min(max(repeats * variance, least), most) * np.eye(axes)
-    after, spread, normalised = corrected(mean, covariance, jacobian, innovation, noise)
+    after, covariance_after, normalised = corrected(mean, covariance, jacobian, innovation, noise)
     if not normalised <= gate:  # NaN too
         return mean, covariance, variance
-    return after, spread, variance
+    return after, covariance_after, variance
 
 
 @compiled

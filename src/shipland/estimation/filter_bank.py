@@ -1,4 +1,4 @@
-"""Filters that take the same pictures, each in its own way, and the evidence for each: how little it was surprised."""
+"""Filters that take the same pictures under different hypotheses, and the evidence for each: its innovations."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from shipland.estimation.delayed import DelayedFilter
 from shipland.frames import Array
 
 _MOST_SURPRISE = 25.0
-"""Of one picture: normalised innovation squared; beyond it the picture is astray, whatever the truth."""
+"""Of one picture: normalised innovation squared; beyond it the picture is an outlier under every hypothesis."""
 _BLIND_S = 1.0
-"""After so long without a picture where each of them has come to says nothing of what sets them apart."""
+"""After a gap this long the filters' positions no longer discriminate between the hypotheses."""
 
 
 class FilterBank:
@@ -34,7 +34,7 @@ class FilterBank:
         """Empty before the first picture."""
 
     def forget_place(self) -> None:
-        """The place is lost: the filters start anew with the next picture, the evidence stays."""
+        """The place is lost: the filters restart with the next picture, the evidence stays."""
         self.filters = []
 
     def update_velocity(self, t_s: float, measured_mps: Array, over_ship: float) -> None:

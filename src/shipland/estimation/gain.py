@@ -1,7 +1,7 @@
-"""How much more a full stick does than the pilot was told: a bank of filters, each with its own answer.
+"""The effect of a full stick against the stated response: a bank of filters, each with its own gain.
 
-A stick that does more than its filter believes looks like a push of the wind that comes and goes with the sticks, or
-like a swing of the bar. While the sticks change, the filter that is told the right gain is surprised least.
+A gain that the filter does not know looks like a wind that changes with the sticks, or like a motion of the bar. While
+the sticks change, the filter with the right gain has the smallest innovations.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ class GainParameters:
     """`[guidance.horizon.gain]`.
 
     Attributes:
-        deviation: standard deviation of the gain's natural logarithm; 0 believes the response as it is told.
-        candidates: of the gain, against the response as told; 1 is among them.
+        deviation: standard deviation of the gain's natural logarithm; 0 keeps the stated response.
+        candidates: of the gain, against the stated response; 1 is among them.
         every_s, share, memory_s: as `FilterBank`.
         lead: another gain is taken when it leads by this much.
     """

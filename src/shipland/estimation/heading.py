@@ -1,7 +1,8 @@
 """Headings of the aircraft and of the bar, and the bar's turn: a small filter at the times of pictures.
 
 Headings are clockwise from the axes of the frame that the flight is estimated in (north by the compass; the first
-nose direction without one). A pose tells the difference of the two, the compass the first; the yaw sticks carry it on.
+nose direction without one). A pose measures the difference of the two, the compass the first; the yaw sticks propagate
+it.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ class HeadingNoise:
     """`[guidance.horizon.heading]`.
 
     Attributes:
-        nose_rad_per_sqrt_s: what the nose's heading strays from the yaw sticks.
-        bar_rad_per_sqrt_s: what the bar's heading strays from its turn.
+        nose_rad_per_sqrt_s: random walk of the nose's heading against the yaw sticks.
+        bar_rad_per_sqrt_s: random walk of the bar's heading against its turn.
         turn_rad_s2: growth of the uncertainty of the bar's turn [rad/s per √s].
         compass_rad: standard deviation of one compass reading.
         pose_rad: least standard deviation of a pose's yaw.
@@ -43,7 +44,7 @@ class Headings:
     """Nose, bar [rad], the bar's turn [rad/s], and their covariance (3,3), at one time.
 
     Attributes:
-        bar_known: a pose has told the bar's heading.
+        bar_known: a pose has shown the bar's heading.
         posed_s: time of the last pose.
     """
 
@@ -75,26 +76,26 @@ def first_headings(t_s: float, nose_rad: float) -> Headings:
 
 
 def headings_at(before: Headings, t_s: float, turned_rad: float, noise: HeadingNoise) -> Headings:
-    """Carried on to `t_s`, the nose turned by `turned_rad` by its sticks."""
-    step_s = t_s - before.t_s
-    if step_s <= 0.0:
+    """Propagated to `t_s`, the nose turned by `turned_rad` by its sticks."""
+    if t_s <= before.t_s:
         return before
+    step_s = t_s - before.t_s
     turn = before.turn_rad_s if before.bar_known else 0.0
-    if t_s - before.posed_s > _UNSEEN_S:  # turns end; one that nobody sees is not believed for ever
+    if t_s - before.posed_s > _UNSEEN_S:  # a turn that is no longer seen decays
         turn *= math.exp(-step_s / _TURN_ENDS_S)
-    strayed = (noise.nose_rad_per_sqrt_s**2, noise.bar_rad_per_sqrt_s**2, noise.turn_rad_s2**2)
-    mean, covariance = _carried(before.mean, before.covariance, step_s, turned_rad, turn, strayed)
+    walk = (noise.nose_rad_per_sqrt_s**2, noise.bar_rad_per_sqrt_s**2, noise.turn_rad_s2**2)
+    mean, covariance = _propagated(before.mean, before.covariance, step_s, turned_rad, turn, walk)
     return Headings(t_s, mean, covariance, before.bar_known, before.posed_s)
 
 
 @compiled
-def _carried(
-    mean: Array, covariance: Array, step_s: float, turned_rad: float, turn: float, strayed: tuple[float, float, float]
+def _propagated(
+    mean: Array, covariance: Array, step_s: float, turned_rad: float, turn: float, walk: tuple[float, float, float]
 ) -> tuple[Array, Array]:
     transition, noise = np.eye(3), np.zeros((3, 3))
     transition[1, 2] = step_s
     for i in range(3):
-        noise[i, i] = strayed[i] * step_s
+        noise[i, i] = walk[i] * step_s
     after = np.array([mean[0] + turned_rad, mean[1] + turn * step_s, turn])
     return after, predicted_covariance(transition, covariance, noise)
 
@@ -108,8 +109,8 @@ def shifted(before: Headings, by_rad: float) -> Headings:
 def anchored(after: Headings, bar_rad: float) -> Headings:
     """With the axes of the flight turned so that the bar's heading is `bar_rad`, and known.
 
-    Without a compass nothing tells where those axes point, only what the headings differ by. Left to the filter, a
-    nose that swings is taken for a turn that has gone on unseen, and axes, bar and place swing with it.
+    Without a compass only the difference of the headings is observable. Otherwise an oscillating nose would be taken
+    for an unseen turn, and axes, bar and position would oscillate with it.
     """
     (nose, both, nose_turn), (_, bar, bar_turn), (_, _, turn) = after.covariance.tolist()
     off, off_turn = nose - 2.0 * both + bar, nose_turn - bar_turn
@@ -148,8 +149,8 @@ def _corrected(
     mean: Array, covariance: Array, bar: float, innovation_rad: float, variance: float
 ) -> tuple[Array, Array]:
     row, off, noise = np.array([[1.0, bar, 0.0]]), np.array([innovation_rad]), np.array([[variance]])
-    after, spread, _ = corrected(mean, covariance, row, off, noise)
-    return after, spread
+    after, covariance_after, _ = corrected(mean, covariance, row, off, noise)
+    return after, covariance_after
 
 
 class Compass:
@@ -178,10 +179,10 @@ class Compass:
             return None
         return self._times[last], self._headings_rad[last]
 
-    def believed(
+    def accepted(
         self, headings: Headings, t_s: float, turned_rad: Callable[[float, float], float]
     ) -> tuple[float, float] | None:
-        """The newest reading that is news at `t_s`: its time and heading; None without one that can be believed.
+        """The newest reading that is news at `t_s`: its time and heading; None without one that is accepted.
 
         While poses tell the nose against the bar, a leap of the compass is no turn: neither can have turned so fast. It
         is refused, and where the compass keeps to it, taken for its own error from then on.
@@ -191,7 +192,7 @@ class Compass:
             t_s: of the picture.
             turned_rad: how far the yaw sticks turned the nose from one time to another.
         """
-        # A reading counts once: between readings the nose may swing, and an interpolation knows nothing of that.
+        # A reading counts once: between readings the nose may oscillate, which an interpolation would miss.
         reading = self.since(headings.t_s, t_s)
         if reading is None:
             return None
@@ -223,8 +224,8 @@ _READINGS_KEPT = 64
 _POSED_S, _LEAP_RAD, _LEAPS_S = 0.5, math.radians(10.0), 1.0
 """With a pose as young as this a compass that is off by more has leapt, and after so long has a new error."""
 _SILENT_S = 5.0
-"""A compass that says nothing for so long is none."""
+"""A compass without a reading for this long counts as absent."""
 _UNSEEN_S = 2.0
-"""A turn goes on for so long without a pose …"""
+"""A turn is kept for this long without a pose …"""
 _TURN_ENDS_S = 5.0
-"""… and then ends, with this time constant."""
+"""… and then decays, with this time constant."""

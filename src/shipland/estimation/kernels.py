@@ -94,28 +94,30 @@ def _integral(history: Array, count: int, t_s: float) -> Array:
 
 
 @compiled
-def mean_after(mean: Array, t_s: float, way: Array, way_ms: int, history: Array, count: int, turn: Turn) -> Array:
+def mean_after(
+    mean: Array, t_s: float, propagator: Array, total_ms: int, history: Array, count: int, turn: Turn
+) -> Array:
     """The mean through an input that changes: x ← F x + G ū, stride by stride, ū averaged over each.
 
     Args:
         mean: (n,).
         t_s: when it holds.
-        way: matrices of `Model.way`.
-        way_ms: whole milliseconds.
+        propagator: matrices of `Model.propagator`.
+        total_ms: whole milliseconds.
         history: of the inputs, with
         count: as in `mean_input`.
-        turn: the ship's turn [rad/s], and for two axes the states (SPEED, REFERENCE, STATES); see `_turned`.
+        turn: the ship's turn [rad/s], and for two axes the states (VELOCITY, VELOCITY_BIAS, STATES); see `_turned`.
     """
-    whole, rest_ms = way_ms // STRIDE_MS, way_ms % STRIDE_MS
-    transition, push = way[0], way[2]
+    whole, rest_ms = total_ms // STRIDE_MS, total_ms % STRIDE_MS
+    transition, push = propagator[0], propagator[2]
     if whole > 0:
-        transition, push = way[3], way[4]
+        transition, push = propagator[3], propagator[4]
     for index in range(whole + 1):
         step_ms = STRIDE_MS
         if index == whole:
             step_ms = rest_ms
             if whole > 0:
-                transition, push = way[5], way[6]
+                transition, push = propagator[5], propagator[6]
         if step_ms > 0:
             after_s = t_s + 1e-3 * step_ms
             mean = _through(transition, mean) + _through(push, mean_input(history, count, t_s, after_s))
@@ -135,19 +137,19 @@ def _through(matrix: Array, vector: Array) -> Array:
 
 @compiled
 def _turned(mean: Array, turn: Turn, step_s: float) -> None:
-    """A ship that turns: its way, the velocity reference, turns with it, and the aircraft's own speed does not.
+    """A ship that turns: its velocity, in the velocity bias, turns with it, and the aircraft's own speed does not.
 
-    The mean wind's push, as seen over the ship's way, is left as it is.
+    The acceleration by the mean wind, relative to the ship's velocity, stays as it is.
     """
-    turn_rad_s, speed, reference, states = turn
+    turn_rad_s, speed, bias, states = turn
     if turn_rad_s == 0.0:
         return
-    ahead, aside = mean[reference], mean[states + reference]
+    ahead, aside = mean[bias], mean[states + bias]
     if math.isfinite(ahead) and math.isfinite(aside):
         change, change_aside = -turn_rad_s * aside * step_s, turn_rad_s * ahead * step_s
-        mean[reference] += change
+        mean[bias] += change
         mean[speed] -= change
-        mean[states + reference] += change_aside
+        mean[states + bias] += change_aside
         mean[states + speed] -= change_aside
 
 
@@ -169,12 +171,12 @@ def corrected(
     m, n = jacobian.shape
     crossed = np.zeros((m, n))
     _add_product(crossed, jacobian, covariance)
-    spread = noise.copy()
+    innovation_covariance = noise.copy()
     for a in range(m):
         for b in range(m):
             for k in range(n):
-                spread[a, b] += jacobian[b, k] * crossed[a, k]
-    inverse = _inverse(spread)
+                innovation_covariance[a, b] += jacobian[b, k] * crossed[a, k]
+    inverse = _inverse(innovation_covariance)
     weighted = _through(inverse, innovation)
     normalised = 0.0
     after, result = mean.copy(), covariance.copy()
@@ -226,12 +228,12 @@ def bank_seen(
     """All hypotheses of a `WaveBank` through a step and a picture's height, which is height less wave.
 
     Args:
-        mean: (k,n) height, drift, swing, and what else moves.
+        mean: (k,n) height, drift, wave motion and its other states.
         covariance: (k,n,n).
         score: (k,) log-likelihoods, faded already.
         transition: (k,n,n) of the step.
         noise: (k,n,n) likewise.
-        moved_m: downward way by the sticks.
+        moved_m: downward, by the sticks.
         down_m: the height in the picture.
         variance: of its error [m²].
     """
@@ -241,12 +243,14 @@ def bank_seen(
         x[0] += moved_m
         p = predicted_covariance(transition[h], covariance[h], noise[h])
         crossed = p[:, 0] - p[:, 2]
-        spread = crossed[0] - crossed[2] + variance
+        innovation_variance = crossed[0] - crossed[2] + variance
         innovation = down_m - (x[0] - x[2])
         for i in range(mean.shape[1]):
-            gain = crossed[i] / spread
+            gain = crossed[i] / innovation_variance
             mean_after[h, i] = x[i] + gain * innovation
             for j in range(mean.shape[1]):
                 covariance_after[h, i, j] = p[i, j] - gain * crossed[j]
-        score_after[h] = score[h] - 0.5 * (min(innovation**2 / spread, 25.0) + math.log(spread))
+        score_after[h] = score[h] - 0.5 * (
+            min(innovation**2 / innovation_variance, 25.0) + math.log(innovation_variance)
+        )
     return mean_after, covariance_after, score_after

@@ -1,7 +1,8 @@
 """How much later pictures were taken than they say: a bank of filters, each with its own answer, and their evidence.
 
 A picture of a wrong time shows a place where the aircraft has not been yet, or no longer is. While the speed against
-the bar changes, no other error of the filter looks like it: the filter that is told the right time is surprised least.
+the bar changes, no other error of the filter looks like it: the filter with the right time has the smallest
+innovations.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ The states of an axis, in the order of the indices below:
 | `ACTUATION` | acceleration that the autopilot makes of the sticks, lagging | m/s² |
 | `GUST` | acceleration by turbulence, coloured | m/s² |
 | `WIND` | acceleration by the mean wind and by what is not modelled, slow | m/s² |
-| `VELOCITY_BIAS` | the vehicle's own velocity less `VELOCITY`: the ship's way, optical flow's bias; slow | m/s |
+| `VELOCITY_BIAS` | the vehicle's own velocity less `VELOCITY`: the ship's velocity, optical flow's bias; slow | m/s |
 | `WAVE` | of the deck, and on a ship of the bar, about its mean place | m |
 | `WAVE_RATE` | its rate | m/s |
 | | and the two of the waves that drive it (`WaveMotion`) | |
@@ -50,7 +50,7 @@ class AxisModel:
         lag_s: of the acceleration behind what is asked for.
         drag_per_s: deceleration for a metre per second.
         servo_per_s: zero where the input is an acceleration; else the gain from speed error to acceleration.
-        over_ship: share of ship in the optical flow's view that the servo flies on; the rest does not swing.
+        over_ship: share of ship in the optical flow's view that the servo flies on; the rest is at rest.
         settle_s: time in which the servo's own velocity follows the motion of what is in view.
         integral_per_s2: gain from the integral of the servo's speed error to acceleration; zero where it has none.
         approach_per_s, smoothing_s: of the speed that a servo with an integral tracks, behind the one asked for.
@@ -162,8 +162,8 @@ def discretised(a: Array, b: Array, q: Array, step_s: float) -> tuple[Array, Arr
 
 
 @dataclass(frozen=True)
-class Spread:
-    """How a swing spreads over the axes of the ship, as shares of the heave that it was judged by.
+class WaveShares:
+    """Wave motion along the axes of the ship, as shares of its heave.
 
     Attributes:
         along, across: of the ship: surge and sway.
@@ -189,50 +189,50 @@ class Model:
         axes: how many.
         motion: of the vehicle.
         noise: what is not known.
-        swing: of the bar.
-        spread: of the wave motion over two axes; None where it is alike on every axis.
+        wave: wave motion of deck and bar.
+        shares: of the wave motion on two axes; None where it is alike on every axis.
     """
 
     def __init__(
-        self, axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, spread: Spread | None = None
+        self, axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, shares: WaveShares | None = None
     ) -> None:
         self.axes, self.motion, self.noise, self.wave = axes, motion, noise, wave
-        self._shape = np.eye(axes) if spread is None else spread.shape
-        self._ways: dict[int, Array] = {}
+        self._shape = np.eye(axes) if shares is None else shares.shape
+        self._propagators: dict[int, Array] = {}
 
     def step(self, step_ms: int) -> tuple[Array, Array, Array]:
         """Transition (n,n), input matrix (n, axes) and noise (n,n) over whole milliseconds."""
-        transition, noise, inputs = self.way(step_ms)[:3]
+        transition, noise, inputs = self.propagator(step_ms)[:3]
         return transition, inputs[:, : self.axes * self.motion.inputs], noise
 
-    def way(self, way_ms: int) -> Array:
+    def propagator(self, step_ms: int) -> Array:
         """What `mean_after` and `predicted_covariance` take: (3,n,n) transition, noise and input of whole milliseconds.
 
-        Of a way of a stride or more (7,n,n): transition and input of a stride, then those of the rest, come after
+        From a stride on (7,n,n): transition and input of a stride, then those of the rest, come after
         these. Inputs are filled up with zeros on their right.
         """
-        found = self._ways.get(way_ms)
+        found = self._propagators.get(step_ms)
         if found is None:
-            found = self._ways[way_ms] = self._solved(way_ms)
+            found = self._propagators[step_ms] = self._solved(step_ms)
         return found
 
-    def _solved(self, way_ms: int) -> Array:
+    def _solved(self, step_ms: int) -> Array:
         size, inputs = STATES * self.axes, self.axes * self.motion.inputs
-        way = np.zeros((7 if way_ms >= STRIDE_MS else 3, size, size))
-        transition, covariance, entries = way[:3]
-        if way_ms == 0:
+        propagator = np.zeros((7 if step_ms >= STRIDE_MS else 3, size, size))
+        transition, covariance, entries = propagator[:3]
+        if step_ms == 0:
             transition[:] = np.eye(size)
-            return way
-        one, push, noise, swing_noise = _axis_step(self.motion, self.noise, self.wave, way_ms)
+            return propagator
+        one, push, noise, wave_noise = _axis_step(self.motion, self.noise, self.wave, step_ms)
         for axis in range(self.axes):
             rows = _rows(axis)
             transition[rows, rows], covariance[rows, rows], entries[rows, axis : inputs : self.axes] = one, noise, push
             for other in range(self.axes):
-                covariance[rows, _rows(other)] += self._shape[axis, other] * swing_noise
-        if way_ms >= STRIDE_MS:
-            way[3:5] = way[[0, 2]] if way_ms == STRIDE_MS else self.way(STRIDE_MS)[[0, 2]]
-            way[5:7] = self.way(way_ms % STRIDE_MS)[[0, 2]]
-        return way
+                covariance[rows, _rows(other)] += self._shape[axis, other] * wave_noise
+        if step_ms >= STRIDE_MS:
+            propagator[3:5] = propagator[[0, 2]] if step_ms == STRIDE_MS else self.propagator(STRIDE_MS)[[0, 2]]
+            propagator[5:7] = self.propagator(step_ms % STRIDE_MS)[[0, 2]]
+        return propagator
 
     def _wave_shares(self) -> Array:
         """(n,n) covariance of the wave motion while nothing is known of it; zero for all else."""
@@ -240,11 +240,11 @@ class Model:
         covariance = np.zeros((size, size))
         for axis in range(self.axes):
             for other in range(self.axes):
-                covariance[_wave(axis), _wave(other)] = self._shape[axis, other] * self.wave.spread
+                covariance[_wave(axis), _wave(other)] = self._shape[axis, other] * self.wave.covariance
         return covariance
 
     def start(
-        self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float, way_mps: float = 0.0
+        self, t_s: float, place_m: Array, covariance_m2: Array, speed_mps: float, ship_std_mps: float = 0.0
     ) -> GaussianState:
         """An estimate from a first place (axes,) with its covariance (axes, axes).
 
@@ -253,12 +253,12 @@ class Model:
             place_m: from the bar.
             covariance_m2: of it.
             speed_mps: standard deviation of the speed, for a ship that lies still.
-            way_mps: standard deviation of the ship's way.
+            ship_std_mps: standard deviation of the ship's speed.
         """
         noise = self.noise
-        spreads = [0.0, math.hypot(speed_mps, way_mps), 0.5, noise.gust_mps2, noise.wind_mps2]
-        spreads.append(max(noise.velocity_bias_mps, way_mps))
-        deviation = np.array([*spreads, *[0.0] * (STATES - WAVE)] * self.axes)
+        deviations = [0.0, math.hypot(speed_mps, ship_std_mps), 0.5, noise.gust_mps2, noise.wind_mps2]
+        deviations.append(max(noise.velocity_bias_mps, ship_std_mps))
+        deviation = np.array([*deviations, *[0.0] * (STATES - WAVE)] * self.axes)
         mean, covariance = np.zeros(len(deviation)), np.diag(deviation**2) + self._wave_shares()
         mean[POSITION::STATES] = place_m
         covariance[POSITION::STATES, POSITION::STATES] = covariance_m2
@@ -267,8 +267,8 @@ class Model:
     def adopted(self, estimate: GaussianState, before: WaveMotion) -> GaussianState:
         """An estimate of a model with the wave motion `before`.
 
-        Where the bar swings by both the estimate is kept. Else the offset from the bar is kept, and the wave motion is
-        learned anew.
+        Where the bar moves by both the estimate is kept. Else the offset from the bar is kept, and the wave motion
+        starts from its prior.
         """
         if before.bar_moves and self.wave.bar_moves:
             return estimate
@@ -280,12 +280,12 @@ class Model:
                 first + VELOCITY, first + WAVE_RATE
             ] = -before.observed_share
             forget[_wave(axis), _wave(axis)] = 0.0
-            # The bar's mean place is as uncertain as its swing, and in step with it: their difference is what is seen.
+            # The bar's mean place is as uncertain as its wave motion, and correlated: only their difference is seen.
             share[first + POSITION, first + WAVE] = share[first + VELOCITY, first + WAVE_RATE] = (
                 self.wave.observed_share
             )
-        spread = share @ (forget @ estimate.covariance @ forget.T + self._wave_shares()) @ share.T
-        return GaussianState(estimate.t_s, forget @ estimate.mean, spread)
+        covariance = share @ (forget @ estimate.covariance @ forget.T + self._wave_shares()) @ share.T
+        return GaussianState(estimate.t_s, forget @ estimate.mean, covariance)
 
     def predicted(self, estimate: GaussianState, step_ms: int, given: Array) -> GaussianState:
         """The estimate after a step through the input `given` (axes,), constant meanwhile."""
@@ -305,7 +305,7 @@ class Model:
 
         Args:
             estimate: at the measurement's time.
-            over_ship: share of the optical flow's view that is ship, and so swings with the bar.
+            over_ship: share of the optical flow's view that is ship, and so moves with the bar.
             settle_s: time in which the vehicle's fusion follows the motion of what is in view; the lag of a resonator
                 is a mixture of its two states.
         """
@@ -321,15 +321,15 @@ def _axis_step(
     """Of one axis over whole milliseconds: transition, inputs, noise without that of the waves, and the waves' own."""
     longest_ms = 1 << (step_ms.bit_length() - 1)
     if longest_ms < step_ms:  # of two steps: far cheaper than matrix exponentials
-        first, push, rest, swung = _axis_step(motion, noise, wave, longest_ms)
-        then, then_push, then_rest, then_swung = _axis_step(motion, noise, wave, step_ms - longest_ms)
-        spread = predicted_covariance(then, rest, then_rest), predicted_covariance(then, swung, then_swung)
-        return then @ first, then @ push + then_push, *spread
+        first, push, rest, wave_noise = _axis_step(motion, noise, wave, longest_ms)
+        then, then_push, then_rest, then_wave_noise = _axis_step(motion, noise, wave, step_ms - longest_ms)
+        noises = predicted_covariance(then, rest, then_rest), predicted_covariance(then, wave_noise, then_wave_noise)
+        return then @ first, then @ push + then_push, *noises
     a, b, q = dynamics(motion, noise, wave)
     wave_q = np.zeros(STATES)
     wave_q[WAVE:] = q[WAVE:]
-    transition, push, swung = discretised(a, b, wave_q, 1e-3 * step_ms)
-    return transition, push, discretised(a, b, q - wave_q, 1e-3 * step_ms)[2], swung
+    transition, push, wave_noise = discretised(a, b, wave_q, 1e-3 * step_ms)
+    return transition, push, discretised(a, b, q - wave_q, 1e-3 * step_ms)[2], wave_noise
 
 
 def _rows(axis: int) -> slice:
@@ -338,7 +338,7 @@ def _rows(axis: int) -> slice:
 
 
 def _wave(axis: int) -> slice:
-    """The swing's states of an axis."""
+    """The wave motion's states of an axis."""
     return slice(STATES * axis + WAVE, STATES * (axis + 1))
 
 
@@ -387,7 +387,7 @@ def position_covariance(covariance: Array, observed_share: float) -> Array:
 def velocity_of(
     mean: Array, axes: int, over_ship: float, settle_s: float, w: float, below: float
 ) -> tuple[Array, Array]:
-    """`Model.velocity` of a mean, with a swing of frequency `w` [rad/s] that the ship has this share of `below`."""
+    """`Model.velocity` of a mean, with a wave motion of `w` [rad/s], of which the ship has the share `below`."""
     share = below * over_ship / (1.0 + (w * settle_s) ** 2)
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):
@@ -402,35 +402,19 @@ def velocity_of(
     return expected, jacobian
 
 
-@dataclass(frozen=True)
-class Taken:
-    """An estimate after a measurement.
-
-    Attributes:
-        estimate: as it is now; as it was where the measurement was refused.
-        normalised: the innovation squared over its covariance, chi-squared of the measurement's size where all is well.
-        accepted: it was finite and inside the gate.
-    """
-
-    estimate: GaussianState
-    normalised: float
-    accepted: bool
-
-
 def updated(
-    estimate: GaussianState, expected: tuple[Array, Array], measured: Array, covariance: Array, gate: float = math.inf
-) -> Taken:
-    """Take a measurement (m,) with covariance (m,m) of the estimate's own time, unless the innovation gate rejects it.
+    estimate: GaussianState, expected: tuple[Array, Array], measured: Array, covariance: Array
+) -> tuple[GaussianState, float]:
+    """The estimate after a measurement (m,) of its own time, and the normalised innovation squared; for analysis.
+
+    A flight's filter is `DelayedFilter`, by the same `kernels.corrected`.
 
     Args:
         estimate: before.
         expected: (m,) and its Jacobian (m,n): `Model.pose`, `Model.velocity`.
         measured: the measurement.
-        covariance: of its error.
-        gate: largest normalised innovation squared that is taken.
+        covariance: (m,m) of its error.
     """
     predicted, jacobian = expected
     mean, after, normalised = corrected(estimate.mean, estimate.covariance, jacobian, measured - predicted, covariance)
-    if not normalised <= gate:  # NaN too
-        return Taken(estimate, normalised, False)
-    return Taken(GaussianState(estimate.t_s, mean, after), normalised, True)
+    return GaussianState(estimate.t_s, mean, after), normalised

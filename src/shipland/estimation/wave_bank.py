@@ -1,7 +1,7 @@
-"""Whether the bar swings, how far and how fast: a bank of hypotheses on its heave.
+"""Whether the bar moves, how far and how fast: a bank of hypotheses on its heave.
 
 A ship carries its bar. Downward the aircraft does what its climb sticks say and little else, so that what pictures
-show beyond that is the bar's heave. Each hypothesis is a small Kalman filter of height, drift and swing; all
+show beyond that is the bar's heave. Each hypothesis is a small Kalman filter of height, drift and wave motion; all
 move at once as arrays. They are weighted by the likelihood of their innovations, with a fading memory.
 """
 
@@ -16,7 +16,7 @@ from scipy.linalg import expm
 
 from shipland.config import require
 from shipland.estimation.kernels import bank_seen
-from shipland.estimation.relative_state import Spread
+from shipland.estimation.relative_state import WaveShares
 from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 from shipland.frames import Array
 
@@ -50,7 +50,7 @@ class WaveParameters:
     followed_servo: float
     followed_within_m: float
     deck: WaveMotion
-    spread: Spread
+    spread: WaveShares
     deviations_m: tuple[float, ...]
     frequencies_rad_s: tuple[float, ...]
     damping: float
@@ -63,7 +63,8 @@ class WaveParameters:
 
     def __post_init__(self) -> None:
         require(
-            len(self.deviations_m) * len(self.frequencies_rad_s) > 0, "at least one hypothesis of a swing is needed"
+            len(self.deviations_m) * len(self.frequencies_rad_s) > 0,
+            "at least one hypothesis of a wave motion is needed",
         )
         count = len(self.hypotheses)
         require(
@@ -107,7 +108,7 @@ class WaveEstimate:
         mean: (k, 6) height, drift, and the states of a `WaveMotion`.
         covariance: (k, 6, 6).
         score: (k,) faded log-likelihood.
-        chosen: index of the hypothesis that is believed.
+        chosen: index of the hypothesis in use.
     """
 
     t_s: float
@@ -137,7 +138,7 @@ class WaveBank:
         mean, covariance = np.zeros((k, _STATES)), np.zeros((k, _STATES, _STATES))
         mean[:, _HEIGHT] = down_m
         covariance[:, _HEIGHT, _HEIGHT] = covariance[:, _DRIFT, _DRIFT] = 0.3**2
-        covariance[:, _WAVE:, _WAVE:] = [it.spread for it in self.hypotheses]
+        covariance[:, _WAVE:, _WAVE:] = [it.covariance for it in self.hypotheses]
         return WaveEstimate(t_s, mean, covariance, np.zeros(k), self._parameters.first)
 
     def update_pose(
@@ -148,7 +149,7 @@ class WaveBank:
         Args:
             before: the estimate.
             t_s: exposure.
-            moved_m: downward way since the picture before by what the sticks asked for.
+            moved_m: downward, since the picture before, by the sticks.
             down_m: height below the bar in the picture; not finite is refused.
             variance_m2: of its error.
         """

@@ -1,6 +1,6 @@
-"""The swing of a deck, and of a bar that a ship carries, about its mean place: a resonator that waves drive.
+"""Wave motion of a deck, and of a bar that a ship carries, about its mean place: a resonator that waves drive.
 
-Waves are no white noise: what they push with swings itself, within a band. With o the wave motion and d the waves' own
+Waves are no white noise: their force oscillates itself, within a band. With o the wave motion and d the waves' own
 
     ö + 2 ζ ω₁ ȯ + ω₁² o = ḋ,    d̈ + 2 ζ ω₂ ḋ + ω₂² d = white noise,
 
@@ -19,7 +19,7 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 from shipland.frames import Array
 
 WAVE_STATES = 4
-"""The swing, its rate, the waves' own resonator, its rate."""
+"""The wave motion, its rate, the waves' own resonator, its rate."""
 _OWN, _WAVES = 0.8, 1.3
 """ω₁ and ω₂ over the frequency: fitted to sway and heave of the frigate in sea states 5 and 6."""
 
@@ -32,7 +32,7 @@ class WaveMotion:
         deviation_m: standard deviation.
         frequency_rad_s: of the middle of its band.
         damping: ratio, of both resonators.
-        bar_moves: on a ship the bar swings with the deck; on a motion base it stands still, and the deck's wave motion
+        bar_moves: on a ship the bar moves with the deck; on a motion base it stands still, and the deck's wave motion
             shows in nothing but the optical flow over it.
         followed: share of the bar's wave motion that the aircraft follows: the bar stands above the deck, and a ship
             that rolls moves it farther.
@@ -70,7 +70,7 @@ class WaveMotion:
         return _solved(self)[1]
 
     @property
-    def spread(self) -> Array:
+    def covariance(self) -> Array:
         """(4,4) covariance of its states while nothing is seen of it."""
         return _solved(self)[2]
 
@@ -78,10 +78,10 @@ class WaveMotion:
         """(4,) its states a while later, or earlier."""
         return np.asarray(_passed(self, round(1e3 * passed_s)) @ states)
 
-    def variance_later(self, covariance: Array, passed_s: float) -> float:
-        """Of the wave motion a while later, from the covariance (4,4) of its states now."""
+    def variance_later(self, estimated: Array, passed_s: float) -> float:
+        """Of the wave motion a while later, from the estimated covariance (4,4) of its states now."""
         passed = _passed(self, round(1e3 * passed_s))
-        later = passed @ (covariance - self.spread) @ passed.T + self.spread
+        later = passed @ (estimated - self.covariance) @ passed.T + self.covariance
         return float(later[0, 0])
 
 
@@ -98,6 +98,6 @@ def _solved(wave: WaveMotion) -> tuple[Array, Array, Array]:
     matrix[1, :2] = -own * own, -2.0 * damping * own
     matrix[3, 2:] = -waves * waves, -2.0 * damping * waves
     noise = np.array([0.0, 0.0, 0.0, 1.0])
-    spread = solve_continuous_lyapunov(matrix, -np.diag(noise))
-    scale = wave.deviation_m**2 / spread[0, 0]
-    return matrix, scale * noise, scale * spread
+    covariance = solve_continuous_lyapunov(matrix, -np.diag(noise))
+    scale = wave.deviation_m**2 / covariance[0, 0]
+    return matrix, scale * noise, scale * covariance

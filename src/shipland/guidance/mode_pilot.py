@@ -15,7 +15,7 @@ from shipland.estimation.heading import Compass
 from shipland.frames import wrap_angle
 from shipland.guidance.estimate import NearEstimate, measure
 from shipland.guidance.far import FarControl, FarSight, FarTables, FarTarget
-from shipland.guidance.gimbal import box_elevation_rad, smoothed_rad
+from shipland.guidance.gimbal import flown_box_elevation_rad, smoothed_rad
 from shipland.guidance.laws import clamp
 from shipland.guidance.modes import INTENTS, ModeMemory, next_mode
 from shipland.guidance.near import HOLD, NearControl, SticksPercent
@@ -244,14 +244,11 @@ class ModePilot:
     def _camera_pitch_rad(self, state: PilotState, observation: Observation, now_s: float) -> float | None:
         """Desired camera pitch: to the bar by its pose, to a box by its row, down in search; None: unchanged."""
         mode, estimate = state.modes.mode, state.position.estimate
-        box = {Mode.TRACK_BAR: observation.bar_box, Mode.TRACK_SHIP: observation.ship_box}.get(mode)
         if mode in _NEAR_MODES and estimate is not None and now_s - estimate.t_s <= self._guidance.modes.memory_s:
             return estimate.bar_elevation_rad
-        if box is not None:
-            return box_elevation_rad(box, observation, self._view)
         if mode is Mode.SEARCH:
             return search(_searching_s(state, now_s), self._guidance.search)[1]
-        return None
+        return flown_box_elevation_rad(mode, observation, self._view)
 
 
 def _searching_s(state: PilotState, now_s: float) -> float:

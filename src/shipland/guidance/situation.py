@@ -66,10 +66,15 @@ def situation_of(
         committed=place_m is not None and references.height_m(place_m) < approach.commit_height_m,
         abort_reason=_abort_reason(position.estimate, approach) if memory.mode is Mode.LAND else "",
         near_ship=place_m is not None and float(np.linalg.norm(place_m)) < approach.go_around_radius_m,
-        clear=climbing_s >= approach.go_around_s and (clear or climbing_s >= 4.0 * approach.go_around_s),
+        clear=may_retry(climbing_s, clear, approach),
         flying=telemetry.flying,
         overruled=overruled(sent, memory.mode),
     )
+
+
+def may_retry(climbing_s: float, clear: bool, approach: ApproachParameters) -> bool:
+    """Whether a go-around of this length ends: at its end point, or where it takes too long to reach that."""
+    return climbing_s >= approach.go_around_s and (clear or climbing_s >= 4.0 * approach.go_around_s)
 
 
 def landing_condition(

@@ -1,7 +1,8 @@
-"""The way down as one pure function: sink to just over the deck, wait for a small error at contact, descend to contact.
+"""When a landing comes down: the phases of the descent, and the moment at which the final descent begins.
 
-No speed gate: what counts is where the aircraft will be at contact, and that is predicted. A deck that is watched is
-foreseen for an instant so far ahead that the camera has time to look up to the bar before the drop.
+`next_descent` decides; `outlook_of` predicts what it decides on, by the option `guidance.horizon.moment`. There is no
+speed gate: what counts is the offset at contact, and that is predicted. A watched deck is predicted for a time so far
+ahead that the camera can look up at the bar before the final descent.
 """
 
 from __future__ import annotations
@@ -10,11 +11,19 @@ import enum
 import math
 from dataclasses import dataclass, replace
 
-from shipland.config import require, require_within
+from shipland.estimation.relative_state import WAVE_RATE
+from shipland.frames import Array
+from shipland.guidance.horizon.estimated import Estimated
+from shipland.guidance.horizon.parameters import DescentParameters, HorizonParameters
+from shipland.guidance.response import Response
 
-_SLOWEST_MPS = 0.1
-"""Of the way down, at its end."""
+LOOK_DOWN_RAD = -1.48
+"""Pitch of the camera that looks down at the deck."""
 NEWTON_STEPS, SLOWEST_FALL_MPS = 5, 1e-2
+_SLOWEST_SINK_MPS = 0.1
+"""Sink rate at the end of the sink."""
+_DECK_MEMORY_S = 2.0
+"""A deck that was seen longer ago than this is not predicted."""
 
 
 class Phase(enum.Enum):
@@ -28,58 +37,13 @@ class Phase(enum.Enum):
 
 
 @dataclass(frozen=True)
-class DescentParameters:
-    """`[guidance.horizon.descent]`.
-
-    Attributes:
-        sink_mps: speed of the way down to `wait_height_m`.
-        wait_height_m: over the neutral deck, of the aircraft's centre; 0 goes down without waiting.
-        wait_band_m: this much above it the way down has ended.
-        slow_per_s: the way down slows by this rate towards it, so that the aircraft does not sink through.
-        pause_m: with a larger offset the way down waits.
-        final_descent_mps: speed of the last part.
-        final_descent_offset_m: predicted offset at contact at which it begins.
-        relax_after_s, relax_per_s: waiting longer, the offset allowed grows by this share a second.
-        contact_height_m: of the aircraft's centre when its lowest foot touches the neutral deck.
-        deck_watch_height_m: over the neutral deck that a deck is watched from.
-        deck_watch_offset_m: of a watched deck: predicted offset from its centre at contact at which the drop begins.
-        deck_watch_max_s: watching no longer than this; then the landing goes on as at any time.
-        reacquire_s: from the last look down to the drop: the camera looks up, and the place is found anew.
-        reacquire_max_s: the drop begins by then, or the deck is watched again.
-        reacquire_offset_m: offset from the deck's centre at contact, predicted, with which it begins.
-    """
-
-    sink_mps: float
-    wait_height_m: float
-    wait_band_m: float
-    slow_per_s: float
-    pause_m: float
-    final_descent_mps: float
-    final_descent_offset_m: float
-    relax_after_s: float
-    relax_per_s: float
-    contact_height_m: float
-    deck_watch_height_m: float
-    deck_watch_offset_m: float
-    deck_watch_max_s: float
-    reacquire_s: float
-    reacquire_max_s: float
-    reacquire_offset_m: float
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value >= 0.0, f"{name} must not be negative, got {value}")
-        require_within(self, sink_mps=(0.01, 5.0), final_descent_mps=(0.01, 5.0))
-
-
-@dataclass(frozen=True)
 class Descent:
-    """Where a landing is.
+    """The state of a landing.
 
     Attributes:
         phase: of it.
         since_s: when the phase began.
-        height_m: over the neutral deck that is flown to at this moment.
+        height_m: height over the neutral deck that is commanded now.
     """
 
     phase: Phase
@@ -88,21 +52,21 @@ class Descent:
 
 
 @dataclass(frozen=True)
-class Over:
-    """What the descent is decided on.
+class Outlook:
+    """Input of `next_descent`.
 
     Attributes:
         now_s: when the command takes effect.
         step_s: since the cycle before.
         height_m: of the aircraft's centre over the neutral deck.
         offset_m: horizontal, from the landing point.
-        offset_at_contact_m: the same, predicted for contact, if the drop began now.
-        lull: the moment is one to land in.
+        offset_at_contact_m: the same, predicted for contact, if the final descent began now.
+        lull: the bar moves slowly enough to land.
         contact_imminent: a contact is near that would find the aircraft tilted too much: see `levelling`.
-        from_deck_m: from the deck's centre at contact, predicted for a final descent that begins now, or, while it is
-            watched, in `reacquire_s`; infinite while the deck is not known well enough, None where it is not watched.
-        final_descent_height_m: over the neutral deck from which the drop leaves time to level out: the aircraft waits
-            there, where that is higher than `wait_height_m`.
+        from_deck_m: from the deck's centre at contact, predicted for a final descent that begins now, or, during the
+            deck watch, in `reacquire_s`; infinite while the deck is not known well enough, None without a deck watch.
+        final_descent_height_m: least height over the neutral deck from which the final descent leaves time to level
+            out: the aircraft waits there, where that is higher than `wait_height_m`.
     """
 
     now_s: float
@@ -116,8 +80,139 @@ class Over:
     final_descent_height_m: float = 0.0
 
 
+def next_descent(before: Descent | None, outlook: Outlook, parameters: DescentParameters) -> Descent:
+    """The descent a cycle later; `before` is None when a landing begins."""
+    descent = before or Descent(Phase.SINK, outlook.now_s, outlook.height_m)
+    if descent.phase is Phase.FINAL_DESCENT:
+        return descent
+    if outlook.contact_imminent:
+        return Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0)
+    if descent.phase is Phase.SINK:
+        descent = _sinking(descent, outlook, parameters)
+    if descent.phase is Phase.SINK:
+        return descent
+    if descent.phase is Phase.REACQUIRE:
+        return _reacquiring(descent, outlook, parameters)
+    return _waiting(descent, outlook, parameters)
+
+
+def _sinking(before: Descent, outlook: Outlook, parameters: DescentParameters) -> Descent:
+    """Sink to the height of the wait or of the deck watch, which begins there."""
+    stop_m, height_m = _stop_m(outlook, parameters), before.height_m
+    if outlook.offset_m <= parameters.pause_m:
+        sink_mps = min(parameters.sink_mps, _SLOWEST_SINK_MPS + parameters.slow_per_s * (height_m - stop_m))
+        height_m = max(height_m - sink_mps * outlook.step_s, stop_m)
+    if outlook.height_m > stop_m + parameters.wait_band_m or height_m > stop_m:
+        return replace(before, height_m=height_m)
+    return Descent(Phase.WAIT if outlook.from_deck_m is None else Phase.DECK_WATCH, outlook.now_s, stop_m)
+
+
+def _reacquiring(before: Descent, outlook: Outlook, parameters: DescentParameters) -> Descent:
+    """Sink further while the camera looks up, then begin the final descent, or watch the deck again."""
+    passed_s = outlook.now_s - before.since_s
+    deck_below = outlook.from_deck_m is not None and outlook.from_deck_m <= parameters.reacquire_offset_m
+    if passed_s >= parameters.reacquire_s and deck_below:
+        return Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0)
+    if passed_s > parameters.reacquire_max_s:
+        return Descent(Phase.DECK_WATCH, outlook.now_s, _stop_m(outlook, parameters))
+    return replace(before, height_m=reacquire_at_m(before.height_m, outlook.step_s, parameters))
+
+
+def _waiting(before: Descent, outlook: Outlook, parameters: DescentParameters) -> Descent:
+    """Wait for a small predicted offset at contact, from the landing point or from the watched deck's centre."""
+    waited_s = outlook.now_s - before.since_s
+    offset_m, limit_m = outlook.offset_at_contact_m, parameters.final_descent_offset_m
+    then = Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0)
+    watching = before.phase is Phase.DECK_WATCH and waited_s <= parameters.deck_watch_max_s
+    if watching and outlook.from_deck_m is not None:
+        offset_m, limit_m = outlook.from_deck_m, parameters.deck_watch_offset_m
+        then = Descent(Phase.REACQUIRE, outlook.now_s, _stop_m(outlook, parameters))
+    allowed_m = limit_m * (1.0 + parameters.relax_per_s) ** max(waited_s - parameters.relax_after_s, 0.0)
+    return then if outlook.lull and offset_m <= allowed_m else before
+
+
+def _stop_m(outlook: Outlook, parameters: DescentParameters) -> float:
+    """Height over the neutral deck at which the sink ends."""
+    if outlook.from_deck_m is not None:
+        return parameters.deck_watch_height_m
+    return max(parameters.wait_height_m, outlook.final_descent_height_m)
+
+
+def outlook_of(
+    before: Descent | None,
+    estimate: Estimated,
+    offsets_at_contact_m: Array,
+    times_s: tuple[float, float],
+    parameters: HorizonParameters,
+    response: Response,
+) -> Outlook:
+    """Predict what `next_descent` decides on.
+
+    Args:
+        before: the descent of the cycle before.
+        estimate: at the command's effect.
+        offsets_at_contact_m: (2,) from the landing point, predicted for a final descent that begins now, in the axes
+            of the flight.
+        times_s: of the decision, and since the cycle before.
+        parameters: of the pilot.
+        response: of the vehicle.
+    """
+    now_s, step_s = times_s
+    lull, from_deck_m = True, None
+    if parameters.moment == "lull":
+        lull = _in_lull(estimate, parameters)
+    elif parameters.moment == "deck":
+        lull = _in_lull(estimate, parameters)
+        from_deck_m = _from_deck_m(before, estimate, offsets_at_contact_m, now_s, parameters, response)
+    descent, levelling, contact_m = parameters.descent, parameters.levelling, math.hypot(*offsets_at_contact_m.tolist())
+    tilt_limited = math.hypot(*estimate.held_mps2.tolist()) > levelling.touch_mps2
+    near = estimate.height_m - descent.contact_height_m < levelling.touch_m and contact_m <= levelling.touch_offset_m
+    level_m = dropped(levelling.before_contact_s(response), 0.0, response.climb_lag_s, descent)[0]
+    return Outlook(
+        now_s=estimate.t_s,
+        step_s=step_s,
+        height_m=estimate.height_m,
+        offset_m=math.hypot(*estimate.offset_m.tolist()),
+        offset_at_contact_m=contact_m,
+        lull=lull,
+        contact_imminent=tilt_limited and near,
+        from_deck_m=from_deck_m,
+        final_descent_height_m=descent.contact_height_m + level_m if tilt_limited else 0.0,
+    )
+
+
+def _in_lull(estimate: Estimated, parameters: HorizonParameters) -> bool:
+    """On a ship: the bar's own motion is slow."""
+    speed_mps = math.hypot(*estimate.across.of(WAVE_RATE).tolist())
+    return not estimate.wave.bar_moves or speed_mps < parameters.lull_mps
+
+
+def _from_deck_m(
+    before: Descent | None,
+    estimate: Estimated,
+    offsets_at_contact_m: Array,
+    now_s: float,
+    parameters: HorizonParameters,
+    response: Response,
+) -> float:
+    """`Outlook.from_deck_m` of a deck watch."""
+    descent, lag_s = parameters.descent, response.climb_lag_s
+    watching = before is not None and before.phase is Phase.DECK_WATCH
+    contact_s = contact_in_s(estimate.height_m, estimate.down_mps, lag_s, descent)
+    if watching:
+        height_m = reacquire_at_m(estimate.height_m, descent.reacquire_s, descent)
+        contact_s = descent.reacquire_s + contact_in_s(height_m, descent.sink_mps, lag_s, descent)
+    shifts_m, std_m = estimate.deck_later(contact_s)
+    known = now_s - estimate.deck_s <= _DECK_MEMORY_S and std_m <= parameters.deck_std_max_m
+    if not known or estimate.deck_rises_mps(contact_s) > parameters.deck_rise_max_mps:
+        return math.inf
+    if watching:  # the present offset is flown out until then
+        return math.hypot(*shifts_m.tolist())
+    return math.hypot(*(offsets_at_contact_m - shifts_m).tolist())
+
+
 def contact_in_s(height_m: float, sink_mps: float, lag_s: float, parameters: DescentParameters) -> float:
-    """Time to contact from a height over the neutral deck, dropping [s].
+    """Time to contact from a height over the neutral deck, in a final descent [s].
 
     Args:
         height_m: of the aircraft's centre.
@@ -134,52 +229,43 @@ def contact_in_s(height_m: float, sink_mps: float, lag_s: float, parameters: Des
 
 
 def dropped(time_s: float, sink_mps: float, lag_s: float, parameters: DescentParameters) -> tuple[float, float]:
-    """Height lost by a drop after a time, and its speed then [m, m/s]; arguments as of `contact_in_s`."""
+    """Height lost in a final descent after a time, and its speed then [m, m/s]; arguments as of `contact_in_s`."""
     final_descent_mps = parameters.final_descent_mps
     slower_mps, kept = max(final_descent_mps - sink_mps, 0.0), math.exp(-time_s / lag_s)
     return final_descent_mps * time_s - slower_mps * lag_s * (1.0 - kept), final_descent_mps - slower_mps * kept
 
 
 def reacquire_at_m(height_m: float, passed_s: float, parameters: DescentParameters) -> float:
-    """Height over the neutral deck after a part of the way down to where the drop begins."""
+    """Height over the neutral deck after `passed_s` of the reacquire phase."""
     return max(height_m - parameters.sink_mps * passed_s, parameters.wait_height_m)
 
 
-def next_descent(before: Descent | None, over: Over, parameters: DescentParameters) -> Descent:
-    """The descent a cycle later; `before` is None when a landing begins."""
+@dataclass(frozen=True)
+class GimbalLookDown:
+    """Where the camera looks during the deck watch.
+
+    Attributes:
+        down: at the deck; else up at the bar.
+        since_s: when that was commanded.
+    """
+
+    down: bool
+    since_s: float
+
+
+def next_look_down(
+    before: GimbalLookDown | None, now_s: float, posed_s: float, down_max_s: float, up_s: float
+) -> GimbalLookDown:
+    """The look-down a cycle later; `before` is None when the deck watch begins.
+
+    Args:
+        before: the look-down.
+        now_s: time of decision.
+        posed_s: exposure of the newest picture that gave a pose.
+        down_max_s: the camera looks down for at most this long.
+        up_s: then it looks up until poses have come for this long.
+    """
     if before is None:
-        before = Descent(Phase.SINK, over.now_s, over.height_m)
-    if before.phase is Phase.FINAL_DESCENT:
-        return before
-    if over.contact_imminent:
-        return Descent(Phase.FINAL_DESCENT, over.now_s, 0.0)
-    wait_m = max(parameters.wait_height_m, over.final_descent_height_m)
-    stop_m = wait_m if over.from_deck_m is None else parameters.deck_watch_height_m
-    if before.phase is Phase.SINK:
-        lower_m = before.height_m
-        if over.offset_m <= parameters.pause_m:
-            above_m = lower_m - stop_m
-            sink_mps = min(parameters.sink_mps, _SLOWEST_MPS + parameters.slow_per_s * above_m)
-            lower_m = max(lower_m - sink_mps * over.step_s, stop_m)
-        low = over.height_m <= stop_m + parameters.wait_band_m
-        if not low or lower_m > stop_m:
-            return replace(before, height_m=lower_m)
-        before = Descent(Phase.WAIT if over.from_deck_m is None else Phase.DECK_WATCH, over.now_s, stop_m)
-    waited_s = over.now_s - before.since_s
-    if before.phase is Phase.REACQUIRE:
-        fits = over.from_deck_m is not None and over.from_deck_m <= parameters.reacquire_offset_m
-        if waited_s >= parameters.reacquire_s and fits:
-            return Descent(Phase.FINAL_DESCENT, over.now_s, 0.0)
-        if waited_s > parameters.reacquire_max_s:
-            return Descent(Phase.DECK_WATCH, over.now_s, stop_m)
-        return replace(before, height_m=reacquire_at_m(before.height_m, over.step_s, parameters))
-    watches = (
-        before.phase is Phase.DECK_WATCH and over.from_deck_m is not None and waited_s <= parameters.deck_watch_max_s
-    )
-    offset_m, least_m = over.offset_at_contact_m, parameters.final_descent_offset_m
-    if watches and over.from_deck_m is not None:
-        offset_m, least_m = over.from_deck_m, parameters.deck_watch_offset_m
-    allowed_m = least_m * (1.0 + parameters.relax_per_s) ** max(waited_s - parameters.relax_after_s, 0.0)
-    if over.lull and offset_m <= allowed_m:
-        return Descent(Phase.REACQUIRE if watches else Phase.FINAL_DESCENT, over.now_s, 0.0 if not watches else stop_m)
-    return before
+        return GimbalLookDown(True, now_s)
+    due = now_s - before.since_s > down_max_s if before.down else posed_s - before.since_s > up_s
+    return GimbalLookDown(not before.down, now_s) if due else before

@@ -1,4 +1,4 @@
-"""The estimate of the pilot `horizon` at one time, and the axes that it is told in."""
+"""The estimate of the pilot `horizon` at one time: what its modes, guidance, regulator and gimbal read."""
 
 from __future__ import annotations
 
@@ -8,9 +8,37 @@ from functools import cached_property
 
 import numpy as np
 
-from shipland.estimation.relative_state import POSITION, STATES, WAVE, GaussianState, position_covariance
+from shipland.estimation.relative_state import (
+    POSITION,
+    STATES,
+    WAVE,
+    WIND,
+    AxisModel,
+    GaussianState,
+    position_covariance,
+)
 from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
-from shipland.frames import Array, rotated
+from shipland.frames import Array, rotated, wrap_angle
+from shipland.messages import Estimate
+
+
+@dataclass(frozen=True)
+class Actuation:
+    """What the sticks have made of the vehicle, known from what was sent and from its attitude.
+
+    Attributes:
+        motion: the horizontal motion model in use.
+        input_before: (2,) the newest input sent, in the axes of the flight [m/s², or m/s for a servo].
+        tracked: (2,2) the speed that an autopilot tracks and its rate, by axes; None where its servo is not modelled.
+        trim_mps2: (2,) acceleration by the mean tilt; of a vehicle that holds its position, against the mean wind.
+        velocity_s: when the newest velocity of the vehicle was true.
+    """
+
+    motion: AxisModel
+    input_before: Array
+    tracked: Array | None
+    trim_mps2: Array
+    velocity_s: float
 
 
 @dataclass(frozen=True)
@@ -19,27 +47,30 @@ class Estimated:
 
     Attributes:
         t_s: the time that it holds for.
-        across: place and motion against the bar, horizontally; downward.
-        down: likewise, downward.
-        wave: what both take the deck's and the bar's wave motion for.
-        near: how much of `wave.tracked_share` is followed from here, 0 to 1.
-        place_m, speed_mps: (2,) of the aircraft from the bar, in the axes of the flight, and its rate.
-        followed_m, followed_mps: (2,) of the aircraft from what it follows of the bar: the place that errs over the
-            deck, and its rate.
+        across: horizontal state against the bar.
+        down: vertical state, downward.
+        wave: model of the deck's and the bar's wave motion in both.
+        tracked_near: share of `wave.tracked_share` that is tracked at this distance, 0 to 1.
+        place_m, speed_mps: (2,) of the aircraft from the bar, and its rate.
+        followed_m, followed_mps: (2,) of the aircraft from the tracked part of the bar's motion: the position that is
+            controlled over the deck, and its rate.
         down_m, down_mps: below the bar's centre, and its rate.
         nose_rad, bar_rad: headings in the axes of the flight.
         turn_rad_s: of the bar.
         bar_known: the bar's heading has been seen.
         yaw_variance: of the difference of the two headings [rad²].
-        to_bar_rad: heading of the bar from the aircraft; by the newest box, where that was seen last: a ship that turns
-            is soon not where the filter takes it to be.
+        to_bar_rad: heading of the bar from the aircraft; by the newest box, where that was seen last: the filter lags
+            behind a ship that turns.
+        deck_in_bar_m: (3,) the deck's neutral point.
+        deck_s: exposure of the newest picture of the deck.
+        actuation: what the sticks have made of the vehicle.
     """
 
     t_s: float
     across: GaussianState
     down: GaussianState
     wave: WaveMotion
-    near: float
+    tracked_near: float
     place_m: Array
     speed_mps: Array
     followed_m: Array
@@ -52,21 +83,55 @@ class Estimated:
     bar_known: bool
     yaw_variance: float
     to_bar_rad: float
+    deck_in_bar_m: Array
+    deck_s: float
+    actuation: Actuation
 
     @cached_property
-    def spread_m(self) -> float:
-        """Standard deviation of the place along the worse axis."""
+    def offset_m(self) -> Array:
+        """(2,) from the landing point, in the axes of the flight."""
+        return self.followed_m - rotated(self.deck_in_bar_m[:2], self.bar_rad)
+
+    @property
+    def observed_offset_m(self) -> Array:
+        """(2,) from the landing point by the bar as it is seen, in the axes of the flight."""
+        return self.place_m - rotated(self.deck_in_bar_m[:2], self.bar_rad)
+
+    @property
+    def height_m(self) -> float:
+        """Of the aircraft's centre over the neutral deck."""
+        return float(self.deck_in_bar_m[2]) - self.down_m
+
+    @property
+    def held_mps2(self) -> Array:
+        """(2,) acceleration that the aircraft holds against the mean wind."""
+        actuation = self.actuation
+        return self.across.of(WIND) if actuation.tracked is None else actuation.trim_mps2
+
+    @property
+    def contact_std_m(self) -> float:
+        """Standard deviation of the controlled position along the worse axis."""
+        covariance, share = self.across.covariance, self.tracked_near * self.wave.tracked_share
+        variances = [
+            covariance[i, i] + share * (share * covariance[i + WAVE, i + WAVE] - 2.0 * covariance[i, i + WAVE])
+            for i in (POSITION, STATES + POSITION)
+        ]
+        return math.sqrt(max(*variances, 0.0))
+
+    @cached_property
+    def position_std_m(self) -> float:
+        """Standard deviation of the observed position along the worse axis."""
         covariance = self.across.covariance
         return math.sqrt(max(covariance[POSITION, POSITION], covariance[STATES + POSITION, STATES + POSITION], 0.0))
 
     def deck_later(self, passed_s: float) -> tuple[Array, float]:
-        """Where the deck's centre will be.
+        """Where the deck's centre will be after `passed_s`.
 
         Returns:
-            (2,) from the place that errs over the deck (`followed_m`), in the axes of the flight, and the standard
-            deviation of it along the worse axis.
+            (2,) from the controlled position's reference (`followed_m`), in the axes of the flight, and its standard
+            deviation along the worse axis.
         """
-        share, wave = self.wave.deck_share - self.near * self.wave.tracked_share, self.wave
+        share, wave = self.wave.deck_share - self.tracked_near * self.wave.tracked_share, self.wave
         shifts, variances = [], []
         for axis in range(2):
             states = slice(STATES * axis + WAVE, STATES * axis + WAVE + WAVE_STATES)
@@ -75,14 +140,21 @@ class Estimated:
         return np.array(shifts), math.sqrt(max(*variances, 0.0))
 
     def deck_rises_mps(self, passed_s: float) -> float:
-        """Upward speed of the deck a while later."""
-        states = self.down.mean[WAVE : WAVE + WAVE_STATES]
-        return -self.wave.deck_share * float(self.wave.later(states, passed_s)[1])
+        """Upward speed of the deck after `passed_s`."""
+        return -self.wave.deck_share * self._heave_rate_mps(passed_s)
+
+    def bar_rises_mps(self, passed_s: float) -> float:
+        """Upward speed of the bar after `passed_s`."""
+        return -self.wave.observed_share * self._heave_rate_mps(passed_s)
+
+    def _heave_rate_mps(self, passed_s: float) -> float:
+        """Downward rate of the wave motion after `passed_s`."""
+        return float(self.wave.later(self.down.mean[WAVE : WAVE + WAVE_STATES], passed_s)[1])
 
     def followed_states(self, axis: int) -> Array:
-        """(STATES,) of an axis for the gains, with that part of the wave motion that is followed."""
+        """(STATES,) of an axis for the gains, with the tracked part of the wave motion."""
         states = self.across.mean[STATES * axis : STATES * (axis + 1)].copy()
-        states[WAVE : WAVE + WAVE_STATES] *= self.near
+        states[WAVE : WAVE + WAVE_STATES] *= self.tracked_near
         return np.asarray(states)
 
     @cached_property
@@ -95,14 +167,21 @@ class Estimated:
     def covariance(self) -> Array:
         """(4,4) of `aircraft_in_bar_m` and yaw [m, m, m, rad].
 
-        Poses enter turned by the bar's heading and leave turned back by it, so that its error cancels in the place;
-        place and yaw come from filters of their own, so that what they share is not known and stands as zero.
+        Poses are rotated by the bar's heading and the estimate is rotated back by it, so that its error cancels in the
+        position. Position and yaw come from separate filters; their cross-covariance is taken as zero.
         """
         cosine, sine = math.cos(self.bar_rad), math.sin(self.bar_rad)
         axes = np.array([[cosine, sine], [-sine, cosine]])
         covariance = np.zeros((4, 4))
-        shown = self.wave.observed_share
-        covariance[:2, :2] = axes @ position_covariance(self.across.covariance, shown) @ axes.T
-        covariance[2, 2] = position_covariance(self.down.covariance, shown)[0, 0]
+        covariance[:2, :2] = axes @ position_covariance(self.across.covariance, self.wave.observed_share) @ axes.T
+        covariance[2, 2] = position_covariance(self.down.covariance, self.wave.observed_share)[0, 0]
         covariance[3, 3] = self.yaw_variance
         return covariance
+
+    def as_message(self) -> Estimate | None:
+        """The estimate in `bar`, for the log and others; None while the bar's heading is not known."""
+        if not self.bar_known:
+            return None
+        velocity = np.array([*rotated(self.speed_mps, -self.bar_rad).tolist(), self.down_mps])
+        yaw_rad = wrap_angle(self.nose_rad - self.bar_rad)
+        return Estimate(self.t_s, self.aircraft_in_bar_m, yaw_rad, velocity, self.covariance)

@@ -1,4 +1,4 @@
-"""Where to, in each mode: the point that is flown to, the pace, and where the nose points."""
+"""The goals of each mode: the point flown to, the height, the pace, and the heading of the nose."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ from shipland.messages import Mode
 from shipland.rig import Rig
 
 _AHEAD_RAD = math.radians(80.0)
-"""Farther round from astern than this the ship stands in the way."""
+"""Bearing from astern beyond which the ship stands in the way."""
+_CLIMB_SLOPE = 0.15
+"""Height above the hover for a metre of distance from `overhead_m` on."""
 
 
 class Goals:
-    """Remembers since when the aircraft waits at the stand-off.
+    """Points, heights and headings; remembers since when the aircraft waits at the stand-off.
 
     Args:
         parameters: of the pilot.
@@ -37,14 +39,14 @@ class Goals:
         self._waiting_s: float | None = None
 
     def of(self, mode: Mode, estimate: Estimated) -> tuple[Array, Array]:
-        """Where to, against the bar, and how fast that point moves by the bar's turning."""
+        """(2,) the point flown to, from the bar, and (2,) its velocity by the bar's turn, in the axes of the flight."""
         path, approach = self._path, self._approach
         if estimate.bar_known:
             self._waiting_s = None
         else:
             distance_m = math.hypot(*estimate.place_m.tolist())
             too_high_m = (-estimate.down_m - path.far_above_m) / math.tan(math.radians(path.glide_path_deg))
-            # From nearer it backs off: who only kept the least distance would spiral in, or meet a ship that comes.
+            # From nearer it backs off: a least distance alone would spiral in, or meet an approaching ship.
             goal_m = estimate.place_m * (max(path.stand_off_m, too_high_m) / max(distance_m, 1.0))
             return rotated(goal_m, self._round_rad(estimate.t_s, distance_m)), np.zeros(2)
         ahead_m = float(self._deck_in_bar_m[0])
@@ -63,7 +65,7 @@ class Goals:
         return goal_m, estimate.turn_rad_s * np.array([-goal_m[1], goal_m[0]])
 
     def pace(self, estimate: Estimated, goal_m: Array) -> Pace:
-        """Towards a goal: quick far from it, gentle near."""
+        """Towards a goal: fast far from it, gentle near."""
         path = self._path
         to_goal_m = math.hypot(*(goal_m - estimate.place_m).tolist())
         share = min(max((to_goal_m - path.near_m) / path.near_m, 0.0), 1.0)
@@ -78,8 +80,20 @@ class Goals:
             path.tracking_error_max_mps,
         )
 
+    def height_m(self, mode: Mode, estimate: Estimated) -> float:
+        """Height over the neutral deck, in every mode but the landing."""
+        deck_down_m, hover_m = float(self._deck_in_bar_m[2]), self._approach.hover_height_m
+        if mode is Mode.GO_AROUND:
+            return self._approach.go_around_height_m
+        far_m = deck_down_m + self._path.far_above_m
+        if not estimate.bar_known:
+            return far_m
+        distance_m = math.hypot(*estimate.offset_m.tolist())
+        higher_m = _CLIMB_SLOPE * max(distance_m - self._margins.overhead_m, 0.0)
+        return min(hover_m + higher_m, max(far_m, hover_m))
+
     def nose_rad(self, estimate: Estimated) -> float:
-        """Along the bar's axis, but never so that the bar leaves the picture sideways; towards it while unknown."""
+        """Along the bar's axis while the bar stays in the picture; towards the bar while its heading is not known."""
         if not estimate.bar_known:
             return estimate.to_bar_rad
         cue_rad = math.atan2(self._half_cue_m, max(math.hypot(*estimate.place_m.tolist()), 0.1))
@@ -99,7 +113,7 @@ class Goals:
         return radius_m * np.array([-math.cos(wanted_rad), math.sin(wanted_rad)])
 
     def _round_rad(self, t_s: float, distance_m: float) -> float:
-        """How far round the target the goal lies: who waits at the stand-off and sees no corners flies around it."""
+        """Bearing of the goal around the bar: non-zero after a wait at the stand-off without corners."""
         path = self._path
         if distance_m > 2.0 * path.stand_off_m:
             self._waiting_s = None

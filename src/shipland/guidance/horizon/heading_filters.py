@@ -57,7 +57,7 @@ class HeadingFilters:
         self._compass.add(t_s, heading_rad)
 
     def nose_at(self, t_s: float) -> float:
-        """The nose's heading, carried on by the yaw sticks; 0 before the first picture."""
+        """The nose's heading, propagated by the yaw sticks; 0 before the first picture."""
         headings = self.now
         if headings is None:
             return 0.0
@@ -68,7 +68,7 @@ class HeadingFilters:
         if self.now is None or self._turning is None:
             self.now = self._turning = first_headings(t_s, self._compass.at(t_s) or 0.0)
         turning_before = self.turning
-        reading = self._compass.believed(self.now, t_s, self._turned_rad)
+        reading = self._compass.accepted(self.now, t_s, self._turned_rad)
         self._turning = self._with_news(self._turning, t_s, pose, reading, self._noise_turning)
         quiet = self._with_news(self.now, t_s, pose, reading, self._noise)
         if self._turning.bar_known and abs(self._turning.turn_rad_s) > self._turn_from_rad_s:
@@ -80,7 +80,8 @@ class HeadingFilters:
         return self.now
 
     def _turned_rad(self, from_s: float, to_s: float) -> float:
-        return float(self._turns.mean(from_s, to_s)[0]) * max(to_s - from_s, 0.0)
+        """How far the yaw sticks turned the nose; nothing backwards in time."""
+        return float(self._turns.mean(from_s, to_s)[0]) * (to_s - from_s) if to_s > from_s else 0.0
 
     def _with_news(
         self,

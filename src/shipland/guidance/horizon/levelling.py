@@ -1,7 +1,7 @@
-"""The tilt taken out just before contact, as far as the deck does not bear it.
+"""The tilt reduced to what a contact allows, just before contact.
 
-In wind an aircraft holds its place tilted, and a deck that rolls adds to that. Down to `tilt_deg` it stays: level, the
-wind would carry the aircraft off.
+In wind an aircraft holds its position tilted, and a deck that rolls adds to that. Up to `tilt_deg` remains: level, the
+aircraft would drift with the wind.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from shipland.frames import GRAVITY_MPS2, Array
 from shipland.guidance.response import Response
 
 _KICK_MPS2 = 3.0
-"""Most that an autopilot gives to a change of the speed that it tracks: PX4's MPC_ACC_HOR as delivered."""
+"""Largest acceleration of an autopilot that tracks a speed: PX4's MPC_ACC_HOR as delivered."""
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,9 @@ class LevellingParameters:
 
     Attributes:
         tilt_deg: a tilt that may stay at contact.
-        lags: so many of the vehicle's lags before contact the command is level.
-        touch_deg, touch_m, touch_offset_m: in a wind that takes a larger tilt to hold, this close above contact and
-            with no larger an offset foreseen there, the descent ends with its drop: a contact that came by itself would
-            be too askew.
+        lags: the command is level this many of the vehicle's lags before contact.
+        touch_deg, touch_m, touch_offset_m: in a wind that takes a larger tilt to hold, the final descent begins this
+            close above contact with a predicted offset up to this: a contact by a gust would be too tilted.
     """
 
     tilt_deg: float
@@ -48,7 +47,7 @@ class LevellingParameters:
 
     @property
     def touch_mps2(self) -> float:
-        """The acceleration by a wind in which contact must not come by itself."""
+        """The acceleration by a wind from which `touch_m` holds."""
         return GRAVITY_MPS2 * math.tan(math.radians(self.touch_deg))
 
     def before_contact_s(self, response: Response) -> float:

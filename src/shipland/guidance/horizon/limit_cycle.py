@@ -1,7 +1,7 @@
-"""Whether the sticks swing from stop to stop: no gust asks for that, only a loop that has lost its margin.
+"""Whether the sticks oscillate from stop to stop: no gust causes that, only a loop that has lost its margin.
 
-At the stops the vehicle follows late, and by less than its model says. Gains that go by the model keep such a swing up,
-and the filters of gain and latency take it for another vehicle.
+At the stops the vehicle follows late, and by less than its model says. Gains by the model sustain such a limit cycle,
+and the filters of gain and latency adapt to it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from shipland.frames import Array
 
-_MEMORY_S, _SWINGING = 2.0, 0.3
+_MEMORY_S, _LIMIT_CYCLE = 2.0, 0.3
 
 
 class LimitCycleDetector:
@@ -23,9 +23,9 @@ class LimitCycleDetector:
         self._variance = 0.0
 
     @property
-    def swinging(self) -> bool:
+    def oscillating(self) -> bool:
         """From stop to stop: there the variance is above a half; gusts of 9 m/s of wind make a tenth of it."""
-        return self._variance > _SWINGING
+        return self._variance > _LIMIT_CYCLE
 
     def take(self, share: Array, step_s: float) -> None:
         """The input (2,), as a share of the full one, has been so for a while."""

@@ -1,4 +1,4 @@
-"""A pose or a box as a place in the axes of the flight, and which heights are believed."""
+"""A pose or a box as a position in the axes of the flight, and the check of its height."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Places:
             pose: of the camera.
             headings: at the picture.
             nose_up_rad: by the newest attitude.
-            speed_mps: of the aircraft against the bar; what the picture's time errs by counts by it.
+            speed_mps: of the aircraft against the bar; an error of the picture's time counts by it.
         """
         measured = self._measured
         lever = rotated(self._camera_in_body_m[:2], pose.yaw_rad)
@@ -137,14 +137,14 @@ class Places:
 
 
 class HeightGate:
-    """A height that no climb leads to is none: a bar mirrored in a wet deck is as high below as it is above."""
+    """Refuses a height that no climb leads to, as of a bar mirrored in a wet deck."""
 
     def __init__(self, climb_lag_s: float) -> None:
         self._lag_s = climb_lag_s
         self._seen: tuple[float, float, float] | None = None
 
     def refuses(self, t_s: float, down_m: float, variance: float, climbs: Inputs) -> bool:
-        """Whether a height of a picture leaps; one that stays is taken in the end.
+        """Whether a height of a picture leaps; one that lasts is accepted after a while.
 
         Args:
             t_s: of the picture.
@@ -165,12 +165,12 @@ class HeightGate:
 
 _EYE = np.eye(2)
 _NOSE_RAD = 0.003
-"""What the nose's heading errs by from picture to picture."""
+"""Standard deviation of the nose's heading from picture to picture."""
 _TILT_RAD = 0.12
-"""What the tilt at a picture errs by: read at 5 Hz, and so alike in many pictures that each counts for little."""
+"""Error of the tilt at a picture: read at 5 Hz, and so correlated over pictures that each counts for little."""
 _STEEPEST_BOX_RAD = 1.4
-"""A box seen more steeply tells no range across."""
+"""A box seen more steeply gives no horizontal range."""
 _LEAP_M, _LEAP_MPS, _LEAP_SIGMAS = 0.5, 0.2, 4.0
-"""From picture to picture heights change by the climb that was asked for and by no more than this."""
+"""Largest change of the height from picture to picture beside the commanded climb."""
 _LEAP_S = 5.0
-"""A height that is seen for so long is taken, whatever came before."""
+"""After this long a new height is accepted."""

@@ -34,8 +34,8 @@ class Pace:
         brake_mps2: deceleration that it plans to stop with.
         acceleration_mps2: greatest change of its speed.
         closing_per_s: near the goal the speed falls in proportion to the distance.
-        tracking_error_max_m, tracking_error_max_mps: an aircraft that is farther off, or this much faster or slower,
-            is led anew.
+        tracking_error_max_m, tracking_error_max_mps: a larger difference between aircraft and reference resets the
+            reference.
     """
 
     speed_mps: float
@@ -50,10 +50,10 @@ def moved(before: Reference, step_s: float, goal_m: Array, goal_mps: Array, pace
     """The reference a cycle later, on its way to a goal (2,) that itself moves with `goal_mps` (2,)."""
     if step_s <= 0.0:
         return before
-    way_m = goal_m - before.place_m
-    distance_m = math.hypot(*way_m.tolist())
+    to_goal_m = goal_m - before.place_m
+    distance_m = math.hypot(*to_goal_m.tolist())
     speed_mps = min(pace.speed_mps, math.sqrt(2.0 * pace.brake_mps2 * distance_m), pace.closing_per_s * distance_m)
-    wanted_mps = goal_mps + way_m * (speed_mps / max(distance_m, 1e-9))
+    wanted_mps = goal_mps + to_goal_m * (speed_mps / max(distance_m, 1e-9))
     change = wanted_mps - before.speed_mps
     most = pace.acceleration_mps2 * step_s
     size = math.hypot(*change.tolist())
@@ -67,7 +67,8 @@ def moved(before: Reference, step_s: float, goal_m: Array, goal_mps: Array, pace
 def reference_reset(reference: Reference, place_m: Array, speed_mps: Array, pace: Pace) -> Reference:
     """The reference as it is, or, too far from an aircraft at a place (2,) with a speed (2,), at that place.
 
-    It keeps the speed that it had reached, within the leash: an estimate that leaps says nothing of the speed wanted.
+    It keeps the speed that it had reached, within `tracking_error_max_mps`: a leap of the estimate is no reason to
+    change it.
     """
     ahead_mps = reference.speed_mps - speed_mps
     apart_mps = math.hypot(*ahead_mps.tolist())

@@ -17,7 +17,7 @@ _STEP_S = 0.005
 
 
 class ShapedSpeed:
-    """The speed that the autopilot tracks, over two axes, carried on in short steps; enters the filter's inputs.
+    """The speed that the autopilot tracks, over two axes, propagated in short steps; enters the filter's inputs.
 
     Args:
         motion: of the vehicle.
@@ -42,7 +42,7 @@ class ShapedSpeed:
         self.asked_mps = speed_mps
 
     def advance(self, to_s: float, inputs: Inputs) -> None:
-        """Carry on to a time, to the nearest step."""
+        """Propagate to a time, to the nearest step."""
         while self._t_s + 0.5 * _STEP_S < to_s and math.isfinite(self._t_s):
             after = self._step @ self.state + np.outer(self._push, self.asked_mps)
             speed, rate = 0.5 * (self.state + after)

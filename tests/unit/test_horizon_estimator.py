@@ -1,4 +1,4 @@
-"""The navigator of the pilot `horizon`: what it makes of the wind that a vehicle holds against, and of a ship."""
+"""The estimator of the pilot `horizon`: what it makes of the wind that a vehicle holds against, and of a ship."""
 
 import math
 from dataclasses import replace
@@ -10,8 +10,8 @@ from shipland.camera import Camera
 from shipland.config import build
 from shipland.estimation.relative_state import GUST, POSITION, STATES, WAVE, WIND
 from shipland.frames import GRAVITY_MPS2
+from shipland.guidance.horizon.estimator import Estimator
 from shipland.guidance.horizon.goals import Goals
-from shipland.guidance.horizon.navigator import Navigator
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.guidance.view import View
@@ -26,17 +26,17 @@ HOVER_IN_BAR_M = RIG.deck_in_bar_m - np.array([0.0, 0.0, 1.2])
 
 
 def _flown(bar_down_m=lambda _: 0.0, tilt_rad=0.0, seconds=3.0, within_m=math.inf):
-    """A navigator after a hover with released sticks that the vehicle holds by a roll."""
+    """An estimator after a hover with released sticks that the vehicle holds by a roll."""
     wave = replace(PARAMETERS.horizon.wave, followed_within_m=within_m)
-    navigator = Navigator(replace(PARAMETERS.horizon, wave=wave), ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimator = Estimator(replace(PARAMETERS.horizon, wave=wave), ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
     for index in range(round(30 * seconds)):
         t_s = index / 30.0
         place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M - np.array([0.0, 0.0, bar_down_m(t_s)])
         pose = BarPose(place, 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
         telemetry = Telemetry(t_s + 0.3, tilt_rad, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
-        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
-        navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
-    return navigator
+        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+        estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return estimator
 
 
 def test_the_wind_that_a_vehicle_holds_against_by_itself_shows_in_its_tilt():
@@ -47,9 +47,9 @@ def test_the_wind_that_a_vehicle_holds_against_by_itself_shows_in_its_tilt():
 
 
 def test_a_bar_swings_until_it_is_seen_to_stand_still():
-    assert _flown(seconds=0.2).wave.bar_moves
-    assert not _flown(seconds=5.0).wave.bar_moves
-    assert _flown(lambda t_s: 0.15 * math.sin(1.8 * t_s), seconds=5.0).wave.bar_moves
+    assert _flown(seconds=0.2).estimate(0.5).wave.bar_moves
+    assert not _flown(seconds=5.0).estimate(5.3).wave.bar_moves
+    assert _flown(lambda t_s: 0.15 * math.sin(1.8 * t_s), seconds=5.0).estimate(5.3).wave.bar_moves
 
 
 def test_a_bars_swing_is_followed_near_it_and_less_from_afar():
@@ -59,7 +59,7 @@ def test_a_bars_swing_is_followed_near_it_and_less_from_afar():
     away_m = math.hypot(*_flown(heaving, seconds=5.0).estimate(5.3).place_m)
     for within_m, near in ((math.inf, 1.0), (away_m, 1.0), (away_m / 1.5, 0.5), (away_m / 2.0, 0.0)):
         estimate = _flown(heaving, seconds=5.0, within_m=within_m).estimate(5.3)
-        assert estimate.near == pytest.approx(near, abs=0.01)
+        assert estimate.tracked_near == pytest.approx(near, abs=0.01)
         wave_m, share = estimate.across.of(WAVE), estimate.wave.tracked_share * near
         assert estimate.followed_m == pytest.approx(estimate.across.of(POSITION) - share * wave_m, abs=0.002)
         assert estimate.followed_states(1)[WAVE] == pytest.approx(near * wave_m[1], abs=0.002)
@@ -77,8 +77,8 @@ def test_the_covariance_turns_with_the_bar_and_shrinks_with_what_is_seen():
 
 
 def _wagging(turn_rad_s, seconds=12.0):
-    """A navigator whose vehicle's nose wags by itself under a compass of 5 Hz, and the bar's last heading."""
-    navigator, reading = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M), None
+    """An estimator whose vehicle's nose wags by itself under a compass of 5 Hz, and the bar's last heading."""
+    estimator, reading = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M), None
     for index in range(round(30 * seconds)):
         t_s = index / 30.0
         nose_rad, bar_rad = 0.09 * math.sin(2.0 * math.pi * t_s / 1.2), turn_rad_s * t_s
@@ -86,64 +86,64 @@ def _wagging(turn_rad_s, seconds=12.0):
             reading = t_s, nose_rad
         pose = BarPose(HOVER_IN_BAR_M + CAMERA_IN_BODY_M, nose_rad - bar_rad, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
         telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, reading[1], 3.0, None, 90.0, 90.0, True, heading_t_s=reading[0])
-        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
-        navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
-    return navigator, bar_rad
+        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+        estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return estimator, bar_rad
 
 
 @pytest.mark.parametrize("turn_rad_s", [0.0, 0.2])
 def test_a_nose_that_wags_between_compass_readings_is_no_turn_of_the_ship(turn_rad_s):
-    navigator, bar_rad = _wagging(turn_rad_s)
-    estimate = navigator.estimate(12.0)
+    estimator, bar_rad = _wagging(turn_rad_s)
+    estimate = estimator.estimate(12.0)
     assert estimate.turn_rad_s == pytest.approx(turn_rad_s, abs=0.05)
     assert estimate.bar_rad == pytest.approx(bar_rad, abs=0.05)
 
 
 def test_the_place_stays_known_by_the_vehicles_velocity_and_only_by_it():
-    spread_m = {}
+    std_m = {}
     for with_velocity in (True, False):
-        navigator = _flown()
+        estimator = _flown()
         for index in range(180):
             t_s = 3.0 + index / 30.0
             velocity = np.zeros(3) if with_velocity else None
             telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, velocity, 90.0, 90.0, True)
-            navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), reason="not found"), telemetry)
-            navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
-        spread_m[with_velocity] = navigator.estimate(9.3).spread_m
-    assert spread_m[True] < PARAMETERS.horizon.position_std_max_m < spread_m[False]
+            estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), reason="not found"), telemetry)
+            estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+        std_m[with_velocity] = estimator.estimate(9.3).position_std_m
+    assert std_m[True] < PARAMETERS.horizon.position_std_max_m < std_m[False]
 
 
 def test_where_the_filter_for_turns_takes_over_the_axes_do_not_step():
     """A compass that errs by 3°, slowly: both filters have it by different shares when the ship begins to turn."""
-    navigator, steps_rad, took_over = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M), [], 0
+    estimator, steps_rad, took_over = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M), [], 0
     rng = np.random.default_rng(3)
     for index in range(240):
         t_s = index / 30.0
         bar_rad = 0.3 * max(t_s - 6.0, 0.0)
         compass_rad = 0.05 * math.sin(0.9 * t_s) + rng.normal(0.0, 0.02)
         pose = BarPose(HOVER_IN_BAR_M + CAMERA_IN_BODY_M, -bar_rad, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
-        before = navigator._headings.now
-        quiet = not navigator._headings.turning
+        before = estimator._headings.now
+        quiet = not estimator._headings.turning
         telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, compass_rad, 3.0, np.zeros(3), 90.0, 90.0, True, heading_t_s=t_s)
-        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
-        if quiet and before is not None and navigator._headings.turning:
+        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+        if quiet and before is not None and estimator._headings.turning:
             took_over += 1
-            steps_rad.append(navigator._headings.now.bar_rad - before.bar_rad)
+            steps_rad.append(estimator._headings.now.bar_rad - before.bar_rad)
     assert took_over >= 1
     assert np.abs(steps_rad).max() < 0.015
 
 
 def _seen(heading_rad, down_m, seconds=6.0, velocity_mps=None):
-    """A navigator after a hover under a bar at rest, with a compass and heights of its own by time."""
-    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    """An estimator after a hover under a bar at rest, with a compass and heights of its own by time."""
+    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
     for index in range(round(30 * seconds)):
         t_s = index / 30.0
         place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M + np.array([0.0, 0.0, down_m(t_s)])
         pose = BarPose(place, 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
         telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, heading_rad(t_s), 3.0, velocity_mps, 90.0, 90.0, True)
-        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
-        navigator.sent(PilotCommand(t_s + 0.33, 2.0, 0.0, 0.0, 0.0, 0.0))
-    return navigator.estimate(seconds + 0.3)
+        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+        estimator.sent(PilotCommand(t_s + 0.33, 2.0, 0.0, 0.0, 0.0, 0.0))
+    return estimator.estimate(seconds + 0.3)
 
 
 @pytest.mark.parametrize("back_s", [4.0, 9.0])
@@ -167,18 +167,17 @@ def test_a_height_that_no_climb_leads_to_is_refused_until_it_stays():
 
 
 def _leapt(from_s, seconds, dark_s=0.0, landing=True):
-    """How far aside the navigator of a hover is led by poses that are 1.5 m off from a time on, after a dark spell."""
-    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    """How far aside the estimator of a hover is led by poses that are 1.5 m off from a time on, after a dark spell."""
+    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
     for index in range(round(30 * seconds)):
         t_s = index / 30.0
-        navigator.landing = landing
         place = HOVER_IN_BAR_M + CAMERA_IN_BODY_M + np.array([0.0, 1.5 * (t_s >= from_s), 0.0])
         pose = BarPose(place, 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
         seen = None if from_s - dark_s <= t_s < from_s else pose
         telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
-        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), seen), telemetry)
-        navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
-    return float(navigator.estimate(seconds + 0.3).aircraft_in_bar_m[1]), navigator.doubted
+        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), seen), telemetry, landing)
+        estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return float(estimator.estimate(seconds + 0.3).aircraft_in_bar_m[1]), estimator.rejected
 
 
 def test_a_place_that_leaps_in_full_view_of_a_landing_is_doubted_until_it_stays():
@@ -196,13 +195,13 @@ def test_elsewhere_or_after_a_dark_spell_another_place_is_soon_believed():
 
 
 def test_a_place_forgotten_begins_anew_at_the_next_pose():
-    navigator = _flown()
-    navigator.forget_place()
-    assert navigator.estimate(3.3) is None
+    estimator = _flown()
+    estimator.forget_place()
+    assert estimator.estimate(3.3) is None
     pose = BarPose(HOVER_IN_BAR_M + np.array([0.0, 3.0, 0.8]), 0.0, np.eye(4) * 1e-6, 0.1, np.zeros((8, 2)))
     telemetry = Telemetry(6.3, 0.0, 0.0, 0.0, 3.0, np.zeros(3), 90.0, 90.0, True)
-    navigator.take(Observation(6.0, GimbalAttitude(0.0, 0.0), pose), telemetry)
-    assert navigator.estimate(6.3).aircraft_in_bar_m[1] == pytest.approx(3.0, abs=0.1)
+    estimator.take(Observation(6.0, GimbalAttitude(0.0, 0.0), pose), telemetry)
+    assert estimator.estimate(6.3).aircraft_in_bar_m[1] == pytest.approx(3.0, abs=0.1)
 
 
 def _box(bar_in_level_m):
@@ -213,45 +212,45 @@ def _box(bar_in_level_m):
     return Box((column_px + scale * right_m, row_px), (scale * width_m, scale * height_m), 0.9)
 
 
-def _boxed(navigator, from_s, to_s, bar_in_level_m, velocity_mps):
+def _boxed(estimator, from_s, to_s, bar_in_level_m, velocity_mps):
     """Boxes every half second of a bar at `bar_in_level_m(t_s)`, the vehicle's velocity at 5 Hz, released sticks."""
     for index in range(round(30 * from_s), round(30 * to_s)):
         t_s = index / 30.0
         box = _box(bar_in_level_m(t_s)) if index % 15 == 0 else None
         velocity = np.array([*velocity_mps, 0.0]) if index % 6 == 0 else None
         telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, velocity, 90.0, 90.0, True)
-        navigator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), bar_box=box), telemetry)
-        navigator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
-    return navigator.estimate(to_s)
+        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), bar_box=box), telemetry)
+        estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+    return estimator.estimate(to_s)
 
 
 def test_a_ship_under_way_is_no_nearer_than_its_boxes_say():
     """The aircraft trails at the ship's own 3 m/s: what it flies is no way towards the ship."""
-    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
-    estimate = _boxed(navigator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
+    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimate = _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
     assert estimate.place_m == pytest.approx([-40.0, 0.0], abs=6.0)
     assert estimate.speed_mps == pytest.approx([0.0, 0.0], abs=1.0)
 
 
 def test_the_nose_follows_the_newest_box_of_a_ship_that_turns_away():
-    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
-    _boxed(navigator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
-    estimate = _boxed(navigator, 15.0, 20.0, lambda t_s: (40.0, 3.0 * (t_s - 15.0)), (3.0, 0.0))
+    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
+    estimate = _boxed(estimator, 15.0, 20.0, lambda t_s: (40.0, 3.0 * (t_s - 15.0)), (3.0, 0.0))
     assert estimate.to_bar_rad == pytest.approx(math.atan2(13.5, 40.0), abs=0.02)  # of the last one, at 19.5 s
 
 
 def test_a_ship_seen_again_is_where_it_is_seen():
     """After 20 s in which it went on, and the aircraft stood."""
-    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
-    _boxed(navigator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
-    estimate = _boxed(navigator, 35.0, 36.0, lambda _: (90.0, 40.0), (0.0, 0.0))
+    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
+    estimate = _boxed(estimator, 35.0, 36.0, lambda _: (90.0, 40.0), (0.0, 0.0))
     assert estimate.place_m == pytest.approx([-90.0, -40.0], abs=3.0)
 
 
 @pytest.mark.parametrize("away_m", [4.0, 12.0, 30.0])
 def test_who_waits_for_corners_keeps_the_stand_off_also_from_a_ship_that_comes(away_m):
     approach, view = PARAMETERS.approach, View.of(CAMERA)
-    navigator = Navigator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
-    estimate = _boxed(navigator, 0.0, 0.2, lambda _: (away_m, 0.0), (0.0, 0.0))
+    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimate = _boxed(estimator, 0.0, 0.2, lambda _: (away_m, 0.0), (0.0, 0.0))
     goal_m, _ = Goals(PARAMETERS.horizon, approach, RIG, view).of(Mode.TRACK_BAR, estimate)
     assert goal_m == pytest.approx([-PARAMETERS.horizon.path.stand_off_m, 0.0], abs=0.2)

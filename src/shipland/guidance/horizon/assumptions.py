@@ -1,0 +1,115 @@
+"""What the motion models of the estimate assume: vehicle, gusts, waves and the ship's axis, each by what is seen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from shipland.estimation.heading import Headings
+from shipland.estimation.relative_state import GUST, WIND, AxisModel, Disturbances, GaussianState, Model, WaveShares
+from shipland.estimation.wave_motion import WaveMotion
+from shipland.frames import Array, wrap_angle
+from shipland.guidance.horizon.parameters import HorizonParameters
+from shipland.guidance.response import Response
+
+_AXIS_STEP_RAD = 0.2
+"""Step of the ship's axis from model to model."""
+_VIEW_STEP = 0.25
+"""Step of the share of ship in view from model to model."""
+_FLOW_SLOPE = math.tan(math.radians(30.0))
+"""Half the view of an optical-flow camera, as a slope."""
+_CLIMB_ACTUATOR_LAG_S = 0.05
+"""Of the vertical acceleration; what lags is the climb rate."""
+
+
+def motion_of(response: Response) -> AxisModel:
+    """The horizontal motion of a vehicle, nothing in view."""
+    return AxisModel(
+        response.lag_s,
+        response.drag_per_s,
+        response.servo_per_s,
+        integral_per_s2=response.integral_per_s2,
+        approach_per_s=response.approach_per_s,
+        smoothing_s=response.smoothing_s,
+    )
+
+
+@dataclass(frozen=True)
+class Assumptions:
+    """Assumptions of the motion models.
+
+    Attributes:
+        motion: horizontal, of the vehicle.
+        wave: wave motion of deck and bar.
+        gust_mps2: standard deviation of the acceleration by gusts; one of `gust_levels_mps2`.
+        axis_rad: direction of the ship's axis in the axes of the flight; None while it is not known.
+    """
+
+    motion: AxisModel
+    wave: WaveMotion
+    gust_mps2: float
+    axis_rad: float | None = None
+
+    def across_model(self, parameters: HorizonParameters, gain: float) -> Model:
+        """The horizontal model, for a gain of the sticks."""
+        servo = self.motion.servo_per_s > 0.0
+        noise = parameters.horizontal_servo if servo else parameters.horizontal_at(self.gust_mps2)
+        shares = None  # a ship's sway is larger than its surge, and goes with its heave
+        if self.wave.bar_moves and self.axis_rad is not None:
+            shares = replace(parameters.wave.spread, along_rad=self.axis_rad)
+        return _model(2, replace(self.motion, gain=gain), noise, self.wave, shares)
+
+    def down_model(self, parameters: HorizonParameters, response: Response) -> Model:
+        """The vertical model."""
+        climb = AxisModel(_CLIMB_ACTUATOR_LAG_S, 0.0, 1.0 / response.climb_lag_s)
+        return _model(1, climb, parameters.vertical, self.wave)
+
+    def with_axis(self, headings: Headings) -> Assumptions:
+        """With the directions of surge and sway turned with the ship."""
+        if not headings.bar_known:
+            return self
+        if self.axis_rad is not None and abs(wrap_angle(headings.bar_rad - self.axis_rad)) <= _AXIS_STEP_RAD:
+            return self
+        return replace(self, axis_rad=_AXIS_STEP_RAD * round(headings.bar_rad / _AXIS_STEP_RAD))
+
+    def with_gusts(self, across: GaussianState, parameters: HorizonParameters) -> Assumptions:
+        """With gusts by the mean wind: turbulence grows with it, and the tilt that holds the position shows it."""
+        levels = parameters.gust_levels_mps2
+        wind_mps2 = math.hypot(*(across.of(WIND) + across.of(GUST)).tolist())
+        share = parameters.gust_share_at_sea if self.wave.bar_moves else parameters.gust_share
+        wanted = min(levels, key=lambda level: abs(math.log(level / max(share * wind_mps2, 1e-3))))
+        between = abs(math.log(share * max(wind_mps2, 1e-3) / self.gust_mps2))
+        if wanted == self.gust_mps2 or between <= 0.6 * math.log(levels[1] / levels[0]):
+            return self
+        return replace(self, gust_mps2=wanted)
+
+    def with_view(self, over_ship: float, settle_s: float) -> Assumptions:
+        """With the share of ship in view: a servo on optical flow follows the motion of the ship below it."""
+        if abs(over_ship - self.motion.over_ship) <= _VIEW_STEP:
+            return self
+        over_ship = _VIEW_STEP * round(over_ship / _VIEW_STEP)
+        return replace(self, motion=replace(self.motion, over_ship=over_ship, settle_s=settle_s))
+
+
+def ship_in_view(aircraft_in_bar_m: Array, over_deck_m: float, hull_m: tuple[float, float, float]) -> float:
+    """Share of ship in the view of a downward optical-flow camera: the platform against a square below the aircraft.
+
+    Args:
+        aircraft_in_bar_m: (2,) or more: forward, starboard.
+        over_deck_m: height over the deck.
+        hull_m: stern and bow forward of the bar, and half the width.
+    """
+    ahead_m, right_m = aircraft_in_bar_m[:2].tolist()
+    half_m = max(over_deck_m, 0.05) * _FLOW_SLOPE
+    stern_m, bow_m, side_m = hull_m
+    along_m = min(ahead_m + half_m, bow_m) - max(ahead_m - half_m, stern_m)
+    aside_m = min(right_m + half_m, side_m) - max(right_m - half_m, -side_m)
+    return float(max(along_m, 0.0) * max(aside_m, 0.0) / (2.0 * half_m) ** 2)
+
+
+@lru_cache(maxsize=64)
+def _model(
+    axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, shares: WaveShares | None = None
+) -> Model:
+    return Model(axes, motion, noise, wave, shares)

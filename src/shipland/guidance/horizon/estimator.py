@@ -1,0 +1,317 @@
+"""The estimator: from observations, telemetry and sent commands to one estimate of position, motion and headings.
+
+A picture's age enters as its time: `Estimator.take` gives every measurement to the filters at the time at which it was
+true, and `Estimator.estimate` predicts to the time asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from shipland.camera import Camera
+from shipland.estimation.delayed import DelayedFilter
+from shipland.estimation.gain import GainBank
+from shipland.estimation.heading import Headings
+from shipland.estimation.latency import LatencyBank
+from shipland.estimation.relative_state import POSITION, VELOCITY, Model, less_wave
+from shipland.frames import Array, all_finite, rotated, wrap_angle
+from shipland.guidance.horizon.assumptions import Assumptions, motion_of, ship_in_view
+from shipland.guidance.horizon.estimated import Actuation, Estimated
+from shipland.guidance.horizon.heading_filters import HeadingFilters
+from shipland.guidance.horizon.heave import HeaveTracker
+from shipland.guidance.horizon.parameters import HorizonParameters
+from shipland.guidance.horizon.places import HeightGate, Places, SeenPlace
+from shipland.guidance.horizon.stick_history import StickHistory
+from shipland.guidance.response import Response
+from shipland.messages import BarPose, Observation, PilotCommand, Telemetry
+from shipland.rig import Rig
+
+_POSE_GAP_S = 0.5
+"""After a gap this long in the poses, one that leaps is soon believed."""
+_VELOCITY_EVERY_S = 0.06
+"""Least time between velocity readings: their noise is coloured, so that closer ones add little."""
+
+
+class Estimator:
+    """Keeps the filters: `sent` and `take` once a cycle, then `estimate`.
+
+    Args:
+        parameters: of the pilot.
+        response: of the vehicle.
+        rig: the bar, and the deck below it.
+        camera: intrinsics.
+        camera_in_body_m: (3,) the camera's optical centre.
+    """
+
+    def __init__(
+        self, parameters: HorizonParameters, response: Response, rig: Rig, camera: Camera, camera_in_body_m: Array
+    ) -> None:
+        self._parameters, self._response = parameters, response
+        delayed, measured, deck_down_m = parameters.delayed, parameters.measured, float(rig.deck_in_bar_m[2])
+        self._places = Places(measured, rig, camera, camera_in_body_m)
+        self._heights = HeightGate(response.climb_lag_s)
+        self._deck_in_bar_m = rig.deck_in_bar_m
+        stern_m = -float(rig.bar_in_ship_m[0]) - rig.deck_ahead_of_stern_m
+        self._hull_m = (stern_m, stern_m + rig.platform_length_m, 0.5 * rig.platform_width_m)
+        motion = motion_of(response)
+        self._sticks = StickHistory(response, motion)
+        wave, velocity_std_mps = parameters.wave, measured.velocity_mps
+        if self._sticks.servo is not None:
+            wave, velocity_std_mps = replace(wave, followed=wave.followed_servo), measured.velocity_tracked_mps
+        self._wave_parameters = wave
+        low_m = deck_down_m - parameters.margins.low_m
+        self._heave = HeaveTracker(wave, response.climb_lag_s, delayed.velocity_mps, low_m)
+        self._assumed = Assumptions(motion, self._heave.wave, parameters.gust_levels_mps2[-2])
+        self._headings = HeadingFilters(parameters.heading, parameters.heading_turning, parameters.turn_from_rad_s)
+        self._across = DelayedFilter(self._across_model(), delayed, velocity_std_mps)
+        self._down = DelayedFilter(self._assumed.down_model(parameters, response), delayed, measured.velocity_down_mps)
+        self._latency, self._gain = LatencyBank(parameters.latency), GainBank(parameters.gain)
+        self._gain_models = self._models_by_gain()
+        self._landing = False
+        self._velocity_s = self._deck_s = self._showed_s = self._posed_s = -math.inf
+        self._line_of_sight_rad: float | None = None
+        """Heading of the newest box; None where a pose came after it."""
+        self.seen_s = -math.inf
+        """Exposure of the newest picture that gave a position."""
+        self.rejected = ""
+        """Why the newest picture's pose was rejected; empty where it was taken, or there was none."""
+
+    def sent(self, command: PilotCommand) -> None:
+        """The command of the cycle before, as it left the safety."""
+        self._sticks.sent(command, self._headings, self._assumed.motion.gain)
+
+    def effect_s(self, now_s: float) -> float:
+        """When a command that is ready now takes effect."""
+        return self._sticks.effect_s(now_s)
+
+    def taken_s(self, stamp_s: float) -> float:
+        """When a picture was taken, by its time stamp and what those are found to be off by."""
+        return stamp_s + self._latency.correction_s
+
+    def trim_in_level_mps2(self, now_s: float) -> Array | None:
+        """(2,) forward and right, by the mean tilt of late; None where the vehicle's servo is modelled."""
+        if self._sticks.servo is not None:
+            return None
+        return rotated(self._sticks.trim_mps2, -self._headings.nose_at(now_s))
+
+    def forget_place(self) -> None:
+        """Forget the position, after a time in which the vehicle's motion is unknown: the next picture starts anew."""
+        self._across.estimate = self._down.estimate = None
+        self._heights = HeightGate(self._response.climb_lag_s)
+        self._forget_banks()
+
+    def take(self, observation: Observation, telemetry: Telemetry, landing: bool = False) -> None:
+        """Update the filters by a cycle's observation and telemetry.
+
+        Args:
+            observation: of the newest frame.
+            telemetry: of the decision's time.
+            landing: low over the deck, or on the way up from it: there a leap of the position is not soon believed.
+        """
+        self._landing, self.rejected = landing, ""
+        t_s, pose = self.taken_s(observation.t_s), observation.bar_pose
+        if pose is not None and not _finite(pose):
+            pose = None
+        if telemetry.heading_rad is not None:
+            self._headings.compass(_or_receipt(telemetry.heading_t_s, telemetry), telemetry.heading_rad)
+        self._sticks.attitude(telemetry, self._headings)
+        headings = self._headings.take(t_s, pose)
+        self._assume(self._assumed.with_axis(headings))
+        self._take_velocity(telemetry)
+        self._take_picture(t_s, observation, pose, headings)
+        if self._across.estimate is not None and self._response.kind == "attitude":
+            self._assume(self._assumed.with_gusts(self._across.estimate, self._parameters))
+        if self._assumed.motion.servo_per_s > 0.0:
+            self._assume(self._assumed.with_view(self._over_ship(), self._parameters.delayed.flow_settle_s))
+        self._across.follow(telemetry.t_s, self._sticks.across, self._headings.turn_rad_s)
+        self._down.follow(telemetry.t_s, self._sticks.climbs)
+
+    def _take_velocity(self, telemetry: Telemetry) -> None:
+        """The vehicle's own velocity, at the time at which it was true."""
+        velocity, t_s = telemetry.velocity_in_level_mps, _or_receipt(telemetry.velocity_t_s, telemetry)
+        if velocity is None or not self._parameters.measured.use_velocity or not all_finite(velocity):
+            return
+        if t_s < self._velocity_s + _VELOCITY_EVERY_S:
+            return
+        self._velocity_s = t_s
+        across_mps, over_ship = rotated(velocity[:2], self._headings.nose_at(t_s)), self._over_ship()
+        for filters in (self._across, self._latency, self._gain):
+            filters.update_velocity(t_s, across_mps, over_ship)
+        self._down.update_velocity(t_s, velocity[2:])
+        self._heave.update_velocity(t_s, float(velocity[2]), self.seen_s)
+
+    def _take_picture(self, t_s: float, observation: Observation, pose: BarPose | None, headings: Headings) -> None:
+        """The best position in a picture of the time `t_s`: by the bar's pose, else by the deck, else by a box."""
+        nose_up_rad, is_bar = self._sticks.nose_up_rad, observation.bar_box is not None
+        box = observation.bar_box or observation.ship_box
+        if pose is not None:
+            estimate = self._across.estimate
+            speed_mps = 0.0 if estimate is None else float(np.linalg.norm(estimate.of(VELOCITY)))
+            self._take_pose(t_s, self._places.of_pose(pose, headings, nose_up_rad, speed_mps))
+        elif observation.deck is not None and headings.bar_known:
+            self._take_deck(t_s, self._places.of_deck(observation.deck, headings, nose_up_rad))
+        elif box is not None:
+            place = self._places.of_box(box, is_bar, observation.gimbal.pitch_rad, headings)
+            if place is not None:
+                self._take_box(t_s, place)
+
+    def _take_pose(self, t_s: float, place: SeenPlace) -> None:
+        self._line_of_sight_rad = None
+        if t_s - self._showed_s > _POSE_GAP_S:
+            self._posed_s = -math.inf
+        self._showed_s = t_s
+        if self._heights.refuses(t_s, place.down_m, place.down_variance, self._sticks.climbs):
+            self.rejected = "a pose at a height that no climb leads to"
+            return
+        self._heave.update_pose(t_s, place.down_m, place.down_variance, self._sticks.climbs)
+        if self._heave.wave != self._assumed.wave:
+            self._adopt_wave()
+        self._update_banks(t_s, place)
+        self._update(t_s, place)
+        if self._across.refused:
+            self.rejected = "a pose where the aircraft cannot be"
+        else:
+            self._posed_s = t_s
+
+    def _take_deck(self, t_s: float, place: SeenPlace) -> None:
+        self._down.update_deck(t_s, *_vertical(place), self._sticks.climbs)
+        turn_rad_s = self._headings.turn_rad_s
+        if self._across.update_deck(t_s, place.across_m, place.covariance, self._sticks.across, turn_rad_s):
+            self.seen_s = self._deck_s = t_s
+
+    def _take_box(self, t_s: float, place: SeenPlace) -> None:
+        if t_s - self.seen_s > self._parameters.measured.lost_s:  # the ship has moved on meanwhile
+            self.forget_place()
+        north, east = (-place.across_m).tolist()
+        self._line_of_sight_rad = math.atan2(east, north)
+        self._update(t_s, place, self._parameters.measured.first_way_mps)
+
+    def _update(self, t_s: float, place: SeenPlace, ship_std_mps: float = 0.0) -> None:
+        """Update by a position; a first one starts the filters, with this standard deviation of the ship's speed."""
+        measured = self._parameters.measured
+        patience_s = measured.lost_s if self._landing else 0.0
+        lost = self._across.refused >= measured.lost_refusals and t_s - self._posed_s >= patience_s
+        if self._across.estimate is None or lost:
+            self._across.start(t_s, place.across_m, place.covariance, measured.first_mps, ship_std_mps)
+            self._down.start(t_s, *_vertical(place), measured.first_climb_mps)
+            self._forget_banks()
+            self.seen_s = t_s
+            return
+        if self._down.refused >= measured.lost_refusals:
+            self._down.start(t_s, *_vertical(place), measured.first_climb_mps)
+        else:
+            self._down.update_pose(t_s, *_vertical(place), self._sticks.climbs)
+        turn_rad_s = self._headings.turn_rad_s
+        if self._across.update_pose(t_s, place.across_m, place.covariance, self._sticks.across, turn_rad_s):
+            self.seen_s = t_s
+
+    def _update_banks(self, t_s: float, place: SeenPlace) -> None:
+        """Adapt the correction of time stamps and, where sticks mean a tilt, their gain."""
+        seen, inputs = (place.across_m, place.covariance), (self._sticks.across, self._headings.turn_rad_s)
+        self._latency.update_pose(t_s - self._latency.correction_s, *seen, *inputs, self._across)
+        if self._assumed.motion.servo_per_s > 0.0:
+            return  # a servo brings about the speed that is asked for
+        better = self._gain.update_pose(t_s, *seen, *inputs, self._across, self._gain_models)
+        if better is not None:
+            self._across = better
+            self._assumed = replace(self._assumed, motion=replace(self._assumed.motion, gain=self._gain.gain))
+            self._latency.forget_place()
+
+    def _forget_banks(self) -> None:
+        self._latency.forget_place()
+        self._gain.forget_place()
+
+    def _across_model(self) -> Model:
+        return self._assumed.across_model(self._parameters, self._assumed.motion.gain)
+
+    def _models_by_gain(self) -> list[Model]:
+        return [self._assumed.across_model(self._parameters, gain) for gain in self._parameters.gain.candidates]
+
+    def _assume(self, assumed: Assumptions) -> None:
+        """Go on with other assumptions on vehicle, gusts or the ship's axis."""
+        if assumed is not self._assumed:
+            self._assumed = assumed
+            self._across.model, self._gain_models = self._across_model(), self._models_by_gain()
+
+    def _adopt_wave(self) -> None:
+        """Go on with another wave motion in all filters."""
+        self._assumed = replace(self._assumed, wave=self._heave.wave)
+        model, self._gain_models = self._across_model(), self._models_by_gain()
+        self._across.adopt(model)
+        self._latency.adopt(model)
+        self._gain.adopt(self._gain_models)
+        self._down.adopt(self._assumed.down_model(self._parameters, self._response))
+
+    def _over_ship(self) -> float:
+        """Share of ship in the view of the vehicle's optical flow."""
+        across, down, headings = self._across.estimate, self._down.estimate, self._headings.now
+        if not self._parameters.measured.flow or across is None or down is None or headings is None:
+            return 0.0
+        over_deck_m = float(self._deck_in_bar_m[2]) - float(down.of(POSITION)[0])
+        return ship_in_view(rotated(across.of(POSITION), -headings.bar_rad), over_deck_m, self._hull_m)
+
+    def estimate(self, t_s: float) -> Estimated | None:
+        """The estimate at a time that is not before the newest picture; None before the first position."""
+        headings, sticks, wave = self._headings.now, self._sticks, self._assumed.wave
+        if headings is None:
+            return None
+        turn_rad_s = self._headings.turn_rad_s
+        sticks.advance(t_s)
+        across = self._across.predict(t_s, sticks.across, turn_rad_s)
+        down = self._down.predict(t_s, sticks.climbs)
+        if across is None or down is None or not all_finite(across.mean):
+            return None
+        (nose, both, _), (_, bar, _), _ = headings.covariance.tolist()
+        below, sinking = less_wave(down.mean, wave.observed_share)
+        place_m, speed_mps = less_wave(across.mean, wave.observed_share)
+        tracked_near = self._wave_parameters.followed_at(math.hypot(*place_m.tolist()))
+        followed_m, followed_mps = less_wave(across.mean, tracked_near * wave.tracked_share)
+        to_bar_rad = self._line_of_sight_rad
+        if to_bar_rad is None:
+            north, east = (-place_m).tolist()
+            to_bar_rad = math.atan2(east, north)
+        return Estimated(
+            t_s=t_s,
+            across=across,
+            down=down,
+            wave=wave,
+            tracked_near=tracked_near,
+            place_m=place_m,
+            speed_mps=speed_mps,
+            followed_m=followed_m,
+            followed_mps=followed_mps,
+            down_m=float(below[0]),
+            down_mps=float(sinking[0]),
+            nose_rad=self._headings.nose_at(t_s),
+            bar_rad=wrap_angle(headings.bar_rad + turn_rad_s * (t_s - headings.t_s)),
+            turn_rad_s=turn_rad_s,
+            bar_known=headings.bar_known,
+            yaw_variance=nose + bar - 2.0 * both,
+            to_bar_rad=to_bar_rad,
+            deck_in_bar_m=self._deck_in_bar_m,
+            deck_s=self._deck_s,
+            actuation=Actuation(
+                motion=self._assumed.motion,
+                input_before=sticks.input_before(),
+                tracked=None if sticks.servo is None else sticks.servo.state,
+                trim_mps2=sticks.trim_mps2,
+                velocity_s=self._velocity_s,
+            ),
+        )
+
+
+def _finite(pose: BarPose) -> bool:
+    return all_finite(pose.position_in_bar_m) and math.isfinite(pose.yaw_rad) and all_finite(pose.covariance)
+
+
+def _vertical(place: SeenPlace) -> tuple[Array, Array]:
+    """(1,) and (1,1) the height below the bar and its variance."""
+    return np.array([place.down_m]), np.array([[place.down_variance]])
+
+
+def _or_receipt(t_s: float | None, telemetry: Telemetry) -> float:
+    """The time of a part of the telemetry; that of its receipt where the vehicle does not say."""
+    return telemetry.t_s if t_s is None else t_s
