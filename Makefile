@@ -2,15 +2,16 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-run setup-train olympe peers demo test test-slow fuzz check bench docs wheel-test train clean
+.PHONY: help setup setup-run setup-train olympe peers demo test test-slow fuzz check bench results docs wheel-test train clean
 
 BIN := .venv/bin
 ARGS ?=
+ONLY ?=
 
 # One thread a process: pytest's workers, or what a benchmark measures, share the cores.
-test test-slow fuzz bench: export OMP_NUM_THREADS := 1
-test test-slow fuzz bench: export OPENBLAS_NUM_THREADS := 1
-test test-slow fuzz bench: export LP_NUM_THREADS := 1
+test test-slow fuzz bench results: export OMP_NUM_THREADS := 1
+test test-slow fuzz bench results: export OPENBLAS_NUM_THREADS := 1
+test test-slow fuzz bench results: export LP_NUM_THREADS := 1
 
 help: ## list what there is (default)
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1 @/p' $(MAKEFILE_LIST) | while IFS=@ read -r name what; do printf 'make %-10s %s\n' "$$name" "$$what"; done
@@ -67,6 +68,9 @@ bench: setup ## run every benchmark, one after the other; tables on screen and i
 	done; \
 	[[ $${#failed[@]} == 0 ]] || { echo "shipland: failed: $${failed[*]}" >&2; exit 1; }
 
+results: setup ## run the studies into results/, short ones first; hours, resumes; ONLY=name for one, ARGS='--runs 20'
+	$(BIN)/python -m studies $(ONLY) $(ARGS)
+
 train: setup-train ## make the far detectors' weights anew: pictures, training, rounds of what fooled them; four core-hours, resumes
 	tools/train_shipped.sh out/train $(ARGS)
 
@@ -78,4 +82,4 @@ wheel-test: setup ## build the wheel, install it into an empty environment, fly 
 
 clean: ## remove what was made, but for .venv, .venv-olympe and .venv-peers
 	rm -rf out site build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
-	find src tests tools benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src tests tools benchmarks studies -name __pycache__ -type d -prune -exec rm -rf {} +

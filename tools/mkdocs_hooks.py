@@ -14,7 +14,8 @@ from typing import Any
 import griffe
 from latex2mathml.converter import convert
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))  # the studies stand beside the package
 CONFIGS = ROOT / "src" / "shipland" / "configs"
 NO_BREAK_SPACE = "\u00a0"
 FILE = re.compile(r"<!-- file ([\w/]+\.(\w+)) -->")
@@ -25,8 +26,31 @@ SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:  # noqa: ANN401 - MkDocs passes its own objects by name
-    """Puts in what a page asks for: the comments that `FILE`, `HELP`, `COLUMNS` and `TABLES` match."""
+def on_pre_build(**_: Any) -> None:  # noqa: ANN401 - MkDocs passes its own objects by name
+    """Fails the build when a table of the README differs from its results."""
+    from mkdocs.exceptions import PluginError
+
+    from studies.tables import TableError, checked
+
+    try:
+        checked((ROOT / "README.md").read_text(encoding="utf-8"), "README.md")
+    except TableError as error:
+        raise PluginError(str(error)) from None
+
+
+def on_page_markdown(markdown: str, page: Any = None, **_: Any) -> str:  # noqa: ANN401
+    """Puts in what a page asks for: the comments that `FILE`, `HELP`, `COLUMNS` and `TABLES` match.
+
+    Tables of results are compared with results/NAME.json; rows of earlier code get a badge.
+    """
+    from mkdocs.exceptions import PluginError
+
+    from studies.tables import TableError, checked
+
+    try:
+        markdown = checked(markdown, page.file.src_path if page else "the page")
+    except TableError as error:
+        raise PluginError(str(error)) from None
     markdown = FILE.sub(lambda match: f"```{match[2]}\n{(ROOT / match[1]).read_text(encoding='utf-8')}```", markdown)
     markdown = HELP.sub(lambda match: f"```text\n{help_of(match[1])}\n```", markdown)
     markdown = COLUMNS.sub(lambda match: column_table(match[1]), markdown)
