@@ -29,7 +29,6 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>',
 def on_pre_build(**_: Any) -> None:  # noqa: ANN401 - MkDocs passes its own objects by name
     """Fails the build when a table of the README differs from its results."""
     from mkdocs.exceptions import PluginError
-
     from studies.tables import TableError, checked
 
     try:
@@ -44,7 +43,6 @@ def on_page_markdown(markdown: str, page: Any = None, **_: Any) -> str:  # noqa:
     Tables of results are compared with results/NAME.json; rows of earlier code get a badge.
     """
     from mkdocs.exceptions import PluginError
-
     from studies.tables import TableError, checked
 
     try:
