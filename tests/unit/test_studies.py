@@ -2,6 +2,8 @@
 
 import json
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -47,6 +49,28 @@ def test_only_rows_of_this_code_are_kept(study, tmp_path):
     assert harness._rows_kept(path, {"code": "this"}, 3) == ROWS[:1]
     assert harness._rows_kept(path, {"code": "other"}, 3) == []
     assert harness._rows_kept(path, {"code": "this"}, 4) == []
+
+
+def test_a_study_that_was_stopped_resumes_with_the_missing_cases(study, tmp_path, monkeypatch):
+    made, measured = study
+
+    def interrupted_once(case, runs):
+        row = made.measure(case, runs)
+        if measured == [1, 2]:
+            raise KeyboardInterrupt
+        return row
+
+    stopping = replace(made, measure=interrupted_once)
+    monkeypatch.setattr(harness, "load", lambda _: stopping)
+    monkeypatch.setattr(harness, "ProcessPoolExecutor", lambda workers, *_: ThreadPoolExecutor(workers))
+    assert not harness.run("two", stopping, workers=1)
+    assert not (tmp_path / "results" / "two.json").exists()
+    assert harness.run("two", stopping, workers=1)
+    assert measured == [1, 2, 2]
+    rows = harness.read(tmp_path / "results" / "two.json")["rows"]
+    assert [row["twice"] for row in rows] == [2, 4]
+    assert harness.run("two", stopping, workers=1)
+    assert measured == [1, 2, 2]
 
 
 def test_a_missing_row_and_another_figure_are_refused(study, tmp_path):
