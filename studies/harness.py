@@ -21,6 +21,7 @@ from shipland.files import write_atomically
 from shipland.version import code_version
 
 ROOT = Path(__file__).resolve().parents[1]
+PICTURES = ROOT / "docs" / "pictures"
 RESULTS = ROOT / "results"
 """Whole results, committed."""
 PARTS = ROOT / "out" / "studies"
@@ -59,6 +60,7 @@ class Study:
         runs: repetitions a case.
         measured: files and folders of src/shipland whose code the rows depend on.
         minutes: about how long all of it takes on two cores.
+        picture: draws all rows into a file: docs/pictures/NAME.png.
     """
 
     question: str
@@ -68,6 +70,7 @@ class Study:
     runs: int
     measured: tuple[str, ...]
     minutes: float
+    picture: Callable[[Sequence[Row], Path], None] | None = None
 
 
 def estimate(value: float, interval: Interval) -> dict[str, float]:
@@ -139,20 +142,28 @@ def row_of(rows: Sequence[dict[str, Any]], case: Case) -> dict[str, Any] | None:
     return next((row for row in rows if all(row.get(key) == value for key, value in case.items())), None)
 
 
-def run(name: str, study: Study, runs: int | None = None, workers: int = 2) -> bool:
+def cases_where(study: Study, where: Mapping[str, str]) -> list[Case]:
+    """The cases that have these values in these columns."""
+    return [case for case in study.cases() if all(str(case.get(key)) == value for key, value in where.items())]
+
+
+def run(
+    name: str, study: Study, runs: int | None = None, workers: int = 2, where: Mapping[str, str] | None = None
+) -> bool:
     """Measure the cases that are missing; whether all were measured. Ctrl-C ends the cases under way and keeps them.
 
-    Results whose cases are complete go to results/NAME.json; with another number of runs they stay in out/studies/.
+    Results whose cases are complete go to results/NAME.json; with another number of runs, or of some cases only, they
+    stay in out/studies/.
     """
     count = study.runs if runs is None else runs
     part = PARTS / f"{name}-{count}.json"
-    cases, source = study.cases(), source_of(name, study)
+    cases, source = cases_where(study, where or {}), source_of(name, study)
     rows = _rows_kept(part, source, count)
     if not rows and count == study.runs:
         rows = _rows_kept(RESULTS / f"{name}.json", source, count)
     missing = [case for case in cases if row_of(rows, case) is None]
     whole = RESULTS / f"{name}.json" if count == study.runs else part
-    if not missing and len(_rows_kept(whole, source, count)) == len(cases):
+    if not missing and (where or len(_rows_kept(whole, source, count)) == len(cases)):
         return True
     stopped = False
     with ProcessPoolExecutor(workers, get_context("spawn"), _ignore_interrupt) as pool, Progress() as progress:
@@ -172,10 +183,12 @@ def run(name: str, study: Study, runs: int | None = None, workers: int = 2) -> b
             except KeyboardInterrupt:
                 stopped = True
                 pending = {future for future in pending if not future.cancel()}
-    if stopped:
-        return False
+    if stopped or where:
+        return not stopped
     rows = row_of_each(rows, cases)
     _write(whole, name, study, source, count, rows)
+    if study.picture:
+        study.picture(rows, (PICTURES if count == study.runs else PARTS) / f"{name}.png")
     return True
 
 

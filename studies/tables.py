@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from studies.harness import RESULTS, ROOT, Column, load, read, row_of, source_of
+from studies.harness import RESULTS, ROOT, Column, cases_where, load, read, row_of, source_of
 
 BLOCK = re.compile(
     r"(?P<head>^\[[^\]\n]+\]\((?:\.\./)*results/(?P<name>\w+)\.json "
@@ -58,7 +58,7 @@ def table(name: str, where: dict[str, str], columns: list[str] | None = None, ba
     shown = columns or list(study.columns)
     if unknown := set(shown) - study.columns.keys():
         raise TableError(f"{name} has no column {', '.join(sorted(unknown))}; there are: {', '.join(study.columns)}")
-    cases = [case for case in study.cases() if all(str(case.get(key)) == value for key, value in where.items())]
+    cases = cases_where(study, where)
     if not cases:
         raise TableError(f"no case of {name} has {where}")
     badge = BADGE if badges and found["source"] != source_of(name, study) else ""
