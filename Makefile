@@ -2,16 +2,17 @@
 SHELL := bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup setup-run setup-train olympe peers demo test test-slow fuzz check bench docs wheel-test train clean
+.PHONY: help setup setup-run setup-train olympe peers demo test test-slow fuzz check bench results docs wheel-test train clean
 
 BIN := .venv/bin
 ARGS ?=
 SERVE ?=
+ONLY ?=
 
-# One thread a process: pytest's workers, or what a benchmark measures, share the cores.
-test test-slow fuzz bench: export OMP_NUM_THREADS := 1
-test test-slow fuzz bench: export OPENBLAS_NUM_THREADS := 1
-test test-slow fuzz bench: export LP_NUM_THREADS := 1
+# One thread a process: pytest's workers, or what is measured, share the cores.
+test test-slow fuzz bench results: export OMP_NUM_THREADS := 1
+test test-slow fuzz bench results: export OPENBLAS_NUM_THREADS := 1
+test test-slow fuzz bench results: export LP_NUM_THREADS := 1
 # The byte code of tests and sources is kept: pytest rewrites every assertion of a file that has none, in every worker.
 test test-slow: export PYTHONDONTWRITEBYTECODE :=
 
@@ -70,6 +71,9 @@ bench: setup ## run every benchmark, one after the other; tables on screen and i
 	done; \
 	[[ $${#failed[@]} == 0 ]] || { echo "shipland: failed: $${failed[*]}" >&2; exit 1; }
 
+results: setup ## run the studies into results/, short ones first; hours, resumes; ONLY=name for one, ARGS='--runs 20'
+	$(BIN)/python -m studies $(ONLY) $(ARGS)
+
 train: setup-train ## make the far detectors' weights anew: pictures, training, rounds of what fooled them; four core-hours, resumes
 	tools/train_shipped.sh out/train $(ARGS)
 
@@ -81,4 +85,4 @@ wheel-test: setup ## build the wheel, install it into an empty environment, fly 
 
 clean: ## remove what was made, but for .venv, .venv-olympe and .venv-peers
 	rm -rf out site build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
-	find src tests tools benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src tests tools benchmarks studies -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -12,26 +12,44 @@ from typing import Any
 
 import griffe
 from latex2mathml.converter import convert
+from mkdocs.exceptions import PluginError
 
 from shipland.report.configuration import packaged_tables
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
+sys.path.insert(0, str(ROOT))  # the studies stand beside the package
+from studies.tables import TableError, checked  # noqa: E402
+
 NO_BREAK_SPACE = "\u00a0"
 SHOWN = re.compile(r'^\[[^\]\n]+\]\(([^)\s]+) "(shown|tables|columns of \w+)"\)$', re.MULTILINE)
 HELP = re.compile(r"^```console\n\$ shipland ([\w -]+) --help\n```$", re.MULTILINE)
-OUTSIDE = re.compile(r"(?<!!)\[([^\]\n]+)\]\(((?:\.\./)+[^)\s#]+)\)")
+OUTSIDE = re.compile(r'(?<!!)\[([^\]\n]+)\]\(((?:\.\./)+[^)\s#]+)(?: "[^"]*")?\)')
 SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
-def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:  # noqa: ANN401 - MkDocs passes its own objects
+def on_pre_build(**_: Any) -> None:  # noqa: ANN401 - MkDocs passes its own objects by name
+    """Fails the build when a table of the README differs from its results."""
+    _compared((ROOT / "README.md").read_text(encoding="utf-8"), "README.md")
+
+
+def _compared(markdown: str, page: str) -> str:
+    try:
+        return checked(markdown, page)
+    except TableError as error:
+        raise PluginError(str(error)) from None
+
+
+def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:  # noqa: ANN401
     """Puts in what a page links to or names, so that the page reads whole on a forge as well.
 
     A line that is a link with the title `shown`, `tables` or `columns of …` becomes the file, the tables of a
     configuration, or those of columns. A block with one `shipland … --help` gets its output. Links to files outside
-    `docs/` become their text, because the site does not hold these files.
+    `docs/` become their text, because the site does not hold these files. Tables of results are compared with them;
+    rows of earlier code get a badge.
     """
+    markdown = _compared(markdown, page.file.src_uri)
     folder = (DOCS / page.file.src_uri).parent
     markdown = SHOWN.sub(lambda match: _shown((folder / match[1]).resolve(), match[2]), markdown)
     markdown = HELP.sub(lambda match: f"```text\n$ shipland {match[1]} --help\n{help_of(match[1])}\n```", markdown)

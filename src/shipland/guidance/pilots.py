@@ -1,15 +1,10 @@
-"""The pilots of this package, by factory."""
+"""The pilots of this package, by factory; each imports what it alone flies with."""
 
 from __future__ import annotations
 
 from shipland.guidance.far import FarKind, FarTables, far_control
-from shipland.guidance.horizon.learned import LearnedSteering
-from shipland.guidance.horizon.pilot import HorizonPilot
-from shipland.guidance.linear import LinearNear
-from shipland.guidance.mode_pilot import ModePilot
 from shipland.guidance.near import NearControl, PublishedNear
 from shipland.guidance.pilot import Pilot, PilotSetup
-from shipland.guidance.simc import simc_p, simc_pid
 
 
 def paper(setup: PilotSetup) -> Pilot:
@@ -19,31 +14,47 @@ def paper(setup: PilotSetup) -> Pilot:
 
 def p(setup: PilotSetup) -> Pilot:
     """A baseline: the published modes with a linear P far and near, the near one by SIMC from the response."""
+    from shipland.guidance.linear import LinearNear
+    from shipland.guidance.simc import simc_p
+
     return _by_modes(setup, "p", LinearNear(simc_p, setup.guidance.near_baselines, setup.response))
 
 
 def pid(setup: PilotSetup) -> Pilot:
     """A baseline: the published modes with a linear PID far and near, the near one by SIMC from the response."""
+    from shipland.guidance.linear import LinearNear
+    from shipland.guidance.simc import simc_pid
+
     return _by_modes(setup, "pid", LinearNear(simc_pid, setup.guidance.near_baselines, setup.response))
 
 
 def horizon(setup: PilotSetup) -> Pilot:
     """Ours: one estimate from the first box to contact, with the vehicle's own velocity, and linear-quadratic gains."""
+    from shipland.guidance.horizon.pilot import HorizonPilot
+
     return HorizonPilot(setup)
 
 
 def residual(setup: PilotSetup) -> Pilot:
     """`horizon` with a learned, bounded addition to its input over the deck (docs/explanation/learned-policies.md)."""
+    from shipland.guidance.horizon.learned import LearnedSteering
+    from shipland.guidance.horizon.pilot import HorizonPilot
+
     return HorizonPilot(setup, LearnedSteering(setup.guidance.learned.residual, "residual", setup.response))
 
 
 def learned(setup: PilotSetup) -> Pilot:
     """`horizon` whose horizontal input over the deck is a learned policy's (docs/explanation/learned-policies.md)."""
+    from shipland.guidance.horizon.learned import LearnedSteering
+    from shipland.guidance.horizon.pilot import HorizonPilot
+
     return HorizonPilot(setup, LearnedSteering(setup.guidance.learned.direct, "direct", setup.response))
 
 
 def _by_modes(setup: PilotSetup, far_kind: FarKind, near: NearControl) -> Pilot:
     """The published modes around a far law and a near control."""
+    from shipland.guidance.mode_pilot import ModePilot
+
     guidance = setup.guidance
     tables = FarTables.for_camera(guidance.ship, guidance.bar, setup.camera)
     far = far_control(far_kind, guidance.far_variant, guidance.far_baselines, guidance.near, tables, setup.camera)

@@ -1,19 +1,17 @@
 """How still the pilot `horizon` can hover over a deck, by its own model: estimate and control together, no flight.
 
-    python tools/lqg_bound.py
-
 For one horizontal axis of a vehicle whose sticks mean a tilt: the standard deviation of the offset from the deck's
-centre under the pilot's gains, when gusts and swing are what the model takes them for. Without the pilot's caution
-(costs of acceleration and of the stick's rate) it is the bound of linear quadratic Gaussian control; both are printed.
+centre under the pilot's gains, when gusts and wave motion are what the model takes them for. Without costs of
+acceleration and stick rate it is the bound of linear quadratic Gaussian control.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import tyro
 
 from shipland.estimation.relative_state import POSITION, STATES, WAVE, Model, updated
 from shipland.estimation.wave_motion import WaveMotion
@@ -24,7 +22,10 @@ from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.response import Response
 from shipland.scenario.autonomy import response_of
 from shipland.scenario.scenario import load_scenario
+from studies.harness import Case, Column, Row, Study
 
+SCENARIO = "ship-sea6"
+"""Whose vehicle flies, with its delays."""
 STEP_MS = 33
 PLACE_M = 0.005
 """Standard deviation of a picture's place near the bar."""
@@ -34,7 +35,7 @@ FREE = {"acceleration": 1e-5, "input_rate": 1e-8}
 
 
 @dataclass(frozen=True)
-class Case:
+class Axis:
     """A sea and an air: swing of the bar [m], share of it that the deck has, acceleration by gusts [m/s²]."""
 
     name: str
@@ -43,30 +44,30 @@ class Case:
     gust_mps2: float
 
 
-CASES = (
-    Case("bar at rest, 5 m/s over land", 0.003, 0.0, 0.3),
-    Case("bar at rest, 9 m/s over land", 0.003, 0.0, 1.4),
-    Case("bar at rest, 9 m/s over the sea", 0.003, 0.0, 0.4),
-    Case("sea state 5, surge", 0.015, 0.7, 0.15),
-    Case("sea state 5, sway", 0.098, 0.7, 0.15),
-    Case("sea state 6, surge", 0.03, 0.7, 0.15),
-    Case("sea state 6, sway", 0.147, 0.7, 0.15),
-    Case("sea state 6, sway, 9 m/s", 0.147, 0.7, 0.4),
+AXES = (
+    Axis("bar at rest, 5 m/s over land", 0.003, 0.0, 0.3),
+    Axis("bar at rest, 9 m/s over land", 0.003, 0.0, 1.4),
+    Axis("bar at rest, 9 m/s over the sea", 0.003, 0.0, 0.4),
+    Axis("sea state 5, surge", 0.015, 0.7, 0.15),
+    Axis("sea state 5, sway", 0.098, 0.7, 0.15),
+    Axis("sea state 6, surge", 0.03, 0.7, 0.15),
+    Axis("sea state 6, sway", 0.147, 0.7, 0.15),
+    Axis("sea state 6, sway, 9 m/s", 0.147, 0.7, 0.4),
 )
 
 
-def hover_m(case: Case, horizon: HorizonParameters, response: Response, delay_s: float, free: bool) -> float:
+def hover_m(axis: Axis, horizon: HorizonParameters, response: Response, delay_s: float, free: bool) -> float:
     """Standard deviation of the offset from the deck's centre.
 
     Args:
-        case: what moves.
+        axis: what moves.
         horizon: the pilot's parameters.
         response: of the vehicle.
         delay_s: from a picture's exposure to the first answer to it.
         free: acceleration and stick cost next to nothing.
     """
-    noise = replace(horizon.horizontal_at(case.gust_mps2), gust_mps2=case.gust_mps2)
-    wave = WaveMotion(case.wave_m, 2.1, horizon.wave.damping, True, case.deck)
+    noise = replace(horizon.horizontal_at(axis.gust_mps2), gust_mps2=axis.gust_mps2)
+    wave = WaveMotion(axis.wave_m, 2.1, horizon.wave.damping, True, axis.deck)
     model = Model(1, motion_of(response), noise, wave)
     estimate = model.start(0.0, np.zeros(1), 0.01 * np.eye(1), 0.5)
     for index in range(900):
@@ -89,28 +90,39 @@ def hover_m(case: Case, horizon: HorizonParameters, response: Response, delay_s:
         state = closed @ state @ closed.T + news
     state[:STATES, :STATES] += error
     offset = np.zeros(STATES + 1)
-    offset[[POSITION, WAVE]] = 1.0, -case.deck
+    offset[[POSITION, WAVE]] = 1.0, -axis.deck
     return math.sqrt(float(offset @ state @ offset))
 
 
-def main(scenario: str = "ship-sea6") -> None:
-    """Print the table.
+def cases() -> Sequence[Case]:
+    """What moves."""
+    return [{"axis": axis.name} for axis in AXES]
 
-    Args:
-        scenario: whose vehicle flies, with its delays.
-    """
-    loaded = load_scenario(scenario)
+
+def measure(case: Case, _runs: int) -> Row:
+    """One axis; the model needs no repetition."""
+    axis = next(each for each in AXES if each.name == case["axis"])
+    loaded = load_scenario(SCENARIO)
     horizon, response, delays = loaded.guidance.horizon, response_of(loaded), loaded.delays
     delay_s = delays.video_s + delays.near_s + response.uplink_s + response.dead_time_s
-    print(f"Offset from the deck's centre along one axis [cm]; {delay_s:.2f} s from picture to answer\n")
-    print("| | the pilot's gains | no caution | no caution, half the delay |")
-    print("|---|---:|---:|---:|")
-    for case in CASES:
-        sizes = [
-            hover_m(case, horizon, response, *how) for how in ((delay_s, False), (delay_s, True), (0.5 * delay_s, True))
-        ]
-        print(f"| {case.name} | " + " | ".join(f"{100.0 * size:.1f}" for size in sizes) + " |")
+    return {
+        "gains_m": hover_m(axis, horizon, response, delay_s, free=False),
+        "bound_m": hover_m(axis, horizon, response, delay_s, free=True),
+        "half_delay_m": hover_m(axis, horizon, response, 0.5 * delay_s, free=True),
+    }
 
 
-if __name__ == "__main__":
-    tyro.cli(main)
+STUDY = Study(
+    question="How still can the pilot hover over the deck, by its own model?",
+    columns={
+        "axis": Column("one axis, offset from the deck's centre [cm]"),
+        "gains_m": Column("the pilot's gains", ".1f", 100.0),
+        "bound_m": Column("no caution (LQG bound)", ".1f", 100.0),
+        "half_delay_m": Column("no caution, half the delay", ".1f", 100.0),
+    },
+    cases=cases,
+    measure=measure,
+    runs=1,
+    measured=("estimation", "guidance/horizon", "guidance/response.py", "scenario/autonomy.py"),
+    minutes=1,
+)

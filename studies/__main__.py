@@ -1,0 +1,57 @@
+"""`python -m studies`: run studies, or list them."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import tyro
+
+from studies import ORDER
+from studies.harness import cases_where, listing, load, run
+from studies.tables import update_pages
+
+
+def main(
+    names: Annotated[tuple[str, ...], tyro.conf.Positional] = (),
+    *,
+    runs: int | None = None,
+    workers: int = 2,
+    where: tuple[str, ...] = (),
+    list_only: Annotated[bool, tyro.conf.arg(name="list")] = False,
+) -> None:
+    """Run studies into results/NAME.json, then write the tables of README and docs anew.
+
+    Run the command again to resume. With another number of runs than the study's own, or with --where, the
+    results go to out/studies/.
+
+    Args:
+        names: studies; all of them, in their order, by default.
+        runs: repetitions a case; the study's own by default.
+        workers: processes.
+        where: COLUMN=VALUE, only the cases that have it.
+        list_only: print each study's question, size and duration, and run nothing.
+    """
+    if unknown := set(names) - set(ORDER):
+        raise SystemExit(f"studies: no study is called {', '.join(sorted(unknown))}; there are: {', '.join(ORDER)}")
+    if runs is not None and runs < 1:
+        raise SystemExit(f"studies: --runs is {runs}; at least 1 was expected")
+    if wrong := [each for each in where if "=" not in each]:
+        raise SystemExit(f"studies: --where {wrong[0]}: COLUMN=VALUE was expected")
+    wanted = dict(each.split("=", 1) for each in where)
+    chosen = [name for name in ORDER if not names or name in names]
+    if list_only:
+        print(listing(chosen))
+        return
+    for name in chosen:
+        if not cases_where(load(name), wanted):
+            raise SystemExit(f"studies: no case of {name} has {' and '.join(where)}")
+        if not run(name, load(name), runs, workers, wanted):
+            print(f"studies: stopped in {name}; run the command again to resume", file=sys.stderr)
+            raise SystemExit(130)
+    for page in update_pages():
+        print(f"tables written anew: {page}")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -1,0 +1,231 @@
+"""Runs a study: cases in worker processes, each row kept as soon as it is measured, and where the rows come from."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+import platform
+import signal
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from rich.progress import Progress
+
+from shipland.evaluation.statistics import Interval, share_interval
+from shipland.files import write_atomically
+from shipland.version import code_version
+
+ROOT = Path(__file__).resolve().parents[1]
+PICTURES = ROOT / "docs" / "pictures"
+RESULTS = ROOT / "results"
+"""Whole results, committed."""
+PARTS = ROOT / "out" / "studies"
+"""Results on their way, and trials with another number of runs."""
+
+Case = Mapping[str, str | float]
+"""What distinguishes a row: its first columns."""
+Row = Mapping[str, Any]
+"""Column: a number, a text, None where there is none, or what `estimate` gives."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """How a page shows a value.
+
+    Attributes:
+        title: the table's head, with the unit in brackets.
+        form: a format specification; empty for texts.
+        factor: from the row's unit to the shown one.
+    """
+
+    title: str
+    form: str = ""
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Study:
+    """A question and how it is answered.
+
+    Attributes:
+        question: one sentence.
+        columns: of the table, case and row alike, by their names.
+        cases: all cases, in the table's order.
+        measure: a case and a number of runs to its row; a function of a module, for worker processes.
+        runs: repetitions a case.
+        measured: files and folders of src/shipland whose code the rows depend on.
+        minutes: about how long all of it takes on two cores.
+        picture: draws all rows into a file: docs/pictures/NAME.png.
+    """
+
+    question: str
+    columns: Mapping[str, Column]
+    cases: Callable[[], Sequence[Case]]
+    measure: Callable[[Case, int], Row]
+    runs: int
+    measured: tuple[str, ...]
+    minutes: float
+    picture: Callable[[Sequence[Row], Path], None] | None = None
+
+
+def estimate(value: float, interval: Interval) -> dict[str, float]:
+    """A value of a row with its 95 % interval."""
+    return {"value": value, "low": interval.low, "high": interval.high}
+
+
+def share(count: int, of: int) -> dict[str, float]:
+    """A share of independent flights with its exact 95 % interval."""
+    return estimate(count / of, share_interval(count, of))
+
+
+def load(name: str) -> Study:
+    """The study of studies/NAME.py."""
+    found = importlib.import_module(f"studies.{name}").STUDY
+    assert isinstance(found, Study)
+    return found
+
+
+def digest(paths: Sequence[Path]) -> str:
+    """SHA-256 over files, and over the files of folders, with their places in the repository.
+
+    Raises:
+        FileNotFoundError: a path does not exist.
+    """
+    found = hashlib.sha256()
+    for path in paths:
+        if not path.exists():
+            raise FileNotFoundError(f"{path} does not exist, though a study names it as what it measures")
+        files = [path] if path.is_file() else sorted(each for each in path.rglob("*") if each.is_file())
+        for file in files:
+            if file.suffix != ".pyc":
+                found.update(f"{file.relative_to(ROOT)}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
+    return found.hexdigest()[:16]
+
+
+def source_of(name: str, study: Study) -> dict[str, str]:
+    """Digests of what a row depends on: code measured with the study itself, configuration, weights."""
+    package = ROOT / "src" / "shipland"
+    return {
+        "code": digest([ROOT / "studies" / f"{name}.py", *(package / part for part in study.measured)]),
+        "configuration": digest([package / "configs"]),
+        "weights": digest([package / "weights"]),
+    }
+
+
+def read(path: Path) -> dict[str, Any] | None:
+    """A file of results; None where there is none."""
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+
+
+def _measure(name: str, case: Case, runs: int) -> dict[str, Any]:
+    return {**case, **load(name).measure(case, runs)}
+
+
+def _ignore_interrupt() -> None:
+    """Ctrl-C reaches the whole group; the parent alone answers it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _rows_kept(path: Path, source: Mapping[str, str], runs: int) -> list[dict[str, Any]]:
+    """Rows of an earlier run of the same code, configuration, weights and number of runs; none else."""
+    kept = read(path)
+    return kept["rows"] if kept and kept["source"] == source and kept["runs"] == runs else []
+
+
+def row_of(rows: Sequence[dict[str, Any]], case: Case) -> dict[str, Any] | None:
+    """The row of a case; None where it is missing."""
+    return next((row for row in rows if all(row.get(key) == value for key, value in case.items())), None)
+
+
+def cases_where(study: Study, where: Mapping[str, str]) -> list[Case]:
+    """The cases that have these values in these columns."""
+    return [case for case in study.cases() if all(str(case.get(key)) == value for key, value in where.items())]
+
+
+def run(
+    name: str, study: Study, runs: int | None = None, workers: int = 2, where: Mapping[str, str] | None = None
+) -> bool:
+    """Measure the cases that are missing; whether all were measured. Ctrl-C ends the cases under way and keeps them.
+
+    Results whose cases are complete go to results/NAME.json; with another number of runs, or of some cases only, they
+    stay in out/studies/.
+    """
+    count = study.runs if runs is None else runs
+    part = PARTS / f"{name}-{count}.json"
+    cases, source = cases_where(study, where or {}), source_of(name, study)
+    rows = _rows_kept(part, source, count)
+    if not rows and count == study.runs:
+        rows = _rows_kept(RESULTS / f"{name}.json", source, count)
+    missing = [case for case in cases if row_of(rows, case) is None]
+    whole = RESULTS / f"{name}.json" if count == study.runs else part
+    if not missing and (where or len(_rows_kept(whole, source, count)) == len(cases)):
+        return True
+    stopped = False
+    with ProcessPoolExecutor(workers, get_context("spawn"), _ignore_interrupt) as pool, Progress() as progress:
+        bar = progress.add_task(name, total=len(cases), completed=len(cases) - len(missing))
+        pending = {pool.submit(_measure, name, case, count) for case in missing}
+        while pending:
+            try:
+                for done in as_completed(pending):
+                    pending.discard(done)
+                    try:
+                        rows.append(done.result())
+                    except CancelledError:
+                        continue
+                    _write(part, name, study, source, count, rows)
+                    progress.advance(bar)
+                    break
+            except KeyboardInterrupt:
+                stopped = True
+                pending = {future for future in pending if not future.cancel()}
+    if stopped or where:
+        return not stopped
+    rows = row_of_each(rows, cases)
+    _write(whole, name, study, source, count, rows)
+    if study.picture:
+        study.picture(rows, (PICTURES if count == study.runs else PARTS) / f"{name}.png")
+    return True
+
+
+def row_of_each(rows: Sequence[dict[str, Any]], cases: Sequence[Case]) -> list[dict[str, Any]]:
+    """Rows in the order of the cases; cases without a row are left out."""
+    return [row for case in cases if (row := row_of(rows, case)) is not None]
+
+
+def _write(
+    path: Path, name: str, study: Study, source: Mapping[str, str], runs: int, rows: Sequence[Mapping[str, Any]]
+) -> None:
+    trial = "" if runs == study.runs else f" --runs {runs}"
+    table = {
+        "question": study.question,
+        "command": f"python -m studies {name}{trial}",
+        "commit": code_version(),
+        "source": source,
+        "machine": f"{platform.system()} {platform.machine()}",
+        "interpreter": f"{platform.python_implementation()} {platform.python_version()}",
+        "confidence": 0.95,
+        "runs": runs,
+        "rows": rows,
+    }
+    text = json.dumps(table, ensure_ascii=False, indent=1)
+    write_atomically(path, (text + "\n").encode())
+
+
+def listing(names: Sequence[str]) -> str:
+    """A line or two on each study: question, size, duration, and whether it was measured."""
+    lines = []
+    for name in names:
+        study = load(name)
+        found = read(RESULTS / f"{name}.json")
+        state = "not yet measured"
+        if found:
+            current = "this code" if found["source"] == source_of(name, study) else "earlier code"
+            state = f"measured with {current} ({found['commit']})"
+        size = f"{len(study.cases())} cases × {study.runs} runs, about {study.minutes:g} min"
+        lines.append(f"{name}: {study.question}\n    {size}; {state}")
+    return "\n".join(lines)

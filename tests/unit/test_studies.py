@@ -1,0 +1,107 @@
+"""The harness of studies: it resumes, refuses rows of other code, and pages agree with what was measured."""
+
+import json
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT))
+
+from studies import ORDER, harness, tables  # noqa: E402
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    """Two cases in folders of their own; (study, numbers measured so far)."""
+    measured = []
+
+    def measure(case, runs):
+        measured.append(case["number"])
+        return {"twice": 2 * case["number"], "good": harness.share(runs, runs)}
+
+    columns = {name: harness.Column(name) for name in ("number", "twice")}
+    made = harness.Study("Twice?", columns, lambda: [{"number": 1}, {"number": 2}], measure, 3, ("rig.py",), 0)
+    monkeypatch.setattr(harness, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(tables, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(harness, "PARTS", tmp_path / "parts")
+    monkeypatch.setattr(harness, "load", lambda _: made)
+    monkeypatch.setattr(tables, "load", lambda _: made)
+    monkeypatch.setattr(harness, "source_of", lambda *_: {"code": "this"})
+    monkeypatch.setattr(tables, "source_of", lambda *_: {"code": "this"})
+    return made, measured
+
+
+def write(path, rows, code="this"):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({"rows": rows, "source": {"code": code}, "runs": 3, "commit": "c"}))
+
+
+ROWS = [{"number": 1, "twice": 2}, {"number": 2, "twice": 4}]
+
+
+def test_only_rows_of_this_code_are_kept(study, tmp_path):
+    path = tmp_path / "parts" / "two-3.json"
+    write(path, ROWS[:1])
+    assert harness._rows_kept(path, {"code": "this"}, 3) == ROWS[:1]
+    assert harness._rows_kept(path, {"code": "other"}, 3) == []
+    assert harness._rows_kept(path, {"code": "this"}, 4) == []
+
+
+def test_a_study_that_was_stopped_resumes_with_the_missing_cases(study, tmp_path, monkeypatch):
+    made, measured = study
+
+    def interrupted_once(case, runs):
+        row = made.measure(case, runs)
+        if measured == [1, 2]:
+            raise KeyboardInterrupt
+        return row
+
+    stopping = replace(made, measure=interrupted_once)
+    monkeypatch.setattr(harness, "load", lambda _: stopping)
+    monkeypatch.setattr(harness, "ProcessPoolExecutor", lambda workers, *_: ThreadPoolExecutor(workers))
+    assert not harness.run("two", stopping, workers=1)
+    assert not (tmp_path / "results" / "two.json").exists()
+    assert harness.run("two", stopping, workers=1)
+    assert measured == [1, 2, 2]
+    rows = harness.read(tmp_path / "results" / "two.json")["rows"]
+    assert [row["twice"] for row in rows] == [2, 4]
+    assert harness.run("two", stopping, workers=1)
+    assert measured == [1, 2, 2]
+
+
+def test_a_missing_row_and_another_figure_are_refused(study, tmp_path):
+    path = tmp_path / "results" / "two.json"
+    page = 'Before.\n\n[two.json](../../results/two.json "table")\n\n{}\nAfter.\n'
+    write(path, ROWS)
+    good = page.format(tables.table("two", {}))
+    assert tables.checked(good, "page") == good
+    with pytest.raises(tables.TableError, match="differs"):
+        tables.checked(good.replace("| 4 |", "| 5 |"), "page")
+    write(path, ROWS[:1])
+    with pytest.raises(tables.TableError, match="no row"):
+        tables.checked(good, "page")
+
+
+def test_rows_of_earlier_code_wear_a_badge(study, tmp_path):
+    write(tmp_path / "results" / "two.json", ROWS, code="earlier")
+    assert tables.table("two", {}, badges=True).count(tables.BADGE) == 2
+    assert tables.BADGE not in tables.table("two", {})
+
+
+@pytest.mark.parametrize("page", list(tables.pages()), ids=lambda path: path.name)
+def test_pages_agree_with_the_results(page):
+    tables.checked(page.read_text(encoding="utf-8"), page.name)
+
+
+@pytest.mark.parametrize("name", sorted(set(ORDER) - {"courses", "margins"}))
+def test_the_smallest_case_of_a_study_runs(name):
+    study = harness.load(name)
+    case = study.cases()[0]
+    row = {**case, **study.measure(case, 2)}
+    assert study.columns.keys() <= row.keys()
+    assert study.measured
+    assert harness.source_of(name, study)
