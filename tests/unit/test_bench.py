@@ -205,6 +205,8 @@ def test_cells_are_chosen_by_pattern_and_a_wrong_one_is_named():
         bench_cells(GRID, Overrides(("paper",), only=("nothing",)))
     with pytest.raises(ConfigError, match="no suite 'nowhere'; there are: faults, full, hazards, near"):
         load_suite("nowhere")
+    with pytest.raises(ConfigError, match="it is a scenario: --scenario rig-natops"):
+        load_suite("rig-natops")
 
 
 def test_rest_in_the_landing_area():

@@ -87,8 +87,9 @@ def load_suite(source: str) -> Suite:
     elif source in packaged_names("suites"):
         table = packaged_toml(f"suites/{source}")
     else:
-        known = ", ".join(packaged_names("suites"))
-        raise ConfigError(f"no suite {source!r}; there are: {known}, or give a path that ends in .toml")
+        known, scenario = ", ".join(packaged_names("suites")), source in packaged_names("scenarios")
+        hint = f"; it is a scenario: --scenario {source}" if scenario else ""
+        raise ConfigError(f"no suite {source!r}; there are: {known}, or give a path that ends in .toml{hint}")
     return build(Suite, {"name": Path(source).stem} | table, "suite")
 
 
