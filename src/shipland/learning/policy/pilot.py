@@ -260,10 +260,10 @@ class BatchedHorizon:
         short = path.line_up * (offset[1].abs() - margins.on_axis_m).clamp_min(0.0)
         short = torch.where(memory.phase > _NONE, torch.zeros_like(short), short)
         goal = torch.stack([-short, torch.zeros_like(short)])
-        offset = goal - memory.place_m
-        distance = _length(offset)
+        to_goal = goal - memory.place_m
+        distance = _length(to_goal)
         pace = torch.minimum((2.0 * path.near_brake_mps2 * distance).sqrt(), path.closing_per_s * distance)
-        wanted = offset * (pace.clamp_max(path.near_mps) / distance)
+        wanted = to_goal * (pace.clamp_max(path.near_mps) / distance)
         change = wanted - memory.speed_mps
         most = path.acceleration_mps2 * h
         change = change * (most / _length(change)).clamp_max(1.0)
