@@ -49,7 +49,7 @@ class CueHeight:
         least_drop_m: how far below the cue its nearest mirror image hangs; 0 for a cue that has an up.
         height_m: height of the cue over the take-off point; None while nothing has told it.
         pose_s: exposure of the last pose that was believed.
-        doubted_s: exposure since which first poses have been refused; None for none.
+        refused_since_s: exposure since which first poses have been refused; None for none.
         heights: newest readings of the barometer, (time [s], height over the take-off point [m]).
     """
 
@@ -57,7 +57,7 @@ class CueHeight:
     least_drop_m: float
     height_m: float | None = None
     pose_s: float = -math.inf
-    doubted_s: float | None = None
+    refused_since_s: float | None = None
     heights: tuple[tuple[float, float], ...] = ()
 
     @staticmethod
@@ -76,7 +76,7 @@ class CueHeight:
         return replace(self, heights=(*self.heights[1 - _READINGS :], (t_s, telemetry.height_m)))
 
     def unwatched(self) -> CueHeight:
-        """Without a pilot, who doubts a height that leaps: the next pose is a first one again."""
+        """Without a pilot, who rejects a height that leaps: the next pose is a first one again."""
         return replace(self, pose_s=-math.inf)
 
     def checked(self, observation: Observation) -> tuple[CueHeight, Observation]:
@@ -86,18 +86,20 @@ class CueHeight:
             return self, observation
         height_m = self._height_at(t_s)
         if height_m is None:
-            return replace(self, pose_s=t_s, doubted_s=None), observation
+            return replace(self, pose_s=t_s, refused_since_s=None), observation
         cue_m = height_m + float(pose.position_in_bar_m[2])
         first = not 0.0 <= t_s - self.pose_s <= self.parameters.gap_s
         if first and self.height_m is not None:
-            doubted_s = t_s if self.doubted_s is None else self.doubted_s
+            refused_since_s = t_s if self.refused_since_s is None else self.refused_since_s
             unsure_m = min(_SIGMAS * math.sqrt(max(float(pose.covariance[2, 2]), 0.0)), 0.25 * self.least_drop_m)
             low_m = self.height_m - cue_m
-            if low_m > 0.5 * self.least_drop_m + unsure_m and t_s - doubted_s <= self.parameters.patience_s:
+            if low_m > 0.5 * self.least_drop_m + unsure_m and t_s - refused_since_s <= self.parameters.patience_s:
                 reason = f"pose refused: the cue hangs {low_m:.1f} m too low, as its mirror image does"
-                return replace(self, doubted_s=doubted_s), replace(observation, bar_pose=None, reason=reason)
+                return replace(self, refused_since_s=refused_since_s), replace(
+                    observation, bar_pose=None, reason=reason
+                )
         height_m = cue_m if self.height_m is None else self.height_m + self.parameters.share * (cue_m - self.height_m)
-        return replace(self, height_m=height_m, pose_s=t_s, doubted_s=None), observation
+        return replace(self, height_m=height_m, pose_s=t_s, refused_since_s=None), observation
 
     def _height_at(self, t_s: float) -> float | None:
         """Over the take-off point at an exposure, between readings; None where none is near."""
