@@ -42,7 +42,7 @@ _LINEAR = (0, 2, 4)
 _MEMORY = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 Row = tuple[float, float, float]
-"""Of a flight: its return, whether it stands in the square, and its error [m], NaN without contact."""
+"""Of a flight: its return, whether it was a success, and its error [m], NaN without contact."""
 
 
 @dataclass

@@ -48,7 +48,7 @@ def _table(history: History) -> str:
 
 
 def plot_curves(path: Path, history: History) -> None:
-    """Return and landings in the square over the steps, as a picture."""
+    """Return and success over the steps, as a picture."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -58,8 +58,8 @@ def plot_curves(path: Path, history: History) -> None:
     step = [row["step"] for row in history]
     left.plot(step, [row["return"] for row in history])
     left.set(xlabel="step", ylabel="return, mean of the last flights")
-    right.plot(step, [100.0 * row["in_square"] for row in history])
-    right.set(xlabel="step", ylabel="in the square [%]", ylim=(0.0, 100.0))
+    right.plot(step, [100.0 * row["success"] for row in history])
+    right.set(xlabel="step", ylabel="success [%]", ylim=(0.0, 100.0))
     for axes in (left, right):
         axes.grid(alpha=0.3)
     beside = path.with_suffix(".part.png")

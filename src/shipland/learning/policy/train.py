@@ -79,7 +79,7 @@ def vector_of(makers: Sequence[EnvMaker], *, parallel: bool = False) -> VecEnv:
 def _monitored(maker: EnvMaker, *, ignore_interrupt: bool) -> gymnasium.Env[Any, Any]:
     if ignore_interrupt:  # Ctrl-C is the parent's to answer
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    env: gymnasium.Env[Any, Any] = Monitor(maker(), info_keywords=("in_square", "error_m"))
+    env: gymnasium.Env[Any, Any] = Monitor(maker(), info_keywords=("is_success", "error_m"))
     return env
 
 
@@ -113,7 +113,7 @@ class _Flights(BaseCallback):
         for info in self.locals["infos"]:
             if "episode" in info:
                 end = info["episode"]
-                self._progress.flights.append((float(end["r"]), float(end["in_square"]), float(end["error_m"])))
+                self._progress.flights.append((float(end["r"]), float(end["is_success"]), float(end["error_m"])))
                 self._progress.flown += 1
         del self._progress.flights[:-WINDOW]
         return True
@@ -143,12 +143,12 @@ def _noted(run: Run) -> str:
     progress = run.progress
     flights = np.array(progress.flights).reshape(-1, 3)
     mean = [float(np.mean(known)) if len(known := column[np.isfinite(column)]) else math.nan for column in flights.T]
-    row = {"step": float(progress.step), "flights": float(progress.flown), "return": mean[0], "in_square": mean[1]}
+    row = {"step": float(progress.step), "flights": float(progress.flown), "return": mean[0], "success": mean[1]}
     progress.history.append(row | {"error_m": mean[2]})
     if len(flights) == WINDOW and mean[0] > progress.best:
         progress.best, progress.best_step = mean[0], progress.step
         run.best = {name: value.clone() for name, value in run.averaged.items()}
     if progress.best_step == 0:
         run.best = {name: value.clone() for name, value in run.averaged.items()}
-    share = f"{100.0 * mean[1]:.0f} % of the last {len(flights)} in the square, return {mean[0]:.2f}"
+    share = f"{100.0 * mean[1]:.0f} % success in the last {len(flights)}, return {mean[0]:.2f}"
     return f"step {progress.step}, {progress.flown} flights; {share}, best {progress.best:.2f}"
