@@ -7,18 +7,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from shipland.config import build, packaged_toml, read_toml, require
-from shipland.errors import ConfigError
+from shipland.config import build, key, parameters, read_toml, require
 from shipland.frames import Array, Pose
 
 Corner = tuple[float, float]
 
 
-@dataclass(frozen=True)
+@parameters
 class Quad:
     """One quadrilateral of the cue.
 
@@ -59,7 +58,7 @@ _BOARD_MARGIN_M = 0.02
 """Least margin of board around the cue."""
 
 
-@dataclass(frozen=True)
+@parameters
 class Target:
     """The visual cue: known coplanar quadrilaterals in the plane forward = 0 of `bar`.
 
@@ -160,54 +159,50 @@ def view_share(ahead_m: float, right_m: float, half_m: float, box_m: tuple[float
     return along_m * across_m / (4.0 * half_m * half_m) if along_m > 0.0 and across_m > 0.0 else 0.0
 
 
-@dataclass(frozen=True)
+@parameters
 class Rig:
     """The ship platform [Lee2022, §Experimental Setup] and this project's choices where the paper gives none.
 
-    Attributes:
-        platform_length_m, platform_width_m: plan of the platform.
-        superstructure_height_m: top of the superstructure above ground.
-        deck_size_m: side of the square deck.
-        deck_ahead_of_stern_m: deck centre ahead of the stern.
-        deck_height_m: neutral deck surface above ground.
-        landing_square_m: side of the landing square, or diameter of the landing circle.
-        bar_ahead_of_stern_m: the bar's plane ahead of the stern.
-        bar_height_m: the bar's centre above ground.
-        board_width_m, board_height_m: grey board behind the rectangles.
-        rectangle_width_m, rectangle_height_m, rectangle_gap_m: the two green rectangles.
-        surge_limit_m … yaw_limit_deg: motion base's limits, either side.
-        quad: another cue in place of the two rectangles, in `bar`; one `[[rig.quad]]` a quadrilateral.
-        manufacturing_tolerance: how exactly the cue is made, as in `Target`.
-        landing_area: what a touchdown must lie in.
-        hull: a platform with a motion base, or a ship whose flight deck is part of the hull.
-        house_length_m: of the superstructure ahead of the bar; without one it reaches to the bow.
+    [Lee2022, Experimental Setup] gives platform, deck and limits; the rest is chosen.
     """
 
-    platform_length_m: float
-    platform_width_m: float
-    superstructure_height_m: float
-    deck_size_m: float
-    deck_ahead_of_stern_m: float
-    deck_height_m: float
-    landing_square_m: float
-    bar_ahead_of_stern_m: float
-    bar_height_m: float
-    board_width_m: float
-    board_height_m: float
-    rectangle_width_m: float
-    rectangle_height_m: float
-    rectangle_gap_m: float
-    surge_limit_m: float
-    sway_limit_m: float
-    heave_limit_m: float
-    roll_limit_deg: float
-    pitch_limit_deg: float
-    yaw_limit_deg: float
-    quad: tuple[Quad, ...] = ()
-    manufacturing_tolerance: float = _MANUFACTURING_TOLERANCE
-    landing_area: Literal["square", "circle"] = "square"
-    hull: Literal["platform", "frigate"] = "platform"
-    house_length_m: float | None = None
+    platform_length_m: float = key(3.0, "of the platform, from stern to bow", "[Lee2022]")
+    platform_width_m: float = key(1.8, "of the platform", "[Lee2022]")
+    superstructure_height_m: float = key(1.8, "top of the superstructure above ground", "[Lee2022]")
+    deck_size_m: float = key(1.22, "side of the square deck", "[Lee2022], 4 ft")
+    deck_ahead_of_stern_m: float = key(
+        0.71, "deck centre ahead of the stern", "chosen: 0.1 m of platform behind the deck"
+    )
+    deck_height_m: float = key(0.9, "neutral deck surface above ground")
+    landing_square_m: float = key(0.35, "side of the landing square, or diameter of the landing circle", "[Lee2022]")
+    bar_ahead_of_stern_m: float = key(2.8, "the bar's plane ahead of the stern")
+    bar_height_m: float = key(1.65, "the bar's centre above ground")
+    board_width_m: float = key(
+        1.4,
+        "of the grey board behind the rectangles",
+        "chosen; area × f² / 3400 px² puts the bar setpoint of Table 1 at 10.3 m",
+    )
+    board_height_m: float = key(0.3, "of the grey board")
+    rectangle_width_m: float = key(0.45, "of each of the two green rectangles")
+    rectangle_height_m: float = key(0.15, "of each rectangle")
+    rectangle_gap_m: float = key(0.3, "between the two rectangles")
+    surge_limit_m: float = key(1.02, "of the motion base, either side", "[Lee2022]")
+    sway_limit_m: float = key(1.02, "of the motion base, either side", "[Lee2022]")
+    heave_limit_m: float = key(0.64, "of the motion base, either side", "[Lee2022]")
+    roll_limit_deg: float = key(13.0, "of the motion base, either side", "[Lee2022]")
+    pitch_limit_deg: float = key(15.0, "of the motion base, either side", "[Lee2022]")
+    yaw_limit_deg: float = key(16.0, "of the motion base, either side", "[Lee2022]")
+    quad: tuple[Quad, ...] = key(
+        (), "another cue in place of the two rectangles, in `bar`; one `[[rig.quad]]` a quadrilateral"
+    )
+    manufacturing_tolerance: float = key(0.003, "how exactly the cue is made, as in `Target`")
+    landing_area: Literal["square", "circle"] = key("square", "what a touchdown must lie in")
+    hull: Literal["platform", "frigate"] = key(
+        "platform", "a platform with a motion base, or a ship whose flight deck is part of the hull"
+    )
+    house_length_m: float | None = key(
+        None, "of the superstructure ahead of the bar; without one it reaches to the bow"
+    )
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -347,16 +342,3 @@ def _frigate(rig: Rig) -> Layout:
         deck=Solid((-size, -size, 0.0), (size, size, 0.05)),
         board=Solid((0.0, -wide, -tall), (0.02, wide, tall)),
     )
-
-
-def packaged_table(section: str) -> dict[str, Any]:
-    """Section of the packaged defaults."""
-    table = packaged_toml("default").get(section)
-    if table is None:
-        raise ConfigError(f"the packaged defaults have no section [{section}]")
-    return dict(table)
-
-
-def default_rig() -> Rig:
-    """The rig of the packaged configuration."""
-    return build(Rig, packaged_table("rig"), "rig")
