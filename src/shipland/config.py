@@ -38,7 +38,7 @@ _STRICT = pydantic.ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 @typing.dataclass_transform(frozen_default=True)
 def parameters(cls: type[T]) -> type[T]:
     """Makes a class a frozen dataclass whose values are checked whenever one is made."""
-    return pydantic.dataclasses.dataclass(frozen=True, config=_STRICT)(cls)
+    return pydantic.dataclasses.dataclass(frozen=True, config=_STRICT)(cls)  # type: ignore[return-value]
 
 
 @typing.overload
@@ -242,16 +242,17 @@ def build(cls: type[T], table: Mapping[str, Any], where: str = "configuration") 
     """
     if not isinstance(table, Mapping):
         raise ConfigError(f"{where}: expected a table, got {_shown(table)}")
-    whole = plain(merge(defaults(cls), table))
+    kind: type = cls
+    whole = plain(merge(defaults(kind), table))
     _refuse_large(whole, where)
     try:
-        return _reader(cls)(json.dumps(whole, default=str))
+        return typing.cast(T, _reader(kind)(json.dumps(whole, default=str)))
     except pydantic.ValidationError as error:
         raise ConfigError(_told(cls, error, where)) from None
 
 
 @cache
-def _reader(cls: type[T]) -> Callable[[str], T]:
+def _reader(cls: type) -> Callable[[str], Any]:
     """Reads JSON, in which a list may be a tuple, a text a member of an Enum, and nothing else is converted."""
     if not hasattr(cls, "__pydantic_config__"):
         cls.__pydantic_config__ = _STRICT  # type: ignore[attr-defined]
@@ -322,9 +323,9 @@ def _at(cls: type, steps: Iterable[int | str]) -> tuple[type, Any]:
     """The innermost dataclass that a place is in, and what is expected there."""
     holder, hint = cls, typing.cast(Any, cls)
     for step in steps:
-        choices = (hint, *typing.get_args(hint))
+        choices = hint, *typing.get_args(hint)
         if isinstance(step, str):
-            holder = next((choice for choice in choices if dataclasses.is_dataclass(choice)), holder)
+            holder = typing.cast(type, next((each for each in choices if dataclasses.is_dataclass(each)), holder))
             hint = typing.get_type_hints(holder).get(step)
         else:
             listed = next((each for each in choices if typing.get_origin(each) is tuple), hint)

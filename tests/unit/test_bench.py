@@ -21,7 +21,7 @@ from shipland.evaluation.bench_rows import write_rows
 from shipland.evaluation.bench_tables import ceilings_of, leaderboard, paired, pairs, rests_in_area, rivals, swept_keys
 from shipland.evaluation.statistics import quantile_interval
 from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells, load_suite, task_digest
-from shipland.rig import default_rig
+from shipland.rig import Rig
 
 GRID = (SuiteEntry(("rig-natops", "ship-sea6")),)
 
@@ -210,7 +210,7 @@ def test_cells_are_chosen_by_pattern_and_a_wrong_one_is_named():
 
 
 def test_rest_in_the_landing_area():
-    rig = default_rig()
+    rig = Rig()
     assert rests_in_area(GOOD, rig)
     assert not rests_in_area(replace(GOOD, rest_starboard_m=-0.2), rig)
     assert not rests_in_area(replace(GOOD, landed=False), rig)

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from shipland.config import build, merge
+from shipland.config import build
 from shipland.errors import ConfigError
-from shipland.rig import packaged_table
 from shipland.sim.ship.course import (
     Course,
     CourseParameters,
@@ -17,7 +16,7 @@ STEP_S = 1e-4
 
 
 def course(**keys: object) -> Course:
-    parameters = build(CourseParameters, merge(packaged_table("ship")["course"], keys), "course")
+    parameters = build(CourseParameters, keys, "course")
     return build_course(parameters, np.random.default_rng(4))
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from shipland.config import build
 from shipland.errors import ConfigError
-from shipland.rig import Quad, Rig, Target, default_rig, packaged_table, view_share
+from shipland.rig import Quad, Rig, Target, view_share
 
 # [Lee2022, Experimental Setup]
 PAPER = {
@@ -89,7 +89,7 @@ def test_deck_and_bar_stand_on_the_platform(rig):
 
 
 def test_default_rig_is_the_packaged_one(rig):
-    assert default_rig() == rig
+    assert Rig() == rig
 
 
 @pytest.mark.parametrize(
@@ -103,12 +103,7 @@ def test_default_rig_is_the_packaged_one(rig):
 )
 def test_impossible_rigs_are_refused(key, value, fault):
     with pytest.raises(ConfigError, match=f"rig: {fault}"):
-        build(Rig, packaged_table("rig") | {key: value}, "rig")
-
-
-def test_a_missing_section_is_named():
-    with pytest.raises(ConfigError, match=r"no section \[rigg\]"):
-        packaged_table("rigg")
+        build(Rig, {key: value}, "rig")
 
 
 class TestTargets:

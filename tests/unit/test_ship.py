@@ -1,15 +1,15 @@
 import numpy as np
 import pytest
 
-from shipland.config import build, merge
+from shipland.config import build
 from shipland.errors import ConfigError, DataError
 from shipland.frames import euler_from_rotation
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.ship.course import StillCourse, StraightCourse
 from shipland.sim.ship.deck_motion import SixDof, Still
 from shipland.sim.ship.ship import Ship, ShipParameters, build_ship
 
-RIG = default_rig()
+RIG = Rig()
 
 
 class Posed:
@@ -23,7 +23,7 @@ class Posed:
 
 
 def parameters(**keys: object) -> ShipParameters:
-    return build(ShipParameters, merge(packaged_table("ship"), keys), "ship")
+    return build(ShipParameters, keys, "ship")
 
 
 def test_the_neutral_ship_stands_over_the_sea_plane() -> None:

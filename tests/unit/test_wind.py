@@ -4,22 +4,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import welch
 
-from shipland.config import build, merge
+from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.frames import Pose
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake
 from shipland.sim.air.turbulence import Dryden, land_scales, sea_roughness_m, step_covariance
 from shipland.sim.air.wind import SteadyWind, Wind, WindParameters, build_wind
 
-RIG = default_rig()
+RIG = Rig()
 CALM = {"turbulence": {"enabled": False}, "airwake": {"enabled": False}}
 ABOVE_SHIP = Pose.from_euler((0.0, 0.0, -0.9), 0.0, 0.0, 0.0)
 FAR = np.array([500.0, 0.0, -10.0])
 
 
 def parameters(**keys: object) -> WindParameters:
-    return build(WindParameters, merge(packaged_table("wind"), keys), "wind")
+    return build(WindParameters, keys, "wind")
 
 
 def wind(seed: int = 0, **keys: object) -> Wind:

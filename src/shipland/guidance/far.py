@@ -43,9 +43,9 @@ class FarTarget(enum.Enum):
 class FarParameters:
     """`[guidance.ship]`, `[guidance.bar]`: Table 1 for one target, in pixels of the published camera."""
 
-    pitch: FarGains = ...
-    roll: FarGains = ...
-    heave: FarGains = ...
+    pitch: FarGains
+    roll: FarGains
+    heave: FarGains
 
     def scaled(self, camera: Camera) -> FarParameters:
         """The same law in angles with the pixels of another camera.

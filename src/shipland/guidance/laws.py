@@ -30,8 +30,8 @@ class FarGains:
 
     m: float = key(..., ge=0)
     a: float = key(..., ge=0)
-    setpoint: float = ...
-    d: float = ...
+    setpoint: float = key(...)
+    d: float = key(...)
 
     def __post_init__(self) -> None:
         require(self.d in (0.0, 1.0), "d must be 0 (linear) or 1 (exponential)")

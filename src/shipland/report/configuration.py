@@ -97,7 +97,7 @@ def _settings(cls: type, table: Mapping[str, Any], section: str, source: str) ->
     about = re.sub(r"^`\[[^`]*\]`[:.] ?", "", inspect.getdoc(cls) or "").replace("\n", " ")
     for name, field in fields_of(cls).items():
         value = table.get(name)
-        told = str((field.json_schema_extra or {"source": source})["source"])  # type: ignore[index, call-overload]
+        told = str((field.json_schema_extra or {"source": source})["source"])  # type: ignore[index]
         stated = source if told == "chosen" else told
         if isinstance(field.annotation, type) and dataclasses.is_dataclass(field.annotation):
             yield from _settings(field.annotation, value or {}, f"{section}.{name}".lstrip("."), stated)

@@ -7,7 +7,7 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -110,7 +110,11 @@ def identified(path: Path, assumed: Response) -> Response:
 
 
 def checklist(
-    vehicle: Vehicle, scenario: Scenario, calibration: Path | None, wind_mps: float, table: dict[str, Any]
+    vehicle: Vehicle,
+    scenario: Scenario,
+    calibration: Path | None,
+    wind_mps: float,
+    table: Mapping[str, Mapping[str, Any]],
 ) -> list[Check]:
     """Everything that is looked at before a flight; the vehicle is connected.
 
