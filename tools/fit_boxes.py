@@ -3,7 +3,8 @@
     shipland evaluate --weights ship --kind ship --scenes 240 --frames 3 --keep-boxes --out out/boxes
     python tools/fit_boxes.py out/boxes/scenes.jsonl --kind ship
 
-Prints the lists of `[geometric.ship]` or `[geometric.bar]` in geometric/parameters.py, and how many frames they rest on.
+Prints the lists of `[geometric.ship]` or `[geometric.bar]` in geometric/parameters.py, and how many frames they rest
+on.
 """
 
 from __future__ import annotations

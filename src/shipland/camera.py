@@ -39,10 +39,7 @@ class CameraParameters:
         0.0009, "standard deviation of what stabilisation leaves in roll and pitch", "chosen: 0.05°", ge=0
     )
     gimbal_bias_rad: float = key(
-        0.0004,
-        "standard deviation of its error in roll and in pitch that stays for a flight",
-        "chosen: a trimmed gimbal, within what vision.gimbal_noise_rad allows; an untrimmed one has ten times that",
-        ge=0,
+        0.0004, "error of roll and pitch that stays for a flight", "chosen: trimmed; untrimmed has ten times that", ge=0
     )
 
     def __post_init__(self) -> None:

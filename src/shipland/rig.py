@@ -178,9 +178,7 @@ class Rig:
     bar_ahead_of_stern_m: float = key(2.8, "the bar's plane ahead of the stern")
     bar_height_m: float = key(1.65, "the bar's centre above ground")
     board_width_m: float = key(
-        1.4,
-        "of the grey board behind the rectangles",
-        "chosen; area × f² / 3400 px² puts the bar setpoint of Table 1 at 10.3 m",
+        1.4, "of the grey board behind the rectangles", "chosen; with it Table 1's bar setpoint lies at 10.3 m"
     )
     board_height_m: float = key(0.3, "of the grey board")
     rectangle_width_m: float = key(0.45, "of each of the two green rectangles")

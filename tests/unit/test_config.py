@@ -411,11 +411,11 @@ class TestBounds:
 
     def test_no_number_of_a_flight_is_beyond_all_bounds(self):
         def numbers(values, where=""):
-            for key, value in values.items():
+            for name, value in values.items():
                 if isinstance(value, dict):
-                    yield from numbers(value, f"{where}{key}.")
+                    yield from numbers(value, f"{where}{name}.")
                 elif isinstance(value, float):
-                    yield f"{where}{key}"
+                    yield f"{where}{name}"
 
         names = list(numbers(NEAR))
         assert len(names) > 500

@@ -28,9 +28,7 @@ class WaveParameters:
     still_m: float = key(0.003, "standard deviation in the hypothesis of a bar at rest")
     first: int = key(5, "index of the initial hypothesis", "of the hypotheses: 0.12 m at 2.1 rad/s", ge=0)
     followed: float = key(
-        0.7,
-        "share of the bar's wave motion that a vehicle with tilt sticks follows over the deck",
-        "measured: docs/results/guidance.md",
+        0.7, "share of the bar's motion that tilt sticks follow over the deck", "measured: docs/results/guidance.md"
     )
     followed_servo: float = key(
         0.85, "likewise of a vehicle that tracks a velocity", "measured: docs/results/guidance.md"

@@ -32,14 +32,10 @@ class WaveMotion:
     frequency_rad_s: float = key(1.8, "of the middle of its band")
     damping: float = key(0.2, "ratio, of both resonators")
     bar_moves: bool = key(
-        False,
-        "on a ship the bar moves with the deck; on a motion base it stands still, and the deck's wave motion "
-        "shows in nothing but the optical flow over it",
+        False, "with the deck, as on a ship; on a motion base it stands still and only the flow shows the deck"
     )
     followed: float = key(
-        1.0,
-        "share of the bar's wave motion that the aircraft follows: the bar stands above the deck, and a ship "
-        "that rolls moves it farther",
+        1.0, "share of the bar's motion that the aircraft follows: above the deck a roll moves it farther"
     )
 
     @property

@@ -94,21 +94,12 @@ class FarBaselines:
     """
 
     match_px: float = key(
-        100.0,
-        "the linear P gives as much stick as the exponential law at this error",
-        "chosen: P gives the exponential law's stick at this error; both its readings are near full stick there",
-        gt=0,
+        100.0, "P and the exponential law give the same stick at this error", "chosen: near full stick", gt=0
     )
     roll: PidGains = key(
-        PidGains(0.75, 6.0, 1.5),
-        "the linear PID, in pixels of the published camera",
-        "percent per px, s; Ziegler and Nichols (1942) at 100 m: docs/results/paper.md",
+        PidGains(0.75, 6.0, 1.5), "linear PID, percent per px, s", "Ziegler and Nichols at 100 m: docs/results/paper.md"
     )
-    heave: PidGains = key(
-        PidGains(7.8, 2.75, 0.69),
-        "likewise",
-        "percent per px, s; Ziegler and Nichols (1942) at 100 m: docs/results/paper.md",
-    )
+    heave: PidGains = key(PidGains(7.8, 2.75, 0.69), "likewise", "likewise")
 
     def scaled(self, camera: Camera) -> FarBaselines:
         """The same laws in angles with the pixels of another camera."""

@@ -71,17 +71,9 @@ class NearGains:
     mu: float = key(..., "mean of the error's step in 0.03 s")
     sigma: float = key(..., "width of the error's step in 0.03 s", gt=0)
     integral_band: float = key(
-        ...,
-        "the sum runs only while |error| is below this (anti-windup; 0 turns the integral off, a huge value is "
-        "the printed sum)",
-        ge=0,
+        ..., "the sum runs only while |error| is below this; huge: the printed sum, 0: no integral", ge=0
     )
-    error_limit: float = key(
-        ...,
-        "the proportional term sees the error no larger than this, which bounds the closing speed; the "
-        "derivative term sees it whole (a huge value is the printed law)",
-        gt=0,
-    )
+    error_limit: float = key(..., "the proportional term sees no larger error; huge: the printed law", gt=0)
 
 
 @dataclass(frozen=True)

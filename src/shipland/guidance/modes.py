@@ -21,11 +21,7 @@ class ModeParameters:
     confirm_s: float = key(0.2, "a better mode begins when its evidence has lasted this long", ge=0)
     lost_s: float = key(0.5, "corners not renewed for this long are gone", ge=0, le=5)
     lost_box_s: float = key(
-        1.6,
-        "likewise a detector's box; longer than the detectors' cycle",
-        "three cycles of the paper's learned detector",
-        ge=0,
-        le=10,
+        1.6, "likewise a detector's box", "three cycles of the paper's learned detector", ge=0, le=10
     )
     memory_s: float = key(3.0, "mode 5 flies on the data fed before for this long", ge=0, le=30)
     settle_s: float = key(0.5, "the landing condition must have held this long", ge=0)

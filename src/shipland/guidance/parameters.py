@@ -18,28 +18,16 @@ class ApproachParameters:
     """`[guidance.approach]`: reference points, and the condition of landing."""
 
     hover_height_m: float = key(
-        1.2,
-        "over the deck's neutral surface, before landing",
-        "chosen: deck heave limit plus the rise of a corner at full pitch, plus clearance",
-        ge=0.1,
-        le=50,
+        1.2, "over the neutral deck, before landing", "chosen: heave limit, a corner at full pitch", ge=0.1, le=50
     )
     square_margin: float = key(
-        0.6,
-        "landing begins with the horizontal error within this share of half of `rig.landing_square_m`",
-        "chosen: leaves 7 cm for drift during the descent",
-        gt=0,
-        le=1,
+        0.6, "of half of `rig.landing_square_m` to begin", "chosen: 7 cm of drift in the descent", gt=0, le=1
     )
     largest_box: float = key(
-        4.0,
-        "boxes of more than this many times the setpoint's area are ignored",
-        "chosen: half the setpoint's distance, 5 m to the bar and 12 m to the ship",
+        4.0, "larger boxes are ignored, in setpoint areas", "chosen: 5 m to the bar and 12 m to the ship"
     )
     max_bearing_deg: float = key(
-        20.0,
-        "the nose turns to the bar's axis only as far as the bar stays this near the picture's middle,",
-        "chosen: of the 34.5 deg either side",
+        20.0, "the bar stays this near the picture's middle", "chosen: of the 34.5 deg either side"
     )
     bearing_margin_deg: float = key(3.0, "and the cue this far from its sides")
     max_height_error_m: float = key(0.25, "of the landing condition", ge=0.01, le=10)
@@ -61,9 +49,7 @@ class ApproachParameters:
     go_around_percent: float = key(60.0, "heave stick of a go-around", ge=10, le=100)
     back_off_percent: float = key(15.0, "pitch stick of a go-around")
     go_around_turn: float = key(
-        0.75,
-        "yaw stick for a degree between the nose and where the target was seen last [%/deg]",
-        "chosen: 45 deg of it turn at 13 deg/s",
+        0.75, "yaw stick for a degree off the last bearing [%/deg]", "chosen: 45 deg turn at 13 deg/s"
     )
     go_around_s: float = key(3.0, "shortest go-around", ge=0.5, le=60)
     gimbal_time_constant_s: float = key(0.3, "smoothing of the camera pitch that keeps the target in the picture")

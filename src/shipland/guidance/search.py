@@ -13,15 +13,10 @@ class SearchParameters:
     """`[guidance.search]`."""
 
     look_s: float = key(
-        3.0,
-        "hold still first, for this long at each camera pitch, so that a target already in view is believed",
-        "six cycles of the paper's learned detector: enough to believe a box",
-        ge=0,
+        3.0, "hold still for so long at each camera pitch", "six cycles of the paper's learned detector", ge=0
     )
     camera_pitch_deg: tuple[float, ...] = key(
-        (0.0, -25.0),
-        "camera pitches, up positive; each turn is flown with the next of them",
-        "the lens sees 21 deg either side",
+        (0.0, -25.0), "up positive; each turn is flown with the next of them", "the lens sees 21 deg either side"
     )
     turn_percent: float = key(10.0, "yaw stick", "4 deg/s: a target moves by 33 px a cycle", ge=0)
     turn_s: float = key(90.0, "of a full turn with it", "a full turn", ge=0)

@@ -22,17 +22,9 @@ class NearBaselines:
     By SIMC (Skogestad 2003): docs/explanation/published-pilot.md.
     """
 
-    closed_loop: float = key(
-        1.0,
-        "time constant of the closed loop, as a multiple of the dead time",
-        "of the dead time: Skogestad's recommendation for a fast and robust loop",
-        gt=0,
-    )
+    closed_loop: float = key(1.0, "time constant, as a multiple of the dead time", "Skogestad: fast and robust", gt=0)
     rate_filter: float = key(
-        0.33,
-        "time constant of the filter of the measured rate, likewise",
-        "of the dead time; chosen: about the smoothing of the published pilot's rates",
-        gt=0,
+        0.33, "of the measured rate, likewise", "chosen: the smoothing of the published pilot's", gt=0
     )
 
 

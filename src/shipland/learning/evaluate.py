@@ -56,13 +56,7 @@ class EvaluateParameters:
     bar_bin_m: float = key(10.0, "width of the table's bins", gt=0)
     empty_share: float = key(0.2, "part of the fresh scenes without the target", ge=0, lt=1)
     edge_px: float = key(30.0, "the target's centre stays so far from the picture's edges in the first frame")
-    match_iou: float = key(
-        0.3,
-        "overlap from which a box is a hit",
-        "a shift by one pixel costs a 7-px box a quarter of its overlap",
-        gt=0,
-        lt=1,
-    )
+    match_iou: float = key(0.3, "overlap from which a box is a hit", "one pixel costs a 7-px box a quarter", gt=0, lt=1)
     hazy_below_m: float = key(4000.0, "visibility that parts haze from clear air")
     pictures_per_scene: int = key(8, "scenes that share light, air and sea", ge=1)
 

@@ -54,11 +54,7 @@ class LossParameters:
         0.5, "an unassigned cell whose box overlaps a target more is not punished", "[YOLOv3, §2.1]", gt=0, le=1
     )
     anchor_ratio: float = key(
-        3.0,
-        "largest ratio of a target's sides to a wide anchor's; below 4, the decoding's reach",
-        "chosen; the wide decoding reaches 4",
-        gt=1,
-        lt=4,
+        3.0, "largest ratio of a target's sides to a wide anchor's", "chosen; the wide decoding reaches 4", gt=1, lt=4
     )
 
 

@@ -30,9 +30,7 @@ class SynthParameters:
     """
 
     ship_range_m: Span = key(
-        (14.0, 360.0),
-        "nearest and farthest ship",
-        "beyond the 15–350 m that are asked for, so that the ends are learned too",
+        (14.0, 360.0), "nearest and farthest ship", "beyond the 15–350 m asked for: the ends are learned too"
     )
     bar_range_m: Span = key((6.0, 165.0), "nearest and farthest bar")
     uniform_share: float = key(0.6, "part of the ranges drawn uniformly, the rest log-uniformly", ge=0, le=1)
@@ -64,10 +62,7 @@ class SynthParameters:
     sun_glare: Span = key((0.0, 1.2), "uniform")
     shutter_s: Span = key((0.0005, 0.006), "log-uniform, of the scene")
     rainy: float = key(
-        0.08,
-        "part of the scenes with rain, of rain_mm_h (log-uniform), and drops on the lens up to drops_max",
-        ge=0,
-        le=1,
+        0.08, "chance of rain of rain_mm_h (log-uniform), with drops on the lens up to drops_max", ge=0, le=1
     )
     rain_mm_h: Span = key((1.0, 15.0), "see `rainy`")
     drops_max: float = key(0.4, "of drops on the lens, in rain")

@@ -58,10 +58,7 @@ class LogParameters:
         10.0, "pictures kept a second of flight; 0 keeps none", "0 keeps no pictures; the camera's rate keeps all", ge=0
     )
     image_width_px: int = key(
-        640,
-        "pictures are shrunk to this width, never enlarged",
-        "30 kB a picture, 15 MB a minute; the camera's width loses nothing but by JPEG",
-        ge=16,
+        640, "pictures are shrunk to this width, never enlarged", "30 kB a picture, 15 MB a minute", ge=16
     )
     image_quality: int = key(85, "JPEG quality, 1 … 100", ge=1, le=100)
 

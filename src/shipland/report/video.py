@@ -45,17 +45,10 @@ class VideoParameters:
 
     rate_hz: float = key(30.0, "frames a second of flight", ge=1, le=120)
     chase_rate_hz: float = key(
-        15.0,
-        "renderings of the chase view a second of flight, moved between cycles by interpolation",
-        "a rendering of the outside view costs as much as one of the camera's",
-        gt=0,
+        15.0, "renderings of the outside view a second of flight", "costs as much as the camera's own pictures", gt=0
     )
     crf: float = key(
-        26.5,
-        "constant rate factor of H.264 (High profile); lower is better and larger",
-        "half the size of ultrafast at 28, and truer",
-        ge=1,
-        le=51,
+        26.5, "rate factor of H.264 (High profile); lower is better", "half the size of ultrafast at 28", ge=1, le=51
     )
     preset: str = key("superfast", "of x264; faster is larger", "the flight waits for the encoder: 9 ms a picture")
     tune: str = key("animation", "of x264: what kind of picture it is", "edges of letters and traces stay sharp")

@@ -39,17 +39,10 @@ class SafetyParameters:
 
     max_percent: float = key(100.0, "bound on each stick", ge=1, le=100)
     slew_percent_per_s: float = key(
-        1000.0,
-        "bound on each stick's rate",
-        "full deflection in 0.1 s: at 300 a control that answers gusts is held back at 7 m/s of wind",
-        ge=10,
-        le=10000,
+        1000.0, "bound on each stick's rate", "at 300 gusts at 7 m/s of wind are not held", ge=10, le=10000
     )
     stale_s: float = key(
-        1.5,
-        "a command with intent FLY on data older than this is turned to zero sticks; older places are not used",
-        ge=0.1,
-        le=5,
+        1.5, "a command to fly on older data becomes zero sticks; older places are not used", ge=0.1, le=5
     )
     floor_m: float = key(
         0.75, "least height of the aircraft's centre over the neutral deck unless landing on it", ge=0, le=100
@@ -61,18 +54,10 @@ class SafetyParameters:
     fence_distance_m: float = key(400.0, "greatest distance to the bar", ge=5, le=20000)
     fence_height_m: float = key(60.0, "greatest height over the take-off point", ge=1, le=1000)
     low_battery_percent: float = key(
-        15.0,
-        "below this a warning stands in the reason; nothing is broken off, because the deck is the only place to "
-        "land and any other course spends what is left",
-        ge=0,
-        le=100,
+        15.0, "below this the reason carries a warning; no flight is broken off: the deck is nearest", ge=0, le=100
     )
     contact_height_m: float = key(
-        0.9,
-        "of the aircraft's centre over the neutral deck: no contact is higher",
-        "the deck's heave limit and the height of the centre over its feet, with 16 cm to spare",
-        ge=0.05,
-        le=20,
+        0.9, "of the centre over the neutral deck at a contact", "heave limit, and 16 cm to spare", ge=0.05, le=20
     )
     contact_sight_s: float = key(
         1.0, "a sight of the bar or the deck that is older does not show contact height", ge=0.1, le=5

@@ -22,27 +22,15 @@ from shipland.rig import Rig
 class CueHeightParameters:
     """`[safety.cue_height]`."""
 
-    gap_s: float = key(
-        1.0,
-        "a pose is a first one when there was none for longer",
-        "as vision.track_s, within which poses are followed",
-        ge=0.05,
-        le=30,
-    )
+    gap_s: float = key(1.0, "a pose is a first one after none for longer", "as vision.track_s", ge=0.05, le=30)
     patience_s: float = key(
         5.0, "first poses that hang too low for so long are believed: rather has the barometer leapt", ge=0, le=120
     )
     share: float = key(
-        0.01,
-        "of a pose's height in the height that is remembered",
-        "chosen: of three seconds of pictures at 30 Hz, about a period of the swell",
-        gt=0,
-        le=1,
+        0.01, "of a pose's height in the remembered one", "chosen: 3 s, about a period of the swell", gt=0, le=1
     )
     over_takeoff_m: float | None = key(
-        None,
-        "height of the cue over the take-off point, where it is known before the flight; None: the first pose of "
-        "a flight is believed, and tells it",
+        None, "height of the cue over the take-off point; without it the flight's first pose is believed"
     )
 
 

@@ -41,15 +41,11 @@ class RecoveryParameters:
 
     ladder: tuple[Rung, ...] = key(
         (Rung.GO_AROUND, Rung.HOLD, Rung.RETURN),
-        "steps one after the other while what was found does not pass; the last one lasts",
-        'one after the other; "land" after them ditches where it is',
+        "steps while what was found lasts; the last one stays",
+        '"land" ditches where it is',
     )
     tries: int = key(
-        3,
-        "landings that may be broken off before the ladder goes on past its first step",
-        "as guidance.modes.max_tries",
-        ge=1,
-        le=100,
+        3, "landings that may be broken off before the second step", "as guidance.modes.max_tries", ge=1, le=100
     )
     climb_percent: float = key(80.0, "heave stick of a climb", ge=10, le=100)
     astern_mps: float = key(0.8, "speed against the bar, astern", ge=0.1, le=20)

@@ -62,9 +62,7 @@ class Scenario:
     verdict: VerdictParameters = VerdictParameters()
     vision: VisionParameters = VisionParameters()
     detector: DetectorParameters = key(
-        DetectorParameters(threads=1),
-        "",
-        "one thread: a flight is repeated bit by bit, and campaigns fly one flight a core",
+        DetectorParameters(threads=1), "", "one thread: a flight repeats bit by bit, campaigns fly one a core"
     )
     selector: VisionSelectorParameters = VisionSelectorParameters()
     guidance: GuidanceParameters = GuidanceParameters()
@@ -73,8 +71,8 @@ class Scenario:
     follow: FollowParameters = FollowParameters()
     fault: tuple[Fault, ...] = key(
         (),
-        "what fails, on schedule",
-        'what fails, e.g. [{ kind = "link_loss", start_s = 12.0, duration_s = 2.0 }]: docs/how-to/inject-faults.md',
+        "on schedule",
+        'e.g. [{ kind = "link_loss", start_s = 12.0, duration_s = 2.0 }]: docs/how-to/inject-faults.md',
     )
     fault_draw: FaultDraw = FaultDraw()
 

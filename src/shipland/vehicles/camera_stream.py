@@ -38,11 +38,7 @@ class StreamParameters:
     """`[camera]` of vehicles.toml."""
 
     latency_s: float = key(
-        0.2,
-        "from exposure to receipt",
-        "chosen: from exposure to receipt of an RTSP stream; measure yours: docs/how-to/fly-a-vehicle.md",
-        ge=0,
-        le=3,
+        0.2, "from exposure to receipt", "chosen; measure yours: docs/how-to/fly-a-vehicle.md", ge=0, le=3
     )
     open_timeout_s: float = key(10.0, "to the first picture", ge=0.5, le=120)
 

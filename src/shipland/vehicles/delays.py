@@ -52,7 +52,7 @@ class TelemetryParameters:
             velocity=PartParameters(5.0, 0.1),
         ),
         "events",
-        "Olympe's events: 5 Hz, measured at about 0.1 s",
+        "Olympe: 5 Hz, measured at about 0.1 s",
     )
     anafi_metadata: ProfileParameters = key(
         ProfileParameters(
@@ -63,7 +63,7 @@ class TelemetryParameters:
             velocity=PartParameters(30.0, 0.0),
         ),
         "the video's metadata",
-        "in every picture, with the picture's latency",
+        "in every picture, with its latency",
     )
     mavlink: ProfileParameters = key(
         ProfileParameters(
@@ -73,8 +73,8 @@ class TelemetryParameters:
             height=PartParameters(30.0, 0.03),
             velocity=PartParameters(50.0, 0.03),
         ),
-        "PX4's or ArduPilot's streams",
-        "streams as asked for by MAV_CMD_SET_MESSAGE_INTERVAL; latency of a telemetry radio: chosen",
+        "streams of PX4 or ArduPilot",
+        "MAV_CMD_SET_MESSAGE_INTERVAL; latency of a telemetry radio: chosen",
     )
     none: ProfileParameters = key(
         ProfileParameters(
@@ -182,27 +182,19 @@ class DelayParameters:
         0.28, "from a picture's exposure to its arrival", "Parrot ANAFI streaming latency as advertised", ge=0
     )
     video_jitter_s: float = key(
-        0.005,
-        "standard deviation of what is added to that, always positive; pictures stay in order",
-        "chosen: a quiet link close by; a busy one has tens of ms",
-        ge=0,
+        0.005, "added to that, always positive; pictures stay in order", "chosen: a quiet link close by", ge=0
     )
     video_loss_share: float = key(
         0.002, "part of the pictures that never arrive", "chosen: a frame in 17 s", ge=0, lt=1
     )
     video_clock_s: float = key(
-        0.005,
-        "standard deviation of what the pictures' time stamps are off by, constant in a flight",
-        "chosen: what synchronising the two clocks leaves",
-        ge=0,
+        0.005, "error of the pictures' time stamps, constant in a flight", "chosen: after synchronising", ge=0
     )
     uplink_s: float = key(
         0.025, "from a command's being ready to its effect", "Olympe sends piloting commands every 25 ms", ge=0
     )
     processing: Literal["paper", "measured", "zero"] = key(
-        "paper",
-        "what a cycle's processing takes: the paper's figures, the measured time, or nothing",
-        "paper | measured | zero",
+        "paper", "what a cycle's processing takes", "paper | measured | zero"
     )
     near_s: float = key(
         0.03, "the paper's cycle on corners [Lee2022, §Experimental Setup]", "[Lee2022]: cycle time on corners", ge=0

@@ -41,12 +41,7 @@ class TouchdownParameters:
         0.4, "so long without another such lack, and a touch was none, or has been bounced off", ge=0.05, le=5
     )
     insist_s: float = key(
-        1.0,
-        "from the touch on, in which the descent goes on although the pilot has left it; and from the last sight "
-        "of the contact height on, in which a touch stays one",
-        "a touch outlives the pilot's landing, and the sight of the contact height, by so much",
-        ge=0.05,
-        le=5,
+        1.0, "a touch outlives the pilot's landing and the sight of the contact height by so much", ge=0.05, le=5
     )
     press_mps: float = key(1.5, "commanded descent after a touch, within the vehicle's own limit", ge=0.05, le=3)
     stale_s: float = key(0.2, "older telemetry tells nothing", ge=0.05, le=1)

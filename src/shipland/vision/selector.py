@@ -25,11 +25,7 @@ class VisionSelectorParameters:
         50.0, "least width of the ship's box for which they are, without a bar's box", "the platform at 33 m"
     )
     patience_s: float = key(
-        0.35,
-        "time after a pose in which no detector runs, so that a few frames without corners start none",
-        "ten frames; less than guidance.modes.lost_s",
-        ge=0,
-        le=10,
+        0.35, "after a pose no detector runs for so long", "ten frames; less than guidance.modes.lost_s", ge=0, le=10
     )
     memory_s: float = key(
         2.0, "age from which boxes are ignored", "four cycles of the paper's learned detector", ge=0, le=30

@@ -26,20 +26,14 @@ class MeasurementNoise:
     area_share: float = key(0.3, "of a box's area")
     centre_px: float = key(2.0, "of a box's centre")
     repeated: float = key(10.0, "boxes err alike in many frames; their variance counts so many times")
-    ship_as_stern: bool = key(
-        False,
-        "for its range a ship's box counts as no wider than a stern of its height: from the quarter a long hull "
-        "is wide",
-    )
+    ship_as_stern: bool = key(False, "a ship's box counts as no wider than a stern of its height: long hulls are wide")
     box_m: float = key(0.3, "least error of a box's place across the line of sight, and of its height")
     first_mps: float = key(1.5, "standard deviation of the speed against the bar when it is first seen")
     first_way_mps: float = key(2.0, "of the ship's speed, where it is first seen as a box", "chosen: ships to 4.5 m/s")
     first_climb_mps: float = key(0.5, "standard deviation of the climb when the bar is first seen")
     lost_refusals: int = key(10, "so many positions rejected in a row restart the estimate")
     lost_s: float = key(
-        5.0,
-        "in a landing with poses all the while, only so long after one that was accepted",
-        "chosen: as long as a height that leaps is refused; a landing is broken off long before",
+        5.0, "in a landing with poses, only so long after one was accepted", "chosen: as long as leaps are refused"
     )
     velocity_mps: float = key(0.1, "of the vehicle's velocity, horizontally")
     velocity_down_mps: float = key(0.04, "of the vehicle's velocity, downward")
@@ -95,32 +89,19 @@ class DescentParameters:
     sink_mps: float = key(0.5, "speed of the descent to `wait_height_m`", ge=0.01, le=5)
     wait_height_m: float = key(0.2, "over the neutral deck, of the aircraft's centre; 0 descends without waiting", ge=0)
     wait_band_m: float = key(0.1, "within this height above it the sink has ended", ge=0)
-    slow_per_s: float = key(
-        1.5, "the sink slows towards it at this rate, so that the aircraft does not overshoot", ge=0
-    )
+    slow_per_s: float = key(1.5, "the sink slows towards it at this rate and does not overshoot", ge=0)
     pause_m: float = key(0.25, "the sink pauses while the offset is larger", ge=0)
     final_descent_mps: float = key(1.0, "speed of the final descent", ge=0.01, le=5)
     final_descent_offset_m: float = key(0.015, "predicted offset at contact at which the final descent begins", ge=0)
     relax_after_s: float = key(6.0, "after this wait the allowed offset grows", ge=0)
     relax_per_s: float = key(0.1, "share by which the allowed offset grows", ge=0)
-    contact_height_m: float = key(
-        0.08,
-        "of the aircraft's centre when its lowest foot touches the neutral deck",
-        "tilted by 20°, the lowest foot is so far below",
-        ge=0,
-    )
+    contact_height_m: float = key(0.08, "of the centre as the lowest foot touches", "chosen: tilted by 20°", ge=0)
     deck_watch_height_m: float = key(0.65, "over the neutral deck, during the deck watch", ge=0)
-    deck_watch_offset_m: float = key(
-        0.03, "predicted offset from the deck's centre at contact at which the deck watch ends", ge=0
-    )
+    deck_watch_offset_m: float = key(0.03, "predicted offset at contact at which the deck watch ends", ge=0)
     deck_watch_max_s: float = key(20.0, 'longest deck watch; then the landing goes on as with `moment = "any"`', ge=0)
-    reacquire_s: float = key(
-        0.75, "from the last look down to the final descent: the camera looks up and poses correct the position", ge=0
-    )
+    reacquire_s: float = key(0.75, "from the last look down to the final descent: the camera looks up at the bar", ge=0)
     reacquire_max_s: float = key(2.0, "the final descent begins by then, or the deck watch begins again", ge=0)
-    reacquire_offset_m: float = key(
-        0.04, "predicted offset from the deck's centre at contact at which the final descent begins", ge=0
-    )
+    reacquire_offset_m: float = key(0.04, "predicted offset at contact at which the final descent begins then", ge=0)
 
 
 @parameters
@@ -132,36 +113,24 @@ class HorizonParameters:
 
     moment: Literal["any", "lull", "deck"] = key(
         "any",
-        "the final descent begins at any time, or in a lull of the bar's own motion, or when the deck, which the "
-        "camera watches, will be below the aircraft at contact",
-        "any | lull: wait for a lull of the bar's own motion | deck: watch the deck",
+        "when the final descent begins",
+        "any | lull: in a lull of the bar | deck: as the deck will be below at contact",
     )
     lull_mps: float = key(0.1, "what counts as a lull")
     look_down_max_s: float = key(2.5, "longest look down at the deck; then the camera looks up at the bar")
     look_up_s: float = key(0.3, "time with poses before it looks down again")
-    deck_rise_max_mps: float = key(
-        0.3, "the final descent does not begin where the deck will rise faster than this at contact"
-    )
+    deck_rise_max_mps: float = key(0.3, "of the deck at contact for the final descent to begin")
     deck_std_max_m: float = key(
-        0.08, "the deck's centre at contact is known when it is no more uncertain (standard deviation)", ge=0.005, le=5
+        0.08, "of the deck's centre at contact to be known (standard deviation)", ge=0.005, le=5
     )
-    land_offset_m: float = key(
-        0.2, "a landing may begin with at most this offset (held for `guidance.modes.settle_s`)", gt=0
-    )
+    land_offset_m: float = key(0.2, "largest offset to begin a landing, held for `guidance.modes.settle_s`", gt=0)
     abort_offset_m: float = key(0.6, "a landing is broken off with more", ge=0.05, le=20)
     contact_std_max_m: float = key(
-        0.12,
-        "a landing does not begin while the offset at contact is uncertain by more (standard deviation)",
-        ge=0.01,
-        le=5,
+        0.12, "of the offset at contact for a landing to begin (standard deviation)", ge=0.01, le=5
     )
-    position_std_max_m: float = key(
-        1.0, "without pictures the estimate is flown on up to this standard deviation of the position", ge=0.05, le=20
-    )
-    gust_share: float = key(
-        0.4, "acceleration by gusts as a share of that by the mean wind over land, rounded to one of the levels"
-    )
-    gust_share_at_sea: float = key(0.12, "likewise over the sea, where a ship carries the bar")
+    position_std_max_m: float = key(1.0, "without pictures the estimate is flown on up to this", ge=0.05, le=20)
+    gust_share: float = key(0.4, "acceleration by gusts as a share of the mean wind's over land")
+    gust_share_at_sea: float = key(0.12, "likewise over the sea")
     gust_levels_mps2: tuple[float, ...] = key((0.1, 0.2, 0.4, 0.8, 1.6), "ascending, in equal ratios")
     horizontal: Disturbances = key(Disturbances(), "what is not known along a horizontal axis where sticks mean a tilt")
     horizontal_servo: Disturbances = key(

@@ -29,42 +29,24 @@ class AirwakeParameters:
 
     enabled: bool = key(True, "the superstructure disturbs the air")
     reattachment_heights: float = key(
-        2.5,
-        "length of the recirculation zone in H",
-        "chosen: a deck's step is short and wide; a long plane step has 6 ± 1 (Eaton and Johnston 1981)",
-        gt=0,
+        2.5, "length of the recirculation zone in H", "chosen; a long step: 6 ± 1 (Eaton and Johnston 1981)", gt=0
     )
     reverse_share: float = key(
-        0.2,
-        "reverse flow in the zone, in U",
-        "Eaton and Johnston (1981): reverse flow up to about a fifth of the free stream",
-        ge=0,
-        le=1,
+        0.2, "reverse flow in the zone, in U", "Eaton and Johnston (1981): up to a fifth", ge=0, le=1
     )
     recovery_heights: float = key(4.0, "length in H over which the wake fades beyond the zone", gt=0)
     downwash_share: float = key(0.15, "largest downward velocity behind the superstructure, in U", ge=0, le=1)
     layer_share: float = key(
-        0.1,
-        "the shear layer's half thickness at the edge, in H",
-        "chosen: the separating layer is a tenth of the step",
-        gt=0,
+        0.1, "the shear layer's half thickness at the edge, in H", "chosen: a tenth of the step", gt=0
     )
     layer_growth: float = key(
         0.1, "its growth a metre downwind", "chosen: about a plane mixing layer's, on its slow side at rest", ge=0, le=1
     )
     turbulence_share: float = key(
-        0.2,
-        "largest standard deviation of the wake's own horizontal turbulence, in U",
-        "Eaton and Johnston (1981): streamwise intensity in the layer peaks near 0.2",
-        ge=0,
-        le=1,
+        0.2, "largest horizontal turbulence of the wake, in U", "Eaton and Johnston (1981)", ge=0, le=1
     )
     vertical_turbulence_share: float = key(
-        0.12,
-        "the same of the vertical",
-        "chosen: in a mixing layer the cross-stream share is about 0.6 of the streamwise",
-        ge=0,
-        le=1,
+        0.12, "largest vertical turbulence of the wake, in U", "chosen: 0.6 of the horizontal", ge=0, le=1
     )
     eddy_heights: float = key(1.0, "length scale of that turbulence in H", "chosen: eddies of the step's size", gt=0)
 

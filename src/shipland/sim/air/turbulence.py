@@ -36,11 +36,7 @@ class TurbulenceParameters:
 
     enabled: bool = key(True, "the wind is turbulent")
     intensity: float = key(
-        0.1,
-        "over land, vertical standard deviation as a share of the wind at 20 ft",
-        "MIL-F-8785C §3.7.3.4: σw = 0.1 × the wind at 20 ft; over land",
-        ge=0,
-        le=1,
+        0.1, "over land, vertical deviation as a share of the wind at 20 ft", "MIL-F-8785C §3.7.3.4", ge=0, le=1
     )
     height_min_m: float = key(
         3.048, "lowest height of the specification, used below it", "MIL-F-8785C: 10-1000 ft", gt=0
@@ -169,9 +165,7 @@ class SeaSurfaceParameters:
         0.011, "α of z₀ = α u*²/g", "Smith (1988); COARE 3.0 for winds below 10 m/s (Fairall et al. 2003)", gt=0, lt=0.1
     )
     deviations: tuple[float, float, float] = key(
-        (2.39, 1.92, 1.25),
-        "σu, σv, σw over the friction velocity u*",
-        "over u*, along, across and vertical, neutral: Panofsky and Dutton (1984), ch. 7",
+        (2.39, 1.92, 1.25), "σu, σv, σw over the friction velocity u*", "neutral: Panofsky and Dutton (1984), ch. 7"
     )
     height_min_m: float = key(
         0.5, "lowest height of the surface layer, used below it", "chosen: lower, waves disturb the profile", ge=0.1

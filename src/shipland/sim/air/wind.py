@@ -75,11 +75,7 @@ class WindParameters:
     """What the configuration says of the wind in section `[wind]`."""
 
     mean_mps: float = key(
-        0.0,
-        "mean wind speed, at `reference_height_m` where there is a profile",
-        "chosen; [Lee2022] flew in up to 9 m/s",
-        ge=0,
-        le=30,
+        0.0, "mean wind, at `reference_height_m` in a profile", "[Lee2022] flew in up to 9 m/s", ge=0, le=30
     )
     from_deg: float = key(0.0, "compass direction that the wind comes from")
     mean_half_range_mps: float = key(
@@ -87,29 +83,17 @@ class WindParameters:
     )
     from_half_range_deg: float = key(0.0, "drawn evenly within this much either side, once a flight", ge=0, le=180)
     profile: Literal["uniform", "log"] = key("uniform", "the same at every height, or logarithmic", "uniform | log")
-    reference_height_m: float = key(
-        6.096,
-        "height of `mean_mps` in a logarithmic profile",
-        "20 ft, where MIL-F-8785C takes the wind; a log profile has mean_mps here",
-        ge=1,
-    )
+    reference_height_m: float = key(6.096, "of `mean_mps` in a logarithmic profile", "20 ft, as MIL-F-8785C", ge=1)
     surface: Literal["land", "sea"] = key(
         "land",
-        "what the wind blows over; says how strong the turbulence is",
+        "what the wind blows over",
         "land: MIL-F-8785C's deviations | sea: a neutral marine surface layer, [wind.sea]",
     )
     roughness_m: float = key(
-        0.01,
-        "roughness length of the land in a logarithmic profile; over the sea it follows from the wind",
-        "of land, in a log profile: mown grass (Stull 1988, fig. 9.6); the sea's follows from Charnock's relation",
-        gt=0,
-        lt=0.1,
+        0.01, "of the land; Charnock's relation gives the sea's", "mown grass (Stull 1988, fig. 9.6)", gt=0, lt=0.1
     )
     gust: tuple[GustParameters, ...] = key(
-        (),
-        "1-cosine gusts",
-        "e.g. [{ start_s = 20.0, duration_s = 3.0, velocity_mps = [4.0, 0.0, 0.0] }]: along the wind, to its "
-        "right, down",
+        (), "1-cosine gusts", "e.g. [{ start_s = 20.0, duration_s = 3.0, velocity_mps = [4.0, 0.0, 0.0] }]"
     )
     turbulence: TurbulenceParameters = key(TurbulenceParameters(), "Dryden turbulence, and its strength over land")
     sea: SeaSurfaceParameters = key(SeaSurfaceParameters(), "its strength over the sea")

@@ -59,22 +59,14 @@ class AirframeParameters:
 
     mass_kg: float = key(0.32, "take-off mass", "data sheet: 320 g")
     inertia_kgm2: Vector = key(
-        (0.00165, 0.00093, 0.00235),
-        "about the body's forward, right and down axes",
-        "chosen: a homogeneous box of the data sheet's size, 175 × 240 × 65 mm",
+        (0.00165, 0.00093, 0.00235), "about forward, right and down", "chosen: a homogeneous box of 175 × 240 × 65 mm"
     )
-    motor_forward_m: float = key(
-        0.071,
-        "from the centre of mass ahead to a motor",
-        "chosen: motor diagonal 0.24 m in the proportions of the data sheet's plan",
-    )
+    motor_forward_m: float = key(0.071, "from the centre of mass ahead to a motor", "chosen: motor diagonal 0.24 m")
     motor_right_m: float = key(0.097, "from the centre of mass sideways to a motor")
     motor_above_m: float = key(0.02, "rotor plane above the centre of mass")
     rotor_radius_m: float = key(0.065, "radius of a rotor's disc")
     body_size_m: Vector = key(
-        (0.175, 0.065, 0.05),
-        "fuselage (length, width, height), a box around the centre of mass",
-        "chosen: the fuselage without its arms",
+        (0.175, 0.065, 0.05), "fuselage (length, width, height) about the centre of mass", "chosen: without its arms"
     )
     foot_forward_m: float = key(
         0.071, "from the centre of mass ahead to a foot", "chosen: the arms' ends carry the feet"
@@ -88,32 +80,22 @@ class AirframeParameters:
         0.8, "sliding friction coefficient of foot on deck", "chosen: rubber on a painted non-skid deck"
     )
     contact_time_s: float = key(
-        0.008,
-        "time constant of a contact's spring and damper (critically damped)",
-        "chosen: four physics steps, some millimetres of give",
+        0.008, "of a contact's spring, critically damped", "chosen: four physics steps, some mm of give"
     )
     motor_time_s: float = key(0.05, "time constant of a rotor's thrust", "chosen: typical of 6-inch rotors")
     thrust_to_weight: float = key(
-        2.2,
-        "largest total thrust over weight",
-        "chosen: 40° of tilt at 15 m/s, the inflow's loss, and room for control",
-        gt=1.2,
+        2.2, "largest total thrust over weight", "chosen: 40° of tilt at 15 m/s, and room for control", gt=1.2
     )
     idle_thrust: float = key(0.1, "least thrust of a running rotor over its hover thrust", lt=0.5)
     torque_per_thrust_m: float = key(0.012, "a rotor's drag torque over its thrust", "chosen: typical of small rotors")
     rotor_drag_per_s: float = key(
-        0.2,
-        "in-plane rotor drag over mass and air speed, at hover's rotor speed",
-        "chosen: lower half of the published 0.2–0.5 of small quadrotors",
-        ge=0,
+        0.2, "in-plane, over mass and air speed, at hover", "chosen; 0.2–0.5 published of small quadrotors", ge=0
     )
     inflow_loss_per_s: float = key(
         0.4, "thrust lost over mass and axial air speed", "chosen: blade-element estimate", ge=0
     )
     body_drag_per_m: float = key(
-        0.019,
-        "fuselage drag over mass and air speed squared",
-        "chosen: with the two above, 15 m/s (data sheet) is where 40° of tilt (highest setting) ends",
+        0.019, "fuselage drag over mass and air speed squared", "chosen: 40° of tilt end at the data sheet's 15 m/s"
     )
     ground_effect: bool = key(True, "whether rotors over the deck gain thrust near it", "Cheeseman and Bennett 1955")
 
@@ -170,49 +152,25 @@ class PilotingSettings:
     """
 
     max_tilt_deg: float = key(
-        15.0,
-        "what full pitch or roll stick means to the loop kind `attitude`: a tilt",
-        "chosen: between the 10° and 20° that two public ANAFI drivers name as the default",
-        ge=1,
-        le=40,
+        15.0, "at full pitch or roll stick, kind `attitude`", "chosen; public drivers have 10° and 20°", ge=1, le=40
     )
     max_speed_mps: float = key(
-        7.5,
-        "what it means to the loop kind `velocity`: a speed",
-        "chosen, of the loop kind velocity: about where 15° of tilt end in still air",
-        ge=0.5,
-        le=20,
+        7.5, "at full stick, loop kind `velocity`", "chosen: where 15° of tilt end in still air", ge=0.5, le=20
     )
     max_vertical_speed_mps: float = key(
         1.0, "climb or descent at full heave stick", "the default in two public ANAFI drivers", ge=0.1, le=4
     )
     max_yaw_rate_deg_s: float = key(
-        40.0,
-        "turn rate at full yaw stick",
-        "the factory setting noted in one public ANAFI driver (another: 70)",
-        ge=3,
-        le=200,
+        40.0, "turn rate at full yaw stick", "factory setting noted in a public ANAFI driver", ge=3, le=200
     )
     max_tilt_rate_deg_s: float = key(
-        116.0,
-        "largest roll and pitch rate",
-        "the factory setting noted in one public ANAFI driver (another: 150)",
-        ge=40,
-        le=300,
+        116.0, "largest roll and pitch rate", "factory setting noted in a public ANAFI driver", ge=40, le=300
     )
     stick_step_percent: float = key(
-        1.0,
-        "sticks are rounded to multiples of this; 0 leaves them as they are",
-        "Parrot's PCMD carries whole percents; 0 is continuous",
-        ge=0,
-        le=10,
+        1.0, "sticks are rounded to multiples of this; 0: not", "Parrot's PCMD carries whole percents", ge=0, le=10
     )
     command_timeout_s: float = key(
-        1.0,
-        "without a command for so long the aircraft brakes and holds",
-        "chosen: Olympe repeats the sticks while a cycle lasts, and the longest cycle of [Lee2022] is 0.5 s",
-        ge=0.05,
-        le=10,
+        1.0, "without a command for so long it holds", "chosen: [Lee2022]'s longest cycle is 0.5 s", ge=0.05, le=10
     )
 
 
@@ -229,37 +187,19 @@ class LoopParameters:
         "attitude (an ANAFI's PCMD) | velocity (PX4 OFFBOARD, ArduPilot guided velocity) | module:factory",
     )
     velocity_reference: Literal["ground", "surface"] = key(
-        "surface",
-        "what the vehicle's own velocity is measured against: the ground (GPS), or the surface that its optical "
-        "flow sees, deck or water",
-        "ground (GPS) | surface (optical flow); [Lee2022] flew without GPS",
+        "surface", "of its own velocity", "ground (GPS) | surface (optical flow); [Lee2022]: no GPS"
     )
     wind_trim_s: float = key(
-        0.0,
-        "kind `attitude`: time constant of the trim against wind under deflected sticks; 0 is without",
-        "none: Parrot's forum, thread 12864, says that it drifts with the wind",
-        ge=0,
+        0.0, "kind `attitude`: of the trim against wind; 0: none", "Parrot's forum, thread 12864: it drifts", ge=0
     )
     acceleration_mps2: float = key(
-        3.0,
-        "kind `velocity`: largest acceleration of the reference",
-        "of the kind velocity: PX4's MPC_ACC_HOR as delivered",
-        gt=0,
+        3.0, "kind `velocity`: largest, of the reference", "PX4's MPC_ACC_HOR as delivered", gt=0
     )
     velocity_time_s: float = key(0.5, "kind `velocity`: time constant of the reference", gt=0)
     tilt_limit_deg: float = key(
-        40.0,
-        "what the loop may tilt in all while it holds, brakes or tracks a velocity",
-        "the highest MaxTilt: holding against 14 m/s of wind (data sheet) needs as much",
-        gt=0,
-        le=60,
+        40.0, "largest tilt to hold, brake or track a velocity", "the highest MaxTilt holds against 14 m/s", gt=0, le=60
     )
-    hold_below_percent: float = key(
-        1.0,
-        "released means both pitch and roll sticks are below this",
-        "PCMD's smallest stick: below it, its flag is 0 and the ANAFI brakes and holds",
-        gt=0,
-    )
+    hold_below_percent: float = key(1.0, "pitch and roll sticks below this are released", "PCMD's smallest stick", gt=0)
     tilt_time_s: float = key(
         0.15, "time constant of the reference's acceleration, about that of the attitude loop", gt=0
     )
@@ -296,24 +236,13 @@ class SensorParameters:
     flow_bias_time_s: float = key(60.0, "time constant of the flow's bias", gt=0)
     flow_view_deg: float = key(60.0, "width of the downward camera's view: what part of it is deck", gt=0, lt=150)
     flow_settle_s: float = key(
-        0.3,
-        "time in which the estimate follows when another surface comes into view",
-        "the fusion with the accelerometers",
-        gt=0,
+        0.3, "the estimate follows a new surface in so long", "the fusion with the accelerometers", gt=0
     )
     flow_wave_mps: float = key(
-        0.1,
-        "of the water's own motion as the flow sees it",
-        "orbital motion of the waves in view, averaged over it",
-        ge=0,
+        0.1, "of the water's own motion as the flow sees it", "orbital motion, averaged over the view", ge=0
     )
     flow_wave_time_s: float = key(0.5, "time constant of the water's own motion", gt=0)
-    water_drift_share: float = key(
-        0.03,
-        "of the wind, with which the water's surface drifts",
-        "the rule of 3 % for wind drift at the surface",
-        ge=0,
-    )
+    water_drift_share: float = key(0.03, "of the wind, with which the water's surface drifts", "the rule of 3 %", ge=0)
     flow_lost_share: float = key(
         0.1, "part of the time without flow over water", "water gives few features", ge=0, lt=1
     )

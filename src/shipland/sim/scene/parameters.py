@@ -65,21 +65,12 @@ class SceneParameters:
     rain_mm_h: float = key(0.0, "rainfall: streaks, and its own loss of contrast", ge=0)
     cloud_cover: float = key(0.45, "0 … 1", ge=0, le=1)
     significant_wave_height_m: float = key(
-        0.5,
-        "of the sea that is drawn; the rig does not move with it",
-        "sea state 6's 4-6 m at the platform's scale of 1/8.33",
-        ge=0,
+        0.5, "of the sea that is drawn; the rig does not move with it", "sea state 6's at 1/8.33", ge=0
     )
     wave_direction_deg: float = key(60.0, "towards which the waves run, clockwise from north")
     wind_speed_mps: float = key(6.0, "sets the small waves' slope and the whitecaps", ge=0)
     exposure_ev: float = key(0.0, "brighter by a power of two")
-    auto_exposure: float = key(
-        0.75,
-        "0 (fixed) … 1 (the camera makes up for the light)",
-        "chosen: what a camera's metering makes up for",
-        ge=0,
-        le=1,
-    )
+    auto_exposure: float = key(0.75, "0 (fixed) … 1 (the camera makes up for the light)", ge=0, le=1)
     gamma: float = key(
         2.2, "of the camera's rendering to display values: `Tone`", "chosen: about sRGB, a plain video camera"
     )
@@ -87,33 +78,16 @@ class SceneParameters:
     shoulder: float = key(0.2, "see `Tone`", "chosen: of the range is compressed: a stop and a half over white")
     sharpening: float = key(0.0, "see `Tone`", "chosen: of an unsharp mask")
     glare: float = key(
-        1.0,
-        "the sun's veil and ghosts in the lens, and its glitter on the sea; 1 is the physical glitter",
-        "physical glitter [Cox & Munk 1954]; in the lens, chosen",
-        ge=0,
+        1.0, "of the sun in the lens, and its glitter on the sea", "1: physical glitter [Cox & Munk 1954]", ge=0
     )
     shutter_s: float = key(0.002, "exposure time, for motion blur", "chosen: 1/500 s, a bright day", ge=0)
-    sensor_noise: float = key(
-        1.5,
-        "standard deviation of a display value 0 … 255 in daylight; grows as light is amplified",
-        "in display values of 255; chosen",
-        ge=0,
-    )
+    sensor_noise: float = key(1.5, "standard deviation of a display value 0 … 255 in daylight", ge=0)
     spray: float = key(0.0, "of waves along the hull, 0 … 1", ge=0, le=1)
     lens_drops: float = key(0.0, "water on the lens, 0 … 1; 1 is some forty drops", ge=0, le=1)
     lamp: float = key(
-        1.0,
-        "luminous green of the bar, in radiance of sunlit white; dimmed as the light goes",
-        "chosen, in radiance of sunlit white (about 30 kcd/m²): a bright signal panel in full sun",
-        ge=0,
+        1.0, "green of the bar, in radiance of sunlit white", "chosen: 30 kcd/m², a signal panel in full sun", ge=0
     )
-    wake: float = key(
-        0.0,
-        "bow wave and wake of a ship under way, 0 … 1; the water around the rig's platform has neither",
-        "of a ship under way: bow wave and white water astern",
-        ge=0,
-        le=1,
-    )
+    wake: float = key(0.0, "bow wave and wake of a ship under way", "none around the rig's platform", ge=0, le=1)
 
     @property
     def tone(self) -> Tone:

@@ -206,11 +206,7 @@ class CourseParameters:
     """Section `[ship.course]`."""
 
     kind: Literal["still", "straight", "s", "turn", "turn90", "random", "reverse"] = key(
-        "still",
-        "`still`; `straight`; `s`, turns of `change_deg` to either side of the course; `turn`, one turn of "
-        "`change_deg`; `turn90`, one of 90°; `random`, turns within ±`change_deg` and speeds between half and "
-        "all of `speed_mps`; `reverse`, a stop and as fast astern",
-        "still | straight | s | turn | turn90 | random | reverse",
+        "still", "a turn is by `change_deg`, `turn90` by 90°; `random` turns within it; `reverse` stops and goes astern"
     )
     course_deg: float = key(0.0, "the first heading, clockwise from north")
     speed_mps: float = key(2.0, "speed", ge=0)
@@ -219,12 +215,7 @@ class CourseParameters:
     change_deg: float = key(
         130.0, "change of course, clockwise positive", "[Lee2022]: course changes up to 130° in the S", ge=-180, le=180
     )
-    leg_s: float = key(
-        5.0,
-        "straight stretch between manoeuvres; of a random course, the mean (0.5 to 1.5 times it); of a reverse, "
-        "from full ahead to full astern",
-        ge=0,
-    )
+    leg_s: float = key(5.0, "between manoeuvres; the mean on a random course; from ahead to astern on a reverse", ge=0)
     turn_radius_m: float = key(
         9.0, "tightest radius of a turn", "chosen: three platform lengths, about a frigate's tightest turn", gt=0
     )

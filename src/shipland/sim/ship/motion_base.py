@@ -21,11 +21,7 @@ class LimitParameters:
 
     enabled: bool = key(True, "the deck stands on the rig's motion base; a ship at sea has no such limits")
     knee: float = key(
-        0.75,
-        "share of a limit up to which the motion is left as it is",
-        "chosen: motion is left as it is up to 75 % of a limit; a sharper stop would jerk the deck",
-        gt=0,
-        lt=1,
+        0.75, "share of a limit that leaves motion as it is", "chosen: a sharper stop would jerk the deck", gt=0, lt=1
     )
 
 

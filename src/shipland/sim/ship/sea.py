@@ -51,33 +51,18 @@ class SeaParameters:
     The FFG-7-like frigate at full scale; tools/make_rao.py makes another table of responses.
     """
 
-    sea_state: int = key(
-        6,
-        "rung of `SEA_STATES`; gives height and period unless the next two do",
-        "[Lee2022]; heights and periods: Bales (1983), North Atlantic, as in NATO STANAG 4194",
-    )
+    sea_state: int = key(6, "rung of `SEA_STATES`", "[Lee2022]; Bales (1983), North Atlantic, as in NATO STANAG 4194")
     spectrum: Literal["bretschneider", "jonswap"] = key(
         "bretschneider", "Bretschneider (ITTC two-parameter) or JONSWAP", "bretschneider | jonswap"
     )
     jonswap_gamma: float = key(3.3, "JONSWAP's peak enhancement", "Hasselmann et al. (1973), mean", ge=1, le=7)
-    short_crested: bool = key(
-        True,
-        "energy spread over ±90° by cos² about the main direction; else all from one direction",
-        "cos² over ±90°: ITTC's recommendation for an open sea",
-    )
+    short_crested: bool = key(True, "energy spread by cos² over ±90°; else from one direction", "ITTC, for an open sea")
     waves_from_deg: float = key(
-        60.0,
-        "bearing that the waves come from, clockwise from the bow: 60 is off the starboard bow, 120 off the "
-        "starboard quarter (60° off the stern)",
-        "[Lee2022] says 60° and not of what: 60 is off the bow, 120 is 60° off the stern",
-        ge=-180,
-        le=360,
+        60.0, "clockwise from the bow; 120 is off the stern", "[Lee2022] says 60°, not of what", ge=-180, le=360
     )
     speed_kn: float = key(10.0, "the ship's speed", ge=0, le=15)
     flight_deck_m: tuple[float, float, float] = key(
-        (-50.0, 0.0, -6.0),
-        "the point whose motion the deck has, forward, starboard, down of midships on the waterline",
-        "chosen: 50 m aft of midships, 6 m above the waterline",
+        (-50.0, 0.0, -6.0), "the deck's place, forward, starboard, down of midships on the waterline"
     )
     frequencies: int = key(40, "number of wave frequencies", ge=8, le=400)
     directions: int = key(8, "number of directions of a short-crested sea", ge=1, le=60)

@@ -119,17 +119,12 @@ class ScaleParameters:
     """Section `[ship.scale]`: from a full-scale ship to the rig."""
 
     length: float = key(
-        8.33,
-        "full-scale lengths are divided by it; angles stay",
-        "chosen: 15 m, the frigate's beam and a little, to the platform's 1.8 m",
-        ge=1,
-        le=1000,
+        8.33, "full-scale lengths are divided by it", "chosen: a frigate's beam to 1.8 m", ge=1, le=1000
     )
     time: Literal["froude", "length_only"] = key(
         "froude",
-        "`froude` divides times by its square root, as gravity does; `length_only` leaves times as they are, so "
-        "that the small deck moves as slowly as the large one, as the rig of [Lee2022] implies",
-        "froude: time / √length, the honest one | length_only: [Lee2022]'s slower one",
+        "times are divided by √length, or stay",
+        "froude: the honest one | length_only: [Lee2022]'s slower one",
     )
 
     @property
@@ -142,11 +137,7 @@ class ScaleParameters:
 class RecordedParameters:
     """Section `[ship.recorded]`."""
 
-    path: str = key(
-        "",
-        "CSV file, columns as in `recorded.HEADER`; relative to the working directory",
-        "CSV: t_s,surge_m,sway_m,heave_m,roll_deg,pitch_deg,yaw_deg",
-    )
+    path: str = key("", "CSV file in the working directory", "t_s,surge_m,sway_m,heave_m,roll_deg,pitch_deg,yaw_deg")
     full_scale: bool = key(False, "the record is a full-scale ship's and is scaled by `[ship.scale]`")
 
 
@@ -158,23 +149,19 @@ class ShipParameters:
         "still", "what moves the deck", "still | natops | sinusoids | sea | recorded"
     )
     same_motion: bool = key(
-        False,
-        "every flight meets one and the same motion, at an instant of its own; else each draws its own",
-        "chosen; true for pictures of one motion with many landings",
+        False, "every flight meets one motion, at an instant of its own", "chosen; for pictures of many landings"
     )
     instant_range_s: float = key(120.0, "the instants are drawn from this much of the motion", ge=0)
     full_ship: bool = key(
-        False,
-        "superstructure and bar have the ship's motions too (see `ShipState`); no motion base, no limits",
-        "chosen: as on the motion base of [Lee2022], only the deck has the six motions",
+        False, "superstructure and bar have the ship's motions too", "chosen: [Lee2022] moves the deck alone"
     )
     course: CourseParameters = key(CourseParameters(), "where the ship goes")
     natops: SinusoidParameters = key(
         SinusoidParameters(
             amplitude_m_deg=(0.0, 0.0, 0.0, 8.0, 3.0, 0.0), period_s=(10.0, 10.0, 10.0, 10.1, 6.5, 10.0)
         ),
-        "the deck-motion limits of the US Navy's NATOPS manual, as [Lee2022] flies them",
-        "[Lee2022, Table of motions]: roll ±8° at 10.1 s, pitch ±3° at 6.5 s; a still axis' period is not used",
+        "deck-motion limits of the US Navy's NATOPS manual",
+        "[Lee2022, Table of motions]; a still axis' period is unused",
     )
     sinusoids: SinusoidParameters = key(
         SinusoidParameters(amplitude_m_deg=(0.0, 0.0, 0.1, 4.0, 2.0, 0.0), period_s=(10.0, 10.0, 8.0, 10.0, 7.0, 10.0)),

@@ -21,11 +21,7 @@ class AnafiParameters:
     connect_timeout_s: float = key(20.0, "to the connection and to the first picture", ge=1, le=600)
     engage_timeout_s: float = key(120.0, "until somebody has taken off", ge=0.1, le=3600)
     link_timeout_s: float = key(
-        3.0,
-        "without an event of the aircraft for so long the flight is over",
-        "chosen: fifteen events of 5 Hz",
-        ge=0.5,
-        le=30,
+        3.0, "without an event for so long the flight is over", "chosen: fifteen events of 5 Hz", ge=0.5, le=30
     )
     video_timeout_s: float = key(10.0, "without a picture for so long the flight is over", ge=0.5, le=60)
     latency_s: float = key(

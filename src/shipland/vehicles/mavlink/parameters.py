@@ -21,16 +21,10 @@ class MavlinkParameters:
 
     kind: Literal["attitude", "velocity"] = key(
         "attitude",
-        "what pitch and roll sticks mean: a tilt or a speed; PX4 always flies speeds",
-        "attitude: tilts (ArduPilot) | velocity: speeds over ground (PX4 always)",
+        "what pitch and roll sticks mean",
+        "attitude: tilts (ArduPilot) | velocity: speeds over ground (PX4)",
     )
-    system_id: int = key(
-        245,
-        "ours",
-        "chosen: not a ground station's 255, so that its failsafe stays the ground station's own",
-        ge=1,
-        le=255,
-    )
+    system_id: int = key(245, "ours", "chosen: not a ground station's 255, whose failsafe stays its own", ge=1, le=255)
     component_id: int = key(191, "ours", "MAV_COMP_ID_ONBOARD_COMPUTER", ge=1, le=255)
     setpoint_hz: float = key(
         50.0, "set-points a second", "10–50 Hz for SET_ATTITUDE_TARGET; PX4 wants more than 2 Hz", ge=5, le=200
@@ -44,32 +38,16 @@ class MavlinkParameters:
         le=2,
     )
     goes_first: First = key(
-        "thread",
-        "what goes before other processes where the system lets it: the set-points' thread, or all of ours",
-        "before other processes, with CAP_SYS_NICE: thread, of the set-points | process, all of ours",
+        "thread", "before other processes, with CAP_SYS_NICE", "thread: of the set-points | process: all of ours"
     )
     gimbal_hz: float = key(10.0, "gimbal commands a second", ge=0.1, le=100)
     connect_timeout_s: float = key(20.0, "to the first heartbeat, and to the first of everything needed", ge=1, le=600)
-    engage_timeout_s: float = key(
-        120.0,
-        "for the operator to give us the mode",
-        "chosen: the operator switches into the guided mode, after we are ready",
-        ge=0.1,
-        le=3600,
-    )
+    engage_timeout_s: float = key(120.0, "for the operator to give us the mode", ge=0.1, le=3600)
     stale_s: float = key(
-        1.0,
-        "without a command for so long the vehicle is commanded to hold",
-        "chosen: as the simulated aircraft's command_timeout_s; the longest cycle of [Lee2022] is 0.5 s",
-        ge=0.1,
-        le=5,
+        1.0, "without a command for so long it holds", "chosen: [Lee2022]'s longest cycle is 0.5 s", ge=0.1, le=5
     )
     link_timeout_s: float = key(
-        3.0,
-        "without a heartbeat for so long the flight is over",
-        "chosen; heartbeats are asked for ten times a second, an autopilot left alone says one",
-        ge=0.5,
-        le=30,
+        3.0, "without a heartbeat for so long the flight is over", "chosen; one a second at least", ge=0.5, le=30
     )
     video_timeout_s: float = key(10.0, "likewise without a picture", ge=0.5, le=60)
     max_tilt_deg: float = key(
@@ -84,24 +62,12 @@ class MavlinkParameters:
     max_turn_deg_s: float = key(
         40.0, "at full stick, within the vehicle's own limits", "as [aircraft.settings]", ge=1, le=180
     )
-    stick_takeover_us: int = key(
-        80,
-        "a stick moved by more takes over",
-        "chosen: a sixth of full stick; pulses outside 950–2050 µs are a receiver's failsafe",
-        ge=20,
-        le=400,
-    )
+    stick_takeover_us: int = key(80, "a stick moved by more takes over", "chosen: a sixth of full stick", ge=20, le=400)
     hover_throttle: float = key(
-        0.35,
-        "0 … 1, where the vehicle does not say",
-        "chosen, where the vehicle does not say (MOT_THST_HOVER, MPC_THR_HOVER)",
-        ge=0.05,
-        le=0.95,
+        0.35, "where the vehicle does not say", "chosen (MOT_THST_HOVER, MPC_THR_HOVER)", ge=0.05, le=0.95
     )
     force_disarm: bool = key(
-        True,
-        "whether a touchdown that the autopilot does not accept stops the motors all the same",
-        "at contact height; on a moving deck an ArduPilot neither notices it nor takes a plain disarm",
+        True, "a touchdown stops the motors at contact height", "an ArduPilot neither notices nor disarms itself"
     )
     disarm_retry_s: float = key(0.5, "from one attempt to the next", ge=0.1, le=10)
 

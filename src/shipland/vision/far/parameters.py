@@ -27,10 +27,7 @@ class Confirmation:
     most_evidence: float = key(20.0, "log-odds that it can gather at most")
     miss_evidence: float = key(1.0, "log-odds that a frame without a box takes away", ge=0)
     size_weight: float = key(
-        3.0,
-        "what the log-odds of the box's size at its place count by, against those of single frames, which repeat "
-        "one another",
-        ge=0,
+        3.0, "of the log-odds of the box's size against those of single frames, which repeat", ge=0
     )
 
     def __post_init__(self) -> None:
@@ -53,9 +50,7 @@ class DetectorParameters:
         0.4, "least confidence of a box in a single picture, where nothing else is known", gt=0, le=1
     )
     ship: Confirmation = key(
-        Confirmation(),
-        "when a candidate is believed to be a ship",
-        "chosen with tools/tune_confirmation.py: docs/results/far-vision.md",
+        Confirmation(), "when a ship is believed", "tools/tune_confirmation.py: docs/results/far-vision.md"
     )
     bar: Confirmation = key(
         Confirmation(
@@ -66,17 +61,14 @@ class DetectorParameters:
             most_evidence=12.0,
             size_weight=1.0,
         ),
-        "when a candidate is believed to be a bar",
+        "when a bar is believed",
         "chosen; replayed on its own scenes and kept",
     )
     max_iou: float = key(
         0.45, "overlap above which the less confident of two boxes goes", "Darknet's detector demo", gt=0, le=1
     )
     tile_min_px: int = key(
-        224,
-        "least side of the square tile around a track, a multiple of 32",
-        "chosen: seven network cells of context either side of a small target",
-        gt=0,
+        224, "least side of the square tile around a track", "chosen: seven network cells about a small target", gt=0
     )
     tile_max_px: int = key(416, "largest side of that tile", "[Lee2022], the network's input")
     tile_per_target: float = key(2.5, "the tile's side over the target's longer side, at least", gt=1)
@@ -84,46 +76,29 @@ class DetectorParameters:
     gate_px_s: float = key(160.0, "times the time since the track's last box", "10 deg/s of yaw rate at 931 px")
     gate_sizes: float = key(0.5, "times the longer side of the track's last box")
     gate_growth: float = key(
-        1.8,
-        "largest ratio of the sides of two boxes one frame apart that a track takes",
-        "chosen: sides of a small box jump by a pixel or two",
-        gt=1,
+        1.8, "largest ratio of a track's boxes, one frame apart", "chosen: small boxes jump by a pixel or two", gt=1
     )
     most_candidates: int = key(6, "candidates at a time", ge=1, le=100)
     horizon_margin_deg: float = key(
         1.5, "how far above the horizon the foot of a ship may seem to lie: the gimbal's error"
     )
     ship_rise: float = key(
-        -1.0,
-        "largest rise of a ship's middle above the horizon, in its own longer sides; negative: its foot lies below",
-        "stands on the sea: its foot lies below the horizon",
+        -1.0, "largest rise of its middle above the horizon, in its longer sides", "its foot lies below the horizon"
     )
     bar_rise: float = key(
-        4.0,
-        "largest rise of a bar's middle above the horizon, in its own longer sides",
-        "the bar hangs 1.65 m over the sea and is 1.4 m long, down to a third of that as seen from the side",
+        4.0, "largest rise of its middle above the horizon, in its longer sides", "it hangs 1.65 m over the sea"
     )
     height_sd_m: float = key(
-        0.7,
-        "error of the camera's height over the water",
-        "chosen: a barometer's drift, and a take-off a metre over the water",
-        gt=0,
+        0.7, "of the camera's height over the water", "chosen: a barometer's drift, a take-off a metre up", gt=0
     )
     horizon_sd_deg: float = key(0.2, "error of the horizon", gt=0)
     span_sd: float = key(
-        0.3,
-        "standard deviation of the target's apparent width, by its aspect and the box's error, as a share of it",
-        "measured: docs/results/far-vision.md",
-        gt=0,
+        0.3, "of the apparent width by aspect and box, as a share", "measured: docs/results/far-vision.md", gt=0
     )
     other_sd: float = key(1.8, "that of the width of other objects", "chosen with tools/tune_confirmation.py", gt=0)
     lost_frames: int = key(6, "a track ends after so many frames without a hit", ge=1, le=1000)
     stale_s: float = key(
-        2.0,
-        "a track ends when no frame came for so long",
-        "chosen: four cycles of the paper's learned detector",
-        ge=0.1,
-        le=10,
+        2.0, "a track ends without a frame for so long", "chosen: four cycles of the paper's detector", ge=0.1, le=10
     )
     sure_confidence: float = key(
         0.85, "a target of at least this mean confidence, without a rival, is sure", gt=0, le=1
@@ -135,9 +110,7 @@ class DetectorParameters:
     recheck_margin: float = key(0.5, "log-odds by which a rival's mean must be better to take over")
     score_gain: float = key(0.3, "weight of a new box in the running mean of a track's confidence, 0 … 1", gt=0, le=1)
     bar_search_ship_px: float = key(
-        10.0,
-        "width of the ship's box from which on the bar is looked for inside it",
-        "chosen: 170 m; the bar is then 7.7 px wide",
+        10.0, "the bar is looked for in ships' boxes this wide", "chosen: 170 m; the bar has 7.7 px"
     )
     velocity_gain: float = key(0.5, "weight of a new box's displacement in a track's velocity, 0 … 1", gt=0, le=1)
 

@@ -19,11 +19,7 @@ class DeckVisionParameters:
     least_m: float = key(0.5, "lowest height of the camera over the deck at which it is looked for", gt=0)
     most_m: float = key(2.5, "highest height of the camera over the deck at which it is looked for")
     least_correlation: float = key(
-        0.85,
-        "of plan and view, for a deck",
-        "wrong places have 0.64 at most, one right one of 155 less than 0.88",
-        gt=0,
-        lt=1,
+        0.85, "of plan and view, for a deck", "wrong places have 0.64 at most, right ones 0.88", gt=0, lt=1
     )
     largest_tilt_deg: float = key(20.0, "of a deck against the level")
     largest_turn_deg: float = key(20.0, "of a deck against the nose")
@@ -43,10 +39,7 @@ class VisionParameters:
     saturation: Band = key((70, 255), "colour gate, both ends included", "[Lee2022, §Image Filtering]")
     value: Band = key((90, 255), "colour gate, both ends included", "[Lee2022, §Image Filtering]")
     adaptive: bool = key(
-        False,
-        "whether a picture without a pose is searched once more, through a gate made from the picture itself "
-        "(`segment.adapted`)",
-        "one more look, through a gate made from the picture, where the published gate gives no pose",
+        False, "a picture without a pose is searched again through a gate made from it: `segment.adapted`"
     )
     adaptive_hue: int = key(7, "widening of hue on either side in that gate, OpenCV's units of 2°", ge=0)
     adaptive_floor: float = key(
@@ -56,37 +49,24 @@ class VisionParameters:
         3, "side of the square kernel of opening and closing", "chosen: keeps a rectangle 5 px high", ge=1
     )
     watershed_margin: float = key(
-        0.01,
-        "erosion and dilation around the boundary, as a fraction of the region's longer side",
-        "[Lee2022, §Image Filtering]",
-        gt=0,
+        0.01, "erosion and dilation, as a share of the region's longer side", "[Lee2022, §Image Filtering]", gt=0
     )
     min_side_px: float = key(4.0, "shortest side of a quadrilateral", gt=0)
     max_candidates: int = key(
         60, "most regions of one picture, the largest", "chosen: bounds the time that foliage takes", ge=1, le=1000
     )
     forstner_fraction: float = key(
-        0.2,
-        "published chain: window of Förstner's operator as a share of the quadrilateral's shorter side",
-        "[Lee2022, Eq. 1 of §Contour and Corner Detection], as read in erratum 4",
-        gt=0,
+        0.2, "published chain: window as a share of the shorter side", "[Lee2022, Eq. 1], erratum 4", gt=0
     )
     forstner_min_px: float = key(5.0, "published chain: least side of that window", "erratum 4", gt=0)
     edge_reach_px: float = key(
         3.0, "how far across a side pixels are taken; more where the picture is blurred", ge=1, le=20
     )
     edge_floor_px: float = key(
-        0.012,
-        "standard deviation of the error of one column of pixels across a side without any noise",
-        "measured on rendered pictures: docs/results/near-vision.md",
-        ge=0,
+        0.012, "least error of one column of pixels across a side", "measured: docs/results/near-vision.md", ge=0
     )
     edge_clipped_px: float = key(
-        0.15,
-        "standard deviation of a further error of a whole side where the cue saturates: the edge then seems to "
-        "lie where its pixels meet it",
-        "measured on rendered pictures of a lamp that clips",
-        ge=0,
+        0.15, "further error of a whole side where the cue saturates", "measured on rendered pictures that clip", ge=0
     )
     edge_coded_px: float = key(
         2.0,
@@ -106,16 +86,12 @@ class VisionParameters:
     )
     row_motion_px_s: float = key(
         250.0,
-        "standard deviation, along columns and along rows, of how fast the cue moves over the picture of a "
-        "rolling shutter (`Camera.row_time_s`) without an earlier picture",
-        "chosen: half a radian a second at most times, as when turning or passing near the bar",
+        "of the cue over a rolling shutter's picture without an earlier one",
+        "chosen: half a radian a second",
         ge=0,
     )
     row_shake_px_s: float = key(
-        30.0,
-        "the same of the change of that motion since the last picture",
-        "chosen: half a pixel of shake at 10 Hz",
-        ge=0,
+        30.0, "likewise of its change since the last picture", "chosen: half a pixel at 10 Hz", ge=0
     )
     max_blur: float = key(
         0.1,
@@ -127,33 +103,20 @@ class VisionParameters:
     )
     max_noise: float = key(
         0.06,
-        "largest standard deviation of a side's end, as a fraction of the cue's shortest side: sides that are "
-        "not straight, as an ellipse's, state a large one",
-        "chosen: twice what H.264 at 1 Mbit/s leaves at 15 m",
+        "largest error of a side's end, of the shortest side",
+        "chosen: twice H.264's at 1 Mbit/s and 15 m",
         gt=0,
         le=1,
     )
-    corner_noise_px: float = key(
-        0.17,
-        "standard deviation of a Förstner corner, per axis",
-        "measured on rendered pictures: see docs/results/near-vision.md",
-        gt=0,
-    )
+    corner_noise_px: float = key(0.17, "of a Förstner corner, per axis", "measured: docs/results/near-vision.md", gt=0)
     length_tolerance: float = key(
-        0.1,
-        "largest relative difference of opposite sides' lengths",
-        "[Lee2022, §Detected Points Screening]",
-        gt=0,
-        le=1,
+        0.1, "of opposite sides' lengths, relative", "[Lee2022, §Detected Points Screening]", gt=0, le=1
     )
     slope_tolerance: float = key(
         0.05, "largest difference of opposite sides' slopes", "[Lee2022, §Detected Points Screening]", gt=0, le=1
     )
     screening_px: float = key(
-        0.8,
-        "least of both tolerances in pixels, for sides so short that the fractions are below the corners' errors",
-        ge=0,
-        le=10,
+        0.8, "least of both tolerances in pixels: short sides have larger errors than the shares", ge=0, le=10
     )
     reprojection_px: float = key(
         0.1,
@@ -164,28 +127,16 @@ class VisionParameters:
     )
     max_distance_m: float = key(30.0, "farthest pose that is accepted", gt=0, le=1000)
     max_obliquity_deg: float = key(
-        50.0,
-        "largest angle between the line of sight and the cue's normal",
-        "chosen: 40° off the axis and 25° below at once",
-        gt=0,
-        lt=90,
+        50.0, "of the line of sight against the cue's normal", "chosen: 40° off and 25° below at once", gt=0, lt=90
     )
     max_roll_deg: float = key(
-        40.0,
-        "largest roll of the camera against the cue",
-        "chosen: tells a rectangle's upper side from its others",
-        gt=0,
-        le=90,
+        40.0, "of the camera against the cue", "chosen: tells the upper side from the others", gt=0, le=90
     )
     several_cues: Literal["nearest", "refuse"] = key(
         "nearest", "where the whole cue is there more than once, the nearest is taken, or all are refused"
     )
     track_s: float = key(
-        1.0,
-        "longest time over which the last pose predicts the next",
-        "chosen: two cycles of the learned detector",
-        ge=0,
-        le=10,
+        1.0, "the last pose predicts the next for so long", "chosen: two cycles of the learned detector", ge=0, le=10
     )
     track_climb_mps: float = key(
         3.0,
@@ -199,12 +150,7 @@ class VisionParameters:
     )
     track_margin_px: float = key(24.0, "its least", gt=0)
     gimbal_noise_rad: float = key(
-        0.001,
-        "standard deviation of the frame's gimbal roll and pitch, as a prior of the cue's vertical; 0 leaves the "
-        "gimbal out",
-        "what the rig's gimbal leaves (camera.gimbal_noise_rad), and a little more",
-        ge=0,
-        le=0.2,
+        0.001, "prior of the cue's vertical from the gimbal; 0: none", "above camera.gimbal_noise_rad", ge=0, le=0.2
     )
     deck: DeckVisionParameters = key(DeckVisionParameters(), "of the look down")
 
