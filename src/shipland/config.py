@@ -64,19 +64,13 @@ def fields_of(cls: type) -> dict[str, FieldInfo]:
 
 def bounds_of(field: FieldInfo) -> str:
     """The bounds of a field in words; empty where it has none."""
-    found = {name: value for each in field.metadata for name, value in _limits(each)}
+    limits = ("gt", "ge", "lt", "le")
+    found = {name: getattr(each, name) for each in field.metadata for name in limits if hasattr(each, name)}
     low, high = found.get("ge", found.get("gt")), found.get("le", found.get("lt"))
-    if low is not None and high is not None:
-        return f"{low:g} to {high:g}"
-    if low is not None:
-        return f"{low:g} or more" if "ge" in found else f"more than {low:g}"
-    if high is not None:
-        return f"{high:g} or less" if "le" in found else f"less than {high:g}"
-    return ""
-
-
-def _limits(each: object) -> list[tuple[str, float]]:
-    return [(name, getattr(each, name)) for name in ("gt", "ge", "lt", "le") if hasattr(each, name)]
+    if low is None or high is None:
+        words = {"gt": "more than {:g}", "ge": "{:g} or more", "lt": "less than {:g}", "le": "{:g} or less"}
+        return "".join(words[name].format(value) for name, value in found.items())
+    return f"{'above ' * ('gt' in found)}{low:g} to {'below ' * ('lt' in found)}{high:g}"
 
 
 def read_toml(path: Path) -> Table:

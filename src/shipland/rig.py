@@ -30,7 +30,6 @@ class Quad:
 
     def __post_init__(self) -> None:
         points = np.array(self.corners_m)
-        require(points.shape == (4, 2), f"corners_m must be four (right, down) points, got shape {points.shape}")
         edges = np.roll(points, -1, axis=0) - points
         after = np.roll(edges, -1, axis=0)
         turns = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]

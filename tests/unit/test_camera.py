@@ -1,7 +1,5 @@
 """The camera: hand-computed pixels, round trips through distortion and files, the gimbal's signs, every bad file."""
 
-import re
-
 import hypothesis.strategies as st
 import numpy as np
 import pytest
@@ -309,6 +307,5 @@ class TestConstruction:
         ],
     )
     def test_parameters_out_of_range_are_refused_by_name(self, key, value):
-        named = "picture" if key in ("width_px", "height_px") else key
-        with pytest.raises(ConfigError, match=re.escape(named)):
+        with pytest.raises(ConfigError, match=key):
             build(CameraParameters, {key: value}, "camera")

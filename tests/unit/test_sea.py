@@ -177,10 +177,10 @@ def test_a_flat_sea_moves_nothing() -> None:
         ("sea_state", 9, "3, 4, 5, 6"),
         ("significant_height_m", -1.0, "0…9 m"),
         ("modal_period_s", 1.0, "4…25 s"),
-        ("speed_kn", 25.0, "0…15 kn"),
+        ("speed_kn", 25.0, "0 to 15"),
         ("spectrum", "neumann", "'bretschneider', 'jonswap'"),
-        ("waves_from_deg", 400.0, "-180…360"),
-        ("frequencies", 1, "8…400"),
+        ("waves_from_deg", 400.0, "-180 to 360"),
+        ("frequencies", 1, "8 to 400"),
     ],
 )
 def test_bad_input_names_the_valid_range(key: str, value: object, says: str) -> None:

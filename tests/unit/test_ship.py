@@ -102,9 +102,9 @@ def test_froude_time_is_the_square_root_of_the_length_scale() -> None:
     [
         ({"motion": "stormy"}, "'natops'"),
         ({"motion": "recorded"}, "needs recorded.path"),
-        ({"scale": {"length": 0.5}}, "length must be in 1…1000"),
+        ({"scale": {"length": 0.5}}, "length: expected 1 to 1000"),
         ({"scale": {"time": "sideways"}}, "'froude', 'length_only'"),
-        ({"limits": {"knee": 1.0}}, "knee must be between 0 and 1"),
+        ({"limits": {"knee": 1.0}}, "knee: expected above 0 to below 1"),
         ({"sea": {"sea_state": 7}}, "sea_state must be one of 3, 4, 5, 6"),
         ({"sea": {"height": 3.0}}, "unknown key 'height'"),
     ],

@@ -48,7 +48,7 @@ _LEAST_SEEN = 0.01
 
 @parameters
 class EvaluateParameters:
-    """How detectors are measured (`[evaluate]` in configs/learning.toml)."""
+    """How detectors are measured (`[evaluate]`)."""
 
     ship_range_m: Span = key((15.0, 350.0), "nearest and farthest ship of fresh scenes, drawn uniformly")
     bar_range_m: Span = key((6.0, 150.0), "nearest and farthest bar of fresh scenes, drawn uniformly")

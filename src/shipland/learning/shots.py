@@ -24,7 +24,7 @@ _AWAY_M = 5000.0
 
 @parameters
 class SynthParameters:
-    """Ranges that are drawn from (`[synth]` in configs/learning.toml).
+    """Ranges that are drawn from (`[synth]`).
 
     All chosen, wide on purpose.
     """

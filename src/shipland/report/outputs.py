@@ -33,7 +33,7 @@ _MOST_ROWS, _MOST_PICTURES = 3000, 30
 
 @parameters
 class OutputParameters:
-    """`configs/outputs.toml`."""
+    """How a flight is kept: `[log]`, `[video]`, `[plots]`."""
 
     log: LogParameters = LogParameters()
     video: VideoParameters = VideoParameters()

@@ -35,7 +35,7 @@ _REOPEN_TIMEOUT_S = 3.0
 
 @parameters
 class StreamParameters:
-    """`[camera]` of vehicles.toml."""
+    """`[camera]`."""
 
     latency_s: float = key(
         0.2, "from exposure to receipt", "chosen; measure yours: docs/how-to/fly-a-vehicle.md", ge=0, le=3

@@ -28,7 +28,7 @@ class Check:
 
 @parameters
 class PreflightParameters:
-    """`[preflight]` of vehicles.toml."""
+    """`[preflight]`."""
 
     picture_hz: float = key(10.0, "least rate of pictures", "least rate of pictures", ge=1, le=240)
     picture_age_s: float = key(0.6, "largest: stated latency and time behind the quickest picture", ge=0.01, le=3)

@@ -25,7 +25,7 @@ _HOVER_S = 5.0
 
 @parameters
 class TouchdownParameters:
-    """`[touchdown]` of vehicles.toml.
+    """`[touchdown]`.
 
     In 129 flights of two autopilots the lack over 0.2 s was at most 0.28 m/s in the air, above 1 on a deck.
     """

@@ -14,8 +14,6 @@ from shipland.sim.ship.deck_motion import Harmonics
 from shipland.sim.ship.rao import ResponseTable, at_point, frigate
 
 KNOT_MPS = 1852.0 / 3600.0
-SPEED_KN = (0.0, 15.0)
-"""Range of ship speeds that the responses are computed for."""
 BAND_RAD_S = (0.2, 2.0)
 """Wave frequencies that are sampled, within the table of responses; a 124 m hull does not answer shorter waves."""
 
@@ -60,7 +58,7 @@ class SeaParameters:
     waves_from_deg: float = key(
         60.0, "clockwise from the bow; 120 is off the stern", "[Lee2022] says 60°, not of what", ge=-180, le=360
     )
-    speed_kn: float = key(10.0, "the ship's speed", ge=0, le=15)
+    speed_kn: float = key(10.0, "the ship's, within the range of the computed responses", ge=0, le=15)
     flight_deck_m: tuple[float, float, float] = key(
         (-50.0, 0.0, -6.0), "the deck's place, forward, starboard, down of midships on the waterline"
     )

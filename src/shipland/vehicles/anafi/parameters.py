@@ -1,4 +1,4 @@
-"""`[anafi]` of vehicles.toml."""
+"""`[anafi]`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from shipland.config import key, parameters
 
 @parameters
 class AnafiParameters:
-    """`[anafi]` of vehicles.toml."""
+    """`[anafi]`."""
 
     max_tilt_deg: float = key(
         15.0, "at full stick; set on the aircraft and read back", "as [aircraft.settings]", ge=1, le=45

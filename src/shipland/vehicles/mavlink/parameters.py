@@ -1,4 +1,4 @@
-"""`[mavlink]` of vehicles.toml, and the limits that the vehicle's own parameters set."""
+"""`[mavlink]`, and the limits that the vehicle's own parameters set."""
 
 from __future__ import annotations
 

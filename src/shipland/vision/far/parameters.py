@@ -37,7 +37,7 @@ class Confirmation:
 
 @parameters
 class DetectorParameters:
-    """How the far detectors run (`[detector]` in configs/learning.toml)."""
+    """How the far detectors run (`[detector]`)."""
 
     ship_weights: str = key(
         "ship", "name of packaged weights or path of an ONNX file", "packaged name or path of an ONNX file"
