@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.linalg import expm
@@ -79,7 +79,7 @@ class WaveParameters:
         """What the relative state takes for the deck's wave motion under each hypothesis."""
         return (self.deck, *self.hypotheses[1:])
 
-    @property
+    @cached_property
     def hypotheses(self) -> tuple[WaveMotion, ...]:
         """The bar's heave: at rest, and every wave."""
         moving = [
