@@ -40,7 +40,7 @@ class WaveParameters:
         "everywhere",
         gt=0,
     )
-    deck: WaveMotion = key(WaveMotion(), "wave motion of a deck below a bar at rest")
+    deck: WaveMotion = key(WaveMotion(0.1, 1.8, 0.2, bar_moves=False), "wave motion of a deck below a bar at rest")
     spread: WaveShares = key(WaveShares(), "surge and sway of a ship as shares of its heave")
     deviations_m: tuple[float, ...] = key((0.05, 0.12, 0.25), "of the hypotheses of a moving bar, with every frequency")
     frequencies_rad_s: tuple[float, ...] = key((0.7, 2.1), "of the hypotheses")

@@ -28,11 +28,11 @@ _OWN, _WAVES = 0.8, 1.3
 class WaveMotion:
     """The deck's own oscillation."""
 
-    deviation_m: float = key(0.1, "standard deviation")
-    frequency_rad_s: float = key(1.8, "of the middle of its band")
-    damping: float = key(0.2, "ratio, of both resonators")
+    deviation_m: float = key(..., "standard deviation")
+    frequency_rad_s: float = key(..., "of the middle of its band")
+    damping: float = key(..., "ratio, of both resonators")
     bar_moves: bool = key(
-        False, "with the deck, as on a ship; on a motion base it stands still and only the flow shows the deck"
+        True, "with the deck, as on a ship; on a motion base it stands still and only the flow shows the deck"
     )
     followed: float = key(
         1.0, "share of the bar's motion that the aircraft follows: above the deck a roll moves it farther"
