@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -165,30 +165,32 @@ class Rig:
     [Lee2022, Experimental Setup] gives platform, deck and limits; the rest is chosen.
     """
 
-    platform_length_m: float = key(3.0, "of the platform, from stern to bow", "[Lee2022]")
-    platform_width_m: float = key(1.8, "of the platform", "[Lee2022]")
-    superstructure_height_m: float = key(1.8, "top of the superstructure above ground", "[Lee2022]")
-    deck_size_m: float = key(1.22, "side of the square deck", "[Lee2022], 4 ft")
+    platform_length_m: float = key(3.0, "of the platform, from stern to bow", "[Lee2022]", gt=0)
+    platform_width_m: float = key(1.8, "of the platform", "[Lee2022]", gt=0)
+    superstructure_height_m: float = key(1.8, "top of the superstructure above ground", "[Lee2022]", gt=0)
+    deck_size_m: float = key(1.22, "side of the square deck", "[Lee2022], 4 ft", gt=0)
     deck_ahead_of_stern_m: float = key(
-        0.71, "deck centre ahead of the stern", "chosen: 0.1 m of platform behind the deck"
+        0.71, "deck centre ahead of the stern", "chosen: 0.1 m of platform behind the deck", gt=0
     )
-    deck_height_m: float = key(0.9, "neutral deck surface above ground")
-    landing_square_m: float = key(0.35, "side of the landing square, or diameter of the landing circle", "[Lee2022]")
-    bar_ahead_of_stern_m: float = key(2.8, "the bar's plane ahead of the stern")
-    bar_height_m: float = key(1.65, "the bar's centre above ground")
+    deck_height_m: float = key(0.9, "neutral deck surface above ground", gt=0)
+    landing_square_m: float = key(
+        0.35, "side of the landing square, or diameter of the landing circle", "[Lee2022]", gt=0
+    )
+    bar_ahead_of_stern_m: float = key(2.8, "the bar's plane ahead of the stern", gt=0)
+    bar_height_m: float = key(1.65, "the bar's centre above ground", gt=0)
     board_width_m: float = key(
-        1.4, "of the grey board behind the rectangles", "chosen; with it Table 1's bar setpoint lies at 10.3 m"
+        1.4, "of the grey board behind the rectangles", "chosen; with it Table 1's bar setpoint lies at 10.3 m", gt=0
     )
-    board_height_m: float = key(0.3, "of the grey board")
-    rectangle_width_m: float = key(0.45, "of each of the two green rectangles")
-    rectangle_height_m: float = key(0.15, "of each rectangle")
-    rectangle_gap_m: float = key(0.3, "between the two rectangles")
-    surge_limit_m: float = key(1.02, "of the motion base, either side", "[Lee2022]")
-    sway_limit_m: float = key(1.02, "of the motion base, either side", "[Lee2022]")
-    heave_limit_m: float = key(0.64, "of the motion base, either side", "[Lee2022]")
-    roll_limit_deg: float = key(13.0, "of the motion base, either side", "[Lee2022]")
-    pitch_limit_deg: float = key(15.0, "of the motion base, either side", "[Lee2022]")
-    yaw_limit_deg: float = key(16.0, "of the motion base, either side", "[Lee2022]")
+    board_height_m: float = key(0.3, "of the grey board", gt=0)
+    rectangle_width_m: float = key(0.45, "of each of the two green rectangles", gt=0)
+    rectangle_height_m: float = key(0.15, "of each rectangle", gt=0)
+    rectangle_gap_m: float = key(0.3, "between the two rectangles", gt=0)
+    surge_limit_m: float = key(1.02, "of the motion base, either side", "[Lee2022]", gt=0)
+    sway_limit_m: float = key(1.02, "of the motion base, either side", "[Lee2022]", gt=0)
+    heave_limit_m: float = key(0.64, "of the motion base, either side", "[Lee2022]", gt=0)
+    roll_limit_deg: float = key(13.0, "of the motion base, either side", "[Lee2022]", gt=0)
+    pitch_limit_deg: float = key(15.0, "of the motion base, either side", "[Lee2022]", gt=0)
+    yaw_limit_deg: float = key(16.0, "of the motion base, either side", "[Lee2022]", gt=0)
     quad: tuple[Quad, ...] = key(
         (), "another cue in place of the two rectangles, in `bar`; one `[[rig.quad]]` a quadrilateral"
     )
@@ -198,14 +200,10 @@ class Rig:
         "platform", "a platform with a motion base, or a ship whose flight deck is part of the hull"
     )
     house_length_m: float | None = key(
-        None, "of the superstructure ahead of the bar; without one it reaches to the bow"
+        None, "of the superstructure ahead of the bar; without one it reaches to the bow", gt=0
     )
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            if each.type == "float" and each.name != "manufacturing_tolerance":
-                value = getattr(self, each.name)
-                require(value > 0.0, f"{each.name} must be positive, got {value}")
         require(self.landing_square_m <= self.deck_size_m, "landing_square_m must fit on the deck")
         require(self.bar_ahead_of_stern_m > self.deck_ahead_of_stern_m, "the bar must be ahead of the deck")
 

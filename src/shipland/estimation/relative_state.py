@@ -32,7 +32,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from shipland.compiled import compiled
-from shipland.config import key, parameters, require
+from shipland.config import key, parameters
 from shipland.estimation.kernels import STRIDE_MS, corrected, predicted_covariance
 from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 from shipland.frames import Array
@@ -77,18 +77,13 @@ class AxisModel:
 class Disturbances:
     """Sizes of what is not known: standard deviations and correlation times."""
 
-    gust_mps2: float = key(0.8, "acceleration by turbulence")
-    gust_time_s: float = key(2.5, "time constant of turbulence")
-    wind_mps2: float = key(1.5, "acceleration by the mean wind")
-    wind_time_s: float = key(300.0, "time constant of the mean wind")
-    velocity_bias_mps: float = key(0.5, "error of the velocity reference")
-    velocity_bias_time_s: float = key(300.0, "time constant of that error")
-    speed_noise: float = key(0.06, "power density of an acceleration without memory [m²/s³]")
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value >= 0.0, f"{name} must not be negative, got {value}")
-            require(value > 0.0 or not name.endswith("_time_s"), f"{name} must be positive")
+    gust_mps2: float = key(0.8, "acceleration by turbulence", ge=0)
+    gust_time_s: float = key(2.5, "time constant of turbulence", gt=0)
+    wind_mps2: float = key(1.5, "acceleration by the mean wind", ge=0)
+    wind_time_s: float = key(300.0, "time constant of the mean wind", gt=0)
+    velocity_bias_mps: float = key(0.5, "error of the velocity reference", ge=0)
+    velocity_bias_time_s: float = key(300.0, "time constant of that error", gt=0)
+    speed_noise: float = key(0.06, "power density of an acceleration without memory [m²/s³]", ge=0)
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,14 @@ class WaveParameters:
     still_m: float = key(0.003, "standard deviation in the hypothesis of a bar at rest")
     first: int = key(5, "index of the initial hypothesis", "of the hypotheses: 0.12 m at 2.1 rad/s", ge=0)
     followed: float = key(
-        0.7, "share of the bar's motion that tilt sticks follow over the deck", "measured: docs/results/guidance.md"
+        0.7,
+        "share of the bar's motion that tilt sticks follow over the deck",
+        "measured: docs/results/guidance.md",
+        ge=0,
+        le=1,
     )
     followed_servo: float = key(
-        0.85, "likewise of a vehicle that tracks a velocity", "measured: docs/results/guidance.md"
+        0.85, "likewise of a vehicle that tracks a velocity", "measured: docs/results/guidance.md", ge=0, le=1
     )
     followed_within_m: float = key(
         1000.0,
@@ -60,15 +64,12 @@ class WaveParameters:
 
     def __post_init__(self) -> None:
         require(
-            len(self.deviations_m) * len(self.frequencies_rad_s) > 0,
-            "at least one hypothesis of a wave motion is needed",
+            bool(self.deviations_m and self.frequencies_rad_s), "at least one hypothesis of a wave motion is needed"
         )
         count = len(self.hypotheses)
         require(
             0 <= self.first < count, f"first must be one of the {count} hypotheses, 0 a bar at rest, got {self.first}"
         )
-        for share in (self.followed, self.followed_servo):
-            require(0.0 <= share <= 1.0, f"followed and followed_servo must be shares, got {share}")
 
     def followed_at(self, distance_m: float) -> float:
         """How much of `followed` or `followed_servo` is followed at a distance from the bar, 0 to 1."""

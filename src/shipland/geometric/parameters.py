@@ -35,7 +35,7 @@ class BoxParameters:
     confirm_frames: int = key(4, "in so many frames", "as in [detector]")
 
     def __post_init__(self) -> None:
-        require(1 <= self.confirm_hits <= self.confirm_frames, "confirm_hits must lie in 1 … confirm_frames")
+        require(self.confirm_hits <= self.confirm_frames, "confirm_hits must lie in 1 … confirm_frames")
 
 
 @parameters
@@ -48,7 +48,7 @@ class DeckErrors:
     miss_rate: float = key(0.02, "share of frames without a sight", ge=0, lt=1)
 
     def __post_init__(self) -> None:
-        require(0.0 < self.least_m < self.most_m, "0 < least_m < most_m must hold")
+        require(self.least_m < self.most_m, "least_m < most_m must hold")
 
 
 @parameters

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from shipland.config import build, key, merge, parameters, plain, require
 from shipland.vision.far.decode import Decoding
@@ -39,7 +40,7 @@ class AugmentParameters:
     )
 
     def __post_init__(self) -> None:
-        require(0.0 < self.scale_min <= self.scale_max, "scale_min must be positive and at most scale_max")
+        require(self.scale_min <= self.scale_max, "scale_min must be at most scale_max")
 
 
 @parameters
@@ -62,8 +63,8 @@ class LossParameters:
 class TrainParameters:
     """One profile of training (`[train.far]`, `[train.photos]`)."""
 
-    decoding: Decoding = key(Decoding.WIDE, "darknet or wide", "wide | darknet")
-    anchors: str = key("fit", "fit to the set, or published", "fit | published")
+    decoding: Decoding = key(Decoding.WIDE, "darknet or wide")
+    anchors: Literal["fit", "published"] = key("fit", "fit to the set, or published")
     steps: int = key(6000, "of the run", ge=1)
     batch: int = key(16, "pictures a step", ge=1)
     window_px: int = key(288, "side of a window", ge=64)
@@ -94,8 +95,7 @@ class TrainParameters:
     loss: LossParameters = key(LossParameters(), "see `LossParameters`")
 
     def __post_init__(self) -> None:
-        require(self.anchors in ("fit", "published"), f"anchors must be 'fit' or 'published', got {self.anchors!r}")
-        require(self.window_px >= 64 and self.window_px % 32 == 0, "window_px must be a multiple of 32, at least 64")
+        require(self.window_px % 32 == 0, "window_px must be a multiple of 32, at least 64")
 
 
 PROFILES = {

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from shipland.config import key, parameters, require
+from shipland.config import key, parameters
 from shipland.messages import Frame, Observation
 from shipland.vision.vision import Vision
 
@@ -19,10 +19,10 @@ class VisionSelectorParameters:
     """`[selector]`."""
 
     corners_bar_px: float = key(
-        45.0, "least width of the bar's box for which corners are looked for", "the bar at 29 m"
+        45.0, "least width of the bar's box for which corners are looked for", "the bar at 29 m", ge=0
     )
     corners_ship_px: float = key(
-        50.0, "least width of the ship's box for which they are, without a bar's box", "the platform at 33 m"
+        50.0, "least width of the ship's box for which they are, without a bar's box", "the platform at 33 m", ge=0
     )
     patience_s: float = key(
         0.35, "after a pose no detector runs for so long", "ten frames; less than guidance.modes.lost_s", ge=0, le=10
@@ -33,10 +33,6 @@ class VisionSelectorParameters:
     deck_pitch_deg: float = key(
         -45.0, "camera pitch below which only the deck is looked for", "a search looks down by 25°", ge=-90, lt=-25
     )
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value >= 0.0 or name == "deck_pitch_deg", f"{name} must not be negative, got {value}")
 
 
 class VisionSelector:

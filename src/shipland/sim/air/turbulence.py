@@ -44,7 +44,7 @@ class TurbulenceParameters:
     height_max_m: float = key(304.8, "highest height of the specification, used above it", "MIL-F-8785C: 10-1000 ft")
 
     def __post_init__(self) -> None:
-        require(0.0 < self.height_min_m < self.height_max_m, "height_min_m must be positive and below height_max_m")
+        require(self.height_min_m < self.height_max_m, "height_min_m must be below height_max_m")
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class SeaSurfaceParameters:
 
     def __post_init__(self) -> None:
         require(min(self.deviations) >= 0.0, f"deviations must not be negative, got {self.deviations}")
-        require(0.1 <= self.height_min_m < self.height_max_m, "height_min_m must be at least 0.1 m, below height_max_m")
+        require(self.height_min_m < self.height_max_m, "height_min_m must be below height_max_m")
 
 
 def sea_roughness_m(charnock: float, mean_mps: float, height_m: float) -> float:

@@ -57,37 +57,44 @@ class AirframeParameters:
     An ANAFI-like quadrotor; "data sheet" is Parrot's of the ANAFI.
     """
 
-    mass_kg: float = key(0.32, "take-off mass", "data sheet: 320 g")
+    mass_kg: float = key(0.32, "take-off mass", "data sheet: 320 g", gt=0)
     inertia_kgm2: Vector = key(
         (0.00165, 0.00093, 0.00235), "about forward, right and down", "chosen: a homogeneous box of 175 × 240 × 65 mm"
     )
-    motor_forward_m: float = key(0.071, "from the centre of mass ahead to a motor", "chosen: motor diagonal 0.24 m")
-    motor_right_m: float = key(0.097, "from the centre of mass sideways to a motor")
+    motor_forward_m: float = key(
+        0.071, "from the centre of mass ahead to a motor", "chosen: motor diagonal 0.24 m", gt=0
+    )
+    motor_right_m: float = key(0.097, "from the centre of mass sideways to a motor", gt=0)
     motor_above_m: float = key(0.02, "rotor plane above the centre of mass")
-    rotor_radius_m: float = key(0.065, "radius of a rotor's disc")
+    rotor_radius_m: float = key(0.065, "radius of a rotor's disc", gt=0)
     body_size_m: Vector = key(
         (0.175, 0.065, 0.05), "fuselage (length, width, height) about the centre of mass", "chosen: without its arms"
     )
     foot_forward_m: float = key(
-        0.071, "from the centre of mass ahead to a foot", "chosen: the arms' ends carry the feet"
+        0.071, "from the centre of mass ahead to a foot", "chosen: the arms' ends carry the feet", gt=0
     )
-    foot_right_m: float = key(0.085, "from the centre of mass sideways to a foot")
+    foot_right_m: float = key(0.085, "from the centre of mass sideways to a foot", gt=0)
     foot_below_m: float = key(
-        0.045, "sole of the feet below the centre of mass", "chosen: half of the data sheet's height and a short foot"
+        0.045,
+        "sole of the feet below the centre of mass",
+        "chosen: half of the data sheet's height and a short foot",
+        gt=0,
     )
-    foot_radius_m: float = key(0.006, "radius of a foot's round end")
+    foot_radius_m: float = key(0.006, "radius of a foot's round end", gt=0)
     foot_friction: float = key(
-        0.8, "sliding friction coefficient of foot on deck", "chosen: rubber on a painted non-skid deck"
+        0.8, "sliding friction coefficient of foot on deck", "chosen: rubber on a painted non-skid deck", gt=0
     )
     contact_time_s: float = key(
-        0.008, "of a contact's spring, critically damped", "chosen: four physics steps, some mm of give"
+        0.008, "of a contact's spring, critically damped", "chosen: four physics steps, some mm of give", gt=0
     )
-    motor_time_s: float = key(0.05, "time constant of a rotor's thrust", "chosen: typical of 6-inch rotors")
+    motor_time_s: float = key(0.05, "time constant of a rotor's thrust", "chosen: typical of 6-inch rotors", gt=0)
     thrust_to_weight: float = key(
         2.2, "largest total thrust over weight", "chosen: 40° of tilt at 15 m/s, and room for control", gt=1.2
     )
-    idle_thrust: float = key(0.1, "least thrust of a running rotor over its hover thrust", lt=0.5)
-    torque_per_thrust_m: float = key(0.012, "a rotor's drag torque over its thrust", "chosen: typical of small rotors")
+    idle_thrust: float = key(0.1, "least thrust of a running rotor over its hover thrust", lt=0.5, gt=0)
+    torque_per_thrust_m: float = key(
+        0.012, "a rotor's drag torque over its thrust", "chosen: typical of small rotors", gt=0
+    )
     rotor_drag_per_s: float = key(
         0.2, "in-plane, over mass and air speed, at hover", "chosen; 0.2–0.5 published of small quadrotors", ge=0
     )
@@ -95,17 +102,16 @@ class AirframeParameters:
         0.4, "thrust lost over mass and axial air speed", "chosen: blade-element estimate", ge=0
     )
     body_drag_per_m: float = key(
-        0.019, "fuselage drag over mass and air speed squared", "chosen: 40° of tilt end at the data sheet's 15 m/s"
+        0.019,
+        "fuselage drag over mass and air speed squared",
+        "chosen: 40° of tilt end at the data sheet's 15 m/s",
+        gt=0,
     )
     ground_effect: bool = key(True, "whether rotors over the deck gain thrust near it", "Cheeseman and Bennett 1955")
 
     def __post_init__(self) -> None:
-        zero_allowed = ("rotor_drag_per_s", "inflow_loss_per_s", "motor_above_m", "ground_effect")
-        for name, value in vars(self).items():
-            if isinstance(value, tuple):
-                require(all(item > 0.0 for item in value), f"{name} must be positive, got {value}")
-            elif name not in zero_allowed:
-                require(value > 0.0, f"{name} must be positive, got {value}")
+        for name in ("inertia_kgm2", "body_size_m"):
+            require(min(getattr(self, name)) > 0.0, f"{name} must be positive, got {getattr(self, name)}")
         require(self.foot_below_m > 0.5 * self.body_size_m[2], "the feet must reach below the fuselage")
 
     @property

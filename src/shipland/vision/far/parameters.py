@@ -31,20 +31,18 @@ class Confirmation:
     )
 
     def __post_init__(self) -> None:
-        require(1 <= self.confirm_hits <= self.confirm_frames, "confirm_hits must lie in 1 … confirm_frames")
-        require(0.0 <= self.believe_evidence <= self.most_evidence, "believe_evidence must lie in 0 … most_evidence")
+        require(self.confirm_hits <= self.confirm_frames, "confirm_hits must lie in 1 … confirm_frames")
+        require(self.believe_evidence <= self.most_evidence, "believe_evidence must lie in 0 … most_evidence")
 
 
 @parameters
 class DetectorParameters:
     """How the far detectors run (`[detector]`)."""
 
-    ship_weights: str = key(
-        "ship", "name of packaged weights or path of an ONNX file", "packaged name or path of an ONNX file"
-    )
+    ship_weights: str = key("ship", "name of packaged weights or path of an ONNX file")
     bar_weights: str = key("bar", "name of packaged weights or path of an ONNX file")
-    runtime: Runtime = key("auto", "auto, openvino or onnxruntime", "auto | openvino | onnxruntime")
-    precision: Precision = key("auto", "auto, bf16 or fp32", "auto | bf16 | fp32")
+    runtime: Runtime = key("auto", "auto, openvino or onnxruntime")
+    precision: Precision = key("auto", "auto, bf16 or fp32")
     threads: int = key(0, "CPU threads; 0 leaves it to the runtime", "0: the runtime's choice", ge=0, le=256)
     acquire_confidence: float = key(
         0.4, "least confidence of a box in a single picture, where nothing else is known", gt=0, le=1

@@ -26,7 +26,7 @@ class DeckVisionParameters:
     deviation_m: float = key(0.004, "standard deviation of a place along each axis per metre of height", gt=0)
 
     def __post_init__(self) -> None:
-        require(0.0 < self.least_m < self.most_m, "0 < least_m < most_m must hold")
+        require(self.least_m < self.most_m, "least_m < most_m must hold")
 
 
 @parameters
