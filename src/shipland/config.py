@@ -1,3 +1,4 @@
+# ruff: noqa: ANN401 - values of any configured type come in
 """Frozen dataclasses of parameters, and how they are read from TOML.
 
 A field states its default, meaning, source and bounds; the last part of its name is its unit. TOML holds what differs.
@@ -16,7 +17,6 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from types import EllipsisType
 from typing import Any, TypeVar
 
 import pydantic
@@ -41,10 +41,6 @@ def parameters(cls: type[T]) -> type[T]:
     return pydantic.dataclasses.dataclass(frozen=True, config=_STRICT)(cls)  # type: ignore[return-value]
 
 
-@typing.overload
-def key(default: EllipsisType, meaning: str = "", source: str = "chosen", **bounds: float) -> Any: ...  # noqa: ANN401
-@typing.overload
-def key(default: T, meaning: str = "", source: str = "chosen", **bounds: float) -> T: ...
 def key(default: Any, meaning: str = "", source: str = "chosen", **bounds: float) -> Any:
     """A field of a class of parameters.
 
@@ -55,6 +51,42 @@ def key(default: Any, meaning: str = "", source: str = "chosen", **bounds: float
         **bounds: `gt`, `ge`, `lt`, `le`, as pydantic has them.
     """
     return pydantic.Field(default, description=meaning, json_schema_extra={"source": source}, **bounds)  # type: ignore[call-overload]
+
+
+def scaled(default: Any, meaning: str, source: str = "chosen", power: float | None = None, **bounds: float) -> Any:
+    """A `key` whose default is the rig's: see `at_scale`; `power` is of the scale, None what the name's end says."""
+    field = key(default, meaning, source, **bounds)
+    field.json_schema_extra["power"] = power
+    return field
+
+
+_POWERS = {"m": 1.0, "s": 0.5, "mps": 0.5, "mps2": 0.0, "rad_s": -0.5, "per_s": -0.5, "rad_s2": -1.0, "sqrt_s": -0.25}
+"""Of the scale of lengths, by the end of a name: Froude's law, by which gravity scales ships and their waves."""
+
+
+def at_scale(cls: type, scale: float, table: Mapping[str, Any] | None = None) -> Table:
+    """Defaults of a class, or of a section that has `table`, for a ship so many times as large as the rig."""
+    found: Table = {}
+    for name, value in (defaults(cls) if table is None else table).items():
+        field = fields_of(cls)[name]
+        if isinstance(value, dict) and isinstance(field.annotation, type):
+            found[name] = at_scale(field.annotation, scale, value)
+        elif "power" in stated(field):
+            unit = next((end for end in sorted(_POWERS, key=len, reverse=True) if name.endswith(f"_{end}")), "")
+            factor = scale ** (stated(field)["power"] or _POWERS[unit])
+            found[name] = _times(value, factor)
+        else:
+            found[name] = plain(value)
+    return found
+
+
+def _times(value: Any, factor: float) -> Any:
+    return [_times(each, factor) for each in value] if isinstance(value, list) else float(f"{value * factor:.4g}")
+
+
+def stated(field: FieldInfo) -> Mapping[str, Any]:
+    """What `key` and `scaled` say of a field besides its meaning."""
+    return field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
 
 
 def fields_of(cls: type) -> dict[str, FieldInfo]:
@@ -147,14 +179,14 @@ def setting(text: str) -> tuple[str, list[Any]]:
 _INVALID = object()
 
 
-def _toml_value(text: str) -> Any:  # noqa: ANN401 - any TOML type
+def _toml_value(text: str) -> Any:
     try:
         return _parsed(f"value = {text}")["value"]
     except ValueError:
         return _INVALID
 
 
-def _toml_or_text(text: str) -> Any:  # noqa: ANN401 - any TOML type
+def _toml_or_text(text: str) -> Any:
     value = _toml_value(text)
     return text.strip() if value is _INVALID else value
 
@@ -202,7 +234,7 @@ def sections(path: Path | None, known: Iterable[str]) -> Table:
     return user
 
 
-def plain(value: Any) -> Any:  # noqa: ANN401 - of any configured type
+def plain(value: Any) -> Any:
     """A value, or a dataclass with all that is in it, in plain TOML and JSON types."""
     if dataclasses.is_dataclass(value):
         return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
@@ -253,7 +285,7 @@ def _reader(cls: type) -> Callable[[str], Any]:
     return pydantic.TypeAdapter(cls).validate_json
 
 
-def _refuse_large(value: Any, where: str) -> None:  # noqa: ANN401 - of any TOML type
+def _refuse_large(value: Any, where: str) -> None:
     if isinstance(value, Mapping):
         for name, item in value.items():
             _refuse_large(item, f"{where}.{name}")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shipland.compiled import compiled
-from shipland.config import key, parameters
+from shipland.config import key, parameters, scaled
 from shipland.estimation.kernels import add_input, corrected, mean_after, mean_input, predicted_covariance
 from shipland.estimation.relative_state import (
     STATES,
@@ -74,8 +74,8 @@ class DelayedParameters:
 
     velocity_gate: float = key(16.0, "largest normalised innovation squared of a velocity", ge=1, le=200)
     picture_gate: float = key(40.0, "largest normalised innovation squared of a picture", ge=1, le=200)
-    velocity_mps: float = key(0.15, "standard deviation of a velocity at first")
-    velocity_most_mps: float = key(0.5, "the most that it is then learned to be")
+    velocity_mps: float = scaled(0.15, "standard deviation of a velocity at first")
+    velocity_most_mps: float = scaled(0.5, "the most that it is then learned to be")
     velocity_repeats: float = key(2.0, "readings err alike; so many times the variance seen is what one is given")
     flow_settle_s: float = key(
         0.3, "time in which the vehicle's fusion follows the motion of what its optical flow sees"

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shipland.compiled import compiled
-from shipland.config import key, parameters
+from shipland.config import key, parameters, scaled
 from shipland.estimation.kernels import corrected, predicted_covariance
 from shipland.frames import Array, wrap_angle
 
@@ -26,8 +26,8 @@ class HeadingNoise:
     """`[guidance.horizon.heading]`."""
 
     nose_rad_per_sqrt_s: float = key(0.2, "random walk of the nose's heading against the yaw sticks")
-    bar_rad_per_sqrt_s: float = key(0.002, "random walk of the bar's heading against its turn")
-    turn_rad_s2: float = key(0.002, "growth of the uncertainty of the bar's turn [rad/s per √s]")
+    bar_rad_per_sqrt_s: float = scaled(0.002, "random walk of the bar's heading against its turn")
+    turn_rad_s2: float = scaled(0.002, "growth of the uncertainty of the bar's turn [rad/s per √s]")
     compass_rad: float = key(0.05, "standard deviation of one compass reading")
     pose_rad: float = key(0.01, "least standard deviation of a pose's yaw")
 

@@ -14,7 +14,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.linalg import expm
 
-from shipland.config import key, parameters, require
+from shipland.config import key, parameters, require, scaled
 from shipland.estimation.kernels import bank_seen
 from shipland.estimation.relative_state import WaveShares
 from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
@@ -25,7 +25,7 @@ from shipland.frames import Array
 class WaveParameters:
     """`[guidance.horizon.wave]`."""
 
-    still_m: float = key(0.003, "standard deviation in the hypothesis of a bar at rest")
+    still_m: float = scaled(0.003, "standard deviation in the hypothesis of a bar at rest")
     first: int = key(5, "index of the initial hypothesis", "of the hypotheses: 0.12 m at 2.1 rad/s", ge=0)
     followed: float = key(
         0.7,
@@ -46,10 +46,12 @@ class WaveParameters:
     )
     deck: WaveMotion = key(WaveMotion(0.1, 1.8, 0.2, bar_moves=False), "wave motion of a deck below a bar at rest")
     spread: WaveShares = key(WaveShares(), "surge and sway of a ship as shares of its heave")
-    deviations_m: tuple[float, ...] = key((0.05, 0.12, 0.25), "of the hypotheses of a moving bar, with every frequency")
+    deviations_m: tuple[float, ...] = scaled(
+        (0.05, 0.12, 0.25), "of the hypotheses of a moving bar, with every frequency"
+    )
     frequencies_rad_s: tuple[float, ...] = key((0.7, 2.1), "of the hypotheses")
     damping: float = key(0.2, "of every resonator")
-    memory_s: float = key(15.0, "over which innovations count")
+    memory_s: float = scaled(15.0, "over which innovations count")
     lead: float = key(4.0, "log-likelihood ratio from which a hypothesis replaces the present one")
     quick: float = key(
         1.0,
@@ -58,9 +60,9 @@ class WaveParameters:
         "measured: docs/results/guidance.md",
         ge=0,
     )
-    drift_mps: float = key(0.15, "of the height, other than by the sticks")
-    drift_time_s: float = key(0.7, "time constant of that drift")
-    jitter_m: float = key(0.01, "least standard deviation of a picture's height")
+    drift_mps: float = scaled(0.15, "of the height, other than by the sticks")
+    drift_time_s: float = scaled(0.7, "time constant of that drift")
+    jitter_m: float = scaled(0.01, "least standard deviation of a picture's height")
 
     def __post_init__(self) -> None:
         require(

@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from shipland.config import key, parameters
+from shipland.config import key, parameters, scaled
 from shipland.frames import Array
 
 WAVE_STATES = 4
@@ -28,8 +28,8 @@ _OWN, _WAVES = 0.8, 1.3
 class WaveMotion:
     """The deck's own oscillation."""
 
-    deviation_m: float = key(..., "standard deviation")
-    frequency_rad_s: float = key(..., "of the middle of its band")
+    deviation_m: float = scaled(..., "standard deviation")
+    frequency_rad_s: float = scaled(..., "of the middle of its band")
     damping: float = key(..., "ratio, of both resonators")
     bar_moves: bool = key(
         True, "with the deck, as on a ship; on a motion base it stands still and only the flow shows the deck"

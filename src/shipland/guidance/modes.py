@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from shipland.config import key, parameters
+from shipland.config import key, parameters, scaled
 from shipland.messages import Intent, Mode, Observation, PilotCommand
 
 
@@ -23,7 +23,7 @@ class ModeParameters:
     lost_box_s: float = key(
         1.6, "likewise a detector's box", "three cycles of the paper's learned detector", ge=0, le=10
     )
-    memory_s: float = key(3.0, "mode 5 flies on the data fed before for this long", ge=0, le=30)
+    memory_s: float = scaled(3.0, "mode 5 flies on the data fed before for this long", ge=0, le=30)
     settle_s: float = key(0.5, "the landing condition must have held this long", ge=0)
     blind_landing_s: float = key(1.5, "a landing below commit height goes on without data this long", ge=0, le=10)
     max_tries: int = key(3, "wave-offs before the pilot gives up and holds clear", ge=0, le=100)

@@ -13,7 +13,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from shipland.config import bounds_of, defaults, fields_of, merge, plain
+from shipland.config import bounds_of, defaults, fields_of, merge, plain, stated
 from shipland.record.descriptions import unit_of
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_layers
 
@@ -81,8 +81,8 @@ def scenario_settings(source: str | Path, config: Path | None = None, changes: I
     found = []
     for setting in settings_of(Scenario, load_scenario(table).table()):
         file = next(layer.name for layer in reversed(layers) if _gives(layer.table, setting.key))
-        stated = setting.source if file == "default" else ""
-        found.append(replace(setting, file=file, source=stated, default=usual.get(setting.key)))
+        own = setting.source if file == "default" else ""
+        found.append(replace(setting, file=file, source=own, default=usual.get(setting.key)))
     return found
 
 
@@ -97,12 +97,12 @@ def _settings(cls: type, table: Mapping[str, Any], section: str, source: str) ->
     about = re.sub(r"^`\[[^`]*\]`[:.] ?", "", inspect.getdoc(cls) or "").replace("\n", " ")
     for name, field in fields_of(cls).items():
         value = table.get(name)
-        told = str((field.json_schema_extra or {"source": source})["source"])  # type: ignore[index]
-        stated = source if told == "chosen" else told
+        own = stated(field).get("source", source)
+        own = source if own == "chosen" else own
         if isinstance(field.annotation, type) and dataclasses.is_dataclass(field.annotation):
-            yield from _settings(field.annotation, value or {}, f"{section}.{name}".lstrip("."), stated)
+            yield from _settings(field.annotation, value or {}, f"{section}.{name}".lstrip("."), own)
         else:
-            yield Setting(section, about, name, value, bounds_of(field), field.description or "", stated, default=value)
+            yield Setting(section, about, name, value, bounds_of(field), field.description or "", own, default=value)
 
 
 def _gives(table: Any, key: str) -> bool:  # noqa: ANN401 - a table or a value in it

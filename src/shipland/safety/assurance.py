@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.config import key, parameters, require
+from shipland.config import key, parameters, require, scaled
 from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import Decision, Intent, Mode, Observation, Override, PilotCommand, Telemetry
@@ -44,19 +44,19 @@ class SafetyParameters:
     stale_s: float = key(
         1.5, "a command to fly on older data becomes zero sticks; older places are not used", ge=0.1, le=5
     )
-    floor_m: float = key(
+    floor_m: float = scaled(
         0.75, "least height of the aircraft's centre over the neutral deck unless landing on it", ge=0, le=100
     )
-    floor_height_m: float = key(
+    floor_height_m: float = scaled(
         0.5, "least height over the take-off point, where the deck's is not known", ge=0, le=100
     )
-    bar_clearance_m: float = key(1.2, "least distance of the aircraft's centre to the bar's plane", ge=0.1, le=100)
-    fence_distance_m: float = key(400.0, "greatest distance to the bar", ge=5, le=20000)
-    fence_height_m: float = key(60.0, "greatest height over the take-off point", ge=1, le=1000)
+    bar_clearance_m: float = scaled(1.2, "least distance of the aircraft's centre to the bar's plane", ge=0.1, le=100)
+    fence_distance_m: float = scaled(400.0, "greatest distance to the bar", ge=5, le=20000)
+    fence_height_m: float = scaled(60.0, "greatest height over the take-off point", ge=1, le=1000)
     low_battery_percent: float = key(
         15.0, "below this the reason carries a warning; no flight is broken off: the deck is nearest", ge=0, le=100
     )
-    contact_height_m: float = key(
+    contact_height_m: float = scaled(
         0.9, "of the centre over the neutral deck at a contact", "heave limit, and 16 cm to spare", ge=0.05, le=20
     )
     contact_sight_s: float = key(

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from shipland.config import key, parameters
+from shipland.config import key, parameters, scaled
 from shipland.frames import GRAVITY_MPS2, Array, rotated
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand, Telemetry
@@ -56,11 +56,11 @@ class MonitorParameters:
     brake_mps2: float = key(
         3.0, "largest deceleration that is counted on", "full tilt of 15° and some drag", ge=0.2, le=10
     )
-    least_to_bar_m: float = key(0.4, "of the aircraft's centre to the bar's plane, where it can stop", ge=0.1, le=50)
+    least_to_bar_m: float = scaled(0.4, "of the aircraft's centre to the bar's plane, where it can stop", ge=0.1, le=50)
     foot_m: float = key(
         0.0, "the aircraft's centre must be within the deck by this", "contact is foreseen to 30 cm only", ge=0, le=10
     )
-    near_m: float = key(
+    near_m: float = scaled(
         6.0, "nearer to the bar than this, poses that leap or are missing are not waited for", ge=1, le=200
     )
     blind_s: float = key(
@@ -69,7 +69,7 @@ class MonitorParameters:
     tilt_deg: float = key(
         36.0, "largest of the last second to land with", "pilots level out; the verdict bears 25°", ge=5, le=45
     )
-    tilt_height_m: float = key(0.3, "over the neutral deck; lower, a go-around is tilted no less", ge=0, le=20)
+    tilt_height_m: float = scaled(0.3, "over the neutral deck; lower, a go-around is tilted no less", ge=0, le=20)
     wind_share: float = key(0.9, "of full tilt, what holding against the wind may take", ge=0.1, le=1)
     wind_tilt_deg: float = key(
         27.0, "tilt that holding against the wind may take", "over 10 s 9 m/s take 17–25°, 12 m/s 27–33°", ge=5, le=45
@@ -77,14 +77,14 @@ class MonitorParameters:
     wind_time_s: float = key(
         8.0, "the wind is measured for so long", "gusts at 9 m/s tilt it by 28° for seconds", ge=0.5, le=10
     )
-    leap_mps: float = key(
+    leap_mps: float = scaled(
         2.0, "allowed change of velocity against poses in seconds: the flow lies, or the ship manoeuvres", ge=0.2, le=20
     )
-    height_leap_m: float = key(0.8, "the same of barometer and poses", ge=0.1, le=20)
+    height_leap_m: float = scaled(0.8, "the same of barometer and poses", ge=0.1, le=20)
     telemetry_s: float = key(
         1.0, "oldest attitude, velocity and height to land with, of those that the vehicle gives", ge=0.1, le=5
     )
-    commit_m: float = key(
+    commit_m: float = scaled(
         0.45, "lower over the deck, only GO_AROUND breaks a landing off: the deck is safer than a climb", ge=0, le=20
     )
 

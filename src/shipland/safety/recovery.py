@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.config import key, parameters, require
+from shipland.config import key, parameters, require, scaled
 from shipland.frames import Array, rotated
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand
@@ -48,14 +48,14 @@ class RecoveryParameters:
         3, "landings that may be broken off before the second step", "as guidance.modes.max_tries", ge=1, le=100
     )
     climb_percent: float = key(80.0, "heave stick of a climb", ge=10, le=100)
-    astern_mps: float = key(0.8, "speed against the bar, astern", ge=0.1, le=20)
-    clear_height_m: float = key(
+    astern_mps: float = scaled(0.8, "speed against the bar, astern", ge=0.1, le=20)
+    clear_height_m: float = scaled(
         2.2, "over the neutral deck, and with `clear_back_m` astern of its centre: a go-around ends", ge=0.5, le=100
     )
-    clear_back_m: float = key(3.0, "see there", ge=0.5, le=500)
-    most_s: float = key(12.0, "a go-around that is not clear by then ends all the same", ge=1, le=120)
+    clear_back_m: float = scaled(3.0, "see there", ge=0.5, le=500)
+    most_s: float = scaled(12.0, "a go-around that is not clear by then ends all the same", ge=1, le=120)
     hold_s: float = key(10.0, "how long the ladder waits on `hold`", ge=1, le=600)
-    return_m: float = key(20.0, "from the bar, where a return ends", ge=1, le=5000)
+    return_m: float = scaled(20.0, "from the bar, where a return ends", ge=1, le=5000)
     velocity_per_s: float = key(1.0, "from an error of velocity to the acceleration that is asked for", ge=0.1, le=5)
     blind_s: float = key(
         4.0, "the velocity against the bar is carried on by the vehicle's own for so long without poses", ge=0.5, le=30

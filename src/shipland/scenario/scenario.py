@@ -11,6 +11,7 @@ from typing import Any
 from shipland.camera import CameraParameters
 from shipland.config import (
     Table,
+    at_scale,
     build,
     defaults,
     key,
@@ -112,11 +113,19 @@ def scenario_layers(source: str | Path, config: Path | None = None, changes: Ite
     else:
         known = ", ".join(packaged_names("scenarios"))
         raise ConfigError(f"no scenario {str(source)!r}; there are: {known}, or give a path that ends in .toml")
-    usual = ConfigLayer("default", plain(defaults(Scenario)))
-    layers = [usual, ConfigLayer("the name given", {"name": Path(source).stem}), *_with_parts(scenario)]
+    layers = [ConfigLayer("the name given", {"name": Path(source).stem}), *_with_parts(scenario)]
     if config is not None:
         layers += _with_parts(_file(config))
-    return [*layers, ConfigLayer("--set", settings(changes))]
+    layers.append(ConfigLayer("--set", settings(changes)))
+    return [ConfigLayer("default", usual(reduce(merge, (layer.table for layer in layers), {}))), *layers]
+
+
+def usual(table: Mapping[str, Any]) -> Table:
+    """Defaults of a scenario, those of pilot and safety at the `guidance.length_scale` that a table gives."""
+    guidance = table.get("guidance")
+    scale = guidance.get("length_scale", 1.0) if isinstance(guidance, Mapping) else 1.0
+    known = isinstance(scale, int | float) and 0.0 < scale <= 100.0 and scale != 1.0
+    return at_scale(Scenario, float(scale)) if known else plain(defaults(Scenario))
 
 
 def scenario_table(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> Table:
@@ -162,4 +171,5 @@ def load_scenario(source: str | Path | Mapping[str, Any], /, **overrides: Any) -
         ConfigError: it names what is wrong.
     """
     table = source if isinstance(source, Mapping) else scenario_table(source)
-    return build(Scenario, merge({"name": "own"} | dict(table), nested(overrides)), "configuration")
+    table = merge({"name": "own"} | dict(table), nested(overrides))
+    return build(Scenario, merge(usual(table), table), "configuration")

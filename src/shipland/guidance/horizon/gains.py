@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from shipland.config import key, parameters
+from shipland.config import key, parameters, scaled
 from shipland.estimation.relative_state import (
     POSITION,
     STATES,
@@ -44,12 +44,14 @@ INPUT, TRACKED, TRACKED_RATE = STATES, STATES + 1, STATES + 2
 class Weights:
     """`[guidance.horizon.weights]`: costs against a squared metre."""
 
-    speed: float = key(0.01, "of a squared metre per second against the bar [s²]", ge=0)
-    acceleration: float = key(0.0015, "of the aircraft's own, squared [s⁴]", ge=0)
-    input_rate: float = key(3e-6, "of the rate of the input asked for, squared [s⁶ for tilts, s⁴ for speeds]", gt=0)
+    speed: float = scaled(0.01, "of a squared metre per second against the bar [s²]", power=1.0, ge=0)
+    acceleration: float = scaled(0.0015, "of the aircraft's own, squared [s⁴]", power=2.0, ge=0)
+    input_rate: float = scaled(
+        3e-6, "of the rate of the input asked for, squared [s⁶ for tilts, s⁴ for speeds]", power=3.0, gt=0
+    )
     final_place: float = key(1.0, "on place at contact, where the time to it is known", ge=0)
     final_speed: float = key(0.1, "on speed at contact", ge=0)
-    horizon_s: float = key(2.0, "longest time to contact that gains are kept for", ge=0)
+    horizon_s: float = scaled(2.0, "longest time to contact that gains are kept for", ge=0)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
-from shipland.config import key, parameters, require
+from shipland.config import key, parameters, require, scaled
 from shipland.estimation.delayed import DelayedParameters
 from shipland.estimation.gain import GainParameters
 from shipland.estimation.heading import HeadingNoise
@@ -20,24 +20,24 @@ from shipland.guidance.horizon.levelling import LevellingParameters
 class MeasurementNoise:
     """`[guidance.horizon.measured]`: least errors of what is measured."""
 
-    place_m: float = key(0.002, "of a pose's place")
+    place_m: float = scaled(0.002, "of a pose's place")
     place_share: float = key(0.001, "growth of a pose's error with range")
     picture_s: float = key(0.005, "jitter of a picture's time; counts by the speed")
     area_share: float = key(0.3, "of a box's area")
     centre_px: float = key(2.0, "of a box's centre")
     repeated: float = key(10.0, "boxes err alike in many frames; their variance counts so many times")
     ship_as_stern: bool = key(False, "a ship's box counts as no wider than a stern of its height: long hulls are wide")
-    box_m: float = key(0.3, "least error of a box's place across the line of sight, and of its height")
-    first_mps: float = key(1.5, "standard deviation of the speed against the bar when it is first seen")
+    box_m: float = scaled(0.3, "least error of a box's place across the line of sight, and of its height")
+    first_mps: float = scaled(1.5, "standard deviation of the speed against the bar when it is first seen")
     first_way_mps: float = key(2.0, "of the ship's speed, where it is first seen as a box", "chosen: ships to 4.5 m/s")
-    first_climb_mps: float = key(0.5, "standard deviation of the climb when the bar is first seen")
+    first_climb_mps: float = scaled(0.5, "standard deviation of the climb when the bar is first seen")
     lost_refusals: int = key(10, "so many positions rejected in a row restart the estimate")
     lost_s: float = key(
         5.0, "in a landing with poses, only so long after one was accepted", "chosen: as long as leaps are refused"
     )
-    velocity_mps: float = key(0.1, "of the vehicle's velocity, horizontally")
-    velocity_down_mps: float = key(0.04, "of the vehicle's velocity, downward")
-    velocity_tracked_mps: float = key(
+    velocity_mps: float = scaled(0.1, "of the vehicle's velocity, horizontally")
+    velocity_down_mps: float = scaled(0.04, "of the vehicle's velocity, downward")
+    velocity_tracked_mps: float = scaled(
         0.04, "horizontally, of one that the autopilot itself tracks: its errors are flown"
     )
     use_velocity: bool = key(True, "whether it is used at all")
@@ -48,53 +48,55 @@ class MeasurementNoise:
 class Margins:
     """`[guidance.horizon.margins]`: lengths that scale with the ship's size and the aircraft's stopping distance."""
 
-    gentle_m: float = key(1.5, "farther than this from the landing point the gentle gains fly")
-    on_axis_m: float = key(0.5, "this near to the bar's axis the aircraft is lined up")
-    above_path_m: float = key(1.0, "this much above the glide path counts as on it")
-    overhead_m: float = key(2.0, "within this distance of the landing point the height wanted is that of the hover")
-    low_m: float = key(0.5, "lower over the deck than this, heights do not tell the bar's heave")
-    committed_m: float = key(0.35, "lower over the deck than this a landing is no longer broken off")
-    clear_ahead_m: float = key(1.0, "a go-around has ended this near to its end, horizontally")
-    clear_below_m: float = key(0.5, "and this little below it")
+    gentle_m: float = scaled(1.5, "farther than this from the landing point the gentle gains fly")
+    on_axis_m: float = scaled(0.5, "this near to the bar's axis the aircraft is lined up")
+    above_path_m: float = scaled(1.0, "this much above the glide path counts as on it")
+    overhead_m: float = scaled(2.0, "within this distance of the landing point the height wanted is that of the hover")
+    low_m: float = scaled(0.5, "lower over the deck than this, heights do not tell the bar's heave")
+    committed_m: float = scaled(0.35, "lower over the deck than this a landing is no longer broken off")
+    clear_ahead_m: float = scaled(1.0, "a go-around has ended this near to its end, horizontally")
+    clear_below_m: float = scaled(0.5, "and this little below it")
 
 
 @parameters
 class PathParameters:
     """`[guidance.horizon.path]`: references and heights."""
 
-    near_mps: float = key(1.2, "speed of the approach to the hover")
-    near_brake_mps2: float = key(0.4, "deceleration of the approach to the hover")
-    far_mps: float = key(6.0, "speed of the approach on boxes")
-    far_brake_mps2: float = key(0.5, "deceleration of the approach on boxes")
-    near_m: float = key(12.0, "nearer than this to the bar the pace is that of the approach")
+    near_mps: float = scaled(1.2, "speed of the approach to the hover")
+    near_brake_mps2: float = scaled(0.4, "deceleration of the approach to the hover")
+    far_mps: float = scaled(6.0, "speed of the approach on boxes")
+    far_brake_mps2: float = scaled(0.5, "deceleration of the approach on boxes")
+    near_m: float = scaled(12.0, "nearer than this to the bar the pace is that of the approach")
     acceleration_mps2: float = key(0.8, "of every reference")
-    closing_per_s: float = key(0.7, "of every reference")
-    tracking_error_max_m: float = key(0.6, "of every reference")
-    tracking_error_max_mps: float = key(1.0, "of every reference")
-    stand_off_m: float = key(12.0, "of the point flown to while the bar's heading is not known")
+    closing_per_s: float = scaled(0.7, "of every reference")
+    tracking_error_max_m: float = scaled(0.6, "of every reference")
+    tracking_error_max_mps: float = scaled(1.0, "of every reference")
+    stand_off_m: float = scaled(12.0, "of the point flown to while the bar's heading is not known")
     round_after_s: float = key(20.0, "after this wait near the stand-off point the aircraft flies around the bar")
     round_lead_deg: float = key(30.0, "how far ahead around the bar it flies")
     line_up: float = key(1.0, "metres astern of the hover point for a metre to its side")
-    far_above_m: float = key(2.0, "height over the bar's centre far away")
+    far_above_m: float = scaled(2.0, "height over the bar's centre far away")
     glide_path_deg: float = key(15.0, "steepest way down to the hover")
-    climb_per_s: float = key(1.2, "gain of the height loop")
-    climb_mps: float = key(0.8, "fastest climb of the height loop")
-    turn_per_s: float = key(0.8, "of the heading loop")
+    climb_per_s: float = scaled(1.2, "gain of the height loop")
+    climb_mps: float = scaled(0.8, "fastest climb of the height loop")
+    turn_per_s: float = scaled(0.8, "of the heading loop")
 
 
 @parameters
 class DescentParameters:
     """`[guidance.horizon.descent]`."""
 
-    sink_mps: float = key(0.5, "speed of the descent to `wait_height_m`", ge=0.01, le=5)
-    wait_height_m: float = key(0.2, "over the neutral deck, of the aircraft's centre; 0 descends without waiting", ge=0)
-    wait_band_m: float = key(0.1, "within this height above it the sink has ended", ge=0)
+    sink_mps: float = scaled(0.5, "speed of the descent to `wait_height_m`", ge=0.01, le=5)
+    wait_height_m: float = scaled(
+        0.2, "over the neutral deck, of the aircraft's centre; 0 descends without waiting", ge=0
+    )
+    wait_band_m: float = scaled(0.1, "within this height above it the sink has ended", ge=0)
     slow_per_s: float = key(1.5, "the sink slows towards it at this rate and does not overshoot", ge=0)
-    pause_m: float = key(0.25, "the sink pauses while the offset is larger", ge=0)
-    final_descent_mps: float = key(1.0, "speed of the final descent", ge=0.01, le=5)
-    final_descent_offset_m: float = key(0.015, "predicted offset at contact at which the final descent begins", ge=0)
-    relax_after_s: float = key(6.0, "after this wait the allowed offset grows", ge=0)
-    relax_per_s: float = key(0.1, "share by which the allowed offset grows", ge=0)
+    pause_m: float = scaled(0.25, "the sink pauses while the offset is larger", ge=0)
+    final_descent_mps: float = scaled(1.0, "speed of the final descent", ge=0.01, le=5)
+    final_descent_offset_m: float = scaled(0.015, "predicted offset at contact at which the final descent begins", ge=0)
+    relax_after_s: float = scaled(6.0, "after this wait the allowed offset grows", ge=0)
+    relax_per_s: float = scaled(0.1, "share by which the allowed offset grows", ge=0)
     contact_height_m: float = key(0.08, "of the centre as the lowest foot touches", "chosen: tilted by 20°", ge=0)
     deck_watch_height_m: float = key(0.65, "over the neutral deck, during the deck watch", ge=0)
     deck_watch_offset_m: float = key(0.03, "predicted offset at contact at which the deck watch ends", ge=0)
@@ -116,16 +118,16 @@ class HorizonParameters:
         "when the final descent begins",
         "any | lull: in a lull of the bar | deck: as the deck will be below at contact",
     )
-    lull_mps: float = key(0.1, "what counts as a lull")
+    lull_mps: float = scaled(0.1, "what counts as a lull")
     look_down_max_s: float = key(2.5, "longest look down at the deck; then the camera looks up at the bar")
     look_up_s: float = key(0.3, "time with poses before it looks down again")
     deck_rise_max_mps: float = key(0.3, "of the deck at contact for the final descent to begin")
     deck_std_max_m: float = key(
         0.08, "of the deck's centre at contact to be known (standard deviation)", ge=0.005, le=5
     )
-    land_offset_m: float = key(0.2, "largest offset to begin a landing, held for `guidance.modes.settle_s`", gt=0)
-    abort_offset_m: float = key(0.6, "a landing is broken off with more", ge=0.05, le=20)
-    contact_std_max_m: float = key(
+    land_offset_m: float = scaled(0.2, "largest offset to begin a landing, held for `guidance.modes.settle_s`", gt=0)
+    abort_offset_m: float = scaled(0.6, "a landing is broken off with more", ge=0.05, le=20)
+    contact_std_max_m: float = scaled(
         0.12, "of the offset at contact for a landing to begin (standard deviation)", ge=0.01, le=5
     )
     position_std_max_m: float = key(1.0, "without pictures the estimate is flown on up to this", ge=0.05, le=20)
@@ -153,7 +155,7 @@ class HorizonParameters:
     heading_turning: HeadingNoise = key(
         HeadingNoise(bar_rad_per_sqrt_s=0.01, turn_rad_s2=0.1, compass_rad=0.03), "of a ship that turns"
     )
-    turn_from_rad_s: float = key(0.1, "yaw rate of the ship from which `heading_turning` holds")
+    turn_from_rad_s: float = scaled(0.1, "yaw rate of the ship from which `heading_turning` holds")
     measured: MeasurementNoise = MeasurementNoise()
     delayed: DelayedParameters = DelayedParameters()
     latency: LatencyParameters = LatencyParameters()
