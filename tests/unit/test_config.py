@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 
 from shipland.config import (
+    at_scale,
     bounds_of,
     build,
     defaults,
@@ -23,6 +24,7 @@ from shipland.config import (
     parameters,
     read_toml,
     require,
+    scaled,
     setting,
     settings,
 )
@@ -212,6 +214,42 @@ class TestParameters:
             Gain(-1.0, 0.0)
         with pytest.raises(dataclasses.FrozenInstanceError):
             Gain(1.0, 0.0).k_p = 2.0
+
+
+@parameters
+class Sized:
+    reach_m: float = scaled(2.0, "length", ge=0)
+    pace_mps: float = scaled(1.0, "speed")
+    turn_rad_s: float = scaled(0.5, "rate")
+    brake_mps2: float = scaled(0.4, "acceleration")
+    weight: float = scaled(1.0, "of a squared speed", power=1.0)
+    steps_m: tuple[float, ...] = scaled((0.1, 0.3), "lengths")
+    delay_s: float = key(0.3, "of a camera")
+
+
+@parameters
+class Holder:
+    inner: Sized = key(Sized(reach_m=3.0))
+
+
+class TestScale:
+    def test_froude(self):
+        want = {"reach_m": 8.0, "pace_mps": 2.0, "turn_rad_s": 0.25, "brake_mps2": 0.4, "weight": 4.0}
+        assert at_scale(Sized, 4.0) == want | {"steps_m": [0.4, 1.2], "delay_s": 0.3}
+        assert at_scale(Holder, 4.0)["inner"]["reach_m"] == 12.0
+        assert at_scale(Holder, 1.0) == defaults(Holder)
+
+    def test_scale_one_changes_no_scenario_and_a_value_given_stays(self):
+        assert at_scale(Scenario, 1.0) == defaults(Scenario)
+        table = scenario_table("near", None, ["guidance.length_scale=4", "guidance.approach.hover_height_m=4"])
+        approach = load_scenario(table).guidance.approach
+        assert (approach.hover_height_m, approach.commit_height_m, approach.max_speed_mps) == (4.0, 2.8, 0.3)
+        assert load_scenario({"guidance": {"length_scale": 4.0}}).safety.monitor.near_m == 24.0
+
+    @pytest.mark.parametrize("value", ["-1", "0", "1000", "huge", "true"])
+    def test_a_wrong_scale_is_refused(self, value):
+        with pytest.raises(ConfigError, match=r"guidance\.length_scale: expected"):
+            load_scenario(scenario_table("near", None, [f"guidance.length_scale={value}"]))
 
 
 keys = st.sampled_from(["a", "b", "c"])
