@@ -29,6 +29,10 @@ from shipland.config import (
     settings,
 )
 from shipland.errors import ConfigError, ShiplandError
+from shipland.learning.evaluate import EvaluateParameters
+from shipland.learning.settings import TrainParameters
+from shipland.learning.shots import SynthParameters
+from shipland.report.outputs import OutputParameters
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.camera_stream import StreamParameters
@@ -430,6 +434,13 @@ GUARDS = {
 }
 OF_VEHICLES = [each for section, cls in GUARDS["vehicles"].items() for each in floats(defaults(cls), section)]
 OF_SCENARIOS = [(section, key) for section, keys in GUARDS.items() if section != "vehicles" for key in keys.split()]
+
+
+@pytest.mark.parametrize(
+    "cls", [*GUARDS["vehicles"].values(), OutputParameters, TrainParameters, SynthParameters, EvaluateParameters]
+)
+def test_every_default_is_a_value_that_its_field_takes(cls):
+    assert build(cls, {}) == cls()
 
 
 class TestBounds:
