@@ -6,14 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipland.config import build
 from shipland.frames import Array
 from shipland.messages import BarPose, GimbalAttitude, Observation, Telemetry
-from shipland.rig import Quad, Target, default_rig, packaged_table
+from shipland.rig import Quad, Rig, Target
 from shipland.safety.cue_height import CueHeight, CueHeightParameters
 
-PARAMETERS = build(CueHeightParameters, packaged_table("safety")["cue_height"])
-RIG = default_rig()
+PARAMETERS = CueHeightParameters()
+RIG = Rig()
 DROP_M = 2.0 * (RIG.bar_height_m - RIG.deck_height_m)
 STEP_S = 1.0 / 30.0
 

@@ -23,10 +23,9 @@ from pictures import (
     rectangles,
 )
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.frames import Pose
 from shipland.messages import Frame, GimbalAttitude
-from shipland.rig import Quad, Target, default_rig, packaged_table
+from shipland.rig import Quad, Rig, Target
 from shipland.vision.near import published
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
@@ -34,8 +33,8 @@ from shipland.vision.near.published import published_vision
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.segment import coloured_window
 
-PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
-BAR = default_rig().target
+PARAMETERS = VisionParameters()
+BAR = Rig().target
 SMALL = Camera.from_fov(640, 360, 38.0)  # the packaged focal length over a quarter of the picture: quick to paint
 LEVEL = GimbalAttitude(0.0, 0.0)
 QUIET = Look(0.45, 0.0)

@@ -15,7 +15,7 @@ from shipland.errors import ConfigError, DataError
 from shipland.messages import Decision, FlightRecord, Frame, GimbalAttitude, Observation, PilotCommand, Telemetry
 from shipland.record.info import FlightInfo
 from shipland.record.writer import LogParameters, LogWriter
-from shipland.rig import Target, default_rig
+from shipland.rig import Rig, Target
 from shipland.vision.near.files import COLUMNS, default_camera, see_paths
 from shipland.vision.pictures import pictures_of, read_picture, read_video
 
@@ -37,7 +37,7 @@ def write(path, image):
 
 
 def see(*paths, target=None, camera=None):
-    cue = default_rig().target if target is None else Target.from_file(target)
+    cue = Rig().target if target is None else Target.from_file(target)
     return list(see_paths(paths, cue, default_camera() if camera is None else Camera.from_opencv_yaml(camera)))
 
 
@@ -156,7 +156,7 @@ def log_of(folder, images):
     """A log of cycles a tenth of a second apart, from 5 s on."""
     parameters = LogParameters(image_rate_hz=30.0, image_width_px=1280, image_quality=95)
     info = FlightInfo("near", 1, "paper", "0", "0", 0.3)
-    with LogWriter(folder / "log.mcap", info, default_rig(), default_camera(), parameters) as log:
+    with LogWriter(folder / "log.mcap", info, Rig(), default_camera(), parameters) as log:
         for index, image in enumerate(images):
             t_s = 5.0 + 0.1 * index
             frame = Frame(t_s, image, GimbalAttitude(0.0, 0.0))

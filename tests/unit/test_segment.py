@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from pictures import Look, finish, foliage
 from shipland.config import build
 from shipland.errors import ConfigError
-from shipland.rig import packaged_table
 from shipland.vision.near import published
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import (
@@ -26,7 +25,7 @@ from shipland.vision.near.segment import (
     watershed_region,
 )
 
-PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
+PARAMETERS = VisionParameters()
 GREEN = (60, 190, 70)
 
 
@@ -188,4 +187,4 @@ def test_foliage_is_bounded_work(camera, rng, monkeypatch):
 )
 def test_parameters_are_checked(key, value, words):
     with pytest.raises(ConfigError, match=words):
-        build(VisionParameters, packaged_table("vision") | {key: value}, "vision")
+        build(VisionParameters, {key: value}, "vision")

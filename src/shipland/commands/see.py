@@ -40,10 +40,10 @@ class See(PictureOptions):
     def run(self) -> int:
         """Look at every picture and say what is in it."""
         from shipland.report.drawings import draw_observation
-        from shipland.rig import Target, default_rig
+        from shipland.rig import Rig, Target
         from shipland.vision.near.files import COLUMNS, see_paths
 
-        target = default_rig().target if self.target is None else Target.from_file(self.target)
+        target = Rig().target if self.target is None else Target.from_file(self.target)
         camera, whose = self._camera()
         with Results(self, COLUMNS) as results:
             for number, result in enumerate(see_paths(self.paths, target, camera, results.broken)):

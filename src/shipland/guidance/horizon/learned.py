@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from shipland.config import key, parameters
 from shipland.errors import ConfigError
 from shipland.files import check_digest, json_of
 from shipland.former import todays
@@ -21,16 +21,12 @@ FORMAT = "shipland-policy-1"
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
+@parameters
 class LearnedParameters:
-    """`[guidance.learned]`: which policies the pilots `residual` and `learned` fly.
+    """`[guidance.learned]`: which policies the pilots `residual` and `learned` fly."""
 
-    Attributes:
-        residual, direct: packaged name, or path of a policy that `shipland learn` made.
-    """
-
-    residual: str
-    direct: str
+    residual: str = key("residual", "packaged name, or path of a policy that `shipland learn` made")
+    direct: str = key("direct", "likewise")
 
 
 class LearnedSteering:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from shipland.camera import Camera, CameraParameters
-from shipland.config import build
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.rig import Target, packaged_table
+from shipland.rig import Target
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.pictures import FilePicture, is_film, pictures_of
@@ -123,7 +122,7 @@ def see_paths(
 
 def default_camera() -> Camera:
     """The camera of the packaged configuration."""
-    return Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+    return Camera.from_parameters(CameraParameters())
 
 
 class _VisionBySize:
@@ -131,8 +130,7 @@ class _VisionBySize:
 
     def __init__(self, cue: Target, camera: Camera) -> None:
         self._cue, self._camera = cue, camera
-        parameters = build(VisionParameters, packaged_table("vision"), "vision")
-        self._parameters = replace(parameters, gimbal_noise_rad=0.0)
+        self._parameters = VisionParameters(gimbal_noise_rad=0.0)
         self._by_size: dict[tuple[int, int], NearVision] = {}
 
     def see(self, picture: FilePicture) -> SeeResult:
