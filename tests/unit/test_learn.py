@@ -28,7 +28,8 @@ def train(monkeypatch):
         (agent, "MEMORY", 2_000),
         (train, "FROZEN", 20),
         (train, "CHUNK", 20),
-        (train, "WINDOW", 1),
+        (train, "EVALUATED", 40),
+        (train, "_mean_return", lambda run, *_: float(run.progress.step)),  # later is better
     ):
         monkeypatch.setattr(module, name, value)
     return train
@@ -45,7 +46,7 @@ def makers(arguments):
 
 
 def asked(out, **values):
-    small = {"scenario": ("rig-natops", "ship-sea6"), "steps": 80, "batch": 16, "hidden": 8}
+    small = {"scenario": ("rig-natops", "ship-sea6"), "steps": 80, "batch": 16, "hidden": 8, "flights": 2}
     return LearnArguments(out=out, **(small | values))
 
 
@@ -56,10 +57,7 @@ def test_it_leaves_a_policy_that_answers_as_its_network_curves_and_a_card(train,
     envs = train.vector_of(makers(asked(tmp_path)))
     layers = train.dense_of(train._start(asked(tmp_path, resume=True), envs).best)
     seen = np.random.default_rng(0).normal(size=len(ENTRIES)).astype(np.float32)
-    expected = seen
-    for layer in layers:
-        summed = layer.weight @ expected + layer.bias
-        expected = np.tanh(summed) if layer.activation == "Tanh" else np.maximum(summed, 0.0)
+    expected = train.answer(layers, seen)
     steering = LearnedSteering(str(path), "residual", ANAFI_LIKE)
     found = steering._session.run(None, {"observation": seen[None]})[0][0]
     assert np.abs(found - expected).max() < 1e-6
@@ -116,6 +114,28 @@ def test_a_stopped_run_exports_its_policy_and_goes_on_with_all_it_has_learned(tr
         learned(train, asked(tmp_path, resume=True, seed=2))
     learned(train, asked(tmp_path, resume=True))
     assert "80 steps" in (tmp_path / "model-card.md").read_text()
+
+
+def test_what_does_no_better_than_the_pilot_alone_is_not_exported(train, tmp_path, monkeypatch):
+    monkeypatch.setattr(train, "_mean_return", lambda run, *_: -float(run.progress.step))
+    path = learned(train, asked(tmp_path))
+    session = LearnedSteering(str(path), "residual", ANAFI_LIKE)._session
+    seen = np.random.default_rng(0).normal(size=(1, len(ENTRIES))).astype(np.float32)
+    assert not session.run(None, {"observation": seen})[0].any()
+    assert "these weights are of step 0" in (tmp_path / "model-card.md").read_text()
+
+
+def test_an_evaluation_flies_the_same_flights_again(train, tmp_path, monkeypatch):
+    monkeypatch.undo()
+    made = makers(asked(tmp_path))
+    envs = train.vector_of(made)
+    run = train.Run(asked(tmp_path), envs)
+    envs.close()
+    first, same = (train._mean_return(run, made, 2) for _ in range(2))
+    assert first == same
+    assert -20.0 < first < 15.0
+    run.averaged["4.bias"] += 1.0
+    assert train._mean_return(run, made, 2) != first
 
 
 def test_environments_in_processes_of_their_own(train, tmp_path):

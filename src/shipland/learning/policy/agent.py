@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import torch
 from stable_baselines3 import TD3
 from stable_baselines3.common.noise import OrnsteinUhlenbeckActionNoise
@@ -28,7 +30,7 @@ from shipland.learning.checkpoint import (
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.export import ACTIONS, Dense
 
-FORMAT = "shipland-learn-2"
+FORMAT = "shipland-learn-3"
 DISCOUNT, RETURN_STEPS, MEMORY = 0.99, 5, 500_000
 """Discount of rewards a step later; steps of a return before the critic takes over; transitions kept."""
 NOISE, NOISE_PER_S, STEP_S = 0.2, 2.0, 1.0 / 30.0
@@ -53,7 +55,7 @@ class Progress:
         step: of all environments.
         updates: of the critics.
         seconds: time spent.
-        best, best_step: highest mean return of the flights kept so far, and when.
+        best, best_step: highest mean return of an evaluation so far, and when; at step 0 `horizon` alone.
         history: one row a chunk.
         flights: the last ones.
         flown: number of flights.
@@ -159,6 +161,14 @@ def dense_of(layers: dict[str, Tensor]) -> list[Dense]:
         Dense(layers[f"{index}.weight"].numpy(), layers[f"{index}.bias"].numpy(), "Relu" if index < 4 else "Tanh")
         for index in _LINEAR
     ]
+
+
+def answer(layers: Sequence[Dense], seen: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """(2,) the action of an actor."""
+    for layer in layers:
+        summed = layer.weight @ seen + layer.bias
+        seen = np.tanh(summed) if layer.activation == "Tanh" else np.maximum(summed, 0.0)
+    return seen
 
 
 def _begin_as_horizon(actor: nn.Sequential, arguments: LearnArguments) -> None:

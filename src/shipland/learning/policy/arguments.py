@@ -28,6 +28,7 @@ class LearnArguments:
         hidden: units of each of the network's two hidden layers.
         rate: of learning.
         batch: transitions an update; one update for a step of all environments.
+        flights: of an evaluation; what is exported did best in one, and is the pilot alone if nothing did better.
         seed: of flights and first weights; the same seed and steps give the same policy.
         resume: go on from the checkpoint in `out`.
     """
@@ -44,6 +45,7 @@ class LearnArguments:
     hidden: int = 64
     rate: float = 3e-4
     batch: int = 256
+    flights: int = 90
     seed: int = 1
     resume: bool = False
 
@@ -53,7 +55,7 @@ class LearnArguments:
         for name in ("minutes", "rate"):
             if not getattr(self, name) > 0.0:
                 raise ConfigError(f"{name} must be positive, got {getattr(self, name):g}")
-        for name in ("batch", "hidden", "environments", "steps"):
+        for name in ("batch", "hidden", "environments", "steps", "flights"):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise ConfigError(f"{name} must be at least 1, got {value}")

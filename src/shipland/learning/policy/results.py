@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -56,8 +57,11 @@ def plot_curves(path: Path, history: History) -> None:
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)
     step = [row["step"] for row in history]
-    left.plot(step, [row["return"] for row in history])
-    left.set(xlabel="step", ylabel="return, mean of the last flights")
+    left.plot(step, [row["return"] for row in history], label="last training flights")
+    evaluated = [(row["step"], row["evaluated"]) for row in history if math.isfinite(row["evaluated"])]
+    left.plot([at for at, _ in evaluated], [value for _, value in evaluated], "o", label="evaluations")
+    left.set(xlabel="step", ylabel="mean return")
+    left.legend(frameon=False)
     right.plot(step, [100.0 * row["success"] for row in history])
     right.set(xlabel="step", ylabel="success [%]", ylim=(0.0, 100.0))
     for axes in (left, right):
@@ -79,7 +83,7 @@ def _card(arguments: LearnArguments, action: Action, progress: Mapping[str, Any]
         f"{progress['updates']} updates in {progress['seconds'] / 60.0:.1f} minutes; these weights are of step "
         f"{progress['best_step']}",
         f"- Settings: `{json.dumps(settings)}`",
-        "- Limits: flown while exploring; judge it by a campaign (docs/results/learned-policies.md).",
+        f"- Evaluation: mean return {progress['best']:.2f} of {arguments.flights} flights; a campaign flies others",
         "",
     ]
     return "\n".join(lines)

@@ -19,12 +19,13 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.guidance.horizon.steering import REACH_M, Action
-from shipland.learning.policy.agent import Progress, Run, dense_of
+from shipland.learning.policy.agent import Progress, Run, answer, dense_of
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.results import write_results
 from shipland.learning.progress import followed
+from shipland.stopping import uninterrupted
 
 EnvMaker = Callable[[], gymnasium.Env[Any, Any]]
 
@@ -33,10 +34,12 @@ CHUNK = 1_000
 """Steps between two looks at the run."""
 FROZEN = 20_000
 """Steps until the actor learns too: a critic that knows nothing would only spoil it."""
+EVALUATED = 50_000
+"""Steps between evaluations."""
 WINDOW = 200
-"""Flights whose mean return judges a policy."""
-_FIRST_SEED = 1_000_000
-"""Seeds below are for evaluation."""
+"""Training flights whose means are shown."""
+_FIRST_SEED, _EVALUATION_SEED = 1_000_000, 500_000
+"""Training flies seeds from the first on, evaluations from the second on, campaigns from 1 on."""
 
 
 def learn(arguments: LearnArguments, makers: Sequence[EnvMaker]) -> Path:
@@ -56,18 +59,21 @@ def learn(arguments: LearnArguments, makers: Sequence[EnvMaker]) -> Path:
         run = _start(arguments, envs)
         total = math.ceil((arguments.steps or arguments.minutes * 60.0) / (CHUNK if arguments.steps else 1.0))
         try:
-            for _ in followed(_chunks(run, arguments), "training", total):
+            for _ in followed(_chunks(run, arguments, makers), "training", total):
                 pass
         except KeyboardInterrupt:
             print("stopped: the best policy so far is exported, --resume goes on")
-        finally:
-            run.save(arguments.out / LAST)
+        return _keep(run, arguments)
     finally:
         envs.close()
-    progress = run.progress
-    return write_results(
-        arguments, dense_of(run.best), Action(arguments.kind, arguments.bound, REACH_M), vars(progress)
-    )
+
+
+def _keep(run: Run, arguments: LearnArguments) -> Path:
+    """Write the checkpoint and what is exported, whatever signals come; the path of the policy's ONNX file."""
+    meaning = Action(arguments.kind, arguments.bound, REACH_M)
+    with uninterrupted():
+        run.save(arguments.out / LAST)
+        return write_results(arguments, dense_of(run.best), meaning, vars(run.progress))
 
 
 def vector_of(makers: Sequence[EnvMaker], *, parallel: bool = False) -> VecEnv:
@@ -119,36 +125,58 @@ class _Flights(BaseCallback):
         return True
 
 
-def _chunks(run: Run, arguments: LearnArguments) -> Iterator[str]:
+def _chunks(run: Run, arguments: LearnArguments, makers: Sequence[EnvMaker]) -> Iterator[str]:
     """Train; yields a note a second, or a chunk where the steps are given."""
     progress, agent = run.progress, run.agent
-    said_s = 0
+    said_s = int(progress.seconds)
     while progress.seconds < 60.0 * arguments.minutes and progress.step < (arguments.steps or math.inf):
         began_s = time.monotonic()
+        if math.isinf(progress.best):
+            progress.best = _mean_return(run, makers, arguments.flights)
         left = CHUNK if arguments.steps is None else min(CHUNK, arguments.steps - progress.step)
         agent.actor.requires_grad_(agent.num_timesteps >= FROZEN)
         agent.learn(left, _Flights(progress), reset_num_timesteps=False)
         run.average()
+        evaluated = progress.step // EVALUATED
         progress.step, progress.updates = agent.num_timesteps, agent._n_updates
+        found = math.nan
+        if progress.step // EVALUATED > evaluated:
+            found = _mean_return(run, makers, arguments.flights)
+            if found > progress.best:
+                progress.best, progress.best_step = found, progress.step
+                run.best = dict(run.averaged)
+            _keep(run, arguments)
         progress.seconds += time.monotonic() - began_s
-        note = _noted(run)
+        note = _noted(progress, found)
         seconds = 1 if arguments.steps else int(progress.seconds) - said_s
         said_s += seconds
         for _ in range(seconds):
             yield note
 
 
-def _noted(run: Run) -> str:
-    """Keep the chunk's row, and the actor where it is the best; a note."""
-    progress = run.progress
+def _mean_return(run: Run, makers: Sequence[EnvMaker], flights: int) -> float:
+    """Of the averaged actor, which does not explore, always on the same flights."""
+    layers, returns, envs = dense_of(run.averaged), list[float](), [maker() for maker in makers]
+    for index in range(flights):
+        env = envs[index % len(envs)]
+        try:
+            seen, _ = env.reset(seed=_EVALUATION_SEED + index)
+        except ConfigError:
+            continue  # over before an action is due, whoever acts
+        over, total = False, 0.0
+        while not over:
+            seen, reward, terminated, truncated, _ = env.step(answer(layers, seen))
+            over, total = terminated or truncated, total + float(reward)
+        returns.append(total)
+    return float(np.mean(returns)) if returns else math.nan
+
+
+def _noted(progress: Progress, evaluated: float) -> str:
+    """Keep the chunk's row; a note."""
     flights = np.array(progress.flights).reshape(-1, 3)
     mean = [float(np.mean(known)) if len(known := column[np.isfinite(column)]) else math.nan for column in flights.T]
     row = {"step": float(progress.step), "flights": float(progress.flown), "return": mean[0], "success": mean[1]}
-    progress.history.append(row | {"error_m": mean[2]})
-    if len(flights) == WINDOW and mean[0] > progress.best:
-        progress.best, progress.best_step = mean[0], progress.step
-        run.best = {name: value.clone() for name, value in run.averaged.items()}
-    if progress.best_step == 0:
-        run.best = {name: value.clone() for name, value in run.averaged.items()}
+    progress.history.append(row | {"error_m": mean[2], "evaluated": evaluated})
     share = f"{100.0 * mean[1]:.0f} % success in the last {len(flights)}, return {mean[0]:.2f}"
-    return f"step {progress.step}, {progress.flown} flights; {share}, best {progress.best:.2f}"
+    kept = f"kept: step {progress.best_step}, return {progress.best:.2f} without exploration"
+    return f"step {progress.step}, {progress.flown} flights; {share}; {kept}"
