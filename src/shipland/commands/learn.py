@@ -16,7 +16,7 @@ class Learn(LearnArguments):
     best policy so far; `--resume` goes on. A policy flies in the simulator, or on a vehicle whose sticks mean a tilt,
     behind the same safety as every pilot, and gives way to `horizon` when it fails.
 
-    Example: shipland learn --kind residual --minutes 45 --out out/residual
+    Example: shipland learn --kind residual --minutes 240 --out out/residual
 
     Example: shipland fly --pilot residual --set guidance.learned.residual=out/residual/policy.onnx
         --scenario rig-natops --vision geometric --out out/flown

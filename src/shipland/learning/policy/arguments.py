@@ -39,7 +39,7 @@ class LearnArguments:
     changes: Annotated[tuple[str, ...], tyro.conf.arg(name="set")] = ("wind.mean_mps=6", "wind.mean_half_range_mps=4")
     environments: int | None = None
     parallel: bool = False
-    minutes: float = 45.0
+    minutes: float = 240.0
     steps: int | None = None
     bound_mps2: float | None = None
     hidden: int = 64
