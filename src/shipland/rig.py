@@ -51,7 +51,7 @@ class Quad:
         return Quad(((x - w, y - h), (x + w, y - h), (x + w, y + h), (x - w, y + h)))
 
 
-_HAND_CUT = 0.005
+_HAND_CUT = 0.01
 """`manufacturing_tolerance` of green tape on robotics fields, as photographs of it show."""
 _MANUFACTURING_TOLERANCE = 0.003
 """`manufacturing_tolerance` of the rig's bar."""

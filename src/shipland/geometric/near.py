@@ -33,7 +33,7 @@ from shipland.vision.near.planar_pose import (
     solve,
 )
 from shipland.vision.near.refusal import Refusal, gimbal_off
-from shipland.vision.near.validate import jumps, largest_reprojection_px, sides_agree, within_reach
+from shipland.vision.near.validate import jumps, largest_reprojection_px, within_reach
 
 
 class GeometricVision:
@@ -118,8 +118,6 @@ class GeometricVision:
         near = self._near
         if not taken.reprojection_px <= largest_reprojection_px(quads_px, sigma_px, self._tolerance, near):
             return Refusal.REPROJECTION.value
-        if not sides_agree(quads_px, quads_px + taken.residual_px, sigma_px, near):
-            return Refusal.SIDES_UNEQUAL.value
         return "" if within_reach(taken.camera_from_plane, near) else Refusal.OUT_OF_REACH.value
 
 

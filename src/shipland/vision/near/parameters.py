@@ -40,10 +40,6 @@ class VisionParameters:
 
     Attributes:
         hue, saturation, value: the colour gate in OpenCV's ranges (hue 0 … 179), both ends included.
-        adaptive: whether a picture without a pose is searched once more, through a gate made from the picture itself
-            (`segment.adapted`).
-        adaptive_hue: widening of hue on either side in that gate, OpenCV's units of 2°.
-        adaptive_floor: fraction to which that gate may lower the floors of saturation and value.
         kernel_px: side of the square kernel of opening and closing.
         watershed_margin: erosion and dilation around the boundary, as a fraction of the region's longer side.
         min_side_px: shortest side of a quadrilateral.
@@ -68,10 +64,6 @@ class VisionParameters:
         max_noise: largest standard deviation of a side's end, as a fraction of the cue's shortest side: sides that are
             not straight, as an ellipse's, state a large one.
         corner_noise_px: standard deviation of a Förstner corner, per axis.
-        length_tolerance: largest relative difference of opposite sides' lengths.
-        slope_tolerance: largest difference of opposite sides' slopes.
-        screening_px: least of both tolerances in pixels, for sides so short that the fractions are below the corners'
-            errors.
         reprojection_px: largest root-mean-square reprojection error, in addition to the cue's
             `Target.manufacturing_tolerance` and four standard deviations of the corners.
         max_distance_m: farthest pose that is accepted.
@@ -91,9 +83,6 @@ class VisionParameters:
     hue: Band
     saturation: Band
     value: Band
-    adaptive: bool
-    adaptive_hue: int
-    adaptive_floor: float
     kernel_px: int
     watershed_margin: float
     min_side_px: float
@@ -110,9 +99,6 @@ class VisionParameters:
     max_blur: float
     max_noise: float
     corner_noise_px: float
-    length_tolerance: float
-    slope_tolerance: float
-    screening_px: float
     reprojection_px: float
     max_distance_m: float
     max_obliquity_deg: float
@@ -129,17 +115,15 @@ class VisionParameters:
         for name, top in (("hue", 179), ("saturation", 255), ("value", 255)):
             low, high = getattr(self, name)
             require(0 <= low <= high <= top, f"{name} must be two rising numbers in 0 … {top}, got {[low, high]}")
-        require(self.adaptive_hue >= 0, f"adaptive_hue must not be negative, got {self.adaptive_hue}")
-        require(0.0 < self.adaptive_floor <= 1.0, f"adaptive_floor must be in 0 … 1, got {self.adaptive_floor}")
         require(self.kernel_px >= 1 and self.kernel_px % 2 == 1, f"kernel_px must be odd, got {self.kernel_px}")
         for name in (
             "edge_floor_px", "edge_clipped_px", "edge_coded_px", "edge_bias_px", "row_motion_px_s", "row_shake_px_s",
-            "screening_px", "track_s", "track_climb_mps", "track_margin", "gimbal_noise_rad",
+            "track_s", "track_climb_mps", "track_margin", "gimbal_noise_rad",
         ):  # fmt: skip
             require(getattr(self, name) >= 0.0, f"{name} must not be negative")
         for name in (
             "watershed_margin", "min_side_px", "forstner_fraction", "forstner_min_px", "max_blur", "max_noise",
-            "corner_noise_px", "length_tolerance", "slope_tolerance", "reprojection_px", "max_distance_m",
+            "corner_noise_px", "reprojection_px", "max_distance_m",
             "track_margin_px",
         ):  # fmt: skip
             require(getattr(self, name) > 0.0, f"{name} must be positive, got {getattr(self, name)}")
@@ -149,9 +133,6 @@ class VisionParameters:
             max_candidates=(1, 1000),
             max_blur=(0.0, 1.0),
             max_noise=(0.0, 1.0),
-            length_tolerance=(0.0, 1.0),
-            slope_tolerance=(0.0, 1.0),
-            screening_px=(0.0, 10.0),
             reprojection_px=(0.0, 10.0),
             max_distance_m=(0.0, 1000.0),
             track_s=(0.0, 10.0),

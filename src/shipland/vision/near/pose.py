@@ -131,6 +131,14 @@ class PoseCandidate:
         """Whether it rests on all of the cue's quadrilaterals."""
         return len(self.match.model) == len(self.setup.plane_m)
 
+    @property
+    def freed_px(self) -> Array:
+        """(k,4,2) the undistorted corners, freed of the errors that they have in common."""
+        corners, common = self.corners, self.solutions[0].common
+        if corners.common_px is None:
+            return corners.undistorted_px
+        return corners.undistorted_px - np.tensordot(common, corners.common_px, axes=1)
+
     @cached_property
     def bar_pose(self) -> BarPose:
         """What crosses to the pilot."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -14,12 +14,8 @@ from shipland.frames import Array
 from shipland.vision.near.parameters import VisionParameters
 
 Image = npt.NDArray[np.uint8]
-
-_ADAPT_STEP_PX = 8
-"""Step of the rows and columns that are sampled for a picture's brightness."""
-
-_BRIGHT_PERCENT = 99.0
-"""Percentile of saturation and of value that is taken for the picture's maximum."""
+Contour = npt.NDArray[np.int32]
+"""(n,1,2) an outline through pixel centres, as OpenCV has it."""
 
 _BAND_ROWS = 128
 """Rows of a band of `coloured_window`; even."""
@@ -78,36 +74,16 @@ class Region:
     cut: bool
 
 
-def gate(image: Image, parameters: VisionParameters) -> Image:
-    """The colour gate [Lee2022, §Image Filtering]: (H,W) 0 or 255."""
-    hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
-    bands = (parameters.hue, parameters.saturation, parameters.value)
-    low, high = np.array([band[0] for band in bands]), np.array([band[1] for band in bands])
-    return np.asarray(cv2.inRange(hsv, low, high), np.uint8)
-
-
-def adapted(image: Image, parameters: VisionParameters) -> VisionParameters:
-    """The parameters with a gate made from the picture: for other exposure and white balance than the gate's.
-
-    The floors of saturation and value are lowered as the picture's own 99th percentile of each lies below full scale,
-    at most to `adaptive_floor` of themselves; hue is widened by `adaptive_hue`. Nothing is narrowed.
-    """
-    few = np.ascontiguousarray(image[::_ADAPT_STEP_PX, ::_ADAPT_STEP_PX])
-    most = np.percentile(cv2.cvtColor(few, cv2.COLOR_BGR2HSV).reshape(-1, 3), _BRIGHT_PERCENT, axis=0)
-    saturation, value = (
-        (round(low * max(float(share), parameters.adaptive_floor)), high)
-        for (low, high), share in zip((parameters.saturation, parameters.value), most[1:] / 255.0, strict=True)
-    )
-    low, high = parameters.hue
-    hue = max(low - parameters.adaptive_hue, 0), min(high + parameters.adaptive_hue, 179)
-    return replace(parameters, hue=hue, saturation=saturation, value=value)
-
-
-def coloured_window(image: Image, parameters: VisionParameters) -> Window:
+def coloured_window(image: Image, kernel_px: int, gate: Callable[[Image], Image]) -> Window:
     """The part of a picture that holds all its coloured regions; empty when there are none.
 
     Every second pixel of every second row is enough: opening removes whatever has none of them. The picture is taken in
     bands, which stay in the processor's cache.
+
+    Args:
+        image: (H,W,3) BGR.
+        kernel_px: of opening and closing.
+        gate: (h,w) above 0 where a picture has the colour.
     """
     height, width = image.shape[:2]
     if width < 64 or height < 64:
@@ -116,13 +92,13 @@ def coloured_window(image: Image, parameters: VisionParameters) -> Window:
     for top in range(0, height & ~1, _BAND_ROWS):
         band = image[top : min(top + _BAND_ROWS, height & ~1), : width & ~1]
         few = cv2.resize(band, (width // 2, len(band) // 2), interpolation=cv2.INTER_NEAREST)
-        column, row, across, down = cv2.boundingRect(gate(np.asarray(few, np.uint8), parameters))
+        column, row, across, down = cv2.boundingRect(gate(np.asarray(few, np.uint8)))
         if across:
             boxes.append((2 * column, top + 2 * row, 2 * (column + across), top + 2 * (row + down)))
     if not boxes:
         return Window(0, 0, 0, 0)
     lefts, tops, rights, bottoms = zip(*boxes, strict=True)
-    margin = parameters.kernel_px + 2
+    margin = kernel_px + 2
     return Window(
         max(min(lefts) - margin, 0),
         max(min(tops) - margin, 0),
@@ -131,65 +107,39 @@ def coloured_window(image: Image, parameters: VisionParameters) -> Window:
     )
 
 
-def colour_mask(image: Image, parameters: VisionParameters) -> Image:
-    """The gate, then opening, then closing [Lee2022, §Image Filtering]: (H,W) 0 or 255."""
-    mask = gate(image, parameters)
-    kernel = np.ones((parameters.kernel_px, parameters.kernel_px), np.uint8)
+def opened_and_closed(mask: cv2.typing.MatLike, kernel_px: int) -> Image:
+    """A mask without specks, then without voids [Lee2022, §Image Filtering]."""
+    kernel = np.ones((kernel_px, kernel_px), np.uint8)
     opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
     # A border of 0, or closing would join a region to the picture's edge; what opening left at the edge is kept.
     closed = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     return np.asarray(cv2.bitwise_or(closed, opened), np.uint8)
 
 
-def find_regions(image: Image, window: Window, parameters: VisionParameters) -> list[Region]:
-    """The largest coloured regions in a part of the picture, largest first; too small ones are left out.
+def outlines(mask: cv2.typing.MatLike, offset: tuple[int, int], parameters: VisionParameters) -> list[Contour]:
+    """The largest outlines in a mask that are not too small, largest first.
 
     Args:
-        image: (H,W,3) BGR.
-        window: where to look; not empty.
-        parameters: gate, kernel, least size and greatest number.
+        mask: above 0 inside.
+        offset: where in the picture its first pixel is.
+        parameters: least size and greatest number.
     """
-    mask = colour_mask(window.of(image), parameters)
-    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=(window.left, window.top))
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=offset)
     # A contour through the centres of the outermost pixels is one pixel short on each axis.
     least_px2 = max(parameters.min_side_px - 1.0, 1.0) ** 2
     sized = [(cv2.contourArea(contour), contour) for contour in contours if len(contour) >= 4]
     sized = sorted((item for item in sized if item[0] >= least_px2), key=lambda item: -item[0])
-    height_px, width_px = image.shape[:2]
-    regions = []
-    for area_px2, contour in sized[: parameters.max_candidates]:
-        points = np.asarray(contour[:, 0], np.int32)
-        left, top, width, height = cv2.boundingRect(points)
-        if min(width, height) < parameters.min_side_px:
-            continue
-        cut = left <= 0 or top <= 0 or left + width >= width_px or top + height >= height_px
-        regions.append(Region(points, float(area_px2), cut))
-    return regions
+    return [np.asarray(contour, np.int32) for _, contour in sized[: parameters.max_candidates]]
 
 
-def watershed_region(image: Image, region: Region, margin: float) -> Region | None:
-    """The region with the boundary that the watershed finds [Lee2022, §Image Filtering].
-
-    The region eroded and the background outside of the region dilated, both by `margin` of the region's longer
-    side and at least one pixel, flood toward each other over the picture. None when nothing is left of it.
-    """
-    _, _, width, height = cv2.boundingRect(region.contour_px)
-    reach = max(1, round(margin * max(width, height)))
-    window = Window.around(region.contour_px.astype(float), reach + 2.0, image.shape[1], image.shape[0])
-    offset = (-window.left, -window.top)
-    filled = np.zeros((window.bottom - window.top, window.right - window.left), np.uint8)
-    cv2.drawContours(filled, [region.contour_px.reshape(-1, 1, 2)], -1, 255, cv2.FILLED, offset=offset)
-    kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    markers = np.zeros(filled.shape, np.int32)
-    markers[cv2.dilate(filled, kernel) == 0] = 1
-    markers[cv2.erode(filled, kernel) > 0] = 2
-    cv2.watershed(np.ascontiguousarray(window.of(image)), markers)
-    inside = np.asarray(markers == 2, np.uint8)
-    contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=(window.left, window.top))
-    if not contours:
+def region_of(contour: Contour, image: Image, parameters: VisionParameters) -> Region | None:
+    """The region of an outline in the picture; None when it is too narrow."""
+    left, top, width, height = cv2.boundingRect(contour)
+    if min(width, height) < parameters.min_side_px:
         return None
-    contour = max(contours, key=cv2.contourArea)
-    return Region(np.asarray(contour[:, 0], np.int32), float(cv2.contourArea(contour)), region.cut)
+    height_px, width_px = image.shape[:2]
+    cut = left <= 0 or top <= 0 or left + width >= width_px or top + height >= height_px
+    return Region(np.asarray(contour[:, 0], np.int32), float(cv2.contourArea(contour)), cut)
 
 
 _LEAST_SOLIDITY = 0.85
@@ -197,9 +147,6 @@ _LEAST_SOLIDITY = 0.85
 
 _LEAST_PLAINNESS = 0.12
 """4π area / perimeter²: 1 for a circle, 0.6 for the rig's rectangles, 0.25 for a frame's three sides."""
-
-_MOST_FLOODS = 8
-"""Regions in one picture that the watershed is tried on; bounds the time that foliage takes."""
 
 _LEAST_TURN = 0.3
 """Sine of the least turn from one side to the next."""
@@ -255,15 +202,15 @@ class Segments:
     cut: list[Region]
 
 
+RegionsOf = Callable[[Image, Window, VisionParameters], list[Region]]
+"""Finds the regions of the cue's colour in a part of a picture, largest first."""
+
 QuadsOf = Callable[[Image, list[Region], VisionParameters], list[Array]]
 """Finds the quadrilaterals (4,2) [px] among regions that are whole."""
 
 
-def segment(image: Image, window: Window, parameters: VisionParameters, quads_of: QuadsOf) -> Segments | None:
-    """The quadrilaterals in a part of a picture; None when nothing there passes the colour gate."""
-    regions = [] if window.empty else find_regions(image, window, parameters)
-    if not regions:
-        return None
+def segment(image: Image, regions: list[Region], parameters: VisionParameters, quads_of: QuadsOf) -> Segments:
+    """The quadrilaterals among the regions of a picture."""
     cut = [region for region in regions if region.cut and _is_plain(region)]
     cut_quads = (quad_from_region(region, parameters.min_side_px) for region in cut)
     flush = (_snapped(quad, image.shape[1], image.shape[0]) for quad in cut_quads if quad is not None)
@@ -271,19 +218,10 @@ def segment(image: Image, window: Window, parameters: VisionParameters, quads_of
     return Segments(quads_of(image, whole, parameters), [quad for quad in flush if quad is not None], cut)
 
 
-def find_quads(image: Image, regions: list[Region], parameters: VisionParameters) -> list[Array]:
-    """The quadrilaterals among whole regions; those of plain outline that are none get the watershed's boundary."""
-    quads = [quad_from_region(region, parameters.min_side_px) for region in regions]
-    doubtful = [index for index, quad in enumerate(quads) if quad is None and _is_plain(regions[index])]
-    for index in doubtful[:_MOST_FLOODS]:
-        quads[index] = flooded_quad(image, regions[index], parameters)
+def find_quads(_: Image, regions: list[Region], parameters: VisionParameters) -> list[Array]:
+    """The quadrilaterals among whole regions."""
+    quads = (quad_from_region(region, parameters.min_side_px) for region in regions)
     return [quad for quad in quads if quad is not None]
-
-
-def flooded_quad(image: Image, region: Region, parameters: VisionParameters) -> Array | None:
-    """Four corners (4,2) [px] of a region with the boundary that the watershed finds; None when it has no four."""
-    flooded = watershed_region(image, region, parameters.watershed_margin)
-    return None if flooded is None else quad_from_region(flooded, parameters.min_side_px)
 
 
 def is_cut_quad(region: Region) -> bool:

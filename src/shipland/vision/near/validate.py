@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose
@@ -30,9 +29,6 @@ _REPROJECTION_NOISE = 4.0
 _MOST_NOISE_PX = 0.1
 """Most that these amount to: smeared or frayed sides state a noise that would excuse any shape."""
 
-_SIDE_NOISE = 4.0
-"""Standard deviations of a corner that the ends of a side may be off in addition."""
-
 _JUMP_M, _JUMP_SIGMAS = 0.5, 4.0
 """Change of height, and its standard deviations, that two poses may differ by in no time."""
 
@@ -45,10 +41,9 @@ _WHOLE = 0.98
 _COVERED = 0.6
 """Least share of a predicted quadrilateral's visible part, and of a cut region, that the two must have in common."""
 
-_NEXT = np.array([1, 2, 3, 0])
 
-SidesAgree = Callable[[Array, Array, float, VisionParameters], bool]
-"""Measured and predicted corners (k,4,2), noise of a corner [px], parameters: whether opposite sides agree."""
+Screen = Callable[["PoseCandidate"], bool]
+"""A further test of a pose's sides."""
 
 
 def corners_are_sharp(measured: MeasuredCorners, parameters: VisionParameters) -> bool:
@@ -58,20 +53,18 @@ def corners_are_sharp(measured: MeasuredCorners, parameters: VisionParameters) -
     return not (blurred or measured.noise_px > parameters.max_noise * shortest_px)
 
 
-def validate(candidate: PoseCandidate, screen: SidesAgree) -> Refusal | None:
-    """Why a pose is refused; None when it passes reprojection gate, screening of opposite sides, and reach."""
-    corners, taken, measured = candidate.corners, candidate.solutions[0], candidate.measured
-    parameters, corners_px = candidate.setup.parameters, corners.undistorted_px
-    if corners.common_px is not None:
-        if not np.abs(taken.common).max() <= _MOST_COMMON:
-            return Refusal.REPROJECTION
-        corners_px = corners_px - np.tensordot(taken.common, corners.common_px, axes=1)
+def validate(candidate: PoseCandidate, screen: Screen) -> Refusal | None:
+    """Why a pose is refused; None when it passes reprojection gate, screening and reach."""
+    taken, measured = candidate.solutions[0], candidate.measured
+    parameters, corners_px = candidate.setup.parameters, candidate.freed_px
+    if taken.common.size and not np.abs(taken.common).max() <= _MOST_COMMON:
+        return Refusal.REPROJECTION
     tolerance = candidate.setup.manufacturing_tolerance
     if not taken.reprojection_px <= largest_reprojection_px(corners_px, measured.noise_px, tolerance, parameters):
         return Refusal.REPROJECTION
     if measured.held and _beyond_edge(candidate):
         return Refusal.CUT_BY_FRAME
-    if not screen(corners_px, corners_px + taken.residual_px, measured.noise_px, parameters):
+    if not screen(candidate):
         return Refusal.SIDES_UNEQUAL
     return None if within_reach(taken.camera_from_plane, parameters) else Refusal.OUT_OF_REACH
 
@@ -90,52 +83,6 @@ def largest_reprojection_px(
     diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
     most_px = parameters.reprojection_px + manufacturing_tolerance * diagonal_px
     return most_px + min(_REPROJECTION_NOISE * noise_px, _MOST_NOISE_PX)
-
-
-def sides_agree(measured_px: Array, predicted_px: Array, noise_px: float, parameters: VisionParameters) -> bool:
-    """Whether opposite sides agree within ±10 % in length and ±5 % in slope, perspective allowed for.
-
-    As printed (`published.sides_agree`), opposite sides are compared with each other. A rectangle seen obliquely from
-    near by fails that: at 2 m and 40° off, one end of the rig's rectangle is 15 % longer than the other. Here the ratio
-    of the lengths and the difference of the slopes are compared with those of the pose. For a distant or frontal view
-    both readings are one.
-
-    Args:
-        measured_px: (k,4,2) corners, clockwise from the first.
-        predicted_px: (k,4,2) the same corners projected with the pose.
-        noise_px: standard deviation of a measured corner.
-        parameters: tolerances.
-    """
-    (ratio, predicted), (shorter_px, _) = opposite_sides(np.array([measured_px, predicted_px]))
-    return ratio_is_within(ratio / predicted, shorter_px, noise_px, parameters)
-
-
-def ratio_is_within(
-    ratio: npt.NDArray[np.complex128], shorter_px: Array, noise_px: float, parameters: VisionParameters
-) -> bool:
-    """Whether ratios of opposite sides, as `opposite_sides` has them, are 1 within the tolerances.
-
-    Corners of a small rectangle are too uncertain for fractions: a few pixels are always allowed.
-    """
-    unsure = (parameters.screening_px + _SIDE_NOISE * noise_px) / np.minimum(shorter_px, 1e6)
-    length = np.abs(ratio)
-    tolerance = 1.0 + np.maximum(parameters.length_tolerance, unsure)
-    steepest = np.maximum(parameters.slope_tolerance, unsure)
-    agree = (length <= tolerance) & (length * tolerance >= 1.0)
-    agree &= np.abs(ratio.imag) <= steepest * np.maximum(ratio.real, 1e-9)
-    return bool(agree.all())
-
-
-def opposite_sides(quads_px: Array) -> tuple[npt.NDArray[np.complex128], Array]:
-    """(…,2) ratio of opposite sides, top to bottom and right to left, as complex numbers; (…,2) the shorter's length.
-
-    The magnitude is the ratio of the lengths, the angle's tangent the difference of the slopes.
-    """
-    corners = quads_px.view(np.complex128)[..., 0]
-    sides = corners[..., _NEXT] - corners
-    lengths = np.abs(sides)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return sides[..., :2] / -sides[..., 2:], np.minimum(lengths[..., :2], lengths[..., 2:])
 
 
 def within_reach(camera_from_plane: Pose, parameters: VisionParameters) -> bool:
