@@ -10,11 +10,11 @@ import numpy.typing as npt
 from shipland.frames import Array
 from shipland.rig import Target
 
-_PLACE_TOLERANCE = 0.4
+_PLACE_TOLERANCE = 0.6
 """How far a neighbour may lie from where one quadrilateral's affine frame puts it, as a fraction of its distance.
 Perspective alone reaches 0.3 for the rig's bar at 2 m and 40° off."""
 
-_SIZE_RATIO = 3.0
+_SIZE_RATIO = 5.0
 """Largest ratio of a neighbour's area to the one predicted."""
 
 _APART = 0.7
@@ -25,6 +25,12 @@ _TURNS = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [2, 3, 0, 1], [3, 0, 1, 2]])
 
 _MOST = 24
 """Hypotheses that are looked at."""
+
+_MOST_FITTED = 200
+"""Hypotheses that are compared by how well they fit."""
+
+_MOST_MISFIT = 0.1
+"""Largest misfit of a hypothesis to any view of the cue, as a share of its extent: a hidden corner leaves 0.05."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +104,36 @@ def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> l
                 if key not in matches or quality < matches[key][1]:
                     quads = np.stack([turned[c, i] for i, c in zip(order, chosen, strict=True)])
                     matches[key] = (len(order), quality, Match(order, quads, chosen))
-    ranked = sorted(matches.values(), key=lambda item: (-item[0], item[1]))
-    return [match for _, _, match in ranked[:_MOST]]
+    ranked = [match for _, _, match in sorted(matches.values(), key=lambda item: (-item[0], item[1]))[:_MOST_FITTED]]
+    misfits = _misfits(ranked, plane_m)
+    likely = [index for index in range(len(ranked)) if misfits[index] <= _MOST_MISFIT]
+    return [ranked[i] for i in sorted(likely, key=lambda i: (-len(ranked[i].model), misfits[i]))[:_MOST]]
+
+
+def _misfits(matches: list[Match], plane_m: Array) -> Array:
+    """How far the corners of each hypothesis are from a perspective view of the cue, as a share of their extent.
+
+    The least singular value of the homography's equations, in coordinates of unit size.
+    """
+    misfits = np.zeros(len(matches))
+    for size in {len(match.model) for match in matches if len(match.model) > 1}:
+        some = [index for index, match in enumerate(matches) if len(match.model) == size]
+        x, y = _unit(np.stack([plane_m[list(matches[i].model)] for i in some]).reshape(len(some), -1, 2))
+        u, v = _unit(np.stack([matches[i].quads_px for i in some]).reshape(len(some), -1, 2))
+        one, none = np.ones_like(x), np.zeros_like(x)
+        rows = np.stack([x, y, one, none, none, none, -u * x, -u * y, -u], axis=-1)
+        more = np.stack([none, none, none, x, y, one, -v * x, -v * y, -v], axis=-1)
+        equations = np.concatenate([rows, more], axis=1)
+        values = np.linalg.eigvalsh(equations.transpose(0, 2, 1) @ equations)
+        misfits[some] = np.sqrt(np.maximum(values[:, 0], 0.0) / x.shape[1])
+    return misfits
+
+
+def _unit(points: Array) -> tuple[Array, Array]:
+    """Points (h,n,2) about their mean, in units of their spread."""
+    points = points - points.mean(axis=1, keepdims=True)
+    points /= np.maximum(np.sqrt((points**2).mean(axis=(1, 2), keepdims=True)), 1e-9)
+    return points[..., 0], points[..., 1]
 
 
 def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:

@@ -148,6 +148,21 @@ class EdgePixels:
     use: Array
     columns: Array
 
+    def without(self, stray: npt.NDArray[np.bool_]) -> EdgePixels:
+        """The same with stray stations (s,station) in whose place the nearest other one is repeated."""
+        stations = np.arange(stray.shape[1])
+        counted = self.use.any(axis=2)
+        apart = np.abs(stations[:, None] - stations) + len(stations) * (stray | ~counted)[:, None]
+        index = np.where(stray | ~counted, apart.argmin(axis=2), stations)[..., None]
+        kept = np.count_nonzero(counted & ~stray, axis=1) / np.maximum(np.count_nonzero(counted, axis=1), 1)
+        return EdgePixels(
+            np.take_along_axis(self.levels, index[..., None], axis=1),
+            np.take_along_axis(self.out_px, index, axis=1),
+            np.take_along_axis(self.along, index, axis=1),
+            self.use * ~stray[..., None],
+            np.maximum(self.columns * kept, 1.0),
+        )
+
 
 def edge_pixels(image: Image, sides: Sides, camera: Camera, half_px: Array) -> EdgePixels:
     """Columns of pixels across flat sides, rows across steep ones.
@@ -232,13 +247,13 @@ def contrast_direction(inside: Array, outside: Array) -> Array | None:
     return difference / size2 if size2 > _LEAST_CONTRAST**2 else None
 
 
-def contrasts(
-    pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_luma: bool
-) -> tuple[Array, bool, float] | None:
-    """Light of pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
+Profile = tuple[Array, bool, float]
+"""Light of pixels (s,station,across) from 0 outside to 1 inside; whether the inside saturates; by how much a pixel's
+share differs, root mean square, for every grey level that a sensor's noise has."""
 
-    And whether the inside saturates, which moves the edge outward; and by how much a
-    pixel's share differs, root mean square, for every grey level that a sensor's noise has.
+
+def contrasts(pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_luma: bool) -> Profile | None:
+    """Light of pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
 
     Args:
         pixels: from inside to outside.

@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.vision.near.edge_pixels import EdgePixels, Sides, contrasts, distort, edge_pixels
+from shipland.vision.near.edge_pixels import EdgePixels, Profile, Sides, contrasts, distort, edge_pixels
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import Image, edge_distances, reaches_edge
 
@@ -59,6 +59,18 @@ where the lamp clips and its other colours are measured; H.264 at 8 Mbit/s has 5
 
 _CODED_SIDE_PX = 20.0
 """Length of a side up to which coding moves it as a whole: about a block's."""
+
+_STRAY_LEVEL = 0.4
+"""Difference of a column's levels from the side's median, against the contrast, from which it shows another edge."""
+
+_STRAY_PX = 1.0
+"""The same of its edge from the side's line."""
+
+_MOST_STRAY = 0.5
+"""Share of a side's columns from which no line is that of most, and none is left out."""
+
+_FIRST, _LAST = np.array([(0, 19), (0, 10), (9, 19), (2, 12), (5, 15), (7, 17), (3, 10), (9, 16), (1, 8), (11, 18)]).T
+"""Pairs of stations through which lines are laid to find the one that most agree with."""
 
 _HELD_PX = 0.05
 """Standard deviation of a side that is taken to lie on the picture's edge."""
@@ -132,7 +144,7 @@ def measure_corners(
         None when there is no contrast, a side is too far off, or sides are parallel.
     """
     sides = Sides.of(quads_px, parameters.edge_reach_px, _held(image, quads_px, camera))
-    for _ in range(_TRIES):
+    for attempt in range(_TRIES):
         fit = _fit(image, sides, camera, parameters, blur_px)
         if fit is None or fit.blur_px * _REACH_PER_BLUR > float(sides.reach_px.min()):
             wider = sides.wider()
@@ -143,7 +155,8 @@ def measure_corners(
         if fit is None or met is None:
             return None
         ends_px = np.abs(fit.offset_px) + np.abs(fit.slope) * sides.half_px()
-        near = _RECENTRE * sides.reach_px if fit.blur_px <= _MUCH_BLURRED_PX else _RECENTRE_BLURRED * fit.blur_px
+        settled = fit.blur_px <= _MUCH_BLURRED_PX or attempt > _TRIES // 2
+        near = _RECENTRE * sides.reach_px if settled else _RECENTRE_BLURRED * fit.blur_px
         if np.all(ends_px <= near):
             return met
         sides = replace(Sides.of(met.corners_px, 0.0, sides.held), reach_px=sides.reach_px)
@@ -175,6 +188,35 @@ def edge_response(inside_px: Array, blur_px: float) -> tuple[Array, Array, Array
     density = share[0]
     density -= share[1]
     return response, density, bells
+
+
+def stray_stations(values: Array, pixels: EdgePixels) -> npt.NDArray[np.bool_] | None:
+    """(s,station) columns of pixels that do not show a side's edge, as where a finger lies over it; None for none.
+
+    They have other levels than most of the side, or an edge off the line on which most have theirs.
+    """
+    count, stations = values.shape[2], np.arange(values.shape[1])
+    counted = pixels.use.any(axis=2)
+    # Where there are fewer stations than room for them, the last one is repeated: all count alike here.
+    alike = stations * counted.sum(axis=1)[:, None] // len(stations)
+    inner, outer = 0.5 * (values[:, :, 0] + values[:, :, 1]), 0.5 * (values[:, :, -1] + values[:, :, -2])
+    inside, outside = (np.median(np.take_along_axis(ends, alike, 1), axis=1)[:, None] for ends in (inner, outer))
+    span = np.maximum(inside - outside, 0.1)
+    stray = np.maximum(np.abs(inner - inside), np.abs(outer - outside)) > _STRAY_LEVEL * span
+    share = (values.sum(axis=2) / count - outside) / span
+    innermost_px = pixels.out_px[:, :, 0]
+    crossing_px = innermost_px + (share * count - 0.5) / (count - 1) * (pixels.out_px[:, :, -1] - innermost_px)
+    along = pixels.along[:, :, count // 2]
+    first, last = alike[:, _FIRST], alike[:, _LAST]
+    start, end = np.take_along_axis(along, first, 1), np.take_along_axis(along, last, 1)
+    start_px, end_px = np.take_along_axis(crossing_px, first, 1), np.take_along_axis(crossing_px, last, 1)
+    slope = (end_px - start_px) / np.where(np.abs(end - start) < 0.1, np.inf, end - start)
+    off_px = np.abs(crossing_px[:, None] - start_px[..., None] - slope[..., None] * (along[:, None] - start[..., None]))
+    agree = (off_px <= _STRAY_PX) & ~stray[:, None] & counted[:, None]
+    best = np.argmax(agree.sum(axis=2), axis=1)
+    stray = counted & ~agree[np.arange(len(values)), best]
+    stray &= (stray.sum(axis=1) < _MOST_STRAY * counted.sum(axis=1))[:, None]
+    return stray if stray.any() else None
 
 
 def _coarse(values: Array, pixels: EdgePixels) -> Array:
@@ -224,10 +266,14 @@ def _fit(
     image: Image, sides: Sides, camera: Camera, parameters: VisionParameters, blur_px: float | None
 ) -> SideFit | None:
     pixels = edge_pixels(image, sides, camera, sides.half_px())
-    fit = _fit_to(pixels, sides, parameters, blur_px, by_luma=False)
+    profile = contrasts(pixels, sides.held, by_luma=False)
+    if profile is not None and (stray := stray_stations(profile[0], pixels)) is not None:
+        pixels = pixels.without(stray)
+        profile = contrasts(pixels, sides.held, by_luma=False)
+    fit = _fit_to(profile, pixels, sides, parameters, blur_px)
     if fit is not None and not fit.noisy:
         return fit
-    by_luma = _fit_to(pixels, sides, parameters, None, by_luma=True)
+    by_luma = _fit_to(contrasts(pixels, sides.held, by_luma=True), pixels, sides, parameters, None)
     fits = [it for it in (fit, by_luma) if it is not None]
     if not fits:
         return None
@@ -249,12 +295,11 @@ def _as_coded(fit: SideFit, parameters: VisionParameters) -> SideFit:
 
 
 def _fit_to(
-    pixels: EdgePixels, sides: Sides, parameters: VisionParameters, blur_px: float | None, *, by_luma: bool
+    profile: Profile | None, pixels: EdgePixels, sides: Sides, parameters: VisionParameters, blur_px: float | None
 ) -> SideFit | None:
-    half_px = sides.half_px()
-    profile = contrasts(pixels, sides.held, by_luma=by_luma)
     if profile is None:
         return None
+    half_px = sides.half_px()
     values, clipped, per_level = profile
     ends = _coarse(values, pixels)
     if blur_px is None:

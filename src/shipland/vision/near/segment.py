@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.frames import Array
+from shipland.vision.near.outline import polygon_in_outline, support
 from shipland.vision.near.parameters import VisionParameters
 
 Image = npt.NDArray[np.uint8]
@@ -148,6 +149,13 @@ _LEAST_SOLIDITY = 0.85
 _LEAST_PLAINNESS = 0.12
 """4π area / perimeter²: 1 for a circle, 0.6 for the rig's rectangles, 0.25 for a frame's three sides."""
 
+_FILLED = 0.06
+"""Difference of a region's area from that of its hull's quadrilateral, over the hull's, up to which nothing of it is
+hidden."""
+
+_MORE_SUPPORT = 0.05
+"""Share of its sides by which more of a quadrilateral must lie on the outline than of that of the hull."""
+
 _LEAST_TURN = 0.3
 """Sine of the least turn from one side to the next."""
 
@@ -167,13 +175,21 @@ _AREA_RATIO = (0.82, 1.18)
 def quad_from_region(region: Region, min_side_px: float) -> Array | None:
     """Four corners (4,2) [px], clockwise in the picture, of a region that is one quadrilateral; else None.
 
-    The sides run through the centres of the region's outermost pixels: within half a pixel of the true edge.
+    The sides run through the centres of the region's outermost pixels: within half a pixel of the true edge. Where the
+    region fills the quadrilateral of its hull, that is it; else the outline is searched for its lines.
     """
     hull = cv2.convexHull(region.contour_px)
     hull_px2 = cv2.contourArea(hull)
-    if hull_px2 <= 0.0 or region.area_px2 < _LEAST_SOLIDITY * hull_px2:
+    if hull_px2 <= 0.0 or not _is_plain(region):
         return None
-    return _quad_of_hull(hull, hull_px2, min_side_px)
+    quad = _quad_of_hull(hull, hull_px2, min_side_px) if region.area_px2 >= _LEAST_SOLIDITY * hull_px2 else None
+    if quad is not None and abs(cv2.contourArea(quad.astype(np.float32)) - region.area_px2) <= _FILLED * hull_px2:
+        return quad
+    lines = polygon_in_outline(region.contour_px, region.area_px2, 4)
+    if lines is None or not _is_proper(lines.tolist(), min_side_px):
+        return quad
+    better = quad is None or support(lines, region.contour_px) > support(quad, region.contour_px) + _MORE_SUPPORT
+    return lines if better else quad
 
 
 def _quad_of_hull(hull: cv2.typing.MatLike, hull_px2: float, min_side_px: float) -> Array | None:

@@ -1,0 +1,143 @@
+"""Polygons of known count of corners in a region's outline: lines on which most of it lies, and where they meet."""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from shipland.frames import Array
+
+_FINE = 0.25
+"""How far a polygon may lie off the outline before it is simplified, as a fraction of the region's width."""
+
+_MOST_VERTICES = 40
+"""An outline with more is no polygon."""
+
+_LINE_PX = 2.0
+"""Distance up to which a point of the outline belongs to a side."""
+
+_SETTLED = 2
+"""How often the sides are laid through their points anew."""
+
+_SUPPORTED, _ALL_SUPPORTED = 0.35, 0.6
+"""Least share of a side that lies on the outline, for all sides but one; and of all sides together."""
+
+_AREA_RATIO = (0.75, 1.6)
+"""Area of the polygon over that of the region; a part of the polygon may be hidden."""
+
+_PARALLEL = 0.15
+"""Sine of the angle up to which two lines are taken for parallel."""
+
+
+def polygon_in_outline(contour_px: npt.NDArray[np.int32], area_px2: float, count: int) -> Array | None:
+    """Corners (count,2) [px], clockwise, of the polygon on which a region's outline mostly lies; None for none.
+
+    A bite out of a side, a corner that something hides, something small that touches the region: the sides are then
+    those of the rest.
+    """
+    perimeter_px = cv2.arcLength(contour_px, True)
+    fine_px = max(1.0, _FINE * 2.0 * area_px2 / perimeter_px)
+    vertices = cv2.approxPolyDP(contour_px, fine_px, True)[:, 0].astype(float)
+    if not count <= len(vertices) <= _MOST_VERTICES:
+        return None
+    if cv2.contourArea(vertices.astype(np.float32), oriented=True) < 0.0:
+        vertices = vertices[::-1]
+    corners = _simplified(vertices, count)
+    points_px = _points(contour_px)
+    for _ in range(_SETTLED):
+        if corners is None:
+            return None
+        corners = _settled(corners, points_px)
+    if corners is None:
+        return None
+    share = _support(corners, points_px)
+    if np.count_nonzero(share >= _SUPPORTED) < count - 1 or share.mean() < _ALL_SUPPORTED:
+        return None
+    area_px2 = cv2.contourArea(corners.astype(np.float32), oriented=True)
+    return corners if _AREA_RATIO[0] * area_px2 <= area_px2 <= _AREA_RATIO[1] * area_px2 else None
+
+
+def _simplified(vertices: Array, count: int) -> Array | None:
+    """A polygon (n,2) with vertices or sides left out, each time what changes its area least, until `count` are left."""
+    polygon = vertices
+    while len(polygon) > count:
+        before, after, second = np.roll(polygon, 1, axis=0), np.roll(polygon, -1, axis=0), np.roll(polygon, -2, axis=0)
+        without_vertex = np.abs(_cross(polygon - before, after - before))
+        meets = _meeting(before, polygon - before, second, after - second)
+        without_side = np.abs(_cross(after - polygon, meets - polygon))
+        # Sides that meet only beyond their own far ends would turn the polygon over.
+        forward = ((meets - polygon) * (polygon - before)).sum(axis=1) >= 0.0
+        forward &= ((meets - after) * (after - second)).sum(axis=1) >= 0.0
+        without_side = np.where(forward & np.isfinite(without_side), without_side, np.inf)
+        vertex, side = int(without_vertex.argmin()), int(without_side.argmin())
+        if without_side[side] < without_vertex[vertex]:
+            polygon[side] = meets[side]
+            polygon = np.delete(polygon, (side + 1) % len(polygon), axis=0)
+        else:
+            polygon = np.delete(polygon, vertex, axis=0)
+    return polygon
+
+
+def _points(contour_px: npt.NDArray[np.int32]) -> Array:
+    """(m,2) points of a region's outline, about a pixel apart."""
+    closed = np.concatenate([contour_px, contour_px[:1]]).astype(float)
+    length_px = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
+    places = np.linspace(0.0, length_px[-1], min(max(int(length_px[-1]), 8), 600), endpoint=False)
+    return np.column_stack([np.interp(places, length_px, closed[:, axis]) for axis in (0, 1)])
+
+
+def _of_sides(corners: Array, points_px: Array) -> tuple[Array, Array, Array]:
+    """(n,2) unit directions of the sides, (n,) their lengths, (n,m) whether a point lies on a side."""
+    side = np.roll(corners, -1, axis=0) - corners
+    length_px = np.maximum(np.hypot(*side.T), 1e-9)
+    along = side / length_px[:, None]
+    apart = points_px[None] - corners[:, None]
+    forward = np.einsum("nmk,nk->nm", apart, along)
+    across = np.abs(_cross(along[:, None], apart))
+    return along, length_px, (across <= _LINE_PX) & (forward >= 0.0) & (forward <= length_px[:, None])
+
+
+def _settled(corners: Array, points_px: Array) -> Array | None:
+    """Corners (n,2) where the sides meet that are laid through the points beside them; None when two are parallel."""
+    along, _, on = _of_sides(corners, points_px)
+    foot = 0.5 * (corners + np.roll(corners, -1, axis=0))
+    direction = along.copy()
+    for side in np.flatnonzero(np.count_nonzero(on, axis=1) >= 3):
+        some = points_px[on[side]]
+        foot[side] = some.mean(axis=0)
+        (xx, xy), (_, yy) = np.cov((some - foot[side]).T)
+        angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
+        line = np.array([math.cos(angle), math.sin(angle)])
+        if abs(_cross(line, along[side])) < _PARALLEL:
+            direction[side] = line if line @ along[side] > 0.0 else -line
+    before = np.roll(direction, 1, axis=0)
+    if np.abs(_cross(before, direction)).min() < _PARALLEL:
+        return None
+    met = _meeting(np.roll(foot, 1, axis=0), before, foot, direction)
+    return met if np.isfinite(met).all() else None
+
+
+def support(corners: Array, contour_px: npt.NDArray[np.int32]) -> float:
+    """Share of the sides (n,2) that lies on an outline."""
+    return float(_support(corners, _points(contour_px)).mean())
+
+
+def _support(corners: Array, points_px: Array) -> Array:
+    """(n,) share of each side that lies on the outline."""
+    _, length_px, on = _of_sides(corners, points_px)
+    spacing_px = float(np.hypot(*(points_px[1] - points_px[0])))
+    return np.minimum(np.count_nonzero(on, axis=1) * spacing_px / length_px, 1.0)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _meeting(start: Array, direction: Array, other: Array, other_direction: Array) -> Array:
+    """(…,2) where lines meet; not finite where they are parallel."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = _cross(other - start, other_direction) / _cross(direction, other_direction)
+        return np.asarray(start + reach[..., None] * direction)
