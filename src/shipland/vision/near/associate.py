@@ -29,8 +29,9 @@ _MOST = 24
 _MOST_FITTED = 200
 """Hypotheses that are compared by how well they fit."""
 
-_MOST_MISFIT = 0.1
-"""Largest misfit of a hypothesis to any view of the cue, as a share of its extent: a hidden corner leaves 0.05."""
+_MOST_MISFIT = 0.13
+"""Largest misfit of a hypothesis to any view of the cue, as a share of its extent: two hidden
+corners leave 0.12."""
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,9 @@ where the lamp clips and its other colours are measured; H.264 at 8 Mbit/s has 5
 _CODED_SIDE_PX = 20.0
 """Length of a side up to which coding moves it as a whole: about a block's."""
 
+_BLOOM = 4.0
+"""How much larger the common outward error of all sides may be where every colour clips."""
+
 _STRAY_LEVEL = 0.4
 """Difference of a column's levels from the side's median, against the contrast, from which it shows another edge."""
 
@@ -89,6 +92,7 @@ class MeasuredCorners:
             when the method has no sides.
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
         held: a side lies along the picture's edge.
+        hidden: (n,4) sides that something hides, which were not measured; None for none.
     """
 
     corners_px: Array
@@ -97,6 +101,7 @@ class MeasuredCorners:
     edge_bias_px: Array | None = None
     blur_px: float | None = None
     held: bool = False
+    hidden: npt.NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)
@@ -151,7 +156,7 @@ def measure_corners(
             if np.any(wider.reach_px > sides.reach_px):
                 sides, blur_px = wider, None
                 continue
-        met = None if fit is None else _intersected(fit, parameters.edge_bias_px)
+        met = None if fit is None else _intersected(fit, parameters.edge_bias_px * (_BLOOM if fit.clipped else 1.0))
         if fit is None or met is None:
             return None
         ends_px = np.abs(fit.offset_px) + np.abs(fit.slope) * sides.half_px()

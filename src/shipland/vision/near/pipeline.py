@@ -19,6 +19,7 @@ from shipland.rig import Target
 from shipland.vision.near.associate import Match
 from shipland.vision.near.choice import Choice
 from shipland.vision.near.edges import MeasuredCorners, measure_corners
+from shipland.vision.near.hidden import hidden_sides, without
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import LevelPrior
 from shipland.vision.near.pose import Known, PoseCandidate, Setup, solve_pose
@@ -121,7 +122,12 @@ class NearVision:
         candidate = solve_pose(match, measured, setup, known)
         if candidate is None:
             return Refusal.NO_SOLUTION
-        return validate(candidate, steps.screen) or candidate
+        refusal = validate(candidate, steps.screen)
+        for hidden in hidden_sides(candidate) if refusal is Refusal.REPROJECTION else []:
+            rest = solve_pose(match, without(measured, hidden), setup, known)
+            if rest is not None and validate(rest, steps.screen) is None:
+                return rest
+        return refusal or candidate
 
 
 def _level(gimbal: GimbalAttitude, noise_rad: float) -> LevelPrior | None:

@@ -23,6 +23,7 @@ from shipland.vision.near.associate import Match, model_plane
 from shipland.vision.near.covariance import bar_pose_of, covariance_over_heading
 from shipland.vision.near.edge_pixels import distort
 from shipland.vision.near.edges import MeasuredCorners
+from shipland.vision.near.hidden import Hidden, alike
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import DISPROVED, Corners, LevelPrior, Solution, ordered, solve
 
@@ -155,17 +156,20 @@ def solve_pose(match: Match, measured: MeasuredCorners, setup: Setup, known: Kno
         corners_px = corners_px - moved.moved_px
         common_px = moved.unsure_px if common_px is None else np.concatenate([common_px, moved.unsure_px])
     corners = Corners(corners_px, measured.whiten, setup.plane_m[list(match.model)], common_px)
-    solutions, corners = _solved(corners, setup.camera, known)
+    solutions, corners = _solved(corners, setup.camera, known, measured.hidden)
     if not solutions:
         return None
     shown_px = measured.corners_px
     if edge_bias_px is not None:
         shown_px = shown_px - solutions[0].common[0] * edge_bias_px
+    if measured.hidden is not None:  # their corners are where the pose has them
+        beside = measured.hidden | np.roll(measured.hidden, 1, axis=1)
+        shown_px = shown_px + solutions[0].residual_px * beside[..., None]
     shown_px = distort(shown_px.reshape(-1, 2), setup.camera).reshape(-1, 4, 2)
     return PoseCandidate(setup, match, measured, corners, known.level, solutions, shown_px)
 
 
-def _solved(corners: Corners, camera: Camera, known: Known) -> tuple[list[Solution], Corners]:
+def _solved(corners: Corners, camera: Camera, known: Known, hidden: Hidden | None) -> tuple[list[Solution], Corners]:
     """The planar solutions, the one taken first, and the corners with the covariance that they were solved with.
 
     Corners that lie much farther from any pose's than their covariance allows have a larger error than stated, as when
@@ -179,9 +183,9 @@ def _solved(corners: Corners, camera: Camera, known: Known) -> tuple[list[Soluti
         return solutions, corners  # the gimbal's vertical does not fit
     taken = solutions[0]
     noise_px = math.sqrt(float(np.vdot(taken.residual_px, taken.residual_px)) / taken.freedom)
-    alike = replace(corners, whiten=np.broadcast_to(np.eye(8) / noise_px, corners.whiten.shape))
-    again = ordered(solve(alike, camera, known.level, known.last), known.last)
-    return (again, alike) if again else (solutions, corners)
+    anew = replace(corners, whiten=alike(corners.undistorted_px, noise_px, hidden))
+    again = ordered(solve(anew, camera, known.level, known.last), known.last)
+    return (again, anew) if again else (solutions, corners)
 
 
 @dataclass(frozen=True)

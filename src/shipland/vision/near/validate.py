@@ -12,6 +12,7 @@ import numpy as np
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose
 from shipland.vision.near.covariance import position_and_yaw
+from shipland.vision.near.hidden import may_be_hidden, seen_error_px
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.segment import Region, edge_distances
@@ -60,10 +61,12 @@ def validate(candidate: PoseCandidate, screen: Screen) -> Refusal | None:
     if taken.common.size and not np.abs(taken.common).max() <= _MOST_COMMON:
         return Refusal.REPROJECTION
     tolerance = candidate.setup.manufacturing_tolerance
-    if not taken.reprojection_px <= largest_reprojection_px(corners_px, measured.noise_px, tolerance, parameters):
+    if not seen_error_px(candidate) <= largest_reprojection_px(corners_px, measured.noise_px, tolerance, parameters):
         return Refusal.REPROJECTION
     if measured.held and _beyond_edge(candidate):
         return Refusal.CUT_BY_FRAME
+    if not may_be_hidden(candidate):
+        return Refusal.REPROJECTION
     if not screen(candidate):
         return Refusal.SIDES_UNEQUAL
     return None if within_reach(taken.camera_from_plane, parameters) else Refusal.OUT_OF_REACH
