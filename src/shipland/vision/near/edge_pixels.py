@@ -130,6 +130,14 @@ _LEAST_SIDE_CONTRAST = 0.15
 """Smallest contrast of a single side, against the cue's."""
 
 
+_UNEVEN = 0.15
+"""Standard deviation of the levels outside along a side, against its contrast, from which stations have levels of their
+own: what is behind the cue ends or changes there."""
+
+_LEAST_STATION_CONTRAST = 0.3
+"""Smallest contrast of one station, against the side's, that shows the edge."""
+
+
 @dataclass(frozen=True)
 class EdgePixels:
     """Pixels around the sides, from inside to outside: (s,station,across) each.
@@ -296,9 +304,20 @@ def contrasts(pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_luma
     values = np.asarray(profile, float)
     values -= ground[:, None, None]
     values *= (1.0 / span)[:, None, None]
+    _level_by_station(values)
     weights2 = _LUMA_BGR / (_LUMA_BGR @ (inside - outside)) if by_luma else direction
     noise2 = [float(np.sum((weights2 * np.interp(ends, LIGHT, _LIGHT_A_LEVEL)) ** 2)) for ends in (inside, outside)]
     return values, clipped, math.sqrt(0.5 * sum(noise2))
+
+
+def _level_by_station(values: Array) -> None:
+    """Counts each station's values (s,station,across) from its own levels, in place, where a side's differ along it."""
+    inner, outer = 0.5 * (values[:, :, 0] + values[:, :, 1]), 0.5 * (values[:, :, -1] + values[:, :, -2])
+    uneven = outer.std(axis=1) > _UNEVEN
+    if uneven.any():
+        span = inner - outer
+        own = uneven[:, None] & (span > _LEAST_STATION_CONTRAST)
+        values[own] = (values[own] - outer[own][:, None]) / span[own][:, None]
 
 
 def _mixed_by_luma(levels: npt.NDArray[np.uint8], inside: Array, outside: Array) -> Array | None:
