@@ -57,6 +57,9 @@ _MISFIT_LEVELS = 3.5
 """The same in grey levels of a sensor's noise, for small contrasts. Rendered pictures with noise of 1.5 have 1.5 to 2.7
 where the lamp clips and its other colours are measured; H.264 at 8 Mbit/s has 5 and more in 95 % of such pictures."""
 
+_MOST_MISFIT = 0.35
+"""Misfit of sides that are no edges."""
+
 _CODED_SIDE_PX = 20.0
 """Length of a side up to which coding moves it as a whole: about a block's."""
 
@@ -156,6 +159,8 @@ def measure_corners(
             if np.any(wider.reach_px > sides.reach_px):
                 sides, blur_px = wider, None
                 continue
+        if fit is not None and fit.misfit > _MOST_MISFIT:
+            return None
         met = None if fit is None else _intersected(fit, parameters.edge_bias_px * (_BLOOM if fit.clipped else 1.0))
         if fit is None or met is None:
             return None

@@ -1,6 +1,6 @@
-"""Sides of the cue that something hides: what a region shows there is not the cue's side, and the others settle the pose.
+"""Sides of the cue that something hides: the others settle the pose.
 
-A hidden side's place in the picture is inside of where the cue has it, and it runs otherwise: a cue of other dimensions
+What a region shows there is not the cue's side. A hidden side's place in the picture is inside of where the cue has it, and it runs otherwise: a cue of other dimensions
 has parallel sides.
 """
 
@@ -38,7 +38,7 @@ _UNKNOWN = 1e-6
 
 
 def hidden_sides(candidate: PoseCandidate) -> list[Hidden]:
-    """The single side, and the sides, one a polygon, without which the others agree best; none where there is no telling.
+    """The single side, and the sides, one a polygon, without which the others agree best; none where no telling is.
 
     To first order about the pose that solves all of them: leaving out some residuals r of a least-squares fit lowers
     the sum of squares by rᵀ (1 − H)⁻¹ r, with H their block of the hat matrix.

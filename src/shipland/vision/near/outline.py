@@ -13,7 +13,7 @@ from shipland.frames import Array
 _FINE = 0.25
 """How far a polygon may lie off the outline before it is simplified, as a fraction of the region's width."""
 
-_MOST_VERTICES = 40
+_MOST_VERTICES = 14
 """An outline with more is no polygon."""
 
 _LINE_PX = 2.0
@@ -61,17 +61,18 @@ def polygon_in_outline(contour_px: npt.NDArray[np.int32], area_px2: float, count
 
 
 def _simplified(vertices: Array, count: int) -> Array | None:
-    """A polygon (n,2) with vertices or sides left out, each time what changes its area least, until `count` are left."""
+    """A polygon (count,2) with vertices or sides left out, each time what changes its area least."""
     polygon = vertices
     while len(polygon) > count:
-        before, after, second = np.roll(polygon, 1, axis=0), np.roll(polygon, -1, axis=0), np.roll(polygon, -2, axis=0)
+        index = np.arange(len(polygon))
+        before, after, second = polygon[index - 1], polygon[index + 1 - len(polygon)], polygon[index + 2 - len(polygon)]
         without_vertex = np.abs(_cross(polygon - before, after - before))
         meets = _meeting(before, polygon - before, second, after - second)
         without_side = np.abs(_cross(after - polygon, meets - polygon))
         # Sides that meet only beyond their own far ends would turn the polygon over.
         forward = ((meets - polygon) * (polygon - before)).sum(axis=1) >= 0.0
         forward &= ((meets - after) * (after - second)).sum(axis=1) >= 0.0
-        without_side = np.where(forward & np.isfinite(without_side), without_side, np.inf)
+        without_side = np.where(forward, without_side, np.inf)
         vertex, side = int(without_vertex.argmin()), int(without_side.argmin())
         if without_side[side] < without_vertex[vertex]:
             polygon[side] = meets[side]
@@ -91,7 +92,7 @@ def _points(contour_px: npt.NDArray[np.int32]) -> Array:
 
 def _of_sides(corners: Array, points_px: Array) -> tuple[Array, Array, Array]:
     """(n,2) unit directions of the sides, (n,) their lengths, (n,m) whether a point lies on a side."""
-    side = np.roll(corners, -1, axis=0) - corners
+    side = corners[_following(len(corners))] - corners
     length_px = np.maximum(np.hypot(*side.T), 1e-9)
     along = side / length_px[:, None]
     apart = points_px[None] - corners[:, None]
@@ -103,21 +104,27 @@ def _of_sides(corners: Array, points_px: Array) -> tuple[Array, Array, Array]:
 def _settled(corners: Array, points_px: Array) -> Array | None:
     """Corners (n,2) where the sides meet that are laid through the points beside them; None when two are parallel."""
     along, _, on = _of_sides(corners, points_px)
-    foot = 0.5 * (corners + np.roll(corners, -1, axis=0))
-    direction = along.copy()
-    for side in np.flatnonzero(np.count_nonzero(on, axis=1) >= 3):
-        some = points_px[on[side]]
-        foot[side] = some.mean(axis=0)
-        (xx, xy), (_, yy) = np.cov((some - foot[side]).T)
-        angle = 0.5 * math.atan2(2.0 * xy, xx - yy)
-        line = np.array([math.cos(angle), math.sin(angle)])
-        if abs(_cross(line, along[side])) < _PARALLEL:
-            direction[side] = line if line @ along[side] > 0.0 else -line
-    before = np.roll(direction, 1, axis=0)
+    share = on / np.maximum(on.sum(axis=1, keepdims=True), 1)
+    middle = share @ points_px
+    x, y = points_px.T
+    xx, yy, xy = (share @ np.column_stack([x * x, y * y, x * y])).T
+    mx, my = middle.T
+    angle = 0.5 * np.arctan2(2.0 * (xy - mx * my), xx - yy - mx * mx + my * my)
+    line = np.column_stack([np.cos(angle), np.sin(angle)])
+    line *= np.sign((line * along).sum(axis=1))[:, None]
+    laid = (np.count_nonzero(on, axis=1) >= 3) & (np.abs(_cross(line, along)) < _PARALLEL)
+    foot = np.where(laid[:, None], middle, 0.5 * (corners + corners[_following(len(corners))]))
+    direction = np.where(laid[:, None], line, along)
+    preceding = np.arange(-1, len(corners) - 1)
+    before = direction[preceding]
     if np.abs(_cross(before, direction)).min() < _PARALLEL:
         return None
-    met = _meeting(np.roll(foot, 1, axis=0), before, foot, direction)
-    return met if np.isfinite(met).all() else None
+    return _meeting(foot[preceding], before, foot, direction)
+
+
+def _following(count: int) -> npt.NDArray[np.intp]:
+    """Of every corner, the next one's index."""
+    return np.arange(1, count + 1) % count
 
 
 def support(corners: Array, contour_px: npt.NDArray[np.int32]) -> float:
@@ -137,7 +144,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _meeting(start: Array, direction: Array, other: Array, other_direction: Array) -> Array:
-    """(…,2) where lines meet; not finite where they are parallel."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        reach = _cross(other - start, other_direction) / _cross(direction, other_direction)
-        return np.asarray(start + reach[..., None] * direction)
+    """(…,2) where lines meet; far away where they are parallel."""
+    turn = _cross(direction, other_direction)
+    reach = _cross(other - start, other_direction) / np.where(turn == 0.0, 1e-9, turn)
+    return np.asarray(start + reach[..., None] * direction)

@@ -25,7 +25,7 @@ from shipland.vision.near.segment import (
     coloured_window,
     opened_and_closed,
     outlines,
-    quad_from_region,
+    quad_of_hull,
     region_of,
 )
 
@@ -98,7 +98,7 @@ def watershed_region(image: Image, region: Region, margin: float) -> Region | No
 def flooded_quad(image: Image, region: Region, parameters: VisionParameters) -> Array | None:
     """Four corners (4,2) [px] of a region with the boundary that the watershed finds; None when it has no four."""
     flooded = watershed_region(image, region, parameters.watershed_margin)
-    return None if flooded is None else quad_from_region(flooded, parameters.min_side_px)
+    return None if flooded is None else quad_of_hull(flooded, parameters.min_side_px)[0]
 
 
 def find_quads(image: Image, regions: list[Region], parameters: VisionParameters) -> list[Array]:

@@ -26,7 +26,7 @@ from shipland.vision.near.segment import (
 _FLOOR = 20
 """Least saturated light of a cue's pixel [grey levels]: above what JPEG leaves of grey."""
 
-_HALF = 0.6
+_HALF = 0.5
 """Grey level over that of the peak at which a region is cut: between half the light of a tone curve of 1/2.2 (0.73) and
 of a linear one (0.5)."""
 
@@ -45,6 +45,9 @@ _CORE = 188
 
 _RIM_PX = 5
 """Side of the square by which a region is dilated before what is left beside it is judged."""
+
+_MOST_PARTS = 30
+"""Parts of one picture that are cut, the largest first; bounds the time that foliage takes."""
 
 _MOST_CUTS = 3
 """How often a part is cut at half of its peak, what is left of it included."""
@@ -78,14 +81,15 @@ def find_regions(image: Image, window: Window, parameters: VisionParameters) -> 
     mask = cv2.threshold(light, _FLOOR - 1, 255, cv2.THRESH_BINARY)[1]
     parts = [(contour, 0) for contour in outlines(mask, (0, 0), parameters)]
     found: list[Contour] = []
-    while parts:
+    for _ in range(_MOST_PARTS):
+        if not parts:
+            break
         part, cuts = parts.pop(0)
         inner, rest = _cut(light, part, parameters)
         found += inner
         if cuts + 1 < _MOST_CUTS:
             parts += [(contour, cuts + 1) for contour in rest]
-    if cv2.countNonZero(cv2.inRange(light, 255, 255)):
-        found += _cores(window.of(image), light, parameters)
+    found += _cores(window.of(image), light, parameters)
     offset = np.array([window.left, window.top], np.int32)
     regions = (region_of(contour + offset, image, parameters) for contour in found)
     largest = sorted((it for it in regions if it is not None), key=lambda it: -it.area_px2)
@@ -106,13 +110,13 @@ def _cut(light: Image, part: Contour, parameters: VisionParameters) -> tuple[lis
     if not counts.any():
         return [], []
     peak = int(np.searchsorted(np.cumsum(counts), _PEAK * counts.sum()))
-    half = max(round(_HALF * peak), _FLOOR)
+    half = round(_HALF * peak)
+    if half < _FLOOR:
+        return [], []
     above = cv2.bitwise_and(cv2.threshold(seen, half - 1, 255, cv2.THRESH_BINARY)[1], inside)
     above = opened_and_closed(above, parameters.kernel_px)
     cores = outlines(above, (left, top), parameters)
     rimmed = [contour for contour in cores if _has_rim(light, contour)]
-    if half == _FLOOR:
-        return rimmed, []
     cv2.drawContours(inside, cores, -1, 0, cv2.FILLED, offset=(-left, -top))
     cv2.drawContours(inside, cores, -1, 0, _RIM_PX, offset=(-left, -top))
     rest = cv2.bitwise_and(inside, cv2.threshold(seen, _FLOOR - 1, 255, cv2.THRESH_BINARY)[1])
@@ -129,9 +133,12 @@ def _has_rim(light: Image, contour: Contour) -> bool:
 
 def _cores(image: Image, light: Image, parameters: VisionParameters) -> list[Contour]:
     """White regions that the cue's colour surrounds."""
-    luma = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    left, top, width, height = cv2.boundingRect(cv2.inRange(light, 255, 255))
+    if not width:
+        return []
+    luma = cv2.cvtColor(image[top : top + height, left : left + width], cv2.COLOR_BGR2GRAY)
     mask = opened_and_closed(cv2.threshold(luma, _CORE - 1, 255, cv2.THRESH_BINARY)[1], parameters.kernel_px)
-    return [contour for contour in outlines(mask, (0, 0), parameters) if _has_halo(light, contour)]
+    return [contour for contour in outlines(mask, (left, top), parameters)[:_MOST_PARTS] if _has_halo(light, contour)]
 
 
 def _has_halo(light: Image, contour: Contour) -> bool:

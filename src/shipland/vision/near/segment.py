@@ -153,6 +153,12 @@ _FILLED = 0.06
 """Difference of a region's area from that of its hull's quadrilateral, over the hull's, up to which nothing of it is
 hidden."""
 
+_LEAST_DOUBTFUL_PX2 = 60.0
+"""Area from which a region's outline shows lines."""
+
+_MOST_DOUBTFUL = 5
+"""Regions in one picture whose outline is searched for lines, the largest; bounds the time that foliage takes."""
+
 _MORE_SUPPORT = 0.05
 """Share of its sides by which more of a quadrilateral must lie on the outline than of that of the hull."""
 
@@ -172,19 +178,22 @@ _AREA_RATIO = (0.82, 1.18)
 """Area of the four-cornered approximation over that of the hull."""
 
 
-def quad_from_region(region: Region, min_side_px: float) -> Array | None:
-    """Four corners (4,2) [px], clockwise in the picture, of a region that is one quadrilateral; else None.
+def quad_of_hull(region: Region, min_side_px: float) -> tuple[Array | None, bool]:
+    """Four corners (4,2) [px], clockwise in the picture, of a region's hull, or None; whether its outline has others.
 
-    The sides run through the centres of the region's outermost pixels: within half a pixel of the true edge. Where the
-    region fills the quadrilateral of its hull, that is it; else the outline is searched for its lines.
+    The sides run through the centres of the region's outermost pixels: within half a pixel of the true edge.
     """
     hull = cv2.convexHull(region.contour_px)
     hull_px2 = cv2.contourArea(hull)
-    if hull_px2 <= 0.0 or not _is_plain(region):
-        return None
+    if hull_px2 <= 0.0:
+        return None, False
     quad = _quad_of_hull(hull, hull_px2, min_side_px) if region.area_px2 >= _LEAST_SOLIDITY * hull_px2 else None
-    if quad is not None and abs(cv2.contourArea(quad.astype(np.float32)) - region.area_px2) <= _FILLED * hull_px2:
-        return quad
+    fills = quad is not None and abs(cv2.contourArea(quad.astype(np.float32)) - region.area_px2) <= _FILLED * hull_px2
+    return quad, not fills and region.area_px2 >= _LEAST_DOUBTFUL_PX2 and _is_plain(region)
+
+
+def quad_in_outline(region: Region, quad: Array | None, min_side_px: float) -> Array | None:
+    """Four corners (4,2) [px] on whose sides more of a region's outline lies than on those of its hull's, else these."""
     lines = polygon_in_outline(region.contour_px, region.area_px2, 4)
     if lines is None or not _is_proper(lines.tolist(), min_side_px):
         return quad
@@ -228,7 +237,7 @@ QuadsOf = Callable[[Image, list[Region], VisionParameters], list[Array]]
 def segment(image: Image, regions: list[Region], parameters: VisionParameters, quads_of: QuadsOf) -> Segments:
     """The quadrilaterals among the regions of a picture."""
     cut = [region for region in regions if region.cut and _is_plain(region)]
-    cut_quads = (quad_from_region(region, parameters.min_side_px) for region in cut)
+    cut_quads = (quad_of_hull(region, parameters.min_side_px)[0] for region in cut)
     flush = (_snapped(quad, image.shape[1], image.shape[0]) for quad in cut_quads if quad is not None)
     whole = [region for region in regions if not region.cut]
     return Segments(quads_of(image, whole, parameters), [quad for quad in flush if quad is not None], cut)
@@ -236,8 +245,16 @@ def segment(image: Image, regions: list[Region], parameters: VisionParameters, q
 
 def find_quads(_: Image, regions: list[Region], parameters: VisionParameters) -> list[Array]:
     """The quadrilaterals among whole regions."""
-    quads = (quad_from_region(region, parameters.min_side_px) for region in regions)
-    return [quad for quad in quads if quad is not None]
+    quads = []
+    doubtful = 0
+    for region in regions:
+        quad, doubt = quad_of_hull(region, parameters.min_side_px)
+        if doubt and doubtful < _MOST_DOUBTFUL:
+            doubtful += 1
+            quad = quad_in_outline(region, quad, parameters.min_side_px)
+        if quad is not None:
+            quads.append(quad)
+    return quads
 
 
 def is_cut_quad(region: Region) -> bool:

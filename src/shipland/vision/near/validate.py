@@ -19,7 +19,7 @@ from shipland.vision.near.segment import Region, edge_distances
 
 if TYPE_CHECKING:
     from shipland.vision.near.edges import MeasuredCorners
-    from shipland.vision.near.pose import PoseCandidate
+    from shipland.vision.near.pose import PoseCandidate, Setup
 
 _MOST_COMMON = 3.0
 """Standard deviations of the corners' common errors; a larger one would excuse rectangles of other dimensions."""
@@ -115,20 +115,25 @@ def jumps(pose: BarPose, last: Pose, passed_s: float, parameters: VisionParamete
     return risen_m > _JUMP_M + unsure_m + parameters.track_climb_mps * passed_s
 
 
-def explains_absence(candidate: PoseCandidate, cut: Sequence[Region]) -> bool:
+def explains_absence(setup: Setup, camera_from_plane: Pose, model: Sequence[int], cut: Sequence[Region]) -> bool:
     """Whether the picture's edge explains the quadrilaterals that a pose lacks.
 
     None of them may be one that should be there whole; and unless at least two quadrilaterals are whole, one that the
     edge cuts must be found where the pose predicts it.
+
+    Args:
+        setup: cue and camera.
+        camera_from_plane: the pose.
+        model: the cue's quadrilaterals that it rests on.
+        cut: regions that the picture's edge cuts.
     """
-    setup = candidate.setup
-    predicted_px = setup.projected_px(candidate.camera_from_plane)
+    predicted_px = setup.projected_px(camera_from_plane)
     if not np.isfinite(predicted_px).all():
         return False
     size_px = (setup.camera.width_px, setup.camera.height_px)
-    proven = len(candidate.match.model) > 1
-    for model, quad_px in enumerate(predicted_px):
-        if model in candidate.match.model:
+    proven = len(model) > 1
+    for index, quad_px in enumerate(predicted_px):
+        if index in model:
             continue
         visible_px2 = _clipped_area(quad_px, size_px)
         if visible_px2 >= _WHOLE * abs(cv2.contourArea(quad_px.astype(np.float32))):
