@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -45,6 +45,7 @@ class Choice:
     setup: Setup
     predicted_px: Array | None
     cut: list[Region]
+    _known: dict[tuple[tuple[int, ...], tuple[int, ...]], PoseCandidate | Refusal] = field(default_factory=dict)
 
     def cue_among(self, quads: list[Array], *, parts: bool) -> PoseCandidate | Refusal:
         """Whole cues first, where the last pose predicts them and then anywhere; then parts in the same order.
@@ -87,7 +88,7 @@ class Choice:
         for match in plausible[:_MOST_MEASURED]:
             if used.intersection(match.candidates):
                 continue
-            result = self.pose_of(match)
+            result = self._measured(match)
             if isinstance(result, PoseCandidate):
                 found.append(result)
                 used.update(match.candidates)
@@ -111,7 +112,7 @@ class Choice:
         area_px2 = np.array([cv2.contourArea(quad.astype(np.float32)) for quad in quads_px])
         alone = [match for match in hypotheses if not _in_company(match, area_px2)]
         explained = [match for match in alone[:_MOST_POSED] if self._may_be_cut(match)]
-        results = [self.pose_of(match) for match in explained[:_MOST_MEASURED]]
+        results = [self._measured(match) for match in explained[:_MOST_MEASURED]]
         proven = [
             result
             for result in results
@@ -121,6 +122,13 @@ class Choice:
         most = max((len(candidate.match.model) for candidate in proven), default=0)
         best = [candidate for candidate in proven if len(candidate.match.model) == most]
         return (best[0] if len(best) == 1 else Refusal.AMBIGUOUS) if best else None
+
+    def _measured(self, match: Match) -> PoseCandidate | Refusal:
+        """A hypothesis's pose, or why it has none; each is measured once."""
+        key = match.model, match.candidates
+        if key not in self._known:
+            self._known[key] = self.pose_of(match)
+        return self._known[key]
 
     def _may_be_cut(self, match: Match) -> bool:
         """Whether the picture's edge may explain what a hypothesis lacks."""

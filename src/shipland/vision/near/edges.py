@@ -37,7 +37,7 @@ _REBLUR = 0.15
 _STEPS = 6
 """Most Gauss–Newton steps."""
 
-_TRIES = 8
+_TRIES = 6
 """Times that sides are measured, each from where the last left them, before they are given up."""
 
 _REACH_PER_BLUR = 3.0
@@ -57,8 +57,8 @@ _MISFIT_LEVELS = 3.5
 """The same in grey levels of a sensor's noise, for small contrasts. Rendered pictures with noise of 1.5 have 1.5 to 2.7
 where the lamp clips and its other colours are measured; H.264 at 8 Mbit/s has 5 and more in 95 % of such pictures."""
 
-_MOST_MISFIT = 0.35
-"""Misfit of sides that are no edges."""
+_MOST_MISFIT = 0.25
+"""Misfit, measured anew, of sides that are no edges."""
 
 _CODED_SIDE_PX = 20.0
 """Length of a side up to which coding moves it as a whole: about a block's."""
@@ -159,7 +159,7 @@ def measure_corners(
             if np.any(wider.reach_px > sides.reach_px):
                 sides, blur_px = wider, None
                 continue
-        if fit is not None and fit.misfit > _MOST_MISFIT:
+        if fit is not None and attempt > 0 and fit.misfit > _MOST_MISFIT:
             return None
         met = None if fit is None else _intersected(fit, parameters.edge_bias_px * (_BLOOM if fit.clipped else 1.0))
         if fit is None or met is None:

@@ -24,7 +24,7 @@ from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import LevelPrior
 from shipland.vision.near.pose import Known, PoseCandidate, Setup, solve_pose
 from shipland.vision.near.refusal import Refusal, gimbal_off
-from shipland.vision.near.regions import find_regions, lit_window
+from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Image, QuadsOf, RegionsOf, Window, find_quads, segment
 from shipland.vision.near.track import Track
 from shipland.vision.near.validate import Screen, corners_are_sharp, jumps, validate
@@ -38,14 +38,12 @@ class Steps:
     """The steps in which our chain and the published one differ.
 
     Attributes:
-        window_of: the part of a picture that holds all regions of the cue's colour.
-        regions_of: finds them.
+        regions_of: finds the regions of the cue's colour.
         quads_of: finds quadrilaterals among them.
         measure: measures their corners at sub-pixel.
         screen: a further test of the pose's sides.
     """
 
-    window_of: Callable[[Image, VisionParameters], Window] = lit_window
     regions_of: RegionsOf = find_regions
     quads_of: QuadsOf = find_quads
     measure: MeasureCorners = measure_corners
@@ -91,7 +89,7 @@ class NearVision:
         if track is not None:
             found = self._look(image, track.window(t_s, setup), known, parts=False)
         if isinstance(found, Refusal):
-            found = self._look(image, self._steps.window_of(image, setup.parameters), known, parts=True)
+            found = self._look(image, Window.whole(image), known, parts=True)
         if isinstance(found, Refusal):
             return found
         if track is not None and jumps(found.bar_pose, track.camera_from_plane, t_s - track.t_s, setup.parameters):

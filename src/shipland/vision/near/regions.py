@@ -2,8 +2,8 @@
 
 A threshold for a whole picture fails where tape is dim, or where something beside it is lit as well. Here the picture's
 saturated light (value × saturation, in the cue's band of hue) is cut into connected parts above a low floor. Each part
-is cut again at half of its own peak, as light has it; what lies below that, and is not the rim of what lies above, is
-judged by its own peak in turn.
+is cut again at half of its own peak; what lies below that, and is not the rim of what lies above, is judged by its own
+peak in turn. White regions that the colour surrounds count too: a lamp too bright for the camera has a white core.
 """
 
 from __future__ import annotations
@@ -12,61 +12,53 @@ import cv2
 import numpy as np
 
 from shipland.vision.near.parameters import Band, VisionParameters
-from shipland.vision.near.segment import (
-    Contour,
-    Image,
-    Region,
-    Window,
-    coloured_window,
-    opened_and_closed,
-    outlines,
-    region_of,
-)
+from shipland.vision.near.segment import Contour, Image, Region, Window, opened_and_closed, outlines, region_of
 
 _FLOOR = 20
 """Least saturated light of a cue's pixel [grey levels]: above what JPEG leaves of grey."""
 
 _HALF = 0.5
-"""Grey level over that of the peak at which a region is cut: between half the light of a tone curve of 1/2.2 (0.73) and
-of a linear one (0.5)."""
+"""Grey level over that of the peak at which a region is cut: half the light of a linear camera, a fifth of that of a
+tone curve of 1/2.2."""
 
 _PEAK = 0.9
 """Share of a region's pixels below its peak: a few brighter ones do not count."""
 
 _CLIPPED = 250
-"""Value from which a pixel may be the white core of a lamp that is too bright, whatever its colour."""
-
-_RIM = 0.5
-"""Least share of a region's outline, or of what is just outside of it, that has the cue's colour: a white lamp has
-none."""
+"""Value from which a pixel may be the white core of a lamp, whatever its colour."""
 
 _CORE = 188
-"""Luma from which a pixel belongs to the white core of a lamp that is too bright: half the light of white."""
+"""Luma from which it belongs to one: half the light of white."""
+
+_RIM = 0.5
+"""Least share of a region's outline, or of what is just outside of a white one, that has the cue's colour."""
 
 _RIM_PX = 5
-"""Side of the square by which a region is dilated before what is left beside it is judged."""
+"""Width of the rim of a region that is not judged by itself, and of what is looked at around a white one."""
 
 _MOST_PARTS = 30
-"""Parts of one picture that are cut, the largest first; bounds the time that foliage takes."""
+"""Parts of one picture that are cut, the largest; bounds the time that foliage takes."""
 
 _MOST_CUTS = 3
 """How often a part is cut at half of its peak, what is left of it included."""
 
+_SPARSE_PX = 64
+"""Least side of a picture in which parts are looked for on every second pixel of every second row: opening removes
+whatever has none of them."""
+
 
 def cue_light(image: Image, hue: Band) -> Image:
-    """(H,W) saturated light of the pixels in a band of hue; full where a pixel clips, 0 elsewhere."""
-    split = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2HSV))
-    light = cv2.multiply(split[1], split[2], scale=1.0 / 255.0)
-    light = cv2.bitwise_and(light, _in_band(split[0], hue))
-    return np.asarray(cv2.bitwise_or(light, cv2.threshold(split[2], _CLIPPED - 1, 255, cv2.THRESH_BINARY)[1]), np.uint8)
+    """(H,W) saturated light of the pixels in a band of hue, at most 254; 255 where a pixel clips; 0 elsewhere."""
+    hues, saturation, value = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2HSV))
+    light = cv2.multiply(saturation, value, scale=254.0 / 255.0**2)
+    light = cv2.bitwise_and(light, _in_band(hues, hue))
+    return np.asarray(cv2.bitwise_or(light, cv2.threshold(value, _CLIPPED - 1, 255, cv2.THRESH_BINARY)[1]), np.uint8)
 
 
 def _in_band(hues: cv2.typing.MatLike, hue: Band) -> cv2.typing.MatLike:
     """255 where a hue lies in a band; one whose first number is the larger reaches over red."""
     low, high = hue
-    if low <= high:
-        return cv2.inRange(hues, low, high)
-    return cv2.bitwise_not(cv2.inRange(hues, high + 1, low - 1))
+    return cv2.inRange(hues, low, high) if low <= high else cv2.bitwise_not(cv2.inRange(hues, high + 1, low - 1))
 
 
 def find_regions(image: Image, window: Window, parameters: VisionParameters) -> list[Region]:
@@ -77,51 +69,53 @@ def find_regions(image: Image, window: Window, parameters: VisionParameters) -> 
         window: where to look; not empty.
         parameters: hue, kernel, least size and greatest number.
     """
-    light = cue_light(window.of(image), parameters.hue)
-    mask = cv2.threshold(light, _FLOOR - 1, 255, cv2.THRESH_BINARY)[1]
-    parts = [(contour, 0) for contour in outlines(mask, (0, 0), parameters)]
+    seen = window.of(image)
+    step = 2 if min(seen.shape[:2]) >= _SPARSE_PX else 1
+    few = seen
+    if step > 1:
+        size = (seen.shape[1] // step, seen.shape[0] // step)
+        few = np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_NEAREST), np.uint8)
+    coloured = cv2.inRange(cue_light(few, parameters.hue), _FLOOR, 254)
     found: list[Contour] = []
-    for _ in range(_MOST_PARTS):
-        if not parts:
-            break
-        part, cuts = parts.pop(0)
-        inner, rest = _cut(light, part, parameters)
-        found += inner
-        if cuts + 1 < _MOST_CUTS:
-            parts += [(contour, cuts + 1) for contour in rest]
-    found += _cores(window.of(image), light, parameters)
+    for part in outlines(coloured, (0, 0), parameters, step)[:_MOST_PARTS]:
+        found += _regions_of(seen, part * step, parameters)
     offset = np.array([window.left, window.top], np.int32)
     regions = (region_of(contour + offset, image, parameters) for contour in found)
     largest = sorted((it for it in regions if it is not None), key=lambda it: -it.area_px2)
     return largest[: parameters.max_candidates]
 
 
-def _cut(light: Image, part: Contour, parameters: VisionParameters) -> tuple[list[Contour], list[Contour]]:
-    """What of a part lies above half of its peak and has the cue's colour around it, and the parts that are left."""
+def _regions_of(image: Image, part: Contour, parameters: VisionParameters) -> list[Contour]:
+    """The regions in one part of a picture, which its outline encloses to within a few pixels."""
     left, top, width, height = cv2.boundingRect(part)
-    margin = 2
-    left, top = max(left - margin, 0), max(top - margin, 0)
-    seen = light[top : top + height + 2 * margin, left : left + width + 2 * margin]
-    inside = np.zeros(seen.shape, np.uint8)
+    left, top = max(left - _RIM_PX, 0), max(top - _RIM_PX, 0)
+    seen = image[top : top + height + 2 * _RIM_PX, left : left + width + 2 * _RIM_PX]
+    light = cue_light(seen, parameters.hue)
+    inside = np.zeros(light.shape, np.uint8)
     cv2.drawContours(inside, [part], -1, 255, cv2.FILLED, offset=(-left, -top))
-    counts = cv2.calcHist([seen], [0], inside, [256], [0, 256]).ravel()
-    counts[:_FLOOR] = 0.0
-    counts[255] = 0.0
+    cv2.drawContours(inside, [part], -1, 255, _RIM_PX, offset=(-left, -top))
+    found = _cores(seen, light, parameters)
+    for _ in range(_MOST_CUTS):
+        cut = _cut(light, inside, parameters)
+        found += [contour for contour in cut if _has_rim(light, contour)]
+        if not cut:
+            break
+        cv2.drawContours(inside, cut, -1, 0, cv2.FILLED)
+        cv2.drawContours(inside, cut, -1, 0, _RIM_PX)
+    return [contour + np.array([left, top], np.int32) for contour in found]
+
+
+def _cut(light: Image, inside: Image, parameters: VisionParameters) -> list[Contour]:
+    """What lies above half of the peak inside of a mask; nothing where that is below the floor."""
+    counts = cv2.calcHist([light], [0], inside, [256], [0, 256]).ravel()
+    counts[:_FLOOR] = counts[255] = 0.0
     if not counts.any():
-        return [], []
-    peak = int(np.searchsorted(np.cumsum(counts), _PEAK * counts.sum()))
-    half = round(_HALF * peak)
+        return []
+    half = round(_HALF * int(np.searchsorted(np.cumsum(counts), _PEAK * counts.sum())))
     if half < _FLOOR:
-        return [], []
-    above = cv2.bitwise_and(cv2.threshold(seen, half - 1, 255, cv2.THRESH_BINARY)[1], inside)
-    above = opened_and_closed(above, parameters.kernel_px)
-    cores = outlines(above, (left, top), parameters)
-    rimmed = [contour for contour in cores if _has_rim(light, contour)]
-    cv2.drawContours(inside, cores, -1, 0, cv2.FILLED, offset=(-left, -top))
-    cv2.drawContours(inside, cores, -1, 0, _RIM_PX, offset=(-left, -top))
-    rest = cv2.bitwise_and(inside, cv2.threshold(seen, _FLOOR - 1, 255, cv2.THRESH_BINARY)[1])
-    rest = opened_and_closed(rest, parameters.kernel_px)
-    return rimmed, outlines(rest, (left, top), parameters)
+        return []
+    above = cv2.bitwise_and(cv2.threshold(light, half - 1, 255, cv2.THRESH_BINARY)[1], inside)
+    return outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters)
 
 
 def _has_rim(light: Image, contour: Contour) -> bool:
@@ -133,12 +127,11 @@ def _has_rim(light: Image, contour: Contour) -> bool:
 
 def _cores(image: Image, light: Image, parameters: VisionParameters) -> list[Contour]:
     """White regions that the cue's colour surrounds."""
-    left, top, width, height = cv2.boundingRect(cv2.inRange(light, 255, 255))
-    if not width:
+    if not cv2.countNonZero(cv2.inRange(light, 255, 255)):
         return []
-    luma = cv2.cvtColor(image[top : top + height, left : left + width], cv2.COLOR_BGR2GRAY)
+    luma = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     mask = opened_and_closed(cv2.threshold(luma, _CORE - 1, 255, cv2.THRESH_BINARY)[1], parameters.kernel_px)
-    return [contour for contour in outlines(mask, (left, top), parameters)[:_MOST_PARTS] if _has_halo(light, contour)]
+    return [contour for contour in outlines(mask, (0, 0), parameters) if _has_halo(light, contour)]
 
 
 def _has_halo(light: Image, contour: Contour) -> bool:
@@ -151,12 +144,3 @@ def _has_halo(light: Image, contour: Contour) -> bool:
     cv2.drawContours(ring, [contour], -1, 0, cv2.FILLED, offset=(-left, -top))
     coloured = cv2.bitwise_and(ring, cv2.inRange(seen, _FLOOR, 254))
     return bool(cv2.countNonZero(coloured) >= _RIM * max(cv2.countNonZero(ring), 1))
-
-
-def lit_window(image: Image, parameters: VisionParameters) -> Window:
-    """The part of a picture that holds all its regions in the cue's colour."""
-
-    def lit(few: Image) -> Image:
-        return np.asarray(cv2.inRange(cue_light(few, parameters.hue), _FLOOR, 254), np.uint8)
-
-    return coloured_window(image, parameters.kernel_px, lit)

@@ -18,9 +18,6 @@ Image = npt.NDArray[np.uint8]
 Contour = npt.NDArray[np.int32]
 """(n,1,2) an outline through pixel centres, as OpenCV has it."""
 
-_BAND_ROWS = 128
-"""Rows of a band of `coloured_window`; even."""
-
 
 @dataclass(frozen=True)
 class Window:
@@ -75,39 +72,6 @@ class Region:
     cut: bool
 
 
-def coloured_window(image: Image, kernel_px: int, gate: Callable[[Image], Image]) -> Window:
-    """The part of a picture that holds all its coloured regions; empty when there are none.
-
-    Every second pixel of every second row is enough: opening removes whatever has none of them. The picture is taken in
-    bands, which stay in the processor's cache.
-
-    Args:
-        image: (H,W,3) BGR.
-        kernel_px: of opening and closing.
-        gate: (h,w) above 0 where a picture has the colour.
-    """
-    height, width = image.shape[:2]
-    if width < 64 or height < 64:
-        return Window.whole(image)
-    boxes = []
-    for top in range(0, height & ~1, _BAND_ROWS):
-        band = image[top : min(top + _BAND_ROWS, height & ~1), : width & ~1]
-        few = cv2.resize(band, (width // 2, len(band) // 2), interpolation=cv2.INTER_NEAREST)
-        column, row, across, down = cv2.boundingRect(gate(np.asarray(few, np.uint8)))
-        if across:
-            boxes.append((2 * column, top + 2 * row, 2 * (column + across), top + 2 * (row + down)))
-    if not boxes:
-        return Window(0, 0, 0, 0)
-    lefts, tops, rights, bottoms = zip(*boxes, strict=True)
-    margin = kernel_px + 2
-    return Window(
-        max(min(lefts) - margin, 0),
-        max(min(tops) - margin, 0),
-        min(max(rights) + margin, width),
-        min(max(bottoms) + margin, height),
-    )
-
-
 def opened_and_closed(mask: cv2.typing.MatLike, kernel_px: int) -> Image:
     """A mask without specks, then without voids [Lee2022, §Image Filtering]."""
     kernel = np.ones((kernel_px, kernel_px), np.uint8)
@@ -117,17 +81,20 @@ def opened_and_closed(mask: cv2.typing.MatLike, kernel_px: int) -> Image:
     return np.asarray(cv2.bitwise_or(closed, opened), np.uint8)
 
 
-def outlines(mask: cv2.typing.MatLike, offset: tuple[int, int], parameters: VisionParameters) -> list[Contour]:
+def outlines(
+    mask: cv2.typing.MatLike, offset: tuple[int, int], parameters: VisionParameters, step: int = 1
+) -> list[Contour]:
     """The largest outlines in a mask that are not too small, largest first.
 
     Args:
         mask: above 0 inside.
         offset: where in the picture its first pixel is.
         parameters: least size and greatest number.
+        step: pixels of the picture from one of the mask to the next.
     """
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=offset)
     # A contour through the centres of the outermost pixels is one pixel short on each axis.
-    least_px2 = max(parameters.min_side_px - 1.0, 1.0) ** 2
+    least_px2 = max(parameters.min_side_px / step - 1.0, 1.0) ** 2
     sized = [(cv2.contourArea(contour), contour) for contour in contours if len(contour) >= 4]
     sized = sorted((item for item in sized if item[0] >= least_px2), key=lambda item: -item[0])
     return [np.asarray(contour, np.int32) for _, contour in sized[: parameters.max_candidates]]
