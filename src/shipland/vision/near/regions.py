@@ -30,13 +30,15 @@ _CLIPPED = 250
 _CORE = 188
 """Luma from which it belongs to one: half the light of white."""
 
-_RIM = 0.5
+_COLOURED = 0.5
 """Least share of a region's outline, or of what is just outside of a white one, that has the cue's colour."""
 
 _RIM_PX = 5
 """Width of the rim of a region that is not judged by itself, and of what is looked at around a white one."""
 
-_MOST_PARTS = 30
+_RIM = np.ones((_RIM_PX, _RIM_PX), np.uint8)
+
+_MOST_PARTS = 20
 """Parts of one picture that are cut, the largest; bounds the time that foliage takes."""
 
 _MOST_CUTS = 3
@@ -75,9 +77,11 @@ def find_regions(image: Image, window: Window, parameters: VisionParameters) -> 
     if step > 1:
         size = (seen.shape[1] // step, seen.shape[0] // step)
         few = np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_NEAREST), np.uint8)
-    coloured = cv2.inRange(cue_light(few, parameters.hue), _FLOOR, 254)
+    light = cue_light(few, parameters.hue)
+    parts = outlines(cv2.inRange(light, _FLOOR, 254), (0, 0), parameters, step)
+    lit = [part for part in parts if _HALF * int(_of_box(light, part).max()) >= _FLOOR]
     found: list[Contour] = []
-    for part in outlines(coloured, (0, 0), parameters, step)[:_MOST_PARTS]:
+    for part in lit[:_MOST_PARTS]:
         found += _regions_of(seen, part * step, parameters)
     offset = np.array([window.left, window.top], np.int32)
     regions = (region_of(contour + offset, image, parameters) for contour in found)
@@ -93,16 +97,23 @@ def _regions_of(image: Image, part: Contour, parameters: VisionParameters) -> li
     light = cue_light(seen, parameters.hue)
     inside = np.zeros(light.shape, np.uint8)
     cv2.drawContours(inside, [part], -1, 255, cv2.FILLED, offset=(-left, -top))
-    cv2.drawContours(inside, [part], -1, 255, _RIM_PX, offset=(-left, -top))
+    inside = cv2.dilate(inside, _RIM)
     found = _cores(seen, light, parameters)
     for _ in range(_MOST_CUTS):
         cut = _cut(light, inside, parameters)
         found += [contour for contour in cut if _has_rim(light, contour)]
         if not cut:
             break
-        cv2.drawContours(inside, cut, -1, 0, cv2.FILLED)
-        cv2.drawContours(inside, cut, -1, 0, _RIM_PX)
+        done = np.zeros(light.shape, np.uint8)
+        cv2.drawContours(done, cut, -1, 255, cv2.FILLED)
+        inside = cv2.bitwise_and(inside, cv2.bitwise_not(cv2.dilate(done, _RIM)))
     return [contour + np.array([left, top], np.int32) for contour in found]
+
+
+def _of_box(light: Image, contour: Contour) -> Image:
+    """The part of a picture in an outline's box."""
+    left, top, width, height = cv2.boundingRect(contour)
+    return light[top : top + height, left : left + width]
 
 
 def _cut(light: Image, inside: Image, parameters: VisionParameters) -> list[Contour]:
@@ -122,7 +133,7 @@ def _has_rim(light: Image, contour: Contour) -> bool:
     """Whether the outline of a region has the cue's colour, and is not that of something white."""
     columns, rows = contour[:, 0].T
     on = light[rows, columns]
-    return bool(np.count_nonzero((on >= _FLOOR) & (on < 255)) >= _RIM * len(on))
+    return bool(np.count_nonzero((on >= _FLOOR) & (on < 255)) >= _COLOURED * len(on))
 
 
 def _cores(image: Image, light: Image, parameters: VisionParameters) -> list[Contour]:
@@ -139,8 +150,8 @@ def _has_halo(light: Image, contour: Contour) -> bool:
     left, top, width, height = cv2.boundingRect(contour)
     left, top = max(left - _RIM_PX, 0), max(top - _RIM_PX, 0)
     seen = light[top : top + height + 2 * _RIM_PX, left : left + width + 2 * _RIM_PX]
-    ring = np.zeros(seen.shape, np.uint8)
-    cv2.drawContours(ring, [contour], -1, 255, 2 * _RIM_PX - 1, offset=(-left, -top))
-    cv2.drawContours(ring, [contour], -1, 0, cv2.FILLED, offset=(-left, -top))
+    core = np.zeros(seen.shape, np.uint8)
+    cv2.drawContours(core, [contour], -1, 255, cv2.FILLED, offset=(-left, -top))
+    ring = cv2.bitwise_and(cv2.dilate(core, _RIM, iterations=2), cv2.bitwise_not(core))
     coloured = cv2.bitwise_and(ring, cv2.inRange(seen, _FLOOR, 254))
-    return bool(cv2.countNonZero(coloured) >= _RIM * max(cv2.countNonZero(ring), 1))
+    return bool(cv2.countNonZero(coloured) >= _COLOURED * max(cv2.countNonZero(ring), 1))
