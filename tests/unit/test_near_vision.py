@@ -313,12 +313,11 @@ def assert_sound(seen, t_s, gimbal):
         assert np.isfinite(seen.bar_pose.yaw_rad)
 
 
-@pytest.mark.parametrize("adaptive", [False, True])
 @given(st.lists(SEEN, min_size=1, max_size=4))
 @settings(max_examples=40)
-def test_whatever_comes_after_whatever_else_is_answered_in_words(adaptive, sequence):
+def test_whatever_comes_after_whatever_else_is_answered_in_words(sequence):
     """Pictures, time stamps (NaN, endless, backward) and gimbals of any kind, with a pose followed or without."""
-    eyes = NearVision(BAR, TINY, build(VisionParameters, merge(TABLE, {"adaptive": adaptive})))
+    eyes = NearVision(BAR, TINY, build(VisionParameters, TABLE))
     for name, data, t_s, gimbal in sequence:
         # Not a Frame, which would refuse some of these itself.
         seen = eyes.see(SimpleNamespace(t_s=t_s, image=PICTURES[name](data), gimbal=gimbal))

@@ -68,6 +68,6 @@ def test_near_vision_hides_no_fault(monkeypatch):
     eyes = NearVision(
         default_rig().target, Camera.from_fov(96, 64, 30.0), build(VisionParameters, packaged_table("vision"))
     )
-    monkeypatch.setattr("shipland.vision.near.pipeline.coloured_window", lambda *_: [][1])
+    monkeypatch.setattr("shipland.vision.near.pipeline.NearVision._look", lambda *_, **__: [][1])
     with pytest.raises(IndexError):
         eyes.see(Frame(0.0, np.zeros((64, 96, 3), np.uint8), GimbalAttitude(0.0, 0.0)))

@@ -26,6 +26,9 @@ _ROUGH_PX, _ROUGH = 3.0, 0.06
 """Largest reprojection error, root mean square, of a rough pose: in pixels, and as a share of the hypothesis's extent
 besides."""
 
+_NUDGE_PX = 1e-3
+"""What corners are moved by for a rough pose."""
+
 _LIKE_SIZE = 2.0
 """Ratio of areas up to which two quadrilaterals may belong together."""
 
@@ -77,7 +80,9 @@ class Choice:
             if isinstance(result, PoseCandidate):
                 return result
         some = [match for match in hypotheses if len(match.model) < count and (self.cut or len(match.model) > 1)]
-        return self._part_of(some, quads_px) or why or self._cut_or(refusal)
+        refused = why or refusal
+        part = self._part_of(some, quads_px)
+        return part or (refused if refused is Refusal.REPROJECTION else self._cut_or(refused))
 
     def _poses_of(self, hypotheses: list[Match]) -> tuple[list[PoseCandidate], Refusal | None]:
         """Poses, and the first reason among the others; a quadrilateral that a pose uses is not used again."""
@@ -147,6 +152,8 @@ def rough_poses(match: Match, setup: Setup) -> list[Pose]:
     """
     plane_m = setup.plane_m[list(match.model)].reshape(-1, 2)
     points_px = match.quads_px.reshape(-1, 1, 2)
+    # OpenCV's IPPE divides zero by zero on exact pixels of some symmetrical views.
+    points_px = points_px + _NUDGE_PX * np.sin(np.arange(points_px.size)).reshape(points_px.shape)
     places = np.column_stack([plane_m, np.zeros(len(plane_m))])
     try:
         _, turns, shifts, errors_px = cv2.solvePnPGeneric(

@@ -20,6 +20,9 @@ from shipland.vision.pictures import FilePicture, is_film, pictures_of
 _UNKNOWN_GIMBAL = GimbalAttitude(0.0, 0.0)
 """A placeholder: a file does not hold the camera's attitude, and the near vision is set not to use it."""
 
+_MAX_OBLIQUITY_DEG = 65.0
+"""Largest angle between sight and the cue's normal: a flight comes from astern, a photograph from anywhere."""
+
 COLUMNS = (
     "file", "t_s", "found", "reason", "distance_m", "forward_m", "right_m", "down_m", "yaw_deg", "forward_sd_m",
     "right_sd_m", "down_sd_m", "yaw_sd_deg", "reprojection_px",
@@ -132,7 +135,7 @@ class _VisionBySize:
     def __init__(self, cue: Target, camera: Camera) -> None:
         self._cue, self._camera = cue, camera
         parameters = build(VisionParameters, packaged_table("vision"), "vision")
-        self._parameters = replace(parameters, gimbal_noise_rad=0.0)
+        self._parameters = replace(parameters, gimbal_noise_rad=0.0, max_obliquity_deg=_MAX_OBLIQUITY_DEG)
         self._by_size: dict[tuple[int, int], NearVision] = {}
 
     def see(self, picture: FilePicture) -> SeeResult:

@@ -1,7 +1,7 @@
 """Sides of the cue that something hides: the others settle the pose.
 
-What a region shows there is not the cue's side. A hidden side's place in the picture is inside of where the cue has it, and it runs otherwise: a cue of other dimensions
-has parallel sides.
+What a region shows there is not the cue's side. It lies inside of where the cue has its side, and runs otherwise: a cue
+of other dimensions has parallel sides.
 """
 
 from __future__ import annotations

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +20,8 @@ _LINE_PX = 2.0
 _SETTLED = 2
 """How often the sides are laid through their points anew."""
 
-_SUPPORTED, _ALL_SUPPORTED = 0.35, 0.6
-"""Least share of a side that lies on the outline, for all sides but one; and of all sides together."""
+_SUPPORTED, _ALL_SUPPORTED = 0.25, 0.6
+"""Least share of every side that lies on the outline, and of all sides together."""
 
 _AREA_RATIO = (0.75, 1.6)
 """Area of the polygon over that of the region; a part of the polygon may be hidden."""
@@ -53,7 +52,7 @@ def polygon_in_outline(contour_px: npt.NDArray[np.int32], area_px2: float, count
     if corners is None:
         return None
     share = _support(corners, points_px)
-    if np.count_nonzero(share >= _SUPPORTED) < count - 1 or share.mean() < _ALL_SUPPORTED:
+    if share.min() < _SUPPORTED or share.mean() < _ALL_SUPPORTED:
         return None
     area_px2 = cv2.contourArea(corners.astype(np.float32), oriented=True)
     return corners if _AREA_RATIO[0] * area_px2 <= area_px2 <= _AREA_RATIO[1] * area_px2 else None

@@ -50,11 +50,12 @@ whatever has none of them."""
 
 
 def cue_light(image: Image, hue: Band) -> Image:
-    """(H,W) saturated light of the pixels in a band of hue, at most 254; 255 where a pixel clips; 0 elsewhere."""
+    """(H,W) saturated light of the pixels in a band of hue, at most 254; 255 where another one clips; 0 elsewhere."""
     hues, saturation, value = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2HSV))
     light = cv2.multiply(saturation, value, scale=254.0 / 255.0**2)
     light = cv2.bitwise_and(light, _in_band(hues, hue))
-    return np.asarray(cv2.bitwise_or(light, cv2.threshold(value, _CLIPPED - 1, 255, cv2.THRESH_BINARY)[1]), np.uint8)
+    white = cv2.bitwise_and(cv2.inRange(value, _CLIPPED, 255), cv2.inRange(light, 0, 0))
+    return np.asarray(cv2.bitwise_or(light, white), np.uint8)
 
 
 def _in_band(hues: cv2.typing.MatLike, hue: Band) -> cv2.typing.MatLike:

@@ -160,7 +160,7 @@ def quad_of_hull(region: Region, min_side_px: float) -> tuple[Array | None, bool
 
 
 def quad_in_outline(region: Region, quad: Array | None, min_side_px: float) -> Array | None:
-    """Four corners (4,2) [px] on whose sides more of a region's outline lies than on those of its hull's, else these."""
+    """Four corners (4,2) [px] in a region's outline, where that supports them better than those of its hull."""
     lines = polygon_in_outline(region.contour_px, region.area_px2, 4)
     if lines is None or not _is_proper(lines.tolist(), min_side_px):
         return quad
