@@ -57,6 +57,9 @@ _MISFIT_LEVELS = 3.5
 """The same in grey levels of a sensor's noise, for small contrasts. Rendered pictures with noise of 1.5 have 1.5 to 2.7
 where the lamp clips and its other colours are measured; H.264 at 8 Mbit/s has 5 and more in 95 % of such pictures."""
 
+_DOUBTFUL_MISFIT = 0.15
+"""Misfit from which sides are measured anew, with the blur taken from the picture."""
+
 _MOST_MISFIT = 0.25
 """Misfit, measured anew, of sides that are no edges."""
 
@@ -167,8 +170,10 @@ def measure_corners(
         ends_px = np.abs(fit.offset_px) + np.abs(fit.slope) * sides.half_px()
         settled = fit.blur_px <= _MUCH_BLURRED_PX or attempt > _TRIES // 2
         near = _RECENTRE * sides.reach_px if settled else _RECENTRE_BLURRED * fit.blur_px
-        if np.all(ends_px <= near):
+        if np.all(ends_px <= near) and (attempt > 0 or fit.misfit <= _DOUBTFUL_MISFIT):
             return met
+        if fit.misfit > _DOUBTFUL_MISFIT:
+            blur_px = None
         sides = replace(Sides.of(met.corners_px, 0.0, sides.held), reach_px=sides.reach_px)
     return None
 

@@ -100,14 +100,14 @@ def _regions_of(image: Image, part: Contour, parameters: VisionParameters) -> li
     cv2.drawContours(inside, [part], -1, 255, cv2.FILLED, offset=(-left, -top))
     inside = cv2.dilate(inside, _RIM)
     found = _cores(seen, light, parameters)
+    brighter = np.zeros(light.shape, np.uint8)
     for _ in range(_MOST_CUTS):
         cut = _cut(light, inside, parameters)
-        found += [contour for contour in cut if _has_rim(light, contour)]
+        found += [contour for contour in cut if _has_rim(light, brighter, contour)]
         if not cut:
             break
-        done = np.zeros(light.shape, np.uint8)
-        cv2.drawContours(done, cut, -1, 255, cv2.FILLED)
-        inside = cv2.bitwise_and(inside, cv2.bitwise_not(cv2.dilate(done, _RIM)))
+        cv2.drawContours(brighter, cut, -1, 255, cv2.FILLED)
+        inside = cv2.bitwise_and(inside, cv2.bitwise_not(cv2.dilate(brighter, _RIM)))
     return [contour + np.array([left, top], np.int32) for contour in found]
 
 
@@ -130,11 +130,19 @@ def _cut(light: Image, inside: Image, parameters: VisionParameters) -> list[Cont
     return outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters)
 
 
-def _has_rim(light: Image, contour: Contour) -> bool:
-    """Whether the outline of a region has the cue's colour, and is not that of something white."""
+def _has_rim(light: Image, brighter: Image, contour: Contour) -> bool:
+    """Whether the outline of a region has the cue's colour, and is not that of something white or of a gap.
+
+    Args:
+        light: of the cue's colour.
+        brighter: where brighter regions are.
+        contour: the outline.
+    """
     columns, rows = contour[:, 0].T
     on = light[rows, columns]
-    return bool(np.count_nonzero((on >= _FLOOR) & (on < 255)) >= _COLOURED * len(on))
+    beside = cv2.dilate(brighter, _RIM, iterations=2)[rows, columns] if brighter.any() else np.zeros(1)
+    coloured = np.count_nonzero((on >= _FLOOR) & (on < 255)) >= _COLOURED * len(on)
+    return bool(coloured and np.count_nonzero(beside) < _COLOURED * len(on))
 
 
 def _cores(image: Image, light: Image, parameters: VisionParameters) -> list[Contour]:
