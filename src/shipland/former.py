@@ -57,6 +57,12 @@ FORMER = {
 """Today's name by the former one."""
 
 GONE = {
+    "vision.adaptive": "each region is judged at half of its own peak",
+    "vision.adaptive_floor": "each region is judged at half of its own peak",
+    "vision.adaptive_hue": "each region is judged at half of its own peak",
+    "vision.length_tolerance": "--vision published screens sides as printed; else manufacturing_tolerance says it all",
+    "vision.screening_px": "--vision published screens sides as printed; else manufacturing_tolerance says it all",
+    "vision.slope_tolerance": "--vision published screens sides as printed; else manufacturing_tolerance says it all",
     "vision.corners": "--vision published flies the published near chain",
     "vision.screening": "--vision published flies the published near chain",
     "vision.watershed": "--vision published flies the published near chain",

@@ -217,7 +217,7 @@ def stray_stations(values: Array, pixels: EdgePixels) -> npt.NDArray[np.bool_] |
     inner, outer = 0.5 * (values[:, :, 0] + values[:, :, 1]), 0.5 * (values[:, :, -1] + values[:, :, -2])
     inside, outside = (np.median(np.take_along_axis(ends, alike, 1), axis=1)[:, None] for ends in (inner, outer))
     span = np.maximum(inside - outside, 0.1)
-    stray = np.maximum(np.abs(inner - inside), np.abs(outer - outside)) > _STRAY_LEVEL * span
+    stray = np.asarray(np.maximum(np.abs(inner - inside), np.abs(outer - outside)) > _STRAY_LEVEL * span)
     share = (values.sum(axis=2) / count - outside) / span
     innermost_px = pixels.out_px[:, :, 0]
     crossing_px = innermost_px + (share * count - 0.5) / (count - 1) * (pixels.out_px[:, :, -1] - innermost_px)
@@ -230,7 +230,8 @@ def stray_stations(values: Array, pixels: EdgePixels) -> npt.NDArray[np.bool_] |
     agree = (off_px <= _STRAY_PX) & ~stray[:, None] & counted[:, None]
     best = np.argmax(agree.sum(axis=2), axis=1)
     stray = counted & ~agree[np.arange(len(values)), best]
-    stray &= (stray.sum(axis=1) < _MOST_STRAY * counted.sum(axis=1))[:, None]
+    few = np.asarray(stray.sum(axis=1) < _MOST_STRAY * counted.sum(axis=1))
+    stray &= few[:, None]
     return stray if stray.any() else None
 
 

@@ -15,9 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.frames import Array
-from shipland.vision.near.edges import MeasuredCorners
 
 if TYPE_CHECKING:
+    from shipland.vision.near.edges import MeasuredCorners
     from shipland.vision.near.pose import PoseCandidate
 
 Hidden = npt.NDArray[np.bool_]

@@ -134,7 +134,7 @@ def _support(corners: Array, points_px: Array) -> Array:
     """(n,) share of each side that lies on the outline."""
     _, length_px, on = _of_sides(corners, points_px)
     spacing_px = float(np.hypot(*(points_px[1] - points_px[0])))
-    return np.minimum(np.count_nonzero(on, axis=1) * spacing_px / length_px, 1.0)
+    return np.asarray(np.minimum(np.count_nonzero(on, axis=1) * spacing_px / length_px, 1.0))
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -96,9 +96,9 @@ def _regions_of(image: Image, part: Contour, parameters: VisionParameters) -> li
     left, top = max(left - _RIM_PX, 0), max(top - _RIM_PX, 0)
     seen = image[top : top + height + 2 * _RIM_PX, left : left + width + 2 * _RIM_PX]
     light = cue_light(seen, parameters.hue)
-    inside = np.zeros(light.shape, np.uint8)
+    inside: Image = np.zeros(light.shape, np.uint8)
     cv2.drawContours(inside, [part], -1, 255, cv2.FILLED, offset=(-left, -top))
-    inside = cv2.dilate(inside, _RIM)
+    inside = np.asarray(cv2.dilate(inside, _RIM), np.uint8)
     found = _cores(seen, light, parameters)
     brighter = np.zeros(light.shape, np.uint8)
     for _ in range(_MOST_CUTS):
@@ -107,7 +107,7 @@ def _regions_of(image: Image, part: Contour, parameters: VisionParameters) -> li
         if not cut:
             break
         cv2.drawContours(brighter, cut, -1, 255, cv2.FILLED)
-        inside = cv2.bitwise_and(inside, cv2.bitwise_not(cv2.dilate(brighter, _RIM)))
+        inside = np.asarray(cv2.bitwise_and(inside, cv2.bitwise_not(cv2.dilate(brighter, _RIM))), np.uint8)
     return [contour + np.array([left, top], np.int32) for contour in found]
 
 
