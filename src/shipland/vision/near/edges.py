@@ -217,7 +217,7 @@ def stray_stations(values: Array, pixels: EdgePixels) -> npt.NDArray[np.bool_] |
     inner, outer = 0.5 * (values[:, :, 0] + values[:, :, 1]), 0.5 * (values[:, :, -1] + values[:, :, -2])
     inside, outside = (np.median(np.take_along_axis(ends, alike, 1), axis=1)[:, None] for ends in (inner, outer))
     span = np.maximum(inside - outside, 0.1)
-    stray = np.asarray(np.maximum(np.abs(inner - inside), np.abs(outer - outside)) > _STRAY_LEVEL * span)
+    stray: npt.NDArray[np.bool_] = np.maximum(np.abs(inner - inside), np.abs(outer - outside)) > _STRAY_LEVEL * span
     share = (values.sum(axis=2) / count - outside) / span
     innermost_px = pixels.out_px[:, :, 0]
     crossing_px = innermost_px + (share * count - 0.5) / (count - 1) * (pixels.out_px[:, :, -1] - innermost_px)
