@@ -101,7 +101,7 @@ def landings_a_minute(workers: int, landings: int) -> float:
 
     def clocked(runs: int) -> float:
         with tempfile.TemporaryDirectory() as folder:
-            flags = ["--runs", str(runs), "--workers", str(workers), "--ceiling-motions", "0", "--out", folder]
+            flags = ["--runs", str(runs), "--workers", str(workers), "--oracle-motions", "0", "--out", folder]
             command = [sys.executable, "-W", "ignore", "-m", "shipland", "campaign", "--scenario", SCENARIO]
             started_s = time.perf_counter()
             subprocess.run([*command, "--pilot", "horizon", *flags], check=True, capture_output=True)

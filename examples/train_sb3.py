@@ -46,7 +46,7 @@ class Arguments:
     out: Path | None = None
 
 
-def in_square(env: gymnasium.Env, act: Callable[[np.ndarray], np.ndarray], flights: int) -> int:
+def successes(env: gymnasium.Env, act: Callable[[np.ndarray], np.ndarray], flights: int) -> int:
     """How many flights land in the square."""
     count = 0
     for seed in range(1, flights + 1):
@@ -55,7 +55,7 @@ def in_square(env: gymnasium.Env, act: Callable[[np.ndarray], np.ndarray], fligh
         while not over:
             observation, _, terminated, truncated, info = env.step(act(observation))
             over = terminated or truncated
-        count += info["in_square"]
+        count += info["is_success"]
     return count
 
 
@@ -78,8 +78,8 @@ def main(arguments: Arguments) -> dict[str, int]:
     normalised.update_running_mean = False
     nothing = np.zeros(env.action_space.shape, np.float32)
     found = {
-        "agent": in_square(normalised, lambda seen: agent.predict(seen, deterministic=True)[0], arguments.flights),
-        "zero action": in_square(normalised, lambda _: nothing, arguments.flights),
+        "agent": successes(normalised, lambda seen: agent.predict(seen, deterministic=True)[0], arguments.flights),
+        "zero action": successes(normalised, lambda _: nothing, arguments.flights),
     }
     env.close()
     for who, count in found.items():

@@ -50,7 +50,7 @@ def fly(case: Case, speed_mps: float, seed: int) -> dict[str, Any]:
     forward_m, right_m = np.median(places_m, axis=0)[:2].tolist() if last else (None, None)
     return {
         "speed_mps": speed_mps,
-        "in_square": flown.succeeded,
+        "success": flown.success,
         "landed": flown.verdict is not None and flown.verdict.landed,
         "time_s": end_s,
         "astern_m": -forward_m if last else None,
@@ -63,7 +63,7 @@ def measure(case: Case, runs: int) -> Row:
     """Flights with the seeds 1 … runs at every speed; the row keeps each."""
     flights = [fly(case, speed_mps, seed) for speed_mps, seed in product(SPEEDS_MPS, range(1, runs + 1))]
     return {
-        "success": share(sum(each["in_square"] for each in flights), len(flights)),
+        "success": share(sum(each["success"] for each in flights), len(flights)),
         "landed": sum(each["landed"] for each in flights) / len(flights),
         "time_s": float(np.median([each["time_s"] for each in flights])),
         "flights": flights,

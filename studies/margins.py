@@ -70,7 +70,7 @@ def measure(case: Case, runs: int) -> Row:
     touched = [each.verdict.touchdown_in_deck_m for each in flown if each.verdict is not None]
     errors_m = [float(np.hypot(*place_m)) for place_m in touched if np.isfinite(place_m).all()]
     return {
-        "success": share(sum(each.succeeded for each in flown), runs),
+        "success": share(sum(each.success for each in flown), runs),
         "error_m": float(np.median(errors_m)) if errors_m else None,
     }
 

@@ -2,7 +2,7 @@
 
 A table stands in the page below a link to its results, whose title says which cases and columns it shows:
 
-    [results/ceilings.json](../../results/ceilings.json "table group=sweep; setting, ceiling")
+    [results/oracle_rates.json](../../results/oracle_rates.json "table group=sweep; setting, oracle_rate")
 
     | setting | … |
 

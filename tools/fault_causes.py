@@ -20,9 +20,8 @@ from rich.console import Console
 from rich.progress import track
 
 from shipland.errors import ShiplandError
-from shipland.evaluation.bench import land_quietly
-from shipland.evaluation.campaign import FlightJob
 from shipland.evaluation.folder import read_campaign
+from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import Landing
 from shipland.factories import resolve
 from shipland.guidance.pilot import Pilot, PilotSetup
@@ -91,7 +90,7 @@ class _Climber:
 
 
 def failed_in(folder: Path) -> list[Failed]:
-    """The flights of a bench's folder that failed, in order."""
+    """The flights of a campaign's folder that failed, in order."""
     found = []
     for path in sorted(folder.glob("*/campaign.json")):
         key = json.loads(path.read_text(encoding="utf-8"))
@@ -99,7 +98,7 @@ def failed_in(folder: Path) -> list[Failed]:
         found += [
             Failed(path.parent.name, scenario, key["pilot"], key["vision"], landing)
             for landing in sorted(read_campaign(path.parent), key=lambda it: it.seed)
-            if not landing.good
+            if not landing.success
         ]
     return found
 
@@ -110,7 +109,7 @@ def row_of(failed: Failed) -> str:
     lands_without = [
         each.kind.value
         for each in faults
-        if failed.flown_again(tuple(fault for fault in faults if fault is not each)).good
+        if failed.flown_again(tuple(fault for fault in faults if fault is not each)).success
     ]
     possible = ""
     if failed.is_hit and faults:

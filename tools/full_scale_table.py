@@ -1,9 +1,9 @@
-"""What changes from the model to the ship: one table, from the configuration, from motions drawn and from benches.
+"""What changes from the model to the ship: one table, from the configuration, from motions drawn and from campaigns.
 
-    python tools/full_scale_table.py [--motions 60] [--benches out/tables out/frigate]
+    python tools/full_scale_table.py [--motions 60] [--campaigns out/tables out/frigate]
 
-Without benches the rows of the flights are left out. Of a bench, horizon's cells of both scenarios are taken: that of
-the velocity loop, and the ship's as it is.
+Without campaigns the rows of the flights are left out. Of a campaign, horizon's cells of both scenarios are taken: that
+of the velocity loop, and the ship's as it is.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.evaluation.bench import read_bench
+from shipland.evaluation.campaign import read_cells
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.statistics import share_interval
 from shipland.scenario.autonomy import response_of
@@ -75,14 +75,14 @@ def column(scenario: Scenario, motions: int) -> list[Row]:
 
 
 def flown(scenario: Scenario, landings: tuple[Landing, ...]) -> list[Row]:
-    """The rows of a bench."""
-    n, good, touched = len(landings), sum(it.good for it in landings), [it for it in landings if it.touched]
+    """The rows of a campaign."""
+    n, good, touched = len(landings), sum(it.success for it in landings), [it for it in landings if it.touched]
     low, high = share_interval(good, n)
-    own_m = float(np.median([np.hypot(it.own_forward_m, it.own_starboard_m) for it in touched]))
+    own_m = float(np.median([np.hypot(it.control_forward_m, it.control_starboard_m) for it in touched]))
     share = 100.0 * own_m / scenario.rig.deck_size_m
     return [
         ("landed in the area", f"{good} of {n} ({100.0 * low:.0f}–{100.0 * high:.0f} %)"),
-        ("own error, median", f"{own_m:.2f} m, {share:.0f} % of the deck"),
+        ("control error, median", f"{own_m:.2f} m, {share:.0f} % of the deck"),
         ("flight, median", f"{np.median([it.time_s for it in landings]):.0f} s from {scenario.start.distance_m:g} m"),
     ]
 
@@ -93,9 +93,9 @@ def main() -> None:
     parser.add_argument("--model", default="ship-sea6")
     parser.add_argument("--ship", default="frigate-sea6")
     parser.add_argument("--motions", type=int, default=60)
-    parser.add_argument("--benches", type=Path, nargs="*", default=[])
+    parser.add_argument("--campaigns", type=Path, nargs="*", default=[])
     asked = parser.parse_args()
-    cells = [cell for folder in asked.benches for cell in read_bench([folder]) if cell.pilot == "horizon"]
+    cells = [cell for folder in asked.campaigns for cell in read_cells([folder]) if cell.pilot == "horizon"]
     columns = []
     for name, settings in ((asked.model, ("aircraft.loop.kind=velocity",)), (asked.ship, ())):
         scenario = load_scenario(scenario_table(name, None, settings))

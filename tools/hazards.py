@@ -1,6 +1,6 @@
 """What flights into hazards touched: a row a cell of the suite `hazards`, and whether a bad contact could be avoided.
 
-    shipland campaign hazards --pilot horizon --runs 100 --ceiling-motions 0 --out out/hazards
+    shipland campaign hazards --pilot horizon --runs 100 --oracle-motions 0 --out out/hazards
     python tools/hazards.py out/hazards                # the table
     python tools/hazards.py out/hazards --safe-action  # and each bad contact flown again
 
@@ -24,7 +24,7 @@ from rich.console import Console
 from rich.progress import track
 
 from shipland.errors import DataError, ShiplandError
-from shipland.evaluation.bench import CellResult, read_bench
+from shipland.evaluation.campaign import CellResult, read_cells
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.statistics import share_interval
 from shipland.record.reader import read_log
@@ -53,7 +53,7 @@ BAD = (BEYOND_LIMIT, STRUCK)
 
 
 def outcome_of(landing: Landing) -> Outcome:
-    """Of a landing of the bench."""
+    """Of a landing of the campaign."""
     if landing.landed:
         return Outcome(IN_SQUARE if landing.in_square else OUTSIDE)
     if landing.reason.startswith("no touchdown"):
@@ -130,7 +130,7 @@ def main(folder: tyro.conf.Positional[Path], *, safe_action: bool = False) -> No
         actions = {failed.cell: dict[int, float | None]() for failed in bad}
         for failed in track(bad, "flying again", console=console, disable=not console.is_terminal):
             actions[failed.cell][failed.landing.seed] = climbs_clear(failed)
-    text = "\n".join(table_of(read_bench([folder]), actions))
+    text = "\n".join(table_of(read_cells([folder]), actions))
     (folder / "hazards.md").write_text(text + "\n", encoding="utf-8")
     console.print(text, soft_wrap=True, highlight=False, markup=False)
 

@@ -113,7 +113,7 @@ def lateness(log: FlightLog) -> dict[str, float]:
 def outcome(folder: Path, seed: int) -> dict[str, object]:
     """What became of a flight, from what its processes left."""
     said = (folder / "physics.txt").read_text().strip().splitlines() or ["no physics"]
-    row: dict[str, object] = {"seed": seed, "in_square": said[-1].startswith("landed in the square")}
+    row: dict[str, object] = {"seed": seed, "success": said[-1].startswith("landed in the square")}
     row |= {"reason": said[-1], "pace": next((line for line in said if "of flight took" in line), "")}
     fly = (folder / "fly.txt").read_text().strip().splitlines() if (folder / "fly.txt").exists() else []
     row["fly"] = fly[-1] if fly else ""
@@ -210,7 +210,7 @@ def main() -> None:
         late = f"behind {row.get('world_fell_behind_s')} s, attitude's age {row.get('attitude_age_99_s')} s"
         print(f"{seed:4d}  {row['reason']}  [{row['pace']}; {late}]", flush=True)
         (arguments.out / f"{arguments.scenario}.json").write_text(json.dumps(results, indent=1))
-    good = sum(bool(result["in_square"]) for result in results)
+    good = sum(bool(result["success"]) for result in results)
     low, high = share_interval(good, len(results))
     print(
         f"{good} of {len(results)} in the square, 95 %: {low:.2f} to {high:.2f} "

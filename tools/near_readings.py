@@ -40,7 +40,7 @@ def main() -> None:
         for seed in SEEDS:
             rows: list[FlightRecord] = []
             flown = fly_quietly(scenario, "paper", "geometric", seed, rows.append)
-            good += flown.succeeded
+            good += flown.success
             past_m.append(max(row.truth.aircraft_in_bar_m[0] for row in rows if row.truth is not None) - wanted_m)
             if flown.verdict is not None:
                 times_s.append(flown.verdict.t_s)

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from shipland.evaluation.bench import CellResult, read_bench
+from shipland.evaluation.campaign import CellResult, read_cells
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.statistics import compare
 
@@ -42,7 +42,7 @@ def line(name: str, ours: CellResult, policy: CellResult, label: str) -> str:
     rng = np.random.default_rng(1)
     drawn = rng.integers(0, len(seeds), (5000, len(seeds)))
     low, high = np.quantile(np.sqrt(b[drawn].mean(1) / a[drawn].mean(1)), [0.025, 0.975])
-    ok_a, ok_b = (np.array([it.good for it in some]) for some in (first, second))
+    ok_a, ok_b = (np.array([it.success for it in some]) for some in (first, second))
     error_a, error_b = (np.array([it.error_m for it in some], dtype=float) for some in (first, second))
     pairing = compare(ok_a, ok_b, error_a, error_b, rng)
     parts = [
@@ -87,7 +87,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folders", type=Path, nargs="+", help="of `shipland campaign`")
-    print("\n".join(table_of(read_bench(parser.parse_args().folders))))
+    print("\n".join(table_of(read_cells(parser.parse_args().folders))))
 
 
 if __name__ == "__main__":

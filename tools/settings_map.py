@@ -19,7 +19,7 @@ import tyro
 mpl.use("Agg")
 from matplotlib import pyplot as plt
 
-from shipland.evaluation.bench import read_bench
+from shipland.evaluation.campaign import read_cells
 from shipland.evaluation.landing import row_of
 
 LOOPS = {
@@ -38,7 +38,7 @@ def main(results: Path, picture: Path = Path("out/settings-map.png")) -> None:
         picture: file to write.
     """
     cells: dict[tuple[Any, ...], list[dict[str, Any]]] = defaultdict(list)
-    for cell in read_bench([results]):
+    for cell in read_cells([results]):
         trim_s = float(dict(cell.settings).get("aircraft.loop.wind_trim_s", 0.0))
         for row in map(row_of, cell.landings):
             cells[(row["loop"], trim_s), row["ship_mps"], row["max_tilt_deg"], row["wind_mps"]].append(row)
@@ -53,7 +53,7 @@ def main(results: Path, picture: Path = Path("out/settings-map.png")) -> None:
                     rows = cells.get((loop, way, tilt, wind), [])
                     if not rows:
                         continue
-                    square, deck = (sum(bool(row[key]) for row in rows) for key in ("in_square", "landed"))
+                    square, deck = (sum(bool(row[key]) for row in rows) for key in ("success", "landed"))
                     share[y, x] = square / len(rows)
                     axis.text(x, y, f"{square} ({deck})", ha="center", va="center", fontsize=7)
             axis.imshow(share, vmin=0.0, vmax=1.2, cmap="YlGn", origin="lower", aspect="auto")
@@ -78,7 +78,7 @@ def main(results: Path, picture: Path = Path("out/settings-map.png")) -> None:
             texts = []
             for wind in winds:
                 rows = [row for key, some in cells.items() if key[:2] == (loop, way) and key[3] == wind for row in some]
-                square, deck = (sum(bool(row[key]) for row in rows) for key in ("in_square", "landed"))
+                square, deck = (sum(bool(row[key]) for row in rows) for key in ("success", "landed"))
                 texts.append(f"{square} ({deck}) of {len(rows)}")
             print(f"| {title} | {way:g} | " + " | ".join(texts) + " |")
 

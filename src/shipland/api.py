@@ -59,11 +59,6 @@ class Flight(Flown):
     folder: Path | None
 
     @property
-    def landed(self) -> bool:
-        """Whether it stands on its feet in the landing square, or circle."""
-        return self.succeeded
-
-    @property
     def error_m(self) -> float:
         """Distance of the touchdown point from the deck's centre; NaN without a touchdown."""
         if self.verdict is None or not self.verdict.touched:
@@ -211,7 +206,7 @@ def campaign(
     Raises:
         ShiplandError: a wrong scenario, name or machine.
     """
-    from shipland.evaluation.campaign import FlightJob, land_once
+    from shipland.evaluation.job import FlightJob, land_once
     from shipland.evaluation.workers import run_jobs
 
     scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)

@@ -31,6 +31,8 @@ FORMER = {
     "leash_mps": "tracking_error_max_mps",
     "made_to": "manufacturing_tolerance",
     "mean_spread_mps": "mean_half_range_mps",
+    "own_forward_m": "control_forward_m",
+    "own_starboard_m": "control_starboard_m",
     "perfect_forward_m": "oracle_forward_m",
     "perfect_in_square": "oracle_in_square",
     "perfect_starboard_m": "oracle_starboard_m",

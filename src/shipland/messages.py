@@ -345,7 +345,7 @@ class TouchdownVerdict:
 
     Attributes:
         t_s: first contact [s].
-        landed: came to rest on its feet on the deck.
+        landed: came to rest on its feet on the deck, within every limit.
         in_square: the touchdown point lies in the landing square, or circle.
         touchdown_in_deck_m: (2,) forward, starboard of the aircraft's centre at first contact; NaN where the flight
             ended without contact with the deck, and then the next two as well.
@@ -372,6 +372,11 @@ class TouchdownVerdict:
         _check_shape("TouchdownVerdict", "touchdown_in_deck_m", self.touchdown_in_deck_m, (2,))
         _check_shape("TouchdownVerdict", "rest_in_deck_m", self.rest_in_deck_m, (2,))
         _check_shape("TouchdownVerdict", "relative_velocity_in_deck_mps", self.relative_velocity_in_deck_mps, (3,))
+
+    @property
+    def success(self) -> bool:
+        """Landed, and in the square."""
+        return self.landed and self.in_square
 
     @property
     def touched(self) -> bool:

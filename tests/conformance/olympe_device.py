@@ -27,7 +27,7 @@ from olympe.messages.common.SettingsState import AllSettingsChanged
 from rtsp_server import RtspServer
 
 STEP_S, EVENT_S, PICTURE_HZ = 0.01, 0.2, 30.0
-FORWARD_PICTURE_RAD = 0.02  # the gimbal's own error in roll, so that it can be told from the aircraft's
+FORWARD_PICTURE_RAD = 0.02  # the gimbal's control error in roll, so that it can be told from the aircraft's
 
 
 def quaternion(target, roll, pitch, yaw):

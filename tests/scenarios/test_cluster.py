@@ -3,9 +3,9 @@
 import pytest
 
 from shipland.errors import ConfigError
-from shipland.evaluation.bench import BenchPlan, open_bench, processes, read_bench
+from shipland.evaluation.campaign import CampaignPlan, open_campaign, processes, read_cells
 from shipland.evaluation.cluster import cluster
-from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
+from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
 
 FLIGHTS = 8
 
@@ -13,7 +13,7 @@ FLIGHTS = 8
 @pytest.fixture
 def plan(tmp_path):
     entries = (SuiteEntry(("rig-natops",), ("time_limit_s=3.0",)),)
-    return BenchPlan(bench_cells(entries, Overrides(("paper",))), range(1, FLIGHTS + 1), tmp_path / "out")
+    return CampaignPlan(cells_of(entries, Overrides(("paper",))), range(1, FLIGHTS + 1), tmp_path / "out")
 
 
 @pytest.mark.filterwarnings("ignore")  # Ray's own
@@ -25,7 +25,7 @@ def test_a_machine_that_dies_costs_nothing(plan, tmp_path):
     try:
         second = machines.add_node(num_cpus=1)
         machines.wait_for_nodes()
-        with open_bench(plan) as bench:
+        with open_campaign(plan) as bench:
             for count, _ in enumerate(bench.fly(cluster(machines.address)), start=1):
                 if count == 2:
                     machines.remove_node(second, allow_graceful=False)
@@ -33,14 +33,14 @@ def test_a_machine_that_dies_costs_nothing(plan, tmp_path):
         assert count == FLIGHTS
     finally:
         machines.shutdown()
-    (there,) = read_bench([plan.out])
+    (there,) = read_cells([plan.out])
     assert [it.seed for it in there.landings] == list(plan.seeds)
     assert len((plan.out / there.name / "landings.csv").read_text().splitlines()) == 1 + FLIGHTS
     assert sorted(int(path.stem) for path in there.logs.glob("*.mcap")) == list(plan.seeds)  # nobody lands in 3 s
-    here = BenchPlan(plan.cells, plan.seeds, tmp_path / "here")
-    with open_bench(here) as bench:
+    here = CampaignPlan(plan.cells, plan.seeds, tmp_path / "here")
+    with open_campaign(here) as bench:
         list(bench.fly(processes(1)))
-    (alone,) = read_bench([here.out])
+    (alone,) = read_cells([here.out])
     assert str(alone.landings) == str(there.landings)  # NaN is not equal to itself; its text is
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from shipland.evaluation.campaign import FlightJob, land_once
+from shipland.evaluation.job import FlightJob, land_once
 from shipland.evaluation.recovery import REGAINED_S
 from shipland.scenario.scenario import load_scenario
 

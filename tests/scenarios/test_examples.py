@@ -22,7 +22,7 @@ def in_the_examples(monkeypatch):
 
 def test_own_pilot_lands():
     flight = shipland.fly("near", pilot="own_pilot:patient", seed=3)
-    assert flight.landed, flight.reason
+    assert flight.success, flight.reason
 
 
 def test_own_vision_sees():
@@ -53,7 +53,7 @@ def test_own_vision_gives_a_box_where_corners_are_too_small():
 def test_own_cue_flies_to_a_landing():
     flight = shipland.fly("own_cue.toml", pilot="horizon", seed=2)
     assert flight.scenario.rig.target.count == 3
-    assert flight.landed, flight.reason
+    assert flight.success, flight.reason
 
 
 def test_own_cue_is_drawn_and_seen():

@@ -14,7 +14,7 @@ def test_a_ship_met_from_ahead_is_flown_around(bearing_deg):
     scenario = load_scenario(merge(scenario_table("demo"), {"start": start, "time_limit_s": 120.0}))
     rows = []
     flown = fly_quietly(scenario, "horizon", "geometric", 1, rows.append)
-    assert flown.succeeded, flown.reason
+    assert flown.success, flown.reason
     assert Mode.TRACK_SHIP in {row.decision.mode for row in rows}
     nearest_m = min(
         max(abs(row.truth.aircraft_in_bar_m[0]), abs(row.truth.aircraft_in_bar_m[1]))

@@ -23,7 +23,7 @@ def test_near_landing_is_inside_the_square(pilot, kind):
     """The published gains do not balance a wind with a tilt: they land where a stick is a velocity."""
     rows = []
     flown = fly_quietly(near(aircraft={"loop": {"kind": kind}}), pilot, "geometric", 3, rows.append)
-    assert flown.succeeded, flown.reason
+    assert flown.success, flown.reason
     modes = [row.decision.mode for row in rows]
     assert [mode for mode in Mode if mode in modes] == [Mode.SEARCH, Mode.APPROACH, Mode.LAND, Mode.DONE]
 
@@ -34,18 +34,18 @@ def test_pictures_alone_are_enough_in_strong_wind(seed):
     overlay = {"aircraft": {"loop": {"kind": "attitude"}}, "wind": {"mean_mps": 9.0}}
     overlay["delays"] = {"telemetry": {"profile": "none"}}
     flown = fly_quietly(load_scenario("rig-natops", **overlay), "horizon", "geometric", seed)
-    assert flown.succeeded, flown.reason
+    assert flown.success, flown.reason
 
 
 @pytest.mark.parametrize("seed", [4, 26])
 def test_a_deck_that_is_watched_is_landed_on_where_it_would_have_swayed_away(seed):
     """Seed 4 misses by the deck's sway and 26 comes down too hard when they land at any instant."""
     calm = {"wind.mean_mps": 0.0}
-    assert not fly_quietly(load_scenario("rig-sea6", **calm), "horizon", "geometric", seed).succeeded
+    assert not fly_quietly(load_scenario("rig-sea6", **calm), "horizon", "geometric", seed).success
     rows = []
     watched = load_scenario("rig-sea6", **calm, **{"guidance.horizon.moment": "deck"})
     flown = fly_quietly(watched, "horizon", "geometric", seed, rows.append)
-    assert flown.succeeded, flown.reason
+    assert flown.success, flown.reason
     sights = sum(row.observation.deck is not None for row in rows)
     assert sights > 10
 
@@ -54,7 +54,7 @@ def test_a_deck_that_is_watched_is_landed_on_where_it_would_have_swayed_away(see
 def test_linear_pilots_land_in_still_air_where_a_stick_is_a_velocity(pilot):
     scenario = load_scenario("rig-natops", **{"aircraft.loop.kind": "velocity", "wind.mean_mps": 0.0})
     flown = fly_quietly(scenario, pilot, "geometric", 1)
-    assert flown.succeeded, flown.reason
+    assert flown.success, flown.reason
 
 
 def test_wind_of_the_near_scenario_spreads():

@@ -19,4 +19,4 @@ def test_a_mirrored_cue_after_a_gap_leads_no_flight_astray(seed):
     refused = [row for row in rows if "mirror image" in row.observation.reason]
     assert len(refused) > 30
     assert all(12.0 <= row.frame.t_s <= 18.0 for row in refused)
-    assert flown.succeeded, flown.reason
+    assert flown.success, flown.reason

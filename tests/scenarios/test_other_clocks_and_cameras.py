@@ -77,4 +77,4 @@ def test_a_full_hd_camera_of_60_degrees_lands_too():
         "start.height_m": 8.0,
     }
     flown = fly_quietly(load_scenario("near", **overlay), "horizon", "geometric", 1)
-    assert flown.succeeded, flown.reason
+    assert flown.success, flown.reason

@@ -1,7 +1,6 @@
 """A weak motor and a dark spell set the aircraft swinging: it comes to rest again, and lands."""
 
-from shipland.evaluation.bench import land_quietly
-from shipland.evaluation.campaign import FlightJob
+from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.scenario.scenario import load_scenario
 
 

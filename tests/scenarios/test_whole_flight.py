@@ -29,7 +29,7 @@ def ours():
 
 def test_it_lands_in_the_square_through_the_modes_in_order(ours):
     flown, records = ours
-    assert flown.succeeded, flown.reason
+    assert flown.success, flown.reason
     order = [record.decision.mode for record in records]
     changes = [order[0], *(after for before, after in pairwise(order) if after is not before)]
     far = [mode for mode in changes if mode not in (Mode.SEARCH, Mode.APPROACH, Mode.LAND, Mode.DONE)]
@@ -68,7 +68,7 @@ def test_cycles_take_the_papers_time_far_and_near(ours):
 @pytest.mark.parametrize("processing", ["zero", "measured"])
 def test_other_processing_times_land_too(processing):
     flown, records = flight(seed=2, ship={"motion": "still"}, delays={"processing": processing})
-    assert flown.succeeded, flown.reason
+    assert flown.success, flown.reason
     assert sum(record.observation.learned for record in records) > 100  # detectors look at every frame they can
 
 

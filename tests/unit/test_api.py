@@ -32,7 +32,7 @@ def test_a_flight_gives_arrays():
     table = flight.table()
     assert len(table["t_s"]) == len(flight.records) == len(flight.columns.t_s) > 20
     assert table["truth_in_pad_m_2"] == pytest.approx(flight.columns.truth_in_pad_m[:, 2])
-    assert not flight.landed
+    assert not flight.success
     assert np.isnan(flight.error_m)
     assert "time limit" in flight.reason
     assert all(record.frame.image is None for record in flight.records)

@@ -12,11 +12,11 @@ import pytest
 
 from shipland.errors import DataError
 from shipland.evaluation import folder as folders
-from shipland.evaluation.bench import BenchPlan, open_bench, processes, read_bench
+from shipland.evaluation.campaign import CampaignPlan, open_campaign, processes, read_cells
 from shipland.evaluation.folder import folder_in, read_campaign
 from shipland.evaluation.landing import COLUMNS, Conditions, Landing, Phases, landing_from, row_of
 from shipland.evaluation.rules import rules_table
-from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
+from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
 from shipland.evaluation.tables import causes_table, landings_table, modes_table, pair_up, summary_of
 from shipland.evaluation.workers import run_jobs
 from shipland.rig import default_rig
@@ -28,8 +28,8 @@ CONDITIONS = Conditions(
     "paper", 15.0, "attitude", "anafi", 40000.0, "",
 )  # fmt: skip
 GOOD = Landing(
-    1, True, True, "", 29.5, PHASES, CONDITIONS, "landed", forward_m=0.03, starboard_m=-0.04, own_forward_m=0.03,
-    own_starboard_m=-0.04, deck_forward_m=0.0, deck_starboard_m=0.0, oracle_forward_m=0.0, oracle_starboard_m=0.0,
+    1, True, True, "", 29.5, PHASES, CONDITIONS, "landed", forward_m=0.03, starboard_m=-0.04, control_forward_m=0.03,
+    control_starboard_m=-0.04, deck_forward_m=0.0, deck_starboard_m=0.0, oracle_forward_m=0.0, oracle_starboard_m=0.0,
     oracle_in_square=True, sink_mps=0.45, slide_mps=0.05, tilt_deg=6.0, slip_m=0.01, force_n=17.0, rest_forward_m=0.03,
     rest_starboard_m=-0.05, deck_roll_deg=2.0, deck_pitch_deg=-1.0, deck_heave_m=0.02, deck_sink_mps=0.01,
     step_percent=20.0, over_slew_percent=0.0,
@@ -42,9 +42,9 @@ def seeded(landing, seed):
 
 
 def run_campaign(plan):
-    with open_bench(plan) as bench:
+    with open_campaign(plan) as bench:
         list(bench.fly(processes(1)))
-    return read_bench([plan.out])[0].landings
+    return read_cells([plan.out])[0].landings
 
 
 def cell_of(plan):
@@ -64,8 +64,8 @@ def request_(tmp_path, monkeypatch):
         flown.append(flight.seed)
         return replace(seeded(GOOD, flight.seed), sink_mps=round(0.1 * flight.seed, 4))
 
-    monkeypatch.setattr("shipland.evaluation.bench.land_once", land)
-    request = BenchPlan(bench_cells([SuiteEntry(("near",))], Overrides(("paper",))), range(1, 4), tmp_path / "out")
+    monkeypatch.setattr("shipland.evaluation.job.land_once", land)
+    request = CampaignPlan(cells_of([SuiteEntry(("near",))], Overrides(("paper",))), range(1, 4), tmp_path / "out")
     return request, flown
 
 
@@ -172,7 +172,7 @@ def test_a_table_of_any_content_is_one_line(request_, damage):
 
 def test_a_second_campaign_in_the_folder_is_refused(request_):
     request, _ = request_
-    with open_bench(request), pytest.raises(DataError, match="another campaign flies in this folder"):
+    with open_campaign(request), pytest.raises(DataError, match="another campaign flies in this folder"):
         run_campaign(request)
     assert len(run_campaign(request)) == 3
 
@@ -215,15 +215,15 @@ def test_a_row_holds_everything():
 
 
 def test_tables_count_right():
-    missed = replace(seeded(GOOD, 2), in_square=False, forward_m=0.4, reason="landed outside", cause="own error")
+    missed = replace(seeded(GOOD, 2), in_square=False, forward_m=0.4, reason="landed outside", cause="control error")
     landings = [GOOD, missed, seeded(NOWHERE, 3)]
     assert "1 of 3 landed in the square" in summary_of(landings, "square")
-    assert "at 2 of the 2 instants of contact a perfect aircraft would have landed" in summary_of(landings, "square")
+    assert "at 2 of the 2 instants of contact an oracle would have landed" in summary_of(landings, "square")
     assert landings_table(landings, "square").count("\n| ") == 3
     assert "nan" not in landings_table(landings, "square")
     beside = replace(missed, landed=False, reason="came down beside the deck", cause="came down beside the deck")
     assert "| came down beside the deck |" in landings_table([beside], "square")
-    assert "| landed outside; own error |" in landings_table(landings, "square")
+    assert "| landed outside; control error |" in landings_table(landings, "square")
     assert causes_table(landings).count("\n| ") == 2
     assert "| 1 land | 8.0 | 8.0 |" in modes_table(landings)
     rules = rules_table(landings, default_rig())

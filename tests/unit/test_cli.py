@@ -57,7 +57,7 @@ def test_the_list_of_commands_fits_two_screens_and_each_command_tells_all(here):
 def test_a_campaign_leaves_tables_and_is_compared_and_reported(tmp_path, here, monkeypatch):
     monkeypatch.setattr(campaign, "_SAY_EVERY_S", 0.0)
     out = tmp_path / "out"
-    words = ["campaign", "--set", "time_limit_s=1", "--runs", "2", "--workers", "1", "--ceiling-motions", "0"]
+    words = ["campaign", "--set", "time_limit_s=1", "--runs", "2", "--workers", "1", "--oracle-motions", "0"]
     done = here(*words, "--pilot", "paper,horizon", "--out", str(out))
     assert done.returncode == 0, done.stderr
     # How far it is, where there is no terminal.
@@ -69,7 +69,7 @@ def test_a_campaign_leaves_tables_and_is_compared_and_reported(tmp_path, here, m
     assert len((out / "flights.csv").read_text().splitlines()) == 5
     assert "2 seeds flown by both" in here("compare", cell, out / "near_time_limit_s=1_paper").stdout
     assert "| near_time_limit_s=1_paper | 2 |" in here("compare", out, out).stdout
-    assert here("report", out, "--ceiling-motions", "0").returncode == 0
+    assert here("report", out, "--oracle-motions", "0").returncode == 0
     compared = here("compare", out, tmp_path)
     assert compared.returncode == 2
     assert "holds no campaign" in compared.stderr

@@ -107,7 +107,7 @@ def test_a_zero_residual_lands_as_the_pilot_alone():
     alone = shipland.fly("near", seed=3)
     _, rewards, info = flown(make(action="residual"), 3, [ZERO] * 2000)
     assert len(rewards) == len(alone.records)
-    assert alone.landed
+    assert alone.success
     assert info["in_square"] is info["is_success"] is info["landed"] is True
     assert (info["reason"], info["error_m"], info["slip_m"]) == (alone.reason, alone.error_m, alone.verdict.slip_m)
     # From about 12 m away to the middle of the deck in about 17 s, and 10 for the landing.

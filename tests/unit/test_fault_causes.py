@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from shipland.evaluation.bench import land_quietly
-from shipland.evaluation.campaign import FlightJob
+from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.scenario.faults import faults_of
 from shipland.scenario.scenario import load_scenario
 

@@ -10,7 +10,7 @@ import pytest
 
 from shipland.config import build
 from shipland.errors import ConfigError
-from shipland.evaluation.campaign import FlightJob, land_once
+from shipland.evaluation.job import FlightJob, land_once
 from shipland.evaluation.recovery import recoveries
 from shipland.flight import fly
 from shipland.messages import Intent, Mode, PilotCommand
@@ -103,7 +103,7 @@ def test_the_geometric_camera_sees_on_after_a_clock_that_leapt():
     flown = fly_quietly(scenario, "horizon", "geometric", 58, rows.append)
     offsets_s = [row.frame.stamp_s - row.frame.t_s for row in rows if row.frame.stamp_s is not None]
     assert offsets_s[-1] != 0.0  # from some spoiled time on the flight's clock is not the vehicle's
-    assert flown.succeeded, flown.reason
+    assert flown.success, flown.reason
 
 
 def test_a_frozen_picture_is_recognised():

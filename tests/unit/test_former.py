@@ -50,6 +50,8 @@ def test_every_new_name_is_one_and_no_former_name_is_used_again():
         member.name for enumeration in (Mode, Intent) for member in enumeration
     }
     elsewhere = {
+        "control_forward_m",
+        "control_starboard_m",
         "score_gain",
         "go_around_s",
         "oracle_forward_m",

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from shipland.evaluation.bench import BenchPlan, land_quietly, open_bench, processes, read_bench
-from shipland.evaluation.campaign import FlightJob
-from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
+from shipland.evaluation.campaign import CampaignPlan, land_quietly, open_campaign, processes, read_cells
+from shipland.evaluation.job import FlightJob
+from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
 from shipland.scenario.scenario import load_scenario
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
@@ -21,7 +21,7 @@ from hazards import climbs_clear, outcome_of, table_of
     ("landed", "in_square", "reason", "cause", "kind", "words"),
     [
         (True, True, "landed in the square", "", "in the square", ""),
-        (True, False, "landed outside the square", "own error", "outside", ""),
+        (True, False, "landed outside the square", "control error", "outside", ""),
         (False, True, "tilted 31° on the deck", "tilt", "beyond a limit", "tilt"),
         (False, False, "fell into the sea", "fell into the sea", "struck", "fell into the sea"),
         (
@@ -50,10 +50,10 @@ def test_the_latest_climb_that_avoids_a_bad_contact_is_found():
 
 def test_a_row_a_cell_counts_flights_and_gives_the_last_word_of_those_that_never_touched(tmp_path):
     entry = SuiteEntry(("rig-natops",), ("time_limit_s=2",))
-    plan = BenchPlan(bench_cells([entry], Overrides(("horizon",))), range(1, 3), tmp_path, "made-up 1")
-    with open_bench(plan) as bench:
+    plan = CampaignPlan(cells_of([entry], Overrides(("horizon",))), range(1, 3), tmp_path, "made-up 1")
+    with open_campaign(plan) as bench:
         assert len(list(bench.fly(processes(1)))) == 2
-    (row,) = table_of(read_bench([tmp_path]), None)[2:]
+    (row,) = table_of(read_cells([tmp_path]), None)[2:]
     parts = [part.strip() for part in row.strip("| ").split("|")]
     assert parts[:8] == ["rig-natops", "time_limit_s=2", "2", "0", "0", "0", "0", "0–84 %"]
     assert parts[8] == "2 (2 never steady over the deck)"

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipland.evaluation.campaign import FlightJob, land_once
+from shipland.evaluation.job import FlightJob, land_once
 from shipland.evaluation.landing import BOTH, DECK, EITHER, OWN, conditions_of, landing_of
 from shipland.flight import FlightResult
 from shipland.messages import TouchdownVerdict
@@ -46,10 +46,10 @@ def instant(scenario, wanted_m):
     ("sway", "touchdown_m", "cause"),
     [
         (0.0, 0.1, ""),
-        (0.05, 0.30, OWN),  # own error 0.35: it would have missed a deck at rest; no error would have hit
-        (0.25, -0.25, DECK),  # no own error
-        (0.25, -0.45, EITHER),  # own error -0.2 to the other side
-        (0.10, -0.20, BOTH),  # own error -0.1, deck 0.1 off: either alone would have hit
+        (0.05, 0.30, OWN),  # control error 0.35: it would have missed a deck at rest; no error would have hit
+        (0.25, -0.25, DECK),  # no control error
+        (0.25, -0.45, EITHER),  # control error -0.2 to the other side
+        (0.10, -0.20, BOTH),  # control error -0.1, deck 0.1 off: either alone would have hit
     ],
 )
 def test_causes_are_by_counterfactual(sway, touchdown_m, cause):
@@ -58,7 +58,7 @@ def test_causes_are_by_counterfactual(sway, touchdown_m, cause):
     found = landing(verdict(0.0, touchdown_m, t_s), scenario)
     assert found.cause == cause
     assert found.deck_starboard_m == pytest.approx(sway, abs=2e-3)
-    assert found.own_starboard_m == pytest.approx(sway + touchdown_m, abs=2e-3)
+    assert found.control_starboard_m == pytest.approx(sway + touchdown_m, abs=2e-3)
     assert found.oracle_starboard_m == pytest.approx(-sway, abs=2e-3)
     assert found.oracle_in_square == (abs(sway) < 0.175)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from test_campaign import GOOD, NOWHERE, seeded
 
-from shipland.evaluation.bench import CellResult
-from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
+from shipland.evaluation.campaign import CellResult
+from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 
@@ -19,7 +19,7 @@ from policy_pairs import squares_m2, table_of
 def cells(changes, **landings):
     """A cell for each pilot, with the landings that it made."""
     entries = (SuiteEntry(("rig-natops",), ("wind.mean_mps=9", *changes)),)
-    for cell in bench_cells(entries, Overrides(tuple(landings))):
+    for cell in cells_of(entries, Overrides(tuple(landings))):
         flown = tuple(seeded(it, seed) for seed, it in enumerate(landings[cell.pilot], 1))
         yield CellResult(
             cell.name, cell.group, "", cell.pilot, cell.vision, cell.settings, "rig-natops", cell.scenario.rig,
@@ -28,7 +28,7 @@ def cells(changes, **landings):
 
 
 def test_who_never_touches_gains_nothing_by_it():
-    far = replace(GOOD, in_square=False, cause="own error", forward_m=0.8, starboard_m=0.3)
+    far = replace(GOOD, in_square=False, cause="control error", forward_m=0.8, starboard_m=0.3)
     assert squares_m2([GOOD, far, NOWHERE]) == pytest.approx([0.0025, 0.34, 0.5])
 
 

@@ -11,7 +11,7 @@ import pytest
 from made_up_flight import CAMERA, INFO, RIG, flight
 
 from shipland.errors import ConfigError, DataError
-from shipland.evaluation.campaign import FlightJob, land_once
+from shipland.evaluation.job import FlightJob, land_once
 from shipland.evaluation.replays import recorded_film, recorded_flight, replay
 from shipland.record.writer import LogWriter
 from shipland.report.outputs import load_outputs

@@ -8,8 +8,8 @@ from test_campaign import GOOD, seeded
 from shipland.commands.options import names_of
 from shipland.config import setting
 from shipland.errors import ConfigError
-from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
-from shipland.evaluation.sweep import combinations, comparison, text_of
+from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of, combinations, text_of
+from shipland.evaluation.tables import comparison
 from shipland.scenario.scenario import load_scenario, scenario_table
 
 CHANGES = ("wind.mean_mps=0,3.5", "ship.motion=sea", "vision.hue=[35, 85]")
@@ -27,7 +27,7 @@ def test_without_changes_there_is_one():
 
 
 def test_a_foreign_pilots_name_makes_a_folder():
-    (cell,) = bench_cells([SuiteEntry(("near",))], Overrides(("statistics:mean",)))
+    (cell,) = cells_of([SuiteEntry(("near",))], Overrides(("statistics:mean",)))
     assert cell.name == "near_statistics.mean"
 
 

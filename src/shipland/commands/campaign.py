@@ -16,7 +16,7 @@ from shipland.commands.options import Changes, checked_seed, command_line, names
 from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
-    from shipland.evaluation.bench import Bench, BenchPlan
+    from shipland.evaluation.campaign import CampaignPlan, OpenCampaign
 
 _SAY_EVERY_S = 15.0
 
@@ -26,7 +26,7 @@ class Campaign:
     """Fly the cells of a suite, or every combination of the scenarios and values given here.
 
     A cell is one scenario with one value of every setting and one pilot; all cells share the workers and fly the same
-    seeds. Leaves bench.json, tables.md, flights.csv, and in a folder a cell landings.csv, table.md, landings.png and
+    seeds. Leaves cells.json, tables.md, flights.csv, and in a folder a cell landings.csv, table.md, landings.png and
     the logs of flights that did not land in the square. Ctrl-C, SIGTERM and --time-limit-s stop in order; run
     the command again to resume. Results of other code, configuration or weights are refused. Exit code: 0 everything
     is flown, however it landed, 1 not, 2 bad input, 130 stopped by a person.
@@ -65,8 +65,8 @@ class Campaign:
     """Fly on a Ray cluster: its address, or `auto` (extra `cluster`)."""
     time_limit_s: float = 0.0
     """Stop in order after so long; 0: no limit."""
-    ceiling_motions: int = 60
-    """Motions drawn for each ceiling; 0: no ceilings."""
+    oracle_motions: int = 60
+    """Motions drawn for each oracle rate; 0: none are drawn."""
     logs: bool = False
     """Keep the log of every flight, without pictures, in CELL/flights: `shipland paper --flights` draws from them."""
     print_only: bool = False
@@ -74,30 +74,29 @@ class Campaign:
 
     def run(self) -> int:
         """Fly and print; 0 when everything asked for is flown, 1 when not."""
-        from shipland.evaluation.bench import open_bench, read_bench
-        from shipland.evaluation.bench_rows import write_rows
-        from shipland.evaluation.bench_tables import ceilings_of, leaderboard, pairs, rivals
+        from shipland.evaluation.campaign import open_campaign, read_cells, write_rows
+        from shipland.evaluation.leaderboard import leaderboard, oracle_rates_of, pairs, rivals
         from shipland.report.campaign import write_campaign
 
         plan = self._plan()
         stopped = False
-        with open_bench(plan) as bench:
-            left = sum(1 for _ in bench.missing())
+        with open_campaign(plan) as campaign:
+            left = sum(1 for _ in campaign.missing())
             if left and not self.print_only:
-                done, stopped = self._fly(bench, left)
+                done, stopped = self._fly(campaign, left)
                 left -= done
         names = [cell.name for cell in plan.cells]
-        everything = read_bench([plan.out])
+        everything = read_cells([plan.out])
         write_rows(plan.out / "flights.csv", everything)
         asked = {cell.name: cell for cell in everything if cell.name in names}
         cells = [asked[name] for name in names]
         for planned, flown in zip(plan.cells, cells, strict=True):
             if flown.landings:
                 write_campaign(plan.out / flown.name, planned, flown.landings)
-        ceilings = {}
-        if self.ceiling_motions:
-            ceilings = ceilings_of(cells, self.ceiling_motions, plan.out / "ceilings.json")
-        parts = ["\n".join(leaderboard(cells, ceilings)), "\n".join(rivals(cells))]
+        oracle_rates = {}
+        if self.oracle_motions:
+            oracle_rates = oracle_rates_of(cells, self.oracle_motions, plan.out / "oracle_rates.json")
+        parts = ["\n".join(leaderboard(cells, oracle_rates)), "\n".join(rivals(cells))]
         if len({cell.pilot for cell in cells}) > 1:
             parts.append("\n".join(pairs(cells)))
         text = "\n\n".join(parts)
@@ -110,9 +109,9 @@ class Campaign:
         )
         return 130 if stopped else int(left > 0)
 
-    def _plan(self) -> BenchPlan:
-        from shipland.evaluation.bench import BenchPlan
-        from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells, load_suite
+    def _plan(self) -> CampaignPlan:
+        from shipland.evaluation.campaign import CampaignPlan
+        from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of, load_suite
 
         for name, value in (("runs", self.runs), ("workers", self.workers)):
             if value < 1:
@@ -120,23 +119,23 @@ class Campaign:
         if self.suite and self.scenario:
             raise ConfigError("give either a suite (`shipland suites` names them) or --scenario")
         pilots = names_of("pilot", self.pilot)
-        if self.ceiling_motions == 1 or self.ceiling_motions < 0:
-            raise ConfigError(f"--ceiling-motions must be 0, or 2 and more, got {self.ceiling_motions}")
+        if self.oracle_motions == 1 or self.oracle_motions < 0:
+            raise ConfigError(f"--oracle-motions must be 0, or 2 and more, got {self.oracle_motions}")
         words = ""
         entries: tuple[SuiteEntry, ...] = (SuiteEntry(names_of("scenario", self.scenario or "near"), (), self.vision),)
         if self.suite:
             suite = load_suite(self.suite)
             words, entries = f"{suite.name} {suite.version}", suite.cells
-        cells = bench_cells(entries, Overrides(pilots, self.changes, self.config, self.only))
+        cells = cells_of(entries, Overrides(pilots, self.changes, self.config, self.only))
         seeds = range(checked_seed(self.first_seed), self.first_seed + self.runs)
-        return BenchPlan(cells, seeds, self.out, words, command_line(), self.logs)
+        return CampaignPlan(cells, seeds, self.out, words, command_line(), self.logs)
 
-    def _fly(self, bench: Bench, left: int) -> tuple[int, bool]:
+    def _fly(self, campaign: OpenCampaign, left: int) -> tuple[int, bool]:
         """Fly with a progress line; how many were flown, and whether a person stopped it."""
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
-        from shipland.evaluation.bench import processes
+        from shipland.evaluation.campaign import processes
         from shipland.evaluation.statistics import share_interval
         from shipland.rig import area_of
 
@@ -149,19 +148,19 @@ class Campaign:
         flown, good, stopped = 0, 0, False
         begun_s = said_s = time.monotonic()
         console = Console(stderr=True, highlight=False)
-        cells, area = len(bench.plan.cells), area_of(cell.scenario.rig for cell in bench.plan.cells)
+        cells, area = len(campaign.plan.cells), area_of(cell.scenario.rig for cell in campaign.plan.cells)
         console.print(f"{cells} cell{'s' * (cells > 1)}, {left} of {cells * self.runs} flights to fly")
         columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
         try:
             with (
                 Progress(*columns, console=console, disable=not console.is_terminal) as progress,
-                closing(bench.fly(executor)) as flights,
+                closing(campaign.fly(executor)) as flights,
             ):
                 task = progress.add_task("flights", total=left)
                 for _, landing in flights:
-                    flown, good, now_s = flown + 1, good + landing.good, time.monotonic()
+                    flown, good, now_s = flown + 1, good + landing.success, time.monotonic()
                     low, high = share_interval(good, flown)
-                    words = f"{good} of {flown} in the {area} ({100.0 * low:.0f}–{100.0 * high:.0f} %)"
+                    words = f"{good} of {flown} landed in the {area} ({100.0 * low:.0f}–{100.0 * high:.0f} %)"
                     progress.update(task, advance=1, description=words)
                     if not console.is_terminal and now_s - said_s > _SAY_EVERY_S:
                         said_s = now_s
@@ -177,8 +176,8 @@ class Campaign:
             f"{flown} of {left} flown in {spent_s:.0f} s ({60.0 * flown / spent_s:.0f} a minute)"
             + ("" if flown == left else "; run the command again to resume")
         )
-        for cell, seed, reason in bench.lost[:10]:
+        for cell, seed, reason in campaign.lost[:10]:
             console.print(f"lost: {cell}, seed {seed}: {reason}")
-        if len(bench.lost) > 10:
-            console.print(f"lost: {len(bench.lost) - 10} more")
+        if len(campaign.lost) > 10:
+            console.print(f"lost: {len(campaign.lost) - 10} more")
         return flown, stopped

@@ -11,7 +11,7 @@ import tyro
 
 @dataclass(frozen=True)
 class Compare:
-    """Compare two folders that flew the same seeds: who landed where the other did not, and the touchdown errors.
+    """Compare two folders that flew the same seeds: who landed where the other did not, and the touchdcontrol errors.
 
     Of two campaigns with several cells the cells in common are compared, a line each: two versions of the code, for
     instance.
@@ -30,13 +30,13 @@ class Compare:
 
     def run(self) -> int:
         """Print the comparison."""
-        from shipland.evaluation.bench import read_bench
-        from shipland.evaluation.bench_tables import paired
+        from shipland.evaluation.campaign import cells_file, read_cells
         from shipland.evaluation.folder import read_campaign
-        from shipland.evaluation.sweep import comparison
+        from shipland.evaluation.leaderboard import paired
+        from shipland.evaluation.tables import comparison
 
-        if all((folder / "bench.json").exists() for folder in (self.first, self.second)):
-            print("\n".join(paired(read_bench([self.first]), read_bench([self.second]))))
+        if all(cells_file(folder).exists() for folder in (self.first, self.second)):
+            print("\n".join(paired(read_cells([self.first]), read_cells([self.second]))))
             return 0
         first, second = read_campaign(self.first), read_campaign(self.second)
         print(comparison(first, second, (str(self.first), str(self.second))))

@@ -97,7 +97,7 @@ class Fly(ScenarioOptions):
         _report(terminal, self, flight)
         if flight.problems:
             raise DataError(f"the flight is not on record as asked: {'; '.join(flight.problems)}")
-        return 0 if flight.landed else 1
+        return 0 if flight.success else 1
 
     def _outside(self, address: str, scenario: Scenario, terminal: Terminal) -> Vehicle:
         """The vehicle, connected where it is a real one, and fit to fly; VehicleError when it is not."""

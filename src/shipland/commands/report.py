@@ -20,27 +20,29 @@ class Report:
     """Folders of campaigns; a flight that two of them hold counts once."""
     out: Path | None = None
     """The page; report.html in the first folder when not given."""
-    ceiling_motions: int = 60
-    """Motions drawn for each ceiling; 0: no ceilings."""
+    oracle_motions: int = 60
+    """Motions drawn for each oracle rate; 0: none are drawn."""
 
     def run(self) -> int:
         """Write the page and say where."""
         from shipland.errors import ConfigError, DataError
-        from shipland.evaluation.bench import read_about, read_bench
-        from shipland.evaluation.bench_tables import ceilings_of
-        from shipland.report.bench_page import bench_page
+        from shipland.evaluation.campaign import read_about, read_cells
+        from shipland.evaluation.leaderboard import oracle_rates_of
+        from shipland.report.campaign_page import campaign_page
 
         if not self.folders:
             raise ConfigError("give the folder of a campaign")
-        cells = read_bench(self.folders)
+        cells = read_cells(self.folders)
         if not any(cell.landings for cell in cells):
             raise DataError(f"{self.folders[0]} holds no flights yet")
         path = self.out or self.folders[0] / "report.html"
-        ceilings = {}
-        if self.ceiling_motions:
-            ceilings = ceilings_of(cells, self.ceiling_motions, self.folders[0] / "ceilings.json")
+        oracle_rates = {}
+        if self.oracle_motions:
+            oracle_rates = oracle_rates_of(cells, self.oracle_motions, self.folders[0] / "oracle_rates.json")
         try:
-            path.write_text(bench_page(cells, read_about(self.folders[0]), ceilings, path.parent), encoding="utf-8")
+            path.write_text(
+                campaign_page(cells, read_about(self.folders[0]), oracle_rates, path.parent), encoding="utf-8"
+            )
         except OSError as error:
             raise DataError(f"{path} cannot be written: {error.strerror}") from None
         print(path)

@@ -21,12 +21,12 @@ class Suites:
     def run(self) -> int:
         """Print a line each."""
         from shipland.config import packaged_names
-        from shipland.evaluation.suite import Overrides, bench_cells, load_suite, task_digest
+        from shipland.evaluation.suite import Overrides, cells_of, load_suite, task_digest
         from shipland.record.info import config_digest
 
         if self.suite:
             suite = load_suite(self.suite)
-            cells = bench_cells(suite.cells, Overrides(("paper",)))
+            cells = cells_of(suite.cells, Overrides(("paper",)))
             print(f"{suite.name} {suite.version} ({task_digest(cells)}): {suite.description}; {len(cells)} cells")
             for cell in cells:
                 print(f"{config_digest(cell.scenario.table())}  {cell.group}")

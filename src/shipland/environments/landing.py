@@ -54,9 +54,9 @@ class LandingEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]]):
     **Termination**: the flight is over by the project's own verdict. **Truncation**: the scenario's time limit.
 
     **Info**: `seed` of the flight, `t_s`, `aircraft_in_deck_m` (3,) by the truth of now, `reason` of the last command
-    with the safety's interventions in words. At the end moreover `in_square` and `is_success` (stands on its feet,
-    first contact in the landing square), `landed`, `error_m` (of the first contact from the square's centre),
-    `descent_mps`, `tilt_rad` and `slip_m`, NaN without contact, and `reason` says how it ended.
+    with the safety's interventions in words. At the end moreover `landed` (at rest on its feet, within every limit),
+    `in_square` (first contact in the landing square), `is_success` (both), `error_m` (of the first contact from the
+    square's centre), `descent_mps`, `tilt_rad` and `slip_m`, NaN without contact, and `reason` says how it ended.
 
     **Seeds**: `reset(seed=7)` flies the flight that `shipland fly --seed 7` flies; a `reset` without one draws the
     flight's seed from the generator that the last one seeded.
@@ -190,9 +190,9 @@ def _end_info(end: Flown) -> dict[str, Any]:
     verdict, nan = end.verdict, float("nan")
     touched = verdict is not None and verdict.touched
     return {
-        "in_square": end.succeeded,
-        "is_success": end.succeeded,
         "landed": verdict is not None and verdict.landed,
+        "in_square": verdict is not None and verdict.in_square,
+        "is_success": end.success,
         "reason": end.reason,
         "error_m": float(np.hypot(*verdict.touchdown_in_deck_m)) if verdict is not None and touched else nan,
         "descent_mps": float(verdict.relative_velocity_in_deck_mps[2]) if verdict is not None and touched else nan,
@@ -202,7 +202,7 @@ def _end_info(end: Flown) -> dict[str, Any]:
 
 
 def _end_reward(end: Flown) -> float:
-    if end.succeeded:
+    if end.success:
         return IN_SQUARE
     return LANDED if end.verdict is not None and end.verdict.landed else FAILED
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from shipland.errors import ConfigError, DataError
-from shipland.evaluation.bench import Executor, Keep, Lose, land_quietly
-from shipland.evaluation.campaign import FlightJob
+from shipland.evaluation.campaign import Executor, Keep, Lose
 from shipland.evaluation.folder import source_digest
+from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.workers import POLL_S
 from shipland.stopping import check_stop

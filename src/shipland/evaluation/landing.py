@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from shipland.evaluation.ceiling import take_apart
+from shipland.evaluation.oracle import take_apart
 from shipland.evaluation.recovery import recoveries
 from shipland.frames import euler_from_rotation, wrap_angle
 from shipland.messages import FlightRecord, Mode, TouchdownVerdict
@@ -108,13 +108,15 @@ class Landing:
 
     Attributes:
         seed: of the flight.
-        landed, in_square: the verdict.
+        landed: came to rest on its feet on the deck, within every limit.
+        in_square: the touchdown point lies in the landing square, or circle.
+        success: both.
         cause: why it is no landing in the square, in a few words that count together; empty where it is one.
         time_s: first contact, from the start of the flight; the end of the flight where there was none.
         forward_m, starboard_m: touchdown point in `deck`.
-        own_forward_m, own_starboard_m: the aircraft at contact from the bar-defined point, in `bar`.
+        control_forward_m, control_starboard_m: the aircraft at contact from the bar-defined point, in `bar`.
         deck_forward_m, deck_starboard_m: the deck's centre at contact from the same point, in `bar`.
-        oracle_forward_m, oracle_starboard_m: where an aircraft without own error would have touched, in `deck`.
+        oracle_forward_m, oracle_starboard_m: where an aircraft without control error would have touched, in `deck`.
         oracle_in_square: that lies in the landing square.
         sink_mps: vertical speed against the deck just before contact, down positive.
         slide_mps: horizontal speed against the deck just before contact.
@@ -137,6 +139,7 @@ class Landing:
     seed: int
     landed: bool
     in_square: bool
+    success: bool = field(init=False)
     cause: str
     time_s: float
     phases: Phases
@@ -144,8 +147,8 @@ class Landing:
     reason: str
     forward_m: float = NAN
     starboard_m: float = NAN
-    own_forward_m: float = NAN
-    own_starboard_m: float = NAN
+    control_forward_m: float = NAN
+    control_starboard_m: float = NAN
     deck_forward_m: float = NAN
     deck_starboard_m: float = NAN
     oracle_forward_m: float = NAN
@@ -168,12 +171,8 @@ class Landing:
     error_m: float = field(init=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "success", self.landed and self.in_square)
         object.__setattr__(self, "error_m", round(math.hypot(self.forward_m, self.starboard_m), _DIGITS))
-
-    @property
-    def good(self) -> bool:
-        """At rest on its feet, in the square, within every limit."""
-        return self.landed and self.in_square
 
     @property
     def touched(self) -> bool:
@@ -213,7 +212,7 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
         )
     state = ship.at(verdict.t_s)
     parts = take_apart(state, scenario.aircraft.airframe, verdict.touchdown_in_deck_m)
-    cause = _cause(scenario, verdict, parts.oracle_in_square, parts.own_in_square)
+    cause = _cause(scenario, verdict, parts.oracle_in_square, parts.control_in_square)
     u, v, w = verdict.relative_velocity_in_deck_mps.tolist()
     return rounded(
         Landing(
@@ -227,8 +226,8 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
             reason=verdict.reason,
             forward_m=float(verdict.touchdown_in_deck_m[0]),
             starboard_m=float(verdict.touchdown_in_deck_m[1]),
-            own_forward_m=float(parts.own_in_bar_m[0]),
-            own_starboard_m=float(parts.own_in_bar_m[1]),
+            control_forward_m=float(parts.control_error_in_bar_m[0]),
+            control_starboard_m=float(parts.control_error_in_bar_m[1]),
             deck_forward_m=float(parts.deck_in_bar_m[0]),
             deck_starboard_m=float(parts.deck_in_bar_m[1]),
             oracle_forward_m=float(parts.oracle_in_deck_m[0]),
@@ -252,20 +251,20 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
     )
 
 
-OWN, DECK = "own error", "deck displaced"
-EITHER, BOTH = "own error or deck, each alone", "own error and deck together"
+OWN, DECK = "control error", "deck displaced"
+EITHER, BOTH = "control error or deck, each alone", "control error and deck together"
 
 
-def _cause(scenario: Scenario, verdict: TouchdownVerdict, oracle_in_square: bool, own_in_square: bool) -> str:
+def _cause(scenario: Scenario, verdict: TouchdownVerdict, oracle_in_square: bool, control_in_square: bool) -> str:
     """Of a flight with contact, by counterfactual: what if the aircraft had not erred; what if the deck had rested."""
-    if verdict.landed and verdict.in_square:
+    if verdict.success:
         return ""
     if not verdict.landed:
         limit = broken_limit(scenario.verdict, verdict.relative_velocity_in_deck_mps, verdict.tilt_rad, verdict.slip_m)
         return limit.kind if limit is not None and limit.words == verdict.reason else verdict.reason
     if oracle_in_square:
-        return BOTH if own_in_square else OWN
-    return DECK if own_in_square else EITHER
+        return BOTH if control_in_square else OWN
+    return DECK if control_in_square else EITHER
 
 
 def _never_down(phases: Phases) -> str:

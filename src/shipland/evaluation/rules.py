@@ -16,7 +16,7 @@ def rules(rig: Rig) -> dict[str, Callable[[Landing], bool]]:
         return max(abs(landing.forward_m), abs(landing.starboard_m)) <= 0.5 * side_m
 
     return {
-        f"ours: at rest on its feet in the {area}, within every limit": lambda it: it.good,
+        f"ours: at rest on its feet in the {area}, within every limit": lambda it: it.success,
         f"first contact in the {area}": lambda it: rig.in_landing_area(it.forward_m, it.starboard_m),
         "first contact within 0.2 m of the centre": lambda it: it.error_m <= 0.2,
         "first contact within 0.5 m of the centre": lambda it: it.error_m <= 0.5,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import fnmatch
+import itertools
+import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from shipland import factories
-from shipland.config import build, packaged_names, packaged_toml, read_toml, require
+from shipland.config import build, packaged_names, packaged_toml, read_toml, require, setting
 from shipland.errors import ConfigError
-from shipland.evaluation.sweep import combinations
 from shipland.former import as_before
 from shipland.record.info import config_digest
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
@@ -54,7 +55,7 @@ class Suite:
 
 
 @dataclass(frozen=True)
-class BenchCell:
+class Cell:
     """One scenario with one value of every setting, flown by one pilot.
 
     Attributes:
@@ -105,7 +106,7 @@ _ADDED: dict[str, tuple[tuple[str, Any], ...]] = {
 """Keys younger than the digests on record, with the values that leave a flight as it was."""
 
 
-def task_digest(cells: Sequence[BenchCell]) -> str:
+def task_digest(cells: Sequence[Cell]) -> str:
     """Digest of what every flight of some cells meets: their configurations without those who see and fly."""
     tasks = []
     for cell in cells:
@@ -133,7 +134,7 @@ class Overrides:
     only: tuple[str, ...] = ()
 
 
-def bench_cells(entries: Sequence[SuiteEntry], asked: Overrides) -> list[BenchCell]:
+def cells_of(entries: Sequence[SuiteEntry], asked: Overrides) -> list[Cell]:
     """The cells in order, pilots innermost.
 
     Raises:
@@ -141,7 +142,7 @@ def bench_cells(entries: Sequence[SuiteEntry], asked: Overrides) -> list[BenchCe
     """
     for pilot in asked.pilots:
         factories.resolve("pilots", pilot)
-    found: dict[str, BenchCell] = {}
+    found: dict[str, Cell] = {}
     for entry in entries:
         factories.resolve("visions", entry.vision)
         changes = (*entry.set, *asked.changes)
@@ -150,7 +151,7 @@ def bench_cells(entries: Sequence[SuiteEntry], asked: Overrides) -> list[BenchCe
                 laid_over = [f"{key}={value}" for key, value in settings]
                 scenario = load_scenario(scenario_table(name, asked.config, laid_over))
                 for pilot in asked.pilots:
-                    cell = BenchCell(scenario, settings, pilot, entry.vision)
+                    cell = Cell(scenario, settings, pilot, entry.vision)
                     if found.setdefault(cell.name, cell).scenario != cell.scenario:
                         raise ConfigError(f"two cells are called {cell.name} and differ")
     chosen_cells = [it for it in found.values() if _wanted(it.group, asked.only)]
@@ -161,3 +162,24 @@ def bench_cells(entries: Sequence[SuiteEntry], asked: Overrides) -> list[BenchCe
 
 def _wanted(group: str, patterns: Sequence[str]) -> bool:
     return not patterns or any(fnmatch.fnmatchcase(group, pattern) for pattern in patterns)
+
+
+def combinations(changes: Sequence[str]) -> list[tuple[tuple[str, str], ...]]:
+    """Every combination of the values in `changes`, as (key, value) pairs, the last key varying fastest.
+
+    Raises:
+        ConfigError: a text is no setting.
+    """
+    options = [[(key, text_of(value)) for value in values] for key, values in map(setting, changes)]
+    return list(itertools.product(*options))
+
+
+def text_of(value: object) -> str:
+    """A TOML value as `--set` takes it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return f"[{', '.join(json.dumps(item) if isinstance(item, str) else text_of(item) for item in value)}]"
+    if isinstance(value, str) and setting(f"key={value}")[1] != [value]:
+        return json.dumps(value)  # quotes that keep it one string
+    return str(value)

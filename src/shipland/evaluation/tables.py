@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from shipland.errors import ConfigError
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.statistics import Pairing, compare, share_interval
 
@@ -24,39 +25,39 @@ _PHASE_NAMES = {
 def landings_table(landings: Sequence[Landing], area: str) -> str:
     """A row a seed, with a last paragraph that sums up; `area` as in `summary_of`."""
     lines = [
-        "| seed | error [m] | forward [m] | starboard [m] | own error [m] | deck off [m] | perfect lands | sink [m/s] "
-        "| slide [m/s] | slip [m] | tilt [°] | time [s] | verdict |",
+        "| seed | error [m] | forward [m] | starboard [m] | control error [m] | deck off [m] | oracle lands "
+        "| sink [m/s] | slide [m/s] | slip [m] | tilt [°] | time [s] | verdict |",
         "|---:|---:|---:|---:|---:|---:|---|---:|---:|---:|---:|---:|---|",
     ]
     for it in sorted(landings, key=lambda landing: landing.seed):
         own_m, deck_m = (
-            np.hypot(it.own_forward_m, it.own_starboard_m),
+            np.hypot(it.control_forward_m, it.control_starboard_m),
             np.hypot(it.deck_forward_m, it.deck_starboard_m),
         )
-        perfect = {True: "yes", False: "no", None: ""}[it.oracle_in_square]
+        oracle = {True: "yes", False: "no", None: ""}[it.oracle_in_square]
         places = f"{it.error_m:.3f} | {it.forward_m:.3f} | {it.starboard_m:.3f} | {own_m:.3f} | {deck_m:.3f}"
         rest = f"{it.sink_mps:.3f} | {it.slide_mps:.3f} | {it.slip_m:.3f} | {it.tilt_deg:.1f} | {it.time_s:.1f}"
         words = it.reason if it.cause in ("", it.reason) else f"{it.reason}; {it.cause}"
-        lines.append(f"| {it.seed} | {places} | {perfect} | {rest} | {words} |")
+        lines.append(f"| {it.seed} | {places} | {oracle} | {rest} | {words} |")
     return "\n".join([*lines, "", summary_of(landings, area)]).replace("nan", "")
 
 
 def summary_of(landings: Sequence[Landing], area: str) -> str:
-    """How many landed in the area, `square` or `circle`, how many a perfect aircraft would have, and the medians."""
-    n, k = len(landings), sum(landing.good for landing in landings)
+    """How many landed in the area, `square` or `circle`, how many an oracle would have, and the medians."""
+    n, k = len(landings), sum(landing.success for landing in landings)
     low, high = share_interval(k, n)
     touched = [landing for landing in landings if landing.touched]
     line = f"{k} of {n} landed in the {area} ({interval_text(low, high)}, Clopper and Pearson; {assumption(landings)})"
     if not touched:
         return line + "."
-    perfect = sum(bool(landing.oracle_in_square) for landing in touched)
+    oracle = sum(bool(landing.oracle_in_square) for landing in touched)
     errors = [landing.error_m for landing in touched]
-    own = [np.hypot(landing.own_forward_m, landing.own_starboard_m) for landing in touched]
+    own = [np.hypot(landing.control_forward_m, landing.control_starboard_m) for landing in touched]
     sinks = [landing.sink_mps for landing in touched]
     times = [landing.time_s for landing in touched]
     return (
-        f"{line}; at {perfect} of the {len(touched)} instants of contact a perfect aircraft would have landed in it; "
-        f"touchdown error median {np.median(errors):.3f} m, largest {max(errors):.3f} m, own error median "
+        f"{line}; at {oracle} of the {len(touched)} instants of contact an oracle would have landed in it; "
+        f"touchdcontrol error median {np.median(errors):.3f} m, largest {max(errors):.3f} m, control error median "
         f"{np.median(own):.3f} m; sink speed median {np.median(sinks):.2f} m/s, largest {max(sinks):.2f} m/s; time to "
         f"land median {np.median(times):.1f} s."
     )
@@ -76,7 +77,7 @@ def assumption(landings: Sequence[Landing]) -> str:
 
 def causes_table(landings: Sequence[Landing]) -> str:
     """Why flights did not land in the landing area, most frequent first; empty where all did."""
-    causes = Counter(landing.cause for landing in landings if not landing.good)
+    causes = Counter(landing.cause for landing in landings if not landing.success)
     if not causes:
         return ""
     lines = ["| cause | flights |", "|---|---:|"]
@@ -104,9 +105,42 @@ def pair_up(first: Sequence[Landing], second: Sequence[Landing], rng: np.random.
     one, two = ({landing.seed: landing for landing in landings} for landings in (first, second))
     seeds = sorted(one.keys() & two.keys())
     return compare(
-        np.array([one[seed].good for seed in seeds], dtype=bool),
-        np.array([two[seed].good for seed in seeds], dtype=bool),
+        np.array([one[seed].success for seed in seeds], dtype=bool),
+        np.array([two[seed].success for seed in seeds], dtype=bool),
         np.array([one[seed].error_m for seed in seeds], dtype=float),
         np.array([two[seed].error_m for seed in seeds], dtype=float),
         rng,
     )
+
+
+def median(values: Sequence[float], digits: int) -> str:
+    """Of the finite values, as text; a dash without any."""
+    finite = [value for value in values if np.isfinite(value)]
+    return f"{np.median(finite):.{digits}f}" if finite else "–"
+
+
+def comparison(first: Sequence[Landing], second: Sequence[Landing], names: tuple[str, str], seed: int = 0) -> str:
+    """Two campaigns seed by seed, in words; the seeds that only one of them flew are left out.
+
+    Raises:
+        ConfigError: they have no seed in common.
+    """
+    common = {landing.seed for landing in first} & {landing.seed for landing in second}
+    if not common:
+        raise ConfigError(f"{names[0]} and {names[1]} have no seed in common; a paired comparison needs the same seeds")
+    found = pair_up(first, second, np.random.default_rng(seed))
+    lines = [f"{found.flights} seeds flown by both:"]
+    for name, landings in zip(names, (first, second), strict=True):
+        mine = [landing for landing in landings if landing.seed in common]
+        good = sum(landing.success for landing in mine)
+        share = f"{good} in the landing area ({interval_text(*share_interval(good, len(mine)))})"
+        lines.append(f"  {name}: {share}, median error {median([landing.error_m for landing in mine], 3)} m")
+    lines.append(f"only {names[0]} landed: {found.only_first}; only {names[1]}: {found.only_second}")
+    lines.append(f"McNemar's exact test: p = {found.p_value:.3g}")
+    if np.isfinite(found.error_difference_m):
+        low, high = found.error_interval_m
+        lines.append(
+            f"median error of {names[0]} less that of {names[1]}: {found.error_difference_m:+.3f} m "
+            f"(95 % interval {low:+.3f} to {high:+.3f} m, paired bootstrap)"
+        )
+    return "\n".join(lines)

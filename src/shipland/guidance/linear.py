@@ -1,4 +1,4 @@
-"""Near control by plain linear laws, P or PID: the textbook baseline of the bench."""
+"""Near control by plain linear laws, P or PID: the textbook baseline."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ class LogWriter:
                 self._say(end, "flight", LogLevel.Info)
             if verdict is not None:
                 self._verdict.log(to_row(verdict), log_time=self._time_ns)
-                good = verdict.landed and verdict.in_square
+                good = verdict.success
                 self._say(verdict.reason, "verdict", LogLevel.Info if good else LogLevel.Warning)
         self.close()
 

@@ -11,7 +11,7 @@ import numpy as np
 from shipland.errors import DataError
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.rules import rules_table
-from shipland.evaluation.suite import BenchCell
+from shipland.evaluation.suite import Cell
 from shipland.evaluation.tables import causes_table, landings_table, modes_table
 from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
 from shipland.report.outputs import load_outputs
@@ -19,7 +19,7 @@ from shipland.scenario.scenario import Scenario
 from shipland.sim.ship.ship import build_ship
 
 
-def write_campaign(folder: Path, cell: BenchCell, landings: Sequence[Landing]) -> None:
+def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> None:
     """Write `table.md`, `landings.png` and, where all flights meet one motion, `instants.png`.
 
     Raises:
@@ -39,7 +39,7 @@ def write_campaign(folder: Path, cell: BenchCell, landings: Sequence[Landing]) -
     touchdowns = Touchdowns(
         t_s=np.array([landing.time_s if landing.touched else np.nan for landing in landings]),
         place_in_deck_m=np.array([[landing.forward_m, landing.starboard_m] for landing in landings]),
-        landed=np.array([landing.good for landing in landings]),
+        landed=np.array([landing.success for landing in landings]),
     )
     title = f"{scenario.name}, pilot {cell.pilot}, vision {cell.vision}"
     parameters = load_outputs().plots

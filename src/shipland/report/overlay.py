@@ -89,7 +89,7 @@ def draw_zoom(image: Image, picture: Image, observation: Observation) -> None:
 def draw_verdict(image: Image, verdict: TouchdownVerdict) -> None:
     """The verdict as a banner across the picture, in place."""
     height, width = image.shape[:2]
-    good = verdict.landed and verdict.in_square
+    good = verdict.success
     title = verdict.reason.partition(",")[0].upper() if verdict.landed else "NOT LANDED"
     figures = f"{verdict.t_s:.1f} s"
     if verdict.touched:

@@ -42,12 +42,12 @@ class Column:
     Attributes:
         label: under it.
         shares: a mark each, side by side.
-        ceiling: 0…1, drawn as a line across; None where there is none.
+        oracle_rate: 0…1, drawn as a line across; None where there is none.
     """
 
     label: str
     shares: Sequence[Share]
-    ceiling: float | None = None
+    oracle_rate: float | None = None
 
 
 def share_chart(columns: Sequence[Column], title: str, unit: str, joined: bool) -> str:
@@ -75,11 +75,11 @@ def share_chart(columns: Sequence[Column], title: str, unit: str, joined: bool) 
     for index, column in enumerate(columns):
         middle = left + (index + 0.5) * step
         parts.append(_text(middle, height - foot + 16, column.label, "tick middle"))
-        if column.ceiling is not None:
-            at, half = y(column.ceiling), 0.42 * step
-            words = html.escape(f"perfect aircraft {100 * column.ceiling:.1f} %")
+        if column.oracle_rate is not None:
+            at, half = y(column.oracle_rate), 0.42 * step
+            words = html.escape(f"oracle {100 * column.oracle_rate:.1f} %")
             parts.append(
-                f'<line class="ceiling" x1="{middle - half:.1f}" x2="{middle + half:.1f}" y1="{at:.1f}" y2="{at:.1f}">'
+                f'<line class="oracle" x1="{middle - half:.1f}" x2="{middle + half:.1f}" y1="{at:.1f}" y2="{at:.1f}">'
                 f"<title>{words}</title></line>"
             )
         for place, item in enumerate(column.shares):

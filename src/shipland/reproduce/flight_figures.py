@@ -107,7 +107,7 @@ def touchdowns_of(logs: Sequence[FlightLog]) -> Touchdowns:
     return Touchdowns(
         t_s=np.array([np.nan if it is None else it.t_s for it in verdicts]),
         place_in_deck_m=np.array([nowhere if it is None else it.touchdown_in_deck_m for it in verdicts], dtype=float),
-        landed=np.array([it is not None and it.landed and it.in_square for it in verdicts]),
+        landed=np.array([it is not None and it.success for it in verdicts]),
     )
 
 
@@ -160,7 +160,7 @@ def _draw_tracks(above: Axes, beside: Axes, log: FlightLog, track: Tracks) -> No
     else:
         above.plot(0.0, 0.0, color=unit(VERMILION), marker="s", markersize=6.0, linestyle="none")
     above.plot(*track.aircraft_m[0, :2], color="#000000", marker=".", markersize=5.0, linestyle="none")
-    landed = log.verdict is not None and log.verdict.landed and log.verdict.in_square
+    landed = log.verdict is not None and log.verdict.success
     if not landed:
         above.plot(*track.aircraft_m[-1, :2], color=unit(VERMILION), marker="x", markersize=9.0, markeredgewidth=2.0)
 

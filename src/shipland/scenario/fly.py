@@ -42,9 +42,9 @@ class Flown:
         return self.verdict.reason if self.verdict is not None else f"no touchdown: {self.result.reason}"
 
     @property
-    def succeeded(self) -> bool:
-        """Landed on its feet, in the square."""
-        return self.verdict is not None and self.verdict.landed and self.verdict.in_square
+    def success(self) -> bool:
+        """Landed, and in the square."""
+        return self.verdict is not None and self.verdict.success
 
 
 def fly_quietly(

@@ -9,7 +9,7 @@ GRID = ["--scenario", "rig-natops", "--pilot", "paper,horizon", "--set", "time_l
 
 
 def bench(out, workers):
-    words = ["campaign", *GRID, "--ceiling-motions", "0", "--out", str(out), "--workers", str(workers)]
+    words = ["campaign", *GRID, "--oracle-motions", "0", "--out", str(out), "--workers", str(workers)]
     return [sys.executable, "-m", "shipland.cli", *words]
 
 

@@ -15,12 +15,19 @@ from test_campaign import GOOD, NOWHERE, seeded
 
 from shipland.config import packaged_names
 from shipland.errors import ConfigError, DataError
-from shipland.evaluation import bench as benches
-from shipland.evaluation.bench import BenchPlan, open_bench, processes, read_bench
-from shipland.evaluation.bench_rows import write_rows
-from shipland.evaluation.bench_tables import ceilings_of, leaderboard, paired, pairs, rests_in_area, rivals, swept_keys
+from shipland.evaluation import job
+from shipland.evaluation.campaign import CampaignPlan, open_campaign, processes, read_cells, write_rows
+from shipland.evaluation.leaderboard import (
+    leaderboard,
+    oracle_rates_of,
+    paired,
+    pairs,
+    rests_in_area,
+    rivals,
+    swept_keys,
+)
 from shipland.evaluation.statistics import quantile_interval
-from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells, load_suite, task_digest
+from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of, load_suite, task_digest
 from shipland.rig import default_rig
 
 GRID = (SuiteEntry(("rig-natops", "ship-sea6")),)
@@ -35,13 +42,13 @@ def plan(tmp_path, monkeypatch):
             return seeded(NOWHERE, 2)
         return replace(seeded(GOOD, flight.seed), sink_mps=round(0.1 * flight.seed, 4))
 
-    monkeypatch.setattr(benches, "land_once", land)
-    cells = bench_cells(GRID, Overrides(("paper", "horizon"), ("wind.mean_mps=0,5",)))
-    return BenchPlan(cells, range(1, 4), tmp_path / "out", "made-up 1", "shipland campaign")
+    monkeypatch.setattr(job, "land_once", land)
+    cells = cells_of(GRID, Overrides(("paper", "horizon"), ("wind.mean_mps=0,5",)))
+    return CampaignPlan(cells, range(1, 4), tmp_path / "out", "made-up 1", "shipland campaign")
 
 
 def fly(plan, stop_after=10**9):
-    with open_bench(plan) as bench, closing(bench.fly(processes(1))) as flights:
+    with open_campaign(plan) as bench, closing(bench.fly(processes(1))) as flights:
         for count, _ in enumerate(flights, start=1):
             if count >= stop_after:
                 break
@@ -55,7 +62,7 @@ FROZEN = json.loads(Path(__file__).with_name("suite_digests.json").read_text())
 @pytest.mark.parametrize("name", packaged_names("suites"))
 def test_a_suite_can_be_flown_and_keeps_its_version_only_while_its_flights_stay(name):
     suite = load_suite(name)
-    cells = bench_cells(suite.cells, Overrides(("paper",)))
+    cells = cells_of(suite.cells, Overrides(("paper",)))
     assert len({cell.name for cell in cells}) == len(cells) > 5
     assert all(len(cell.name) < 200 for cell in cells)
     digest, frozen = task_digest(cells), FROZEN.get(name, {}).get(str(suite.version))
@@ -68,7 +75,7 @@ def test_a_suite_can_be_flown_and_keeps_its_version_only_while_its_flights_stay(
 
 def test_what_a_flight_meets_is_in_the_digest_and_who_flies_is_not():
     def digest(*changes):
-        return task_digest(bench_cells((SuiteEntry(("rig-natops",), changes),), Overrides(("paper",))))
+        return task_digest(cells_of((SuiteEntry(("rig-natops",), changes),), Overrides(("paper",))))
 
     assert digest("wind.mean_mps=6") != digest("wind.mean_mps=5")
     assert digest("geometric.miss_rate=0.5") != digest("geometric.miss_rate=0.1")
@@ -80,7 +87,7 @@ def test_a_stopped_run_goes_on_and_gives_the_same_table(plan, tmp_path):
     assert fly(whole) == 24
     assert fly(plan, stop_after=7) == 7
     assert fly(plan) == 17
-    one, two = read_bench([whole.out]), read_bench([plan.out])
+    one, two = read_cells([whole.out]), read_cells([plan.out])
     assert list(leaderboard(one, {})) == list(leaderboard(two, {}))
     assert list(pairs(one)) == list(pairs(two))
     assert list(rivals(one)) == list(rivals(two))
@@ -90,12 +97,12 @@ def test_folders_are_merged_and_a_flight_counts_once(plan, tmp_path):
     fly(replace(plan, seeds=range(1, 3)))
     other = replace(plan, out=tmp_path / "other", seeds=range(2, 4))
     fly(other)
-    merged = read_bench([plan.out, other.out])
+    merged = read_cells([plan.out, other.out])
     assert [it.seed for it in merged[0].landings] == [1, 2, 3]
     key = other.out / merged[0].name / "campaign.json"
     key.write_text(json.dumps(json.loads(key.read_text()) | {"source": "other"}))
     with pytest.raises(DataError, match="other code"):
-        read_bench([plan.out, other.out])
+        read_cells([plan.out, other.out])
 
 
 def test_a_result_that_comes_twice_counts_once(plan):
@@ -105,25 +112,25 @@ def test_a_result_that_comes_twice_counts_once(plan):
                 keep(flight, seeded(GOOD, flight.seed))
             yield flight, GOOD
 
-    with open_bench(plan) as bench:
+    with open_campaign(plan) as bench:
         list(bench.fly(stutters))
-    assert all(len(cell.landings) == 3 for cell in read_bench([plan.out]))
+    assert all(len(cell.landings) == 3 for cell in read_cells([plan.out]))
     assert len((plan.out / plan.cells[0].name / "landings.csv").read_text().splitlines()) == 4
 
 
 def test_a_flight_that_is_lost_is_named_and_flown_again(plan, monkeypatch):
-    land = benches.land_once
+    land = job.land_once
 
     def raises_once(flight):
         if flight.seed == 3 and flight.pilot == "horizon":
             raise ValueError("no such thing")
         return land(flight)
 
-    monkeypatch.setattr(benches, "land_once", raises_once)
-    with open_bench(plan) as bench:
+    monkeypatch.setattr(job, "land_once", raises_once)
+    with open_campaign(plan) as bench:
         assert len(list(bench.fly(processes(1)))) == 20
         assert {(seed, why) for _, seed, why in bench.lost} == {(3, "ValueError: no such thing")}
-    monkeypatch.setattr(benches, "land_once", land)
+    monkeypatch.setattr(job, "land_once", land)
     assert fly(plan) == 4
 
 
@@ -135,7 +142,7 @@ def test_memory_does_not_grow_with_the_flights(plan):
             keep(flight, seeded(GOOD, flight.seed))
             yield flight, GOOD
 
-    with open_bench(many) as bench, closing(bench.fly(executor)) as flights:
+    with open_campaign(many) as bench, closing(bench.fly(executor)) as flights:
         tracemalloc.start()
         try:
             held = []
@@ -155,7 +162,7 @@ def test_a_pilot_that_raises_does_not_fill_the_terminal(plan, monkeypatch, caplo
         logging.getLogger("shipland.flight").error("traceback")
         return seeded(GOOD, flight.seed)
 
-    monkeypatch.setattr(benches, "land_once", loud)
+    monkeypatch.setattr(job, "land_once", loud)
     fly(plan)
     assert not caplog.records
     logging.getLogger("shipland.flight").error("heard again")
@@ -164,9 +171,9 @@ def test_a_pilot_that_raises_does_not_fill_the_terminal(plan, monkeypatch, caplo
 
 def test_tables_say_what_was_flown(plan):
     fly(plan)
-    cells = read_bench([plan.out])
+    cells = read_cells([plan.out])
     assert swept_keys(cells) == ["wind.mean_mps"]
-    lines = list(leaderboard(cells, ceilings_of(cells[:1], 2, plan.out / "ceilings.json")))
+    lines = list(leaderboard(cells, oracle_rates_of(cells[:1], 2, plan.out / "oracle_rates.json")))
     assert len(lines) >= 2 + 8
     assert "| rig-natops | 0 | paper | 3 | 2 (66.7 %)" in lines[2]
     assert "1 never steady over the deck" in lines[2]
@@ -178,17 +185,17 @@ def test_tables_say_what_was_flown(plan):
         list(paired(cells[:1], cells[1:2]))
 
 
-def test_ceilings_are_kept(plan, monkeypatch):
+def test_oracle_rates_are_kept(plan, monkeypatch):
     fly(plan)
-    cells = read_bench([plan.out])[:1]
-    first = ceilings_of(cells, 2, plan.out / "ceilings.json")
-    monkeypatch.setattr("shipland.evaluation.bench_tables.ceiling", None)
-    assert ceilings_of(cells, 2, plan.out / "ceilings.json") == first
+    cells = read_cells([plan.out])[:1]
+    first = oracle_rates_of(cells, 2, plan.out / "oracle_rates.json")
+    monkeypatch.setattr("shipland.evaluation.leaderboard.oracle_rate", None)
+    assert oracle_rates_of(cells, 2, plan.out / "oracle_rates.json") == first
 
 
 def test_all_rows_stand_in_one_table_with_conditions(plan):
     fly(plan)
-    write_rows(plan.out / "flights.csv", read_bench([plan.out]))
+    write_rows(plan.out / "flights.csv", read_cells([plan.out]))
     with (plan.out / "flights.csv").open(newline="") as file:
         table = list(csv.DictReader(file))
     assert len(table) == 24
@@ -199,10 +206,10 @@ def test_all_rows_stand_in_one_table_with_conditions(plan):
 
 
 def test_cells_are_chosen_by_pattern_and_a_wrong_one_is_named():
-    chosen = bench_cells(GRID, Overrides(("paper",), ("wind.mean_mps=0,5",), only=("ship*=5",)))
+    chosen = cells_of(GRID, Overrides(("paper",), ("wind.mean_mps=0,5",), only=("ship*=5",)))
     assert [cell.group for cell in chosen] == ["ship-sea6_mean_mps=5"]
     with pytest.raises(ConfigError, match="no cell is called nothing"):
-        bench_cells(GRID, Overrides(("paper",), only=("nothing",)))
+        cells_of(GRID, Overrides(("paper",), only=("nothing",)))
     with pytest.raises(ConfigError, match="no suite 'nowhere'; there are: faults, full, hazards, near"):
         load_suite("nowhere")
     with pytest.raises(ConfigError, match="it is a scenario: --scenario rig-natops"):
@@ -221,12 +228,12 @@ def test_rest_in_the_landing_area():
 
 def test_tables_name_the_landing_area_that_was_flown(plan):
     fly(plan)
-    square = read_bench([plan.out])
+    square = read_cells([plan.out])
     round_ = [replace(cell, rig=replace(cell.rig, landing_area="circle")) for cell in square]
     for cells, area in ((square, "square"), (round_, "circle"), ([square[0], round_[1]], "landing area")):
         head, *_, legend = leaderboard(cells, {})
-        assert f" | in the {area} | " in head
-        assert legend.startswith(f"In the {area}: ")
+        assert f" | landed in the {area} | " in head
+        assert f"landed in the {area}: " in legend
 
 
 def test_a_median_lies_in_its_interval_as_often_as_said():

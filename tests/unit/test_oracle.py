@@ -1,11 +1,11 @@
-"""The perfect aircraft: hand-computed places, and the ceilings of the packaged scenarios."""
+"""The oracle: hand-computed places, and the oracle rates of the packaged scenarios."""
 
 import math
 
 import numpy as np
 import pytest
 
-from shipland.evaluation.ceiling import ceiling, height_at_contact_m, oracle_in_deck_m, take_apart
+from shipland.evaluation.oracle import height_at_contact_m, oracle_in_deck_m, oracle_rate, take_apart
 from shipland.frames import Pose
 from shipland.rig import default_rig
 from shipland.scenario.scenario import load_scenario, scenario_table
@@ -25,7 +25,7 @@ def ship(amplitude, full_ship=False, course=None):
     return moved.at(0.0)
 
 
-def test_a_deck_swayed_to_starboard_leaves_a_perfect_aircraft_to_port():
+def test_a_deck_swayed_to_starboard_leaves_the_oracle_to_port():
     swayed = ship([0.0, 0.2, 0.0, 0.0, 0.0, 0.0])
     np.testing.assert_allclose(oracle_in_deck_m(swayed, AIRFRAME), [0.0, -0.2], atol=1e-12)
     np.testing.assert_allclose(
@@ -51,22 +51,22 @@ def test_a_rolling_ship_swings_its_bar_aside():
 def test_a_touchdown_is_own_error_and_the_decks_displacement():
     parts = take_apart(ship([0.0, 0.2, 0.0, 0.0, 0.0, 0.0]), AIRFRAME, np.array([0.05, -0.1]))
     np.testing.assert_allclose(parts.deck_in_bar_m, [0.0, 0.2], atol=1e-12)
-    np.testing.assert_allclose(parts.own_in_bar_m, [0.05, 0.1], atol=1e-12)
+    np.testing.assert_allclose(parts.control_error_in_bar_m, [0.05, 0.1], atol=1e-12)
     assert not parts.oracle_in_square
-    assert parts.own_in_square
+    assert parts.control_in_square
 
 
 def test_errors_are_in_the_bars_axes_whatever_the_course():
     turned = ship([0.0, 0.2, 0.0, 0.0, 0.0, 0.0], course=StraightCourse(math.radians(120.0), 2.0))
     parts = take_apart(turned, AIRFRAME, np.array([0.05, -0.1]))
-    np.testing.assert_allclose(parts.own_in_bar_m, [0.05, 0.1], atol=1e-12)
+    np.testing.assert_allclose(parts.control_error_in_bar_m, [0.05, 0.1], atol=1e-12)
 
 
-def test_a_perfect_touchdown_has_no_own_error():
+def test_the_oracles_touchdown_has_no_control_error():
     for full_ship in (False, True):
         moved = ship([0.1, 0.1, 0.1, 6.0, 4.0, 5.0], full_ship)
         parts = take_apart(moved, AIRFRAME, oracle_in_deck_m(moved, AIRFRAME))
-        np.testing.assert_allclose(parts.own_in_bar_m, 0.0, atol=1e-12)
+        np.testing.assert_allclose(parts.control_error_in_bar_m, 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -74,9 +74,9 @@ def test_a_perfect_touchdown_has_no_own_error():
     # found with 150 motions: 100, 87, 100, 100, 99.7 %; ten motions scatter by 1.2 % in sea state 6 on the rig
     [("rig-natops", 1.0, 1.0), ("rig-sea6", 0.81, 0.92), ("ship-natops", 1.0, 1.0), ("ship-sea6", 0.98, 1.0)],
 )
-def test_ceilings_of_the_scenarios(name, low, high):
+def test_oracle_rates_of_the_scenarios(name, low, high):
     scenario = load_scenario(scenario_table(name))
-    found = ceiling(scenario.ship, scenario.rig, scenario.aircraft.airframe, 10, np.random.default_rng(1))
+    found = oracle_rate(scenario.ship, scenario.rig, scenario.aircraft.airframe, 10, np.random.default_rng(1))
     assert low <= found.share <= high
     assert found.interval.low <= found.share <= found.interval.high
 

@@ -1,8 +1,8 @@
-"""The score of a perfect aircraft: zero error to the bar-defined point, level, down at a given instant.
+"""The score of an oracle: zero error to the bar-defined point, level, down at a given instant.
 
 The pilot knows the deck only through the bar: it lands at the point where a deck at rest would have its centre. Where
 the deck is at that instant is the ship's doing. The share of instants at which that point lies in the landing square is
-the most that a pilot can reach who neither watches the deck nor chooses the instant; its own errors may be lucky.
+the most that a pilot can reach who neither watches the deck nor chooses the instant; its control errors may be lucky.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from shipland.sim.aircraft.parameters import AirframeParameters
 from shipland.sim.ship.ship import ShipParameters, ShipState, build_ship
 
 LENGTH_S = 120.0
-"""Of each motion that is drawn for a ceiling."""
+"""Of each motion that is drawn for an oracle rate."""
 STEP_S = 0.2
 """Between its instants."""
 
@@ -30,18 +30,18 @@ class Touchdown(NamedTuple):
     """A touchdown taken apart; all horizontal.
 
     Attributes:
-        own_in_bar_m: (2,) the aircraft from the bar-defined point, forward and starboard in `bar`.
+        control_error_in_bar_m: (2,) the aircraft from the bar-defined point, forward and starboard in `bar`.
         deck_in_bar_m: (2,) the deck's centre from the same point.
-        oracle_in_deck_m: (2,) where an aircraft without own error would have touched the deck.
+        oracle_in_deck_m: (2,) where an aircraft without control error would have touched the deck.
         oracle_in_square: that lies in the landing square.
-        own_in_square: the own error alone, with the deck at rest, lies in the landing square.
+        control_in_square: the control error alone, with the deck at rest, lies in the landing square.
     """
 
-    own_in_bar_m: Array
+    control_error_in_bar_m: Array
     deck_in_bar_m: Array
     oracle_in_deck_m: Array
     oracle_in_square: bool
-    own_in_square: bool
+    control_in_square: bool
 
 
 def height_at_contact_m(ship: ShipState, airframe: AirframeParameters) -> float:
@@ -90,13 +90,13 @@ def take_apart(ship: ShipState, airframe: AirframeParameters, touchdown_in_deck_
 
 
 @dataclass(frozen=True)
-class Ceiling:
-    """The score of a perfect aircraft over many motions.
+class OracleRate:
+    """The score of an oracle over many motions.
 
     Attributes:
         share: of instants at which it lands in the square.
         interval: of the share, from the scatter between motions.
-        deviation_m: (2,) root mean square of the perfect touchdown point from the square's centre, forward, starboard.
+        deviation_m: (2,) root mean square of the oracle's touchdown point from the square's centre, forward, starboard.
         sway_m: root mean square of the deck's sway in `ship`.
         motions: how many were drawn.
     """
@@ -108,10 +108,10 @@ class Ceiling:
     motions: int
 
 
-def ceiling(
+def oracle_rate(
     ship: ShipParameters, rig: Rig, airframe: AirframeParameters, motions: int, rng: np.random.Generator
-) -> Ceiling:
-    """Draw motions and count the instants at which a perfect aircraft lands in the square.
+) -> OracleRate:
+    """Draw motions and count the instants at which an oracle lands in the square.
 
     Args:
         ship: what moves, and how.
@@ -124,7 +124,7 @@ def ceiling(
         ConfigError: fewer than two motions.
         DataError: the recorded motion cannot be used.
     """
-    require(motions >= 2, f"a ceiling needs at least 2 motions, got {motions}")
+    require(motions >= 2, f"an oracle rate needs at least 2 motions, got {motions}")
     shares, squared_m, sway_m2 = [], [], []
     for motion_rng in rng.spawn(motions):
         drawn = build_ship(ship, rig, motion_rng)
@@ -135,6 +135,6 @@ def ceiling(
         sway_m2.append(float(np.mean([state.deck.displacement[1] ** 2 for state in states])))
     forward_m, starboard_m = np.sqrt(np.mean(squared_m, axis=0)).tolist()
     interval = mean_interval(shares)
-    return Ceiling(
+    return OracleRate(
         float(np.mean(shares)), interval, (forward_m, starboard_m), math.sqrt(float(np.mean(sway_m2))), motions
     )

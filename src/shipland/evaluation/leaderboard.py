@@ -1,4 +1,4 @@
-"""Tables of a bench, as Markdown: a line a cell with interval and ceiling, pairs of pilots, everybody's rules."""
+"""Tables of a campaign, as Markdown: a line a cell with interval and oracle rate, pairs of pilots, published rules."""
 
 from __future__ import annotations
 
@@ -12,13 +12,12 @@ from pathlib import Path
 import numpy as np
 
 from shipland.errors import ConfigError
-from shipland.evaluation.bench import CellResult
-from shipland.evaluation.ceiling import Ceiling, ceiling
+from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
+from shipland.evaluation.oracle import OracleRate, oracle_rate
 from shipland.evaluation.rules import rules
 from shipland.evaluation.statistics import Interval, Pairing, quantile_interval, share_interval
-from shipland.evaluation.sweep import median
-from shipland.evaluation.tables import pair_up
+from shipland.evaluation.tables import median, pair_up
 from shipland.rig import Rig, area_of
 
 
@@ -33,33 +32,33 @@ def rests_in_area(landing: Landing, rig: Rig) -> bool:
     return landing.landed and rig.in_landing_area(landing.rest_forward_m, landing.rest_starboard_m)
 
 
-def leaderboard(cells: Sequence[CellResult], ceilings: dict[str, Ceiling]) -> Iterator[str]:
+def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]) -> Iterator[str]:
     """Markdown, a line a cell.
 
     Args:
         cells: what was flown.
-        ceilings: by group; may lack some or all.
+        oracle_rates: by group; may lack some or all.
     """
     keys = swept_keys(cells)
     names, area = [key.split(".")[-1] for key in keys], area_of(cell.rig for cell in cells)
     yield " | ".join(
-        ["| scenario", *names, "pilot", "flights", f"in the {area}", "95 % interval", "ceiling", "at rest in it",
-         "on its feet", "perfect at its instants", "error median [cm]", "error 90 % [cm]", "own error median [cm]",
+        ["| scenario", *names, "pilot", "flights", f"landed in the {area}", "95 % interval", "oracle rate",
+         f"rest in the {area}", "landed", "oracle at its instants", "error median [cm]",
+         "error 90 % [cm]", "control error median [cm]",
          "sink median [m/s]", "time median [s]", "causes |"]
     )  # fmt: skip
     yield "|" + "---|" * (len(keys) + 2) + "---:|" * 12 + "---|"
     rng = np.random.default_rng(1)
     for cell in cells:
         landings, touched = cell.landings, [it for it in cell.landings if it.touched]
-        n, good = len(landings), sum(it.good for it in landings)
+        n, good = len(landings), sum(it.success for it in landings)
         if not n:
             continue
         low, high = share_interval(good, n)
         rests = sum(rests_in_area(it, cell.rig) for it in landings)
         errors_cm = 100.0 * np.array([it.error_m for it in touched])
-        own_cm = 100.0 * np.array([np.hypot(it.own_forward_m, it.own_starboard_m) for it in touched])
+        own_cm = 100.0 * np.array([np.hypot(it.control_forward_m, it.control_starboard_m) for it in touched])
         causes = Counter(it.cause for it in landings if it.cause)
-        perfect = cell.group in ceilings
         yield " | ".join(
             [
                 f"| {cell.scenario}",
@@ -68,7 +67,7 @@ def leaderboard(cells: Sequence[CellResult], ceilings: dict[str, Ceiling]) -> It
                 str(n),
                 f"{good} ({100.0 * good / n:.1f} %)",
                 f"{100.0 * low:.1f}–{100.0 * high:.1f} %",
-                f"{100.0 * ceilings[cell.group].share:.1f} %" if perfect else "",
+                f"{100.0 * oracle_rates[cell.group].share:.1f} %" if cell.group in oracle_rates else "",
                 str(rests),
                 str(sum(it.landed for it in landings)),
                 f"{sum(bool(it.oracle_in_square) for it in touched)} of {len(touched)}",
@@ -86,10 +85,10 @@ def leaderboard(cells: Sequence[CellResult], ceilings: dict[str, Ceiling]) -> It
         yield f"All cells: {', '.join(f'`{key}={value}`' for key, value in sorted(fixed))}."
         yield ""
     yield (
-        f"In the {area}: at rest on its feet, first contact in the {area}, within every limit. At rest in it: at rest "
-        f"on its feet in the {area}, wherever it touched. Interval: Clopper and Pearson; it takes flights for "
-        "independent, each with its own motion, wind and start. Ceiling: a perfect aircraft at any instant, from "
-        "motions of their own. Ranges behind medians and quantiles: 95 %, bootstrap."
+        f"Landed: at rest on its feet, within every limit; landed in the {area}: and first contact in the {area}; rest "
+        f"in the {area}: landed, and at rest in the {area}, wherever it touched. Interval: Clopper and Pearson; takes "
+        "flights for independent, each with its own motion, wind and start. Oracle: an aircraft without control error; "
+        "oracle rate: over all instants of other motions. Ranges behind medians and quantiles: 95 %, bootstrap."
     )
 
 
@@ -144,8 +143,8 @@ def _pairing(found: Pairing) -> str:
     return f"{found.flights} | {found.only_first} | {found.only_second} | {found.p_value:.2g} | {difference}"
 
 
-def ceilings_of(cells: Sequence[CellResult], motions: int, cache: Path) -> dict[str, Ceiling]:
-    """The ceiling of each group; drawn once for each motion, and kept in a file.
+def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path) -> dict[str, OracleRate]:
+    """The oracle rate of each group; drawn once for each motion, and kept in a file.
 
     Args:
         cells: what was flown.
@@ -156,15 +155,15 @@ def ceilings_of(cells: Sequence[CellResult], motions: int, cache: Path) -> dict[
         kept = json.loads(cache.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         kept = {}
-    found: dict[str, Ceiling] = {}
+    found: dict[str, OracleRate] = {}
     for cell in cells:
         ship, rig, airframe = cell.ship, cell.rig, cell.airframe
         key = hashlib.sha256(repr((ship, rig, airframe, motions)).encode()).hexdigest()[:16]
         if key not in kept:
-            drawn = ceiling(ship, rig, airframe, motions, np.random.default_rng(1))
+            drawn = oracle_rate(ship, rig, airframe, motions, np.random.default_rng(1))
             kept[key] = {**vars(drawn), "interval": list(drawn.interval), "deviation_m": list(drawn.deviation_m)}
             cache.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
         row = kept[key]
         interval, deviation_m = Interval(*row["interval"]), tuple(row["deviation_m"])
-        found[cell.group] = Ceiling(**{**row, "interval": interval, "deviation_m": deviation_m})
+        found[cell.group] = OracleRate(**{**row, "interval": interval, "deviation_m": deviation_m})
     return found

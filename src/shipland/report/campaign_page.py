@@ -1,4 +1,4 @@
-"""A bench as one HTML page that stands alone: no script, no font, no picture from elsewhere."""
+"""A campaign as one HTML page that stands alone: no script, no font, no picture from elsewhere."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from shipland.evaluation.bench import CellResult
-from shipland.evaluation.bench_tables import leaderboard, pairs, rests_in_area, rivals, swept_keys
-from shipland.evaluation.ceiling import Ceiling
+from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
+from shipland.evaluation.leaderboard import leaderboard, pairs, rests_in_area, rivals, swept_keys
+from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.statistics import share_interval
 from shipland.report.svg import Column, Points, Share, colour_of, point_chart, share_chart
 from shipland.rig import area_of
@@ -42,17 +42,19 @@ svg .title{font-size:13px;font-weight:600}
 svg .tick{fill:var(--dim)}svg .middle{text-anchor:middle}svg .end{text-anchor:end}
 svg .grid{stroke:var(--line)}svg .frame{fill:none;stroke:var(--line)}svg .dot{stroke:var(--page);stroke-width:1.5}
 svg .outline{fill:none;stroke:var(--dim);stroke-dasharray:4 3}
-svg .ceiling{stroke:var(--dim);stroke-width:2;stroke-dasharray:2 3}
+svg .oracle{stroke:var(--dim);stroke-width:2;stroke-dasharray:2 3}
 """
 
 
-def bench_page(cells: Sequence[CellResult], about: dict[str, Any], ceilings: dict[str, Ceiling], folder: Path) -> str:
+def campaign_page(
+    cells: Sequence[CellResult], about: dict[str, Any], oracle_rates: dict[str, OracleRate], folder: Path
+) -> str:
     """The page.
 
     Args:
         cells: what was flown.
-        about: `command` and `machine` of bench.json.
-        ceilings: by group; may be empty.
+        about: `command` and `machine` of cells.json.
+        oracle_rates: by group; may be empty.
         folder: where the page will lie; links to logs go from there.
     """
     cells = [cell for cell in cells if cell.landings]
@@ -64,7 +66,7 @@ def bench_page(cells: Sequence[CellResult], about: dict[str, Any], ceilings: dic
         f'<span class="key"><i style="background:{colour_of(index)}"></i>{html.escape(pilot)}</span>'
         for index, pilot in enumerate(pilots)
     )
-    tables = [_table(leaderboard(cells, ceilings)), _table(rivals(cells))]
+    tables = [_table(leaderboard(cells, oracle_rates)), _table(rivals(cells))]
     parts = [
         f"<h1>Landings: {html.escape(suites)}</h1>",
         f'<p class="dim">{flights} flights, {len({cell.group for cell in cells})} cells, {len(pilots)} pilots. '
@@ -73,8 +75,8 @@ def bench_page(cells: Sequence[CellResult], about: dict[str, Any], ceilings: dic
         "<h2>Pilots</h2>",
         _pilots(cells, pilots),
         f"<h2>Share in the {area}, cell by cell</h2>",
-        '<p class="dim">Dot and bar: share and its 95 % interval. Dotted: what a perfect aircraft would reach.</p>',
-        f'<div class="charts">{"".join(_cell_charts(cells, pilots, ceilings))}</div>',
+        '<p class="dim">Dot and bar: share and its 95 % interval. Dotted: what an oracle would reach.</p>',
+        f'<div class="charts">{"".join(_cell_charts(cells, pilots, oracle_rates))}</div>',
         "<h2>Against what was drawn</h2>",
         f'<div class="charts">{"".join(_against(cells, pilots)) or "<p>One value of everything.</p>"}</div>',
         "<h2>Touchdowns</h2>",
@@ -99,7 +101,7 @@ def bench_page(cells: Sequence[CellResult], about: dict[str, Any], ceilings: dic
 
 
 def _share(landings: Sequence[Landing], series: int, words: str) -> Share:
-    good, n = sum(it.good for it in landings), len(landings)
+    good, n = sum(it.success for it in landings), len(landings)
     low, high = share_interval(good, n)
     text = f"{words}: {good} of {n}, {100 * good / n:.1f} % ({100 * low:.1f}–{100 * high:.1f} %)"
     return Share(series, good / n, low, high, text)
@@ -115,7 +117,7 @@ def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
         mine = [(it, cell.rig) for cell in cells if cell.pilot == pilot for it in cell.landings]
         landings = [it for it, _ in mine]
         touched = [it for it in landings if it.touched]
-        good, n = sum(it.good for it in landings), len(landings)
+        good, n = sum(it.success for it in landings), len(landings)
         low, high = share_interval(good, n)
         rows.append(
             [
@@ -143,7 +145,9 @@ def _quantile(values: Sequence[float], share: float, digits: int) -> str:
     return f"{np.quantile(finite, share):.{digits}f}" if finite else "–"
 
 
-def _cell_charts(cells: Sequence[CellResult], pilots: Sequence[str], ceilings: dict[str, Ceiling]) -> Iterator[str]:
+def _cell_charts(
+    cells: Sequence[CellResult], pilots: Sequence[str], oracle_rates: dict[str, OracleRate]
+) -> Iterator[str]:
     """A chart a scenario, a column a cell."""
     for name in dict.fromkeys(cell.scenario for cell in cells):
         groups: dict[str, list[CellResult]] = {}
@@ -159,7 +163,7 @@ def _cell_charts(cells: Sequence[CellResult], pilots: Sequence[str], ceilings: d
                     Column(
                         _label(members[0], keys),
                         [_share(it.landings, pilots.index(it.pilot), f"{group}, {it.pilot}") for it in members],
-                        ceilings[group].share if group in ceilings else None,
+                        oracle_rates[group].share if group in oracle_rates else None,
                     )
                     for group, members in items[at : at + 6]
                 ],
@@ -217,7 +221,7 @@ def _touchdowns(cells: Sequence[CellResult], pilots: Sequence[str]) -> Iterator[
 
     def points(series: int, place: Callable[[Landing], tuple[float, float]]) -> list[Points]:
         touched = [it for it in by_pilot[pilots[series]] if it.touched]
-        return [Points(series, good, [place(it) for it in touched if it.good is good]) for good in (True, False)]
+        return [Points(series, good, [place(it) for it in touched if it.success is good]) for good in (True, False)]
 
     half_m = math.ceil(6.5 * rig.deck_size_m) / 10.0
     for series, pilot in enumerate(pilots):
@@ -259,7 +263,7 @@ def _causes(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
 
 
 def _failures(cells: Sequence[CellResult], folder: Path) -> str:
-    failed = [(cell, it) for cell in cells for it in cell.landings if not it.good]
+    failed = [(cell, it) for cell in cells for it in cell.landings if not it.success]
     if not failed:
         return ""
     rows = []

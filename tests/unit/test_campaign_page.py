@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from test_campaign import GOOD, NOWHERE
 
-from shipland.evaluation.bench import CellResult
-from shipland.evaluation.ceiling import Ceiling
+from shipland.evaluation.campaign import CellResult
+from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.statistics import Interval
-from shipland.evaluation.suite import Overrides, SuiteEntry, bench_cells
-from shipland.report.bench_page import bench_page
+from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
+from shipland.report.campaign_page import campaign_page
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 ABOUT = {"command": "shipland campaign made-up", "machine": {"processor": "p", "cores": 2, "platform": "Linux"}}
@@ -24,7 +24,7 @@ def made_up(folder):
     rng = np.random.default_rng(3)
     entries = (SuiteEntry(("rig-natops", "ship-sea6"), ("wind.mean_mps=0,5,9",)),)
     results = []
-    for cell in bench_cells(entries, Overrides(("paper", "horizon"))):
+    for cell in cells_of(entries, Overrides(("paper", "horizon"))):
         wind_mps = float(dict(cell.settings)["wind.mean_mps"])
         scatter_m = 0.04 + 0.012 * wind_mps * (2.0 if cell.pilot == "paper" else 0.7)
         landings = []
@@ -32,7 +32,7 @@ def made_up(folder):
             forward_m, starboard_m = (float(value) for value in np.round(rng.normal(0.0, scatter_m, 2), 3))
             good = max(abs(forward_m), abs(starboard_m)) <= 0.175
             landing = replace(
-                GOOD, seed=seed, in_square=good, cause="" if good else "own error", reason="landed",
+                GOOD, seed=seed, in_square=good, cause="" if good else "control error", reason="landed",
                 forward_m=forward_m, starboard_m=starboard_m, sink_mps=float(rng.uniform(0.3, 0.9)),
                 deck_roll_deg=float(rng.normal(0.0, 4.0)), deck_pitch_deg=float(rng.normal(0.0, 1.5)),
                 deck_sink_mps=float(rng.normal(0.0, 0.2)),
@@ -56,9 +56,9 @@ def made_up(folder):
 @pytest.fixture
 def page(tmp_path):
     cells = made_up(tmp_path)
-    ceilings = {cells[0].group: Ceiling(0.97, Interval(0.9, 1.0), (0.1, 0.1), 0.1, 60)}
+    oracle_rates = {cells[0].group: OracleRate(0.97, Interval(0.9, 1.0), (0.1, 0.1), 0.1, 60)}
     path = tmp_path / "report.html"
-    path.write_text(bench_page(cells, ABOUT, ceilings, tmp_path), encoding="utf-8")
+    path.write_text(campaign_page(cells, ABOUT, oracle_rates, tmp_path), encoding="utf-8")
     return path
 
 
@@ -82,7 +82,7 @@ def test_charts_hold_what_was_flown(page):
     assert "Against what was drawn" in text
     assert ">Wind<" in text
     assert ">Ship&#x27;s speed<" not in text  # one value of it
-    assert "perfect aircraft 97.0 %" in text
+    assert "oracle 97.0 %" in text
     shares = re.findall(r"<title>rig-natops_mean_mps=0, horizon: (\d+) of 40", text)
     assert shares == ["39"]
 
