@@ -32,8 +32,9 @@ from rich.progress import track
 from spoiling import SPOILERS, noise, vary
 
 from shipland.config import build
+from shipland.cue import Cue
 from shipland.messages import Frame, Observation, Telemetry
-from shipland.rig import Target, packaged_table
+from shipland.rig import packaged_table
 from shipland.safety.cue_height import CueHeight, CueHeightParameters
 from shipland.sim.scene.scene import Scene
 
@@ -182,9 +183,9 @@ def main() -> None:
             results[item["number"]] = Result(**item)
     setting = Setting.packaged()
     if arguments.cue is not None:
-        cue = Target.from_file(arguments.cue)
+        cue = Cue.from_file(arguments.cue)
         setting = replace(
-            setting, rig=replace(setting.rig, quad=cue.quad, manufacturing_tolerance=cue.manufacturing_tolerance)
+            setting, rig=replace(setting.rig, polygon=cue.polygon, manufacturing_tolerance=cue.manufacturing_tolerance)
         )
     if arguments.manufacturing_tolerance is not None:
         setting = replace(setting, rig=replace(setting.rig, manufacturing_tolerance=arguments.manufacturing_tolerance))

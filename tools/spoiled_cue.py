@@ -100,7 +100,7 @@ def row(spoiler: str, low_m: float, high_m: float, trials: list[Trial]) -> list[
 
 def cue_px(view: View, setting: Setting) -> Picture:
     """(n,2) the cue's true corners in the picture."""
-    return setting.camera.project(view.bar_from_camera.inverse().apply(setting.rig.target.points_in_bar_m))
+    return setting.camera.project(view.bar_from_camera.inverse().apply(setting.rig.cue.points_in_bar_m))
 
 
 def enlarged(picture: Picture, trial: Trial, setting: Setting) -> Picture:

@@ -41,6 +41,7 @@ FORMER = {
     "poise_s": "reacquire_s",
     "push_mps2": "wind_mps2",
     "push_time_s": "wind_time_s",
+    "quad": "polygon",
     "reference_mps": "velocity_bias_mps",
     "reference_time_s": "velocity_bias_time_s",
     "sureness_gain": "score_gain",

@@ -24,9 +24,10 @@ from pictures import (
 )
 from shipland.camera import Camera
 from shipland.config import build
+from shipland.cue import Cue, Polygon
 from shipland.frames import Pose
 from shipland.messages import Frame, GimbalAttitude
-from shipland.rig import Quad, Target, default_rig, packaged_table
+from shipland.rig import default_rig, packaged_table
 from shipland.vision.near import published
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
@@ -36,7 +37,7 @@ from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Window
 
 PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
-BAR = default_rig().target
+BAR = default_rig().cue
 SMALL = Camera.from_fov(640, 360, 38.0)  # the packaged focal length over a quarter of the picture: quick to paint
 LEVEL = GimbalAttitude(0.0, 0.0)
 QUIET = Look(0.45, 0.0)
@@ -113,10 +114,10 @@ def test_a_rolled_camera(rng):
 TARGETS = {
     "one": (rectangles((0.1, 0.0, 0.5, 0.7)), 3.5),
     "tilted": (
-        Target(
+        Cue(
             (
-                Quad(((-0.59, -0.05), (-0.40, 0.0), (-0.54, 0.53), (-0.73, 0.48))),
-                Quad(((0.40, 0.0), (0.59, -0.05), (0.73, 0.48), (0.54, 0.53))),
+                Polygon(((-0.59, -0.05), (-0.40, 0.0), (-0.54, 0.53), (-0.73, 0.48))),
+                Polygon(((0.40, 0.0), (0.59, -0.05), (0.73, 0.48), (0.54, 0.53))),
             )
         ),
         5.0,
@@ -226,9 +227,9 @@ def test_tracking_gives_what_searching_gives(rng):
 def test_a_steady_pan_is_followed_without_searching(rng, monkeypatch):
     searched = []
 
-    def noted(image, window, parameters):
+    def noted(image, window, parameters, hue):
         searched.append(window == Window.whole(image))
-        return find_regions(image, window, parameters)
+        return find_regions(image, window, parameters, hue)
 
     eyes = NearVision(BAR, SMALL, PARAMETERS, Steps(regions_of=noted))
     for step in range(7):

@@ -66,7 +66,7 @@ def test_the_published_vision_is_the_rendered_one_with_the_published_steps(monke
 
 def test_near_vision_hides_no_fault(monkeypatch):
     eyes = NearVision(
-        default_rig().target, Camera.from_fov(96, 64, 30.0), build(VisionParameters, packaged_table("vision"))
+        default_rig().cue, Camera.from_fov(96, 64, 30.0), build(VisionParameters, packaged_table("vision"))
     )
     monkeypatch.setattr("shipland.vision.near.pipeline.NearVision._look", lambda *_, **__: [][1])
     with pytest.raises(IndexError):

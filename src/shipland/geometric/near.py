@@ -13,11 +13,11 @@ import math
 import numpy as np
 
 from shipland.camera import Camera
+from shipland.cue import Cue
 from shipland.frames import Array, Pose
 from shipland.geometric.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
 from shipland.geometric.parameters import GeometricParameters
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.rig import Target
 from shipland.vehicles.vehicle import GroundTruthSource
 from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.parameters import VisionParameters
@@ -42,7 +42,7 @@ class GeometricVision:
     def __init__(
         self,
         truth_source: GroundTruthSource,
-        cue: Target,
+        cue: Cue,
         camera: Camera,
         parameters: GeometricParameters,
         near: VisionParameters,

@@ -60,7 +60,7 @@ class Choice:
         if not quads:
             return self._cut_or(Refusal.NO_QUADRILATERAL)
         setup = self.setup
-        quads_px = setup.camera.undistort(np.concatenate(quads)).reshape(-1, 4, 2)
+        quads_px = setup.camera.undistort(np.concatenate(quads)).reshape(-1, *setup.plane_m.shape[1:])
         count = len(setup.plane_m)
         predicted = None if self.predicted_px is None else match_by_prediction(quads_px, self.predicted_px)
         refusal = Refusal.NO_MATCH

@@ -17,8 +17,6 @@ from shipland.camera import Camera
 from shipland.frames import Array
 from shipland.vision.near.segment import Image
 
-_NEXT = np.array([1, 2, 3, 0])
-
 MOST_ACROSS = 12
 """Most pixels that are taken across a side, inward or outward."""
 
@@ -37,6 +35,7 @@ class Sides:
         length_px: (s,).
         reach_px: (s,) how far across them pixels are taken.
         held: (s,) lies along the picture's edge and cannot be measured; None when no side does.
+        corners: of each polygon.
     """
 
     middle_px: Array
@@ -45,18 +44,20 @@ class Sides:
     length_px: Array
     reach_px: Array
     held: npt.NDArray[np.bool_] | None
+    corners: int = 4
 
     @staticmethod
     def of(quads_px: Array, reach_px: float, held: npt.NDArray[np.bool_] | None = None) -> Sides:
         """The sides of quadrilaterals (n,4,2); pixels are taken no farther out than 0.42 of the shorter side."""
-        ends = quads_px[:, _NEXT]
+        corners = quads_px.shape[1]
+        ends = np.roll(quads_px, -1, axis=1)
         side_px = (ends - quads_px).reshape(-1, 2)
         length_px = np.sqrt(side_px[:, 0] * side_px[:, 0] + side_px[:, 1] * side_px[:, 1])
         along = side_px / length_px[:, None]
-        shorter_px = length_px.reshape(-1, 4).min(axis=1).repeat(4)
+        shorter_px = length_px.reshape(-1, corners).min(axis=1).repeat(corners)
         reach = np.minimum(reach_px, np.maximum(0.42 * shorter_px, 1.5))
         middle_px = 0.5 * (ends + quads_px).reshape(-1, 2)
-        return Sides(middle_px, along, along[:, ::-1] * _QUARTER_TURN, length_px, reach, held)
+        return Sides(middle_px, along, along[:, ::-1] * _QUARTER_TURN, length_px, reach, held, corners)
 
     def half_px(self) -> Array:
         """(s,) half of each side's length that is looked at: off the corners by twice a usual blur."""
@@ -64,7 +65,7 @@ class Sides:
 
     def wider(self) -> Sides:
         """The same with pixels taken twice as far out, as far as the quadrilaterals allow."""
-        shorter_px = self.length_px.reshape(-1, 4).min(axis=1).repeat(4)
+        shorter_px = self.length_px.reshape(-1, self.corners).min(axis=1).repeat(self.corners)
         farthest_px = np.minimum(0.42 * shorter_px, MOST_ACROSS)
         reach_px = np.maximum(np.minimum(2.0 * self.reach_px, farthest_px), self.reach_px)
         return replace(self, reach_px=reach_px)
@@ -74,7 +75,8 @@ class Sides:
         along = self.along + slope[:, None] * self.outward
         along /= np.sqrt(1.0 + slope * slope)[:, None]
         middle_px = self.middle_px + offset_px[:, None] * self.outward
-        return Sides(middle_px, along, along[:, ::-1] * _QUARTER_TURN, self.length_px, self.reach_px, self.held)
+        outward = along[:, ::-1] * _QUARTER_TURN
+        return replace(self, middle_px=middle_px, along=along, outward=outward)
 
 
 def distort(undistorted_px: Array, camera: Camera) -> Array:

@@ -15,8 +15,6 @@ from shipland.vision.near.edge_pixels import EdgePixels, Profile, Sides, contras
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import Image, edge_distances, reaches_edge
 
-_SIDE, _NEXT, _BEFORE = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [3, 0, 1, 2]])
-
 _ROOT_TWO_PI = math.sqrt(2.0 * math.pi)
 
 _RECENTRE = 0.4
@@ -211,13 +209,13 @@ def stray_stations(values: Array, pixels: EdgePixels) -> npt.NDArray[np.bool_] |
     They have other levels than most of the side, or an edge off the line on which most have theirs.
     """
     count, stations = values.shape[2], np.arange(values.shape[1])
-    counted = pixels.use.any(axis=2)
+    counted = np.asarray(pixels.use.any(axis=2))
     # Where there are fewer stations than room for them, the last one is repeated: all count alike here.
     alike = stations * counted.sum(axis=1)[:, None] // len(stations)
     inner, outer = 0.5 * (values[:, :, 0] + values[:, :, 1]), 0.5 * (values[:, :, -1] + values[:, :, -2])
     inside, outside = (np.median(np.take_along_axis(ends, alike, 1), axis=1)[:, None] for ends in (inner, outer))
     span = np.maximum(inside - outside, 0.1)
-    stray: npt.NDArray[np.bool_] = np.maximum(np.abs(inner - inside), np.abs(outer - outside)) > _STRAY_LEVEL * span
+    stray = np.maximum(np.abs(inner - inside), np.abs(outer - outside)) > _STRAY_LEVEL * span
     share = (values.sum(axis=2) / count - outside) / span
     innermost_px = pixels.out_px[:, :, 0]
     crossing_px = innermost_px + (share * count - 0.5) / (count - 1) * (pixels.out_px[:, :, -1] - innermost_px)
@@ -229,7 +227,7 @@ def stray_stations(values: Array, pixels: EdgePixels) -> npt.NDArray[np.bool_] |
     off_px = np.abs(crossing_px[:, None] - start_px[..., None] - slope[..., None] * (along[:, None] - start[..., None]))
     agree = (off_px <= _STRAY_PX) & ~stray[:, None] & counted[:, None]
     best = np.argmax(agree.sum(axis=2), axis=1)
-    stray = counted & ~agree[np.arange(len(values)), best]
+    stray = np.asarray(counted & ~agree[np.arange(len(values)), best])
     few = np.asarray(stray.sum(axis=1) < _MOST_STRAY * counted.sum(axis=1))
     stray &= few[:, None]
     return stray if stray.any() else None
@@ -388,47 +386,57 @@ def _fit_to(
 def _intersected(fit: SideFit, edge_bias_std_px: float) -> MeasuredCorners | None:
     """The corners of fitted sides, each between a side and the one before it; None when neighbours are parallel."""
     moved = fit.sides.moved(fit.offset_px, fit.slope)
-    along, normal = moved.along.reshape(-1, 4, 2), moved.outward.reshape(-1, 4, 2)
-    middle_px = moved.middle_px.reshape(-1, 4, 2)
-    before = along[:, _BEFORE]
+    corners = fit.sides.corners
+    side = np.arange(corners)
+    following, preceding = (side + 1) % corners, side - 1
+    along, normal = moved.along.reshape(-1, corners, 2), moved.outward.reshape(-1, corners, 2)
+    middle_px = moved.middle_px.reshape(-1, corners, 2)
+    before = along[:, preceding]
     determinant = before[..., 0] * along[..., 1] - before[..., 1] * along[..., 0]
     if not np.abs(determinant).min() >= 0.2:
         return None
     # From the middle of the side before, along it, to where it meets this one.
-    middle_before_px = middle_px[:, _BEFORE]
+    middle_before_px = middle_px[:, preceding]
     apart_px = middle_px - middle_before_px
     lever_px = (apart_px[..., 0] * along[..., 1] - apart_px[..., 1] * along[..., 0]) / determinant
     corners_px = middle_before_px + lever_px[..., None] * before
     # Deviations of the two ends' distances from a side have its variance V0 + (x + y) V1 + x y V2 at the levers x, y.
     start_px = ((corners_px - middle_px) * along).sum(axis=-1)
-    end_px = lever_px[:, _NEXT]
-    both, cross, square = fit.variance.reshape(3, -1, 4)
+    end_px = lever_px[:, following]
+    both, cross, square = fit.variance.reshape(3, -1, corners)
     at_start, at_end = both + start_px * cross, cross + start_px * square
     first = np.sqrt(at_start + start_px * at_end)
     mixed = (at_start + end_px * at_end) / first
     second = np.sqrt(np.maximum(both + end_px * (2.0 * cross + end_px * square) - mixed * mixed, 1e-12))
-    whiten = np.zeros((len(corners_px), 4, 2, 4, 2))
-    whiten[:, _SIDE, 0, _SIDE] = by_first = normal / first[..., None]
-    whiten[:, _SIDE, 1, _SIDE] = by_first * (-mixed / second)[..., None]
-    whiten[:, _SIDE, 1, _NEXT] = normal / second[..., None]
-    normal_before = normal[:, _BEFORE]
-    moved_px = np.ones(along.shape[:2]) if fit.sides.held is None else (~fit.sides.held).astype(float).reshape(-1, 4)
-    moved_px, moved_before_px = moved_px[..., None], moved_px[:, _BEFORE, None]
+    whiten = np.zeros((len(corners_px), corners, 2, corners, 2))
+    whiten[:, side, 0, side] = by_first = normal / first[..., None]
+    whiten[:, side, 1, side] = by_first * (-mixed / second)[..., None]
+    whiten[:, side, 1, following] = normal / second[..., None]
+    normal_before = normal[:, preceding]
+    moved_px = (
+        np.ones(along.shape[:2]) if fit.sides.held is None else (~fit.sides.held).astype(float).reshape(-1, corners)
+    )
+    moved_px, moved_before_px = moved_px[..., None], moved_px[:, preceding, None]
     cosine = (normal * normal_before).sum(axis=-1, keepdims=True)
     edge_bias = (moved_px - cosine * moved_before_px) * normal + (moved_before_px - cosine * moved_px) * normal_before
     edge_bias /= 1.0 - cosine * cosine
     noise_px = math.sqrt(float(np.vdot(first, first)) / first.size)
     held = fit.sides.held is not None
     return MeasuredCorners(
-        corners_px, whiten.reshape(-1, 8, 8), noise_px, edge_bias_std_px * edge_bias, fit.blur_px, held
+        corners_px,
+        whiten.reshape(-1, 2 * corners, 2 * corners),
+        noise_px,
+        edge_bias_std_px * edge_bias,
+        fit.blur_px,
+        held,
     )
 
 
 def _held(image: Image, quads_px: Array, camera: Camera) -> npt.NDArray[np.bool_] | None:
     """(4n,) sides that lie on the picture's edge, where `find_quads` has set them; None when none does."""
-    raw_px = distort(quads_px.reshape(-1, 2), camera).reshape(-1, 4, 2)
+    raw_px = distort(quads_px.reshape(-1, 2), camera).reshape(quads_px.shape)
     if not reaches_edge(raw_px, image.shape[1], image.shape[0]):
         return None
     on = edge_distances(raw_px, image.shape[1], image.shape[0]) < 0.5
-    held = (on & on[:, [1, 2, 3, 0]]).any(axis=-1).reshape(-1)
+    held = (on & np.roll(on, -1, axis=1)).any(axis=-1).reshape(-1)
     return held if held.any() else None

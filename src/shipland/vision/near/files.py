@@ -10,9 +10,10 @@ import numpy as np
 
 from shipland.camera import Camera, CameraParameters
 from shipland.config import build
+from shipland.cue import Cue
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.rig import Target, packaged_table
+from shipland.rig import packaged_table
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.pictures import FilePicture, is_film, pictures_of
@@ -93,9 +94,10 @@ class SeeResult:
 
 def see_paths(
     paths: Sequence[Path],
-    cue: Target,
+    cue: Cue,
     camera: Camera,
     broken: Callable[[Path, DataError], None] | None = None,
+    parameters: VisionParameters | None = None,
 ) -> Iterator[SeeResult]:
     """One result a picture, in the order of `pictures_of`.
 
@@ -105,11 +107,13 @@ def see_paths(
         camera: of pictures of its size, and of others of the same aspect.
         broken: called with a picture or video that is missing or broken or of another aspect than the camera's, before
             the rest follows; None raises.
+        parameters: of the near vision; None for the packaged ones. The gimbal's noise is left out, and so is what a
+            flight never sees obliquely.
 
     Raises:
         DataError: without `broken`, what it would be called with.
     """
-    visions = _VisionBySize(cue, camera)
+    visions = _VisionBySize(cue, camera, parameters or _packaged_parameters())
     for some in [[path] for path in paths] or [[]]:
         for picture in pictures_of(some, broken):
             try:
@@ -129,13 +133,18 @@ def default_camera() -> Camera:
     return Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
 
 
+def _packaged_parameters() -> VisionParameters:
+    return build(VisionParameters, packaged_table("vision"), "vision")
+
+
 class _VisionBySize:
     """One near vision a picture size, made when it is first needed."""
 
-    def __init__(self, cue: Target, camera: Camera) -> None:
+    def __init__(self, cue: Cue, camera: Camera, parameters: VisionParameters) -> None:
         self._cue, self._camera = cue, camera
-        parameters = build(VisionParameters, packaged_table("vision"), "vision")
-        self._parameters = replace(parameters, gimbal_noise_rad=0.0, max_obliquity_deg=_MAX_OBLIQUITY_DEG)
+        self._parameters = replace(
+            parameters, gimbal_noise_rad=0.0, max_obliquity_deg=max(parameters.max_obliquity_deg, _MAX_OBLIQUITY_DEG)
+        )
         self._by_size: dict[tuple[int, int], NearVision] = {}
 
     def see(self, picture: FilePicture) -> SeeResult:

@@ -13,9 +13,9 @@ from functools import partial
 import numpy as np
 
 from shipland.camera import Camera, level_from_camera
+from shipland.cue import Cue
 from shipland.frames import Array
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.rig import Target
 from shipland.vision.near.associate import Match
 from shipland.vision.near.choice import Choice
 from shipland.vision.near.edges import MeasuredCorners, measure_corners
@@ -53,7 +53,7 @@ class Steps:
 class NearVision:
     """Sees one cue with one camera; holds the last pose to look near it first and to choose by continuity."""
 
-    def __init__(self, cue: Target, camera: Camera, parameters: VisionParameters, steps: Steps | None = None) -> None:
+    def __init__(self, cue: Cue, camera: Camera, parameters: VisionParameters, steps: Steps | None = None) -> None:
         self._setup, self._steps = Setup.of(cue, camera, parameters), steps or Steps()
         self._track: Track | None = None
 
@@ -100,10 +100,10 @@ class NearVision:
     def _look(self, image: Image, window: Window, known: Known, *, parts: bool) -> PoseCandidate | Refusal:
         """The cue in a part of the picture; `parts` says whether a cue that is not whole will do."""
         steps, parameters = self._steps, self._setup.parameters
-        regions = [] if window.empty else steps.regions_of(image, window, parameters)
+        regions = [] if window.empty else steps.regions_of(image, window, parameters, self._setup.hue)
         if not regions:
             return Refusal.NOTHING_GREEN
-        segments = segment(image, regions, parameters, steps.quads_of)
+        segments = segment(image, regions, parameters, self._setup.plane_m.shape[1], steps.quads_of)
         choice = Choice(partial(self._pose_of, image, known), self._setup, known.predicted_px, segments.cut)
         result = choice.cue_among(segments.quads, parts=parts)
         if isinstance(result, Refusal) and parts and segments.flush:

@@ -16,10 +16,10 @@ from functools import cached_property
 import numpy as np
 
 from shipland.camera import Camera
+from shipland.cue import Cue, Hue
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose
-from shipland.rig import Target
-from shipland.vision.near.associate import Match, model_plane
+from shipland.vision.near.associate import Match
 from shipland.vision.near.covariance import bar_pose_of, covariance_over_heading
 from shipland.vision.near.edge_pixels import distort
 from shipland.vision.near.edges import MeasuredCorners
@@ -36,26 +36,28 @@ class Setup:
 
     Attributes:
         plane_m: (n,4,2) corners (right, down) of the cue's quadrilaterals.
-        manufacturing_tolerance: of the cue's dimensions (`Target.manufacturing_tolerance`).
+        manufacturing_tolerance: of the cue's dimensions (`Cue.manufacturing_tolerance`).
         camera: intrinsics.
         parameters: of the near chain.
+        hue: of the cue.
     """
 
     plane_m: Array
     manufacturing_tolerance: float
     camera: Camera
     parameters: VisionParameters
+    hue: Hue
 
     @staticmethod
-    def of(cue: Target, camera: Camera, parameters: VisionParameters) -> Setup:
+    def of(cue: Cue, camera: Camera, parameters: VisionParameters) -> Setup:
         """For one cue."""
-        return Setup(model_plane(cue), cue.manufacturing_tolerance, camera, parameters)
+        return Setup(cue.plane_m, cue.manufacturing_tolerance, camera, parameters, cue.hue or parameters.hue)
 
     def projected_px(self, camera_from_plane: Pose) -> Array:
         """(n,4,2) all corners of the cue in the picture; NaN where they are not in front of the camera."""
         points = np.zeros((self.plane_m.size // 2, 3))
         points[:, :2] = self.plane_m.reshape(-1, 2)
-        return self.camera.project(camera_from_plane.apply(points)).reshape(-1, 4, 2)
+        return self.camera.project(camera_from_plane.apply(points)).reshape(self.plane_m.shape)
 
 
 @dataclass(frozen=True)
@@ -165,7 +167,7 @@ def solve_pose(match: Match, measured: MeasuredCorners, setup: Setup, known: Kno
     if measured.hidden is not None:  # their corners are where the pose has them
         beside = measured.hidden | np.roll(measured.hidden, 1, axis=1)
         shown_px = shown_px + solutions[0].residual_px * beside[..., None]
-    shown_px = distort(shown_px.reshape(-1, 2), setup.camera).reshape(-1, 4, 2)
+    shown_px = distort(shown_px.reshape(-1, 2), setup.camera).reshape(shown_px.shape)
     return PoseCandidate(setup, match, measured, corners, known.level, solutions, shown_px)
 
 
@@ -229,7 +231,7 @@ def row_motion(
 
 def _row_motion(corners_px: Array, match: Match, setup: Setup, followed: Followed | None) -> RowMotion:
     """Motion of the corners (k,4,2) of a match between the times of their rows."""
-    rows = distort(corners_px.reshape(-1, 2), setup.camera)[:, 1].reshape(-1, 4)
+    rows = distort(corners_px.reshape(-1, 2), setup.camera)[:, 1].reshape(corners_px.shape[:2])
     model = list(match.model)
     last = None if followed is None else replace(followed, corners_px=followed.corners_px[model])
     return row_motion(corners_px, rows, setup.plane_m[model], setup.camera, setup.parameters, last)

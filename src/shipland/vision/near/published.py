@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.camera import Camera
+from shipland.cue import Cue, Hue
 from shipland.frames import Array
-from shipland.rig import Target
 from shipland.vision.near.edge_pixels import Sides, contrast_direction, distort
 from shipland.vision.near.edges import MeasuredCorners
 from shipland.vision.near.parameters import VisionParameters
@@ -87,7 +87,7 @@ def coloured_window(image: Image, parameters: VisionParameters) -> Window:
     )
 
 
-def find_regions(image: Image, window: Window, parameters: VisionParameters) -> list[Region]:
+def find_regions(image: Image, window: Window, parameters: VisionParameters, _: Hue | None = None) -> list[Region]:
     """The largest coloured regions in a part of the picture, largest first; too small ones are left out."""
     if window == Window.whole(image):
         window = coloured_window(image, parameters)
@@ -130,9 +130,9 @@ def flooded_quad(image: Image, region: Region, parameters: VisionParameters) -> 
     return None if flooded is None else quad_of_hull(flooded, parameters.min_side_px)[0]
 
 
-def find_quads(image: Image, regions: list[Region], parameters: VisionParameters) -> list[Array]:
+def find_quads(image: Image, regions: list[Region], parameters: VisionParameters, corners: int = 4) -> list[Array]:
     """The quadrilaterals among whole regions, each with the watershed's boundary [Lee2022, §Image Filtering]."""
-    quads = (flooded_quad(image, region, parameters) for region in regions)
+    quads = (flooded_quad(image, region, parameters) for region in regions if corners == 4)
     return [quad for quad in quads if quad is not None]
 
 
@@ -211,6 +211,6 @@ STEPS = Steps(find_regions, find_quads, measure_corners, sides_agree)
 """Of the published chain."""
 
 
-def published_vision(cue: Target, camera: Camera, parameters: VisionParameters) -> NearVision:
+def published_vision(cue: Cue, camera: Camera, parameters: VisionParameters) -> NearVision:
     """Near vision by the published chain."""
     return NearVision(cue, camera, parameters, STEPS)

@@ -11,7 +11,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from shipland.vision.near.parameters import Band, VisionParameters
+from shipland.cue import Hue
+from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import Contour, Image, Region, Window, opened_and_closed, outlines, region_of
 
 _FLOOR = 20
@@ -49,28 +50,32 @@ _SPARSE_PX = 64
 whatever has none of them."""
 
 
-def cue_light(image: Image, hue: Band) -> Image:
-    """(H,W) saturated light of the pixels in a band of hue, at most 254; 255 where another one clips; 0 elsewhere."""
+def cue_light(image: Image, hue: Hue) -> Image:
+    """(H,W) saturated light of the pixels of a hue, at most 254; 255 where another one clips; 0 elsewhere.
+
+    Of white, the light that all colours have in common.
+    """
+    if hue == "white":
+        blue, green, red = cv2.split(image)
+        return np.asarray(np.minimum(cv2.min(cv2.min(blue, green), red), 254), np.uint8)
     hues, saturation, value = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2HSV))
     light = cv2.multiply(saturation, value, scale=254.0 / 255.0**2)
-    light = cv2.bitwise_and(light, _in_band(hues, hue))
+    low, high = hue
+    over_red = low > high
+    band = cv2.inRange(hues, high + 1, low - 1) if over_red else cv2.inRange(hues, low, high)
+    light = cv2.bitwise_and(light, cv2.bitwise_not(band) if over_red else band)
     white = cv2.bitwise_and(cv2.inRange(value, _CLIPPED, 255), cv2.inRange(light, 0, 0))
     return np.asarray(cv2.bitwise_or(light, white), np.uint8)
 
 
-def _in_band(hues: cv2.typing.MatLike, hue: Band) -> cv2.typing.MatLike:
-    """255 where a hue lies in a band; one whose first number is the larger reaches over red."""
-    low, high = hue
-    return cv2.inRange(hues, low, high) if low <= high else cv2.bitwise_not(cv2.inRange(hues, high + 1, low - 1))
-
-
-def find_regions(image: Image, window: Window, parameters: VisionParameters) -> list[Region]:
-    """The largest regions in the cue's colour in a part of the picture, largest first; too small ones are left out.
+def find_regions(image: Image, window: Window, parameters: VisionParameters, hue: Hue) -> list[Region]:
+    """The largest regions of a hue in a part of the picture, largest first; too small ones are left out.
 
     Args:
         image: (H,W,3) BGR.
         window: where to look; not empty.
-        parameters: hue, kernel, least size and greatest number.
+        parameters: kernel, least size and greatest number.
+        hue: of the cue.
     """
     seen = window.of(image)
     step = 2 if min(seen.shape[:2]) >= _SPARSE_PX else 1
@@ -78,24 +83,24 @@ def find_regions(image: Image, window: Window, parameters: VisionParameters) -> 
     if step > 1:
         size = (seen.shape[1] // step, seen.shape[0] // step)
         few = np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_NEAREST), np.uint8)
-    light = cue_light(few, parameters.hue)
+    light = cue_light(few, hue)
     parts = outlines(cv2.inRange(light, _FLOOR, 254), (0, 0), parameters, step)
     lit = [part for part in parts if _HALF * int(_of_box(light, part).max()) >= _FLOOR]
     found: list[Contour] = []
     for part in lit[:_MOST_PARTS]:
-        found += _regions_of(seen, part * step, parameters)
+        found += _regions_of(seen, part * step, parameters, hue)
     offset = np.array([window.left, window.top], np.int32)
     regions = (region_of(contour + offset, image, parameters) for contour in found)
     largest = sorted((it for it in regions if it is not None), key=lambda it: -it.area_px2)
     return largest[: parameters.max_candidates]
 
 
-def _regions_of(image: Image, part: Contour, parameters: VisionParameters) -> list[Contour]:
+def _regions_of(image: Image, part: Contour, parameters: VisionParameters, hue: Hue) -> list[Contour]:
     """The regions in one part of a picture, which its outline encloses to within a few pixels."""
     left, top, width, height = cv2.boundingRect(part)
     left, top = max(left - _RIM_PX, 0), max(top - _RIM_PX, 0)
     seen = image[top : top + height + 2 * _RIM_PX, left : left + width + 2 * _RIM_PX]
-    light = cue_light(seen, parameters.hue)
+    light = cue_light(seen, hue)
     inside: Image = np.zeros(light.shape, np.uint8)
     cv2.drawContours(inside, [part], -1, 255, cv2.FILLED, offset=(-left, -top))
     inside = np.asarray(cv2.dilate(inside, _RIM), np.uint8)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from shipland.cue import Hue
 from shipland.frames import Array
 from shipland.vision.near.outline import polygon_in_outline, support
 from shipland.vision.near.parameters import VisionParameters
@@ -126,6 +127,9 @@ _LEAST_DOUBTFUL_PX2 = 60.0
 _MOST_DOUBTFUL = 5
 """Regions in one picture whose outline is searched for lines, the largest; bounds the time that foliage takes."""
 
+_MOST_OUTLINES = 10
+"""The same where the cue's polygons are no quadrilaterals."""
+
 _MORE_SUPPORT = 0.05
 """Share of its sides by which more of a quadrilateral must lie on the outline than of that of the hull."""
 
@@ -194,24 +198,29 @@ class Segments:
     cut: list[Region]
 
 
-RegionsOf = Callable[[Image, Window, VisionParameters], list[Region]]
-"""Finds the regions of the cue's colour in a part of a picture, largest first."""
+RegionsOf = Callable[[Image, Window, VisionParameters, Hue], list[Region]]
+"""Finds the regions of a hue in a part of a picture, largest first."""
 
-QuadsOf = Callable[[Image, list[Region], VisionParameters], list[Array]]
-"""Finds the quadrilaterals (4,2) [px] among regions that are whole."""
+QuadsOf = Callable[[Image, list[Region], VisionParameters, int], list[Array]]
+"""Finds the polygons (n,2) [px] of so many corners among regions that are whole."""
 
 
-def segment(image: Image, regions: list[Region], parameters: VisionParameters, quads_of: QuadsOf) -> Segments:
-    """The quadrilaterals among the regions of a picture."""
-    cut = [region for region in regions if region.cut and _is_plain(region)]
+def segment(
+    image: Image, regions: list[Region], parameters: VisionParameters, corners: int, quads_of: QuadsOf
+) -> Segments:
+    """The polygons of so many corners among the regions of a picture."""
+    cut = [region for region in regions if region.cut and _is_plain(region)] if corners == 4 else []
     cut_quads = (quad_of_hull(region, parameters.min_side_px)[0] for region in cut)
     flush = (_snapped(quad, image.shape[1], image.shape[0]) for quad in cut_quads if quad is not None)
     whole = [region for region in regions if not region.cut]
-    return Segments(quads_of(image, whole, parameters), [quad for quad in flush if quad is not None], cut)
+    return Segments(quads_of(image, whole, parameters, corners), [quad for quad in flush if quad is not None], cut)
 
 
-def find_quads(_: Image, regions: list[Region], parameters: VisionParameters) -> list[Array]:
-    """The quadrilaterals among whole regions."""
+def find_quads(_: Image, regions: list[Region], parameters: VisionParameters, corners: int = 4) -> list[Array]:
+    """The polygons of so many corners among whole regions."""
+    if corners != 4:
+        some = (polygon_in_outline(region.contour_px, region.area_px2, corners) for region in regions[:_MOST_OUTLINES])
+        return [polygon for polygon in some if polygon is not None]
     quads = []
     doubtful = 0
     for region in regions:

@@ -153,7 +153,7 @@ def _beyond_edge(candidate: PoseCandidate) -> bool:
 def _shortest_px(quads_px: Array) -> float:
     """The shortest side of quadrilaterals (n,4,2)."""
     points = np.ascontiguousarray(quads_px).view(np.complex128)[..., 0]
-    return float(np.abs(points - points[:, [1, 2, 3, 0]]).min())
+    return float(np.abs(points - np.roll(points, -1, axis=1)).min())
 
 
 def _picture_corners(size_px: tuple[int, int]) -> Array:
@@ -163,7 +163,9 @@ def _picture_corners(size_px: tuple[int, int]) -> Array:
 
 def _clipped_area(quad_px: Array, size_px: tuple[int, int]) -> float:
     """Area [px²] of the part of a convex quadrilateral that lies in the picture."""
-    area, _ = cv2.intersectConvexConvex(quad_px.astype(np.float32), _picture_corners(size_px).astype(np.float32))
+    area, _ = cv2.intersectConvexConvex(
+        cv2.convexHull(quad_px.astype(np.float32)), _picture_corners(size_px).astype(np.float32)
+    )
     return float(area)
 
 
@@ -172,5 +174,5 @@ def _same_place(quad_px: Array, region: Region, size_px: tuple[int, int]) -> boo
     hull = cv2.convexHull(region.contour_px).astype(np.float32)
     hull_px2 = cv2.contourArea(hull)
     visible_px2 = _clipped_area(quad_px, size_px)
-    common_px2, _ = cv2.intersectConvexConvex(quad_px.astype(np.float32), hull)
+    common_px2, _ = cv2.intersectConvexConvex(cv2.convexHull(quad_px.astype(np.float32)), hull)
     return common_px2 >= _COVERED * visible_px2 and common_px2 >= _COVERED * hull_px2 and hull_px2 > 0.0
