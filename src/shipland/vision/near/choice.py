@@ -82,7 +82,7 @@ class Choice:
         some = [match for match in hypotheses if len(match.model) < count and (self.cut or len(match.model) > 1)]
         refused = why or refusal
         part = self._part_of(some, quads_px)
-        return part or (refused if refused is Refusal.REPROJECTION else self._cut_or(refused))
+        return part or (refused if refused in (Refusal.REPROJECTION, Refusal.BLOOM) else self._cut_or(refused))
 
     def _poses_of(self, hypotheses: list[Match]) -> tuple[list[PoseCandidate], Refusal | None]:
         """Poses, and the first reason among the others; a quadrilateral that a pose uses is not used again."""

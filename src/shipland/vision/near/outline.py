@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 from shipland.frames import Array
 
-_FINE = 0.25
-"""How far a polygon may lie off the outline before it is simplified, as a fraction of the region's width."""
+_FINE = (0.25, 0.12)
+"""How far a polygon may lie off the outline before it is simplified, as fractions of the region's width."""
 
 _MOST_VERTICES = 14
 """An outline with more is no polygon."""
@@ -36,26 +36,31 @@ def polygon_in_outline(contour_px: npt.NDArray[np.int32], area_px2: float, count
     A bite out of a side, a corner that something hides, something small that touches the region: the sides are then
     those of the rest.
     """
-    perimeter_px = cv2.arcLength(contour_px, True)
-    fine_px = max(1.0, _FINE * 2.0 * area_px2 / perimeter_px)
+    points_px, width_px = _points(contour_px), 2.0 * area_px2 / cv2.arcLength(contour_px, True)
+    best, most = None, _ALL_SUPPORTED
+    for fine in _FINE:
+        corners = _polygon(contour_px, max(1.0, fine * width_px), points_px, count)
+        if corners is None:
+            continue
+        share = _support(corners, points_px)
+        larger = cv2.contourArea(corners.astype(np.float32), oriented=True) / area_px2
+        if share.min() >= _SUPPORTED and share.mean() > most and _AREA_RATIO[0] <= larger <= _AREA_RATIO[1]:
+            best, most = corners, float(share.mean())
+    return best
+
+
+def _polygon(contour_px: npt.NDArray[np.int32], fine_px: float, points_px: Array, count: int) -> Array | None:
+    """Corners (count,2) of an outline whose details up to `fine_px` are left out; None when it has too few or many."""
     vertices = cv2.approxPolyDP(contour_px, fine_px, True)[:, 0].astype(float)
     if not count <= len(vertices) <= _MOST_VERTICES:
         return None
     if cv2.contourArea(vertices.astype(np.float32), oriented=True) < 0.0:
         vertices = vertices[::-1]
     corners = _simplified(vertices, count)
-    points_px = _points(contour_px)
     for _ in range(_SETTLED):
-        if corners is None:
-            return None
-        corners = _settled(corners, points_px)
-    if corners is None:
-        return None
-    share = _support(corners, points_px)
-    if share.min() < _SUPPORTED or share.mean() < _ALL_SUPPORTED:
-        return None
-    area_px2 = cv2.contourArea(corners.astype(np.float32), oriented=True)
-    return corners if _AREA_RATIO[0] * area_px2 <= area_px2 <= _AREA_RATIO[1] * area_px2 else None
+        if corners is not None:
+            corners = _settled(corners, points_px)
+    return corners
 
 
 def _simplified(vertices: Array, count: int) -> Array | None:

@@ -121,7 +121,7 @@ class NearVision:
         if candidate is None:
             return Refusal.NO_SOLUTION
         refusal = validate(candidate, steps.screen)
-        for hidden in hidden_sides(candidate) if refusal is Refusal.REPROJECTION else []:
+        for hidden in hidden_sides(candidate) if refusal in (Refusal.REPROJECTION, Refusal.BLOOM) else []:
             rest = solve_pose(match, without(measured, hidden), setup, known)
             if rest is not None and validate(rest, steps.screen) is None:
                 return rest

@@ -58,11 +58,11 @@ def validate(candidate: PoseCandidate, screen: Screen) -> Refusal | None:
     """Why a pose is refused; None when it passes reprojection gate, screening and reach."""
     taken, measured = candidate.solutions[0], candidate.measured
     parameters, corners_px = candidate.setup.parameters, candidate.freed_px
-    if taken.common.size and not np.abs(taken.common).max() <= _MOST_COMMON:
-        return Refusal.REPROJECTION
     tolerance = candidate.setup.manufacturing_tolerance
     if not seen_error_px(candidate) <= largest_reprojection_px(corners_px, measured.noise_px, tolerance, parameters):
         return Refusal.REPROJECTION
+    if taken.common.size and not np.abs(taken.common).max() <= _MOST_COMMON:
+        return Refusal.BLOOM
     if measured.held and _beyond_edge(candidate):
         return Refusal.CUT_BY_FRAME
     if not may_be_hidden(candidate):
