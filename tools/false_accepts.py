@@ -169,7 +169,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=6)
     parser.add_argument("--out", type=Path, default=Path("out/false_accepts"))
     parser.add_argument("--cue", type=Path, help="TOML of another cue in the bar's place")
-    parser.add_argument("--made-to", type=float, help="in place of the cue's own")
+    parser.add_argument("--manufacturing-tolerance", type=float, help="in place of the cue's own")
     parser.add_argument("--decoys", nargs="+", default=list(DECOYS), choices=list(DECOYS), help="nothing but these")
     parser.add_argument("--only", nargs="+", choices=[PLAIN, *DECOYS], help="leave out the pictures that hold another")
     arguments = parser.parse_args()
