@@ -23,6 +23,9 @@ _SETTLED = 2
 _SUPPORTED, _ALL_SUPPORTED = 0.25, 0.6
 """Least share of every side that lies on the outline, and of all sides together."""
 
+_WELL_SUPPORTED = 0.85
+"""Share of all sides from which a finer polygon is not tried."""
+
 _AREA_RATIO = (0.75, 1.6)
 """Area of the polygon over that of the region; a part of the polygon may be hidden."""
 
@@ -39,6 +42,8 @@ def polygon_in_outline(contour_px: npt.NDArray[np.int32], area_px2: float, count
     points_px, width_px = _points(contour_px), 2.0 * area_px2 / cv2.arcLength(contour_px, True)
     best, most = None, _ALL_SUPPORTED
     for fine in _FINE:
+        if most >= _WELL_SUPPORTED:
+            break
         corners = _polygon(contour_px, max(1.0, fine * width_px), points_px, count)
         if corners is None:
             continue

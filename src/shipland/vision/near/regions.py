@@ -39,8 +39,11 @@ _RIM_PX = 5
 
 _RIM = np.ones((_RIM_PX, _RIM_PX), np.uint8)
 
-_MOST_PARTS = 20
+_MOST_PARTS = 12
 """Parts of one picture that are cut, the largest; bounds the time that foliage takes."""
+
+_MOST_COVERED = 0.4
+"""Share of the picture that the parts' boxes may cover until its light is computed once for all."""
 
 _MOST_CUTS = 3
 """How often a part is cut at half of its peak, what is left of it included."""
@@ -86,25 +89,41 @@ def find_regions(image: Image, window: Window, parameters: VisionParameters, hue
     light = cue_light(few, hue)
     parts = outlines(cv2.inRange(light, _FLOOR, 254), (0, 0), parameters, step)
     lit = [part for part in parts if _HALF * int(_of_box(light, part).max()) >= _FLOOR]
+    boxes = [_box(part * step) for part in lit[:_MOST_PARTS]]
+    covered_px2 = sum(box[2] * box[3] for box in boxes)
+    whole = cue_light(seen, hue) if covered_px2 > _MOST_COVERED * seen.shape[0] * seen.shape[1] else None
     found: list[Contour] = []
-    for part in lit[:_MOST_PARTS]:
-        found += _regions_of(seen, part * step, parameters, hue)
+    for part, (left, top, width, height) in zip(lit, boxes, strict=False):
+        crop = (slice(top, top + height), slice(left, left + width))
+        light = cue_light(seen[crop], hue) if whole is None else whole[crop]
+        corner = np.array([left, top], np.int32)
+        found += [contour + corner for contour in _regions_of(seen[crop], light, part * step - corner, parameters)]
     offset = np.array([window.left, window.top], np.int32)
     regions = (region_of(contour + offset, image, parameters) for contour in found)
     largest = sorted((it for it in regions if it is not None), key=lambda it: -it.area_px2)
     return largest[: parameters.max_candidates]
 
 
-def _regions_of(image: Image, part: Contour, parameters: VisionParameters, hue: Hue) -> list[Contour]:
-    """The regions in one part of a picture, which its outline encloses to within a few pixels."""
+def _box(part: Contour) -> tuple[int, int, int, int]:
+    """The box around an outline, with a rim: left, top, width, height."""
     left, top, width, height = cv2.boundingRect(part)
     left, top = max(left - _RIM_PX, 0), max(top - _RIM_PX, 0)
-    seen = image[top : top + height + 2 * _RIM_PX, left : left + width + 2 * _RIM_PX]
-    light = cue_light(seen, hue)
+    return left, top, width + 2 * _RIM_PX, height + 2 * _RIM_PX
+
+
+def _regions_of(image: Image, light: Image, part: Contour, parameters: VisionParameters) -> list[Contour]:
+    """The regions in one part of a picture, which its outline encloses to within a few pixels.
+
+    Args:
+        image: the part's box, (h,w,3) BGR.
+        light: of the cue's hue there.
+        part: the outline in that box.
+        parameters: kernel, least size and greatest number.
+    """
     inside: Image = np.zeros(light.shape, np.uint8)
-    cv2.drawContours(inside, [part], -1, 255, cv2.FILLED, offset=(-left, -top))
+    cv2.drawContours(inside, [part], -1, 255, cv2.FILLED)
     inside = np.asarray(cv2.dilate(inside, _RIM), np.uint8)
-    found = _cores(seen, light, parameters)
+    found = _cores(image, light, parameters)
     brighter = np.zeros(light.shape, np.uint8)
     for _ in range(_MOST_CUTS):
         cut = _cut(light, inside, parameters)
@@ -113,7 +132,7 @@ def _regions_of(image: Image, part: Contour, parameters: VisionParameters, hue: 
             break
         cv2.drawContours(brighter, cut, -1, 255, cv2.FILLED)
         inside = np.asarray(cv2.bitwise_and(inside, cv2.bitwise_not(cv2.dilate(brighter, _RIM))), np.uint8)
-    return [contour + np.array([left, top], np.int32) for contour in found]
+    return found
 
 
 def _of_box(light: Image, contour: Contour) -> Image:

@@ -121,10 +121,13 @@ _FILLED = 0.06
 """Difference of a region's area from that of its hull's quadrilateral, over the hull's, up to which nothing of it is
 hidden."""
 
-_LEAST_DOUBTFUL_PX2 = 60.0
+_LEAST_DOUBTFUL_PX2 = 80.0
 """Area from which a region's outline shows lines."""
 
-_MOST_DOUBTFUL = 5
+_LEAST_BITTEN = 0.6
+"""Area of a region with a bite out of it over that of its convex hull."""
+
+_MOST_DOUBTFUL = 4
 """Regions in one picture whose outline is searched for lines, the largest; bounds the time that foliage takes."""
 
 _MOST_OUTLINES = 10
@@ -160,7 +163,8 @@ def quad_of_hull(region: Region, min_side_px: float) -> tuple[Array | None, bool
         return None, False
     quad = _quad_of_hull(hull, hull_px2, min_side_px) if region.area_px2 >= _LEAST_SOLIDITY * hull_px2 else None
     fills = quad is not None and abs(cv2.contourArea(quad.astype(np.float32)) - region.area_px2) <= _FILLED * hull_px2
-    return quad, not fills and region.area_px2 >= _LEAST_DOUBTFUL_PX2 and _is_plain(region)
+    bitten = region.area_px2 >= max(_LEAST_DOUBTFUL_PX2, _LEAST_BITTEN * hull_px2)
+    return quad, not fills and bitten and _is_plain(region)
 
 
 def quad_in_outline(region: Region, quad: Array | None, min_side_px: float) -> Array | None:
