@@ -19,9 +19,8 @@ from rich.console import Console
 from rich.table import Table
 
 from shipland.camera import Camera, CameraParameters
-from shipland.config import build
 from shipland.frames import CAMERA_FROM_MOUNT, Pose, rotation_from_euler
-from shipland.rig import Rig, default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
@@ -90,9 +89,9 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path, help="folder for scene.jpg")
     arguments = parser.parse_args()
     frames, pictures = arguments.frames, arguments.pictures
-    rig, rng = default_rig(), np.random.default_rng(0)
-    camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
-    base = build(SceneParameters, packaged_table("scene"), "scene")
+    rig, rng = Rig(), np.random.default_rng(0)
+    camera = Camera.from_parameters(CameraParameters())
+    base = SceneParameters()
     if pictures is not None:
         pictures.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(pictures / "scene.jpg"), sheet(rig, camera, base), [cv2.IMWRITE_JPEG_QUALITY, 82])

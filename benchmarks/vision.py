@@ -25,10 +25,9 @@ from rich.console import Console
 from rich.table import Table
 
 from shipland.camera import Camera, CameraParameters, level_from_camera
-from shipland.config import build
 from shipland.frames import Pose
 from shipland.messages import Frame, GimbalAttitude
-from shipland.rig import Rig, default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
@@ -63,7 +62,7 @@ class Look:
 
 def approach(rig: Rig, camera: Camera, range_m: float) -> list[Look]:
     """Pictures a thirtieth of a second apart on the way in at 1 m/s, seen from 5° off the axis."""
-    scene = Scene(rig, build(SceneParameters, packaged_table("scene"), "scene"), np.random.default_rng(1))
+    scene = Scene(rig, SceneParameters(), np.random.default_rng(1))
     rng, gimbal, still = np.random.default_rng(1), GimbalAttitude(0.0, np.arctan2(0.3, 2.0)), np.zeros(3)
     ned_from_ship = Pose(np.eye(3), np.array([0.0, 0.0, -rig.deck_height_m]))
     ned_from_bar = ned_from_ship @ rig.ship_from_bar
@@ -194,9 +193,9 @@ def main() -> None:
     arguments = parser.parse_args()
     rounds = max(1, arguments.rounds // 2)
     cv2.setNumThreads(1)
-    rig = default_rig()
-    camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
-    parameters = build(VisionParameters, packaged_table("vision"), "vision")
+    rig = Rig()
+    camera = Camera.from_parameters(CameraParameters())
+    parameters = VisionParameters()
     looks = {range_m: approach(rig, camera, range_m) for range_m in RANGES_M}
     there_and_back = [[look.frame for look in (*some, *some[::-1])] for some in looks.values()]
     table = Table(title=f"near vision, {camera.width_px} × {camera.height_px} px, one core: median ms, wall / CPU")

@@ -6,13 +6,12 @@ is, a scenario says `parts = ["octo25"]`.
 
 from dataclasses import replace
 
-from shipland.config import build, merge, packaged_toml
+from shipland.config import build, packaged_toml
 from shipland.sim.aircraft.aircraft import Quadrotor
 from shipland.sim.aircraft.attitude_loop import AttitudeLoop
 from shipland.sim.aircraft.parameters import AircraftParameters
 
-TABLE = merge(packaged_toml("default")["aircraft"], packaged_toml("parts/octo25")["aircraft"])
-OCTO25 = build(AircraftParameters, TABLE, "octo25")
+OCTO25 = build(AircraftParameters, packaged_toml("parts/octo25")["aircraft"], "octo25")
 
 
 class SoftLoop(AttitudeLoop):

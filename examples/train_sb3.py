@@ -1,6 +1,6 @@
 """Trains an agent of stable-baselines3 in `shipland/Landing-v0`, and flies it and a zero action on the same seeds.
 
-pip install 'shipland[rl]' stable-baselines3
+pip install 'shipland[learn]'
 python examples/train_sb3.py --steps 20000 --algorithm sac --action residual
 """
 

@@ -16,8 +16,7 @@ import pytest
 import shipland
 from shipland.camera import Camera, CameraParameters
 from shipland.compiled import cache_folder
-from shipland.config import build
-from shipland.rig import Rig, default_rig, packaged_table
+from shipland.rig import Rig
 
 # No deadline: the cores are shared. In CI the examples are fixed, so that a red run can be repeated.
 hypothesis.settings.register_profile(
@@ -77,13 +76,13 @@ def compiled_once(tmp_path_factory):
 @pytest.fixture(scope="session")
 def rig() -> Rig:
     """The packaged rig."""
-    return default_rig()
+    return Rig()
 
 
 @pytest.fixture(scope="session")
 def camera() -> Camera:
     """The packaged camera: 1280 × 720 px, 69°, no distortion."""
-    return Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+    return Camera.from_parameters(CameraParameters())
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from shipland.camera import CameraParameters
-from shipland.config import build, merge
+from shipland.config import build
 from shipland.messages import Intent, PilotCommand
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.air.wind import SteadyWind, Wind
 from shipland.sim.aircraft.parameters import AircraftParameters
 from shipland.sim.contact.touchdown import VerdictParameters
@@ -37,7 +37,7 @@ QUIET = {
 
 def aircraft_parameters(overlay: dict[str, Any] | None = None) -> AircraftParameters:
     """The packaged aircraft with `overlay` laid over it."""
-    return build(AircraftParameters, merge(packaged_table("aircraft"), overlay or {}), "aircraft")
+    return build(AircraftParameters, overlay or {}, "aircraft")
 
 
 def world(
@@ -54,7 +54,7 @@ def world(
     water: bool = False,
 ) -> World:
     """A world with an exact start: far astern of a ship that lies still heading north, unless told otherwise."""
-    rig = default_rig()
+    rig = Rig()
     exact = {
         "distance_m": distance_m,
         "distance_half_range_m": 0.0,
@@ -66,12 +66,12 @@ def world(
     }
     return World(
         rig,
-        build(CameraParameters, merge(packaged_table("camera"), camera or {}), "camera"),
+        build(CameraParameters, camera or {}, "camera"),
         aircraft_parameters(aircraft),
-        build(VerdictParameters, packaged_table("verdict"), "verdict"),
+        VerdictParameters(),
         ship or Ship(rig, StillCourse(), Still()),
         SteadyWind(np.array(wind_mps)) if isinstance(wind_mps, tuple) else wind_mps,
-        build(StartParameters, merge(merge(packaged_table("start"), exact), start or {}), "start"),
+        build(StartParameters, exact | (start or {}), "start"),
         np.random.default_rng(seed),
         water,
     )

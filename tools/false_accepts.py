@@ -31,10 +31,8 @@ from near_views import Setting, View, light, markdown, view_at
 from rich.progress import track
 from spoiling import SPOILERS, noise, vary
 
-from shipland.config import build
 from shipland.cue import Cue
 from shipland.messages import Frame, Observation, Telemetry
-from shipland.rig import packaged_table
 from shipland.safety.cue_height import CueHeight, CueHeightParameters
 from shipland.sim.scene.scene import Scene
 
@@ -43,7 +41,7 @@ DECOYS_A_SCENE = 8
 PLAIN = "none"
 SCENES_A_LIGHT = 10
 BAROMETER_M = 0.3
-CUE_HEIGHT = build(CueHeightParameters, packaged_table("safety")["cue_height"], "safety.cue_height")
+CUE_HEIGHT = CueHeightParameters()
 
 
 @dataclass(frozen=True)

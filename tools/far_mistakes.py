@@ -28,12 +28,10 @@ from rich.progress import track
 from tune_confirmation import replayed_boxes
 
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.learning.decoys import foot_box_px
 from shipland.learning.evaluate import EvaluateParameters, fresh_scenes
 from shipland.learning.metrics import wilson_interval
 from shipland.learning.ranges import BoxRow, SceneRecord, SureBox, hits
-from shipland.learning.settings import learning_table
 from shipland.learning.ship_and_camera import ShipAndCamera
 from shipland.learning.shot import Shot
 from shipland.learning.shots import draw_scene, draw_shot
@@ -90,7 +88,7 @@ class Redrawn:
 
     def look(self, records: Sequence[SceneRecord], min_iou: float) -> list[tuple[Judged, Picture | None]]:
         """Judge scenes that share light and sea; with each mistake its place in the picture, enlarged."""
-        parameters = build(EvaluateParameters, learning_table("evaluate", None), "evaluate")
+        parameters = EvaluateParameters()
         synth = fresh_scenes(parameters)
         light, waves = draw_scene(records[0].number // synth.pictures_per_scene, synth, self.seed)
         scene = Scene(self.drawn.rig, light, np.random.default_rng(waves))
@@ -226,7 +224,7 @@ def main() -> None:
     lines = (folder / "scenes.jsonl").read_text(encoding="utf-8").splitlines()
     records = [SceneRecord.from_json(line, str(folder)) for line in lines]
     records = sorted((record for record in records if record.frames), key=lambda record: record.number)
-    block = build(EvaluateParameters, learning_table("evaluate", None), "evaluate").pictures_per_scene
+    block = EvaluateParameters().pictures_per_scene
     blocks = [list(some) for _, some in groupby(records, lambda record: record.number // block)]
     looks = [look for some in track(blocks, "blocks of scenes") for look in redrawn.look(some, arguments.iou)]
     judged = [row for row, _ in looks]

@@ -3,7 +3,8 @@
     shipland evaluate --weights ship --kind ship --scenes 240 --frames 3 --keep-boxes --out out/boxes
     python tools/fit_boxes.py out/boxes/scenes.jsonl --kind ship
 
-Prints the lists of `[geometric.ship]` or `[geometric.bar]` of configs/default.toml, and how many frames they rest on.
+Prints the lists of `[geometric.ship]` or `[geometric.bar]` in geometric/parameters.py, and how many frames they rest
+on.
 """
 
 from __future__ import annotations
@@ -13,10 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from shipland.config import build
-from shipland.geometric.parameters import BoxErrors
+from shipland.geometric.parameters import GeometricParameters
 from shipland.learning.ranges import SceneRecord, hits
-from shipland.rig import packaged_table
 from shipland.vision.far.parameters import detector_parameters
 
 MIN_IOU = 0.3
@@ -37,7 +36,7 @@ def main() -> None:
     least = detector_parameters().acquire_confidence if arguments.confidence is None else arguments.confidence
     lines = arguments.scenes.read_text(encoding="utf-8").splitlines()
     records = [SceneRecord.from_json(line, str(arguments.scenes)) for line in lines]
-    packaged = build(BoxErrors, packaged_table("geometric")[arguments.kind], f"geometric.{arguments.kind}")
+    packaged = getattr(GeometricParameters(), arguments.kind)
     ranges_m = np.array(packaged.range_m)
     frames: list[int] = []
     rows: dict[str, list[float]] = {"miss_rate": [], "centre_px": [], "area": []}

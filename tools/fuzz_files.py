@@ -23,7 +23,7 @@ from spoiling import SPOILERS, vary
 
 import shipland
 from shipland.camera import Camera
-from shipland.config import build, layered, packaged_toml
+from shipland.config import build, defaults
 from shipland.errors import ShiplandError
 from shipland.evaluation.replays import recorded_flight, replay
 from shipland.files import DIGESTS
@@ -36,6 +36,7 @@ from shipland.messages import Frame, GimbalAttitude
 from shipland.record.reader import read_log
 from shipland.scenario.fly import flight_log, fly_quietly
 from shipland.scenario.scenario import load_scenario, scenario_table
+from shipland.vehicles.address import vehicle_table
 from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.checks import PreflightParameters
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
@@ -144,7 +145,8 @@ def keys(table: dict[str, Any], before: str = "") -> Iterator[str]:
 @functools.cache
 def known(name: str) -> tuple[str, ...]:
     """Keys of a packaged table."""
-    return tuple(keys(packaged_toml(name) if name == "vehicles" else scenario_table(name)))
+    own = {section: defaults(cls) for section, cls in SECTIONS.items()}
+    return tuple(keys(own if name == "vehicles" else scenario_table(name)))
 
 
 def configurations(rng: np.random.Generator) -> None:
@@ -160,7 +162,7 @@ def configurations(rng: np.random.Generator) -> None:
         assert load_scenario(json.loads(json.dumps(chosen.table()))) == chosen, changes
     path.write_text(f"{rng.choice(known('vehicles'))} = {value}\n")
     with suppress(ShiplandError):
-        table = layered("vehicles", path)
+        table = vehicle_table(path)
         for section, cls in SECTIONS.items():
             for each in asdict(build(cls, table[section], section)).values():
                 assert not isinstance(each, float) or abs(each) <= 1e4, (section, each)

@@ -35,8 +35,6 @@ import numpy as np
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
-from shipland.config import build
-from shipland.rig import packaged_table
 from shipland.sim.ship.rao import ResponseTable
 from shipland.sim.ship.sea import SeaParameters, significant_amplitude
 
@@ -309,7 +307,7 @@ def main() -> None:
     )
     arguments.out.parent.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(arguments.out, **vars(found))
-    sea = build(SeaParameters, packaged_table("ship")["sea"])
+    sea = SeaParameters()
     for waves_from_deg in (120.0, 60.0):
         amplitude = significant_amplitude(replace(sea, waves_from_deg=waves_from_deg), found)
         amplitude[3:] = np.degrees(amplitude[3:])

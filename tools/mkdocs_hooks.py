@@ -14,7 +14,7 @@ import griffe
 from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 
-from shipland.report.configuration import packaged_tables
+from shipland.report.configuration import page_tables
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
@@ -60,7 +60,7 @@ def _shown(path: Path, how: str) -> str:
     if how.startswith("columns of "):
         return column_table(how.removeprefix("columns of "))
     if how == "tables":
-        return packaged_tables(path.name)
+        return page_tables(path.name)
     return f"```{path.suffix[1:]}\n{path.read_text(encoding='utf-8')}```"
 
 

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shipland.camera import Camera, CameraParameters, level_from_camera
-from shipland.config import build
 from shipland.frames import Array, Pose, rotation_from_euler
 from shipland.messages import BarPose, Frame, GimbalAttitude
-from shipland.rig import Rig, default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
@@ -42,10 +41,10 @@ class Setting:
 
     @staticmethod
     def packaged() -> Setting:
-        """Of configs/default.toml."""
-        camera = build(CameraParameters, packaged_table("camera"), "camera")
-        vision = build(VisionParameters, packaged_table("vision"), "vision")
-        return Setting(default_rig(), Camera.from_parameters(camera), vision, camera.gimbal_noise_rad)
+        """With the defaults."""
+        camera = CameraParameters()
+        vision = VisionParameters()
+        return Setting(Rig(), Camera.from_parameters(camera), vision, camera.gimbal_noise_rad)
 
     @property
     def plane_m(self) -> Array:
@@ -54,7 +53,7 @@ class Setting:
 
     def scene(self, seed: int, **changes: float) -> Scene:
         """The packaged scene with some of its parameters changed."""
-        parameters = build(SceneParameters, packaged_table("scene"), "scene")
+        parameters = SceneParameters()
         return Scene(self.rig, replace(parameters, **changes), np.random.default_rng(seed))
 
     def eyes(self, *, published: bool = False, **changes: object) -> NearVision:

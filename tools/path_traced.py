@@ -31,16 +31,13 @@ from rich.console import Console
 from rich.progress import track
 
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.errors import DataError
 from shipland.learning.evaluate import EvaluateParameters, fresh_scenes
 from shipland.learning.metrics import wilson_interval
 from shipland.learning.sensor import degrade
-from shipland.learning.settings import learning_table
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import compressed, crop_camera, jpeg_quality
 from shipland.messages import Box
-from shipland.rig import packaged_table
 from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
 from shipland.sim.scene.tone import develop
@@ -152,7 +149,7 @@ def _plain(scene: SceneParameters) -> SceneParameters:
 
 
 def _synth() -> SynthParameters:
-    parameters = build(EvaluateParameters, learning_table("evaluate", None), "evaluate")
+    parameters = EvaluateParameters()
     none = replace(fresh_scenes(parameters), empty_share=0.0, vessels=0.0, buoys=0.0, birds=0.0, greens=0.0)
     return replace(none, pictures_per_scene=BLOCK)
 
@@ -173,7 +170,7 @@ def _far(kind: str, count: int, seed: int) -> Iterator[Place]:
 
 def _near(count: int, seed: int) -> Iterator[Place]:
     setting = Setting.packaged()
-    packaged = build(SceneParameters, packaged_table("scene"), "scene")
+    packaged = SceneParameters()
     for number in range(count):
         scene = _plain(replace(packaged, **light(np.random.default_rng([seed, number // BLOCK, 8]))))
         rng = np.random.default_rng([seed, number, 9])
@@ -270,7 +267,7 @@ def _look_far(place: Place, picture: Picture, renderer: str, detector: Detector,
     assert place.box is not None
     left, top, right, bottom = place.box
     target = np.array([[0.5 * (left + right), 0.5 * (top + bottom), right - left, bottom - top]])
-    match_iou = build(EvaluateParameters, learning_table("evaluate", None), "evaluate").match_iou
+    match_iou = EvaluateParameters().match_iou
     best = 0.0
     for box in detector.detect(picture, 0.05):
         if float(iou(_row(box), target)[0, 0]) >= match_iou:

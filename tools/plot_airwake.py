@@ -13,9 +13,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from shipland.config import build
 from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
-from shipland.rig import Rig, default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake
 from shipland.sim.air.wind import WindParameters
 
@@ -39,8 +38,8 @@ def main() -> None:
     root = Path(__file__).resolve().parents[1]
     parser.add_argument("--out", type=Path, default=root / "docs/pictures/airwake.png")
     out = parser.parse_args().out
-    rig = default_rig()
-    wake = Airwake(build(WindParameters, packaged_table("wind")).airwake, rig, np.random.default_rng(0))
+    rig = Rig()
+    wake = Airwake(WindParameters().airwake, rig, np.random.default_rng(0))
     forward = np.linspace(-6.0, 3.0, 181)
     up, starboard = np.linspace(-0.9, 2.5, 86), np.linspace(-2.5, 2.5, 101)
     with mpl.rc_context(PLOT_STYLE):

@@ -12,11 +12,11 @@ import matplotlib as mpl
 import numpy as np
 from scipy.signal import welch
 
-from shipland.config import build, merge
+from shipland.config import build
 from shipland.frames import Array, Pose
 from shipland.report.palette import BLUE, VERMILION, unit
 from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.air.turbulence import Scales
 from shipland.sim.air.wind import WindParameters, build_wind
 
@@ -27,7 +27,7 @@ COLOURS = {"land": VERMILION, "sea": BLUE}
 def parameters(surface: str) -> WindParameters:
     """5 m/s from the south over a surface, without airwake."""
     keys = {"mean_mps": MEAN_MPS, "from_deg": 180.0, "surface": surface, "airwake": {"enabled": False}}
-    return build(WindParameters, merge(packaged_table("wind"), keys), "wind")
+    return build(WindParameters, keys, "wind")
 
 
 def formulas(scales: Scales, frequency_hz: Array) -> Array:
@@ -50,7 +50,7 @@ def main() -> None:
         figure = new_figure(12.0, 4.6)
         axes = figure.subplots(1, 4)
         for surface, colour in COLOURS.items():
-            wind = build_wind(parameters(surface), default_rig(), np.random.default_rng(1))
+            wind = build_wind(parameters(surface), Rig(), np.random.default_rng(1))
             series = np.array([wind.velocity_at(STEP_S * i, place, ship) for i in range(COUNT)])
             series[:, 0] -= MEAN_MPS
             frequency_hz, power = welch(series, 1.0 / STEP_S, nperseg=8192, axis=0)

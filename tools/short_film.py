@@ -13,7 +13,6 @@ from pathlib import Path
 import av
 import cv2
 
-from shipland.config import build, packaged_toml
 from shipland.report.video import VideoParameters, VideoWriter
 from shipland.vision.pictures import Picture, read_video
 
@@ -41,7 +40,7 @@ def main() -> None:
     with av.open(str(asked.video)) as container:
         assert container.duration is not None
         end_s = container.duration / av.time_base
-    packaged = build(VideoParameters, packaged_toml("outputs")["video"], "video")
+    packaged = VideoParameters()
     parameters = replace(packaged, rate_hz=asked.rate, chase_rate_hz=min(packaged.chase_rate_hz, asked.rate))
     parameters = replace(parameters, crf=asked.crf, preset="slow")
     writer = None

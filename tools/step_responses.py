@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shipland.camera import CameraParameters
-from shipland.config import build, merge
+from shipland.config import build
 from shipland.frames import Array, euler_from_rotation
 from shipland.messages import PilotCommand
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.air.wind import SteadyWind
 from shipland.sim.aircraft.parameters import AircraftParameters
 from shipland.sim.contact.touchdown import VerdictParameters
@@ -54,19 +54,18 @@ def fly(stick: Stick, seconds: float, wind_mps: float = 0.0, gust_s: float = 0.0
         gust_s: when it sets in.
         **loop: laid over `[aircraft.loop]`.
     """
-    rig = default_rig()
+    rig = Rig()
     spreads = {"distance_half_range_m": 0.0, "bearing_half_range_deg": 0.0, "height_half_range_m": 0.0}
     start = {"distance_m": 500.0, "height_m": 50.0, "heading_error_half_range_deg": 0.0} | spreads
     exact = {"attitude_bias_rad": 0.0, "heading_bias_rad": 0.0, "flow_bias_mps": 0.0}
-    aircraft = merge(packaged_table("aircraft"), {"loop": loop, "sensors": exact})
     world = World(
         rig,
-        build(CameraParameters, packaged_table("camera"), "camera"),
-        build(AircraftParameters, aircraft, "aircraft"),
-        build(VerdictParameters, packaged_table("verdict"), "verdict"),
+        CameraParameters(),
+        build(AircraftParameters, {"loop": loop, "sensors": exact}, "aircraft"),
+        VerdictParameters(),
         Ship(rig, StillCourse(), Still()),
         _Gust(np.array([0.0, wind_mps, 0.0]), gust_s),
-        build(StartParameters, merge(packaged_table("start"), start), "start"),
+        build(StartParameters, start, "start"),
         np.random.default_rng(7),
     )
     begin = world.truth().ned_from_body.translation_m
@@ -199,7 +198,7 @@ def main(folder: Path) -> None:
         figure = plt.figure(figsize=size, constrained_layout=True)
         draw(figure)
         figure.savefig(folder / f"{name}.png", dpi=70)
-    airframe = build(AircraftParameters, packaged_table("aircraft"), "aircraft").airframe
+    airframe = AircraftParameters().airframe
     print("\n| MaxTilt | wind in which full stick holds its place |\n|---:|---:|")
     for tilt_deg in (10, 15, 20, 25, 30, 35, 40):
         print(f"| {tilt_deg}° | {airframe.level_speed_mps(math.radians(tilt_deg)):.1f} m/s |")

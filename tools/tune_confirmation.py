@@ -19,12 +19,11 @@ from pathlib import Path
 import numpy as np
 
 from shipland.camera import Camera, CameraParameters
-from shipland.config import build
 from shipland.learning.metrics import wilson_interval
 from shipland.learning.ranges import SceneRecord, SureBox, hits
 from shipland.learning.synth import FRAME_S
 from shipland.messages import Box, Frame, GimbalAttitude
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.vision.far.decode import PIXEL_CENTRE
 from shipland.vision.far.detector import Detector, Picture
 from shipland.vision.far.far import FarVision
@@ -138,7 +137,7 @@ def replayed_boxes(
     picture = np.zeros((camera.height_px, camera.width_px, 3), np.uint8)
     detector = KeptBoxes()
     far = FarVision(
-        detector if kind == "ship" else None, detector if kind == "bar" else None, camera, parameters, default_rig()
+        detector if kind == "ship" else None, detector if kind == "bar" else None, camera, parameters, Rig()
     )
     told: list[SureBox | None] = []
     for number, rows in enumerate(record.frames):
@@ -226,7 +225,7 @@ def main() -> None:
         and record.visibility_m >= arguments.clearest_from_m
         and (record.target is None or record.range_m <= arguments.farthest_m)
     ]
-    camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+    camera = Camera.from_parameters(CameraParameters())
     shipped, kind = detector_parameters(), arguments.kind
     print(f"{len(records)} scenes, {sum(record.target is not None for record in records)} with the target\n")
     print("| single frames of confidence | recall | false, 1,000 frames |\n|---:|---:|---:|")

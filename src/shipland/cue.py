@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from shipland.config import build, read_toml, require
+from shipland.config import build, parameters, read_toml, require
 from shipland.errors import ConfigError
 from shipland.former import FORMER
 from shipland.frames import Array
@@ -32,7 +32,7 @@ _USUAL_WIDTH_M = (0.02, 10.0)
 _INCH_M = 0.0254
 
 
-@dataclass(frozen=True)
+@parameters
 class Polygon:
     """One lit area of the cue.
 
@@ -104,7 +104,7 @@ def _crosses_itself(points: Array) -> bool:
     return False
 
 
-@dataclass(frozen=True)
+@parameters
 class Cue:
     """Known coplanar polygons in the plane forward = 0 of `bar`.
 

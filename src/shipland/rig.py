@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from shipland.config import build, packaged_toml, require
+from shipland.config import key, parameters, require
 from shipland.cue import RIG_TOLERANCE, Cue, Hue, Polygon
-from shipland.errors import ConfigError
 from shipland.frames import Array, Pose
 
 _BOARD_MARGIN_M = 0.02
@@ -73,62 +72,53 @@ def view_share(ahead_m: float, right_m: float, half_m: float, box_m: tuple[float
     return along_m * across_m / (4.0 * half_m * half_m) if along_m > 0.0 and across_m > 0.0 else 0.0
 
 
-@dataclass(frozen=True)
+@parameters
 class Rig:
     """The ship platform [Lee2022, §Experimental Setup] and this project's choices where the paper gives none.
 
-    Attributes:
-        platform_length_m, platform_width_m: plan of the platform.
-        superstructure_height_m: top of the superstructure above ground.
-        deck_size_m: side of the square deck.
-        deck_ahead_of_stern_m: deck centre ahead of the stern.
-        deck_height_m: neutral deck surface above ground.
-        landing_square_m: side of the landing square, or diameter of the landing circle.
-        bar_ahead_of_stern_m: the bar's plane ahead of the stern.
-        bar_height_m: the bar's centre above ground.
-        board_width_m, board_height_m: grey board behind the rectangles.
-        rectangle_width_m, rectangle_height_m, rectangle_gap_m: the two green rectangles.
-        surge_limit_m … yaw_limit_deg: motion base's limits, either side.
-        polygon: another cue in place of the two rectangles, in `bar`; one `[[rig.polygon]]` each.
-        manufacturing_tolerance: how exactly the cue is made, as in `Cue`.
-        hue: of the cue's light, as in `Cue`.
-        landing_area: what a touchdown must lie in.
-        hull: a platform with a motion base, or a ship whose flight deck is part of the hull.
-        house_length_m: of the superstructure ahead of the bar; without one it reaches to the bow.
+    [Lee2022, Experimental Setup] gives platform, deck and limits; the rest is chosen.
     """
 
-    platform_length_m: float
-    platform_width_m: float
-    superstructure_height_m: float
-    deck_size_m: float
-    deck_ahead_of_stern_m: float
-    deck_height_m: float
-    landing_square_m: float
-    bar_ahead_of_stern_m: float
-    bar_height_m: float
-    board_width_m: float
-    board_height_m: float
-    rectangle_width_m: float
-    rectangle_height_m: float
-    rectangle_gap_m: float
-    surge_limit_m: float
-    sway_limit_m: float
-    heave_limit_m: float
-    roll_limit_deg: float
-    pitch_limit_deg: float
-    yaw_limit_deg: float
-    polygon: tuple[Polygon, ...] = ()
-    manufacturing_tolerance: float = RIG_TOLERANCE
-    hue: Hue | None = None
-    landing_area: Literal["square", "circle"] = "square"
-    hull: Literal["platform", "frigate"] = "platform"
-    house_length_m: float | None = None
+    platform_length_m: float = key(3.0, "of the platform, from stern to bow", "[Lee2022]", gt=0)
+    platform_width_m: float = key(1.8, "of the platform", "[Lee2022]", gt=0)
+    superstructure_height_m: float = key(1.8, "top of the superstructure above ground", "[Lee2022]", gt=0)
+    deck_size_m: float = key(1.22, "side of the square deck", "[Lee2022], 4 ft", gt=0)
+    deck_ahead_of_stern_m: float = key(
+        0.71, "deck centre ahead of the stern", "chosen: 0.1 m of platform behind the deck", gt=0
+    )
+    deck_height_m: float = key(0.9, "neutral deck surface above ground", gt=0)
+    landing_square_m: float = key(
+        0.35, "side of the landing square, or diameter of the landing circle", "[Lee2022]", gt=0
+    )
+    bar_ahead_of_stern_m: float = key(2.8, "the bar's plane ahead of the stern", gt=0)
+    bar_height_m: float = key(1.65, "the bar's centre above ground", gt=0)
+    board_width_m: float = key(
+        1.4, "of the grey board behind the rectangles", "chosen; with it Table 1's bar setpoint lies at 10.3 m", gt=0
+    )
+    board_height_m: float = key(0.3, "of the grey board", gt=0)
+    rectangle_width_m: float = key(0.45, "of each of the two green rectangles", gt=0)
+    rectangle_height_m: float = key(0.15, "of each rectangle", gt=0)
+    rectangle_gap_m: float = key(0.3, "between the two rectangles", gt=0)
+    surge_limit_m: float = key(1.02, "of the motion base, either side", "[Lee2022]", gt=0)
+    sway_limit_m: float = key(1.02, "of the motion base, either side", "[Lee2022]", gt=0)
+    heave_limit_m: float = key(0.64, "of the motion base, either side", "[Lee2022]", gt=0)
+    roll_limit_deg: float = key(13.0, "of the motion base, either side", "[Lee2022]", gt=0)
+    pitch_limit_deg: float = key(15.0, "of the motion base, either side", "[Lee2022]", gt=0)
+    yaw_limit_deg: float = key(16.0, "of the motion base, either side", "[Lee2022]", gt=0)
+    polygon: tuple[Polygon, ...] = key(
+        (), "another cue in place of the two rectangles, in `bar`; one `[[rig.polygon]]` each"
+    )
+    manufacturing_tolerance: float = key(RIG_TOLERANCE, "how exactly the cue is made, as in `Cue`")
+    hue: Hue | None = key(None, "of the cue's light, as in `Cue`; without one that of `[vision]`")
+    landing_area: Literal["square", "circle"] = key("square", "what a touchdown must lie in")
+    hull: Literal["platform", "frigate"] = key(
+        "platform", "a platform with a motion base, or a ship whose flight deck is part of the hull"
+    )
+    house_length_m: float | None = key(
+        None, "of the superstructure ahead of the bar; without one it reaches to the bow", gt=0
+    )
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            if each.type == "float" and each.name != "manufacturing_tolerance":
-                value = getattr(self, each.name)
-                require(value > 0.0, f"{each.name} must be positive, got {value}")
         require(
             all(len(polygon.corners_m) == 4 and polygon.convex for polygon in self.polygon),
             "polygon: a scenario draws convex polygons of four corners; `shipland see` takes others",
@@ -266,16 +256,3 @@ def _frigate(rig: Rig) -> Layout:
         deck=Solid((-size, -size, 0.0), (size, size, 0.05)),
         board=Solid((0.0, -wide, -tall), (0.02, wide, tall)),
     )
-
-
-def packaged_table(section: str) -> dict[str, Any]:
-    """Section of the packaged defaults."""
-    table = packaged_toml("default").get(section)
-    if table is None:
-        raise ConfigError(f"the packaged defaults have no section [{section}]")
-    return dict(table)
-
-
-def default_rig() -> Rig:
-    """The rig of the packaged configuration."""
-    return build(Rig, packaged_table("rig"), "rig")

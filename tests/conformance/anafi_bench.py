@@ -18,8 +18,7 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.config import packaged_toml
-from shipland.vehicles.address import Address, VehicleSetup
+from shipland.vehicles.address import Address, VehicleSetup, vehicle_table
 from shipland.vehicles.anafi.factory import anafi
 from shipland.vehicles.anafi.vehicle import AnafiVehicle
 
@@ -92,10 +91,10 @@ def film() -> bytes:
 
 @contextmanager
 def bench(log: Path | None = None, **changes: float) -> Iterator[tuple[AnafiVehicle, Device]]:
-    """The vehicle, not yet open, and its aircraft; `changes` of `[anafi]` of vehicles.toml."""
+    """The vehicle, not yet open, and its aircraft; `changes` of `[anafi]`."""
     with device() as (aircraft, stream):
-        table = packaged_toml("vehicles")
-        table["anafi"] |= {"connect_timeout_s": 60.0, "engage_timeout_s": 5.0, "video_timeout_s": 2.0} | changes
+        own = {"connect_timeout_s": 60.0, "engage_timeout_s": 5.0, "video_timeout_s": 2.0} | changes
+        table = {**vehicle_table(None), "anafi": own}
         options = {"python": olympe_python(), "stream": stream, "takeoff": "1"}
         made = anafi(VehicleSetup(Address("anafi", "127.0.0.1", options), CAMERA, table, log))
         assert isinstance(made, AnafiVehicle)

@@ -14,7 +14,7 @@ from typing import Any
 
 from ports import free_port
 from shipland.camera import Camera
-from shipland.config import build, merge, packaged_toml
+from shipland.config import build, packaged_toml
 from shipland.messages import GimbalAttitude, TouchdownVerdict
 from shipland.vehicles.camera_stream import StreamedPicture
 from shipland.vehicles.checks import PreflightParameters
@@ -22,8 +22,6 @@ from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.mavlink.setup import Engagement, MavlinkSetup
 from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
 from shipland.vehicles.touchdown import TouchdownParameters
-
-TABLE = packaged_toml("vehicles")
 
 
 class Blank:
@@ -77,7 +75,7 @@ class StandIn:
 def setup_for(
     port: int, source: Blank, key: bytes | None, engagement: Engagement, overrides: dict[str, Any]
 ) -> MavlinkSetup:
-    section = merge(TABLE["mavlink"], {"engage_timeout_s": 5.0, "video_timeout_s": 2.0} | overrides)
+    section = {"engage_timeout_s": 5.0, "video_timeout_s": 2.0} | overrides
     return MavlinkSetup(
         place=f"udp:127.0.0.1:{port}",
         vehicle=None,
@@ -91,9 +89,9 @@ def setup_for(
         open_timeout_s=5.0,
         engagement=engagement,
         parameters=build(MavlinkParameters, section, "mavlink"),
-        touchdown=build(TouchdownParameters, TABLE["touchdown"], "touchdown"),
-        preflight=build(PreflightParameters, TABLE["preflight"], "preflight"),
-        response_table=TABLE["response"],
+        touchdown=TouchdownParameters(),
+        preflight=PreflightParameters(),
+        response_table=packaged_toml("vehicles")["response"],
     )
 
 

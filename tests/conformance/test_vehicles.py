@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera, CameraParameters
-from shipland.config import build
 from shipland.frames import wrap_angle
 from shipland.guidance.modes import INTENTS
 from shipland.messages import Frame, Intent, PilotCommand, Telemetry
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.air.wind import SteadyWind
 from shipland.sim.ship.ship import Ship, StraightCourse
 from shipland.vehicles.delays import DelayParameters
@@ -25,7 +24,7 @@ Made = Callable[[int], Vehicle]
 
 
 def simulated(seed: int) -> Vehicle:
-    rig = default_rig()
+    rig = Rig()
     flown = world(
         distance_m=3.0,
         height_m=1.2,
@@ -34,8 +33,8 @@ def simulated(seed: int) -> Vehicle:
         start={"distance_half_range_m": 1.0, "bearing_half_range_deg": 20.0},
         seed=seed,
     )
-    camera = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
-    delays = build(DelayParameters, packaged_table("delays"), "delays")
+    camera = Camera.from_parameters(CameraParameters())
+    delays = DelayParameters()
     return SimulatedVehicle(flown, camera, delays, None, np.random.default_rng(seed))
 
 

@@ -27,9 +27,9 @@ from shipland.messages import (
     TouchdownVerdict,
 )
 from shipland.record.info import FlightInfo
-from shipland.rig import Rig, default_rig
+from shipland.rig import Rig
 
-RIG: Rig = default_rig()
+RIG: Rig = Rig()
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 INFO = FlightInfo("made-up", 7, "paper", "0.1.0", "0123456789abcdef", 0.24)
 CAMERA_IN_BODY_M = np.array([0.09, 0.0, 0.0])

@@ -17,13 +17,12 @@ import pytest
 
 from interrupts import receive
 from shipland.camera import Camera
-from shipland.config import packaged_toml
 from shipland.errors import VehicleError
 from shipland.frames import quaternion_from_euler
 from shipland.guidance.modes import INTENTS
 from shipland.messages import Intent, Mode, PilotCommand, Telemetry
 from shipland.stopping import stop_requests
-from shipland.vehicles.address import Address, VehicleSetup
+from shipland.vehicles.address import Address, VehicleSetup, vehicle_table
 from shipland.vehicles.anafi.factory import anafi
 from shipland.vehicles.anafi.records import gimbal_at, merged, moment_of, sticks_of, with_moment
 from shipland.vehicles.anafi.vehicle import AnafiVehicle
@@ -75,8 +74,8 @@ def vehicle(
 ) -> Iterator[tuple[AnafiVehicle, Path]]:
     script, log = tmp_path / "far_end.py", tmp_path / "asked.txt"
     script.write_text(FAR_END)
-    table = packaged_toml("vehicles")
-    table["anafi"] |= {"connect_timeout_s": 5.0, "engage_timeout_s": 2.0, "video_timeout_s": 0.5} | changes
+    own = {"connect_timeout_s": 5.0, "engage_timeout_s": 2.0, "video_timeout_s": 0.5} | changes
+    table = {**vehicle_table(None), "anafi": own}
     setup = VehicleSetup(Address.parse(f"anafi://127.0.0.1?{options}"), Camera.from_fov(64, 36, 69.0), table)
     made = anafi(setup)
     assert isinstance(made, AnafiVehicle)
@@ -379,7 +378,7 @@ def test_a_picture_s_metadata_are_the_aircraft_at_its_exposure() -> None:
 
 
 def test_a_python_without_olympe_says_so(tmp_path: Path) -> None:
-    table = packaged_toml("vehicles")
-    flown = anafi(VehicleSetup(Address("anafi", "127.0.0.1", {}), Camera.from_fov(64, 36, 69.0), table))
+    camera = Camera.from_fov(64, 36, 69.0)
+    flown = anafi(VehicleSetup(Address("anafi", "127.0.0.1", {}), camera, vehicle_table(None)))
     with pytest.raises(VehicleError, match="has no Olympe that works"):
         flown.open()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pictures import camera_from_bar, project_plane, rectangles
 from shipland.camera import Camera
 from shipland.cue import Cue, Polygon
-from shipland.rig import default_rig
+from shipland.rig import Rig
 from shipland.vision.near.associate import match_by_geometry, match_by_prediction
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
@@ -22,7 +22,7 @@ TAPES = Cue(  # two strips that tilt, as the tape of a robotics field
 FIVE = rectangles(
     (-1.0, 0.0, 0.4, 0.3), (-0.2, 0.1, 0.5, 0.2), (0.6, -0.2, 0.3, 0.3), (0.5, 0.5, 0.6, 0.15), (-0.7, 0.6, 0.25, 0.35)
 )
-TARGETS = {"bar": default_rig().cue, "tapes": TAPES, "one": rectangles((0.0, 0.0, 0.4, 0.6)), "five": FIVE}
+TARGETS = {"bar": Rig().cue, "tapes": TAPES, "one": rectangles((0.0, 0.0, 0.4, 0.6)), "five": FIVE}
 SIZES = {"bar": 1.2, "tapes": 0.37, "one": 0.6, "five": 2.0}
 
 

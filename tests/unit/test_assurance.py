@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.config import build
+from shipland.config import build, plain
 from shipland.errors import ConfigError
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import (
@@ -22,17 +22,17 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.safety.assurance import Safety, SafetyParameters
 from shipland.safety.monitor import Action, stopping_distance_m
 from shipland.safety.recovery import Recovery, Rung
 from shipland.safety.switch import Switch, next_switch
 
-TABLE = packaged_table("safety")
-PARAMETERS = build(SafetyParameters, TABLE)
+PARAMETERS = SafetyParameters()
+TABLE = plain(PARAMETERS)
 RECOVERY = PARAMETERS.recovery
 CAMERA = Camera.from_fov(1280, 720, 69.0)
-RIG = default_rig()
+RIG = Rig()
 DECK_M = RIG.deck_in_bar_m
 SPEEDS = replace(ANAFI_LIKE, kind="velocity", max_speed_mps=4.0, servo_per_s=1.0, hold_below_percent=0.0)
 TILTS = replace(ANAFI_LIKE, hold_below_percent=0.0)

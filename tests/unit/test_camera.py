@@ -1,7 +1,5 @@
 """The camera: hand-computed pixels, round trips through distortion and files, the gimbal's signs, every bad file."""
 
-import re
-
 import hypothesis.strategies as st
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from shipland.camera import Camera, CameraParameters, level_from_camera
 from shipland.config import build
 from shipland.errors import ConfigError, DataError
 from shipland.messages import GimbalAttitude
-from shipland.rig import packaged_table
 
 DISTORTIONS = {
     "none": np.zeros(5),
@@ -310,6 +307,5 @@ class TestConstruction:
         ],
     )
     def test_parameters_out_of_range_are_refused_by_name(self, key, value):
-        named = "picture" if key in ("width_px", "height_px") else key
-        with pytest.raises(ConfigError, match=re.escape(named)):
-            build(CameraParameters, packaged_table("camera") | {key: value}, "camera")
+        with pytest.raises(ConfigError, match=key):
+            build(CameraParameters, {key: value}, "camera")

@@ -19,7 +19,7 @@ from shipland.evaluation.rules import rules_table
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
 from shipland.evaluation.tables import causes_table, landings_table, modes_table, pair_up, summary_of
 from shipland.evaluation.workers import run_jobs
-from shipland.rig import default_rig
+from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario
 
 PHASES = Phases(1.0, 0.0, 0.0, 20.0, 8.0, 0.5, 0.0, 0)
@@ -226,7 +226,7 @@ def test_tables_count_right():
     assert "| landed outside; control error |" in landings_table(landings, "square")
     assert causes_table(landings).count("\n| ") == 2
     assert "| 1 land | 8.0 | 8.0 |" in modes_table(landings)
-    rules = rules_table(landings, default_rig())
+    rules = rules_table(landings, Rig())
     assert "| ours: at rest on its feet in the 0.35 m square, within every limit | 1 of 3 |" in rules
     assert "| any first contact on the deck | 2 of 3 |" in rules
     # Clopper-Pearson for 1 of 1: the lower end is 0.025
@@ -234,7 +234,7 @@ def test_tables_count_right():
 
 
 def test_limits_come_from_the_rig():
-    wide = replace(default_rig(), landing_square_m=0.8, deck_size_m=1.0)
+    wide = replace(Rig(), landing_square_m=0.8, deck_size_m=1.0)
     off = replace(GOOD, forward_m=0.39)
     assert "| first contact in the 0.8 m square | 1 of 1 |" in rules_table([off], wide)
     assert "| any first contact on the deck | 0 of 1 |" in rules_table([replace(GOOD, forward_m=0.55)], wide)

@@ -28,7 +28,7 @@ from shipland.evaluation.leaderboard import (
 )
 from shipland.evaluation.statistics import quantile_interval
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of, load_suite, task_digest
-from shipland.rig import default_rig
+from shipland.rig import Rig
 
 GRID = (SuiteEntry(("rig-natops", "ship-sea6")),)
 
@@ -217,7 +217,7 @@ def test_cells_are_chosen_by_pattern_and_a_wrong_one_is_named():
 
 
 def test_rest_in_the_landing_area():
-    rig = default_rig()
+    rig = Rig()
     assert rests_in_area(GOOD, rig)
     assert not rests_in_area(replace(GOOD, rest_starboard_m=-0.2), rig)
     assert not rests_in_area(replace(GOOD, landed=False), rig)

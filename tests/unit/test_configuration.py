@@ -6,9 +6,9 @@ import tomllib
 import pytest
 
 from shipland.commands.config import Config
-from shipland.config import packaged_names
+from shipland.config import key, packaged_names, parameters, plain
 from shipland.errors import ConfigError
-from shipland.report.configuration import as_toml, markdown_tables, packaged_tables, scenario_settings, statements
+from shipland.report.configuration import as_toml, markdown_tables, page_tables, scenario_settings, settings_of
 from shipland.scenario.scenario import load_scenario
 
 
@@ -25,13 +25,14 @@ def test_every_key_has_a_meaning_and_says_where_its_value_comes_from(tmp_path):
     config.write_text("[delays]\nvideo_s = 0.5 # measured\n", encoding="utf-8")
     settings = {setting.key: setting for setting in scenario_settings("frigate-sea6", config, ["wind.from_deg=20"])}
     video = settings["delays.video_s"]
-    assert (video.value, video.file, video.source, video.unit) == (0.5, str(config), "measured", "s")
-    assert video.default == 0.28 and video.meaning == "from a picture's exposure to its arrival."
+    assert (video.value, video.file, video.source, video.unit) == (0.5, str(config), "", "s")
+    assert video.default == 0.28 and video.meaning == "from a picture's exposure to its arrival"
+    assert settings["delays.near_s"].source == "[Lee2022]: cycle time on corners" and video.bounds == "0 or more"
     assert settings["wind.from_deg"].file == "--set" and settings["wind.from_deg"].value == 20.0
     assert settings["wind.mean_mps"].file == "scenarios/frigate-sea6.toml"
     assert settings["rig.platform_length_m"].file == "parts/frigate.toml"
-    assert settings["wind.profile"].file in ("default.toml", "parts/frigate.toml")
-    assert settings["detector.max_iou"].file == "learning.toml" and not settings["detector.max_iou"].differs
+    assert settings["wind.profile"].file == "parts/frigate.toml"
+    assert settings["detector.max_iou"].file == "default" and not settings["detector.max_iou"].differs
     # Gains of the paper's laws are letters of its equations; the class says so of all of them.
     unsaid = {key for key, setting in settings.items() if not setting.meaning}
     assert all(key.startswith(("guidance.ship.", "guidance.bar.", "guidance.far_")) for key in unsaid)
@@ -67,31 +68,48 @@ def test_the_command_prints_a_part_or_what_is_changed(capsys):
         Config(key="widn").run()
 
 
+@parameters
+class Inner:
+    """`[outer.inner]`: lengths.
+
+    Two of them.
+    """
+
+    list_m: tuple[int, ...] = key((1, 2), "two lengths")
+
+
+@parameters
+class Outer:
+    inner: Inner = key(Inner(), source="[Lee2022]")
+    name: str = key("a # b", source="chosen: a | b")
+    ratio: float = key(0.5, "of both", ge=0, le=1)
+
+
 def test_tables_by_hand():
-    text = '# a preface\n[rig] # [Lee2022]\nname = "a # b" # chosen: a | b\nlist_m = [\n  1, # one\n  2,\n]\nbare = 3\n'
-    assert markdown_tables(text, {"rig.list_m": "two lengths."}).splitlines() == [
+    assert markdown_tables(settings_of(Outer, plain(Outer()), "rig")).splitlines() == [
         "",
         "### `[rig]`",
         "",
-        "[Lee2022]",
+        "| key | default | unit | bounds | meaning | source |",
+        "|---|---|---|---|---|---|",
+        '| `name` | `"a # b"` |  |  |  | chosen: a &#124; b |',
+        "| `ratio` | `0.5` |  | 0 to 1 | of both | chosen |",
         "",
-        "| key | value | unit | meaning | source |",
-        "|---|---|---|---|---|",
-        '| `name` | `"a # b"` |  |  | chosen: a &#124; b |',
-        "| `list_m` | `[1, 2]` | m | two lengths |  |",
-        "| `bare` | `3` |  |  |  |",
+        "### `[rig.inner]`",
+        "",
+        "lengths.  Two of them.",
+        "",
+        "| key | default | unit | bounds | meaning | source |",
+        "|---|---|---|---|---|---|",
+        "| `list_m` | `[1, 2]` | m |  | two lengths | [Lee2022] |",
     ]
 
 
-@pytest.mark.parametrize("name", packaged_names(""))
-def test_the_page_knows_the_meaning_of_a_packaged_key(name):
-    rows = [line for line in packaged_tables(f"{name}.toml").splitlines() if line.startswith("| `")]
-    without = [row for row in rows if not row.split(" | ")[3].strip()]
+@pytest.mark.parametrize("name", ["scenario.py", "outputs.py", "settings.py", "address.py"])
+def test_the_page_knows_the_meaning_of_every_key(name):
+    rows = [line for line in page_tables(name).splitlines() if line.startswith("| `")]
+    without = [row for row in rows if not row.split(" | ")[4].strip()]
     # The gains of the paper's far laws have the letters of its equations; their class names these.
-    assert not [row for row in without if not re.match(r"\| `(far_control|far_variant|pitch|roll|heave)`", row)]
-
-
-def test_a_dotted_key_is_one_statement():
-    (section, statement) = statements("[wind]\nturbulence.enabled = false # calm\n")
-    assert section.header == "[wind]"
-    assert (statement.key, statement.value, statement.comment) == ("wind.turbulence.enabled", False, "calm")
+    assert not [
+        row for row in without if not re.match(r"\| `(far_control|far_variant|m|a|setpoint|d|k_p|t_i_s|t_d_s)`", row)
+    ]

@@ -14,7 +14,7 @@ from shipland.guidance.response import Response
 from shipland.vehicles.mavlink.setpoints import pressed
 from shipland.vehicles.touchdown import ContactSignals, GroundContact, TouchdownParameters, TouchdownWatch
 
-LIMITS = build(TouchdownParameters, packaged_toml("vehicles")["touchdown"], "touchdown")
+LIMITS = TouchdownParameters()
 HOVER = 0.45
 STEP_S = 0.02
 

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from shipland.config import build, merge
+from shipland.config import build
 from shipland.errors import ConfigError
-from shipland.rig import packaged_table
 from shipland.sim.ship.course import (
     Course,
     CourseParameters,
@@ -17,7 +16,7 @@ STEP_S = 1e-4
 
 
 def course(**keys: object) -> Course:
-    parameters = build(CourseParameters, merge(packaged_table("ship")["course"], keys), "course")
+    parameters = build(CourseParameters, keys, "course")
     return build_course(parameters, np.random.default_rng(4))
 
 
@@ -134,11 +133,11 @@ def test_manoeuvres_that_overlap_are_refused() -> None:
     ("keys", "says"),
     [
         ({"speed_mps": 5.0}, r"speed_mps must be in 0…4.5 m/s"),
-        ({"speed_mps": -0.1}, r"0…4.5 m/s"),
+        ({"speed_mps": -0.1}, "expected 0 or more"),
         ({"kind": "s", "speed_mps": 0.0}, "above 0"),
         ({"kind": "zigzag"}, "'random'"),
-        ({"change_deg": 200.0}, "-180…180"),
-        ({"turn_radius_m": 0.0}, "turn_radius_m must be positive"),
+        ({"change_deg": 200.0}, "-180 to 180"),
+        ({"turn_radius_m": 0.0}, "turn_radius_m: expected more than 0"),
     ],
 )
 def test_bad_input_names_the_valid_range(keys: dict[str, object], says: str) -> None:

@@ -6,15 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipland.config import build
 from shipland.cue import Cue, Polygon
 from shipland.frames import Array
 from shipland.messages import BarPose, GimbalAttitude, Observation, Telemetry
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.safety.cue_height import CueHeight, CueHeightParameters
 
-PARAMETERS = build(CueHeightParameters, packaged_table("safety")["cue_height"])
-RIG = default_rig()
+PARAMETERS = CueHeightParameters()
+RIG = Rig()
 DROP_M = 2.0 * (RIG.bar_height_m - RIG.deck_height_m)
 STEP_S = 1.0 / 30.0
 

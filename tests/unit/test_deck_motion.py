@@ -5,12 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipland.config import build, merge
+from shipland.config import build
 from shipland.errors import ConfigError, DataError
-from shipland.rig import default_rig, packaged_table
-from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, SinusoidParameters, Sinusoids, SixDof, Still
+from shipland.rig import Rig
+from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, Sinusoids, SixDof, Still
 from shipland.sim.ship.motion_base import LimitedMotion, rig_limits
 from shipland.sim.ship.recorded import HEADER, RecordedMotion, read_motion
+from shipland.sim.ship.ship import ShipParameters
 
 STEP_S = 1e-4
 LINE = ",".join(HEADER)
@@ -59,7 +60,7 @@ def test_a_sinusoid_by_hand() -> None:
 
 
 def test_natops_reaches_its_limits_at_its_periods() -> None:
-    natops = build(SinusoidParameters, packaged_table("ship")["natops"], "natops").motion(np.random.default_rng(0))
+    natops = ShipParameters().natops.motion(np.random.default_rng(0))
     t_s = np.arange(0.0, 101.0, 0.01)
     deck = np.degrees([natops.at(t).displacement for t in t_s])
     assert np.abs(deck[:, 3]).max() == pytest.approx(8.0, abs=0.001)
@@ -70,14 +71,14 @@ def test_natops_reaches_its_limits_at_its_periods() -> None:
 
 
 def test_phases_come_from_the_generator() -> None:
-    parameters = build(SinusoidParameters, packaged_table("ship")["natops"], "natops")
+    parameters = ShipParameters().natops
     one, same, other = (parameters.motion(np.random.default_rng(seed)).at(1.0).displacement for seed in (3, 3, 4))
     np.testing.assert_array_equal(one, same)
     assert np.abs(one - other).max() > 1e-3
 
 
 def test_the_motion_base_holds_its_limits_smoothly() -> None:
-    limit = rig_limits(default_rig())
+    limit = rig_limits(Rig())
     asked = Sinusoids(1.6 * limit, [7.0, 8.0, 9.0, 10.0, 6.0, 5.0], np.arange(6))
     held = LimitedMotion(asked, limit, 0.75)
     times_s = np.random.default_rng(2).uniform(0.0, 60.0, 200)
@@ -89,7 +90,7 @@ def test_the_motion_base_holds_its_limits_smoothly() -> None:
 
 
 def test_the_motion_base_leaves_small_motions_alone_and_records_large_ones() -> None:
-    limit = rig_limits(default_rig())
+    limit = rig_limits(Rig())
     small = LimitedMotion(Sinusoids(0.7 * limit, np.full(6, 8.0), np.zeros(6)), limit, 0.75)
     for t_s in np.arange(0.0, 8.0, 0.1):
         np.testing.assert_array_equal(small.at(t_s).displacement, small.motion.at(t_s).displacement)
@@ -174,7 +175,7 @@ def test_harmonics_refuse_wrong_shapes() -> None:
 )
 def test_bad_sinusoids_are_refused(keys: dict[str, object], says: str) -> None:
     with pytest.raises(ConfigError, match=says):
-        build(SinusoidParameters, merge(packaged_table("ship")["natops"], keys), "natops")
+        build(ShipParameters, {"natops": keys}, "ship")
 
 
 def test_six_dof_is_a_plain_value() -> None:

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera, CameraParameters, level_from_camera
-from shipland.config import build
 from shipland.frames import Pose, rotation_from_euler
 from shipland.messages import Frame, GimbalAttitude
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
@@ -15,15 +14,15 @@ from shipland.vision.near.deck import DeckVision
 from shipland.vision.near.parameters import DeckVisionParameters
 from shipland.vision.near.refusal import Refusal
 
-RIG = default_rig()
-CAMERA = Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
-PARAMETERS = build(DeckVisionParameters, packaged_table("vision")["deck"])
+RIG = Rig()
+CAMERA = Camera.from_parameters(CameraParameters())
+PARAMETERS = DeckVisionParameters()
 DOWN = GimbalAttitude(0.0, -1.48)
 
 
 @pytest.fixture(scope="module")
 def scene():
-    drawn = Scene(RIG, build(SceneParameters, packaged_table("scene"), "scene"), np.random.default_rng(4))
+    drawn = Scene(RIG, SceneParameters(), np.random.default_rng(4))
     yield drawn
     drawn.close()
 

@@ -436,10 +436,8 @@ def test_weights_of_scaled_pictures_scale_what_they_see(weights_file, rng):
 @pytest.mark.parametrize(("kind", "range_m"), [("ship", 120.0), ("bar", 60.0)])
 def test_packaged_weights_see_their_target(kind, range_m, rig, camera):
     """Clear day, dead astern, 15 m up: the surest box lies over the target."""
-    from shipland.config import build
     from shipland.learning.shots import draw_scene, draw_shot
     from shipland.learning.synth import synth_parameters
-    from shipland.rig import packaged_table
     from shipland.sim.scene.parameters import SceneParameters
     from shipland.sim.scene.scene import Scene
     from shipland.sim.target_box import target_box
@@ -456,7 +454,7 @@ def test_packaged_weights_see_their_target(kind, range_m, rig, camera):
     light, _ = draw_scene(0, parameters, 1)
     shot = draw_shot(0, kind, replace(light, visibility_m=40000.0), camera, rig, parameters, 1)
     state = shot.at(0.0, rig)
-    scene = Scene(rig, build(SceneParameters, packaged_table("scene"), "scene"), np.random.default_rng(1))
+    scene = Scene(rig, SceneParameters(), np.random.default_rng(1))
     picture = scene.render(state, camera)
     scene.close()
     settings = replace(detector_parameters(), threads=1)

@@ -10,13 +10,11 @@ from scipy.stats import norm
 
 from pictures import TONES, Look, bar_picture, camera_from_bar, finish, light_of, paint, project_plane, rectangles
 from shipland.camera import Camera
-from shipland.config import build
-from shipland.rig import packaged_table
 from shipland.vision.near import edges, published
 from shipland.vision.near.edges import edge_response
 from shipland.vision.near.parameters import VisionParameters
 
-PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
+PARAMETERS = VisionParameters()
 PLAIN = Camera.from_fov(160, 90, 20.0)
 
 

@@ -265,16 +265,3 @@ def test_the_example_with_stable_baselines_runs(example, short, tmp_path, algori
     )
     assert found == {"agent": 0, "zero action": 0}  # in two seconds nobody is down
     assert out.is_file()
-
-
-def test_the_example_in_one_file_runs_and_repeats(example, short, tmp_path):
-    train = example("train_td3", "torch")
-    out = tmp_path / "actor.pt"
-    arguments = train.Arguments(steps=130, scenario=short, begin=40, batch=16, out=out)
-    first, second = train.main(arguments), train.main(arguments)
-    assert len(first) == 2
-    assert all("time limit" in info["reason"] for info in first)
-    assert [info["aircraft_in_deck_m"].tolist() for info in first] == [
-        info["aircraft_in_deck_m"].tolist() for info in second
-    ]
-    assert out.is_file()

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.learning.decoys import foot_box_px
 from shipland.learning.evaluate import EvaluateParameters, fresh_scenes
 from shipland.learning.ranges import SceneRecord
-from shipland.learning.settings import learning_table
 from shipland.learning.ship_and_camera import ShipAndCamera
 from shipland.learning.shots import draw_scene, draw_shot
 from shipland.learning.synth import FRAME_S
@@ -25,7 +23,7 @@ from far_mistakes import Redrawn, apart, mistake_of, text
 SEED, FRAMES = 77, 10
 DRAWN = ShipAndCamera.packaged()
 CAMERA = Camera.from_parameters(DRAWN.camera)
-PARAMETERS = build(EvaluateParameters, learning_table("evaluate", None), "evaluate")
+PARAMETERS = EvaluateParameters()
 SYNTH = fresh_scenes(PARAMETERS)
 
 

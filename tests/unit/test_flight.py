@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.flight import Autonomy, Stage, cycles, fly
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import (
@@ -27,7 +26,7 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.safety.assurance import Safety, SafetyParameters
 from shipland.stopping import stop_requests
 from shipland.vehicles.delays import DelayParameters
@@ -90,10 +89,8 @@ class Wild:
 
 
 def autonomy(**changes):
-    delays = build(DelayParameters, packaged_table("delays"))
-    safety = Safety(
-        build(SafetyParameters, packaged_table("safety")), default_rig(), Recorded.camera, np.zeros(3), ANAFI_LIKE
-    )
+    delays = DelayParameters()
+    safety = Safety(SafetyParameters(), Rig(), Recorded.camera, np.zeros(3), ANAFI_LIKE)
     return replace(Autonomy(VisionSelector(), Wild(), safety, delays), **changes)
 
 

@@ -4,13 +4,13 @@ import dataclasses
 
 import pytest
 
-from shipland.config import packaged_toml
+from shipland.config import defaults
 from shipland.errors import ConfigError
 from shipland.former import FORMER, GONE, renamed
 from shipland.guidance.horizon.steering import AXIS_ENTRIES, WHOLE_ENTRIES
 from shipland.messages import Intent, Mode, PilotCommand
 from shipland.record.rows import from_row, to_row
-from shipland.scenario.scenario import load_scenario
+from shipland.scenario.scenario import Scenario, load_scenario
 
 
 def test_a_table_gets_todays_keys_all_the_way_down():
@@ -36,7 +36,7 @@ def test_a_key_that_is_gone_is_refused_with_what_does_its_work_and_read_past_in_
         load_scenario("near", vision={"corners": "forstner"})
     former = {"vision": {"corners": "edges", "track_s": 1.0}, "corners": 1}
     assert renamed(former) == {"vision": {"track_s": 1.0}, "corners": 1}
-    today = packaged_toml("default")
+    today = defaults(Scenario)
     assert not [key for key in GONE if key.partition(".")[2] in today[key.partition(".")[0]]]
 
 
@@ -46,9 +46,7 @@ def test_every_new_name_is_one_and_no_former_name_is_used_again():
             yield key
             yield from keys(value) if isinstance(value, dict) else ()
 
-    used = set(keys(packaged_toml("default"))) | {
-        member.name for enumeration in (Mode, Intent) for member in enumeration
-    }
+    used = set(keys(defaults(Scenario))) | {member.name for enumeration in (Mode, Intent) for member in enumeration}
     elsewhere = {
         "control_forward_m",
         "control_starboard_m",

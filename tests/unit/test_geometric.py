@@ -8,20 +8,19 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera, camera_pose, level_from_camera
-from shipland.config import build
 from shipland.frames import CAMERA_FROM_MOUNT, Pose
 from shipland.geometric.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
 from shipland.geometric.near import GeometricVision, _down_in_camera
 from shipland.geometric.parameters import GeometricParameters
 from shipland.messages import Frame, GimbalAttitude
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import Corners, LevelPrior, Solution, solve
 from shipland.vision.near.refusal import Refusal
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
-PLANE_M = np.ascontiguousarray(default_rig().cue.points_in_bar_m[:, 1:])
+PLANE_M = np.ascontiguousarray(Rig().cue.points_in_bar_m[:, 1:])
 PITCH_RAD, LEVEL_RAD = 0.03, 1e-3
 
 
@@ -34,7 +33,7 @@ def true_pose(range_m, bearing_deg, yaw_deg, gimbal):
 
 
 def test_relative_pose_and_projection_are_the_frame_tables(rng):
-    target = default_rig().cue
+    target = Rig().cue
     seen = true_pose(6.0, 12.0, -15.0, GimbalAttitude(0.01, 0.05))
     bar = Pose.from_euler(rng.normal(size=3), 0.0, 0.0, 0.4)
     camera = bar @ seen
@@ -60,12 +59,12 @@ class _Still:
 
 @pytest.mark.parametrize(("off_deg", "seen"), [(0.0, True), (45.0, True), (55.0, False), (80.0, False), (180.0, False)])
 def test_the_cue_is_seen_as_obliquely_as_near_vision_sees_it_and_never_from_behind(off_deg, seen):
-    rig, vision = default_rig(), build(VisionParameters, packaged_table("vision"))
+    rig, vision = Rig(), VisionParameters()
     off_rad, gimbal = math.radians(off_deg), GimbalAttitude(0.0, 0.0)
     place_m = np.array([-6.0 * math.cos(off_rad), 6.0 * math.sin(off_rad), 0.0])
     facing = Pose.from_euler(place_m, 0.0, 0.0, -off_rad)
     world = _Still(camera_pose(facing, -off_rad, gimbal, np.zeros(3)))
-    parameters = build(GeometricParameters, packaged_table("geometric"))
+    parameters = GeometricParameters()
     eyes = GeometricVision(world, rig.cue, CAMERA, parameters, vision, np.random.default_rng(1))
     observation = eyes.see(Frame(0.0, np.zeros((1, 1, 3), np.uint8), gimbal))
     assert (observation.bar_pose is not None) == seen
@@ -76,8 +75,8 @@ def test_the_cue_is_seen_as_obliquely_as_near_vision_sees_it_and_never_from_behi
 @pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(1, 0), (3, 0), (10, 0), (25, 0), (0, 3), (0, 10)])
 def test_a_wrong_gimbal_reading_moves_the_pose_as_it_moves_the_solvers(range_m, pitch_deg, roll_deg):
     """The very same corners: both take the reading in, or both see that it contradicts the corners."""
-    rig, vision = default_rig(), build(VisionParameters, packaged_table("vision"))
-    parameters = build(GeometricParameters, packaged_table("geometric"))
+    rig, vision = Rig(), VisionParameters()
+    parameters = GeometricParameters()
     seen = true_pose(range_m, 10.0, -8.0, GimbalAttitude(0.0, PITCH_RAD))
     reading = GimbalAttitude(math.radians(roll_deg), PITCH_RAD + math.radians(pitch_deg))
     eyes = GeometricVision(_Still(seen), rig.cue, CAMERA, parameters, vision, np.random.default_rng(1))
@@ -103,8 +102,8 @@ def test_a_wrong_gimbal_reading_moves_the_pose_as_it_moves_the_solvers(range_m, 
 
 
 def test_a_pose_that_leaps_in_height_is_refused_as_near_vision_refuses_it():
-    rig, vision = default_rig(), build(VisionParameters, packaged_table("vision"))
-    parameters, gimbal = build(GeometricParameters, packaged_table("geometric")), GimbalAttitude(0.0, 0.0)
+    rig, vision = Rig(), VisionParameters()
+    parameters, gimbal = GeometricParameters(), GimbalAttitude(0.0, 0.0)
     world = _Still(true_pose(6.0, 0.0, 0.0, gimbal))
     eyes = GeometricVision(world, rig.cue, CAMERA, parameters, vision, np.random.default_rng(1))
     assert eyes.see(Frame(0.0, None, gimbal)).bar_pose is not None
@@ -128,9 +127,9 @@ def test_a_pose_that_leaps_in_height_is_refused_as_near_vision_refuses_it():
 def test_a_gimbal_that_contradicts_the_corners_is_refused_as_near_vision_refuses_it(range_m, off_deg, reason):
     gimbal = GimbalAttitude(0.0, PITCH_RAD)
     world = _Still(true_pose(range_m, 0.0, 0.0, gimbal))
-    parameters = replace(build(GeometricParameters, packaged_table("geometric")), miss_rate=0.0)
-    near = build(VisionParameters, packaged_table("vision"))
-    eyes = GeometricVision(world, default_rig().cue, CAMERA, parameters, near, np.random.default_rng(1))
+    parameters = replace(GeometricParameters(), miss_rate=0.0)
+    near = VisionParameters()
+    eyes = GeometricVision(world, Rig().cue, CAMERA, parameters, near, np.random.default_rng(1))
     told = GimbalAttitude(0.0, PITCH_RAD + math.radians(off_deg))
     seen = [eyes.see(Frame(0.0, None, told)) for _ in range(50)]
     assert {it.bar_pose is None for it in seen} == {reason != ""}

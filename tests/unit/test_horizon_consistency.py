@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shipland.messages import Box, Frame, GimbalAttitude
-from shipland.rig import default_rig
+from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario
 from shipland.vision.far.far import _ship_spans_m
 from shipland.vision.far.horizon_consistency import HorizonConsistency, Subject, apart
@@ -48,7 +48,7 @@ def test_a_long_hull_suits_its_place_from_wherever_it_is_seen(camera, wide_m):
     for range_m, height_m in ((3000.0, 60.0), (800.0, 40.0)):
         assert consistency.evidence(on_the_sea(camera, range_m, height_m, wide_m), frame(height_m)) > 0.8
         assert consistency.evidence(on_the_sea(camera, range_m, height_m, 0.2 * 14.0), frame(height_m)) < -2.0
-    assert _ship_spans_m(default_rig()) == pytest.approx((3.3, 3.3), abs=0.05)
+    assert _ship_spans_m(Rig()) == pytest.approx((3.3, 3.3), abs=0.05)
 
 
 def test_from_low_over_the_water_the_horizon_tells_little(camera):

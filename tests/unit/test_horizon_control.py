@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from shipland.config import build
 from shipland.estimation.delayed import Inputs
 from shipland.estimation.relative_state import (
     GUST,
@@ -28,9 +27,8 @@ from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.reference import Pace, at_rest, moved, reference_reset
 from shipland.guidance.horizon.servo import ShapedSpeed
 from shipland.guidance.response import ANAFI_LIKE
-from shipland.rig import packaged_table
 
-PARAMETERS = build(HorizonParameters, packaged_table("guidance")["horizon"])
+PARAMETERS = HorizonParameters()
 NOISE = PARAMETERS.horizontal
 TILT, SERVO = AxisModel(0.06, 0.4), AxisModel(0.15, 0.0, 2.0)
 STILL, SHIP = WaveMotion(0.003, 1.8, 0.1), WaveMotion(0.12, 1.8, 0.1)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.estimation.relative_state import GUST, POSITION, STATES, WAVE, WIND
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.horizon.estimator import Estimator
@@ -16,10 +15,10 @@ from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.guidance.view import View
 from shipland.messages import BarPose, Box, GimbalAttitude, Mode, Observation, PilotCommand, Telemetry
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 
-PARAMETERS = build(GuidanceParameters, packaged_table("guidance"))
-RIG = default_rig()
+PARAMETERS = GuidanceParameters()
+RIG = Rig()
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 CAMERA_IN_BODY_M = np.array([0.09, 0.0, 0.0])
 HOVER_IN_BAR_M = RIG.deck_in_bar_m - np.array([0.0, 0.0, 1.2])

@@ -7,22 +7,21 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.guidance.horizon.pilot import HorizonPilot
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import BarPose, GimbalAttitude, Mode, Observation, Telemetry
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 
-GUIDANCE = build(GuidanceParameters, packaged_table("guidance"))
+GUIDANCE = GuidanceParameters()
 LEVEL = GimbalAttitude(0.0, 0.0)
 
 
 @pytest.fixture
 def pilot():
     camera = Camera.from_fov(1280, 720, 69.0)
-    setup = PilotSetup(GUIDANCE, default_rig(), camera, np.zeros(3), ANAFI_LIKE, np.random.default_rng(1))
+    setup = PilotSetup(GUIDANCE, Rig(), camera, np.zeros(3), ANAFI_LIKE, np.random.default_rng(1))
     return HorizonPilot(setup)
 
 

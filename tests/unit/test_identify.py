@@ -10,7 +10,7 @@ import pytest
 
 from shipland.api import fly
 from shipland.commands.identify import Identify
-from shipland.config import build, layered
+from shipland.config import build
 from shipland.errors import ConfigError, DataError
 from shipland.estimation.identify import identify
 from shipland.guidance.pilot import Pilot, PilotSetup
@@ -28,6 +28,7 @@ from shipland.messages import (
 from shipland.scenario.autonomy import build_vehicle, response_of
 from shipland.scenario.real_vehicle import identified, make_vehicle
 from shipland.scenario.scenario import load_scenario
+from shipland.vehicles.address import vehicle_table
 from shipland.vehicles.anafi.vehicle import AnafiVehicle
 from shipland.vehicles.mavlink.parameters import MavlinkParameters, VehicleLimits, response_within
 from shipland.vehicles.mavlink.state import ARDUPILOT
@@ -170,7 +171,7 @@ def test_from_a_flights_log_to_the_pilot_of_every_vehicle(tmp_path: Path) -> Non
         (simulated.max_tilt_rad, simulated.lag_s, simulated.climb_lag_s, simulated.max_climb_mps)
     )
     limits = VehicleLimits(math.inf, math.inf, math.inf, math.inf, None, False, math.nan)
-    table = layered("vehicles", path)
+    table = vehicle_table(path)
     parameters = build(MavlinkParameters, table["mavlink"], "mavlink")
     ardupilot = response_within(parameters, limits, ARDUPILOT, table["response"])
     assert (ardupilot.lag_s, ardupilot.turn_lag_s) == pytest.approx((simulated.lag_s, simulated.turn_lag_s))

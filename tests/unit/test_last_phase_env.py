@@ -1,121 +1,102 @@
-"""`shipland/LastPhase-v0`: many flights at once, each begun anew in the step that ends it."""
-
-import importlib
-import subprocess
-import sys
-from pathlib import Path
+"""`shipland/LastPhase-v0`: the flights of the pilots `horizon`, `residual` and `learned`, action by action."""
 
 import numpy as np
 import pytest
 
-from shipland.errors import ConfigError
-from shipland.guidance.horizon.learned import LearnedSteering
+import shipland
+from shipland.errors import ConfigError, ShiplandError
+from shipland.guidance.horizon.learned import LearnedSteering, policy_path
 from shipland.guidance.response import ANAFI_LIKE
+from shipland.scenario.scenario import load_scenario
 
 gymnasium = pytest.importorskip("gymnasium", reason="the extra rl is not installed")
-pytest.importorskip("torch", reason="the extra train is not installed")
+env_checker = pytest.importorskip("gymnasium.utils.env_checker", reason="the extra rl is not installed")
 
 from shipland.environments import LAST_PHASE  # noqa: E402
-from shipland.environments.last_phase import LastPhaseEnv  # noqa: E402
-from shipland.learning.policy.setup import EXACT  # noqa: E402
+from shipland.environments.last_phase import START, LastPhaseEnv  # noqa: E402
+
+HEIGHT = "height_m"
 
 
-@pytest.fixture(scope="module")
-def env():
-    return LastPhaseEnv(12, motions=2, random=EXACT)
-
-
-def flown(env, seed, steps, actions=None):
-    rows = [env.reset(seed=seed)[0]]
-    rewards, ends = [], []
-    for _ in range(steps):
-        asked = np.zeros((env.num_envs, 2), np.float32) if actions is None else actions
-        seen, reward, terminated, truncated, info = env.step(asked)
+def flown(env, seed, act, steps=2000):
+    """Observations, rewards and the last info."""
+    seen, info = env.reset(seed=seed)
+    rows, rewards, over = [seen], [], False
+    while not over and len(rewards) < steps:
+        seen, reward, terminated, truncated, info = env.step(act(seen))
         rows.append(seen)
         rewards.append(reward)
-        ends.append((terminated, truncated, info))
-    return np.array(rows), np.array(rewards), ends
+        over = terminated or truncated
+    return np.array(rows), np.array(rewards), info
 
 
-def test_gymnasium_makes_it():
-    made = gymnasium.make_vec(LAST_PHASE, num_envs=3, vectorization_mode="vector_entry_point", motions=1)
-    assert isinstance(made.unwrapped, LastPhaseEnv)
-    assert made.metadata["autoreset_mode"] is gymnasium.vector.AutoresetMode.SAME_STEP
-    seen, info = made.reset(seed=1)
-    assert made.observation_space.contains(seen)
-    assert info == {}
-    assert made.single_observation_space.shape == (len(made.unwrapped.entries),)
-    made.close()
+def still(_):
+    return np.zeros(2, np.float32)
 
 
-def test_the_same_seed_and_actions_repeat(env):
-    first, second, other = flown(env, 3, 25), flown(env, 3, 25), flown(env, 4, 25)
-    assert np.array_equal(first[0], second[0])
-    assert np.array_equal(first[1], second[1])
-    assert not np.array_equal(first[0], other[0])
-    assert not np.array_equal(first[0][:, 0], first[0][:, 1])  # flights of a batch differ
+def test_it_conforms_to_gymnasium():
+    env_checker.check_env(gymnasium.make(LAST_PHASE).unwrapped)
 
 
-def test_flights_end_at_contact_and_begin_anew_in_the_same_step(env):
-    rows, rewards, ends = flown(env, 5, 330)
-    over = np.array([terminated | truncated for terminated, truncated, _ in ends])
-    assert (over.sum(0) >= 1).mean() > 0.8
-    height = list(env.entries).index("height_m")
-    checked = 0
-    for step, (terminated, _, info) in enumerate(ends):
-        for index in np.flatnonzero(terminated):
-            final = info["final_info"]
-            assert info["_final_obs"][index]
-            assert final["touched"][index]
-            assert info["final_obs"][index, height] < 0.5
-            assert rows[step + 1][index, height] > 0.7  # of the flight that begins
-            within = np.abs(final["deck_m"][index]).max() <= 0.175
-            assert final["in_square"][index] == within
-            assert rewards[step, index] > (9.0 if within else 1.0)
-            checked += 1
-        if not terminated.any():
-            assert info == {}
-    assert checked >= 10
+def test_it_conforms_to_stable_baselines():
+    checker = pytest.importorskip("stable_baselines3.common.env_checker", reason="the extra train is not installed")
+    checker.check_env(LastPhaseEnv())
 
 
-def test_a_flight_that_goes_on_is_not_touched_by_those_that_begin_anew(env):
-    """Its observations are smooth where its neighbours end."""
-    rows, _, ends = flown(env, 5, 330)
-    ended = np.array([terminated | truncated for terminated, truncated, _ in ends])
-    height = rows[:, :, list(env.entries).index("height_m")]
-    steps = np.abs(np.diff(height, axis=0))
-    assert steps[~ended].max() < 0.12
-    assert steps[ended].min() > 0.2
+def test_zeros_fly_the_pilot_alone():
+    alone = shipland.fly(load_scenario("rig-natops", **START), seed=3)
+    rows, rewards, info = flown(LastPhaseEnv(), 3, still)
+    assert (info["reason"], info["error_m"], info["t_s"]) == (alone.reason, alone.error_m, info["t_s"])
+    assert 100 < len(rewards) < len(alone.records)  # the approach is no step
+    assert rows[:, LastPhaseEnv().entries.index(HEIGHT)].min() < 0.4
 
 
-def test_time_truncates_and_bad_arguments_are_one_line():
-    brief = LastPhaseEnv(4, motions=1, time_limit_s=0.5)
-    _, rewards, ends = flown(brief, 1, 15)
-    assert ends[14][1].all()
-    assert not ends[14][0].any()
-    assert not any(end[1].any() for end in ends[:14])
-    assert np.abs(rewards).max() < 1.0
-    for wrong in ({"num_envs": 0}, {"action": "stick"}, {"bound_mps2": 99.0}, {"time_limit_s": 0.0}):
-        with pytest.raises(ConfigError, match=next(iter(wrong)).replace("action", "kind")):
-            LastPhaseEnv(**({"num_envs": 2, "motions": 1} | wrong))
+@pytest.mark.parametrize(("pilot", "name", "kind"), [("residual", "td3", "residual"), ("learned", "direct", "direct")])
+def test_a_policy_flies_here_what_its_pilot_flies(pilot, name, kind):
+    """What is trained is what flies, to the last digit."""
+    key = {"residual": "guidance.learned.residual", "learned": "guidance.learned.direct"}[pilot]
+    pilots = shipland.fly(load_scenario("ship-sea5", **START, **{key: name}), pilot=pilot, seed=5)
+    steering = LearnedSteering(name, kind, ANAFI_LIKE)
+    session, meaning = steering._session, steering._action
+
+    def act(seen):
+        return session.run(None, {"observation": seen[None]})[0][0]
+
+    env = LastPhaseEnv("ship-sea5", action=kind, bound_mps2=meaning.bound_mps2, reach_m=meaning.reach_m)
+    _, _, info = flown(env, 5, act)
+    assert policy_path(name).is_file()
+    assert (info["reason"], info["error_m"], info["slip_m"]) == (pilots.reason, pilots.error_m, pilots.verdict.slip_m)
 
 
-def test_the_loops_environment_does_not_need_torch():
-    code = (
-        "import sys, gymnasium, shipland.environments; "
-        "gymnasium.make('shipland/Landing-v0'); print('torch' in sys.modules)"
+def test_the_same_seed_and_actions_repeat():
+    rng = np.random.default_rng(2)
+    drawn = rng.uniform(-1.0, 1.0, (40, 2)).astype(np.float32)
+    first, same, other = (
+        flown(LastPhaseEnv(), seed, lambda _, it=it: next(it), 40)
+        for seed, it in zip((4, 4, 5), map(iter, [drawn] * 3), strict=True)
     )
-    found = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "False"
+    assert np.array_equal(first[0], same[0])
+    assert np.array_equal(first[1], same[1])
+    assert not np.array_equal(first[0], other[0])
 
 
-def test_the_example_with_td3_trains_and_its_policy_flies(monkeypatch, tmp_path):
-    pytest.importorskip("onnx", reason="the extra train is not installed")
-    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "examples")
-    monkeypatch.setattr(LastPhaseEnv.__init__, "__kwdefaults__", LastPhaseEnv.__init__.__kwdefaults__ | {"motions": 1})
-    train = importlib.import_module("train_td3_batched")
-    out = tmp_path / "td3.onnx"
-    ended = train.main(train.Arguments(steps=210, flights=8, begin=180, batch=16, out=out))
-    assert len(ended) >= 1
-    steering = LearnedSteering(str(out), "residual", ANAFI_LIKE)
-    assert steering.note == ""
+def test_a_flight_that_never_comes_near_is_refused_in_one_line():
+    env = LastPhaseEnv(overrides={"time_limit_s": 1.0})
+    for seed in (1, None):
+        with pytest.raises(ConfigError, match="before an action is due") as found:
+            env.reset(seed=seed)
+        assert "\n" not in str(found.value)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"action": "stick"}, "kind"),
+        ({"bound_mps2": 99.0}, "bound_mps2"),
+        ({"overrides": {"aircraft.loop.kind": "velocity"}}, "attitude"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(wrong, words):
+    with pytest.raises(ShiplandError, match=words) as found:
+        LastPhaseEnv(**wrong)
+    assert "\n" not in str(found.value)

@@ -6,8 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipland.config import build
-from shipland.guidance.far import FarParameters
 from shipland.guidance.laws import (
     FarGains,
     NearGains,
@@ -21,7 +19,7 @@ from shipland.guidance.laws import (
     pid_law,
 )
 from shipland.guidance.near import NearParameters
-from shipland.rig import packaged_table
+from shipland.guidance.parameters import GuidanceParameters
 
 TABLE_1 = {  # [Lee2022, Table 1]: m, a, c, d
     ("ship", "pitch"): (0.008, 0.0, 5000.0, 0.0),
@@ -45,13 +43,13 @@ errors = st.floats(-700.0, 700.0)
 
 @pytest.mark.parametrize(("target", "axis"), TABLE_1)
 def test_packaged_far_gains_are_table_1(target, axis):
-    gains = getattr(build(FarParameters, packaged_table("guidance")[target]), axis)
+    gains = getattr(getattr(GuidanceParameters(), target), axis)
     assert (gains.m, gains.a, gains.setpoint, gains.d) == TABLE_1[target, axis]
 
 
 @pytest.mark.parametrize("axis", TABLE_2)
 def test_packaged_near_gains_are_table_2(axis):
-    gains = getattr(build(NearParameters, packaged_table("guidance")["near"]), axis)
+    gains = getattr(NearParameters(), axis)
     assert (gains.k_p, gains.k_i, gains.b, gains.mu, gains.sigma) == TABLE_2[axis]
 
 

@@ -1,119 +1,144 @@
-"""`shipland learn`: from nothing to files, resumed as if never stopped; and the batched environment."""
+"""`shipland learn`: from nothing to files that its pilots fly, and on from where it stopped."""
 
-import json
-from dataclasses import replace
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
+from shipland.commands.learn import Learn
 from shipland.errors import ConfigError, DataError
+from shipland.guidance.horizon.learned import LearnedSteering
+from shipland.guidance.horizon.steering import ENTRIES
+from shipland.guidance.response import ANAFI_LIKE
 from shipland.learning.policy.arguments import LearnArguments
-from shipland.scenario.last_phase import last_phase_of
-from shipland.scenario.scenario import load_scenario
 
-torch = pytest.importorskip("torch", reason="the extra train is not installed")
-pytest.importorskip("onnx", reason="the extra train is not installed")
-
-import onnxruntime  # noqa: E402
-
-from shipland.guidance.horizon.steering import ENTRIES, Action  # noqa: E402
-from shipland.learning.policy import objective, train  # noqa: E402
-from shipland.learning.policy.network import seeded_network  # noqa: E402
-from shipland.learning.policy.phase import NOTHING, LastPhase  # noqa: E402
-from shipland.learning.policy.setup import EXACT  # noqa: E402
+NEEDED = ("torch", "stable_baselines3", "gymnasium", "onnx", "safetensors")
 
 
-@pytest.fixture(scope="module")
-def setups():
-    return [last_phase_of(load_scenario("rig-natops"))]
+@pytest.fixture
+def train(monkeypatch):
+    """The trainer, that trains from the first steps on."""
+    for package in NEEDED:
+        pytest.importorskip(package, reason="the extra learn is not installed")
+    from shipland.learning.policy import agent, train
+
+    for module, name, value in (
+        (agent, "BEGIN", 10),
+        (agent, "MEMORY", 2_000),
+        (train, "FROZEN", 20),
+        (train, "CHUNK", 20),
+        (train, "WINDOW", 1),
+    ):
+        monkeypatch.setattr(module, name, value)
+    return train
 
 
-@pytest.fixture(autouse=True)
-def few_motions(monkeypatch):
-    monkeypatch.setattr("shipland.learning.policy.phase.motion.LENGTH_S", 3.0)
-    monkeypatch.setattr(LastPhase.__init__, "__defaults__", (None, None, 2, 0))
+def learned(train, arguments):
+    return train.learn(arguments, makers(arguments))
+
+
+def makers(arguments):
+    from shipland.environments.last_phase import last_phases
+
+    return last_phases(arguments.scenario, arguments.changes, arguments.kind, arguments.bound, 2)
 
 
 def asked(out, **values):
-    small = {"steps": 4, "batch": 6, "seconds": 4.0, "hidden": 8, "evaluate_every": 2, "flights": 6}
-    return LearnArguments(out=out, scenario=("rig-natops",), **(small | values))
+    small = {"scenario": ("rig-natops", "ship-sea6"), "steps": 80, "batch": 16, "hidden": 8}
+    return LearnArguments(out=out, **(small | values))
 
 
-def test_it_leaves_a_policy_that_answers_as_its_network_curves_and_a_card(tmp_path, setups, capsys):
-    path = train.learn(asked(tmp_path), setups)
+def test_it_leaves_a_policy_that_answers_as_its_network_curves_and_a_card(train, tmp_path, capsys):
+    path = learned(train, asked(tmp_path))
     names = {item.name for item in tmp_path.iterdir()}
-    assert names == {"policy.onnx", "curves.csv", "curves.png", "model-card.md", "model-card.json",
-                     "SHA256SUMS", "last.safetensors", "best.safetensors"}  # fmt: skip
-    run = train._start(replace(asked(tmp_path), resume=True))
-    run.load(tmp_path / "best.safetensors")
-    observation = np.random.default_rng(0).normal(size=(5, len(ENTRIES))).astype(np.float32)
-    found = onnxruntime.InferenceSession(str(path)).run(None, {"observation": observation})[0]
-    expected = run.network(torch.from_numpy(observation)).detach().numpy()
+    assert names == {"policy.onnx", "SHA256SUMS", "curves.csv", "curves.png", "model-card.md", "last.safetensors"}
+    envs = train.vector_of(makers(asked(tmp_path)))
+    layers = train.dense_of(train._start(asked(tmp_path, resume=True), envs).best)
+    seen = np.random.default_rng(0).normal(size=len(ENTRIES)).astype(np.float32)
+    expected = seen
+    for layer in layers:
+        summed = layer.weight @ expected + layer.bias
+        expected = np.tanh(summed) if layer.activation == "Tanh" else np.maximum(summed, 0.0)
+    steering = LearnedSteering(str(path), "residual", ANAFI_LIKE)
+    found = steering._session.run(None, {"observation": seen[None]})[0][0]
     assert np.abs(found - expected).max() < 1e-6
     assert np.abs(found).max() > 0.0
-    card = json.loads((tmp_path / "model-card.json").read_text())
-    assert card["action"] == {"kind": "residual", "bound_mps2": 0.5, "reach_m": 1.5}
-    rows = (tmp_path / "curves.csv").read_text().splitlines()
-    assert rows[0].startswith("step,loss,rig-natops rms")
-    assert len(rows) == 3
+    assert steering._action.bound_mps2 == 0.5
+    assert len((tmp_path / "curves.csv").read_text().splitlines()) == 5
+    assert "80 steps" in (tmp_path / "model-card.md").read_text()
     assert "4 of 4" in capsys.readouterr().err
 
 
-def test_a_run_that_was_interrupted_goes_on_as_if_it_had_not_been(tmp_path, setups, monkeypatch):
-    whole, cut = tmp_path / "whole", tmp_path / "cut"
-    train.learn(asked(whole), setups)
-    steps = 0
+def test_the_same_seed_and_steps_give_the_same_policy(train, tmp_path):
+    first, same = (learned(train, asked(tmp_path / name)).read_bytes() for name in ("a", "b"))
+    other = learned(train, asked(tmp_path / "c", seed=2)).read_bytes()
+    assert first == same != other
 
-    def twice(*arguments):
-        nonlocal steps
-        steps += 1
-        if steps == 3:
+
+@pytest.mark.parametrize("kind", ["residual", "direct"])
+def test_a_first_actor_flies_as_the_pilot_alone(train, kind, tmp_path):
+    arguments = asked(tmp_path, kind=kind, hidden=32)
+    envs = train.vector_of(makers(arguments))
+    actor = train.Run(arguments, envs).agent.actor
+    envs.close()
+    seen = 0.7 * np.random.default_rng(0).normal(size=(200, len(ENTRIES))).astype(np.float32)
+    wanted = seen[:, [ENTRIES.index("wanted_mps2.forward"), ENTRIES.index("wanted_mps2.starboard")]]
+    expected = np.zeros((200, 2)) if kind == "residual" else 0.5 * wanted  # of 2 m/s² a unit, of 4 m/s²
+    found = actor(train.torch.from_numpy(seen)).detach().numpy()
+    assert np.abs(found - expected).max() < (1e-9 if kind == "residual" else 0.15)
+
+
+def test_a_stopped_run_exports_its_policy_and_goes_on_with_all_it_has_learned(train, tmp_path, monkeypatch):
+    from stable_baselines3 import TD3
+
+    learn, calls = TD3.learn, 0
+
+    def stops(agent, *arguments, **named):
+        nonlocal calls
+        calls += 1
+        if calls == 3:
             raise KeyboardInterrupt
-        return objective.loss_of(*arguments)
+        return learn(agent, *arguments, **named)
 
-    monkeypatch.setattr(train, "loss_of", twice)
-    with pytest.raises(KeyboardInterrupt):
-        train.learn(asked(cut), setups)
-    monkeypatch.setattr(train, "loss_of", objective.loss_of)
+    monkeypatch.setattr(TD3, "learn", stops)
+    LearnedSteering(str(learned(train, asked(tmp_path))), "residual", ANAFI_LIKE)
+    monkeypatch.setattr(TD3, "learn", learn)
+    envs = train.vector_of(makers(asked(tmp_path)))
+    run = train._start(asked(tmp_path, resume=True), envs)
+    envs.close()
+    assert (run.agent.num_timesteps, run.agent._n_updates) == (40, 15)
+    assert run.agent.replay_buffer.pos == 20  # of two environments each
+    assert run.agent.replay_buffer.observations[:20].any()
     with pytest.raises(DataError, match="--resume"):
-        train.learn(asked(cut), setups)
+        learned(train, asked(tmp_path))
     with pytest.raises(DataError, match="seed 1, not 2"):
-        train.learn(asked(cut, resume=True, seed=2), setups)
-    train.learn(asked(cut, resume=True), setups)
-    assert (whole / "policy.onnx").read_bytes() == (cut / "policy.onnx").read_bytes()
+        learned(train, asked(tmp_path, resume=True, seed=2))
+    learned(train, asked(tmp_path, resume=True))
+    assert "80 steps" in (tmp_path / "model-card.md").read_text()
 
 
-def test_a_small_step_down_the_gradient_lowers_the_loss(setups):
-    """On the way, before the descent's decisions make the loss leap."""
-    smooth = replace(setups[0], response=replace(setups[0].response, stick_step_percent=0.0))
-    phase = LastPhase(smooth, replace(EXACT, wind_mps=(5.0, 5.0)))
-    network, meaning = seeded_network(8, 1), Action("residual", 0.5, 1.5)
-
-    def loss():
-        return objective.loss_of(phase, phase.draw(32, 5), network, meaning, 0, 40)
-
-    before, contacts = loss()
-    before.backward()
-    norm = torch.nn.utils.clip_grad_norm_(network.parameters(), 1e9)
-    with torch.no_grad():
-        for parameter in network.parameters():
-            parameter -= 0.003 * parameter.grad / norm
-        after, _ = loss()
-    assert contacts == 0
-    assert float(after) < float(before.detach())
+def test_environments_in_processes_of_their_own(train, tmp_path):
+    assert learned(train, asked(tmp_path, parallel=True, steps=20)).is_file()
 
 
-def test_a_first_network_flies_the_pilot_alone(setups):
-    phase = LastPhase(setups[0])
-    network, meaning = seeded_network(8, 1), Action("residual", 0.5, 1.5)
-    scores = [
-        objective.score_of(phase, phase.draw(6, 2), policy, action, 200)
-        for policy, action in ((None, NOTHING), (network, meaning))
-    ]
-    assert scores[0] == scores[1]
-
-
-@pytest.mark.parametrize("wrong", [{"minutes": 0.0}, {"batch": 0}, {"seed": -1}, {"rate": -1.0}])
+@pytest.mark.parametrize("wrong", [{"minutes": 0.0}, {"batch": 0}, {"seed": -1}, {"rate": -1.0}, {"scenario": ()}])
 def test_wrong_arguments_are_one_line(tmp_path, wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
         asked(tmp_path, **wrong)
+
+
+def test_without_the_extra_one_line_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    monkeypatch.delitem(sys.modules, "shipland.learning.policy.train", raising=False)
+    with pytest.raises(DataError, match=r"needs onnx; install it with: pip install 'shipland\[learn\]'"):
+        Learn(out=tmp_path).run()
+
+
+def test_the_environments_do_not_need_torch():
+    code = (
+        "import sys, gymnasium, shipland.environments; "
+        "gymnasium.make('shipland/Landing-v0'); gymnasium.make('shipland/LastPhase-v0'); print('torch' in sys.modules)"
+    )
+    found = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "False"

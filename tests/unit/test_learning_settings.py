@@ -3,8 +3,8 @@
 import pytest
 
 from shipland.errors import ConfigError
-from shipland.learning.settings import learning_table, train_parameters
-from shipland.vision.far.parameters import detector_parameters
+from shipland.learning.settings import train_parameters
+from shipland.vision.far.parameters import detector_parameters, learning_table
 
 
 def test_a_users_file_is_laid_over_the_packaged_one(tmp_path):

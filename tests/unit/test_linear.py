@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from responses import SPEED_LIKE
-from shipland.config import build
 from shipland.frames import GRAVITY_MPS2, rotation_from_euler
 from shipland.guidance.estimate import MeasuredError
 from shipland.guidance.laws import PidGains, PidMemory, pid_law
@@ -17,9 +16,8 @@ from shipland.guidance.near import HOLD
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.guidance.simc import NearBaselines, Plant, horizontal_plant, simc_p, simc_pid, vertical_plant, yaw_plant
-from shipland.rig import packaged_table
 
-BASELINES = build(GuidanceParameters, packaged_table("guidance")).near_baselines
+BASELINES = GuidanceParameters().near_baselines
 TILT = ANAFI_LIKE
 SPEED = replace(SPEED_LIKE, lag_s=0.1, smoothing_s=0.12, dead_time_s=0.0)
 AGE_S, STEP_S = 0.3, 0.03

@@ -7,12 +7,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipland.config import build
 from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
 from shipland.messages import BarPose, Box, GimbalAttitude, Mode, Observation
-from shipland.rig import packaged_table
 
-PARAMETERS = build(ModeParameters, packaged_table("guidance")["modes"])
+PARAMETERS = ModeParameters()
 POSE = BarPose(np.array([-5.0, 0.0, 0.0]), 0.0, np.eye(4), 0.1, np.zeros((8, 2)))
 BOX = Box((640.0, 360.0), (30.0, 20.0), 0.9)
 STEP_S = 1.0 / 30.0

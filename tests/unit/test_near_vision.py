@@ -25,10 +25,9 @@ from pictures import (
     project_plane,
 )
 from shipland.camera import Camera, CameraParameters
-from shipland.config import build, merge
 from shipland.cue import Cue, Polygon
 from shipland.messages import Frame, GimbalAttitude
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.vision.near import published
 from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.parameters import VisionParameters
@@ -36,11 +35,10 @@ from shipland.vision.near.pipeline import NearVision, Steps
 from shipland.vision.near.planar_pose import Corners, LevelPrior, solve
 from shipland.vision.near.refusal import Refusal
 
-TABLE = packaged_table("vision")
-PARAMETERS = build(VisionParameters, TABLE)
-CORNERS_ALONE = build(VisionParameters, merge(TABLE, {"gimbal_noise_rad": 0.0}))
-CAMERA = Camera.from_parameters(build(CameraParameters, packaged_table("camera")))
-BAR = default_rig().cue
+PARAMETERS = VisionParameters()
+CORNERS_ALONE = VisionParameters(gimbal_noise_rad=0.0)
+CAMERA = Camera.from_parameters(CameraParameters())
+BAR = Rig().cue
 NO_GIMBAL = GimbalAttitude(float("nan"), float("nan"))
 PHOTOGRAPHS = Path(__file__).resolve().parents[3] / "shared" / "data" / "green_tape"
 
@@ -318,7 +316,7 @@ def assert_sound(seen, t_s, gimbal):
 @settings(max_examples=40)
 def test_whatever_comes_after_whatever_else_is_answered_in_words(sequence):
     """Pictures, time stamps (NaN, endless, backward) and gimbals of any kind, with a pose followed or without."""
-    eyes = NearVision(BAR, TINY, build(VisionParameters, TABLE))
+    eyes = NearVision(BAR, TINY, VisionParameters())
     for name, data, t_s, gimbal in sequence:
         # Not a Frame, which would refuse some of these itself.
         seen = eyes.see(SimpleNamespace(t_s=t_s, image=PICTURES[name](data), gimbal=gimbal))

@@ -7,12 +7,12 @@ import pytest
 
 from shipland.evaluation.oracle import height_at_contact_m, oracle_in_deck_m, oracle_rate, take_apart
 from shipland.frames import Pose
-from shipland.rig import default_rig
+from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.sim.ship.ship import Ship, Sinusoids, StillCourse, StraightCourse, build_ship
 from worlds import aircraft_parameters
 
-RIG = default_rig()
+RIG = Rig()
 AIRFRAME = aircraft_parameters().airframe
 QUARTER = [0.5 * math.pi] * 6
 """Phase at which a sinusoid has its amplitude at t = 0."""

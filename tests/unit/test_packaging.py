@@ -106,7 +106,7 @@ def test_licence_is_the_whole_apache_licence():
         assert part in text
 
 
-@pytest.mark.parametrize("name", ["py.typed", "configs/default.toml"])
+@pytest.mark.parametrize("name", ["py.typed", "configs/vehicles.toml"])
 def test_data_files_are_in_the_package(name):
     assert importlib.resources.files("shipland").joinpath(name).is_file()
 

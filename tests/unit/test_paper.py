@@ -29,9 +29,9 @@ from shipland.reproduce.ranges import (
     fly_far,
     ship_points_in_ship_m,
 )
-from shipland.rig import default_rig
+from shipland.rig import Rig
 
-RIG = default_rig()
+RIG = Rig()
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 SHORT = FarCase(
     distance_m=100.0, offset_deg=5.0, height_m=5.0, wind_mps=0.0, kind="exponential", variant="saturating",

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.frames import rotation_from_euler
 from shipland.guidance.estimate import measure
 from shipland.guidance.parameters import GuidanceParameters
@@ -15,10 +14,10 @@ from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.pilots import horizon, paper
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import BarPose, Box, GimbalAttitude, Intent, Mode, Observation, Telemetry
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 
-PARAMETERS = build(GuidanceParameters, packaged_table("guidance"))
-RIG = default_rig()
+PARAMETERS = GuidanceParameters()
+RIG = Rig()
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 CAMERA_IN_BODY_M = np.array([0.09, 0.0, 0.0])
 HOVER_IN_BAR_M = RIG.deck_in_bar_m - np.array([0.0, 0.0, PARAMETERS.approach.hover_height_m])

@@ -23,11 +23,10 @@ from pictures import (
     rectangles,
 )
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.cue import Cue, Polygon
 from shipland.frames import Pose
 from shipland.messages import Frame, GimbalAttitude
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.vision.near import published
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
@@ -36,8 +35,8 @@ from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Window
 
-PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
-BAR = default_rig().cue
+PARAMETERS = VisionParameters()
+BAR = Rig().cue
 SMALL = Camera.from_fov(640, 360, 38.0)  # the packaged focal length over a quarter of the picture: quick to paint
 LEVEL = GimbalAttitude(0.0, 0.0)
 QUIET = Look(0.45, 0.0)

@@ -9,12 +9,12 @@ from pictures import camera_from_bar, project_plane, rectangles
 from shipland.camera import Camera, level_from_camera
 from shipland.frames import CAMERA_FROM_MOUNT, Pose, rotation_from_euler
 from shipland.messages import GimbalAttitude
-from shipland.rig import default_rig
+from shipland.rig import Rig
 from shipland.vision.near.covariance import bar_pose_of, covariance_in_bar, covariance_over_heading, position_and_yaw
 from shipland.vision.near.planar_pose import Corners, LevelPrior, bound, ordered, solve
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
-BAR = default_rig().cue
+BAR = Rig().cue
 PLANE = BAR.plane_m
 
 

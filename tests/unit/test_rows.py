@@ -7,18 +7,17 @@ import pytest
 
 from pictures import GREEN, GREY, Look, camera_from_bar, finish, paint, plain_canvas, project_plane
 from shipland.camera import Camera, CameraParameters
-from shipland.config import build
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.near.pose import Followed, row_motion
 
-PARAMETERS = build(VisionParameters, packaged_table("vision"))
-GLOBAL = Camera.from_parameters(build(CameraParameters, packaged_table("camera")))
+PARAMETERS = VisionParameters()
+GLOBAL = Camera.from_parameters(CameraParameters())
 ROLLING = replace(GLOBAL, row_time_s=4.2e-5)  # 30 ms a picture
-BAR = default_rig().cue
+BAR = Rig().cue
 LEVEL = GimbalAttitude(0.0, 0.0)
 STEP_S = 1.0 / 30.0
 MOTION_PX_S = np.array([-140.0, 120.0])

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import (
     BarPose,
@@ -23,12 +22,12 @@ from shipland.messages import (
     PilotCommand,
     Telemetry,
 )
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.safety.assurance import Safety, SafetyParameters
 
-PARAMETERS = build(SafetyParameters, packaged_table("safety"))
+PARAMETERS = SafetyParameters()
 CAMERA = Camera.from_fov(1280, 720, 69.0)
-RIG = default_rig()
+RIG = Rig()
 LEVEL = GimbalAttitude(0.0, 0.0)
 
 

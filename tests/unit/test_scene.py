@@ -15,7 +15,7 @@ from shipland.config import build
 from shipland.cue import Cue, Polygon
 from shipland.errors import ConfigError, SystemLibraryError
 from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.scene import gl
 from shipland.sim.scene.block import RenderView
 from shipland.sim.scene.light import light
@@ -27,8 +27,8 @@ from shipland.sim.scene.tone import FULL_SCALE, Light16, develop
 from shipland.sim.scene.view import Crop
 from shipland.sim.state import SceneState
 
-RIG = default_rig()
-PARAMETERS = build(SceneParameters, packaged_table("scene"), "scene")
+RIG = Rig()
+PARAMETERS = SceneParameters()
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 QUADS = RIG.cue.points_in_bar_m.reshape(-1, 4, 3)
 
@@ -395,7 +395,7 @@ def test_missing_libraries_are_named_in_one_line(monkeypatch: pytest.MonkeyPatch
 )
 def test_bad_parameters_are_refused_by_name(key: str, value: float) -> None:
     with pytest.raises(ConfigError, match=key):
-        build(SceneParameters, {**packaged_table("scene"), key: value}, "scene")
+        build(SceneParameters, {key: value}, "scene")
 
 
 @pytest.mark.parametrize("range_m", [20.0, 40.0, 80.0])  # the rectangles are 21, 10 and 5 px wide

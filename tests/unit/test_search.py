@@ -6,11 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipland.config import build
 from shipland.guidance.search import SearchParameters, search
-from shipland.rig import packaged_table
 
-PARAMETERS = build(SearchParameters, packaged_table("guidance")["search"])
+PARAMETERS = SearchParameters()
 LOOKING_S = PARAMETERS.look_s * len(PARAMETERS.camera_pitch_deg)
 TURN_S = PARAMETERS.turn_s + PARAMETERS.climb_s
 

@@ -16,7 +16,7 @@ from shipland.errors import ConfigError, DataError
 from shipland.messages import Decision, FlightRecord, Frame, GimbalAttitude, Observation, PilotCommand, Telemetry
 from shipland.record.info import FlightInfo
 from shipland.record.writer import LogParameters, LogWriter
-from shipland.rig import default_rig
+from shipland.rig import Rig
 from shipland.vision.near.files import COLUMNS, default_camera, see_paths
 from shipland.vision.pictures import pictures_of, read_picture, read_video
 
@@ -38,7 +38,7 @@ def write(path, image):
 
 
 def see(*paths, cue=None, camera=None):
-    cue = default_rig().cue if cue is None else Cue.from_file(cue)
+    cue = Rig().cue if cue is None else Cue.from_file(cue)
     return list(see_paths(paths, cue, default_camera() if camera is None else Camera.from_opencv_yaml(camera)))
 
 
@@ -157,7 +157,7 @@ def log_of(folder, images):
     """A log of cycles a tenth of a second apart, from 5 s on."""
     parameters = LogParameters(image_rate_hz=30.0, image_width_px=1280, image_quality=95)
     info = FlightInfo("near", 1, "paper", "0", "0", 0.3)
-    with LogWriter(folder / "log.mcap", info, default_rig(), default_camera(), parameters) as log:
+    with LogWriter(folder / "log.mcap", info, Rig(), default_camera(), parameters) as log:
         for index, image in enumerate(images):
             t_s = 5.0 + 0.1 * index
             frame = Frame(t_s, image, GimbalAttitude(0.0, 0.0))

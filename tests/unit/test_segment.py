@@ -9,13 +9,12 @@ from hypothesis import strategies as st
 from pictures import Look, finish, foliage
 from shipland.config import build
 from shipland.errors import ConfigError
-from shipland.rig import packaged_table
 from shipland.vision.near import published
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.published import colour_mask, coloured_window, find_regions, gate, watershed_region
 from shipland.vision.near.segment import Window, find_quads
 
-PARAMETERS = build(VisionParameters, packaged_table("vision"), "vision")
+PARAMETERS = VisionParameters()
 GREEN = (60, 190, 70)
 
 
@@ -156,4 +155,4 @@ def test_foliage_is_bounded_work(camera, rng, monkeypatch):
 )
 def test_parameters_are_checked(key, value, words):
     with pytest.raises(ConfigError, match=words):
-        build(VisionParameters, packaged_table("vision") | {key: value}, "vision")
+        build(VisionParameters, {key: value}, "vision")

@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipland.config import build
 from shipland.messages import BarPose, Box, Frame, GimbalAttitude, Observation
-from shipland.rig import packaged_table
 from shipland.vision.selector import VisionSelector, VisionSelectorParameters
 
-PARAMETERS = build(VisionSelectorParameters, packaged_table("selector"))
+PARAMETERS = VisionSelectorParameters()
 LEVEL = GimbalAttitude(0.0, 0.0)
 POSE = BarPose(np.array([-5.0, 0.0, 0.0]), 0.0, np.eye(4), 0.1, np.zeros((8, 2)))
 

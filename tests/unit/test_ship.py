@@ -1,15 +1,15 @@
 import numpy as np
 import pytest
 
-from shipland.config import build, merge
+from shipland.config import build
 from shipland.errors import ConfigError, DataError
 from shipland.frames import euler_from_rotation
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.ship.course import StillCourse, StraightCourse
 from shipland.sim.ship.deck_motion import SixDof, Still
 from shipland.sim.ship.ship import Ship, ShipParameters, build_ship
 
-RIG = default_rig()
+RIG = Rig()
 
 
 class Posed:
@@ -23,7 +23,7 @@ class Posed:
 
 
 def parameters(**keys: object) -> ShipParameters:
-    return build(ShipParameters, merge(packaged_table("ship"), keys), "ship")
+    return build(ShipParameters, keys, "ship")
 
 
 def test_the_neutral_ship_stands_over_the_sea_plane() -> None:
@@ -102,9 +102,9 @@ def test_froude_time_is_the_square_root_of_the_length_scale() -> None:
     [
         ({"motion": "stormy"}, "'natops'"),
         ({"motion": "recorded"}, "needs recorded.path"),
-        ({"scale": {"length": 0.5}}, "length must be in 1…1000"),
+        ({"scale": {"length": 0.5}}, "length: expected 1 to 1000"),
         ({"scale": {"time": "sideways"}}, "'froude', 'length_only'"),
-        ({"limits": {"knee": 1.0}}, "knee must be between 0 and 1"),
+        ({"limits": {"knee": 1.0}}, "knee: expected above 0 to below 1"),
         ({"sea": {"sea_state": 7}}, "sea_state must be one of 3, 4, 5, 6"),
         ({"sea": {"height": 3.0}}, "unknown key 'height'"),
     ],

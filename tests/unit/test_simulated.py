@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.config import ConfigError, build, merge
+from shipland.config import ConfigError, build
 from shipland.errors import VehicleError
 from shipland.messages import GimbalAttitude, Intent, Observation, PilotCommand
-from shipland.rig import packaged_table
 from shipland.sim.state import SceneState
 from shipland.sim.world import World
 from shipland.vehicles.delays import DelayParameters
@@ -19,7 +18,7 @@ FRAME_S = 1.0 / 30.0
 
 
 def delays(**change: object) -> DelayParameters:
-    return build(DelayParameters, merge(packaged_table("delays"), change), "delays")
+    return build(DelayParameters, change, "delays")
 
 
 def vehicle(camera: Camera, flown: World | None = None, **change: object) -> SimulatedVehicle:

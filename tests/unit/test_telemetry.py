@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.config import ConfigError, build, merge
+from shipland.config import ConfigError, build
 from shipland.messages import PilotCommand, Telemetry
-from shipland.rig import packaged_table
 from shipland.vehicles.delays import DelayParameters
 from shipland.vehicles.simulated import SimulatedVehicle
 from worlds import QUIET, world
@@ -16,8 +15,7 @@ GRID_S = 0.0061
 
 
 def delays(profile: str = "anafi", **change: object) -> DelayParameters:
-    table = merge(packaged_table("delays"), {"telemetry": {"profile": profile}} | change)
-    return build(DelayParameters, table, "delays")
+    return build(DelayParameters, {"telemetry": {"profile": profile}} | change, "delays")
 
 
 def vehicle(camera: Camera, parameters: DelayParameters, rng: np.random.Generator | None = None) -> SimulatedVehicle:

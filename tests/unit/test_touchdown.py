@@ -7,13 +7,13 @@ import pytest
 
 from shipland.config import build, merge
 from shipland.messages import Intent, PilotCommand, TouchdownVerdict
-from shipland.rig import Rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.contact.touchdown import NO_TOUCH, Contacts, Judge, OnDeck, VerdictParameters
 from shipland.sim.ship.ship import Ship, ShipParameters, StillCourse, StraightCourse, build_ship
 from shipland.sim.world import World
 from worlds import QUIET, CircleCourse, come_down, natops, six_sinusoids, world
 
-LIMITS = build(VerdictParameters, packaged_table("verdict"), "verdict")
+LIMITS = VerdictParameters()
 
 
 def verdict_of(flown: World) -> TouchdownVerdict:
@@ -72,7 +72,7 @@ def test_low_hover_is_not_a_landing() -> None:
 
 
 def packaged_ship(rig: Rig, **change: object) -> Ship:
-    parameters = build(ShipParameters, merge(packaged_table("ship"), change), "ship")
+    parameters = build(ShipParameters, change, "ship")
     return build_ship(parameters, rig, np.random.default_rng(3))
 
 

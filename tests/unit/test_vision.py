@@ -7,9 +7,8 @@ import pytest
 
 from shipland import factories
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario
 from shipland.scenario.visions import VisionSetup, needs_pictures
 from shipland.vision.near.parameters import VisionParameters
@@ -48,7 +47,7 @@ def test_in_flight_a_vision_that_raises_costs_its_frame_and_is_logged(caplog):
 @pytest.mark.parametrize(("near", "far"), [(Broken(), Sound()), (Sound(), Broken())])
 def test_the_selector_hides_no_fault(near, far):
     with pytest.raises(IndexError):
-        VisionSelector(near, far, build(VisionSelectorParameters, packaged_table("selector"))).see(FRAME)
+        VisionSelector(near, far, VisionSelectorParameters()).see(FRAME)
 
 
 def test_the_published_vision_is_the_rendered_one_with_the_published_steps(monkeypatch):
@@ -65,9 +64,7 @@ def test_the_published_vision_is_the_rendered_one_with_the_published_steps(monke
 
 
 def test_near_vision_hides_no_fault(monkeypatch):
-    eyes = NearVision(
-        default_rig().cue, Camera.from_fov(96, 64, 30.0), build(VisionParameters, packaged_table("vision"))
-    )
+    eyes = NearVision(Rig().cue, Camera.from_fov(96, 64, 30.0), VisionParameters())
     monkeypatch.setattr("shipland.vision.near.pipeline.NearVision._look", lambda *_, **__: [][1])
     with pytest.raises(IndexError):
         eyes.see(Frame(0.0, np.zeros((64, 96, 3), np.uint8), GimbalAttitude(0.0, 0.0)))

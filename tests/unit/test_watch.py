@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shipland.camera import Camera
-from shipland.config import build, merge
+from shipland.config import merge
 from shipland.errors import ConfigError
 from shipland.estimation.delayed import DelayedFilter, DelayedParameters, Inputs
 from shipland.estimation.relative_state import POSITION, WAVE, AxisModel, Disturbances, Model
@@ -16,12 +16,12 @@ from shipland.guidance.horizon.descent import GimbalLookDown, Outlook, Phase, ne
 from shipland.guidance.horizon.parameters import DescentParameters
 from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
 from shipland.messages import BarPose, DeckSight, Frame, GimbalAttitude, Mode, Observation, Telemetry
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
 from shipland.safety.input_gate import InputGate
 from shipland.scenario.scenario import load_scenario, scenario_table
 
-DESCENT = build(DescentParameters, packaged_table("guidance")["horizon"]["descent"])
+DESCENT = DescentParameters()
 STEP_S = 1.0 / 30.0
 DOWN = GimbalAttitude(0.0, -1.48)
 SIGHT = DeckSight(np.array([-0.1, 0.2, 0.7]), np.full(3, 0.004))
@@ -76,7 +76,7 @@ def test_glances_go_down_for_so_long_and_up_until_the_bar_was_seen():
 
 def landing(watching, blind_s, deck=None):
     """The mode of a landing whose bar was seen last so long ago, not committed."""
-    parameters = build(ModeParameters, packaged_table("guidance")["modes"])
+    parameters = ModeParameters()
     pose = BarPose(np.array([-2.0, 0.0, 0.0]), 0.0, np.eye(4), 0.1, np.zeros((8, 2)))
     memory = ModeMemory(mode=Mode.LAND, since_s=-10.0)
     for t_s in np.arange(-2.0, blind_s + 1e-9, STEP_S):
@@ -109,7 +109,7 @@ def test_the_filter_tells_the_decks_swing_from_its_own_way():
 
 
 def test_the_safety_takes_a_sight_of_the_deck_for_a_place():
-    rig = default_rig()
+    rig = Rig()
     estimator = SafetyEstimator(rig, Camera.from_fov(1280, 720, 69.0), np.array([0.09, 0.0, 0.0]))
     telemetry = Telemetry(1.0, 0.0, 0.0, 0.0, 2.0, None, 80.0, 80.0, True)
     seen = Observation(0.8, DOWN, deck=SIGHT)

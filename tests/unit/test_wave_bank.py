@@ -6,11 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipland.config import build
 from shipland.estimation.wave_bank import WaveBank, WaveParameters
-from shipland.rig import packaged_table
 
-PARAMETERS = build(WaveParameters, packaged_table("guidance")["horizon"]["wave"])
+PARAMETERS = WaveParameters()
 BANK = WaveBank(PARAMETERS)
 
 

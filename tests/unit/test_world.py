@@ -9,7 +9,7 @@ import pytest
 from shipland.config import ConfigError, build, merge
 from shipland.frames import MUJOCO_FROM_NED, Array, euler_from_rotation, rotation_from_euler
 from shipland.messages import Intent, PilotCommand
-from shipland.rig import Rig, packaged_table
+from shipland.rig import Rig
 from shipland.sim.contact.deck_drive import DeckDriver, against_deck, deck_state
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import VerdictParameters
@@ -115,10 +115,10 @@ def test_starts_spread_uniformly_within_their_bounds() -> None:
 def test_bad_starts_and_limits_are_refused() -> None:
     for change in ({"height_m": 0.2}, {"distance_m": 1.0}, {"bearing_half_range_deg": -1.0}, {"distanc_m": 3.0}):
         with pytest.raises(ConfigError):
-            build(StartParameters, merge(packaged_table("start"), change), "start")
+            build(StartParameters, change, "start")
     for change in ({"max_slip_m": 0.0}, {"patience_s": 1.0}):
         with pytest.raises(ConfigError):
-            build(VerdictParameters, merge(packaged_table("verdict"), change), "verdict")
+            build(VerdictParameters, change, "verdict")
 
 
 def _fly(cuts_s: list[float], chatty: bool) -> tuple[Array, Array]:

@@ -103,10 +103,10 @@ class Fly(ScenarioOptions):
         """The vehicle, connected where it is a real one, and fit to fly; VehicleError when it is not."""
         import time
 
-        from shipland.config import layered
         from shipland.scenario.fly import fly_quietly
         from shipland.scenario.real_vehicle import checklist, make_vehicle, require_passed
         from shipland.stopping import check_stop, stop_requests
+        from shipland.vehicles.address import vehicle_table
         from shipland.vehicles.checks import Check
         from shipland.vehicles.vehicle import Real
 
@@ -125,7 +125,7 @@ class Fly(ScenarioOptions):
         vehicle.connect()
         try:
             time.sleep(_LISTENING_S)
-            table = layered("vehicles", self.vehicle_config)
+            table = vehicle_table(self.vehicle_config)
             checks = checklist(vehicle, scenario, self.calibration, self.wind_mps, table)
             checks.insert(0, Check("rehearsal", True, rehearsed.reason))
             terminal.say(*(check.line() for check in checks))

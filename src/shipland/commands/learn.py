@@ -10,27 +10,25 @@ from shipland.learning.policy.arguments import LearnArguments
 
 @dataclass(frozen=True)
 class Learn(LearnArguments):
-    """Train a policy for the last metres by gradients through a batched model of them (needs the extra `train`).
+    """Train a policy for the last metres by TD3 in the simulator (needs the extra `learn`).
 
-    Leaves policy.onnx, model-card.md and .json, curves.csv and .png, and checkpoints in the output folder. Ctrl-C keeps
-    the last checkpoint; `--resume` continues from it. A policy flies in the simulator, or on a vehicle whose sticks
-    mean a tilt, behind the same safety as every pilot, and gives way to `horizon` when it fails.
+    Leaves policy.onnx, model-card.md, curves.csv and .png, and a checkpoint in the output folder. Ctrl-C exports the
+    best policy so far; `--resume` goes on. A policy flies in the simulator, or on a vehicle whose sticks mean a tilt,
+    behind the same safety as every pilot, and gives way to `horizon` when it fails.
 
-    Example: shipland learn --kind residual --minutes 8 --out out/residual
+    Example: shipland learn --kind residual --minutes 45 --out out/residual
 
     Example: shipland fly --pilot residual --set guidance.learned.residual=out/residual/policy.onnx
         --scenario rig-natops --vision geometric --out out/flown
     """
 
     def run(self) -> int:
-        """Train, evaluate, export."""
-        from shipland.scenario.last_phase import last_phase_of
-        from shipland.scenario.scenario import load_scenario
-
-        setups = [last_phase_of(load_scenario(name)) for name in self.scenario]
+        """Train and export."""
         try:
+            from shipland.environments.last_phase import last_phases
             from shipland.learning.policy.train import learn
         except ModuleNotFoundError as error:
-            raise DataError(f"training needs {error.name}; install it with: pip install 'shipland[train]'") from None
-        print(learn(self, setups))
+            raise DataError(f"training needs {error.name}; install it with: pip install 'shipland[learn]'") from None
+        count = self.environments or len(self.scenario)
+        print(learn(self, last_phases(self.scenario, self.changes, self.kind, self.bound, count)))
         return 0

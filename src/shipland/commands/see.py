@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from shipland.commands.pictures import PictureOptions, Results
 
 if TYPE_CHECKING:
-    from shipland.camera import Camera
+    from shipland.camera import Camera, CameraParameters
     from shipland.vision.pictures import Picture
 
 
@@ -38,28 +38,24 @@ class See(PictureOptions):
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""
-        from shipland.config import build, layered
         from shipland.cue import Cue
         from shipland.report.drawings import draw_observation
-        from shipland.rig import Rig
+        from shipland.scenario.scenario import load_scenario
         from shipland.vision.near.files import COLUMNS, see_paths
-        from shipland.vision.near.parameters import VisionParameters
 
-        table = layered("default", self.config)
-        cue = build(Rig, table["rig"], "rig").cue if self.cue is None else Cue.from_file(self.cue)
-        parameters = build(VisionParameters, table["vision"], "vision")
-        camera, whose = self._camera(table["camera"])
+        scenario = load_scenario(self.config or {})
+        cue = scenario.rig.cue if self.cue is None else Cue.from_file(self.cue)
+        camera, whose = self._camera(scenario.camera)
         with Results(self, COLUMNS) as results:
-            for number, result in enumerate(see_paths(self.paths, cue, camera, results.broken, parameters)):
+            for number, result in enumerate(see_paths(self.paths, cue, camera, results.broken, scenario.vision)):
                 if number == 0:
                     print(f"camera: {_words(camera, result.picture.image)}, {whose}", file=sys.stderr)
                 results.add(result, lambda it=result: draw_observation(it.picture.image, it.observation))  # type: ignore[misc]
         return results.exit_code
 
-    def _camera(self, table: dict[str, object]) -> tuple[Camera, str]:
+    def _camera(self, configured: CameraParameters) -> tuple[Camera, str]:
         """The camera that is assumed, and where it comes from."""
-        from shipland.camera import Camera, CameraParameters
-        from shipland.config import build
+        from shipland.camera import Camera
         from shipland.record.reader import read_log
         from shipland.vision.pictures import is_log
 
@@ -68,8 +64,7 @@ class See(PictureOptions):
         for path in self.paths:
             if is_log(path):
                 return read_log(path).header.camera, f"as {path} has it"
-        configured = Camera.from_parameters(build(CameraParameters, table, "camera"))
-        return configured, "that of the configuration; --camera gives another"
+        return Camera.from_parameters(configured), "that of the configuration; --camera gives another"
 
 
 def _words(camera: Camera, picture: Picture) -> str:

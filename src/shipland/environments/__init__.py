@@ -1,7 +1,7 @@
 """Gymnasium environments; importing this package registers them.
 
-`shipland/Landing-v0` is the real loop, one landing; `shipland/LastPhase-v0`, for `gymnasium.make_vec`, is a batched
-model of the last phase (extra `train`).
+`shipland/Landing-v0` is a whole landing by its sticks; `shipland/LastPhase-v0` is its last metres, as a learned policy
+flies them.
 """
 
 from __future__ import annotations
@@ -19,4 +19,4 @@ LANDING = "shipland/Landing-v0"
 LAST_PHASE = "shipland/LastPhase-v0"
 
 gymnasium.register(LANDING, entry_point="shipland.environments.landing:LandingEnv")
-gymnasium.register(LAST_PHASE, vector_entry_point="shipland.environments.last_phase:LastPhaseEnv")
+gymnasium.register(LAST_PHASE, entry_point="shipland.environments.last_phase:LastPhaseEnv")

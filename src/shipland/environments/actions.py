@@ -1,4 +1,4 @@
-"""Pilots that fly an agent's actions: the sticks themselves, or a bounded residual on another pilot's."""
+"""Pilots that fly an agent's actions: sticks, a bounded residual on another pilot's, or the input of `horizon`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 
 from shipland.frames import Array
 from shipland.guidance.gimbal import box_elevation_rad, smoothed_rad
+from shipland.guidance.horizon.pilot import HorizonPilot
+from shipland.guidance.horizon.steering import Action, Steered
 from shipland.guidance.pilot import Pilot, PilotSetup
 from shipland.guidance.search import search
 from shipland.guidance.view import View
@@ -106,3 +108,31 @@ class ResidualPilot:
             yaw_percent=command.yaw_percent + yaw,
         )
         return replace(decision, command=command)
+
+
+class SteeredPilot:
+    """The pilot `horizon` with the action in the place of a learned policy; it plans before the action is known.
+
+    Args:
+        setup: of the flight.
+        meaning: of the action, (2,).
+    """
+
+    def __init__(self, setup: PilotSetup, meaning: Action) -> None:
+        self.action: Array = np.zeros(2)
+        self.note = ""
+        self._meaning, self._pilot = meaning, HorizonPilot(setup, self)
+
+    def look(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Steered | None:
+        """Plan a cycle; what a policy sees of it, None where it would not be asked."""
+        self._planned = self._pilot.plan(observation, telemetry, sent)
+        seen = self._pilot.steered(self._planned)
+        return seen if seen is not None and self._meaning.applies(seen) else None
+
+    def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:  # noqa: ARG002
+        """Command what `look` planned; see `Pilot`."""
+        return self._pilot.command(self._planned)
+
+    def input_mps2(self, seen: Steered) -> Array:
+        """See `Steering`."""
+        return self._meaning.input_mps2(seen, self.action) if self._meaning.applies(seen) else seen.wanted_mps2

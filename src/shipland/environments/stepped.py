@@ -58,7 +58,8 @@ class SteppedFlight:
             flight = cycles(self._unsent, undecided, time.perf_counter)
             self._cycles = stack.enter_context(closing(flight))
             self._stack = stack.pop_all()
-        self._sent: PilotCommand | None = None
+        self.sent: PilotCommand | None = None
+        """The command sent last."""
 
     def advance(self) -> Cycle | None:
         """The next cycle up to its decision, which is a placeholder; None once the flight is over."""
@@ -66,11 +67,11 @@ class SteppedFlight:
 
     def decide(self, cycle: Cycle) -> Decision:
         """The pilot's decision on the cycle that `advance` gave last, its command checked by the safety and sent."""
-        decision = decide_or_degrade(self._autonomy, cycle.observation, cycle.telemetry, self._sent)
+        decision = decide_or_degrade(self._autonomy, cycle.observation, cycle.telemetry, self.sent)
         decision = self._autonomy.safety.check(decision, cycle.observation, cycle.telemetry)
-        self._sent = decision.command
+        self.sent = decision.command
         ahead_s = self._unsent.due_s - cycle.telemetry.t_s  # what the vehicle's clock has leapt
-        self._vehicle.send(replace(self._sent, t_s=self._sent.t_s + ahead_s))
+        self._vehicle.send(replace(self.sent, t_s=self.sent.t_s + ahead_s))
         return decision
 
     def truth(self) -> GroundTruth:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from shipland.compiled import compiled
-from shipland.config import require_within
+from shipland.config import key, parameters, scaled
 from shipland.estimation.kernels import add_input, corrected, mean_after, mean_input, predicted_covariance
 from shipland.estimation.relative_state import (
     STATES,
@@ -68,29 +68,19 @@ class Inputs:
         return self.history[self.count - 1, 1 : 1 + self._size].copy()
 
 
-@dataclass(frozen=True)
+@parameters
 class DelayedParameters:
-    """How a `DelayedFilter` takes measurements.
+    """How a `DelayedFilter` takes measurements."""
 
-    Attributes:
-        velocity_gate, picture_gate: largest normalised innovation squared that is taken.
-        velocity_mps: standard deviation of a velocity at first.
-        velocity_most_mps: the most that it is then learned to be.
-        velocity_repeats: readings err alike; so many times the variance seen is what one is given.
-        flow_settle_s: time in which the vehicle's fusion follows the motion of what its optical flow sees.
-        lag_s: without pictures the estimate follows at most this far behind.
-    """
-
-    velocity_gate: float
-    picture_gate: float
-    velocity_mps: float
-    velocity_most_mps: float
-    velocity_repeats: float
-    flow_settle_s: float
-    lag_s: float
-
-    def __post_init__(self) -> None:
-        require_within(self, velocity_gate=(1.0, 200.0), picture_gate=(1.0, 200.0), lag_s=(0.0, 5.0))
+    velocity_gate: float = key(16.0, "largest normalised innovation squared of a velocity", ge=1, le=200)
+    picture_gate: float = key(40.0, "largest normalised innovation squared of a picture", ge=1, le=200)
+    velocity_mps: float = scaled(0.15, "standard deviation of a velocity at first")
+    velocity_most_mps: float = scaled(0.5, "the most that it is then learned to be")
+    velocity_repeats: float = key(2.0, "readings err alike; so many times the variance seen is what one is given")
+    flow_settle_s: float = key(
+        0.3, "time in which the vehicle's fusion follows the motion of what its optical flow sees"
+    )
+    lag_s: float = key(0.6, "without pictures the estimate follows at most this far behind", ge=0, le=5)
 
 
 @dataclass(frozen=True)

@@ -8,40 +8,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.estimation.delayed import DelayedFilter, Inputs
 from shipland.estimation.filter_bank import FilterBank
 from shipland.estimation.relative_state import Model
 from shipland.frames import Array, all_finite
 
 
-@dataclass(frozen=True)
+@parameters
 class GainParameters:
-    """`[guidance.horizon.gain]`.
+    """`[guidance.horizon.gain]`."""
 
-    Attributes:
-        deviation: standard deviation of the gain's natural logarithm; 0 keeps the stated response.
-        candidates: of the gain, against the stated response; 1 is among them.
-        every_s, share, memory_s: as `FilterBank`.
-        lead: another gain is taken when it leads by this much.
-    """
-
-    deviation: float
-    candidates: tuple[float, ...]
-    every_s: float
-    share: float
-    memory_s: float
-    lead: float
+    deviation: float = key(
+        0.15, "standard deviation of the gain's natural logarithm; 0 keeps the stated response", ge=0
+    )
+    candidates: tuple[float, ...] = key((0.8, 1.0, 1.25), "of the gain, against the stated response; 1 is among them")
+    every_s: float = key(0.05, "see `FilterBank`")
+    share: float = key(0.25, "see `FilterBank`")
+    memory_s: float = key(20.0, "see `FilterBank`", gt=0)
+    lead: float = key(4.0, "another gain is taken when it leads by this much")
 
     def __post_init__(self) -> None:
-        require(self.deviation >= 0.0, f"deviation must not be negative, got {self.deviation}")
         require(1.0 in self.candidates, f"1 must be among the candidates, got {self.candidates}")
         require(min(self.candidates) > 0.0, f"candidates must be positive, got {self.candidates}")
-        require(self.memory_s > 0.0, f"memory_s must be positive, got {self.memory_s}")
 
 
 class GainBank(FilterBank):

@@ -16,27 +16,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shipland.compiled import compiled
+from shipland.config import key, parameters, scaled
 from shipland.estimation.kernels import corrected, predicted_covariance
 from shipland.frames import Array, wrap_angle
 
 
-@dataclass(frozen=True)
+@parameters
 class HeadingNoise:
-    """`[guidance.horizon.heading]`.
+    """`[guidance.horizon.heading]`."""
 
-    Attributes:
-        nose_rad_per_sqrt_s: random walk of the nose's heading against the yaw sticks.
-        bar_rad_per_sqrt_s: random walk of the bar's heading against its turn.
-        turn_rad_s2: growth of the uncertainty of the bar's turn [rad/s per √s].
-        compass_rad: standard deviation of one compass reading.
-        pose_rad: least standard deviation of a pose's yaw.
-    """
-
-    nose_rad_per_sqrt_s: float
-    bar_rad_per_sqrt_s: float
-    turn_rad_s2: float
-    compass_rad: float
-    pose_rad: float
+    nose_rad_per_sqrt_s: float = key(0.2, "random walk of the nose's heading against the yaw sticks")
+    bar_rad_per_sqrt_s: float = scaled(0.002, "random walk of the bar's heading against its turn")
+    turn_rad_s2: float = scaled(0.002, "growth of the uncertainty of the bar's turn [rad/s per √s]")
+    compass_rad: float = key(0.05, "standard deviation of one compass reading")
+    pose_rad: float = key(0.01, "least standard deviation of a pose's yaw")
 
 
 @dataclass(frozen=True)
@@ -185,7 +178,7 @@ class Compass:
         """The newest reading that is news at `t_s`: its time and heading; None without one that is accepted.
 
         While poses tell the nose against the bar, a leap of the compass is no turn: neither can have turned so fast. It
-        is refused, and where the compass keeps to it, taken for its control error from then on.
+        is refused, and where the compass keeps to it, taken for its own error from then on.
 
         Args:
             headings: before the reading.

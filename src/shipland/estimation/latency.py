@@ -7,43 +7,36 @@ innovations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.estimation.delayed import DelayedFilter, Inputs
 from shipland.estimation.filter_bank import FilterBank
 from shipland.estimation.relative_state import Model
 from shipland.frames import Array, all_finite
 
 
-@dataclass(frozen=True)
+@parameters
 class LatencyParameters:
-    """`[guidance.horizon.latency]`.
+    """`[guidance.horizon.latency]`."""
 
-    Attributes:
-        deviation_s: standard deviation of what the time stamps of a flight's pictures are off by; 0 believes them.
-        candidates_s: ascending, equally far apart: what each filter of the bank adds to the stamps.
-        every_s, share, memory_s: as `FilterBank`.
-        most_per_s: the correction in use changes no faster.
-    """
-
-    deviation_s: float
-    candidates_s: tuple[float, ...]
-    every_s: float
-    share: float
-    memory_s: float
-    most_per_s: float
+    deviation_s: float = key(
+        0.05, "standard deviation of what the time stamps of a flight's pictures are off by; 0 believes them", ge=0
+    )
+    candidates_s: tuple[float, ...] = key(
+        (-0.12, -0.06, 0.0, 0.06, 0.12), "ascending, equally far apart: what each filter of the bank adds to the stamps"
+    )
+    every_s: float = key(0.05, "see `FilterBank`")
+    share: float = key(0.25, "see `FilterBank`")
+    memory_s: float = key(20.0, "see `FilterBank`", gt=0)
+    most_per_s: float = key(0.05, "the correction in use changes no faster")
 
     def __post_init__(self) -> None:
-        require(self.deviation_s >= 0.0, f"deviation_s must not be negative, got {self.deviation_s}")
         require(len(self.candidates_s) >= 3, "candidates_s must hold at least three")
         steps = np.diff(self.candidates_s)
         require(
             bool(np.all(steps > 0.0)) and bool(np.allclose(steps, steps[0])), "candidates_s must rise in equal steps"
         )
-        require(self.memory_s > 0.0, f"memory_s must be positive, got {self.memory_s}")
 
 
 class LatencyBank(FilterBank):

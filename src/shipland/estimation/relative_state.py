@@ -32,7 +32,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from shipland.compiled import compiled
-from shipland.config import require
+from shipland.config import key, parameters
 from shipland.estimation.kernels import STRIDE_MS, corrected, predicted_covariance
 from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 from shipland.frames import Array
@@ -73,29 +73,17 @@ class AxisModel:
         return 2 if self.integral_per_s2 > 0.0 else 1
 
 
-@dataclass(frozen=True)
+@parameters
 class Disturbances:
-    """Sizes of what is not known: standard deviations and correlation times.
+    """Sizes of what is not known: standard deviations and correlation times."""
 
-    Attributes:
-        gust_mps2, gust_time_s: acceleration by turbulence.
-        wind_mps2, wind_time_s: acceleration by the mean wind.
-        velocity_bias_mps, velocity_bias_time_s: the velocity reference.
-        speed_noise: power density of an acceleration without memory [m²/s³].
-    """
-
-    gust_mps2: float
-    gust_time_s: float
-    wind_mps2: float
-    wind_time_s: float
-    velocity_bias_mps: float
-    velocity_bias_time_s: float
-    speed_noise: float
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value >= 0.0, f"{name} must not be negative, got {value}")
-            require(value > 0.0 or not name.endswith("_time_s"), f"{name} must be positive")
+    gust_mps2: float = key(0.8, "acceleration by turbulence", ge=0)
+    gust_time_s: float = key(2.5, "time constant of turbulence", gt=0)
+    wind_mps2: float = key(1.5, "acceleration by the mean wind", ge=0)
+    wind_time_s: float = key(300.0, "time constant of the mean wind", gt=0)
+    velocity_bias_mps: float = key(0.5, "error of the velocity reference", ge=0)
+    velocity_bias_time_s: float = key(300.0, "time constant of that error", gt=0)
+    speed_noise: float = key(0.06, "power density of an acceleration without memory [m²/s³]", ge=0)
 
 
 @dataclass(frozen=True)
@@ -161,18 +149,13 @@ def discretised(a: Array, b: Array, q: Array, step_s: float) -> tuple[Array, Arr
     return moved[:n, :n], moved[:n, n:], 0.5 * (covariance + covariance.T)
 
 
-@dataclass(frozen=True)
+@parameters
 class WaveShares:
-    """Wave motion along the axes of the ship, as shares of its heave.
+    """Wave motion along the axes of the ship, as shares of its heave."""
 
-    Attributes:
-        along, across: of the ship: surge and sway.
-        along_rad: direction of the ship's axis in the axes of the flight.
-    """
-
-    along: float
-    across: float
-    along_rad: float = 0.0
+    along: float = key(0.25, "of the ship's surge")
+    across: float = key(1.0, "of the ship's sway")
+    along_rad: float = key(0.0, "direction of the ship's axis in the axes of the flight")
 
     @property
     def shape(self) -> Array:

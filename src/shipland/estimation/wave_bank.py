@@ -9,71 +9,69 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.linalg import expm
 
-from shipland.config import require
+from shipland.config import key, parameters, require, scaled
 from shipland.estimation.kernels import bank_seen
 from shipland.estimation.relative_state import WaveShares
 from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 from shipland.frames import Array
 
 
-@dataclass(frozen=True)
+@parameters
 class WaveParameters:
-    """`[guidance.horizon.wave]`.
+    """`[guidance.horizon.wave]`."""
 
-    Attributes:
-        still_m: standard deviation in the hypothesis of a bar at rest.
-        first: index of the initial hypothesis.
-        followed: share of the bar's wave motion that a vehicle with tilt sticks follows over the deck.
-        followed_servo: likewise of a vehicle that tracks a velocity.
-        followed_within_m: nearer to the bar than this all of that share is followed, beyond twice this nothing: from
-            afar the aircraft's own sway is taken for the bar's, and following it is positive feedback.
-        deck: wave motion of a deck below a bar at rest.
-        spread: surge and sway of a ship as shares of its heave.
-        deviations_m, frequencies_rad_s: of the hypotheses of a moving bar, every pair.
-        damping: of every resonator.
-        memory_s: over which innovations count.
-        lead: log-likelihood ratio from which a hypothesis replaces the present one.
-        quick: the quickest waves are taken even when this much less likely than the leader: a small quick heave is hard
-            to tell from none, and comes with a sway that a delayed loop amplifies.
-        drift_mps, drift_time_s: of the height, other than by the sticks.
-        jitter_m: least standard deviation of a picture's height.
-    """
-
-    still_m: float
-    first: int
-    followed: float
-    followed_servo: float
-    followed_within_m: float
-    deck: WaveMotion
-    spread: WaveShares
-    deviations_m: tuple[float, ...]
-    frequencies_rad_s: tuple[float, ...]
-    damping: float
-    memory_s: float
-    lead: float
-    quick: float
-    drift_mps: float
-    drift_time_s: float
-    jitter_m: float
+    still_m: float = scaled(0.003, "standard deviation in the hypothesis of a bar at rest")
+    first: int = key(5, "index of the initial hypothesis", "of the hypotheses: 0.12 m at 2.1 rad/s", ge=0)
+    followed: float = key(
+        0.7,
+        "share of the bar's motion that tilt sticks follow over the deck",
+        "measured: docs/results/guidance.md",
+        ge=0,
+        le=1,
+    )
+    followed_servo: float = key(
+        0.85, "likewise of a vehicle that tracks a velocity", "measured: docs/results/guidance.md", ge=0, le=1
+    )
+    followed_within_m: float = key(
+        1000.0,
+        "nearer to the bar than this all of that share is followed, beyond twice this nothing: from afar the "
+        "aircraft's own sway is taken for the bar's, and following it is positive feedback",
+        "everywhere",
+        gt=0,
+    )
+    deck: WaveMotion = key(WaveMotion(0.1, 1.8, 0.2, bar_moves=False), "wave motion of a deck below a bar at rest")
+    spread: WaveShares = key(WaveShares(), "surge and sway of a ship as shares of its heave")
+    deviations_m: tuple[float, ...] = scaled(
+        (0.05, 0.12, 0.25), "of the hypotheses of a moving bar, with every frequency"
+    )
+    frequencies_rad_s: tuple[float, ...] = key((0.7, 2.1), "of the hypotheses")
+    damping: float = key(0.2, "of every resonator")
+    memory_s: float = scaled(15.0, "over which innovations count")
+    lead: float = key(4.0, "log-likelihood ratio from which a hypothesis replaces the present one")
+    quick: float = key(
+        1.0,
+        "the quickest waves are taken even when this much less likely than the leader: a small quick heave is "
+        "hard to tell from none, and comes with a sway that a delayed loop amplifies",
+        "measured: docs/results/guidance.md",
+        ge=0,
+    )
+    drift_mps: float = scaled(0.15, "of the height, other than by the sticks")
+    drift_time_s: float = scaled(0.7, "time constant of that drift")
+    jitter_m: float = scaled(0.01, "least standard deviation of a picture's height")
 
     def __post_init__(self) -> None:
         require(
-            len(self.deviations_m) * len(self.frequencies_rad_s) > 0,
-            "at least one hypothesis of a wave motion is needed",
+            bool(self.deviations_m and self.frequencies_rad_s), "at least one hypothesis of a wave motion is needed"
         )
         count = len(self.hypotheses)
         require(
             0 <= self.first < count, f"first must be one of the {count} hypotheses, 0 a bar at rest, got {self.first}"
         )
-        for share in (self.followed, self.followed_servo):
-            require(0.0 <= share <= 1.0, f"followed and followed_servo must be shares, got {share}")
-        require(self.quick >= 0.0, f"quick must not be negative, got {self.quick}")
-        require(self.followed_within_m > 0.0, f"followed_within_m must be positive, got {self.followed_within_m}")
 
     def followed_at(self, distance_m: float) -> float:
         """How much of `followed` or `followed_servo` is followed at a distance from the bar, 0 to 1."""
@@ -84,7 +82,7 @@ class WaveParameters:
         """What the relative state takes for the deck's wave motion under each hypothesis."""
         return (self.deck, *self.hypotheses[1:])
 
-    @property
+    @cached_property
     def hypotheses(self) -> tuple[WaveMotion, ...]:
         """The bar's heave: at rest, and every wave."""
         moving = [

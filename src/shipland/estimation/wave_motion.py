@@ -10,12 +10,12 @@ sway does. ω₁ and ω₂ lie either side of the frequency that the wave motion
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
+from shipland.config import key, parameters, scaled
 from shipland.frames import Array
 
 WAVE_STATES = 4
@@ -24,25 +24,19 @@ _OWN, _WAVES = 0.8, 1.3
 """ω₁ and ω₂ over the frequency: fitted to sway and heave of the frigate in sea states 5 and 6."""
 
 
-@dataclass(frozen=True)
+@parameters
 class WaveMotion:
-    """The deck's own oscillation.
+    """The deck's own oscillation."""
 
-    Attributes:
-        deviation_m: standard deviation.
-        frequency_rad_s: of the middle of its band.
-        damping: ratio, of both resonators.
-        bar_moves: on a ship the bar moves with the deck; on a motion base it stands still, and the deck's wave motion
-            shows in nothing but the optical flow over it.
-        followed: share of the bar's wave motion that the aircraft follows: the bar stands above the deck, and a ship
-            that rolls moves it farther.
-    """
-
-    deviation_m: float
-    frequency_rad_s: float
-    damping: float
-    bar_moves: bool = True
-    followed: float = 1.0
+    deviation_m: float = scaled(..., "standard deviation")
+    frequency_rad_s: float = scaled(..., "of the middle of its band")
+    damping: float = key(..., "ratio, of both resonators")
+    bar_moves: bool = key(
+        True, "with the deck, as on a ship; on a motion base it stands still and only the flow shows the deck"
+    )
+    followed: float = key(
+        1.0, "share of the bar's motion that the aircraft follows: above the deck a roll moves it farther"
+    )
 
     @property
     def observed_share(self) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from shipland import factories
 from shipland.camera import Camera
-from shipland.config import merge, packaged_toml, settings
+from shipland.config import merge, settings
 from shipland.errors import ConfigError, DataError
 from shipland.flight import Autonomy, cycles, decide_or_degrade
 from shipland.messages import FlightRecord, Observation, PilotCommand
@@ -124,8 +124,7 @@ def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequ
                 f"{path} names code as its {option}, which a log does not get run: give --{option} {recorded} to run it"
             )
     try:
-        flown = merge(packaged_toml("default"), info.table())  # a younger key has today's default
-        scenario = load_scenario(merge(flown, settings(changes)))
+        scenario = load_scenario(merge(info.table(), settings(changes)))  # a younger key has today's default
     except ConfigError as error:
         if info.code_version == code_version():
             raise

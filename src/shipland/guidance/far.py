@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 from shipland.camera import Camera
-from shipland.config import require
+from shipland.config import key, parameters
 from shipland.guidance.laws import (
     DerivativeVariant,
     FarGains,
@@ -39,7 +39,7 @@ class FarTarget(enum.Enum):
     BAR = "bar"
 
 
-@dataclass(frozen=True)
+@parameters
 class FarParameters:
     """`[guidance.ship]`, `[guidance.bar]`: Table 1 for one target, in pixels of the published camera."""
 
@@ -86,21 +86,20 @@ class FarTables:
         return self.ship if target is FarTarget.SHIP else self.bar
 
 
-@dataclass(frozen=True)
+@parameters
 class FarBaselines:
     """`[guidance.far_baselines]`: the linear laws that the far law is compared with, in roll and heave.
 
-    Attributes:
-        match_px: the linear P gives as much stick as the exponential law at this error.
-        roll, heave: the linear PID, in pixels of the published camera.
+    [Lee2022, §Long-range Tracking Controller] has linear laws without gains.
     """
 
-    match_px: float
-    roll: PidGains
-    heave: PidGains
-
-    def __post_init__(self) -> None:
-        require(self.match_px > 0.0, "match_px must be positive")
+    match_px: float = key(
+        100.0, "P and the exponential law give the same stick at this error", "chosen: near full stick", gt=0
+    )
+    roll: PidGains = key(
+        PidGains(0.75, 6.0, 1.5), "linear PID, percent per px, s", "Ziegler and Nichols at 100 m: docs/results/paper.md"
+    )
+    heave: PidGains = key(PidGains(7.8, 2.75, 0.69), "likewise", "likewise")
 
     def scaled(self, camera: Camera) -> FarBaselines:
         """The same laws in angles with the pixels of another camera."""

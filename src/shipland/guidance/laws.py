@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 
 FarVariant = Literal["printed", "growing", "saturating"]
 DerivativeVariant = Literal["probabilistic", "printed", "linear"]
@@ -24,18 +24,16 @@ def clamp(value: float, limit: float) -> float:
     return 0.0 if math.isnan(value) else max(-limit, min(limit, value))
 
 
-@dataclass(frozen=True)
+@parameters
 class FarGains:
     """Constants of one axis of Eq. 1 [Lee2022, Table 1]; `setpoint` in px² (pitch) or px (roll, heave)."""
 
-    m: float
-    a: float
-    setpoint: float
-    d: float
+    m: float = key(..., ge=0)
+    a: float = key(..., ge=0)
+    setpoint: float = key(...)
+    d: float = key(...)
 
     def __post_init__(self) -> None:
-        require(self.m >= 0.0, "m must not be negative")
-        require(self.a >= 0.0, "a must not be negative")
         require(self.d in (0.0, 1.0), "d must be 0 (linear) or 1 (exponential)")
 
 
@@ -63,33 +61,19 @@ def exponential_law(error: float, gains: FarGains, variant: FarVariant) -> float
     return clamp(gain * error, 100.0)
 
 
-@dataclass(frozen=True)
+@parameters
 class NearGains:
-    """Constants of one axis of Eq. 2–3 [Lee2022, Table 2]; errors in m (or degrees for yaw), output in percent.
+    """Constants of one axis of Eq. 2–3 [Lee2022, Table 2]; errors in m (or degrees for yaw), output in percent."""
 
-    Attributes:
-        k_p: percent per unit.
-        k_i: percent per unit·s.
-        b: largest derivative gain, percent per unit/s.
-        mu, sigma: mean and width of the error's step in 0.03 s.
-        integral_band: the sum runs only while |error| is below this (anti-windup; 0 turns the integral off, a huge
-            value is the printed sum).
-        error_limit: the proportional term sees the error no larger than this, which bounds the closing speed; the
-            derivative term sees it whole (a huge value is the printed law).
-    """
-
-    k_p: float
-    k_i: float
-    b: float
-    mu: float
-    sigma: float
-    integral_band: float
-    error_limit: float
-
-    def __post_init__(self) -> None:
-        require(self.sigma > 0.0, "sigma must be positive")
-        require(self.integral_band >= 0.0, "integral_band must not be negative")
-        require(self.error_limit > 0.0, "error_limit must be positive")
+    k_p: float = key(..., "percent per unit")
+    k_i: float = key(..., "percent per unit·s")
+    b: float = key(..., "largest derivative gain, percent per unit/s")
+    mu: float = key(..., "mean of the error's step in 0.03 s")
+    sigma: float = key(..., "width of the error's step in 0.03 s", gt=0)
+    integral_band: float = key(
+        ..., "the sum runs only while |error| is below this; huge: the printed sum, 0: no integral", ge=0
+    )
+    error_limit: float = key(..., "the proportional term sees no larger error; huge: the printed law", gt=0)
 
 
 @dataclass(frozen=True)
@@ -160,18 +144,13 @@ def near_law(
     return NearTerms(proportional, gains.k_i * integral, derivative), NearMemory(error, t_s, integral)
 
 
-@dataclass(frozen=True)
+@parameters
 class PidGains:
     """A linear PID in its standard form: `k_p·(e + ∫e dt / t_i_s + t_d_s·de/dt)`; k_p in percent per unit."""
 
-    k_p: float
-    t_i_s: float
-    t_d_s: float
-
-    def __post_init__(self) -> None:
-        require(self.k_p >= 0.0, "k_p must not be negative")
-        require(self.t_i_s > 0.0, "t_i_s must be positive")
-        require(self.t_d_s >= 0.0, "t_d_s must not be negative")
+    k_p: float = key(..., ge=0)
+    t_i_s: float = key(..., gt=0)
+    t_d_s: float = key(..., ge=0)
 
 
 @dataclass(frozen=True)

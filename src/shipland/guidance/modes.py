@@ -9,45 +9,24 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from shipland.config import require, require_within
+from shipland.config import key, parameters, scaled
 from shipland.messages import Intent, Mode, Observation, PilotCommand
 
 
-@dataclass(frozen=True)
+@parameters
 class ModeParameters:
-    """`[guidance.modes]`.
+    """`[guidance.modes]`."""
 
-    Attributes:
-        dwell_s: shortest stay in a mode.
-        confirm_s: a better mode begins when its evidence has lasted this long.
-        lost_s: corners not renewed for this long are gone.
-        lost_box_s: likewise a detector's box; longer than the detectors' cycle.
-        memory_s: mode 5 flies on the data fed before for this long.
-        settle_s: the landing condition must have held this long.
-        blind_landing_s: a landing below commit height goes on without data this long.
-        max_tries: wave-offs before the pilot gives up and holds clear.
-    """
-
-    dwell_s: float
-    confirm_s: float
-    lost_s: float
-    lost_box_s: float
-    memory_s: float
-    settle_s: float
-    blind_landing_s: float
-    max_tries: int
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value >= 0, f"{name} must not be negative, got {value}")
-        require_within(
-            self,
-            lost_s=(0.0, 5.0),
-            lost_box_s=(0.0, 10.0),
-            memory_s=(0.0, 30.0),
-            blind_landing_s=(0.0, 10.0),
-            max_tries=(0, 100),
-        )
+    dwell_s: float = key(1.0, "shortest stay in a mode", ge=0)
+    confirm_s: float = key(0.2, "a better mode begins when its evidence has lasted this long", ge=0)
+    lost_s: float = key(0.5, "corners not renewed for this long are gone", ge=0, le=5)
+    lost_box_s: float = key(
+        1.6, "likewise a detector's box", "three cycles of the paper's learned detector", ge=0, le=10
+    )
+    memory_s: float = scaled(3.0, "mode 5 flies on the data fed before for this long", ge=0, le=30)
+    settle_s: float = key(0.5, "the landing condition must have held this long", ge=0)
+    blind_landing_s: float = key(1.5, "a landing below commit height goes on without data this long", ge=0, le=10)
+    max_tries: int = key(3, "wave-offs before the pilot gives up and holds clear", ge=0, le=100)
 
     def lost_after_s(self, source: str) -> float:
         """How long evidence of `corners`, `bar` or `ship` lasts [s]."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
+from shipland.config import key, parameters
 from shipland.estimation.kalman import ScalarKalman
 from shipland.frames import wrap_angle
 from shipland.guidance.estimate import MeasuredError, NearEstimate
@@ -42,25 +43,41 @@ class NearControl(Protocol):
 FilterKind = Literal["kalman", "none"]
 
 
-@dataclass(frozen=True)
+@parameters
 class NearParameters:
     """`[guidance.near]`: Table 2 and the filter before it.
 
-    Attributes:
-        pitch, roll, heave, yaw: gains; errors in m and degrees.
-        derivative: variant of K_D.
-        filter: the one-state Kalman filters, or none (a baseline of the paper's).
-        process_noise, measurement_noise: of the one-state Kalman filters, per 0.03 s (erratum 1).
+    Source of the gains: [Lee2022, Table 2]; percent, m, degrees, s.
     """
 
-    pitch: NearGains
-    roll: NearGains
-    heave: NearGains
-    yaw: NearGains
-    derivative: DerivativeVariant
-    filter: FilterKind
-    process_noise: float
-    measurement_noise: float
+    pitch: NearGains = key(
+        NearGains(k_p=7.5, k_i=0.05, b=4.5, mu=0.02, sigma=0.04, integral_band=1.0, error_limit=1.5),
+        "in m and percent",
+        "bands and limits are chosen",
+    )
+    roll: NearGains = key(
+        NearGains(k_p=7.5, k_i=0.01, b=8.5, mu=0.0, sigma=0.04, integral_band=1.0, error_limit=1.5),
+        "in m and percent",
+        "bands and limits are chosen",
+    )
+    heave: NearGains = key(
+        NearGains(k_p=15.0, k_i=0.01, b=7.0, mu=0.0, sigma=0.02, integral_band=1.0, error_limit=10.0),
+        "in m and percent",
+        "bands and limits are chosen",
+    )
+    yaw: NearGains = key(
+        NearGains(k_p=5.5, k_i=0.05, b=1.75, mu=0.0, sigma=5.0, integral_band=10.0, error_limit=180.0),
+        "in degrees and percent",
+        "bands and limits are chosen",
+    )
+    derivative: DerivativeVariant = key(
+        "probabilistic", "variant of K_D", "probabilistic: Eq. 3, erratum 8 | printed | linear: a baseline of [Lee2022]"
+    )
+    filter: FilterKind = key("kalman", "one-state filters of the errors", "kalman | none: a baseline of [Lee2022]")
+    process_noise: float = key(
+        0.005, "of the one-state Kalman filters, per 0.03 s", "[Lee2022, §Pose Estimation], erratum 1"
+    )
+    measurement_noise: float = key(0.05, "likewise", "[Lee2022, §Pose Estimation], erratum 1")
 
 
 class PublishedNear:

@@ -2,99 +2,92 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from shipland.config import require, require_within
+from shipland.config import key, parameters, require, scaled
 from shipland.guidance.far import FarBaselines, FarKind, FarParameters
 from shipland.guidance.horizon.learned import LearnedParameters
 from shipland.guidance.horizon.parameters import HorizonParameters
-from shipland.guidance.laws import FarVariant
+from shipland.guidance.laws import FarGains, FarVariant
 from shipland.guidance.modes import ModeParameters
 from shipland.guidance.near import NearParameters
 from shipland.guidance.search import SearchParameters
 from shipland.guidance.simc import NearBaselines
 
 
-@dataclass(frozen=True)
+@parameters
 class ApproachParameters:
-    """`[guidance.approach]`: reference points, and the condition of landing.
+    """`[guidance.approach]`: reference points, and the condition of landing."""
 
-    Attributes:
-        hover_height_m: over the deck's neutral surface, before landing.
-        square_margin: landing begins with the horizontal error within this share of half of `rig.landing_square_m`.
-        largest_box: boxes of more than this many times the setpoint's area are ignored.
-        max_bearing_deg: the nose turns to the bar's axis only as far as the bar stays this near the picture's middle,
-        bearing_margin_deg: and the cue this far from its sides.
-        max_height_error_m, max_speed_mps, max_yaw_error_deg, max_data_age_s: of the landing condition.
-        descent_percent: heave stick while landing.
-        gate_m, gate_s: above commit height the descent waits while the horizontal error, predicted for `gate_s` later
-            at its present rate, is larger than `gate_m`.
-        commit_height_m: below this height over the neutral deck the landing is no longer broken off.
-        abort_offset_m: horizontal error that breaks off a landing.
-        go_around_radius_m: nearer than this to the bar, loss of vision means go-around.
-        go_around_back_m, go_around_height_m: astern of and over the deck's centre, where a go-around ends.
-        go_around_percent, back_off_percent: sticks of a go-around.
-        go_around_turn: yaw stick for a degree between the nose and where the target was seen last [%/deg].
-        go_around_s: shortest go-around.
-        gimbal_time_constant_s: smoothing of the camera pitch that keeps the target in the picture.
-    """
-
-    hover_height_m: float
-    square_margin: float
-    largest_box: float
-    max_bearing_deg: float
-    bearing_margin_deg: float
-    max_height_error_m: float
-    max_speed_mps: float
-    max_yaw_error_deg: float
-    max_data_age_s: float
-    descent_percent: float
-    gate_m: float
-    gate_s: float
-    commit_height_m: float
-    abort_offset_m: float
-    go_around_radius_m: float
-    go_around_back_m: float
-    go_around_height_m: float
-    go_around_percent: float
-    back_off_percent: float
-    go_around_turn: float
-    go_around_s: float
-    gimbal_time_constant_s: float
+    hover_height_m: float = scaled(
+        1.2, "over the neutral deck, before landing", "chosen: heave limit, a corner at full pitch", ge=0.1, le=50
+    )
+    square_margin: float = key(
+        0.6, "of half of `rig.landing_square_m` to begin", "chosen: 7 cm of drift in the descent", gt=0, le=1
+    )
+    largest_box: float = key(
+        4.0, "larger boxes are ignored, in setpoint areas", "chosen: 5 m to the bar and 12 m to the ship"
+    )
+    max_bearing_deg: float = key(
+        20.0, "the bar stays this near the picture's middle", "chosen: of the 34.5 deg either side"
+    )
+    bearing_margin_deg: float = key(3.0, "and the cue this far from its sides")
+    max_height_error_m: float = scaled(0.25, "of the landing condition", ge=0.01, le=10)
+    max_speed_mps: float = scaled(0.15, "of the landing condition", ge=0.01, le=5)
+    max_yaw_error_deg: float = key(6.0, "of the landing condition", ge=0.5, le=45)
+    max_data_age_s: float = key(0.6, "of the landing condition", ge=0.05, le=3)
+    descent_percent: float = key(50.0, "heave stick while landing", gt=0, le=100)
+    gate_m: float = key(
+        0.12, "above commit height the descent waits while the predicted horizontal error is larger", ge=0.01, le=5
+    )
+    gate_s: float = key(0.5, "how far ahead that error is predicted")
+    commit_height_m: float = scaled(
+        0.7, "below this height over the neutral deck the landing is no longer broken off", gt=0
+    )
+    abort_offset_m: float = scaled(0.35, "horizontal error that breaks off a landing", ge=0.05, le=20)
+    go_around_radius_m: float = scaled(
+        15.0, "nearer than this to the bar, loss of vision means go-around", ge=1, le=1000
+    )
+    go_around_back_m: float = scaled(4.0, "astern of the deck's centre, where a go-around ends")
+    go_around_height_m: float = scaled(2.5, "over the deck's centre, where a go-around ends", ge=0.5, le=100)
+    go_around_percent: float = key(60.0, "heave stick of a go-around", ge=10, le=100)
+    back_off_percent: float = key(15.0, "pitch stick of a go-around")
+    go_around_turn: float = key(
+        0.75, "yaw stick for a degree off the last bearing [%/deg]", "chosen: 45 deg turn at 13 deg/s"
+    )
+    go_around_s: float = scaled(3.0, "shortest go-around", ge=0.5, le=60)
+    gimbal_time_constant_s: float = key(0.3, "smoothing of the camera pitch that keeps the target in the picture")
 
     def __post_init__(self) -> None:
         require(self.hover_height_m > self.commit_height_m > 0.0, "hover_height_m > commit_height_m > 0 must hold")
-        require_within(
-            self,
-            hover_height_m=(0.1, 50.0),
-            max_height_error_m=(0.01, 10.0),
-            max_speed_mps=(0.01, 5.0),
-            max_yaw_error_deg=(0.5, 45.0),
-            max_data_age_s=(0.05, 3.0),
-            gate_m=(0.01, 5.0),
-            abort_offset_m=(0.05, 20.0),
-            go_around_radius_m=(1.0, 1000.0),
-            go_around_height_m=(0.5, 100.0),
-            go_around_percent=(10.0, 100.0),
-            go_around_s=(0.5, 60.0),
-        )
-        require(0.0 < self.square_margin <= 1.0, "square_margin must be in (0, 1]")
-        require(0.0 < self.descent_percent <= 100.0, "descent_percent must be in (0, 100]")
 
 
-@dataclass(frozen=True)
+@parameters
 class GuidanceParameters:
     """`[guidance]`."""
 
-    near: NearParameters
-    horizon: HorizonParameters
-    learned: LearnedParameters
-    ship: FarParameters
-    bar: FarParameters
-    far_control: FarKind
-    far_variant: FarVariant
-    far_baselines: FarBaselines
-    near_baselines: NearBaselines
-    modes: ModeParameters
-    approach: ApproachParameters
-    search: SearchParameters
+    near: NearParameters = NearParameters()
+    horizon: HorizonParameters = HorizonParameters()
+    learned: LearnedParameters = LearnedParameters()
+    ship: FarParameters = key(
+        FarParameters(
+            FarGains(0.008, 0.0, 5000.0, 0.0), FarGains(1.2, 0.0158, 640.0, 1.0), FarGains(3.0, 0.0108, 360.0, 1.0)
+        ),
+        source="[Lee2022, Table 1]; px², px",
+    )
+    bar: FarParameters = key(
+        FarParameters(
+            FarGains(0.004, 0.0, 3400.0, 0.0), FarGains(1.0, 0.0158, 640.0, 1.0), FarGains(5.0, 0.0108, 360.0, 1.0)
+        ),
+        source="[Lee2022, Table 1]; px², px",
+    )
+    length_scale: float = key(1.0, "of the ship against the rig: defaults of pilot and safety follow", gt=0, le=100)
+    far_control: FarKind = key(
+        "exponential", "", "exponential: [Lee2022, Eq. 1] | p | pid: the linear laws it is compared with"
+    )
+    far_variant: FarVariant = key(
+        "saturating", "", "the better of the two symmetric readings of erratum 3: docs/results/paper.md"
+    )
+    far_baselines: FarBaselines = FarBaselines()
+    near_baselines: NearBaselines = NearBaselines()
+    modes: ModeParameters = ModeParameters()
+    approach: ApproachParameters = ApproachParameters()
+    search: SearchParameters = SearchParameters()

@@ -3,63 +3,48 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Literal
 
-from shipland.config import require, require_within
+from shipland.config import key, parameters, require
 from shipland.frames import GRAVITY_MPS2
 
 
-@dataclass(frozen=True)
+@parameters
 class Response:
-    """The meaning of the sticks on this vehicle, and its lags.
+    """The meaning of the sticks on this vehicle, and its lags."""
 
-    Attributes:
-        kind: `attitude`: pitch and roll sticks ask for a tilt against the horizon; `velocity`: for a speed over
-            ground, or over the surface that the vehicle's optical flow sees, which the autopilot tracks.
-        max_tilt_rad: tilt at full stick (attitude), or the most that the autopilot uses (velocity).
-        max_speed_mps: speed at full stick (velocity); 0 otherwise.
-        lag_s: time constant of the horizontal acceleration behind what is asked for.
-        servo_per_s: gain from speed error to acceleration (velocity); 0 otherwise.
-        drag_per_s: deceleration for a metre per second through the air, linear.
-        max_input_rate: most that the input may change by in a second and be followed: [m/s³] or [m/s²].
-        max_climb_mps, climb_lag_s: vertical speed at full stick, and its time constant.
-        max_turn_rad_s, turn_lag_s: yaw rate at full stick, and its time constant.
-        uplink_s: from a command's being ready to its arrival.
-        dead_time_s: from its arrival to the first reaction.
-        hold_below_percent: pitch and roll sticks both below this make the vehicle brake and hold its place.
-        integral_per_s2: gain from the integral of the speed error to acceleration (velocity); 0 where it is not known,
-            and then the lags below belong to the speed asked for, else to the tilt alone.
-        approach_per_s, smoothing_s: with an integral: how the speed that is tracked follows the one asked for.
-        stick_step_percent: sticks travel in steps of this; 0 where they are continuous.
-    """
-
-    kind: Literal["attitude", "velocity"]
-    max_tilt_rad: float
-    max_speed_mps: float
-    lag_s: float
-    servo_per_s: float
-    drag_per_s: float
-    max_input_rate: float
-    max_climb_mps: float
-    climb_lag_s: float
-    max_turn_rad_s: float
-    turn_lag_s: float
-    uplink_s: float
-    dead_time_s: float
-    hold_below_percent: float
-    stick_step_percent: float = 0.0
-    integral_per_s2: float = 0.0
-    approach_per_s: float = 0.0
-    smoothing_s: float = 0.0
+    kind: Literal["attitude", "velocity"] = key(
+        ...,
+        "`attitude`: pitch and roll sticks ask for a tilt against the horizon; `velocity`: for a speed over "
+        "ground, or over the surface that the vehicle's optical flow sees, which the autopilot tracks",
+    )
+    max_tilt_rad: float = key(
+        ..., "tilt at full stick (attitude), or the most that the autopilot uses (velocity)", gt=0, le=1.2
+    )
+    max_speed_mps: float = key(..., "speed at full stick (velocity); 0 otherwise")
+    lag_s: float = key(..., "time constant of the horizontal acceleration behind what is asked for", gt=0, le=10)
+    servo_per_s: float = key(..., "gain from speed error to acceleration (velocity); 0 otherwise")
+    drag_per_s: float = key(..., "deceleration for a metre per second through the air, linear", ge=0)
+    max_input_rate: float = key(..., "most that the input may change by in a second and be followed: [m/s³] or [m/s²]")
+    max_climb_mps: float = key(..., "vertical speed at full stick", gt=0, le=20)
+    climb_lag_s: float = key(..., "time constant of the vertical speed", gt=0)
+    max_turn_rad_s: float = key(..., "yaw rate at full stick", gt=0, le=10)
+    turn_lag_s: float = key(..., "time constant of the yaw rate", gt=0)
+    uplink_s: float = key(..., "from a command's being ready to its arrival", ge=0, le=3)
+    dead_time_s: float = key(..., "from its arrival to the first reaction", ge=0, le=3)
+    hold_below_percent: float = key(
+        ..., "pitch and roll sticks both below this make the vehicle brake and hold its place", ge=0
+    )
+    stick_step_percent: float = key(0.0, "sticks travel in steps of this; 0 where they are continuous")
+    integral_per_s2: float = key(
+        0.0,
+        "gain from the integral of the speed error to acceleration (velocity); 0 where it is not known, and then "
+        "the lags below belong to the speed asked for, else to the tilt alone",
+    )
+    approach_per_s: float = key(0.0, "with an integral: how the speed that is tracked follows the one asked for")
+    smoothing_s: float = key(0.0, "likewise")
 
     def __post_init__(self) -> None:
-        for name in ("max_tilt_rad", "lag_s", "max_climb_mps", "climb_lag_s", "max_turn_rad_s", "turn_lag_s"):
-            require(getattr(self, name) > 0.0, f"{name} must be positive, got {getattr(self, name)}")
-        require_within(self, max_tilt_rad=(0.0, 1.2), max_climb_mps=(0.0, 20.0), max_turn_rad_s=(0.0, 10.0))
-        require_within(self, lag_s=(0.0, 10.0), uplink_s=(0.0, 3.0), dead_time_s=(0.0, 3.0))
-        for name in ("drag_per_s", "uplink_s", "dead_time_s", "hold_below_percent"):
-            require(getattr(self, name) >= 0.0, f"{name} must not be negative, got {getattr(self, name)}")
         if self.kind == "velocity":
             require(self.max_speed_mps > 0.0, "a velocity response needs max_speed_mps above zero")
             shaped = self.approach_per_s > 0.0 and self.smoothing_s > 0.0

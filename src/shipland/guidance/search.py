@@ -3,35 +3,28 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.guidance.near import SticksPercent
 
 
-@dataclass(frozen=True)
+@parameters
 class SearchParameters:
-    """`[guidance.search]`.
+    """`[guidance.search]`."""
 
-    Attributes:
-        look_s: hold still first, for this long at each camera pitch, so that a target already in view is believed.
-        camera_pitch_deg: camera pitches, up positive; each turn is flown with the next of them.
-        turn_percent, turn_s: yaw stick, and how long a full turn takes with it.
-        climb_percent, climb_s: heave stick and time of the climb after each turn.
-        turns: after this number of turns the vehicle holds.
-    """
-
-    look_s: float
-    camera_pitch_deg: tuple[float, ...]
-    turn_percent: float
-    turn_s: float
-    climb_percent: float
-    climb_s: float
-    turns: int
+    look_s: float = key(
+        3.0, "hold still for so long at each camera pitch", "six cycles of the paper's learned detector", ge=0
+    )
+    camera_pitch_deg: tuple[float, ...] = key(
+        (0.0, -25.0), "up positive; each turn is flown with the next of them", "the lens sees 21 deg either side"
+    )
+    turn_percent: float = key(10.0, "yaw stick", "4 deg/s: a target moves by 33 px a cycle", ge=0)
+    turn_s: float = key(90.0, "of a full turn with it", "a full turn", ge=0)
+    climb_percent: float = key(60.0, "heave stick after each turn", ge=0)
+    climb_s: float = key(5.0, "of the climb after each turn", ge=0)
+    turns: int = key(4, "after this number of turns the vehicle holds", ge=0)
 
     def __post_init__(self) -> None:
-        for name in ("look_s", "turn_percent", "turn_s", "climb_percent", "climb_s", "turns"):
-            require(getattr(self, name) >= 0, f"{name} must not be negative, got {getattr(self, name)}")
         require(len(self.camera_pitch_deg) > 0, "camera_pitch_deg must hold at least one pitch")
         require(self.turn_s + self.climb_s > 0.0, "turn_s + climb_s must be positive")
 

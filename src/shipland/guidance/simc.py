@@ -10,26 +10,22 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from shipland.config import require
+from shipland.config import key, parameters
 from shipland.guidance.laws import PidGains
 from shipland.guidance.response import Response
 
 
-@dataclass(frozen=True)
+@parameters
 class NearBaselines:
     """`[guidance.near_baselines]`: the linear near laws that the other pilots are compared with.
 
-    Attributes:
-        closed_loop: time constant of the closed loop, as a multiple of the dead time.
-        rate_filter: time constant of the filter of the measured rate, likewise.
+    By SIMC (Skogestad 2003): docs/explanation/published-pilot.md.
     """
 
-    closed_loop: float
-    rate_filter: float
-
-    def __post_init__(self) -> None:
-        require(self.closed_loop > 0.0, "closed_loop must be positive")
-        require(self.rate_filter > 0.0, "rate_filter must be positive")
+    closed_loop: float = key(1.0, "time constant, as a multiple of the dead time", "Skogestad: fast and robust", gt=0)
+    rate_filter: float = key(
+        0.33, "of the measured rate, likewise", "chosen: the smoothing of the published pilot's", gt=0
+    )
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.camera import Camera
-from shipland.config import build, require
+from shipland.config import build, key, parameters, require
 from shipland.errors import DataError
 from shipland.files import json_of, read_text, write_atomically
 from shipland.learning.arguments import EvaluateArguments
@@ -26,7 +26,6 @@ from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.metrics import COCO_IOUS, Tally
 from shipland.learning.progress import followed
 from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
-from shipland.learning.settings import learning_table
 from shipland.learning.ship_and_camera import ShipAndCamera
 from shipland.learning.shot import Shot
 from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
@@ -38,7 +37,7 @@ from shipland.sim.target_box import NearestBox, target_box
 from shipland.vision.far.decode import PIXEL_CENTRE, iou
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.far import FarVision
-from shipland.vision.far.parameters import DetectorParameters, detector_parameters
+from shipland.vision.far.parameters import DetectorParameters, detector_parameters, learning_table
 
 Picture = npt.NDArray[np.uint8]
 LEAST_CONFIDENCE = 0.05
@@ -47,38 +46,24 @@ BAROMETER_M = 0.7
 _LEAST_SEEN = 0.01
 
 
-@dataclass(frozen=True)
+@parameters
 class EvaluateParameters:
-    """How detectors are measured (`[evaluate]` in configs/learning.toml).
+    """How detectors are measured (`[evaluate]`)."""
 
-    Attributes:
-        ship_range_m, bar_range_m: nearest and farthest target of fresh scenes, drawn uniformly.
-        ship_bin_m, bar_bin_m: widths of the table's bins.
-        empty_share: part of the fresh scenes without the target.
-        edge_px: the target's centre stays so far from the picture's edges in the first frame.
-        match_iou: overlap from which a box is a hit.
-        hazy_below_m: visibility that parts haze from clear air.
-        pictures_per_scene: scenes that share light, air and sea.
-    """
-
-    ship_range_m: Span
-    bar_range_m: Span
-    ship_bin_m: float
-    bar_bin_m: float
-    empty_share: float
-    edge_px: float
-    match_iou: float
-    hazy_below_m: float
-    pictures_per_scene: int
+    ship_range_m: Span = key((15.0, 350.0), "nearest and farthest ship of fresh scenes, drawn uniformly")
+    bar_range_m: Span = key((6.0, 150.0), "nearest and farthest bar of fresh scenes, drawn uniformly")
+    ship_bin_m: float = key(25.0, "width of the table's bins", gt=0)
+    bar_bin_m: float = key(10.0, "width of the table's bins", gt=0)
+    empty_share: float = key(0.2, "part of the fresh scenes without the target", ge=0, lt=1)
+    edge_px: float = key(30.0, "the target's centre stays so far from the picture's edges in the first frame")
+    match_iou: float = key(0.3, "overlap from which a box is a hit", "one pixel costs a 7-px box a quarter", gt=0, lt=1)
+    hazy_below_m: float = key(4000.0, "visibility that parts haze from clear air")
+    pictures_per_scene: int = key(8, "scenes that share light, air and sea", ge=1)
 
     def __post_init__(self) -> None:
         for name in ("ship_range_m", "bar_range_m"):
             low, high = getattr(self, name)
             require(0.0 < low < high, f"{name} must be two positive numbers, the smaller first")
-        require(min(self.ship_bin_m, self.bar_bin_m) > 0.0, "widths of bins must be positive")
-        require(0.0 <= self.empty_share < 1.0, "empty_share must lie in 0 … 1")
-        require(0.0 < self.match_iou < 1.0, "match_iou must lie between 0 and 1")
-        require(self.pictures_per_scene >= 1, "pictures_per_scene must be positive")
 
 
 @dataclass(frozen=True)

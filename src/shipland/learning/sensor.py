@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -10,52 +9,37 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.sim.scene.parameters import Tone
 from shipland.sim.scene.tone import Light16, develop, encoded, sharpen
 
 Picture = npt.NDArray[np.uint8]
 
 
-@dataclass(frozen=True)
+@parameters
 class ImageSensorParameters:
-    """Ranges that are drawn from (`[synth.sensor]`).
+    """Ranges that are drawn from (`[synth.sensor]`)."""
 
-    Attributes:
-        defocus_max_px: standard deviation of a Gaussian blur.
-        motion: chance of motion blur.
-        motion_max_px: its largest length.
-        glare: chance of veiling glare.
-        glare_max: its most light, in units of the sensor's saturation.
-        exposure_ev: half-width of a uniform change of exposure, in powers of two.
-        cast: half-width of a uniform factor on each colour.
-        gamma, contrast, shoulder: ranges of the tone curve, see `Tone`.
-        sharpened: chance of sharpening.
-        sharpening_max: its largest strength, of an unsharp mask.
-        noise_max: grey levels, standard deviation.
-        vignette_max: loss of light in the corners, 0 … 1.
-        quality_min, quality_max: of JPEG compression.
-    """
-
-    defocus_max_px: float
-    motion: float
-    motion_max_px: float
-    glare: float
-    glare_max: float
-    exposure_ev: float
-    cast: float
-    gamma: tuple[float, float]
-    contrast: tuple[float, float]
-    shoulder: tuple[float, float]
-    sharpened: float
-    sharpening_max: float
-    noise_max: float
-    vignette_max: float
-    quality_min: int
-    quality_max: int
+    defocus_max_px: float = key(0.9, "standard deviation of a Gaussian blur")
+    motion: float = key(0.2, "chance of motion blur", ge=0, le=1)
+    motion_max_px: float = key(5.0, "its largest length")
+    glare: float = key(0.2, "chance of veiling glare", ge=0, le=1)
+    glare_max: float = key(0.25, "its most light, in units of the sensor's saturation")
+    exposure_ev: float = key(0.35, "half-width of a uniform change of exposure, in powers of two")
+    cast: float = key(0.06, "half-width of a uniform factor on each colour")
+    gamma: tuple[float, float] = key(
+        (1.8, 2.6), "range of the tone curve's, see `Tone`", "cameras' curves differ by more than their makers say"
+    )
+    contrast: tuple[float, float] = key((0.0, 0.6), "range, see `Tone`")
+    shoulder: tuple[float, float] = key((0.0, 0.5), "range, see `Tone`")
+    sharpened: float = key(0.6, "chance of sharpening")
+    sharpening_max: float = key(1.2, "its largest strength, of an unsharp mask")
+    noise_max: float = key(5.0, "grey levels, standard deviation")
+    vignette_max: float = key(0.25, "loss of light in the corners, 0 … 1")
+    quality_min: int = key(35, "of JPEG compression", "a video link of a few Mbit/s", ge=1)
+    quality_max: int = key(95, "of JPEG compression", le=100)
 
     def __post_init__(self) -> None:
-        require(0.0 <= self.motion <= 1.0 and 0.0 <= self.glare <= 1.0, "motion and glare are chances, 0 … 1")
         require(1 <= self.quality_min <= self.quality_max <= 100, "qualities must lie in 1 … 100, min ≤ max")
 
 

@@ -1,160 +1,128 @@
-"""How a detector is trained: the `[train]` tables of configs/learning.toml."""
+"""How a detector is trained: `[train]` in TOML."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
-from shipland.config import build, layered, merge, require
+from shipland.config import build, key, merge, parameters, plain, require
 from shipland.vision.far.decode import Decoding
+from shipland.vision.far.parameters import learning_table
 
 
-@dataclass(frozen=True)
+@parameters
 class AugmentParameters:
-    """How windows are drawn (`[train.augment]` in TOML).
+    """How windows are drawn (`[train.augment]` in TOML)."""
 
-    Attributes:
-        scale_min, scale_max: log-uniform zoom; 1 keeps the picture's own pixels.
-        fit: first scale the picture so that it just fits the window (for targets that fill the picture).
-        on_target: chance that a window is laid over a target, where the picture has one.
-        mosaic: chance of a window made from four.
-        mirror: chance of a left-right mirror image.
-        contrast, brightness, gamma, saturation: half-widths of uniform changes; brightness in grey levels.
-        hue_deg: half-width of a uniform turn of the hue.
-        blur: chance of a Gaussian blur.
-        blur_max_px: its largest standard deviation.
-        sharpen: chance of sharpening, where it was not blurred.
-        sharpen_max: its largest strength, as a share of what a blur takes away.
-        tone: half-width of a bend of the tone curve, S-shaped or the inverse.
-        noise: chance of Gaussian noise.
-        noise_max: its largest standard deviation, in grey levels.
-        min_side_px: a target whose longer side is shorter is ignored by the loss.
-        min_visible: a target of which a smaller part lies in the window is ignored by the loss.
-    """
-
-    scale_min: float
-    scale_max: float
-    fit: bool
-    on_target: float
-    mosaic: float
-    mirror: float
-    contrast: float
-    brightness: float
-    gamma: float
-    saturation: float
-    hue_deg: float
-    blur: float
-    blur_max_px: float
-    sharpen: float
-    sharpen_max: float
-    tone: float
-    noise: float
-    noise_max: float
-    min_side_px: float
-    min_visible: float
+    scale_min: float = key(0.75, "least of a log-uniform zoom; 1 keeps the picture's own pixels", gt=0)
+    scale_max: float = key(1.3, "largest zoom")
+    fit: bool = key(
+        False, "first scale the picture so that it just fits the window (for targets that fill the picture)"
+    )
+    on_target: float = key(0.7, "chance that a window is laid over a target, where the picture has one", ge=0, le=1)
+    mosaic: float = key(0.25, "chance of a window made from four", ge=0, le=1)
+    mirror: float = key(0.5, "chance of a left-right mirror image", ge=0, le=1)
+    contrast: float = key(0.25, "half-width of a uniform change", ge=0, lt=1)
+    brightness: float = key(20.0, "half-width of a uniform change, in grey levels")
+    gamma: float = key(0.25, "half-width of a uniform change", ge=0, lt=1)
+    saturation: float = key(0.3, "half-width of a uniform change")
+    hue_deg: float = key(6.0, "half-width of a uniform turn of the hue")
+    blur: float = key(0.2, "chance of a Gaussian blur", ge=0, le=1)
+    blur_max_px: float = key(0.8, "its largest standard deviation")
+    sharpen: float = key(0.25, "chance of sharpening, where it was not blurred", ge=0, le=1)
+    sharpen_max: float = key(1.5, "its largest strength, as a share of what a blur takes away")
+    tone: float = key(0.4, "half-width of a bend of the tone curve, S-shaped or the inverse", ge=0, lt=0.5)
+    noise: float = key(0.3, "chance of Gaussian noise", ge=0, le=1)
+    noise_max: float = key(6.0, "its largest standard deviation, in grey levels")
+    min_side_px: float = key(4.0, "a target whose longer side is shorter is ignored by the loss")
+    min_visible: float = key(
+        0.4, "a target of which a smaller part lies in the window is ignored by the loss", ge=0, le=1
+    )
 
     def __post_init__(self) -> None:
-        require(0.0 < self.scale_min <= self.scale_max, "scale_min must be positive and at most scale_max")
-        for name in ("on_target", "mosaic", "mirror", "blur", "sharpen", "noise", "min_visible"):
-            require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1, got {getattr(self, name)}")
-        require(0.0 <= self.tone < 0.5, "tone must lie in 0 … 0.5, or grey levels change places")
-        require(0.0 <= self.contrast < 1.0 and 0.0 <= self.gamma < 1.0, "contrast and gamma must lie in 0 … 1")
+        require(self.scale_min <= self.scale_max, "scale_min must be at most scale_max")
 
 
-@dataclass(frozen=True)
+@parameters
 class LossParameters:
-    """Weights of the loss (`[train.loss]`).
+    """Weights of the loss (`[train.loss]`)."""
 
-    Attributes:
-        box, objectness, kind: weights of the three parts.
-        focal_power: exponent of the focal factor; 0 is plain cross-entropy.
-        ignore_iou: an unassigned cell whose box overlaps a target more is not punished.
-        anchor_ratio: largest ratio of a target's sides to a wide anchor's; below 4, the decoding's reach.
-    """
-
-    box: float
-    objectness: float
-    kind: float
-    focal_power: float
-    ignore_iou: float
-    anchor_ratio: float
-
-    def __post_init__(self) -> None:
-        require(min(self.box, self.objectness, self.kind, self.focal_power) >= 0.0, "weights must not be negative")
-        require(0.0 < self.ignore_iou <= 1.0, "ignore_iou must lie in 0 … 1")
-        require(1.0 < self.anchor_ratio < 4.0, "anchor_ratio must lie in 1 … 4, the wide decoding's reach")
+    box: float = key(2.0, "weight of the boxes", ge=0)
+    objectness: float = key(1.0, "weight of the objectness", ge=0)
+    kind: float = key(0.5, "weight of the kind", ge=0)
+    focal_power: float = key(1.5, "exponent of the focal factor; 0 is plain cross-entropy", ge=0)
+    ignore_iou: float = key(
+        0.5, "an unassigned cell whose box overlaps a target more is not punished", "[YOLOv3, §2.1]", gt=0, le=1
+    )
+    anchor_ratio: float = key(
+        3.0, "largest ratio of a target's sides to a wide anchor's", "chosen; the wide decoding reaches 4", gt=1, lt=4
+    )
 
 
-@dataclass(frozen=True)
+@parameters
 class TrainParameters:
-    """One profile of training (`[train.far]`, `[train.photos]`).
+    """One profile of training (`[train.far]`, `[train.photos]`)."""
 
-    Attributes:
-        decoding: darknet or wide.
-        anchors: fit to the set, or published.
-        steps, batch, window_px: length and size.
-        learning_rate, weight_decay, warmup_steps: AdamW, linear warm-up, cosine to 2 %.
-        clip_norm: largest norm of a step's gradient.
-        average_decay: decay of the exponential moving average of the weights.
-        evaluate_every: steps between evaluations, each with a checkpoint.
-        validation_pictures: pictures an evaluation looks at, at most.
-        held_out: fraction of the pictures kept for validation.
-        match_iou: overlap that counts as found.
-        patience: evaluations without a better score before the run stops.
-        hard_rounds: rounds of looking for what fools the detector, spread over the run; 0 for none.
-        mine_pictures: training pictures looked at in a round.
-        mine_keep: worst places kept: false boxes and missed targets.
-        hard_fraction: part of a batch laid over those places.
-        freeze_norm: keep the batch normalisation's statistics as they are; for fine-tuning, a third faster.
-        bf16: compute in bf16 where it helps.
-        calibration_pictures: windows that 8-bit ranges are taken from; 0 for no 8-bit file.
-        augment: see `AugmentParameters`.
-        loss: see `LossParameters`.
-    """
-
-    decoding: Decoding
-    anchors: str
-    steps: int
-    batch: int
-    window_px: int
-    learning_rate: float
-    weight_decay: float
-    warmup_steps: int
-    clip_norm: float
-    average_decay: float
-    evaluate_every: int
-    validation_pictures: int
-    held_out: float
-    match_iou: float
-    patience: int
-    hard_rounds: int
-    mine_pictures: int
-    mine_keep: int
-    hard_fraction: float
-    freeze_norm: bool
-    bf16: bool
-    calibration_pictures: int
-    augment: AugmentParameters
-    loss: LossParameters
+    decoding: Decoding = key(Decoding.WIDE, "darknet or wide")
+    anchors: Literal["fit", "published"] = key("fit", "fit to the set, or published")
+    steps: int = key(6000, "of the run", ge=1)
+    batch: int = key(16, "pictures a step", ge=1)
+    window_px: int = key(288, "side of a window", ge=64)
+    learning_rate: float = key(0.002, "AdamW, largest", gt=0)
+    weight_decay: float = key(0.0005, "AdamW", "Darknet's yolov3.cfg")
+    warmup_steps: int = key(150, "linear; then cosine to 2 %")
+    clip_norm: float = key(10.0, "largest norm of a step's gradient")
+    average_decay: float = key(
+        0.998, "decay of the exponential moving average of the weights", "chosen for runs of a few thousand steps"
+    )
+    evaluate_every: int = key(500, "steps between evaluations, each with a checkpoint", ge=1)
+    validation_pictures: int = key(400, "pictures an evaluation looks at, at most")
+    held_out: float = key(0.05, "fraction of the pictures kept for validation", gt=0, lt=1)
+    match_iou: float = key(
+        0.3, "overlap that counts as found", "a shift by one pixel costs a 7-px box a quarter of its overlap"
+    )
+    patience: int = key(12, "evaluations without a better score before the run stops", ge=1)
+    hard_rounds: int = key(5, "rounds of looking for what fools the detector, spread over the run; 0 for none")
+    mine_pictures: int = key(1500, "training pictures looked at in a round")
+    mine_keep: int = key(400, "worst places kept: false boxes and missed targets")
+    hard_fraction: float = key(0.25, "part of a batch laid over those places", ge=0, lt=1)
+    freeze_norm: bool = key(
+        False, "keep the batch normalisation's statistics as they are; for fine-tuning, a third faster"
+    )
+    bf16: bool = key(True, "compute in bf16 where it helps")
+    calibration_pictures: int = key(200, "windows that 8-bit ranges are taken from; 0 for no 8-bit file")
+    augment: AugmentParameters = key(AugmentParameters(), "see `AugmentParameters`")
+    loss: LossParameters = key(LossParameters(), "see `LossParameters`")
 
     def __post_init__(self) -> None:
-        require(self.anchors in ("fit", "published"), f"anchors must be 'fit' or 'published', got {self.anchors!r}")
-        require(self.window_px >= 64 and self.window_px % 32 == 0, "window_px must be a multiple of 32, at least 64")
-        require(min(self.steps, self.batch, self.evaluate_every, self.patience) >= 1, "counts must be positive")
-        require(0.0 < self.held_out < 1.0, "held_out must lie between 0 and 1")
-        require(0.0 <= self.hard_fraction < 1.0, "hard_fraction must lie in 0 … 1")
-        require(self.learning_rate > 0.0, "learning_rate must be positive")
+        require(self.window_px % 32 == 0, "window_px must be a multiple of 32, at least 64")
 
 
-def learning_table(section: str, config: Path | None) -> dict[str, object]:
-    """A section of configs/learning.toml with the user's file laid over it; ConfigError for an unknown section."""
-    return dict(layered("learning", config)[section])
+PROFILES = {
+    "far": TrainParameters(),
+    "photos": TrainParameters(
+        steps=1500,
+        batch=8,
+        window_px=416,
+        learning_rate=0.001,
+        evaluate_every=150,
+        validation_pictures=200,
+        held_out=0.2,
+        match_iou=0.5,
+        hard_rounds=3,
+        mine_pictures=400,
+        mine_keep=150,
+        augment=AugmentParameters(
+            scale_min=0.6, scale_max=1.5, fit=True, on_target=0.5, mosaic=0.5, mirror=0.5, min_side_px=8.0
+        ),
+    ),
+}
+"""`far`: native windows, small targets; `photos`: targets that fill the picture."""
 
 
 def train_parameters(profile: str, config: Path | None) -> TrainParameters:
-    """The packaged profile `far` or `photos`, the user's file laid over it."""
-    tables = learning_table("train", config)
-    common = {key: value for key, value in tables.items() if key not in ("far", "photos")}
-    chosen = tables[profile]
-    assert isinstance(chosen, dict)
-    return build(TrainParameters, merge(common, chosen), f"train.{profile}")
+    """The profile `far` or `photos`, `[train]` of the user's file and the table of that profile in it laid over it."""
+    table = learning_table("train", config)
+    common = {name: value for name, value in table.items() if name not in PROFILES}
+    mine = merge(merge(plain(PROFILES[profile]), common), table.get(profile, {}))
+    return build(TrainParameters, mine, f"train.{profile}")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from shipland.camera import CameraParameters
-from shipland.config import build
-from shipland.rig import Rig, default_rig, packaged_table
+from shipland.rig import Rig
 
 
 @dataclass(frozen=True)
@@ -26,7 +25,7 @@ class ShipAndCamera:
     @staticmethod
     def packaged() -> ShipAndCamera:
         """The rig and the camera of the packaged configuration."""
-        return ShipAndCamera(None, default_rig(), build(CameraParameters, packaged_table("camera"), "camera"))
+        return ShipAndCamera(None, Rig(), CameraParameters())
 
     def note(self) -> dict[str, object]:
         """What a folder's note tells of it, so that two ships are not mixed in one; nothing of the packaged ones."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.frames import Array
 from shipland.learning.decoys import Decoy, DecoyKind, foot_box_px
 from shipland.learning.sensor import ImageSensorParameters
@@ -22,85 +22,67 @@ _CONTRAST_LEFT = 3.0
 _AWAY_M = 5000.0
 
 
-@dataclass(frozen=True)
+@parameters
 class SynthParameters:
-    """Ranges that are drawn from (`[synth]` in configs/learning.toml).
+    """Ranges that are drawn from (`[synth]`).
 
-    Attributes:
-        ship_range_m, bar_range_m: nearest and farthest target.
-        uniform_share: part of the ranges drawn uniformly, the rest log-uniformly.
-        empty_share: part of the pictures without the target.
-        height_m: of the camera above the sea, log-uniform.
-        steepest_deg: largest depression of the line of sight to the ship.
-        aspect_sigma_deg: of the camera's bearing about dead astern; a part of `any_aspect` comes from anywhere.
-        any_aspect: see there.
-        roll_sigma_deg: what the gimbal leaves.
-        edge_px: the target's centre stays so far from the picture's edges, mostly.
-        speed_mps, climb_mps, turn_deg_s: largest motion of the camera between frames.
-        ship_speed_mps: largest speed of the ship.
-        visibility_m: log-uniform; `hazy` is the part of the scenes drawn from haze_m instead.
-        haze_m, hazy: see there.
-        least_contrast: the range is cut so that this part of the contrast is left.
-        sun_elevation_deg, cloud_cover, wave_height_m, wind_mps, exposure_ev, lamp, sun_glare: uniform, of the scene.
-        shutter_s: log-uniform, of the scene.
-        rainy: part of the scenes with rain, of rain_mm_h (log-uniform), and drops on the lens up to drops_max.
-        rain_mm_h, drops_max: see there.
-        spray_max: largest spray along the hull; uniform from 0.
-        auto_exposure: of the scene.
-        pictures_per_scene: pictures that share light, air and sea.
-        vessels, buoys, birds, greens: mean number of each in a picture.
-        least_visible: part of the target's box that must lie in the picture to be labelled.
-        least_facing: sine of the flattest angle at which the bar is labelled.
-        sensor: see `ImageSensorParameters`.
+    All chosen, wide on purpose.
     """
 
-    ship_range_m: Span
-    bar_range_m: Span
-    uniform_share: float
-    empty_share: float
-    height_m: Span
-    steepest_deg: float
-    aspect_sigma_deg: float
-    any_aspect: float
-    roll_sigma_deg: float
-    edge_px: float
-    speed_mps: float
-    climb_mps: float
-    turn_deg_s: float
-    ship_speed_mps: float
-    visibility_m: Span
-    haze_m: Span
-    hazy: float
-    least_contrast: float
-    sun_elevation_deg: Span
-    cloud_cover: Span
-    wave_height_m: Span
-    wind_mps: Span
-    exposure_ev: Span
-    lamp: Span
-    sun_glare: Span
-    shutter_s: Span
-    rainy: float
-    rain_mm_h: Span
-    drops_max: float
-    spray_max: float
-    auto_exposure: float
-    pictures_per_scene: int
-    vessels: float
-    buoys: float
-    birds: float
-    greens: float
-    least_visible: float
-    least_facing: float
-    sensor: ImageSensorParameters
+    ship_range_m: Span = key(
+        (14.0, 360.0), "nearest and farthest ship", "beyond the 15–350 m asked for: the ends are learned too"
+    )
+    bar_range_m: Span = key((6.0, 165.0), "nearest and farthest bar")
+    uniform_share: float = key(0.6, "part of the ranges drawn uniformly, the rest log-uniformly", ge=0, le=1)
+    empty_share: float = key(0.15, "part of the pictures without the target", ge=0, le=1)
+    height_m: Span = key((1.0, 70.0), "of the camera above the sea, log-uniform")
+    steepest_deg: float = key(50.0, "largest depression of the line of sight to the ship")
+    aspect_sigma_deg: float = key(
+        35.0, "of the camera's bearing about dead astern; a part of `any_aspect` comes from anywhere"
+    )
+    any_aspect: float = key(0.25, "see there", ge=0, le=1)
+    roll_sigma_deg: float = key(1.0, "what the gimbal leaves")
+    edge_px: float = key(12.0, "the target's centre stays so far from the picture's edges, mostly")
+    speed_mps: float = key(5.0, "fastest camera between frames", "between the frames of one scene")
+    climb_mps: float = key(1.0, "fastest climb between frames")
+    turn_deg_s: float = key(6.0, "fastest turn between frames")
+    ship_speed_mps: float = key(4.5, "largest speed of the ship", "[Lee2022]")
+    visibility_m: Span = key(
+        (4000.0, 40000.0), "log-uniform; `hazy` is the part of the scenes drawn from haze_m instead"
+    )
+    haze_m: Span = key((500.0, 4000.0), "visibility in haze")
+    hazy: float = key(0.3, "chance of haze", ge=0, le=1)
+    least_contrast: float = key(0.12, "the range is cut so that this part of the contrast is left", ge=0, le=1)
+    sun_elevation_deg: Span = key((3.0, 80.0), "uniform")
+    cloud_cover: Span = key((0.0, 1.0), "uniform")
+    wave_height_m: Span = key((0.0, 1.2), "uniform")
+    wind_mps: Span = key((0.0, 14.0), "uniform")
+    exposure_ev: Span = key((-0.6, 0.8), "uniform", "sunlit faces clip, shade drowns")
+    lamp: Span = key((0.8, 3.0), "uniform")
+    sun_glare: Span = key((0.0, 1.2), "uniform")
+    shutter_s: Span = key((0.0005, 0.006), "log-uniform, of the scene")
+    rainy: float = key(
+        0.08, "chance of rain of rain_mm_h (log-uniform), with drops on the lens up to drops_max", ge=0, le=1
+    )
+    rain_mm_h: Span = key((1.0, 15.0), "see `rainy`")
+    drops_max: float = key(0.4, "of drops on the lens, in rain")
+    spray_max: float = key(0.6, "largest spray along the hull; uniform from 0")
+    auto_exposure: float = key(0.85, "of the scene")
+    pictures_per_scene: int = key(25, "pictures that share light, air and sea", ge=1)
+    vessels: float = key(0.7, "mean number in a picture")
+    buoys: float = key(0.9, "mean number in a picture")
+    birds: float = key(0.4, "mean number in a picture")
+    greens: float = key(0.5, "mean number in a picture")
+    least_visible: float = key(0.5, "part of the target's box that must lie in the picture to be labelled", ge=0, le=1)
+    least_facing: float = key(
+        0.17, "sine of the flattest angle at which the bar is labelled", "10° off the board's plane"
+    )
+    sensor: ImageSensorParameters = key(ImageSensorParameters(), "see `ImageSensorParameters`")
 
     def __post_init__(self) -> None:
         for name in ("ship_range_m", "bar_range_m", "height_m", "visibility_m", "haze_m", "shutter_s", "rain_mm_h"):
             low, high = getattr(self, name)
             require(0.0 < low <= high, f"{name} must be two positive numbers, the smaller first")
-        for name in ("uniform_share", "empty_share", "any_aspect", "hazy", "rainy", "least_contrast", "least_visible"):
-            require(0.0 <= getattr(self, name) <= 1.0, f"{name} must lie in 0 … 1")
-        require(self.pictures_per_scene >= 1, "pictures_per_scene must be positive")
 
 
 def draw_scene(block: int, parameters: SynthParameters, seed: int) -> tuple[SceneParameters, int]:

@@ -31,13 +31,13 @@ from shipland.learning.dataset import coco_table, read_dataset
 from shipland.learning.decoys import foot_box_px, paint
 from shipland.learning.progress import followed
 from shipland.learning.sensor import degrade
-from shipland.learning.settings import learning_table
 from shipland.learning.ship_and_camera import ShipAndCamera
 from shipland.learning.shot import Shot
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
 from shipland.sim.target_box import NearestBox, target_box
+from shipland.vision.far.parameters import learning_table
 
 T = TypeVar("T")
 Picture = npt.NDArray[np.uint8]

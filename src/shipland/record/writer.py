@@ -23,7 +23,6 @@ Each second of flight what was written goes to the disk: a process that is kille
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
@@ -35,7 +34,7 @@ from foxglove.messages import CompressedImage, FrameTransforms, LogLevel, PoseIn
 from foxglove.messages import Log as LogMessage
 
 from shipland.camera import Camera
-from shipland.config import require
+from shipland.config import key, parameters
 from shipland.errors import DataError
 from shipland.mcap_records import IMAGE_TOPIC
 from shipland.messages import FlightRecord, Mode, TouchdownVerdict
@@ -51,24 +50,17 @@ _FLUSH_S = 1.0
 """Flight time between two flushes of the log."""
 
 
-@dataclass(frozen=True)
+@parameters
 class LogParameters:
-    """`[outputs.log]`.
+    """`[outputs.log]`."""
 
-    Attributes:
-        image_rate_hz: pictures kept a second of flight; 0 keeps none.
-        image_width_px: pictures are shrunk to this width, never enlarged.
-        image_quality: JPEG quality, 1 … 100.
-    """
-
-    image_rate_hz: float
-    image_width_px: int
-    image_quality: int
-
-    def __post_init__(self) -> None:
-        require(self.image_rate_hz >= 0.0, "image_rate_hz must not be negative")
-        require(self.image_width_px >= 16, "image_width_px must be at least 16")
-        require(1 <= self.image_quality <= 100, "image_quality must be in 1 … 100")
+    image_rate_hz: float = key(
+        10.0, "pictures kept a second of flight; 0 keeps none", "0 keeps no pictures; the camera's rate keeps all", ge=0
+    )
+    image_width_px: int = key(
+        640, "pictures are shrunk to this width, never enlarged", "30 kB a picture, 15 MB a minute", ge=16
+    )
+    image_quality: int = key(85, "JPEG quality, 1 … 100", ge=1, le=100)
 
 
 class LogWriter:

@@ -12,7 +12,7 @@ from types import TracebackType
 
 from shipland.aside import Aside
 from shipland.camera import Camera
-from shipland.config import build, merge, packaged_toml, read_toml
+from shipland.config import build, parameters, read_toml
 from shipland.errors import DataError
 from shipland.messages import FlightRecord, GroundTruth, TouchdownVerdict
 from shipland.record.info import FlightInfo
@@ -31,19 +31,18 @@ _MOST_ROWS, _MOST_PICTURES = 3000, 30
 """Most rows that wait for the disk in real time, and the number of waiting rows from which pictures are left out."""
 
 
-@dataclass(frozen=True)
+@parameters
 class OutputParameters:
-    """`configs/outputs.toml`."""
+    """How a flight is kept: `[log]`, `[video]`, `[plots]`."""
 
-    log: LogParameters
-    video: VideoParameters
-    plots: PlotParameters
+    log: LogParameters = LogParameters()
+    video: VideoParameters = VideoParameters()
+    plots: PlotParameters = PlotParameters()
 
 
 def load_outputs(path: Path | None = None) -> OutputParameters:
-    """The packaged output parameters, with a user's file laid over them; ConfigError when that is wrong."""
-    table = packaged_toml("outputs")
-    return build(OutputParameters, table if path is None else merge(table, read_toml(path)), "outputs")
+    """The output parameters, with a user's file laid over them; ConfigError when that is wrong."""
+    return build(OutputParameters, {} if path is None else read_toml(path), "outputs")
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from shipland.config import require
+from shipland.config import key, parameters
 from shipland.errors import DataError
 from shipland.frames import Array
 from shipland.messages import Mode, TouchdownVerdict
@@ -60,18 +59,13 @@ PLOT_STYLE: dict[Any, Any] = {
 }
 
 
-@dataclass(frozen=True)
+@parameters
 class PlotParameters:
-    """`[plots]` of the outputs.
+    """`[plots]` of the outputs."""
 
-    Attributes:
-        dpi: resolution, in pixels an inch.
-    """
-
-    dpi: int
-
-    def __post_init__(self) -> None:
-        require(40 <= self.dpi <= 600, "dpi must be in 40 … 600")
+    dpi: int = key(
+        160, "resolution, in pixels an inch", "1660 px wide: sharp at twice the width of a README", ge=40, le=600
+    )
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:

@@ -8,12 +8,12 @@ never used. The pattern is that of ASTM F3269.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.config import require, require_within
+from shipland.config import key, parameters, require, scaled
 from shipland.frames import Array
 from shipland.guidance.response import Response
 from shipland.messages import Decision, Intent, Mode, Observation, Override, PilotCommand, Telemetry
@@ -33,58 +33,40 @@ _BY_HAND_PERCENT = 50.0
 """How fast a person's key sends it up."""
 
 
-@dataclass(frozen=True)
+@parameters
 class SafetyParameters:
-    """`[safety]`.
+    """`[safety]`."""
 
-    Attributes:
-        max_percent: bound on each stick.
-        slew_percent_per_s: bound on each stick's rate.
-        stale_s: a command with intent FLY on data older than this is turned to zero sticks; older places are not used.
-        floor_m: least height of the aircraft's centre over the neutral deck unless landing on it.
-        floor_height_m: least height over the take-off point, where the deck's is not known.
-        bar_clearance_m: least distance of the aircraft's centre to the bar's plane.
-        fence_distance_m: greatest distance to the bar.
-        fence_height_m: greatest height over the take-off point.
-        low_battery_percent: below this a warning stands in the reason; nothing is broken off, because the deck is the
-            only place to land and any other course spends what is left.
-        contact_height_m: of the aircraft's centre over the neutral deck: no contact is higher.
-        contact_sight_s: a sight of the bar or the deck that is older does not show contact height.
-        cue_height: which first poses hang too low.
-        monitor: what is looked for.
-        recovery: what is done about it.
-    """
-
-    max_percent: float
-    slew_percent_per_s: float
-    stale_s: float
-    floor_m: float
-    floor_height_m: float
-    bar_clearance_m: float
-    fence_distance_m: float
-    fence_height_m: float
-    low_battery_percent: float
-    contact_height_m: float
-    contact_sight_s: float
-    cue_height: CueHeightParameters
-    monitor: MonitorParameters
-    recovery: RecoveryParameters
+    max_percent: float = key(100.0, "bound on each stick", ge=1, le=100)
+    slew_percent_per_s: float = key(
+        1000.0, "bound on each stick's rate", "at 300 gusts at 7 m/s of wind are not held", ge=10, le=10000
+    )
+    stale_s: float = key(
+        1.5, "a command to fly on older data becomes zero sticks; older places are not used", ge=0.1, le=5
+    )
+    floor_m: float = scaled(
+        0.75, "least height of the aircraft's centre over the neutral deck unless landing on it", ge=0, le=100
+    )
+    floor_height_m: float = scaled(
+        0.5, "least height over the take-off point, where the deck's is not known", ge=0, le=100
+    )
+    bar_clearance_m: float = scaled(1.2, "least distance of the aircraft's centre to the bar's plane", ge=0.1, le=100)
+    fence_distance_m: float = scaled(400.0, "greatest distance to the bar", ge=5, le=20000)
+    fence_height_m: float = scaled(60.0, "greatest height over the take-off point", ge=1, le=1000)
+    low_battery_percent: float = key(
+        15.0, "below this the reason carries a warning; no flight is broken off: the deck is nearest", ge=0, le=100
+    )
+    contact_height_m: float = scaled(
+        0.9, "of the centre over the neutral deck at a contact", "heave limit, and 16 cm to spare", ge=0.05, le=20
+    )
+    contact_sight_s: float = key(
+        1.0, "a sight of the bar or the deck that is older does not show contact height", ge=0.1, le=5
+    )
+    cue_height: CueHeightParameters = key(CueHeightParameters(), "which first poses hang too low")
+    monitor: MonitorParameters = key(MonitorParameters(), "what is looked for")
+    recovery: RecoveryParameters = key(RecoveryParameters(), "what is done about it")
 
     def __post_init__(self) -> None:
-        require_within(
-            self,
-            max_percent=(1.0, 100.0),
-            slew_percent_per_s=(10.0, 10_000.0),
-            stale_s=(0.1, 5.0),
-            floor_m=(0.0, 100.0),
-            floor_height_m=(0.0, 100.0),
-            bar_clearance_m=(0.1, 100.0),
-            fence_distance_m=(5.0, 20_000.0),
-            fence_height_m=(1.0, 1000.0),
-            low_battery_percent=(0.0, 100.0),
-            contact_height_m=(0.05, 20.0),
-            contact_sight_s=(0.1, 5.0),
-        )
         require(self.fence_distance_m > self.bar_clearance_m, "fence_distance_m > bar_clearance_m must hold")
         require(self.fence_height_m > self.floor_height_m, "fence_height_m > floor_height_m must hold")
 

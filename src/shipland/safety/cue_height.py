@@ -13,31 +13,25 @@ from bisect import bisect_right
 from dataclasses import dataclass, replace
 from operator import itemgetter
 
-from shipland.config import require, require_within
+from shipland.config import key, parameters
 from shipland.messages import Observation, Telemetry
 from shipland.rig import Rig
 
 
-@dataclass(frozen=True)
+@parameters
 class CueHeightParameters:
-    """`[safety.cue_height]`.
+    """`[safety.cue_height]`."""
 
-    Attributes:
-        over_takeoff_m: height of the cue over the take-off point, where it is known before the flight; None: the first
-            pose of a flight is believed, and tells it.
-        gap_s: a pose is a first one when there was none for longer.
-        patience_s: first poses that hang too low for so long are believed: rather has the barometer leapt.
-        share: of a pose's height in the height that is remembered.
-    """
-
-    gap_s: float
-    patience_s: float
-    share: float
-    over_takeoff_m: float | None = None
-
-    def __post_init__(self) -> None:
-        require_within(self, gap_s=(0.05, 30.0), patience_s=(0.0, 120.0))
-        require(0.0 < self.share <= 1.0, "share must lie in 0 … 1")
+    gap_s: float = key(1.0, "a pose is a first one after none for longer", "as vision.track_s", ge=0.05, le=30)
+    patience_s: float = key(
+        5.0, "first poses that hang too low for so long are believed: rather has the barometer leapt", ge=0, le=120
+    )
+    share: float = key(
+        0.01, "of a pose's height in the remembered one", "chosen: 3 s, about a period of the swell", gt=0, le=1
+    )
+    over_takeoff_m: float | None = key(
+        None, "height of the cue over the take-off point; without it the flight's first pose is believed"
+    )
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from shipland.config import require_within
+from shipland.config import key, parameters, scaled
 from shipland.frames import GRAVITY_MPS2, Array, rotated
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand, Telemetry
@@ -45,64 +45,48 @@ class Finding:
     words: str
 
 
-@dataclass(frozen=True)
+@parameters
 class MonitorParameters:
     """`[safety.monitor]`.
 
-    Attributes:
-        reaction_s: from a command to the deceleration that it asks for.
-        brake_mps2: deceleration that is counted on at most; less where tilt and wind do not leave so much.
-        least_to_bar_m: of the aircraft's centre to the bar's plane, where it can stop.
-        foot_m: of the aircraft's feet from its centre: within the deck by this much.
-        near_m: nearer to the bar than this, poses that leap or are missing are not waited for.
-        blind_s: longest without a pose there.
-        tilt_deg: largest of about the last second, against the vertical, to land with.
-        tilt_height_m: over the neutral deck; lower, a go-around is tilted no less.
-        wind_share, wind_tilt_deg: of full tilt, and in all, what holding against the wind may take.
-        wind_time_s: so long the wind is measured before it is refused.
-        leap_mps: difference that the vehicle's own velocity and the poses may take on in seconds: a flow that lies, or
-            a ship that manoeuvres.
-        height_leap_m: the same of barometer and poses.
-        telemetry_s: oldest attitude, velocity and height to land with, of those that the vehicle gives.
-        commit_m: height over the neutral deck below which only GO_AROUND breaks a landing off: a deck that is so near
-            is safer than a climb.
+    Chosen on flights without faults, where no rule may fire up to 5 m/s of wind: docs/results/safety.md.
     """
 
-    reaction_s: float
-    brake_mps2: float
-    least_to_bar_m: float
-    foot_m: float
-    near_m: float
-    blind_s: float
-    tilt_deg: float
-    tilt_height_m: float
-    wind_share: float
-    wind_tilt_deg: float
-    wind_time_s: float
-    leap_mps: float
-    height_leap_m: float
-    telemetry_s: float
-    commit_m: float
-
-    def __post_init__(self) -> None:
-        require_within(
-            self,
-            reaction_s=(0.05, 2.0),
-            brake_mps2=(0.2, 10.0),
-            least_to_bar_m=(0.1, 50.0),
-            foot_m=(0.0, 10.0),
-            near_m=(1.0, 200.0),
-            blind_s=(0.5, 30.0),
-            tilt_deg=(5.0, 45.0),
-            tilt_height_m=(0.0, 20.0),
-            wind_share=(0.1, 1.0),
-            wind_tilt_deg=(5.0, 45.0),
-            wind_time_s=(0.5, 10.0),
-            leap_mps=(0.2, 20.0),
-            height_leap_m=(0.1, 20.0),
-            telemetry_s=(0.1, 5.0),
-            commit_m=(0.0, 20.0),
-        )
+    reaction_s: float = key(0.3, "from a command to the deceleration that it asks for", ge=0.05, le=2)
+    brake_mps2: float = key(
+        3.0, "largest deceleration that is counted on", "full tilt of 15° and some drag", ge=0.2, le=10
+    )
+    least_to_bar_m: float = scaled(0.4, "of the aircraft's centre to the bar's plane, where it can stop", ge=0.1, le=50)
+    foot_m: float = key(
+        0.0, "the aircraft's centre must be within the deck by this", "contact is foreseen to 30 cm only", ge=0, le=10
+    )
+    near_m: float = scaled(
+        6.0, "nearer to the bar than this, poses that leap or are missing are not waited for", ge=1, le=200
+    )
+    blind_s: float = key(
+        3.5, "longest without a pose there", "a little longer than guidance.modes.memory_s", ge=0.5, le=30
+    )
+    tilt_deg: float = key(
+        36.0, "largest of the last second to land with", "pilots level out; the verdict bears 25°", ge=5, le=45
+    )
+    tilt_height_m: float = scaled(0.3, "over the neutral deck; lower, a go-around is tilted no less", ge=0, le=20)
+    wind_share: float = key(0.9, "of full tilt, what holding against the wind may take", ge=0.1, le=1)
+    wind_tilt_deg: float = key(
+        27.0, "tilt that holding against the wind may take", "over 10 s 9 m/s take 17–25°, 12 m/s 27–33°", ge=5, le=45
+    )
+    wind_time_s: float = key(
+        8.0, "the wind is measured for so long", "gusts at 9 m/s tilt it by 28° for seconds", ge=0.5, le=10
+    )
+    leap_mps: float = scaled(
+        2.0, "allowed change of velocity against poses in seconds: the flow lies, or the ship manoeuvres", ge=0.2, le=20
+    )
+    height_leap_m: float = scaled(0.8, "the same of barometer and poses", ge=0.1, le=20)
+    telemetry_s: float = key(
+        1.0, "oldest attitude, velocity and height to land with, of those that the vehicle gives", ge=0.1, le=5
+    )
+    commit_m: float = scaled(
+        0.45, "lower over the deck, only GO_AROUND breaks a landing off: the deck is safer than a climb", ge=0, le=20
+    )
 
 
 @dataclass(frozen=True)

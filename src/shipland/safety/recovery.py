@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.config import require, require_within
+from shipland.config import key, parameters, require, scaled
 from shipland.frames import Array, rotated
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand
@@ -35,52 +35,35 @@ class Rung(enum.Enum):
     """Straight down where it is, when the battery is low: a ditching, for those who ask for it."""
 
 
-@dataclass(frozen=True)
+@parameters
 class RecoveryParameters:
-    """`[safety.recovery]`.
+    """`[safety.recovery]`."""
 
-    Attributes:
-        ladder: steps one after the other while what was found does not pass; the last one lasts.
-        tries: landings that may be broken off before the ladder goes on past its first step.
-        climb_percent: heave stick of a climb.
-        astern_mps: speed against the bar, astern.
-        clear_height_m: over the neutral deck, and with `clear_back_m` astern of its centre: a go-around ends.
-        clear_back_m: see there.
-        most_s: a go-around that is not clear by then ends all the same.
-        hold_s: how long the ladder waits on `hold`.
-        return_m: from the bar, where a return ends.
-        velocity_per_s: from an error of velocity to the acceleration that is asked for.
-        blind_s: the velocity against the bar is carried on by the vehicle's own for so long without poses.
-    """
-
-    ladder: tuple[Rung, ...]
-    tries: int
-    climb_percent: float
-    astern_mps: float
-    clear_height_m: float
-    clear_back_m: float
-    most_s: float
-    hold_s: float
-    return_m: float
-    velocity_per_s: float
-    blind_s: float
+    ladder: tuple[Rung, ...] = key(
+        (Rung.GO_AROUND, Rung.HOLD, Rung.RETURN),
+        "steps while what was found lasts; the last one stays",
+        '"land" ditches where it is',
+    )
+    tries: int = key(
+        3, "landings that may be broken off before the second step", "as guidance.modes.max_tries", ge=1, le=100
+    )
+    climb_percent: float = key(80.0, "heave stick of a climb", ge=10, le=100)
+    astern_mps: float = scaled(0.8, "speed against the bar, astern", ge=0.1, le=20)
+    clear_height_m: float = scaled(
+        2.2, "over the neutral deck, and with `clear_back_m` astern of its centre: a go-around ends", ge=0.5, le=100
+    )
+    clear_back_m: float = scaled(3.0, "see there", ge=0.5, le=500)
+    most_s: float = scaled(12.0, "a go-around that is not clear by then ends all the same", ge=1, le=120)
+    hold_s: float = key(10.0, "how long the ladder waits on `hold`", ge=1, le=600)
+    return_m: float = scaled(20.0, "from the bar, where a return ends", ge=1, le=5000)
+    velocity_per_s: float = key(1.0, "from an error of velocity to the acceleration that is asked for", ge=0.1, le=5)
+    blind_s: float = key(
+        4.0, "the velocity against the bar is carried on by the vehicle's own for so long without poses", ge=0.5, le=30
+    )
 
     def __post_init__(self) -> None:
         require(len(self.ladder) > 0, "ladder must hold at least one step")
         require(Rung.BRAKE not in self.ladder, "brake is no step of the ladder: it ends by itself")
-        require(1 <= self.tries <= 100, f"tries must be 1 to 100, got {self.tries}")
-        require_within(
-            self,
-            climb_percent=(10.0, 100.0),
-            astern_mps=(0.1, 20.0),
-            clear_height_m=(0.5, 100.0),
-            clear_back_m=(0.5, 500.0),
-            most_s=(1.0, 120.0),
-            hold_s=(1.0, 600.0),
-            return_m=(1.0, 5000.0),
-            velocity_per_s=(0.1, 5.0),
-            blind_s=(0.5, 30.0),
-        )
 
 
 @dataclass(frozen=True)

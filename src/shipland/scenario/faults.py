@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.scenario.seeds import generators_of
 
 if TYPE_CHECKING:
@@ -99,27 +99,19 @@ SIZES = {
 _SHARES = {FaultKind.DROPPED_FRAMES, FaultKind.CORRUPT_FRAMES, FaultKind.GLARE, FaultKind.SPOILED_VALUES}
 
 
-@dataclass(frozen=True)
+@parameters
 class Fault:
-    """One fault (`[[fault]]`).
+    """One fault (`[[fault]]`)."""
 
-    Attributes:
-        kind: what fails.
-        start_s: when, in the flight's time.
-        duration_s: for how long.
-        size: how much, as `FaultKind` says; None: `SIZES`.
-        direction_in_level: (3,) of a velocity that is off, forward, right, down, as a unit vector; None: drawn.
-    """
-
-    kind: FaultKind
-    start_s: float
-    duration_s: float
-    size: float | None = None
-    direction_in_level: tuple[float, float, float] | None = None
+    kind: FaultKind = key(..., "what fails")
+    start_s: float = key(..., "when, in the flight's time", ge=0)
+    duration_s: float = key(..., "for how long", gt=0)
+    size: float | None = key(None, "how much, as `FaultKind` says; None: `SIZES`")
+    direction_in_level: tuple[float, float, float] | None = key(
+        None, "(3,) of a velocity that is off, forward, right, down, as a unit vector; None: drawn"
+    )
 
     def __post_init__(self) -> None:
-        require(self.start_s >= 0.0, f"start_s must not be negative, got {self.start_s}")
-        require(self.duration_s > 0.0, f"duration_s must be positive, got {self.duration_s}")
         if self.kind in _SHARES:
             require(0.0 < self.amount <= 1.0, f"size of {self.kind.value} is a share, got {self.size}")
         if self.kind is FaultKind.WEAK_MOTOR:
@@ -148,32 +140,23 @@ class Fault:
         return self.start_s <= t_s < self.end_s
 
 
-@dataclass(frozen=True)
+@parameters
 class FaultDraw:
-    """Faults drawn by the flight's seed (`[fault_draw]`).
+    """Faults drawn by the flight's seed (`[fault_draw]`)."""
 
-    Attributes:
-        kinds: among which is drawn; empty: nothing fails.
-        every_kind: drawn among all there are.
-        count: faults a flight.
-        earliest_s, latest_s: between which each begins.
-        shortest_s, longest_s: between which each lasts.
-        size: of each; None: a half to one and a half of its usual size.
-        direction_in_level: of each that has one, as in `Fault`.
-    """
-
-    kinds: tuple[FaultKind, ...]
-    every_kind: bool
-    count: int
-    earliest_s: float
-    latest_s: float
-    shortest_s: float
-    longest_s: float
-    size: float | None = None
-    direction_in_level: tuple[float, float, float] | None = None
+    kinds: tuple[FaultKind, ...] = key(
+        (), "among which is drawn; empty: nothing fails", "among which is drawn; none: nothing fails"
+    )
+    every_kind: bool = key(False, "drawn among all there are", "true: among all")
+    count: int = key(1, "faults a flight", ge=1)
+    earliest_s: float = key(2.0, "first start of a fault", ge=0)
+    latest_s: float = key(15.0, "last start of a fault", "a near landing takes 15 s")
+    shortest_s: float = key(0.5, "shortest fault", gt=0)
+    longest_s: float = key(4.0, "longest fault")
+    size: float | None = key(None, "of each; None: a half to one and a half of its usual size")
+    direction_in_level: tuple[float, float, float] | None = key(None, "of each that has one, as in `Fault`")
 
     def __post_init__(self) -> None:
-        require(self.count >= 1, f"count must be 1 or more, got {self.count}")
         require(0.0 <= self.earliest_s <= self.latest_s, "0 <= earliest_s <= latest_s must hold")
         require(0.0 < self.shortest_s <= self.longest_s, "0 < shortest_s <= longest_s must hold")
 

@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,6 @@ import numpy as np
 
 from shipland import factories
 from shipland.camera import Camera
-from shipland.config import build, packaged_toml
 from shipland.factories import Factory
 from shipland.flight import FlightResult, fly
 from shipland.messages import FlightRecord, TouchdownVerdict
@@ -103,11 +102,10 @@ def flight_log(
     """A log of one flight without pictures."""
     from shipland.record.writer import LogParameters, LogWriter
 
-    parameters = build(LogParameters, packaged_toml("outputs")["log"], "outputs.log")
     return LogWriter(
         path,
         flight_info(scenario, pilot, vision, seed, command),
         scenario.rig,
         Camera.from_parameters(scenario.camera),
-        replace(parameters, image_rate_hz=0.0),
+        LogParameters(image_rate_hz=0.0),
     )

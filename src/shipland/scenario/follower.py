@@ -7,9 +7,9 @@ following alone, not by errors of measurement.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from shipland.config import require
+from shipland.config import key, parameters
 from shipland.frames import euler_from_rotation
 from shipland.guidance.laws import clamp
 from shipland.guidance.pilot import Pilot
@@ -17,20 +17,12 @@ from shipland.messages import Decision, Mode, Observation, PilotCommand, Telemet
 from shipland.vehicles.vehicle import GroundTruthSource
 
 
-@dataclass(frozen=True)
+@parameters
 class FollowParameters:
-    """`[follow]`.
+    """`[follow]`."""
 
-    Attributes:
-        enabled: whether the deck's attitude is followed.
-        below_m: only while landing lower than this over the deck.
-    """
-
-    enabled: bool
-    below_m: float
-
-    def __post_init__(self) -> None:
-        require(self.below_m > 0.0, f"below_m must be positive, got {self.below_m}")
+    enabled: bool = key(False, "whether the deck's attitude is followed")
+    below_m: float = key(0.5, "only while landing lower than this over the deck", "over the deck; chosen", gt=0)
 
 
 class DeckFollower:

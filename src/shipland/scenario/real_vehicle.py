@@ -7,7 +7,7 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 
 from shipland import factories
 from shipland.camera import Camera
-from shipland.config import build, layered, read_toml
+from shipland.config import build, read_toml
 from shipland.errors import ConfigError, VehicleError
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.response import Response
@@ -25,7 +25,7 @@ from shipland.messages import Override
 from shipland.record.reader import read_log
 from shipland.scenario.scenario import Scenario
 from shipland.stopping import ignored
-from shipland.vehicles.address import Address, VehicleSetup
+from shipland.vehicles.address import Address, VehicleSetup, vehicle_table
 from shipland.vehicles.checks import Check, PreflightParameters
 from shipland.vehicles.replay import Recorded, ReplayVehicle, recorded_video
 from shipland.vehicles.vehicle import Real, Vehicle
@@ -40,7 +40,7 @@ def make_vehicle(
         address: `scheme://place?option=value`.
         scenario: its `[camera]` holds where there is no calibration.
         calibration: OpenCV calibration file of the camera.
-        config: file laid over vehicles.toml.
+        config: file of sections of vehicles.
         log: file for raw messages of the link.
 
     Raises:
@@ -50,7 +50,7 @@ def make_vehicle(
     """
     where = Address.parse(address)
     camera = Camera.from_parameters(scenario.camera) if calibration is None else Camera.from_opencv_yaml(calibration)
-    setup = VehicleSetup(where, camera, layered("vehicles", config), log)
+    setup = VehicleSetup(where, camera, vehicle_table(config), log)
     vehicle: Vehicle = factories.resolve("vehicles", where.scheme)(setup)
     return vehicle
 
@@ -110,7 +110,11 @@ def identified(path: Path, assumed: Response) -> Response:
 
 
 def checklist(
-    vehicle: Vehicle, scenario: Scenario, calibration: Path | None, wind_mps: float, table: dict[str, Any]
+    vehicle: Vehicle,
+    scenario: Scenario,
+    calibration: Path | None,
+    wind_mps: float,
+    table: Mapping[str, Mapping[str, Any]],
 ) -> list[Check]:
     """Everything that is looked at before a flight; the vehicle is connected.
 
@@ -119,7 +123,7 @@ def checklist(
         scenario: rig and safety.
         calibration: of the camera, or None.
         wind_mps: what is expected, gusts included.
-        table: vehicles.toml.
+        table: see `vehicle_table`.
     """
     if not isinstance(vehicle, Real):
         return []

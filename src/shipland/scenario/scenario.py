@@ -1,9 +1,7 @@
-"""Scenarios: the packaged defaults, a scenario laid over them, the user's file and settings over both."""
+"""Scenarios: the defaults, a scenario laid over them, the user's file and settings over both."""
 
 from __future__ import annotations
 
-import dataclasses
-import enum
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import reduce
@@ -13,12 +11,16 @@ from typing import Any
 from shipland.camera import CameraParameters
 from shipland.config import (
     Table,
+    at_scale,
     build,
+    defaults,
+    key,
     merge,
     nested,
     packaged_names,
-    packaged_text,
     packaged_toml,
+    parameters,
+    plain,
     read_toml,
     require,
     settings,
@@ -43,47 +45,46 @@ from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.selector import VisionSelectorParameters
 
 
-@dataclass(frozen=True)
+@parameters
 class Scenario:
-    """Everything that a simulated flight is made of, but for pilot, vision and seed; one attribute a TOML section.
+    """Everything that a simulated flight is made of, but for pilot, vision and seed; one attribute a TOML section."""
 
-    Attributes:
-        name: of the packaged scenario or of the file.
-        description: one line for people.
-        time_limit_s: of one flight.
-        fault: what fails, on schedule.
-    """
-
-    name: str
-    description: str
-    time_limit_s: float
-    rig: Rig
-    camera: CameraParameters
-    delays: DelayParameters
-    aircraft: AircraftParameters
-    start: StartParameters
-    ship: ShipParameters
-    wind: WindParameters
-    scene: SceneParameters
-    verdict: VerdictParameters
-    vision: VisionParameters
-    detector: DetectorParameters
-    selector: VisionSelectorParameters
-    guidance: GuidanceParameters
-    safety: SafetyParameters
-    geometric: GeometricParameters
-    follow: FollowParameters
-    fault: tuple[Fault, ...]
-    fault_draw: FaultDraw
+    name: str = key(..., "of the packaged scenario or of the file")
+    description: str = key("", "one line for people")
+    time_limit_s: float = key(420.0, "of one flight", "chosen: as the longest of the packaged scenarios", gt=0)
+    rig: Rig = Rig()
+    camera: CameraParameters = CameraParameters()
+    delays: DelayParameters = DelayParameters()
+    aircraft: AircraftParameters = AircraftParameters()
+    start: StartParameters = StartParameters()
+    ship: ShipParameters = ShipParameters()
+    wind: WindParameters = WindParameters()
+    scene: SceneParameters = SceneParameters()
+    verdict: VerdictParameters = VerdictParameters()
+    vision: VisionParameters = VisionParameters()
+    detector: DetectorParameters = key(
+        DetectorParameters(threads=1), "", "one thread: a flight repeats bit by bit, campaigns fly one a core"
+    )
+    selector: VisionSelectorParameters = VisionSelectorParameters()
+    guidance: GuidanceParameters = GuidanceParameters()
+    safety: SafetyParameters = SafetyParameters()
+    geometric: GeometricParameters = GeometricParameters()
+    follow: FollowParameters = FollowParameters()
+    fault: tuple[Fault, ...] = key(
+        (),
+        "on schedule",
+        'e.g. [{ kind = "link_loss", start_s = 12.0, duration_s = 2.0 }]: docs/how-to/inject-faults.md',
+    )
+    fault_draw: FaultDraw = FaultDraw()
 
     def __post_init__(self) -> None:
-        require(self.time_limit_s > 0.0, f"time_limit_s must be positive, got {self.time_limit_s}")
         found = list(contradictions(self))
         require(not found, "; ".join(found))
 
     def table(self) -> Table:
         """The whole merged configuration in plain TOML and JSON types; `load_scenario` reads it back."""
-        return {name: _plain(value) for name, value in dataclasses.asdict(self).items()}
+        table: Table = plain(self)
+        return table
 
 
 @dataclass(frozen=True)
@@ -91,21 +92,12 @@ class ConfigLayer:
     """One source of a configuration.
 
     Attributes:
-        name: of the file, or `--set`.
+        name: "default", a file, or `--set`.
         table: the keys that it gives.
-        text: the TOML text that they come from, with its comments; empty for `--set`.
     """
 
     name: str
     table: Table
-    text: str
-
-
-def default_layers() -> list[ConfigLayer]:
-    """What every scenario is laid over: the defaults, and how the far detectors run."""
-    # One thread: a flight is repeated bit by bit, and campaigns fly one flight a core.
-    detector = packaged_toml("learning")["detector"] | {"threads": 1}
-    return [_packaged("default"), ConfigLayer("learning.toml", {"detector": detector}, packaged_text("learning"))]
 
 
 def scenario_layers(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> list[ConfigLayer]:
@@ -121,11 +113,19 @@ def scenario_layers(source: str | Path, config: Path | None = None, changes: Ite
     else:
         known = ", ".join(packaged_names("scenarios"))
         raise ConfigError(f"no scenario {str(source)!r}; there are: {known}, or give a path that ends in .toml")
-    named = ConfigLayer("the name given", {"name": Path(source).stem}, "")
-    layers = [*default_layers(), named, *_with_parts(scenario)]
+    layers = [ConfigLayer("the name given", {"name": Path(source).stem}), *_with_parts(scenario)]
     if config is not None:
         layers += _with_parts(_file(config))
-    return [*layers, ConfigLayer("--set", settings(changes), "")]
+    layers.append(ConfigLayer("--set", settings(changes)))
+    return [ConfigLayer("default", usual(reduce(merge, (layer.table for layer in layers), {}))), *layers]
+
+
+def usual(table: Mapping[str, Any]) -> Table:
+    """Defaults of a scenario, those of pilot and safety at the `guidance.length_scale` that a table gives."""
+    guidance = table.get("guidance")
+    scale = guidance.get("length_scale", 1.0) if isinstance(guidance, Mapping) else 1.0
+    known = isinstance(scale, int | float) and 0.0 < scale <= 100.0 and scale != 1.0
+    return at_scale(Scenario, float(scale)) if known else plain(defaults(Scenario))
 
 
 def scenario_table(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> Table:
@@ -143,11 +143,11 @@ def scenario_table(source: str | Path, config: Path | None = None, changes: Iter
 
 
 def _packaged(name: str) -> ConfigLayer:
-    return ConfigLayer(f"{name}.toml", packaged_toml(name), packaged_text(name))
+    return ConfigLayer(f"{name}.toml", packaged_toml(name))
 
 
 def _file(path: Path) -> ConfigLayer:
-    return ConfigLayer(str(path), read_toml(path), path.read_text(encoding="utf-8-sig"))
+    return ConfigLayer(str(path), read_toml(path))
 
 
 def _with_parts(layer: ConfigLayer) -> list[ConfigLayer]:
@@ -156,7 +156,7 @@ def _with_parts(layer: ConfigLayer) -> list[ConfigLayer]:
     if not isinstance(parts, list):
         raise ConfigError(f"parts must be a list of names, got {parts!r}")
     rest = {key: value for key, value in layer.table.items() if key != "parts"}
-    return [*(_packaged(f"parts/{part}") for part in parts), ConfigLayer(layer.name, rest, layer.text)]
+    return [*(_packaged(f"parts/{part}") for part in parts), ConfigLayer(layer.name, rest)]
 
 
 def load_scenario(source: str | Path | Mapping[str, Any], /, **overrides: Any) -> Scenario:  # noqa: ANN401
@@ -171,14 +171,5 @@ def load_scenario(source: str | Path | Mapping[str, Any], /, **overrides: Any) -
         ConfigError: it names what is wrong.
     """
     table = source if isinstance(source, Mapping) else scenario_table(source)
-    return build(Scenario, merge({"name": "own"} | dict(table), nested(overrides)), "configuration")
-
-
-def _plain(value: Any) -> Any:  # noqa: ANN401 - of any configured type
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, enum.Enum):
-        return value.value
-    return str(value) if isinstance(value, Path) else value
+    table = merge({"name": "own"} | dict(table), nested(overrides))
+    return build(Scenario, merge(usual(table), table), "configuration")

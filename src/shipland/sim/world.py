@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from shipland.camera import CameraParameters
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.frames import GRAVITY_MPS2, rows_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
@@ -65,29 +65,20 @@ IMPACT_MPS2 = 0.3 * GRAVITY_MPS2
 """Upward jerk of the vertical speed that counts as a felt impact."""
 
 
-@dataclass(frozen=True)
+@parameters
 class StartParameters:
-    """Where a flight begins, against the ship at t = 0 (`[start]`); uniform within a half-range of each value.
+    """Where a flight begins, against the ship at t = 0 (`[start]`); uniform within a half-range of each value."""
 
-    Attributes:
-        distance_m, distance_half_range_m: over ground from the deck's centre.
-        bearing_deg, bearing_half_range_deg: off the axis straight astern, positive to starboard.
-        height_m, height_half_range_m: above the neutral deck.
-        heading_error_deg, heading_error_half_range_deg: of the nose, off the deck's centre, clockwise positive.
-    """
-
-    distance_m: float
-    distance_half_range_m: float
-    bearing_deg: float
-    bearing_half_range_deg: float
-    height_m: float
-    height_half_range_m: float
-    heading_error_deg: float
-    heading_error_half_range_deg: float
+    distance_m: float = key(12.0, "over ground from the deck's centre", "chosen: the bar's detection range with margin")
+    distance_half_range_m: float = key(2.0, "drawn evenly within this much either side", ge=0)
+    bearing_deg: float = key(0.0, "off the axis straight astern, positive to starboard")
+    bearing_half_range_deg: float = key(10.0, "drawn evenly within this much either side", ge=0)
+    height_m: float = key(1.5, "above the neutral deck")
+    height_half_range_m: float = key(0.5, "drawn evenly within this much either side", ge=0)
+    heading_error_deg: float = key(0.0, "of the nose, off the deck's centre, clockwise positive")
+    heading_error_half_range_deg: float = key(5.0, "drawn evenly within this much either side", ge=0)
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require("half_range" not in name or value >= 0.0, f"{name} must not be negative, got {value}")
         require(self.distance_m >= self.distance_half_range_m, "distance_m must not be below distance_half_range_m")
         above = self.height_m > self.height_half_range_m
         require(above, "height_m must be above height_half_range_m: flights start above the deck")

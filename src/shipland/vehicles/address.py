@@ -10,6 +10,7 @@ from typing import Protocol
 from urllib.parse import parse_qsl
 
 from shipland.camera import Camera
+from shipland.config import merge, packaged_toml, sections
 from shipland.errors import ConfigError
 from shipland.vehicles.vehicle import Vehicle
 
@@ -86,7 +87,7 @@ class VehicleSetup:
     Attributes:
         address: where it is.
         camera: intrinsics of its pictures, where the vehicle does not bring its own.
-        table: sections of `vehicles.toml`, the user's file laid over it.
+        table: see `vehicle_table`.
         log: file for what link and vehicle say to each other, where somebody wants it.
     """
 
@@ -94,6 +95,13 @@ class VehicleSetup:
     camera: Camera
     table: Mapping[str, Mapping[str, object]]
     log: Path | None = None
+
+
+def vehicle_table(path: Path | None) -> Mapping[str, Mapping[str, object]]:
+    """The user's file over what is assumed of vehicles, a table for each section; ConfigError when it is wrong."""
+    known = ("mavlink", "anafi", "touchdown", "camera", "preflight", "response")
+    assumed: Mapping[str, Mapping[str, object]] = {name: {} for name in known} | packaged_toml("vehicles")
+    return merge(assumed, sections(path, known))
 
 
 class VehicleFactory(Protocol):

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from shipland.config import require_within
+from shipland.config import key, parameters
 from shipland.errors import VehicleError
 from shipland.messages import GimbalAttitude, GroundTruth, TouchdownVerdict
 
@@ -33,20 +33,14 @@ _REOPEN_TIMEOUT_S = 3.0
 """Timeout of the first picture of a source that is opened again; the flight waits."""
 
 
-@dataclass(frozen=True)
+@parameters
 class StreamParameters:
-    """`[camera]` of vehicles.toml.
+    """`[camera]`."""
 
-    Attributes:
-        latency_s: from exposure to receipt.
-        open_timeout_s: to the first picture.
-    """
-
-    latency_s: float
-    open_timeout_s: float
-
-    def __post_init__(self) -> None:
-        require_within(self, latency_s=(0.0, 3.0), open_timeout_s=(0.5, 120.0))
+    latency_s: float = key(
+        0.2, "from exposure to receipt", "chosen; measure yours: docs/how-to/fly-a-vehicle.md", ge=0, le=3
+    )
+    open_timeout_s: float = key(10.0, "to the first picture", ge=0.5, le=120)
 
 
 @dataclass(frozen=True)

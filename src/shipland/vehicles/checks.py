@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from shipland.config import require_within
+from shipland.config import key, parameters
 
 
 @dataclass(frozen=True)
@@ -26,32 +26,15 @@ class Check:
         return f"{'ok  ' if self.ok else 'FAIL'}  {self.name:<14} {self.words}"
 
 
-@dataclass(frozen=True)
+@parameters
 class PreflightParameters:
-    """`[preflight]` of vehicles.toml.
+    """`[preflight]`."""
 
-    Attributes:
-        picture_hz, picture_age_s: least rate and largest age of pictures.
-        telemetry_hz: least rate of attitudes.
-        round_trip_s: largest time of a message there and back.
-        battery_percent: least charge.
-        wind_share: largest wind, as a share of what full tilt can hold against.
-    """
-
-    picture_hz: float
-    picture_age_s: float
-    telemetry_hz: float
-    round_trip_s: float
-    battery_percent: float
-    wind_share: float
-
-    def __post_init__(self) -> None:
-        require_within(
-            self,
-            picture_hz=(1.0, 240.0),
-            picture_age_s=(0.01, 3.0),
-            telemetry_hz=(1.0, 400.0),
-            round_trip_s=(0.01, 3.0),
-            battery_percent=(1.0, 100.0),
-            wind_share=(0.01, 1.0),
-        )
+    picture_hz: float = key(10.0, "least rate of pictures", "least rate of pictures", ge=1, le=240)
+    picture_age_s: float = key(0.6, "largest: stated latency and time behind the quickest picture", ge=0.01, le=3)
+    telemetry_hz: float = key(8.0, "least rate of attitudes", "least rate of attitude", ge=1, le=400)
+    round_trip_s: float = key(
+        0.3, "largest time of a message there and back", "largest round trip of a message", ge=0.01, le=3
+    )
+    battery_percent: float = key(40.0, "least charge", ge=1, le=100)
+    wind_share: float = key(0.6, "largest wind, as a share of what full tilt holds against", ge=0.01, le=1)

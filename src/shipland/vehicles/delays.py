@@ -4,67 +4,88 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters
 from shipland.messages import Observation, Telemetry
 from shipland.sim.aircraft.sensors import Readings
 
 
-@dataclass(frozen=True)
+@parameters
 class PartParameters:
-    """One value's schedule.
+    """One value's schedule."""
 
-    Attributes:
-        rate_hz: readings a second; 0: never given.
-        latency_s: from a reading to its arrival.
-    """
-
-    rate_hz: float
-    latency_s: float
-
-    def __post_init__(self) -> None:
-        require(0.0 <= self.rate_hz <= 250.0, f"rate_hz must be 0…250, got {self.rate_hz}")
-        require(self.latency_s >= 0.0, f"latency_s must not be negative, got {self.latency_s}")
+    rate_hz: float = key(..., "readings a second; 0: never given", ge=0, le=250)
+    latency_s: float = key(..., "from a reading to its arrival", ge=0)
 
 
-@dataclass(frozen=True)
+@parameters
 class ProfileParameters:
-    """What one kind of link gives.
+    """What one kind of link gives."""
 
-    Attributes:
-        with_frames: everything comes in the pictures' metadata: read at exposure, arriving with the picture. Parts with
-            a rate of 0 are left out; other rates and latencies have no meaning then.
-        attitude, heading, height, velocity: schedules.
-    """
-
-    with_frames: bool
-    attitude: PartParameters
-    heading: PartParameters
-    height: PartParameters
-    velocity: PartParameters
+    with_frames: bool = key(
+        ...,
+        "everything comes in the pictures' metadata: read at exposure, arriving with the picture. Parts with a "
+        "rate of 0 are left out; other rates and latencies have no meaning then",
+    )
+    attitude: PartParameters = key(..., "when the attitude is sent")
+    heading: PartParameters = key(..., "when the heading is sent")
+    height: PartParameters = key(..., "when the height is sent")
+    velocity: PartParameters = key(..., "when the velocity is sent")
 
 
-@dataclass(frozen=True)
+@parameters
 class TelemetryParameters:
-    """Profiles, and which is flown.
+    """Profiles, and which is flown."""
 
-    Attributes:
-        profile: name of one below.
-        anafi: events.
-        anafi_metadata: the video's metadata.
-        mavlink: PX4's or ArduPilot's streams.
-        none: battery, link, whether it flies; nothing else.
-    """
-
-    profile: Literal["anafi", "anafi_metadata", "mavlink", "none"]
-    anafi: ProfileParameters
-    anafi_metadata: ProfileParameters
-    mavlink: ProfileParameters
-    none: ProfileParameters
+    profile: Literal["anafi", "anafi_metadata", "mavlink", "none"] = key(
+        "anafi", "name of one below", "anafi | anafi_metadata | mavlink | none"
+    )
+    anafi: ProfileParameters = key(
+        ProfileParameters(
+            with_frames=False,
+            attitude=PartParameters(5.0, 0.1),
+            heading=PartParameters(5.0, 0.1),
+            height=PartParameters(5.0, 0.1),
+            velocity=PartParameters(5.0, 0.1),
+        ),
+        "events",
+        "Olympe: 5 Hz, measured at about 0.1 s",
+    )
+    anafi_metadata: ProfileParameters = key(
+        ProfileParameters(
+            with_frames=True,
+            attitude=PartParameters(30.0, 0.0),
+            heading=PartParameters(30.0, 0.0),
+            height=PartParameters(30.0, 0.0),
+            velocity=PartParameters(30.0, 0.0),
+        ),
+        "the video's metadata",
+        "in every picture, with its latency",
+    )
+    mavlink: ProfileParameters = key(
+        ProfileParameters(
+            with_frames=False,
+            attitude=PartParameters(50.0, 0.03),
+            heading=PartParameters(50.0, 0.03),
+            height=PartParameters(30.0, 0.03),
+            velocity=PartParameters(50.0, 0.03),
+        ),
+        "streams of PX4 or ArduPilot",
+        "MAV_CMD_SET_MESSAGE_INTERVAL; latency of a telemetry radio: chosen",
+    )
+    none: ProfileParameters = key(
+        ProfileParameters(
+            with_frames=False,
+            attitude=PartParameters(0.0, 0.0),
+            heading=PartParameters(0.0, 0.0),
+            height=PartParameters(0.0, 0.0),
+            velocity=PartParameters(0.0, 0.0),
+        ),
+        "battery, link, whether it flies; nothing else",
+    )
 
     @property
     def chosen(self) -> ProfileParameters:
@@ -153,36 +174,35 @@ class TelemetryFeed:
         return self._start_s + self._count[name] / self._parts[name].rate_hz
 
 
-@dataclass(frozen=True)
+@parameters
 class DelayParameters:
-    """Video latency, processing time and uplink.
+    """Video latency, processing time and uplink."""
 
-    Attributes:
-        video_s: from a picture's exposure to its arrival.
-        video_jitter_s: standard deviation of what is added to that, always positive; pictures stay in order.
-        video_loss_share: part of the pictures that never arrive.
-        video_clock_s: standard deviation of what the pictures' time stamps are off by, constant in a flight.
-        uplink_s: from a command's being ready to its effect.
-        processing: what a cycle's processing takes: the paper's figures, the measured time, or nothing.
-        near_s: the paper's cycle on corners [Lee2022, §Experimental Setup].
-        learned_s: the paper's cycle on a learned detector.
-        telemetry: rate and latency of what the vehicle says of itself.
-    """
-
-    video_s: float
-    video_jitter_s: float
-    video_loss_share: float
-    video_clock_s: float
-    uplink_s: float
-    processing: Literal["paper", "measured", "zero"]
-    near_s: float
-    learned_s: float
-    telemetry: TelemetryParameters
-
-    def __post_init__(self) -> None:
-        for name in ("video_s", "video_jitter_s", "video_clock_s", "uplink_s", "near_s", "learned_s"):
-            require(getattr(self, name) >= 0.0, f"{name} must not be negative")
-        require(0.0 <= self.video_loss_share < 1.0, "video_loss_share must be at least 0 and below 1")
+    video_s: float = key(
+        0.28, "from a picture's exposure to its arrival", "Parrot ANAFI streaming latency as advertised", ge=0
+    )
+    video_jitter_s: float = key(
+        0.005, "added to that, always positive; pictures stay in order", "chosen: a quiet link close by", ge=0
+    )
+    video_loss_share: float = key(
+        0.002, "part of the pictures that never arrive", "chosen: a frame in 17 s", ge=0, lt=1
+    )
+    video_clock_s: float = key(
+        0.005, "error of the pictures' time stamps, constant in a flight", "chosen: after synchronising", ge=0
+    )
+    uplink_s: float = key(
+        0.025, "from a command's being ready to its effect", "Olympe sends piloting commands every 25 ms", ge=0
+    )
+    processing: Literal["paper", "measured", "zero"] = key(
+        "paper", "what a cycle's processing takes", "paper | measured | zero"
+    )
+    near_s: float = key(
+        0.03, "the paper's cycle on corners [Lee2022, §Experimental Setup]", "[Lee2022]: cycle time on corners", ge=0
+    )
+    learned_s: float = key(
+        0.5, "the paper's cycle on a learned detector", "[Lee2022]: cycle time on a learned detector", ge=0
+    )
+    telemetry: TelemetryParameters = key(TelemetryParameters(), "rate and latency of what the vehicle says of itself")
 
     def processing_s(self, observation: Observation, measured_s: float) -> float:
         """Time that a cycle's processing is taken to last [s].

@@ -14,7 +14,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from shipland.config import require_within
+from shipland.config import key, parameters
 from shipland.frames import GRAVITY_MPS2
 
 _LEAST_HOVER = 0.4
@@ -23,49 +23,29 @@ _HOVER_S = 5.0
 """Time constant of the hover throttle measured in flight."""
 
 
-@dataclass(frozen=True)
+@parameters
 class TouchdownParameters:
-    """`[touchdown]` of vehicles.toml.
+    """`[touchdown]`.
 
-    Attributes:
-        window_s: over which the lack of downward speed is taken.
-        touch_mps: lack that is a touch, as of one foot that a falling deck leaves again.
-        support_share: of gravity, which must be lacking all the while where it stands.
-        low_share: of the hover throttle, below which the throttle is low.
-        confirm_s: how long every window must be supported, at a low throttle, for it to stand.
-        release_s: so long without another such lack, and a touch was none, or has been bounced off.
-        insist_s: from the touch on, in which the descent goes on although the pilot has left it; and from the last
-            sight of the contact height on, in which a touch stays one.
-        press_mps: commanded descent after a touch, within the vehicle's own limit.
-        stale_s: older telemetry tells nothing.
-        range_m: where a downward rangefinder says more than this, there is no touchdown.
+    In 129 flights of two autopilots the lack over 0.2 s was at most 0.28 m/s in the air, above 1 on a deck.
     """
 
-    window_s: float
-    touch_mps: float
-    support_share: float
-    low_share: float
-    confirm_s: float
-    release_s: float
-    insist_s: float
-    press_mps: float
-    stale_s: float
-    range_m: float
-
-    def __post_init__(self) -> None:
-        require_within(
-            self,
-            window_s=(0.05, 1.0),
-            touch_mps=(0.05, 5.0),
-            support_share=(0.05, 0.95),
-            low_share=(0.05, 0.8),
-            confirm_s=(0.05, 5.0),
-            release_s=(0.05, 5.0),
-            insist_s=(0.05, 5.0),
-            press_mps=(0.05, 3.0),
-            stale_s=(0.05, 1.0),
-            range_m=(0.05, 5.0),
-        )
+    window_s: float = key(0.2, "over which the lack of downward speed is taken", ge=0.05, le=1)
+    touch_mps: float = key(0.45, "lack that is a touch, as of one foot that a falling deck leaves again", ge=0.05, le=5)
+    support_share: float = key(0.3, "of gravity, which must be lacking all the while where it stands", ge=0.05, le=0.95)
+    low_share: float = key(0.6, "of the hover throttle, below which the throttle is low", ge=0.05, le=0.8)
+    confirm_s: float = key(
+        0.2, "how long every window must be supported, at a low throttle, for it to stand", ge=0.05, le=5
+    )
+    release_s: float = key(
+        0.4, "so long without another such lack, and a touch was none, or has been bounced off", ge=0.05, le=5
+    )
+    insist_s: float = key(
+        1.0, "a touch outlives the pilot's landing and the sight of the contact height by so much", ge=0.05, le=5
+    )
+    press_mps: float = key(1.5, "commanded descent after a touch, within the vehicle's own limit", ge=0.05, le=3)
+    stale_s: float = key(0.2, "older telemetry tells nothing", ge=0.05, le=1)
+    range_m: float = key(0.5, "where a downward rangefinder says more than this, there is no touchdown", ge=0.05, le=5)
 
 
 class GroundContact(enum.Enum):

@@ -7,36 +7,32 @@ corners are being followed.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from shipland.config import require, require_within
+from shipland.config import key, parameters
 from shipland.messages import Frame, Observation
 from shipland.vision.vision import Vision
 
 
-@dataclass(frozen=True)
+@parameters
 class VisionSelectorParameters:
-    """`[selector]`.
+    """`[selector]`."""
 
-    Attributes:
-        corners_bar_px: least width of the bar's box for which corners are looked for.
-        corners_ship_px: least width of the ship's box for which they are, without a bar's box.
-        patience_s: time after a pose in which no detector runs, so that a few frames without corners start none.
-        memory_s: age from which boxes are ignored.
-        deck_pitch_deg: camera pitch below which only the deck is looked for.
-    """
-
-    corners_bar_px: float
-    corners_ship_px: float
-    patience_s: float
-    memory_s: float
-    deck_pitch_deg: float
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value >= 0.0 or name == "deck_pitch_deg", f"{name} must not be negative, got {value}")
-        require_within(self, patience_s=(0.0, 10.0), memory_s=(0.0, 30.0))
-        require(-90.0 <= self.deck_pitch_deg < -25.0, "deck_pitch_deg must lie in [-90, -25): a search looks down too")
+    corners_bar_px: float = key(
+        45.0, "least width of the bar's box for which corners are looked for", "the bar at 29 m", ge=0
+    )
+    corners_ship_px: float = key(
+        50.0, "least width of the ship's box for which they are, without a bar's box", "the platform at 33 m", ge=0
+    )
+    patience_s: float = key(
+        0.35, "after a pose no detector runs for so long", "ten frames; less than guidance.modes.lost_s", ge=0, le=10
+    )
+    memory_s: float = key(
+        2.0, "age from which boxes are ignored", "four cycles of the paper's learned detector", ge=0, le=30
+    )
+    deck_pitch_deg: float = key(
+        -45.0, "camera pitch below which only the deck is looked for", "a search looks down by 25°", ge=-90, lt=-25
+    )
 
 
 class VisionSelector:

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from shipland.config import require
+from shipland.config import key, parameters, scaled
 from shipland.estimation.relative_state import (
     POSITION,
     STATES,
@@ -40,29 +40,18 @@ INPUT, TRACKED, TRACKED_RATE = STATES, STATES + 1, STATES + 2
 """Index of the input before in the control's state; of the speed that a servo with an integral tracks, and its rate."""
 
 
-@dataclass(frozen=True)
+@parameters
 class Weights:
-    """`[guidance.horizon.weights]`: costs against a squared metre.
+    """`[guidance.horizon.weights]`: costs against a squared metre."""
 
-    Attributes:
-        speed: of a squared metre per second against the bar [s²].
-        acceleration: of the aircraft's own, squared [s⁴].
-        input_rate: of the rate of the input asked for, squared [s⁶ for tilts, s⁴ for speeds].
-        final_place, final_speed: at contact, where the time to it is known.
-        horizon_s: longest time to contact that gains are kept for.
-    """
-
-    speed: float
-    acceleration: float
-    input_rate: float
-    final_place: float
-    final_speed: float
-    horizon_s: float
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value >= 0.0, f"{name} must not be negative, got {value}")
-        require(self.input_rate > 0.0, "input_rate must be positive")
+    speed: float = scaled(0.01, "of a squared metre per second against the bar [s²]", power=1.0, ge=0)
+    acceleration: float = scaled(0.0015, "of the aircraft's own, squared [s⁴]", power=2.0, ge=0)
+    input_rate: float = scaled(
+        3e-6, "of the rate of the input asked for, squared [s⁶ for tilts, s⁴ for speeds]", power=3.0, gt=0
+    )
+    final_place: float = key(1.0, "on place at contact, where the time to it is known", ge=0)
+    final_speed: float = key(0.1, "on speed at contact", ge=0)
+    horizon_s: float = scaled(2.0, "longest time to contact that gains are kept for", ge=0)
 
 
 @dataclass(frozen=True)

@@ -3,42 +3,30 @@
 from __future__ import annotations
 
 import logging
-import math
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from shipland.config import key, parameters
 from shipland.errors import ConfigError
 from shipland.files import check_digest, json_of
 from shipland.former import todays
 from shipland.frames import Array
-from shipland.guidance.horizon.steering import AXIS_ENTRIES, ENTRIES, LIMIT, WHOLE_ENTRIES, Action, Kind, Steered
+from shipland.guidance.horizon.steering import ENTRIES, Action, Kind, Steered, observation_of
 from shipland.guidance.response import Response
 
 FORMAT = "shipland-policy-1"
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
+@parameters
 class LearnedParameters:
-    """`[guidance.learned]`: which policies the pilots `residual` and `learned` fly.
+    """`[guidance.learned]`: which policies the pilots `residual` and `learned` fly."""
 
-    Attributes:
-        residual, direct: packaged name, or path of a policy that `shipland learn` made.
-    """
-
-    residual: str
-    direct: str
-
-
-def observation_of(seen: Steered) -> Array:
-    """(n,) what a policy sees, scaled: `ENTRIES`."""
-    values = [getattr(seen, name) / scale for name, scale in AXIS_ENTRIES]
-    whole = [getattr(seen, name) / scale for name, scale in WHOLE_ENTRIES]
-    return np.asarray(np.clip(np.concatenate([*values, whole]), -LIMIT, LIMIT))
+    residual: str = key("residual", "packaged name, or path of a policy that `shipland learn` made")
+    direct: str = key("direct", "likewise")
 
 
 class LearnedSteering:
@@ -68,7 +56,7 @@ class LearnedSteering:
     def input_mps2(self, seen: Steered) -> Array:
         """See `Steering`."""
         own = seen.wanted_mps2
-        if not self._fits or math.hypot(*seen.offset_m.tolist()) > self._action.reach_m:
+        if not self._fits or not self._action.applies(seen):
             return own
         try:
             observation = observation_of(seen).astype(np.float32)[None]
@@ -81,8 +69,7 @@ class LearnedSteering:
             self._fail("its action is not finite")
             return own
         self.note = ""
-        bounded = self._action.bound_mps2 * np.clip(action, -1.0, 1.0)
-        return np.asarray(own + bounded if self._action.kind == "residual" else bounded)
+        return self._action.input_mps2(seen, action)
 
     def _fail(self, why: str) -> None:
         note = f"policy left out: {' '.join(why.split())}"

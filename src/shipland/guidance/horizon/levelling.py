@@ -7,9 +7,8 @@ aircraft would drift with the wind.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from shipland.config import require
+from shipland.config import key, parameters
 from shipland.frames import GRAVITY_MPS2, Array
 from shipland.guidance.response import Response
 
@@ -17,28 +16,17 @@ _KICK_MPS2 = 3.0
 """Largest acceleration of an autopilot that tracks a speed: PX4's MPC_ACC_HOR as delivered."""
 
 
-@dataclass(frozen=True)
+@parameters
 class LevellingParameters:
-    """`[guidance.horizon.levelling]`.
+    """`[guidance.horizon.levelling]`."""
 
-    Attributes:
-        tilt_deg: a tilt that may stay at contact.
-        lags: the command is level this many of the vehicle's lags before contact.
-        touch_deg, touch_m, touch_offset_m: in a wind that takes a larger tilt to hold, the final descent begins this
-            close above contact with a predicted offset up to this: a contact by a gust would be too tilted.
-    """
-
-    tilt_deg: float
-    lags: float
-    touch_deg: float
-    touch_m: float
-    touch_offset_m: float
-
-    def __post_init__(self) -> None:
-        for name in ("tilt_deg", "touch_deg"):
-            require(0.0 <= getattr(self, name) < 90.0, f"{name} must be in 0…90, got {getattr(self, name)}")
-        for name in ("lags", "touch_m", "touch_offset_m"):
-            require(getattr(self, name) >= 0.0, f"{name} must not be negative, got {getattr(self, name)}")
+    tilt_deg: float = key(
+        10.0, "a tilt that may stay at contact", "the deck's roll comes on top, and 25° are allowed", ge=0, lt=90
+    )
+    lags: float = key(1.5, "the command is level this many of the vehicle's lags before contact", ge=0)
+    touch_deg: float = key(16.0, "tilt to hold against the wind beyond which a gust must not make contact", ge=0, lt=90)
+    touch_m: float = key(0.08, "beyond it the final descent begins this close above contact", ge=0)
+    touch_offset_m: float = key(0.2, "with a predicted offset up to this", ge=0)
 
     @property
     def tilt_mps2(self) -> float:

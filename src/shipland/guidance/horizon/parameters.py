@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
-from shipland.config import require, require_within
+from shipland.config import key, parameters, require, scaled
 from shipland.estimation.delayed import DelayedParameters
 from shipland.estimation.gain import GainParameters
 from shipland.estimation.heading import HeadingNoise
@@ -16,219 +16,161 @@ from shipland.guidance.horizon.gains import Weights
 from shipland.guidance.horizon.levelling import LevellingParameters
 
 
-@dataclass(frozen=True)
+@parameters
 class MeasurementNoise:
-    """`[guidance.horizon.measured]`: least errors of what is measured.
+    """`[guidance.horizon.measured]`: least errors of what is measured."""
 
-    Attributes:
-        place_m, place_share: of a pose's place, and what grows with range.
-        picture_s: jitter of a picture's time; counts by the speed.
-        area_share, centre_px: of a box's area and centre.
-        repeated: boxes err alike in many frames; their variance counts so many times.
-        ship_as_stern: for its range a ship's box counts as no wider than a stern of its height: from the quarter a long
-            hull is wide.
-        box_m: least error of a box's place across the line of sight, and of its height.
-        first_mps, first_climb_mps: standard deviation of the speed against the bar when it is first seen.
-        first_way_mps: of the ship's speed, where it is first seen as a box.
-        lost_refusals, lost_s: this many positions rejected in a row restart the estimate; in a landing, if poses were
-            seen all the while, only this long after one that was accepted.
-        velocity_mps, velocity_down_mps: of the vehicle's velocity, horizontally and downward.
-        velocity_tracked_mps: horizontally, of one that the autopilot itself tracks: its errors are flown.
-        use_velocity: whether it is used at all.
-        flow: it comes from optical flow, and is relative to the ship where the ship is below.
-    """
-
-    place_m: float
-    place_share: float
-    picture_s: float
-    area_share: float
-    centre_px: float
-    repeated: float
-    ship_as_stern: bool
-    box_m: float
-    first_mps: float
-    first_way_mps: float
-    first_climb_mps: float
-    lost_refusals: int
-    lost_s: float
-    velocity_mps: float
-    velocity_down_mps: float
-    velocity_tracked_mps: float
-    use_velocity: bool
-    flow: bool
+    place_m: float = scaled(0.002, "of a pose's place")
+    place_share: float = key(0.001, "growth of a pose's error with range")
+    picture_s: float = key(0.005, "jitter of a picture's time; counts by the speed")
+    area_share: float = key(0.3, "of a box's area")
+    centre_px: float = key(2.0, "of a box's centre")
+    repeated: float = key(10.0, "boxes err alike in many frames; their variance counts so many times")
+    ship_as_stern: bool = key(False, "a ship's box counts as no wider than a stern of its height: long hulls are wide")
+    box_m: float = scaled(0.3, "least error of a box's place across the line of sight, and of its height")
+    first_mps: float = scaled(1.5, "standard deviation of the speed against the bar when it is first seen")
+    first_way_mps: float = key(2.0, "of the ship's speed, where it is first seen as a box", "chosen: ships to 4.5 m/s")
+    first_climb_mps: float = scaled(0.5, "standard deviation of the climb when the bar is first seen")
+    lost_refusals: int = key(10, "so many positions rejected in a row restart the estimate")
+    lost_s: float = key(
+        5.0, "in a landing with poses, only so long after one was accepted", "chosen: as long as leaps are refused"
+    )
+    velocity_mps: float = scaled(0.1, "of the vehicle's velocity, horizontally")
+    velocity_down_mps: float = scaled(0.04, "of the vehicle's velocity, downward")
+    velocity_tracked_mps: float = scaled(
+        0.04, "horizontally, of one that the autopilot itself tracks: its errors are flown"
+    )
+    use_velocity: bool = key(True, "whether it is used at all")
+    flow: bool = key(True, "it comes from optical flow, and is relative to the ship where the ship is below")
 
 
-@dataclass(frozen=True)
+@parameters
 class Margins:
-    """`[guidance.horizon.margins]`: lengths that scale with the ship's size and the aircraft's stopping distance.
+    """`[guidance.horizon.margins]`: lengths that scale with the ship's size and the aircraft's stopping distance."""
 
-    Attributes:
-        gentle_m: farther than this from the landing point the gentle gains fly.
-        on_axis_m: this near to the bar's axis the aircraft is lined up.
-        above_path_m: this much above the glide path counts as on it.
-        overhead_m: within this distance of the landing point the height wanted is that of the hover.
-        low_m: lower over the deck than this, heights do not tell the bar's heave.
-        committed_m: lower over the deck than this a landing is no longer broken off.
-        clear_ahead_m, clear_below_m: a go-around has ended this near to its end.
-    """
-
-    gentle_m: float
-    on_axis_m: float
-    above_path_m: float
-    overhead_m: float
-    low_m: float
-    committed_m: float
-    clear_ahead_m: float
-    clear_below_m: float
+    gentle_m: float = scaled(1.5, "farther than this from the landing point the gentle gains fly")
+    on_axis_m: float = scaled(0.5, "this near to the bar's axis the aircraft is lined up")
+    above_path_m: float = scaled(1.0, "this much above the glide path counts as on it")
+    overhead_m: float = scaled(2.0, "within this distance of the landing point the height wanted is that of the hover")
+    low_m: float = scaled(0.5, "lower over the deck than this, heights do not tell the bar's heave")
+    committed_m: float = scaled(0.35, "lower over the deck than this a landing is no longer broken off")
+    clear_ahead_m: float = scaled(1.0, "a go-around has ended this near to its end, horizontally")
+    clear_below_m: float = scaled(0.5, "and this little below it")
 
 
-@dataclass(frozen=True)
+@parameters
 class PathParameters:
-    """`[guidance.horizon.path]`: references and heights.
+    """`[guidance.horizon.path]`: references and heights."""
 
-    Attributes:
-        near_mps, near_brake_mps2: pace of the approach to the hover.
-        far_mps, far_brake_mps2: pace of the approach on boxes.
-        near_m: nearer than this to the bar the pace is that of the approach.
-        acceleration_mps2, closing_per_s, tracking_error_max_m, tracking_error_max_mps: of every reference.
-        stand_off_m: of the point flown to while the bar's heading is not known.
-        round_after_s, round_lead_deg: after this wait near it the aircraft flies around the bar, this far ahead.
-        line_up: metres astern of the hover point for a metre to its side.
-        far_above_m, glide_path_deg: height over the bar's centre far away, and the steepest way to it.
-        climb_per_s, climb_mps: of the height loop.
-        turn_per_s: of the heading loop.
-    """
-
-    near_mps: float
-    near_brake_mps2: float
-    far_mps: float
-    far_brake_mps2: float
-    near_m: float
-    acceleration_mps2: float
-    closing_per_s: float
-    tracking_error_max_m: float
-    tracking_error_max_mps: float
-    stand_off_m: float
-    round_after_s: float
-    round_lead_deg: float
-    line_up: float
-    far_above_m: float
-    glide_path_deg: float
-    climb_per_s: float
-    climb_mps: float
-    turn_per_s: float
+    near_mps: float = scaled(1.2, "speed of the approach to the hover")
+    near_brake_mps2: float = scaled(0.4, "deceleration of the approach to the hover")
+    far_mps: float = scaled(6.0, "speed of the approach on boxes")
+    far_brake_mps2: float = scaled(0.5, "deceleration of the approach on boxes")
+    near_m: float = scaled(12.0, "nearer than this to the bar the pace is that of the approach")
+    acceleration_mps2: float = key(0.8, "of every reference")
+    closing_per_s: float = scaled(0.7, "of every reference")
+    tracking_error_max_m: float = scaled(0.6, "of every reference")
+    tracking_error_max_mps: float = scaled(1.0, "of every reference")
+    stand_off_m: float = scaled(12.0, "of the point flown to while the bar's heading is not known")
+    round_after_s: float = key(20.0, "after this wait near the stand-off point the aircraft flies around the bar")
+    round_lead_deg: float = key(30.0, "how far ahead around the bar it flies")
+    line_up: float = key(1.0, "metres astern of the hover point for a metre to its side")
+    far_above_m: float = scaled(2.0, "height over the bar's centre far away")
+    glide_path_deg: float = key(15.0, "steepest way down to the hover")
+    climb_per_s: float = scaled(1.2, "gain of the height loop")
+    climb_mps: float = scaled(0.8, "fastest climb of the height loop")
+    turn_per_s: float = scaled(0.8, "of the heading loop")
 
 
-@dataclass(frozen=True)
+@parameters
 class DescentParameters:
-    """`[guidance.horizon.descent]`.
+    """`[guidance.horizon.descent]`."""
 
-    Attributes:
-        sink_mps: speed of the descent to `wait_height_m`.
-        wait_height_m: over the neutral deck, of the aircraft's centre; 0 descends without waiting.
-        wait_band_m: within this height above it the sink has ended.
-        slow_per_s: the sink slows towards it at this rate, so that the aircraft does not overshoot.
-        pause_m: the sink pauses while the offset is larger.
-        final_descent_mps: speed of the final descent.
-        final_descent_offset_m: predicted offset at contact at which the final descent begins.
-        relax_after_s, relax_per_s: after this wait the allowed offset grows by this share a second.
-        contact_height_m: of the aircraft's centre when its lowest foot touches the neutral deck.
-        deck_watch_height_m: over the neutral deck, during the deck watch.
-        deck_watch_offset_m: predicted offset from the deck's centre at contact at which the deck watch ends.
-        deck_watch_max_s: longest deck watch; then the landing goes on as with `moment = "any"`.
-        reacquire_s: from the last look down to the final descent: the camera looks up and poses correct the position.
-        reacquire_max_s: the final descent begins by then, or the deck watch begins again.
-        reacquire_offset_m: predicted offset from the deck's centre at contact at which the final descent begins.
-    """
-
-    sink_mps: float
-    wait_height_m: float
-    wait_band_m: float
-    slow_per_s: float
-    pause_m: float
-    final_descent_mps: float
-    final_descent_offset_m: float
-    relax_after_s: float
-    relax_per_s: float
-    contact_height_m: float
-    deck_watch_height_m: float
-    deck_watch_offset_m: float
-    deck_watch_max_s: float
-    reacquire_s: float
-    reacquire_max_s: float
-    reacquire_offset_m: float
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value >= 0.0, f"{name} must not be negative, got {value}")
-        require_within(self, sink_mps=(0.01, 5.0), final_descent_mps=(0.01, 5.0))
+    sink_mps: float = scaled(0.5, "speed of the descent to `wait_height_m`", ge=0.01, le=5)
+    wait_height_m: float = scaled(
+        0.2, "over the neutral deck, of the aircraft's centre; 0 descends without waiting", ge=0
+    )
+    wait_band_m: float = scaled(0.1, "within this height above it the sink has ended", ge=0)
+    slow_per_s: float = key(1.5, "the sink slows towards it at this rate and does not overshoot", ge=0)
+    pause_m: float = scaled(0.25, "the sink pauses while the offset is larger", ge=0)
+    final_descent_mps: float = scaled(1.0, "speed of the final descent", ge=0.01, le=5)
+    final_descent_offset_m: float = scaled(0.015, "predicted offset at contact at which the final descent begins", ge=0)
+    relax_after_s: float = scaled(6.0, "after this wait the allowed offset grows", ge=0)
+    relax_per_s: float = scaled(0.1, "share by which the allowed offset grows", ge=0)
+    contact_height_m: float = key(0.08, "of the centre as the lowest foot touches", "chosen: tilted by 20°", ge=0)
+    deck_watch_height_m: float = key(0.65, "over the neutral deck, during the deck watch", ge=0)
+    deck_watch_offset_m: float = key(0.03, "predicted offset at contact at which the deck watch ends", ge=0)
+    deck_watch_max_s: float = key(20.0, 'longest deck watch; then the landing goes on as with `moment = "any"`', ge=0)
+    reacquire_s: float = key(0.75, "from the last look down to the final descent: the camera looks up at the bar", ge=0)
+    reacquire_max_s: float = key(2.0, "the final descent begins by then, or the deck watch begins again", ge=0)
+    reacquire_offset_m: float = key(0.04, "predicted offset at contact at which the final descent begins then", ge=0)
 
 
-@dataclass(frozen=True)
+@parameters
 class HorizonParameters:
     """`[guidance.horizon]`.
 
-    Attributes:
-        moment: the final descent begins at any time, or in a lull of the bar's own motion, or when the deck, which the
-            camera watches, will be below the aircraft at contact.
-        lull_mps: what counts as a lull.
-        look_down_max_s: longest look down at the deck; then the camera looks up at the bar.
-        look_up_s: time with poses before it looks down again.
-        deck_rise_max_mps: the final descent does not begin where the deck will rise faster than this at contact.
-        deck_std_max_m: the deck's centre at contact is known when it is no more uncertain (standard deviation).
-        land_offset_m: a landing may begin with at most this offset (held for `guidance.modes.settle_s`).
-        abort_offset_m: a landing is broken off with more.
-        horizontal, vertical: what is not known along an axis of a vehicle whose sticks mean a tilt, and downward.
-        horizontal_servo: likewise of one that tracks a velocity: its autopilot trims the mean wind away.
-        gust_share, gust_share_at_sea: acceleration by gusts as a share of that by the mean wind, over land and over
-            the sea, where the bar moves; rounded to one of the levels.
-        gust_levels_mps2: ascending, in equal ratios.
-        heading, heading_turning: of a ship that keeps its course, and of one that turns.
-        turn_from_rad_s: yaw rate of the ship from which `heading_turning` holds.
-        position_std_max_m: without pictures the estimate is flown on up to this standard deviation of the position.
-        contact_std_max_m: a landing does not begin while the offset at contact is uncertain by more (standard
-            deviation).
+    All chosen: docs/explanation/pilots-cycle.md says how.
     """
 
-    moment: Literal["any", "lull", "deck"]
-    lull_mps: float
-    look_down_max_s: float
-    look_up_s: float
-    deck_rise_max_mps: float
-    deck_std_max_m: float
-    land_offset_m: float
-    abort_offset_m: float
-    contact_std_max_m: float
-    position_std_max_m: float
-    gust_share: float
-    gust_share_at_sea: float
-    gust_levels_mps2: tuple[float, ...]
-    horizontal: Disturbances
-    horizontal_servo: Disturbances
-    vertical: Disturbances
-    heading: HeadingNoise
-    heading_turning: HeadingNoise
-    turn_from_rad_s: float
-    measured: MeasurementNoise
-    delayed: DelayedParameters
-    latency: LatencyParameters
-    gain: GainParameters
-    wave: WaveParameters
-    weights: Weights
-    weights_blind: Weights
-    margins: Margins
-    path: PathParameters
-    descent: DescentParameters
-    levelling: LevellingParameters
+    moment: Literal["any", "lull", "deck"] = key(
+        "any",
+        "when the final descent begins",
+        "any | lull: in a lull of the bar | deck: as the deck will be below at contact",
+    )
+    lull_mps: float = scaled(0.1, "what counts as a lull")
+    look_down_max_s: float = key(2.5, "longest look down at the deck; then the camera looks up at the bar")
+    look_up_s: float = key(0.3, "time with poses before it looks down again")
+    deck_rise_max_mps: float = key(0.3, "of the deck at contact for the final descent to begin")
+    deck_std_max_m: float = key(
+        0.08, "of the deck's centre at contact to be known (standard deviation)", ge=0.005, le=5
+    )
+    land_offset_m: float = scaled(0.2, "largest offset to begin a landing, held for `guidance.modes.settle_s`", gt=0)
+    abort_offset_m: float = scaled(0.6, "a landing is broken off with more", ge=0.05, le=20)
+    contact_std_max_m: float = scaled(
+        0.12, "of the offset at contact for a landing to begin (standard deviation)", ge=0.01, le=5
+    )
+    position_std_max_m: float = key(1.0, "without pictures the estimate is flown on up to this", ge=0.05, le=20)
+    gust_share: float = key(0.4, "acceleration by gusts as a share of the mean wind's over land")
+    gust_share_at_sea: float = key(0.12, "likewise over the sea")
+    gust_levels_mps2: tuple[float, ...] = key((0.1, 0.2, 0.4, 0.8, 1.6), "ascending, in equal ratios")
+    horizontal: Disturbances = key(Disturbances(), "what is not known along a horizontal axis where sticks mean a tilt")
+    horizontal_servo: Disturbances = key(
+        Disturbances(gust_mps2=0.2, gust_time_s=2.0, wind_mps2=0.2, wind_time_s=60.0, speed_noise=0.015),
+        "likewise of one that tracks a velocity: its autopilot trims the mean wind away",
+    )
+    vertical: Disturbances = key(
+        Disturbances(
+            gust_mps2=0.1,
+            gust_time_s=1.0,
+            wind_mps2=0.05,
+            wind_time_s=20.0,
+            velocity_bias_mps=0.1,
+            velocity_bias_time_s=60.0,
+            speed_noise=0.002,
+        ),
+        "what is not known downward",
+    )
+    heading: HeadingNoise = key(HeadingNoise(), "of a ship that keeps its course")
+    heading_turning: HeadingNoise = key(
+        HeadingNoise(bar_rad_per_sqrt_s=0.01, turn_rad_s2=0.1, compass_rad=0.03), "of a ship that turns"
+    )
+    turn_from_rad_s: float = scaled(0.1, "yaw rate of the ship from which `heading_turning` holds")
+    measured: MeasurementNoise = MeasurementNoise()
+    delayed: DelayedParameters = DelayedParameters()
+    latency: LatencyParameters = LatencyParameters()
+    gain: GainParameters = GainParameters()
+    wave: WaveParameters = WaveParameters()
+    weights: Weights = key(Weights(), "with the vehicle's velocity")
+    weights_blind: Weights = key(
+        Weights(speed=0.025, acceleration=0.004, input_rate=0.0001), "without the vehicle's velocity"
+    )
+    margins: Margins = Margins()
+    path: PathParameters = PathParameters()
+    descent: DescentParameters = DescentParameters()
+    levelling: LevellingParameters = LevellingParameters()
 
     def __post_init__(self) -> None:
-        require(self.land_offset_m > 0.0, "land_offset_m must be positive")
-        limits_m = {
-            "abort_offset_m": (0.05, 20.0),
-            "contact_std_max_m": (0.01, 5.0),
-            "position_std_max_m": (0.05, 20.0),
-        }
-        require_within(self, **limits_m, deck_std_max_m=(0.005, 5.0))
         require(self.abort_offset_m > self.land_offset_m, "abort_offset_m must be above land_offset_m")
 
     def horizontal_at(self, gust_mps2: float) -> Disturbances:

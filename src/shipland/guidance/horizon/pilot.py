@@ -16,8 +16,8 @@ from shipland.guidance.horizon.estimator import Estimator
 from shipland.guidance.horizon.guidance import Guidance
 from shipland.guidance.horizon.modes import situation_of
 from shipland.guidance.horizon.reference import Reference
-from shipland.guidance.horizon.regulator import Regulator
-from shipland.guidance.horizon.steering import Steering
+from shipland.guidance.horizon.regulator import Plan, Regulator
+from shipland.guidance.horizon.steering import Steered, Steering
 from shipland.guidance.modes import INTENTS, ModeMemory, next_mode, overruled
 from shipland.guidance.near import HOLD, SticksPercent
 from shipland.guidance.pilot import PilotSetup
@@ -58,6 +58,25 @@ class PilotState:
     look_down: GimbalLookDown | None = None
 
 
+@dataclass(frozen=True)
+class Planned:
+    """A cycle before its sticks.
+
+    Attributes:
+        state: of the pilot after the cycle.
+        now_s: time of the decision.
+        estimate: at the command's effect; None while it cannot be flown on.
+        plan: what the regulator follows; None in modes that are flown without an estimate.
+        at_picture: the estimate at the picture's exposure.
+    """
+
+    state: PilotState
+    now_s: float
+    estimate: Estimated | None
+    plan: Plan | None
+    at_picture: Estimated | None
+
+
 class HorizonPilot:
     """Flies to the landing point that the level bar shows, from the first box to contact, on one estimate.
 
@@ -79,6 +98,10 @@ class HorizonPilot:
 
     def decide(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None = None) -> Decision:
         """One cycle; never raises."""
+        return self.command(self.plan(observation, telemetry, sent))
+
+    def plan(self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None = None) -> Planned:
+        """The cycle without its sticks: estimator, modes, guidance and gimbal."""
         now_s, estimator = telemetry.t_s, self._estimator
         step_s = 0.0 if self._state.now_s is None else now_s - self._state.now_s
         state = _in_time(self._state, now_s, step_s)
@@ -86,21 +109,36 @@ class HorizonPilot:
         estimate = estimator.estimate(estimator.effect_s(now_s))
         if estimate is not None and not self._usable(estimate, now_s):
             estimate = None
-        state = self._in_mode(observation, telemetry, sent, estimate, state)
+        state, plan = self._in_mode(observation, telemetry, sent, estimate, state), None
         mode = state.modes.mode
         if estimate is not None and mode in _TRACKS:
             plan = self._guidance.plan(mode, estimate, (state.reference, state.descent), now_s, (step_s, state.cycle_s))
             state = replace(state, reference=plan.reference, descent=plan.descent)
-            sticks = self._regulator.sticks(estimate, plan)
         else:
             state = replace(state, reference=None)
-            sticks = self._without_estimate(state, now_s)
         self._state = state = self._with_gimbal(observation, estimate, state, step_s)
-        command = PilotCommand(now_s, *sticks, state.gimbal_pitch_rad, INTENTS[mode])
-        at_picture = None if estimate is None else estimator.estimate(estimator.taken_s(observation.t_s))
+        return Planned(state, now_s, estimate, plan, estimator.estimate(estimator.taken_s(observation.t_s)))
+
+    def command(self, planned: Planned) -> Decision:
+        """The regulator's part: the sticks of what was planned last; changes nothing that the pilot remembers."""
+        state, estimate, plan = planned.state, planned.estimate, planned.plan
+        if estimate is not None and plan is not None:
+            sticks = self._regulator.sticks(estimate, plan)
+        else:
+            sticks = self._without_estimate(state, planned.now_s)
+        mode = state.modes.mode
+        command = PilotCommand(planned.now_s, *sticks, state.gimbal_pitch_rad, INTENTS[mode])
         note = "" if self._steering is None else self._steering.note
         reason = "; ".join(filter(None, (state.modes.reason, note)))
-        return Decision(command, mode, reason, None if at_picture is None else at_picture.as_message())
+        at_picture = None if planned.at_picture is None else planned.at_picture.as_message()
+        return Decision(command, mode, reason, at_picture)
+
+    def steered(self, planned: Planned) -> Steered | None:
+        """What a policy sees of a plan; None where it cannot change the input."""
+        estimate, plan = planned.estimate, planned.plan
+        if estimate is None or plan is None or not plan.steerable:
+            return None
+        return self._regulator.steered(estimate, plan)
 
     def _estimated(
         self, observation: Observation, telemetry: Telemetry, sent: PilotCommand | None, state: PilotState

@@ -83,7 +83,9 @@ class Regulator:
         response = self._response
         wanted = self._input(estimate, plan)
         if self._steering is not None and plan.steerable:
-            wanted = self._steered(self._steering, estimate, plan, wanted)
+            asked = self._steering.input_mps2(self._seen(estimate, plan, wanted))
+            before, most = estimate.actuation.input_before, self._most_change(plan.gains)
+            wanted = before + np.clip(rotated(asked, estimate.bar_rad) - before, -most, most)
         if plan.in_final_descent:
             wanted = self._levelled(estimate, plan, wanted)
         pitch, roll = (response.stick_of(value) for value in rotated(wanted, -estimate.nose_rad))
@@ -143,33 +145,32 @@ class Regulator:
         tilt = actuation.trim_mps2 + estimate.across.of(ACTUATION) - rate_mps2
         return speed_near_contact(wanted, tilt, speed_mps, response, levelling)
 
-    def _steered(self, steering: Steering, estimate: Estimated, plan: Plan, wanted: Array) -> Array:
-        """(2,) the input of a policy, in the axes of the flight, changing no faster than the pilot's own."""
-        across, before = estimate.across, estimate.actuation.input_before
+    def steered(self, estimate: Estimated, plan: Plan) -> Steered:
+        """What a policy sees."""
+        return self._seen(estimate, plan, self._input(estimate, plan))
+
+    def _seen(self, estimate: Estimated, plan: Plan, wanted: Array) -> Steered:
+        across = estimate.across
 
         def in_bar(vector: Array) -> Array:
             return rotated(vector, -estimate.bar_rad)
 
-        asked = steering.input_mps2(
-            Steered(
-                offset_m=in_bar(estimate.offset_m),
-                speed_mps=in_bar(estimate.followed_mps),
-                thrust_mps2=in_bar(across.of(ACTUATION)),
-                gust_mps2=in_bar(across.of(GUST)),
-                wind_mps2=in_bar(across.of(WIND)),
-                wave_m=in_bar(across.of(WAVE)),
-                wave_mps=in_bar(across.of(WAVE_RATE)),
-                input_mps2=in_bar(before),
-                wanted_mps2=in_bar(wanted),
-                height_m=estimate.height_m,
-                sink_mps=estimate.down_mps,
-                contact_s=min(plan.contact_s, LONGEST_CONTACT_S),
-                landing=plan.descent is not None,
-                in_final_descent=plan.in_final_descent,
-            )
+        return Steered(
+            offset_m=in_bar(estimate.offset_m),
+            speed_mps=in_bar(estimate.followed_mps),
+            thrust_mps2=in_bar(across.of(ACTUATION)),
+            gust_mps2=in_bar(across.of(GUST)),
+            wind_mps2=in_bar(across.of(WIND)),
+            wave_m=in_bar(across.of(WAVE)),
+            wave_mps=in_bar(across.of(WAVE_RATE)),
+            input_mps2=in_bar(estimate.actuation.input_before),
+            wanted_mps2=in_bar(wanted),
+            height_m=estimate.height_m,
+            sink_mps=estimate.down_mps,
+            contact_s=min(plan.contact_s, LONGEST_CONTACT_S),
+            landing=plan.descent is not None,
+            in_final_descent=plan.in_final_descent,
         )
-        most = self._most_change(plan.gains)
-        return before + np.clip(rotated(asked, estimate.bar_rad) - before, -most, most)
 
 
 def _quantised(pitch: float, roll: float, response: Response) -> tuple[float, float]:

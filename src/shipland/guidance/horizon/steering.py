@@ -5,8 +5,11 @@ Everything else stays the pilot's: estimate, modes, references, descent, heave, 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, Protocol
+
+import numpy as np
 
 from shipland.config import require
 from shipland.frames import Array
@@ -40,6 +43,8 @@ ENTRIES = (
 """The numbers of an observation, in order."""
 LIMIT = 5.0
 """Scaled numbers are clipped at this."""
+REACH_M = 1.5
+"""Where policies steer, from the landing point."""
 LONGEST_CONTACT_S = 3.0
 """The predicted time to contact is cut to this: farther ahead nothing is predicted."""
 
@@ -62,6 +67,15 @@ class Action:
         require(self.kind in ("residual", "direct"), f"kind must be 'residual' or 'direct', got {self.kind!r}")
         require(0.0 <= self.bound_mps2 <= 10.0, f"bound_mps2 must be in 0…10, got {self.bound_mps2}")
         require(self.reach_m >= 0.0, f"reach_m must not be negative, got {self.reach_m}")
+
+    def applies(self, seen: Steered) -> bool:
+        """Near enough to the landing point for a policy to steer."""
+        return math.hypot(*seen.offset_m.tolist()) <= self.reach_m
+
+    def input_mps2(self, seen: Steered, action: Array) -> Array:
+        """(2,) the input that an action (2,) asks for, forward and starboard of the bar."""
+        bounded = self.bound_mps2 * np.clip(action, -1.0, 1.0)
+        return np.asarray(seen.wanted_mps2 + bounded if self.kind == "residual" else bounded)
 
 
 @dataclass(frozen=True)
@@ -95,6 +109,18 @@ class Steered:
     contact_s: float
     landing: bool
     in_final_descent: bool
+
+
+def default_bound_mps2(kind: Kind) -> float:
+    """Input of an action of 1, where none is given."""
+    return 0.5 if kind == "residual" else 4.0
+
+
+def observation_of(seen: Steered) -> Array:
+    """(n,) what a policy sees, scaled: `ENTRIES`."""
+    values = [getattr(seen, name) / scale for name, scale in AXIS_ENTRIES]
+    whole = [getattr(seen, name) / scale for name, scale in WHOLE_ENTRIES]
+    return np.asarray(np.clip(np.concatenate([*values, whole]), -LIMIT, LIMIT))
 
 
 class Steering(Protocol):

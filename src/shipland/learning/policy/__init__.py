@@ -1,1 +1,1 @@
-"""The last phase of a landing as a batched model, and policies trained through it."""
+"""Policies for the last metres, trained in the simulator."""

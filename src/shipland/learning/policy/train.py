@@ -1,236 +1,154 @@
-"""`shipland learn`: gradients through whole flights; stopped and resumed without loss.
-
-Every draw of step n comes from seeds made of (seed, n), so a run that was resumed equals one that was not, as long as
-no time limit sets its pace.
-"""
+"""`shipland learn`: trains the agent in `shipland/LastPhase-v0`; stopped and resumed with all it has learned."""
 
 from __future__ import annotations
 
-import json
 import math
+import signal
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+import gymnasium
 import numpy as np
 import onnx  # noqa: F401 - for the end: better missed before training than after
 import safetensors  # noqa: F401 - likewise
 import torch
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv, VecEnv
 
 from shipland.errors import DataError
-from shipland.files import json_of
-from shipland.guidance.horizon.steering import Action
-from shipland.learning.checkpoint import (
-    optimizer_tensors,
-    prefixed,
-    read_tensors,
-    restore_optimizer,
-    with_prefix,
-    write_tensors,
-)
+from shipland.guidance.horizon.steering import REACH_M, Action
+from shipland.learning.policy.agent import Progress, Run, dense_of
 from shipland.learning.policy.arguments import LearnArguments
-from shipland.learning.policy.network import PolicyNetwork, seeded_network
-from shipland.learning.policy.objective import Score, loss_of, score_of
-from shipland.learning.policy.phase import NOTHING, LastPhase
 from shipland.learning.policy.results import write_results
-from shipland.learning.policy.setup import PhaseSetup, Randomisation
 from shipland.learning.progress import followed
 
-LAST, BEST = "last.safetensors", "best.safetensors"
-FORMAT = "shipland-learn-1"
-WINDOW_S = 3.5
-"""That gradients go back over: about a descent."""
-REACH_M = 1.5
-"""Where policies steer."""
-_START_M = (0.0, 1.5)
-_SHIP_START_M = (0.5, 3.0)
-"""At sea the estimate needs some seconds to know the wave motion."""
-_EVALUATED, _TRAINED = 7, 11
-"""Streams of seeds."""
+EnvMaker = Callable[[], gymnasium.Env[Any, Any]]
+
+LAST = "last.safetensors"
+CHUNK = 1_000
+"""Steps between two looks at the run."""
+FROZEN = 20_000
+"""Steps until the actor learns too: a critic that knows nothing would only spoil it."""
+WINDOW = 200
+"""Flights whose mean return judges a policy."""
+_FIRST_SEED = 1_000_000
+"""Seeds below are for evaluation."""
 
 
-@dataclass
-class Progress:
-    """Where a run stands.
-
-    Attributes:
-        step: optimiser steps done.
-        seconds: time spent.
-        best: least ratio of rms to the pilot's alone so far.
-        history: one row an evaluation.
-        run: what must stay the same when it is resumed.
-    """
-
-    step: int = 0
-    seconds: float = 0.0
-    best: float = math.inf
-    history: list[dict[str, float]] = field(default_factory=list)
-    run: dict[str, str] = field(default_factory=dict)
-
-
-@dataclass
-class Run:
-    """What changes from step to step."""
-
-    network: PolicyNetwork
-    optimizer: torch.optim.Optimizer
-    progress: Progress
-
-    def save(self, path: Path) -> None:
-        """Everything needed to go on."""
-        tensors = {
-            **prefixed("network", self.network.state_dict()),
-            **prefixed("optimizer", optimizer_tensors(self.optimizer)),
-        }
-        write_tensors(path, tensors, {"format": FORMAT, "progress": json.dumps(vars(self.progress))})
-
-    def load(self, path: Path) -> None:
-        """What `save` wrote.
-
-        Raises:
-            DataError: it is missing, truncated or another file.
-        """
-        tensors, metadata = read_tensors(path, FORMAT, "learn")
-        try:
-            self.progress = Progress(**json_of(metadata["progress"]))
-        except (KeyError, TypeError, ValueError) as error:
-            raise DataError(f"checkpoint {path} is damaged: its progress cannot be read: {error}") from None
-        self.network.load_state_dict(with_prefix("network", tensors))
-        state = with_prefix("optimizer", tensors)
-        if state:
-            restore_optimizer(self.optimizer, state)
-
-
-def learn(arguments: LearnArguments, setups: Sequence[PhaseSetup]) -> Path:
-    """Train, evaluate, export; the path of the policy's ONNX file.
+def learn(arguments: LearnArguments, makers: Sequence[EnvMaker]) -> Path:
+    """Train until the steps or the time are used up or Ctrl-C comes, export; the path of the policy's ONNX file.
 
     Args:
         arguments: of the command.
-        setups: of its scenarios, in their order.
+        makers: of the environments, `shipland/LastPhase-v0`.
 
     Raises:
         DataError: a checkpoint is wrong, or one is there that would be written over.
     """
     torch.set_num_threads(1)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    run, action = _start(arguments), Action(arguments.kind, arguments.bound, REACH_M)
-    phases = [_phase(arguments, setup, index) for index, setup in enumerate(setups)]
+    envs = vector_of(makers, parallel=arguments.parallel)
     try:
-        work = _steps(run, arguments, phases, action)
-        for _ in followed(work, "batch of flights", _most(arguments), run.progress.step):
-            pass
+        run = _start(arguments, envs)
+        total = math.ceil((arguments.steps or arguments.minutes * 60.0) / (CHUNK if arguments.steps else 1.0))
+        try:
+            for _ in followed(_chunks(run, arguments), "training", total):
+                pass
+        except KeyboardInterrupt:
+            print("stopped: the best policy so far is exported, --resume goes on")
+        finally:
+            run.save(arguments.out / LAST)
     finally:
-        run.save(arguments.out / LAST)
-    best = arguments.out / BEST
-    if not best.is_file():
-        run.save(best)
-    history, steps, seconds = run.progress.history, run.progress.step, run.progress.seconds
-    run.load(best)
-    return write_results(arguments, run.network, action, history, (run.progress.step, steps, seconds))
+        envs.close()
+    progress = run.progress
+    return write_results(
+        arguments, dense_of(run.best), Action(arguments.kind, arguments.bound, REACH_M), vars(progress)
+    )
 
 
-def _most(arguments: LearnArguments) -> int:
-    return arguments.steps or 10_000
+def vector_of(makers: Sequence[EnvMaker], *, parallel: bool = False) -> VecEnv:
+    """The environments as one, in this process or each in its own."""
+    monitored = [partial(_monitored, maker, ignore_interrupt=parallel) for maker in makers]
+    return SubprocVecEnv(monitored, "spawn") if parallel else DummyVecEnv(monitored)
 
 
-def _through(progress: Progress, arguments: LearnArguments) -> float:
-    """How much of the run is done: by steps, or by time where that is scarcer."""
-    return max(progress.step / _most(arguments), progress.seconds / (60.0 * arguments.minutes))
+def _monitored(maker: EnvMaker, *, ignore_interrupt: bool) -> gymnasium.Env[Any, Any]:
+    if ignore_interrupt:  # Ctrl-C is the parent's to answer
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    env: gymnasium.Env[Any, Any] = Monitor(maker(), info_keywords=("is_success", "error_m"))
+    return env
 
 
-def _start(arguments: LearnArguments) -> Run:
-    network = seeded_network(arguments.hidden, arguments.seed)
-    optimizer = torch.optim.Adam(network.parameters(), lr=arguments.rate)
+def _start(arguments: LearnArguments, envs: VecEnv) -> Run:
     last = arguments.out / LAST
     if last.exists() and not arguments.resume:
         raise DataError(f"{last} is there already: give --resume to go on with it, or another folder")
-    identity = {
-        "kind": arguments.kind,
-        "scenario": ", ".join(arguments.scenario),
-        "hidden": str(arguments.hidden),
-        "seed": str(arguments.seed),
-        "bound_mps2": f"{arguments.bound:g}",
-    }
-    run = Run(network, optimizer, Progress(run=identity))
+    names = ("kind", "scenario", "changes", "environments", "bound", "hidden", "seed")
+    identity = {name: str(getattr(arguments, name)) for name in names}
+    run = Run(arguments, envs)
+    run.progress.run = identity
     if arguments.resume:
         run.load(last)
         for name, value in identity.items():
             begun = run.progress.run.get(name, value)
             if begun != value:
                 raise DataError(f"{last} was begun with {name} {begun}, not {value}: resume with the same")
+    seeds = np.random.default_rng((arguments.seed, run.progress.step))
+    envs.seed(_FIRST_SEED + int(seeds.integers(2**30)))
     return run
 
 
-def _phase(arguments: LearnArguments, setup: PhaseSetup, index: int) -> LastPhase:
-    start_m = _SHIP_START_M if setup.ship.full_ship else _START_M
-    random = Randomisation(arguments.airframe, arguments.latency_s, arguments.wind_mps, start_m, arguments.wake)
-    return LastPhase(setup, random, seed=_seed(arguments.seed, 0, index))
+class _Flights(BaseCallback):
+    """Notes every flight that ends."""
+
+    def __init__(self, progress: Progress) -> None:
+        super().__init__()
+        self._progress = progress
+
+    def _on_step(self) -> bool:
+        for info in self.locals["infos"]:
+            if "episode" in info:
+                end = info["episode"]
+                self._progress.flights.append((float(end["r"]), float(end["is_success"]), float(end["error_m"])))
+                self._progress.flown += 1
+        del self._progress.flights[:-WINDOW]
+        return True
 
 
-def _seed(*numbers: int) -> int:
-    return int(np.random.default_rng(numbers).integers(2**31))
+def _chunks(run: Run, arguments: LearnArguments) -> Iterator[str]:
+    """Train; yields a note a second, or a chunk where the steps are given."""
+    progress, agent = run.progress, run.agent
+    said_s = 0
+    while progress.seconds < 60.0 * arguments.minutes and progress.step < (arguments.steps or math.inf):
+        began_s = time.monotonic()
+        left = CHUNK if arguments.steps is None else min(CHUNK, arguments.steps - progress.step)
+        agent.actor.requires_grad_(agent.num_timesteps >= FROZEN)
+        agent.learn(left, _Flights(progress), reset_num_timesteps=False)
+        run.average()
+        progress.step, progress.updates = agent.num_timesteps, agent._n_updates
+        progress.seconds += time.monotonic() - began_s
+        note = _noted(run)
+        seconds = 1 if arguments.steps else int(progress.seconds) - said_s
+        said_s += seconds
+        for _ in range(seconds):
+            yield note
 
 
-def _steps(run: Run, arguments: LearnArguments, phases: Sequence[LastPhase], action: Action) -> Iterator[str]:
-    """Train until the steps or the time are used up; yields a note after every step."""
+def _noted(run: Run) -> str:
+    """Keep the chunk's row, and the actor where it is the best; a note."""
     progress = run.progress
-    cycles = [round(arguments.seconds / phase.setup.cycle_s) for phase in phases]
-    alone = [
-        score_of(phase, phase.draw(arguments.flights, _seed(arguments.seed, _EVALUATED, i)), None, NOTHING, cycles[i])
-        for i, phase in enumerate(phases)
-    ]
-    note, losses = "not evaluated yet", list[float]()
-    while (done := _through(progress, arguments)) < 1.0:
-        began = time.monotonic()
-        which = progress.step % len(phases)
-        phase = phases[which]
-        rng = np.random.default_rng((arguments.seed, _TRAINED, progress.step))
-        window = round(WINDOW_S / phase.setup.cycle_s)
-        begin = int(rng.integers(max(cycles[which] - window, 1)))
-        batch = phase.draw(arguments.batch, int(rng.integers(2**31)))
-        for group in run.optimizer.param_groups:
-            group["lr"] = arguments.rate * (0.02 + 0.49 * (1.0 + math.cos(math.pi * done)))
-        run.optimizer.zero_grad()
-        loss, contacts = loss_of(phase, batch, run.network, action, begin, window)
-        loss.backward()
-        norm = torch.nn.utils.clip_grad_norm_(run.network.parameters(), 0.1)
-        if contacts and bool(torch.isfinite(norm)):
-            run.optimizer.step()
-            losses.append(float(loss.detach()))
-        progress.step += 1
-        progress.seconds += time.monotonic() - began
-        if progress.step % arguments.evaluate_every == 0 or _through(progress, arguments) >= 1.0:
-            began = time.monotonic()
-            note = _evaluate(run, arguments, phases, action, cycles, alone, losses)
-            losses.clear()
-            progress.seconds += time.monotonic() - began
-        yield f"{100.0 * min(done, 1.0):.0f} % done; {note}"
-
-
-def _evaluate(
-    run: Run,
-    arguments: LearnArguments,
-    phases: Sequence[LastPhase],
-    action: Action,
-    cycles: Sequence[int],
-    alone: Sequence[Score],
-    losses: Sequence[float],
-) -> str:
-    """Fly the same flights with the policy as without; keep the run, and the best of it."""
-    progress = run.progress
-    row = {"step": float(progress.step), "loss": float(np.mean(losses)) if losses else math.nan}
-    ratios = []
-    for i, phase in enumerate(phases):
-        batch = phase.draw(arguments.flights, _seed(arguments.seed, _EVALUATED, i))
-        score = score_of(phase, batch, run.network, action, cycles[i])
-        name = arguments.scenario[i]
-        row |= {f"{name} rms": score.rms_all_m, f"{name} alone": alone[i].rms_all_m, f"{name} down": score.touched}
-        ratios.append(score.rms_all_m / alone[i].rms_all_m)
-    ratio = float(np.mean(ratios))
-    progress.history.append(row)
-    if ratio < progress.best:
-        progress.best = ratio
-        run.save(arguments.out / BEST)
-    run.save(arguments.out / LAST)
-    return f"rms {ratio:.3f} of the pilot's alone, best {progress.best:.3f}"
+    flights = np.array(progress.flights).reshape(-1, 3)
+    mean = [float(np.mean(known)) if len(known := column[np.isfinite(column)]) else math.nan for column in flights.T]
+    row = {"step": float(progress.step), "flights": float(progress.flown), "return": mean[0], "success": mean[1]}
+    progress.history.append(row | {"error_m": mean[2]})
+    if len(flights) == WINDOW and mean[0] > progress.best:
+        progress.best, progress.best_step = mean[0], progress.step
+        run.best = {name: value.clone() for name, value in run.averaged.items()}
+    if progress.best_step == 0:
+        run.best = {name: value.clone() for name, value in run.averaged.items()}
+    share = f"{100.0 * mean[1]:.0f} % success in the last {len(flights)}, return {mean[0]:.2f}"
+    return f"step {progress.step}, {progress.flown} flights; {share}, best {progress.best:.2f}"

@@ -13,49 +13,42 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters
 from shipland.rig import Rig
 from shipland.sim.air.turbulence import normal_numbers
 
 Vector = tuple[float, float, float]
 
 
-@dataclass(frozen=True)
+@parameters
 class AirwakeParameters:
     """Section `[wind.airwake]`; H is the superstructure's height over the deck, U the relative wind.
 
-    Attributes:
-        enabled: the superstructure disturbs the air.
-        reattachment_heights: length of the recirculation zone in H.
-        reverse_share: reverse flow in the zone, in U.
-        recovery_heights: length in H over which the wake fades beyond the zone.
-        downwash_share: largest downward velocity behind the superstructure, in U.
-        layer_share: the shear layer's half thickness at the edge, in H.
-        layer_growth: its growth a metre downwind.
-        turbulence_share: largest standard deviation of the wake's own horizontal turbulence, in U.
-        vertical_turbulence_share: the same of the vertical.
-        eddy_heights: length scale of that turbulence in H.
+    In heights H of the superstructure over the deck, and shares of the relative wind: docs/explanation/wind.md.
     """
 
-    enabled: bool
-    reattachment_heights: float
-    reverse_share: float
-    recovery_heights: float
-    downwash_share: float
-    layer_share: float
-    layer_growth: float
-    turbulence_share: float
-    vertical_turbulence_share: float
-    eddy_heights: float
-
-    def __post_init__(self) -> None:
-        for name in ("reattachment_heights", "recovery_heights", "layer_share", "eddy_heights"):
-            value = getattr(self, name)
-            require(value > 0.0, f"{name} must be positive, got {value}")
-        shares = ("reverse_share", "downwash_share", "turbulence_share", "vertical_turbulence_share")
-        for name in (*shares, "layer_growth"):
-            value = getattr(self, name)
-            require(0.0 <= value <= 1.0, f"{name} must be in 0…1, got {value}")
+    enabled: bool = key(True, "the superstructure disturbs the air")
+    reattachment_heights: float = key(
+        2.5, "length of the recirculation zone in H", "chosen; a long step: 6 ± 1 (Eaton and Johnston 1981)", gt=0
+    )
+    reverse_share: float = key(
+        0.2, "reverse flow in the zone, in U", "Eaton and Johnston (1981): up to a fifth", ge=0, le=1
+    )
+    recovery_heights: float = key(4.0, "length in H over which the wake fades beyond the zone", gt=0)
+    downwash_share: float = key(0.15, "largest downward velocity behind the superstructure, in U", ge=0, le=1)
+    layer_share: float = key(
+        0.1, "the shear layer's half thickness at the edge, in H", "chosen: a tenth of the step", gt=0
+    )
+    layer_growth: float = key(
+        0.1, "its growth a metre downwind", "chosen: about a plane mixing layer's, on its slow side at rest", ge=0, le=1
+    )
+    turbulence_share: float = key(
+        0.2, "largest horizontal turbulence of the wake, in U", "Eaton and Johnston (1981)", ge=0, le=1
+    )
+    vertical_turbulence_share: float = key(
+        0.12, "largest vertical turbulence of the wake, in U", "chosen: 0.6 of the horizontal", ge=0, le=1
+    )
+    eddy_heights: float = key(1.0, "length scale of that turbulence in H", "chosen: eddies of the step's size", gt=0)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.frames import GRAVITY_MPS2
 
 FOOT_M = 0.3048
@@ -27,24 +27,24 @@ _SQRT3 = math.sqrt(3.0)
 Pair = tuple[float, float]
 
 
-@dataclass(frozen=True)
+@parameters
 class TurbulenceParameters:
     """Section `[wind.turbulence]`.
 
-    Attributes:
-        enabled: the wind is turbulent.
-        intensity: over land, vertical standard deviation as a share of the wind at 20 ft.
-        height_min_m, height_max_m: the specification's range of heights; outside, its nearest height is used.
+    Source: MIL-F-8785C §3.7, low altitude.
     """
 
-    enabled: bool
-    intensity: float
-    height_min_m: float
-    height_max_m: float
+    enabled: bool = key(True, "the wind is turbulent")
+    intensity: float = key(
+        0.1, "over land, vertical deviation as a share of the wind at 20 ft", "MIL-F-8785C §3.7.3.4", ge=0, le=1
+    )
+    height_min_m: float = key(
+        3.048, "lowest height of the specification, used below it", "MIL-F-8785C: 10-1000 ft", gt=0
+    )
+    height_max_m: float = key(304.8, "highest height of the specification, used above it", "MIL-F-8785C: 10-1000 ft")
 
     def __post_init__(self) -> None:
-        require(0.0 <= self.intensity <= 1.0, f"intensity must be in 0…1, got {self.intensity}")
-        require(0.0 < self.height_min_m < self.height_max_m, "height_min_m must be positive and below height_max_m")
+        require(self.height_min_m < self.height_max_m, "height_min_m must be below height_max_m")
 
 
 @dataclass(frozen=True)
@@ -154,25 +154,29 @@ _LEAST_ROUGHNESS_M = 1e-7
 """Least roughness length, for winds in which Charnock's relation gives almost none."""
 
 
-@dataclass(frozen=True)
+@parameters
 class SeaSurfaceParameters:
     """Section `[wind.sea]`.
 
-    Attributes:
-        charnock: α of z₀ = α u*²/g.
-        deviations: σu, σv, σw over the friction velocity u*.
-        height_min_m, height_max_m: the surface layer's range of heights; outside, its nearest height is used.
+    Scale lengths are those of MIL-F-8785C over land and sea.
     """
 
-    charnock: float
-    deviations: tuple[float, float, float]
-    height_min_m: float
-    height_max_m: float
+    charnock: float = key(
+        0.011, "α of z₀ = α u*²/g", "Smith (1988); COARE 3.0 for winds below 10 m/s (Fairall et al. 2003)", gt=0, lt=0.1
+    )
+    deviations: tuple[float, float, float] = key(
+        (2.39, 1.92, 1.25), "σu, σv, σw over the friction velocity u*", "neutral: Panofsky and Dutton (1984), ch. 7"
+    )
+    height_min_m: float = key(
+        0.5, "lowest height of the surface layer, used below it", "chosen: lower, waves disturb the profile", ge=0.1
+    )
+    height_max_m: float = key(
+        100.0, "highest height of the surface layer, used above it", "chosen: the surface layer's usual depth"
+    )
 
     def __post_init__(self) -> None:
-        require(0.0 < self.charnock < 0.1, f"charnock must be between 0 and 0.1, got {self.charnock}")
         require(min(self.deviations) >= 0.0, f"deviations must not be negative, got {self.deviations}")
-        require(0.1 <= self.height_min_m < self.height_max_m, "height_min_m must be at least 0.1 m, below height_max_m")
+        require(self.height_min_m < self.height_max_m, "height_min_m must be below height_max_m")
 
 
 def sea_roughness_m(charnock: float, mean_mps: float, height_m: float) -> float:

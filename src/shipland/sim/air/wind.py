@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters
 from shipland.frames import Array, Pose
 from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake, AirwakeParameters
@@ -54,23 +54,15 @@ class SteadyWind:
         return self._velocity
 
 
-@dataclass(frozen=True)
+@parameters
 class GustParameters:
-    """One 1-cosine gust: velocity · ½ (1 − cos 2πs), s the share of its duration that has passed.
+    """One 1-cosine gust: velocity · ½ (1 − cos 2πs), s the share of its duration that has passed."""
 
-    Attributes:
-        start_s: begin.
-        duration_s: from calm to calm.
-        velocity_mps: (3,) at its height, along the mean wind, to its right, downward.
-    """
-
-    start_s: float
-    duration_s: float
-    velocity_mps: tuple[float, float, float]
-
-    def __post_init__(self) -> None:
-        require(self.start_s >= 0.0, f"start_s of a gust must not be negative, got {self.start_s}")
-        require(self.duration_s > 0.0, f"duration_s of a gust must be positive, got {self.duration_s}")
+    start_s: float = key(..., "begin", ge=0)
+    duration_s: float = key(..., "from calm to calm", gt=0)
+    velocity_mps: tuple[float, float, float] = key(
+        ..., "(3,) at its height, along the mean wind, to its right, downward"
+    )
 
     def strength(self, t_s: float) -> float:
         """Share of its height at `t_s`, 0…1."""
@@ -78,46 +70,34 @@ class GustParameters:
         return 0.5 * (1.0 - math.cos(2.0 * math.pi * share)) if 0.0 < share < 1.0 else 0.0
 
 
-@dataclass(frozen=True)
+@parameters
 class WindParameters:
-    """What the configuration says of the wind in section `[wind]`.
+    """What the configuration says of the wind in section `[wind]`."""
 
-    Attributes:
-        mean_mps: mean wind speed, at `reference_height_m` where there is a profile.
-        from_deg: compass direction that the wind comes from.
-        mean_half_range_mps, from_half_range_deg: drawn evenly within this much either side, once a flight;
-            never below 0 m/s.
-        profile: the same at every height, or logarithmic.
-        reference_height_m: height of `mean_mps` in a logarithmic profile.
-        surface: what the wind blows over; says how strong the turbulence is.
-        roughness_m: roughness length of the land in a logarithmic profile; over the sea it follows from the wind.
-        gust: 1-cosine gusts.
-        turbulence: Dryden turbulence, and its strength over land.
-        sea: its strength over the sea.
-        airwake: the superstructure's wake.
-    """
-
-    mean_mps: float
-    from_deg: float
-    mean_half_range_mps: float
-    from_half_range_deg: float
-    profile: Literal["uniform", "log"]
-    reference_height_m: float
-    surface: Literal["land", "sea"]
-    roughness_m: float
-    gust: tuple[GustParameters, ...]
-    turbulence: TurbulenceParameters
-    sea: SeaSurfaceParameters
-    airwake: AirwakeParameters
-
-    def __post_init__(self) -> None:
-        low, high = MEAN_MPS
-        require(low <= self.mean_mps <= high, f"mean_mps must be in {low:g}…{high:g} m/s, got {self.mean_mps}")
-        half_mps, half_deg = self.mean_half_range_mps, self.from_half_range_deg
-        require(half_mps >= 0.0, f"mean_half_range_mps must not be negative, got {half_mps}")
-        require(0.0 <= half_deg <= 180.0, f"from_half_range_deg must be 0…180, got {half_deg}")
-        require(0.0 < self.roughness_m < 0.1, f"roughness_m must be between 0 and 0.1 m, got {self.roughness_m}")
-        require(self.reference_height_m >= 1.0, f"reference_height_m must be at least 1, got {self.reference_height_m}")
+    mean_mps: float = key(
+        0.0, "mean wind, at `reference_height_m` in a profile", "[Lee2022] flew in up to 9 m/s", ge=0, le=30
+    )
+    from_deg: float = key(0.0, "compass direction that the wind comes from")
+    mean_half_range_mps: float = key(
+        0.0, "drawn evenly within this much either side, once a flight; never below 0 m/s", ge=0
+    )
+    from_half_range_deg: float = key(0.0, "drawn evenly within this much either side, once a flight", ge=0, le=180)
+    profile: Literal["uniform", "log"] = key("uniform", "the same at every height, or logarithmic", "uniform | log")
+    reference_height_m: float = key(6.096, "of `mean_mps` in a logarithmic profile", "20 ft, as MIL-F-8785C", ge=1)
+    surface: Literal["land", "sea"] = key(
+        "land",
+        "what the wind blows over",
+        "land: MIL-F-8785C's deviations | sea: a neutral marine surface layer, [wind.sea]",
+    )
+    roughness_m: float = key(
+        0.01, "of the land; Charnock's relation gives the sea's", "mown grass (Stull 1988, fig. 9.6)", gt=0, lt=0.1
+    )
+    gust: tuple[GustParameters, ...] = key(
+        (), "1-cosine gusts", "e.g. [{ start_s = 20.0, duration_s = 3.0, velocity_mps = [4.0, 0.0, 0.0] }]"
+    )
+    turbulence: TurbulenceParameters = key(TurbulenceParameters(), "Dryden turbulence, and its strength over land")
+    sea: SeaSurfaceParameters = key(SeaSurfaceParameters(), "its strength over the sea")
+    airwake: AirwakeParameters = key(AirwakeParameters(), "the superstructure's wake")
 
     @cached_property
     def surface_roughness_m(self) -> float:

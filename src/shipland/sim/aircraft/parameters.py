@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from shipland.config import require, require_within
+from shipland.config import key, parameters, require
 from shipland.frames import GRAVITY_MPS2
 
 Vector = tuple[float, float, float]
@@ -50,64 +50,68 @@ class Shape:
         return max(*rotors, *(math.hypot(*foot) for foot in self.feet_m), 0.5 * math.hypot(*self.body_size_m))
 
 
-@dataclass(frozen=True)
+@parameters
 class AirframeParameters:
     """Mass, geometry, rotors and drag of a quadrotor (`[aircraft.airframe]`).
 
-    Attributes:
-        mass_kg: take-off mass.
-        inertia_kgm2: about the body's forward, right and down axes.
-        motor_forward_m, motor_right_m: a motor's distance from the centre of mass, ahead and to the side.
-        motor_above_m: rotor plane above the centre of mass.
-        rotor_radius_m: radius of a rotor's disc.
-        body_size_m: fuselage (length, width, height), a box around the centre of mass.
-        foot_forward_m, foot_right_m: a foot's distance from the centre of mass.
-        foot_below_m: sole of the feet below the centre of mass.
-        foot_radius_m: radius of a foot's round end.
-        foot_friction: sliding friction coefficient of foot on deck.
-        contact_time_s: time constant of a contact's spring and damper (critically damped).
-        motor_time_s: time constant of a rotor's thrust.
-        thrust_to_weight: largest total thrust over weight.
-        idle_thrust: least thrust of a running rotor over its hover thrust.
-        torque_per_thrust_m: a rotor's drag torque over its thrust.
-        rotor_drag_per_s: in-plane rotor drag over mass and air speed, at hover's rotor speed.
-        inflow_loss_per_s: thrust lost over mass and axial air speed.
-        body_drag_per_m: fuselage drag over mass and air speed squared.
-        ground_effect: whether rotors over the deck gain thrust near it.
+    An ANAFI-like quadrotor; "data sheet" is Parrot's of the ANAFI.
     """
 
-    mass_kg: float
-    inertia_kgm2: Vector
-    motor_forward_m: float
-    motor_right_m: float
-    motor_above_m: float
-    rotor_radius_m: float
-    body_size_m: Vector
-    foot_forward_m: float
-    foot_right_m: float
-    foot_below_m: float
-    foot_radius_m: float
-    foot_friction: float
-    contact_time_s: float
-    motor_time_s: float
-    thrust_to_weight: float
-    idle_thrust: float
-    torque_per_thrust_m: float
-    rotor_drag_per_s: float
-    inflow_loss_per_s: float
-    body_drag_per_m: float
-    ground_effect: bool
+    mass_kg: float = key(0.32, "take-off mass", "data sheet: 320 g", gt=0)
+    inertia_kgm2: Vector = key(
+        (0.00165, 0.00093, 0.00235), "about forward, right and down", "chosen: a homogeneous box of 175 × 240 × 65 mm"
+    )
+    motor_forward_m: float = key(
+        0.071, "from the centre of mass ahead to a motor", "chosen: motor diagonal 0.24 m", gt=0
+    )
+    motor_right_m: float = key(0.097, "from the centre of mass sideways to a motor", gt=0)
+    motor_above_m: float = key(0.02, "rotor plane above the centre of mass")
+    rotor_radius_m: float = key(0.065, "radius of a rotor's disc", gt=0)
+    body_size_m: Vector = key(
+        (0.175, 0.065, 0.05), "fuselage (length, width, height) about the centre of mass", "chosen: without its arms"
+    )
+    foot_forward_m: float = key(
+        0.071, "from the centre of mass ahead to a foot", "chosen: the arms' ends carry the feet", gt=0
+    )
+    foot_right_m: float = key(0.085, "from the centre of mass sideways to a foot", gt=0)
+    foot_below_m: float = key(
+        0.045,
+        "sole of the feet below the centre of mass",
+        "chosen: half of the data sheet's height and a short foot",
+        gt=0,
+    )
+    foot_radius_m: float = key(0.006, "radius of a foot's round end", gt=0)
+    foot_friction: float = key(
+        0.8, "sliding friction coefficient of foot on deck", "chosen: rubber on a painted non-skid deck", gt=0
+    )
+    contact_time_s: float = key(
+        0.008, "of a contact's spring, critically damped", "chosen: four physics steps, some mm of give", gt=0
+    )
+    motor_time_s: float = key(0.05, "time constant of a rotor's thrust", "chosen: typical of 6-inch rotors", gt=0)
+    thrust_to_weight: float = key(
+        2.2, "largest total thrust over weight", "chosen: 40° of tilt at 15 m/s, and room for control", gt=1.2
+    )
+    idle_thrust: float = key(0.1, "least thrust of a running rotor over its hover thrust", lt=0.5, gt=0)
+    torque_per_thrust_m: float = key(
+        0.012, "a rotor's drag torque over its thrust", "chosen: typical of small rotors", gt=0
+    )
+    rotor_drag_per_s: float = key(
+        0.2, "in-plane, over mass and air speed, at hover", "chosen; 0.2–0.5 published of small quadrotors", ge=0
+    )
+    inflow_loss_per_s: float = key(
+        0.4, "thrust lost over mass and axial air speed", "chosen: blade-element estimate", ge=0
+    )
+    body_drag_per_m: float = key(
+        0.019,
+        "fuselage drag over mass and air speed squared",
+        "chosen: 40° of tilt end at the data sheet's 15 m/s",
+        gt=0,
+    )
+    ground_effect: bool = key(True, "whether rotors over the deck gain thrust near it", "Cheeseman and Bennett 1955")
 
     def __post_init__(self) -> None:
-        zero_allowed = ("rotor_drag_per_s", "inflow_loss_per_s", "motor_above_m", "ground_effect")
-        for name, value in vars(self).items():
-            if isinstance(value, tuple):
-                require(all(item > 0.0 for item in value), f"{name} must be positive, got {value}")
-            elif name not in zero_allowed:
-                require(value > 0.0, f"{name} must be positive, got {value}")
-        require(min(self.rotor_drag_per_s, self.inflow_loss_per_s) >= 0.0, "drag coefficients must not be negative")
-        require(self.thrust_to_weight > 1.2, "thrust_to_weight must be above 1.2: the aircraft must be able to fly")
-        require(self.idle_thrust < 0.5, "idle_thrust must be below half of hover thrust")
+        for name in ("inertia_kgm2", "body_size_m"):
+            require(min(getattr(self, name)) > 0.0, f"{name} must be positive, got {getattr(self, name)}")
         require(self.foot_below_m > 0.5 * self.body_size_m[2], "the feet must reach below the fuselage")
 
     @property
@@ -146,165 +150,131 @@ class AirframeParameters:
         return (math.sqrt(linear * linear + 4.0 * square * push) - linear) / (2.0 * square)
 
 
-@dataclass(frozen=True)
+@parameters
 class PilotingSettings:
     """What the operator sets on the aircraft; full sticks mean these (`[aircraft.settings]`).
 
-    Attributes:
-        max_tilt_deg: what full pitch or roll stick means to the loop kind `attitude`: a tilt.
-        max_speed_mps: what it means to the loop kind `velocity`: a speed.
-        max_vertical_speed_mps: climb or descent at full heave stick.
-        max_yaw_rate_deg_s: turn rate at full yaw stick.
-        max_tilt_rate_deg_s: largest roll and pitch rate.
-        stick_step_percent: sticks are rounded to multiples of this; 0 leaves them as they are.
-        command_timeout_s: without a command for so long the aircraft brakes and holds.
+    Ranges: Parrot's MaxTilt 1–40°, MaxVerticalSpeed 0.1–4 m/s, MaxRotationSpeed 3–200°/s.
     """
 
-    max_tilt_deg: float
-    max_speed_mps: float
-    max_vertical_speed_mps: float
-    max_yaw_rate_deg_s: float
-    max_tilt_rate_deg_s: float
-    stick_step_percent: float
-    command_timeout_s: float
+    max_tilt_deg: float = key(
+        15.0, "at full pitch or roll stick, kind `attitude`", "chosen; public drivers have 10° and 20°", ge=1, le=40
+    )
+    max_speed_mps: float = key(
+        7.5, "at full stick, loop kind `velocity`", "chosen: where 15° of tilt end in still air", ge=0.5, le=20
+    )
+    max_vertical_speed_mps: float = key(
+        1.0, "climb or descent at full heave stick", "the default in two public ANAFI drivers", ge=0.1, le=4
+    )
+    max_yaw_rate_deg_s: float = key(
+        40.0, "turn rate at full yaw stick", "factory setting noted in a public ANAFI driver", ge=3, le=200
+    )
+    max_tilt_rate_deg_s: float = key(
+        116.0, "largest roll and pitch rate", "factory setting noted in a public ANAFI driver", ge=40, le=300
+    )
+    stick_step_percent: float = key(
+        1.0, "sticks are rounded to multiples of this; 0: not", "Parrot's PCMD carries whole percents", ge=0, le=10
+    )
+    command_timeout_s: float = key(
+        1.0, "without a command for so long it holds", "chosen: [Lee2022]'s longest cycle is 0.5 s", ge=0.05, le=10
+    )
 
-    def __post_init__(self) -> None:
-        require(1.0 <= self.max_tilt_deg <= 40.0, "max_tilt_deg must be 1 to 40, as on the ANAFI")
-        require(0.5 <= self.max_speed_mps <= 20.0, "max_speed_mps must be 0.5 to 20")
-        require(0.1 <= self.max_vertical_speed_mps <= 4.0, "max_vertical_speed_mps must be 0.1 to 4, as on the ANAFI")
-        require(3.0 <= self.max_yaw_rate_deg_s <= 200.0, "max_yaw_rate_deg_s must be 3 to 200, as on the ANAFI")
-        require(40.0 <= self.max_tilt_rate_deg_s <= 300.0, "max_tilt_rate_deg_s must be 40 to 300, as on the ANAFI")
-        require(0.0 <= self.stick_step_percent <= 10.0, "stick_step_percent must be 0 to 10")
-        require_within(self, command_timeout_s=(0.05, 10.0))
 
-
-@dataclass(frozen=True)
+@parameters
 class LoopParameters:
     """The inner loop's constants (`[aircraft.loop]`).
 
-    Attributes:
-        kind: what a stick means: `attitude`, `velocity`, an installed name of the group `loops`, or `module:factory`.
-        velocity_reference: what the vehicle's own velocity is measured against: the ground (GPS), or the surface that
-            its optical flow sees, deck or water.
-        wind_trim_s: kind `attitude`: time constant of the trim against wind under deflected sticks; 0 is without.
-        acceleration_mps2, velocity_time_s: kind `velocity`: largest acceleration and time constant of the reference.
-        tilt_limit_deg: what the loop may tilt in all while it holds, brakes or tracks a velocity.
-        hold_below_percent: released means both pitch and roll sticks are below this.
-        tilt_time_s: time constant of the reference's acceleration, about that of the attitude loop.
-        brake_time_s: time constant of the velocity reference when braking.
-        brake_mps2: largest deceleration of the velocity reference when braking.
-        position_per_s, velocity_per_s, velocity_integral_per_s2: horizontal gains.
-        climb_time_s, climb_mps2: time constant and largest acceleration of the climb reference.
-        height_per_s, climb_per_s, climb_integral_per_s2: vertical gains.
-        attitude_per_s, rate_per_s: attitude and rate gains of roll and pitch.
-        heading_per_s, yaw_rate_per_s: heading and rate gains of yaw.
-        yaw_rad_s2: largest acceleration of the yaw rate reference.
-        land_range_m: downward range under which the aircraft may take itself for landed.
-        land_confirm_s: for how long, with an impact or no more descent.
+    All chosen: the real autopilot's gains are not published; docs/results/aircraft.md shows the responses.
     """
 
-    kind: str
-    velocity_reference: Literal["ground", "surface"]
-    wind_trim_s: float
-    acceleration_mps2: float
-    velocity_time_s: float
-    tilt_limit_deg: float
-    hold_below_percent: float
-    tilt_time_s: float
-    brake_time_s: float
-    brake_mps2: float
-    position_per_s: float
-    velocity_per_s: float
-    velocity_integral_per_s2: float
-    climb_time_s: float
-    climb_mps2: float
-    height_per_s: float
-    climb_per_s: float
-    climb_integral_per_s2: float
-    attitude_per_s: float
-    rate_per_s: float
-    heading_per_s: float
-    yaw_rate_per_s: float
-    yaw_rad_s2: float
-    land_range_m: float
-    land_confirm_s: float
+    kind: str = key(
+        "attitude",
+        "what a stick means: `attitude`, `velocity`, an installed name of the group `loops`, or `module:factory`",
+        "attitude (an ANAFI's PCMD) | velocity (PX4 OFFBOARD, ArduPilot guided velocity) | module:factory",
+    )
+    velocity_reference: Literal["ground", "surface"] = key(
+        "surface", "of its own velocity", "ground (GPS) | surface (optical flow); [Lee2022]: no GPS"
+    )
+    wind_trim_s: float = key(
+        0.0, "kind `attitude`: of the trim against wind; 0: none", "Parrot's forum, thread 12864: it drifts", ge=0
+    )
+    acceleration_mps2: float = key(
+        3.0, "kind `velocity`: largest, of the reference", "PX4's MPC_ACC_HOR as delivered", gt=0
+    )
+    velocity_time_s: float = key(0.5, "kind `velocity`: time constant of the reference", gt=0)
+    tilt_limit_deg: float = key(
+        40.0, "largest tilt to hold, brake or track a velocity", "the highest MaxTilt holds against 14 m/s", gt=0, le=60
+    )
+    hold_below_percent: float = key(1.0, "pitch and roll sticks below this are released", "PCMD's smallest stick", gt=0)
+    tilt_time_s: float = key(
+        0.15, "time constant of the reference's acceleration, about that of the attitude loop", gt=0
+    )
+    brake_time_s: float = key(0.5, "time constant of the velocity reference when braking", gt=0)
+    brake_mps2: float = key(3.0, "largest deceleration of the velocity reference when braking", gt=0)
+    position_per_s: float = key(0.8, "horizontal gain on position", gt=0)
+    velocity_per_s: float = key(2.0, "horizontal gain on velocity", gt=0)
+    velocity_integral_per_s2: float = key(1.0, "horizontal gain on the integral of velocity", gt=0)
+    climb_time_s: float = key(0.25, "time constant of the climb reference", gt=0)
+    climb_mps2: float = key(3.0, "largest acceleration of the climb reference", gt=0)
+    height_per_s: float = key(1.0, "vertical gain on height", gt=0)
+    climb_per_s: float = key(4.0, "vertical gain on climb", gt=0)
+    climb_integral_per_s2: float = key(3.0, "vertical gain on the integral of climb", gt=0)
+    attitude_per_s: float = key(8.0, "gain on roll and pitch", gt=0)
+    rate_per_s: float = key(18.0, "gain on the rates of roll and pitch", gt=0)
+    heading_per_s: float = key(2.0, "gain on heading", gt=0)
+    yaw_rate_per_s: float = key(6.0, "gain on the yaw rate", gt=0)
+    yaw_rad_s2: float = key(2.0, "largest acceleration of the yaw rate reference", gt=0)
+    land_range_m: float = key(0.02, "downward range under which the aircraft may take itself for landed", gt=0)
+    land_confirm_s: float = key(0.05, "for how long, with an impact or no more descent", gt=0)
 
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if name == "wind_trim_s":
-                require(value >= 0.0, f"{name} must not be negative, got {value}")
-            elif not isinstance(value, str):
-                require(value > 0.0, f"{name} must be positive, got {value}")
-        require(self.tilt_limit_deg <= 60.0, "tilt_limit_deg must be at most 60")
 
-
-@dataclass(frozen=True)
+@parameters
 class SensorParameters:
     """Errors of what the aircraft measures (`[aircraft.sensors]`); standard deviations.
 
     The autopilot flies on these measurements, and telemetry reports them with a reading's noise on top. A bias is drawn
     once a flight.
-
-    Attributes:
-        velocity_noise_mps, velocity_noise_time_s: of the velocity estimate; a first-order process.
-        flow_bias_mps, flow_bias_time_s: of a velocity from optical flow, as well; slow.
-        flow_view_deg: width of the downward camera's view: what part of it is deck.
-        flow_settle_s: time in which the estimate follows when another surface comes into view.
-        flow_wave_mps, flow_wave_time_s: of the water's own motion as the flow sees it.
-        water_drift_share: of the wind, with which the water's surface drifts.
-        flow_lost_share, flow_lost_s: part of the time without flow over water, and how long one loss lasts on average.
-        attitude_noise_rad, attitude_bias_rad: roll and pitch.
-        heading_noise_rad, heading_bias_rad: magnetometer.
-        height_noise_m, height_drift_m_per_sqrt_s: barometer; the drift is a random walk.
-        range_noise_m: downward rangefinder, each reading.
-        gimbal_noise_time_s: time constant of the gimbal's residual motion (its size: `[camera]`).
-        endurance_s: hover time on a full battery.
-        link_range_m: distance at which the link is gone.
     """
 
-    velocity_noise_mps: float
-    velocity_noise_time_s: float
-    flow_bias_mps: float
-    flow_bias_time_s: float
-    flow_view_deg: float
-    flow_settle_s: float
-    flow_wave_mps: float
-    flow_wave_time_s: float
-    water_drift_share: float
-    flow_lost_share: float
-    flow_lost_s: float
-    attitude_noise_rad: float
-    attitude_bias_rad: float
-    heading_noise_rad: float
-    heading_bias_rad: float
-    height_noise_m: float
-    height_drift_m_per_sqrt_s: float
-    range_noise_m: float
-    gimbal_noise_time_s: float
-    endurance_s: float
-    link_range_m: float
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if name.endswith(("_time_s", "endurance_s", "range_m", "settle_s", "lost_s", "view_deg")):
-                require(value > 0.0, f"{name} must be positive, got {value}")
-            else:
-                require(value >= 0.0, f"{name} must not be negative, got {value}")
-        require(self.flow_lost_share < 1.0, f"flow_lost_share must be below 1, got {self.flow_lost_share}")
-        require(self.flow_view_deg < 150.0, f"flow_view_deg must be below 150, got {self.flow_view_deg}")
+    velocity_noise_mps: float = key(0.02, "of the velocity estimate; a first-order process", ge=0)
+    velocity_noise_time_s: float = key(0.5, "time constant of the velocity's noise", gt=0)
+    flow_bias_mps: float = key(0.03, "of a velocity from optical flow; a slow first-order process", ge=0)
+    flow_bias_time_s: float = key(60.0, "time constant of the flow's bias", gt=0)
+    flow_view_deg: float = key(60.0, "width of the downward camera's view: what part of it is deck", gt=0, lt=150)
+    flow_settle_s: float = key(
+        0.3, "the estimate follows a new surface in so long", "the fusion with the accelerometers", gt=0
+    )
+    flow_wave_mps: float = key(
+        0.1, "of the water's own motion as the flow sees it", "orbital motion, averaged over the view", ge=0
+    )
+    flow_wave_time_s: float = key(0.5, "time constant of the water's own motion", gt=0)
+    water_drift_share: float = key(0.03, "of the wind, with which the water's surface drifts", "the rule of 3 %", ge=0)
+    flow_lost_share: float = key(
+        0.1, "part of the time without flow over water", "water gives few features", ge=0, lt=1
+    )
+    flow_lost_s: float = key(0.5, "how long one loss of flow lasts on average", gt=0)
+    attitude_noise_rad: float = key(0.005, "of roll and pitch", ge=0)
+    attitude_bias_rad: float = key(0.005, "of roll and pitch", "0.3°: a levelled accelerometer", ge=0)
+    heading_noise_rad: float = key(0.01, "of the magnetometer", ge=0)
+    heading_bias_rad: float = key(0.035, "of the magnetometer", "2°: a calibrated magnetometer near steel", ge=0)
+    height_noise_m: float = key(0.05, "of the barometer", ge=0)
+    height_drift_m_per_sqrt_s: float = key(0.02, "of the barometer; a random walk", ge=0)
+    range_noise_m: float = key(0.002, "downward rangefinder, each reading", "time of flight, at close range", ge=0)
+    gimbal_noise_time_s: float = key(0.1, "time constant of the gimbal's residual motion (its size: `[camera]`)", gt=0)
+    endurance_s: float = key(1500.0, "hover time on a full battery", "data sheet: 25 min", gt=0)
+    link_range_m: float = key(4000.0, "distance at which the link is gone", "data sheet: 4 km", gt=0)
 
 
-@dataclass(frozen=True)
+@parameters
 class AircraftParameters:
-    """Section `[aircraft]`.
+    """Section `[aircraft]`."""
 
-    Attributes:
-        kind: `quadrotor`, an installed name of the group `aircraft`, or `module:factory`.
-        airframe, settings, loop, sensors: see there.
-    """
-
-    kind: str
-    airframe: AirframeParameters
-    settings: PilotingSettings
-    loop: LoopParameters
-    sensors: SensorParameters
+    kind: str = key(
+        "quadrotor",
+        "`quadrotor`, an installed name of the group `aircraft`, or `module:factory`",
+        "quadrotor | module:factory",
+    )
+    airframe: AirframeParameters = AirframeParameters()
+    settings: PilotingSettings = PilotingSettings()
+    loop: LoopParameters = LoopParameters()
+    sensors: SensorParameters = SensorParameters()

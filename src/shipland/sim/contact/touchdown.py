@@ -3,45 +3,31 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.frames import Array
 from shipland.messages import TouchdownVerdict
 from shipland.rig import in_area
 from shipland.sim.aircraft.parameters import Vector
 
 
-@dataclass(frozen=True)
+@parameters
 class VerdictParameters:
-    """What counts as a landing (`[verdict]`).
+    """What counts as a landing (`[verdict]`)."""
 
-    Attributes:
-        max_descent_mps: largest speed into the deck at first contact.
-        max_drift_mps: largest speed along the deck at first contact.
-        max_tilt_deg: largest tilt against the deck's normal after contact.
-        max_slip_m: farthest from the touchdown point before rest.
-        bounce_s: off the deck for longer with motors running, the contact was none.
-        rest_s: still on the deck for so long is rest.
-        rest_speed_mps: still means slower than this against the deck.
-        patience_s: without rest so long after the motors stopped, there is none.
-    """
-
-    max_descent_mps: float
-    max_drift_mps: float
-    max_tilt_deg: float
-    max_slip_m: float
-    bounce_s: float
-    rest_s: float
-    rest_speed_mps: float
-    patience_s: float
+    max_descent_mps: float = key(1.5, "largest speed into the deck at first contact", "a drop from 11 cm", gt=0)
+    max_drift_mps: float = key(1.0, "largest speed along the deck at first contact", gt=0)
+    max_tilt_deg: float = key(25.0, "largest tilt against the deck's normal after contact", gt=0)
+    max_slip_m: float = key(0.25, "farthest from the touchdown point before rest", gt=0)
+    bounce_s: float = key(0.5, "off the deck for longer with motors running, the contact was none", gt=0)
+    rest_s: float = key(1.5, "still on the deck for so long is rest", gt=0)
+    rest_speed_mps: float = key(0.05, "still means slower than this against the deck", gt=0)
+    patience_s: float = key(6.0, "without rest so long after the motors stopped, there is none", gt=0)
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            require(value > 0.0, f"{name} must be positive, got {value}")
         require(self.patience_s > self.rest_s, "patience_s must be longer than rest_s")
 
 

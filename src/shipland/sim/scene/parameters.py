@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.frames import Array
 
 _TOE = 0.004
@@ -53,51 +53,41 @@ class Tone:
         return np.asarray(np.interp(display_value, self.display(grid), grid))
 
 
-@dataclass(frozen=True)
+@parameters
 class SceneParameters:
-    """What the picture looks like (`[scene]` in TOML); a strength of zero costs nothing.
+    """What the picture looks like (`[scene]` in TOML); a strength of zero costs nothing."""
 
-    Attributes:
-        sun_azimuth_deg, sun_elevation_deg: towards the sun, clockwise from north and above the horizon.
-        visibility_m: distance at which 5 % of contrast is left (meteorological optical range).
-        rain_mm_h: rainfall: streaks, and its own loss of contrast.
-        cloud_cover: 0 … 1.
-        significant_wave_height_m: of the sea that is drawn; the rig does not move with it.
-        wave_direction_deg: towards which the waves run, clockwise from north.
-        wind_speed_mps: sets the small waves' slope and the whitecaps.
-        exposure_ev: brighter by a power of two.
-        gamma, contrast, shoulder, sharpening: of the camera's rendering to display values, see `Tone`.
-        auto_exposure: 0 (fixed) … 1 (the camera makes up for the light).
-        glare: the sun's veil and ghosts in the lens, and its glitter on the sea; 1 is the physical glitter.
-        shutter_s: exposure time, for motion blur.
-        sensor_noise: standard deviation of a display value 0 … 255 in daylight; grows as light is amplified.
-        spray: of waves along the hull, 0 … 1.
-        lens_drops: water on the lens, 0 … 1; 1 is some forty drops.
-        wake: bow wave and wake of a ship under way, 0 … 1; the water around the rig's platform has neither.
-        lamp: luminous green of the bar, in radiance of sunlit white; dimmed as the light goes.
-    """
-
-    sun_azimuth_deg: float
-    sun_elevation_deg: float
-    visibility_m: float
-    rain_mm_h: float
-    cloud_cover: float
-    significant_wave_height_m: float
-    wave_direction_deg: float
-    wind_speed_mps: float
-    exposure_ev: float
-    auto_exposure: float
-    gamma: float
-    contrast: float
-    shoulder: float
-    sharpening: float
-    glare: float
-    shutter_s: float
-    sensor_noise: float
-    spray: float
-    lens_drops: float
-    lamp: float
-    wake: float = 0.0
+    sun_azimuth_deg: float = key(215.0, "towards the sun, clockwise from north", "behind the approach and to its left")
+    sun_elevation_deg: float = key(38.0, "of the sun above the horizon", ge=-12, le=90)
+    visibility_m: float = key(
+        40000.0, "distance at which 5 % of contrast is left (meteorological optical range)", "clear day", ge=5
+    )
+    rain_mm_h: float = key(0.0, "rainfall: streaks, and its own loss of contrast", ge=0)
+    cloud_cover: float = key(0.45, "0 … 1", ge=0, le=1)
+    significant_wave_height_m: float = key(
+        0.5, "of the sea that is drawn; the rig does not move with it", "sea state 6's at 1/8.33", ge=0
+    )
+    wave_direction_deg: float = key(60.0, "towards which the waves run, clockwise from north")
+    wind_speed_mps: float = key(6.0, "sets the small waves' slope and the whitecaps", ge=0)
+    exposure_ev: float = key(0.0, "brighter by a power of two")
+    auto_exposure: float = key(0.75, "0 (fixed) … 1 (the camera makes up for the light)", ge=0, le=1)
+    gamma: float = key(
+        2.2, "of the camera's rendering to display values: `Tone`", "chosen: about sRGB, a plain video camera"
+    )
+    contrast: float = key(0.25, "see `Tone`", "chosen: a plain video camera")
+    shoulder: float = key(0.2, "see `Tone`", "chosen: of the range is compressed: a stop and a half over white")
+    sharpening: float = key(0.0, "see `Tone`", "chosen: of an unsharp mask")
+    glare: float = key(
+        1.0, "of the sun in the lens, and its glitter on the sea", "1: physical glitter [Cox & Munk 1954]", ge=0
+    )
+    shutter_s: float = key(0.002, "exposure time, for motion blur", "chosen: 1/500 s, a bright day", ge=0)
+    sensor_noise: float = key(1.5, "standard deviation of a display value 0 … 255 in daylight", ge=0)
+    spray: float = key(0.0, "of waves along the hull, 0 … 1", ge=0, le=1)
+    lens_drops: float = key(0.0, "water on the lens, 0 … 1; 1 is some forty drops", ge=0, le=1)
+    lamp: float = key(
+        1.0, "green of the bar, in radiance of sunlit white", "chosen: 30 kcd/m², a signal panel in full sun", ge=0
+    )
+    wake: float = key(0.0, "bow wave and wake of a ship under way", "none around the rig's platform", ge=0, le=1)
 
     @property
     def tone(self) -> Tone:
@@ -106,10 +96,3 @@ class SceneParameters:
 
     def __post_init__(self) -> None:
         _ = self.tone  # checks its numbers
-        require(-12.0 <= self.sun_elevation_deg <= 90.0, "sun_elevation_deg must be between -12 and 90")
-        require(self.visibility_m >= 5.0, "visibility_m must be at least 5")
-        for name in ("cloud_cover", "auto_exposure", "spray", "lens_drops", "wake"):
-            require(0.0 <= getattr(self, name) <= 1.0, f"{name} must be between 0 and 1")
-        strengths = ("rain_mm_h", "significant_wave_height_m", "wind_speed_mps", "glare", "sensor_noise", "lamp")
-        for name in (*strengths, "shutter_s"):
-            require(getattr(self, name) >= 0.0, f"{name} must not be negative")

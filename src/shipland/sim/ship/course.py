@@ -14,7 +14,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.frames import Array
 
 PEAK_BLEND_RATE = 1.875
@@ -201,46 +201,32 @@ class ManoeuvringCourse:
         )
 
 
-@dataclass(frozen=True)
+@parameters
 class CourseParameters:
-    """Section `[ship.course]`.
+    """Section `[ship.course]`."""
 
-    Attributes:
-        kind: `still`; `straight`; `s`, turns of `change_deg` to either side of the course; `turn`, one turn of
-            `change_deg`; `turn90`, one of 90°; `random`, turns within ±`change_deg` and speeds between half and all
-            of `speed_mps`; `reverse`, a stop and as fast astern.
-        course_deg: the first heading, clockwise from north.
-        speed_mps: speed.
-        speed_max_mps: the platform's fastest.
-        start_s: straight ahead before the first manoeuvre.
-        change_deg: change of course, clockwise positive.
-        leg_s: straight stretch between manoeuvres; of a random course, the mean (0.5 to 1.5 times it); of a reverse,
-            from full ahead to full astern.
-        turn_radius_m: tightest radius of a turn.
-        manoeuvres: number of them in an S or a random course.
-    """
-
-    kind: Literal["still", "straight", "s", "turn", "turn90", "random", "reverse"]
-    course_deg: float
-    speed_mps: float
-    speed_max_mps: float
-    start_s: float
-    change_deg: float
-    leg_s: float
-    turn_radius_m: float
-    manoeuvres: int
+    kind: Literal["still", "straight", "s", "turn", "turn90", "random", "reverse"] = key(
+        "still", "a turn is by `change_deg`, `turn90` by 90°; `random` turns within it; `reverse` stops and goes astern"
+    )
+    course_deg: float = key(0.0, "the first heading, clockwise from north")
+    speed_mps: float = key(2.0, "speed", ge=0)
+    speed_max_mps: float = key(4.5, "the platform's fastest", "[Lee2022]: 0–4.5 m/s")
+    start_s: float = key(10.0, "straight ahead before the first manoeuvre", ge=0)
+    change_deg: float = key(
+        130.0, "change of course, clockwise positive", "[Lee2022]: course changes up to 130° in the S", ge=-180, le=180
+    )
+    leg_s: float = key(5.0, "between manoeuvres; the mean on a random course; from ahead to astern on a reverse", ge=0)
+    turn_radius_m: float = key(
+        9.0, "tightest radius of a turn", "chosen: three platform lengths, about a frigate's tightest turn", gt=0
+    )
+    manoeuvres: int = key(8, "number of them in an S or a random course", ge=0, le=1000)
 
     def __post_init__(self) -> None:
         fastest = self.speed_max_mps
         require(0.0 <= self.speed_mps <= fastest, f"speed_mps must be in 0…{fastest:g} m/s, got {self.speed_mps}")
         turning = self.kind not in ("still", "straight")
         require(not turning or self.speed_mps > 0.0, f"a course of kind {self.kind!r} needs a speed_mps above 0")
-        require(self.start_s >= 0.0, f"start_s must not be negative, got {self.start_s}")
-        require(-180.0 <= self.change_deg <= 180.0, f"change_deg must be in -180…180, got {self.change_deg}")
-        require(self.leg_s >= 0.0, f"leg_s must not be negative, got {self.leg_s}")
         require(self.kind != "reverse" or self.leg_s > 0.0, "a course of kind 'reverse' needs a leg_s above 0")
-        require(self.turn_radius_m > 0.0, f"turn_radius_m must be positive, got {self.turn_radius_m}")
-        require(0 <= self.manoeuvres <= 1000, f"manoeuvres must be in 0…1000, got {self.manoeuvres}")
 
 
 def build_course(parameters: CourseParameters, rng: np.random.Generator) -> Course:

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.frames import Array
 
 DOF_NAMES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -113,17 +113,14 @@ class Sinusoids(Harmonics):
         super().__init__(2.0 * np.pi / period[moving], complex_amplitude)
 
 
-@dataclass(frozen=True)
+@parameters
 class SinusoidParameters:
-    """One amplitude and period a degree of freedom: surge, sway, heave, roll, pitch, yaw.
+    """One amplitude and period a degree of freedom: surge, sway, heave, roll, pitch, yaw."""
 
-    Attributes:
-        amplitude_m_deg: three lengths [m], three angles [deg].
-        period_s: six periods; that of a still degree of freedom is not used.
-    """
-
-    amplitude_m_deg: tuple[float, float, float, float, float, float]
-    period_s: tuple[float, float, float, float, float, float]
+    amplitude_m_deg: tuple[float, float, float, float, float, float] = key(..., "three lengths [m], three angles [deg]")
+    period_s: tuple[float, float, float, float, float, float] = key(
+        ..., "six periods; that of a still degree of freedom is not used"
+    )
 
     def __post_init__(self) -> None:
         require(min(self.amplitude_m_deg) >= 0.0, f"amplitude_m_deg must not be negative, got {self.amplitude_m_deg}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters
 from shipland.frames import Array
 from shipland.rig import Rig
 from shipland.sim.ship.deck_motion import DOF_NAMES, DeckMotion, SixDof
@@ -15,20 +15,14 @@ from shipland.sim.ship.deck_motion import DOF_NAMES, DeckMotion, SixDof
 logger = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
+@parameters
 class LimitParameters:
-    """Section `[ship.limits]`.
+    """Section `[ship.limits]`."""
 
-    Attributes:
-        enabled: the deck stands on the rig's motion base; a ship at sea has no such limits.
-        knee: share of a limit up to which the motion is left as it is.
-    """
-
-    enabled: bool
-    knee: float
-
-    def __post_init__(self) -> None:
-        require(0.0 < self.knee < 1.0, f"knee must be between 0 and 1, got {self.knee}")
+    enabled: bool = key(True, "the deck stands on the rig's motion base; a ship at sea has no such limits")
+    knee: float = key(
+        0.75, "share of a limit that leaves motion as it is", "chosen: a sharper stop would jerk the deck", gt=0, lt=1
+    )
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.frames import GRAVITY_MPS2, Array
 from shipland.sim.ship.deck_motion import Harmonics
 from shipland.sim.ship.rao import ResponseTable, at_point, frigate
 
 KNOT_MPS = 1852.0 / 3600.0
-SPEED_KN = (0.0, 15.0)
-"""Range of ship speeds that the responses are computed for."""
 BAND_RAD_S = (0.2, 2.0)
 """Wave frequencies that are sampled, within the table of responses; a 124 m hull does not answer shorter waves."""
 
@@ -44,36 +42,30 @@ SEA_STATES = {
 """Open-ocean North Atlantic, annual: Bales (1983), as in NATO STANAG 4194."""
 
 
-@dataclass(frozen=True)
+@parameters
 class SeaParameters:
     """Section `[ship.sea]`: the waves and how the ship meets them, at full scale.
 
-    Attributes:
-        sea_state: rung of `SEA_STATES`; gives height and period unless the next two do.
-        significant_height_m: significant wave height, or None.
-        modal_period_s: period of the spectrum's peak, or None.
-        spectrum: Bretschneider (ITTC two-parameter) or JONSWAP.
-        jonswap_gamma: JONSWAP's peak enhancement.
-        short_crested: energy spread over ±90° by cos² about the main direction; else all from one direction.
-        waves_from_deg: bearing that the waves come from, clockwise from the bow: 60 is off the starboard bow, 120 off
-            the starboard quarter (60° off the stern).
-        speed_kn: the ship's speed.
-        flight_deck_m: the point whose motion the deck has, forward, starboard, down of midships on the waterline.
-        frequencies: number of wave frequencies.
-        directions: number of directions of a short-crested sea.
+    The FFG-7-like frigate at full scale; tools/make_rao.py makes another table of responses.
     """
 
-    sea_state: int
-    spectrum: Literal["bretschneider", "jonswap"]
-    jonswap_gamma: float
-    short_crested: bool
-    waves_from_deg: float
-    speed_kn: float
-    flight_deck_m: tuple[float, float, float]
-    frequencies: int
-    directions: int
-    significant_height_m: float | None = None
-    modal_period_s: float | None = None
+    sea_state: int = key(6, "rung of `SEA_STATES`", "[Lee2022]; Bales (1983), North Atlantic, as in NATO STANAG 4194")
+    spectrum: Literal["bretschneider", "jonswap"] = key(
+        "bretschneider", "Bretschneider (ITTC two-parameter) or JONSWAP", "bretschneider | jonswap"
+    )
+    jonswap_gamma: float = key(3.3, "JONSWAP's peak enhancement", "Hasselmann et al. (1973), mean", ge=1, le=7)
+    short_crested: bool = key(True, "energy spread by cos² over ±90°; else from one direction", "ITTC, for an open sea")
+    waves_from_deg: float = key(
+        60.0, "clockwise from the bow; 120 is off the stern", "[Lee2022] says 60°, not of what", ge=-180, le=360
+    )
+    speed_kn: float = key(10.0, "the ship's, within the range of the computed responses", ge=0, le=15)
+    flight_deck_m: tuple[float, float, float] = key(
+        (-50.0, 0.0, -6.0), "the deck's place, forward, starboard, down of midships on the waterline"
+    )
+    frequencies: int = key(40, "number of wave frequencies", ge=8, le=400)
+    directions: int = key(8, "number of directions of a short-crested sea", ge=1, le=60)
+    significant_height_m: float | None = key(None, "significant wave height, or None")
+    modal_period_s: float | None = key(None, "period of the spectrum's peak, or None")
 
     def __post_init__(self) -> None:
         known = ", ".join(map(str, SEA_STATES))
@@ -81,14 +73,6 @@ class SeaParameters:
         height, period = self.height_m, self.period_s
         require(0.0 <= height <= 9.0, f"significant_height_m must be in 0…9 m (linear theory), got {height}")
         require(4.0 <= period <= 25.0, f"modal_period_s must be in 4…25 s, got {period}")
-        require(1.0 <= self.jonswap_gamma <= 7.0, f"jonswap_gamma must be in 1…7, got {self.jonswap_gamma}")
-        require(
-            -180.0 <= self.waves_from_deg <= 360.0, f"waves_from_deg must be in -180…360, got {self.waves_from_deg}"
-        )
-        low, high = SPEED_KN
-        require(low <= self.speed_kn <= high, f"speed_kn must be in {low:g}…{high:g} kn, got {self.speed_kn}")
-        require(8 <= self.frequencies <= 400, f"frequencies must be in 8…400, got {self.frequencies}")
-        require(1 <= self.directions <= 60, f"directions must be in 1…60, got {self.directions}")
 
     @property
     def height_m(self) -> float:

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from shipland.config import require
+from shipland.config import key, parameters, require
 from shipland.frames import Pose
 from shipland.rig import Rig
 from shipland.sim.ship.course import Course, CourseParameters, CourseState, StillCourse, StraightCourse, build_course
@@ -114,21 +114,18 @@ class Ship:
         return ShipState(self.course.at(t_s), self.deck_motion.at(t_s), self.rig, self.full_ship)
 
 
-@dataclass(frozen=True)
+@parameters
 class ScaleParameters:
-    """Section `[ship.scale]`: from a full-scale ship to the rig.
+    """Section `[ship.scale]`: from a full-scale ship to the rig."""
 
-    Attributes:
-        length: full-scale lengths are divided by it; angles stay.
-        time: `froude` divides times by its square root, as gravity does; `length_only` leaves times as they are, so
-            that the small deck moves as slowly as the large one, as the rig of [Lee2022] implies.
-    """
-
-    length: float
-    time: Literal["froude", "length_only"]
-
-    def __post_init__(self) -> None:
-        require(1.0 <= self.length <= 1000.0, f"length must be in 1…1000, got {self.length}")
+    length: float = key(
+        8.33, "full-scale lengths are divided by it", "chosen: a frigate's beam to 1.8 m", ge=1, le=1000
+    )
+    time: Literal["froude", "length_only"] = key(
+        "froude",
+        "times are divided by √length, or stay",
+        "froude: the honest one | length_only: [Lee2022]'s slower one",
+    )
 
     @property
     def time_scale(self) -> float:
@@ -136,52 +133,48 @@ class ScaleParameters:
         return math.sqrt(self.length) if self.time == "froude" else 1.0
 
 
-@dataclass(frozen=True)
+@parameters
 class RecordedParameters:
-    """Section `[ship.recorded]`.
+    """Section `[ship.recorded]`."""
 
-    Attributes:
-        path: CSV file, columns as in `recorded.HEADER`; relative to the working directory.
-        full_scale: the record is a full-scale ship's and is scaled by `[ship.scale]`.
-    """
-
-    path: str
-    full_scale: bool
+    path: str = key("", "CSV file in the working directory", "t_s,surge_m,sway_m,heave_m,roll_deg,pitch_deg,yaw_deg")
+    full_scale: bool = key(False, "the record is a full-scale ship's and is scaled by `[ship.scale]`")
 
 
-@dataclass(frozen=True)
+@parameters
 class ShipParameters:
-    """What the configuration says of the ship in section `[ship]`.
+    """What the configuration says of the ship in section `[ship]`."""
 
-    Attributes:
-        motion: what moves the deck.
-        same_motion: every flight meets one and the same motion, at an instant of its own; else each draws its own.
-        instant_range_s: the instants are drawn from this much of the motion.
-        full_ship: superstructure and bar have the ship's motions too (see `ShipState`); no motion base, no limits.
-        course: where the ship goes.
-        natops: the deck-motion limits of the US Navy's NATOPS manual, as [Lee2022] flies them.
-        sinusoids: any other sinusoids.
-        sea: the frigate in waves.
-        recorded: a recorded motion.
-        scale: from the frigate to the rig.
-        limits: the motion base's limits.
-    """
-
-    motion: Literal["still", "natops", "sinusoids", "sea", "recorded"]
-    same_motion: bool
-    instant_range_s: float
-    full_ship: bool
-    course: CourseParameters
-    natops: SinusoidParameters
-    sinusoids: SinusoidParameters
-    sea: SeaParameters
-    recorded: RecordedParameters
-    scale: ScaleParameters
-    limits: LimitParameters
+    motion: Literal["still", "natops", "sinusoids", "sea", "recorded"] = key(
+        "still", "what moves the deck", "still | natops | sinusoids | sea | recorded"
+    )
+    same_motion: bool = key(
+        False, "every flight meets one motion, at an instant of its own", "chosen; for pictures of many landings"
+    )
+    instant_range_s: float = key(120.0, "the instants are drawn from this much of the motion", ge=0)
+    full_ship: bool = key(
+        False, "superstructure and bar have the ship's motions too", "chosen: [Lee2022] moves the deck alone"
+    )
+    course: CourseParameters = key(CourseParameters(), "where the ship goes")
+    natops: SinusoidParameters = key(
+        SinusoidParameters(
+            amplitude_m_deg=(0.0, 0.0, 0.0, 8.0, 3.0, 0.0), period_s=(10.0, 10.0, 10.0, 10.1, 6.5, 10.0)
+        ),
+        "deck-motion limits of the US Navy's NATOPS manual",
+        "[Lee2022, Table of motions]; a still axis' period is unused",
+    )
+    sinusoids: SinusoidParameters = key(
+        SinusoidParameters(amplitude_m_deg=(0.0, 0.0, 0.1, 4.0, 2.0, 0.0), period_s=(10.0, 10.0, 8.0, 10.0, 7.0, 10.0)),
+        "any other sinusoids",
+        "chosen: a harmless example",
+    )
+    sea: SeaParameters = key(SeaParameters(), "the frigate in waves")
+    recorded: RecordedParameters = key(RecordedParameters(), "a recorded motion")
+    scale: ScaleParameters = key(ScaleParameters(), "from the frigate to the rig")
+    limits: LimitParameters = key(LimitParameters(), "the motion base's limits")
 
     def __post_init__(self) -> None:
         missing = self.motion == "recorded" and not self.recorded.path
-        require(self.instant_range_s >= 0.0, f"instant_range_s must not be negative, got {self.instant_range_s}")
         require(not missing, 'motion = "recorded" needs recorded.path, a CSV file')
 
 

@@ -1,4 +1,4 @@
-"""`[mavlink]` of vehicles.toml, and the limits that the vehicle's own parameters set."""
+"""`[mavlink]`, and the limits that the vehicle's own parameters set."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from shipland.config import build, require, require_within
+from shipland.config import build, key, parameters, require
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.vehicles.mavlink.setpoints import ClimbScale
@@ -15,71 +15,63 @@ from shipland.vehicles.mavlink.state import ARDUPILOT, PX4
 from shipland.vehicles.pace import First
 
 
-@dataclass(frozen=True)
+@parameters
 class MavlinkParameters:
-    """`[mavlink]`.
+    """`[mavlink]`."""
 
-    Attributes:
-        kind: what pitch and roll sticks mean: a tilt or a speed; PX4 always flies speeds.
-        system_id, component_id: ours.
-        setpoint_hz, gimbal_hz: messages a second.
-        setpoint_gap_s: without a set-point for so long, the guard process of the link sends holds in our place; after
-            `link_timeout_s` it asks for a mode that holds.
-        goes_first: what goes before other processes where the system lets it: the set-points' thread, or all of ours.
-        connect_timeout_s: to the first heartbeat, and to the first of everything needed.
-        engage_timeout_s: for the operator to give us the mode.
-        stale_s: without a command for so long the vehicle is commanded to hold.
-        link_timeout_s: without a heartbeat for so long the flight is over.
-        video_timeout_s: likewise without a picture.
-        max_tilt_deg, max_speed_mps, max_climb_mps, max_turn_deg_s: full sticks, within the vehicle's own limits.
-        stick_takeover_us: a stick moved by more takes over.
-        hover_throttle: 0 … 1, where the vehicle does not say.
-        force_disarm: whether a touchdown that the autopilot does not accept stops the motors all the same.
-        disarm_retry_s: from one attempt to the next.
-    """
-
-    kind: Literal["attitude", "velocity"]
-    system_id: int
-    component_id: int
-    setpoint_hz: float
-    setpoint_gap_s: float
-    goes_first: First
-    gimbal_hz: float
-    connect_timeout_s: float
-    engage_timeout_s: float
-    stale_s: float
-    link_timeout_s: float
-    video_timeout_s: float
-    max_tilt_deg: float
-    max_speed_mps: float
-    max_climb_mps: float
-    max_turn_deg_s: float
-    stick_takeover_us: int
-    hover_throttle: float
-    force_disarm: bool
-    disarm_retry_s: float
+    kind: Literal["attitude", "velocity"] = key(
+        "attitude",
+        "what pitch and roll sticks mean",
+        "attitude: tilts (ArduPilot) | velocity: speeds over ground (PX4)",
+    )
+    system_id: int = key(245, "ours", "chosen: not a ground station's 255, whose failsafe stays its own", ge=1, le=255)
+    component_id: int = key(191, "ours", "MAV_COMP_ID_ONBOARD_COMPUTER", ge=1, le=255)
+    setpoint_hz: float = key(
+        50.0, "set-points a second", "10–50 Hz for SET_ATTITUDE_TARGET; PX4 wants more than 2 Hz", ge=5, le=200
+    )
+    setpoint_gap_s: float = key(
+        0.3,
+        "without a set-point for so long, the guard process of the link sends holds in our place; after "
+        "`link_timeout_s` it asks for a mode that holds",
+        "chosen: fifteen set-points; a PX4 waits 1 s (COM_OF_LOSS_T), an ArduPilot 3 s (GUID_TIMEOUT)",
+        ge=0.05,
+        le=2,
+    )
+    goes_first: First = key(
+        "thread", "before other processes, with CAP_SYS_NICE", "thread: of the set-points | process: all of ours"
+    )
+    gimbal_hz: float = key(10.0, "gimbal commands a second", ge=0.1, le=100)
+    connect_timeout_s: float = key(20.0, "to the first heartbeat, and to the first of everything needed", ge=1, le=600)
+    engage_timeout_s: float = key(120.0, "for the operator to give us the mode", ge=0.1, le=3600)
+    stale_s: float = key(
+        1.0, "without a command for so long it holds", "chosen: [Lee2022]'s longest cycle is 0.5 s", ge=0.1, le=5
+    )
+    link_timeout_s: float = key(
+        3.0, "without a heartbeat for so long the flight is over", "chosen; one a second at least", ge=0.5, le=30
+    )
+    video_timeout_s: float = key(10.0, "likewise without a picture", ge=0.5, le=60)
+    max_tilt_deg: float = key(
+        15.0, "at full stick, within the vehicle's own limits", "as [aircraft.settings]", ge=1, le=45
+    )
+    max_speed_mps: float = key(
+        4.0, "at full stick, within the vehicle's own limits", "chosen, of the kind velocity", ge=0.1, le=20
+    )
+    max_climb_mps: float = key(
+        1.0, "at full stick, within the vehicle's own limits", "as [aircraft.settings]", ge=0.1, le=5
+    )
+    max_turn_deg_s: float = key(
+        40.0, "at full stick, within the vehicle's own limits", "as [aircraft.settings]", ge=1, le=180
+    )
+    stick_takeover_us: int = key(80, "a stick moved by more takes over", "chosen: a sixth of full stick", ge=20, le=400)
+    hover_throttle: float = key(
+        0.35, "where the vehicle does not say", "chosen (MOT_THST_HOVER, MPC_THR_HOVER)", ge=0.05, le=0.95
+    )
+    force_disarm: bool = key(
+        True, "a touchdown stops the motors at contact height", "an ArduPilot neither notices nor disarms itself"
+    )
+    disarm_retry_s: float = key(0.5, "from one attempt to the next", ge=0.1, le=10)
 
     def __post_init__(self) -> None:
-        require_within(
-            self,
-            system_id=(1, 255),
-            component_id=(1, 255),
-            setpoint_hz=(5.0, 200.0),
-            setpoint_gap_s=(0.05, 2.0),
-            gimbal_hz=(0.1, 100.0),
-            connect_timeout_s=(1.0, 600.0),
-            engage_timeout_s=(0.1, 3600.0),
-            stale_s=(0.1, 5.0),
-            link_timeout_s=(0.5, 30.0),
-            video_timeout_s=(0.5, 60.0),
-            max_tilt_deg=(1.0, 45.0),
-            max_speed_mps=(0.1, 20.0),
-            max_climb_mps=(0.1, 5.0),
-            max_turn_deg_s=(1.0, 180.0),
-            stick_takeover_us=(20, 400),
-            hover_throttle=(0.05, 0.95),
-            disarm_retry_s=(0.1, 10.0),
-        )
         require(
             self.setpoint_gap_s > 1.0 / self.setpoint_hz,
             f"setpoint_gap_s must be above the {1.0 / self.setpoint_hz:g} s of setpoint_hz, got {self.setpoint_gap_s}",

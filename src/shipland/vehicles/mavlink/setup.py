@@ -59,7 +59,7 @@ class MavlinkSetup:
         fixed_pitch_rad: of a camera fixed to the body; None for a gimbal.
         open_timeout_s: to the first picture.
         engagement: what we may do by ourselves.
-        parameters, touchdown, preflight: sections of vehicles.toml.
+        parameters, touchdown, preflight: sections.
         response_table: `[response]`.
     """
 
@@ -81,7 +81,7 @@ class MavlinkSetup:
 
     @staticmethod
     def of(setup: VehicleSetup) -> MavlinkSetup:
-        """From an address and vehicles.toml; ConfigError when either is wrong."""
+        """From an address and the vehicles' table; ConfigError when either is wrong."""
         address, table = setup.address, setup.table
         address.only(*OPTIONS)
         section = dict(table["mavlink"])

@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from shipland.camera import Camera, CameraParameters
-from shipland.config import build
 from shipland.cue import Cue
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.rig import packaged_table
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.pictures import FilePicture, is_film, pictures_of
@@ -113,7 +111,7 @@ def see_paths(
     Raises:
         DataError: without `broken`, what it would be called with.
     """
-    visions = _VisionBySize(cue, camera, parameters or _packaged_parameters())
+    visions = _VisionBySize(cue, camera, parameters or VisionParameters())
     for some in [[path] for path in paths] or [[]]:
         for picture in pictures_of(some, broken):
             try:
@@ -130,11 +128,11 @@ def see_paths(
 
 def default_camera() -> Camera:
     """The camera of the packaged configuration."""
-    return Camera.from_parameters(build(CameraParameters, packaged_table("camera"), "camera"))
+    return Camera.from_parameters(CameraParameters())
 
 
 def _packaged_parameters() -> VisionParameters:
-    return build(VisionParameters, packaged_table("vision"), "vision")
+    return VisionParameters()
 
 
 class _VisionBySize:

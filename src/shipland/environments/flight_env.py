@@ -1,0 +1,197 @@
+"""What both environments are: a simulated flight whose pilot waits for an action."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+
+from shipland import factories
+from shipland.environments.actions import ActionPilot
+from shipland.environments.stepped import SteppedFlight
+from shipland.errors import ConfigError
+from shipland.factories import Factory
+from shipland.flight import Cycle, FlightResult
+from shipland.guidance.pilot import PilotSetup
+from shipland.messages import PilotCommand
+from shipland.scenario.fly import Flown
+from shipland.scenario.scenario import Scenario, load_scenario
+
+Seen = TypeVar("Seen")
+
+IN_SQUARE, LANDED, FAILED = 10.0, 2.0, -10.0
+"""Reward at the end: stands in the square, stands on the deck beside it, anything else but the time limit."""
+PER_METRE, PER_SECOND = 1.0, -0.05
+"""Reward for coming nearer to the deck's centre, and for time."""
+
+_SEEDS, _DRAWS = 2**31, 20
+
+
+class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
+    """A landing in the simulator, flown by the loop that flies the drone; the safety stands behind every action.
+
+    **A step** is a cycle of the loop: the action is flown on what the observation before it shows, then time passes
+    until the next command is due (a picture, its delays and the processing time; about 33 ms near, 0.5 s after a
+    learned detector), and through the cycles, if any, that no action can change. A policy thus decides on the very
+    data, and at the very instant, that a pilot gets.
+
+    **Reward**: the metres that the aircraft's centre of mass came nearer to the deck's centre during the step, by the
+    truth, less 0.05 for each second; at the end +10 for a landing in the square, +2 for one beside it, -10 for
+    everything else (crashed, fell, too hard, slipped …) and nothing at the time limit.
+
+    **Termination**: the flight is over by the project's own verdict. **Truncation**: the scenario's time limit.
+
+    **Info**: `seed` of the flight, `t_s`, `aircraft_in_deck_m` (3,) by the truth of now, `reason` of the last command
+    with the safety's interventions in words. At the end moreover `landed` (at rest on its feet, within every limit),
+    `in_square` (first contact in the landing square), `is_success` (both), `error_m` (of the first contact from the
+    square's centre), `descent_mps`, `tilt_rad` and `slip_m`, NaN without contact, and `reason` says how it ended.
+
+    **Seeds**: `reset(seed=7)` flies the flight that `shipland fly --seed 7` flies; a `reset` without one draws the
+    flight's seed from the generator that the last one seeded.
+
+    Args:
+        scenario: a packaged name, the path of a TOML file, a merged table or a scenario.
+        overrides: sections or dotted keys laid over it, as `load_scenario` takes them.
+        vision: `geometric`, `rendered` (drawn pictures through the whole vision), or your own.
+
+    Raises:
+        ShiplandError: one of them is wrong; it says which.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 30}  # noqa: RUF012 - as the base class has it
+
+    def __init__(
+        self,
+        scenario: Scenario | str | Path | Mapping[str, Any],
+        overrides: Mapping[str, Any] | None,
+        vision: str | Factory,
+        render_mode: str | None,
+    ) -> None:
+        if render_mode is not None:
+            raise ConfigError(f"render_mode={render_mode!r}: there is none; `shipland fly` makes videos")
+        source = scenario.table() if isinstance(scenario, Scenario) else scenario
+        self.scenario = load_scenario(source, **(overrides or {}))
+        self._vision = factories.resolve("visions", vision)
+        self.render_mode = None
+        self._flight: SteppedFlight | None = None
+        self._cycle: Cycle | None = None
+        self._seen: Seen
+
+    @abstractmethod
+    def _pilot_of(self, setup: PilotSetup) -> ActionPilot:
+        """The pilot of a flight that begins."""
+
+    @abstractmethod
+    def _look(self, cycle: Cycle, sent: PilotCommand | None) -> Seen | None:
+        """What the agent sees of a cycle; None where no action can change it."""
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Seen, dict[str, Any]]:
+        """Begin a flight; `options` are not used. Of flights that are over before an action is due, the next is drawn.
+
+        Raises:
+            ConfigError: the flight of the seed given, or of several drawn, is over before an action is due.
+        """
+        super().reset(seed=seed, options=options)
+        for _ in range(1 if seed is not None else _DRAWS):
+            self.close()
+            self._seed = seed if seed is not None else int(self.np_random.integers(_SEEDS))
+            self._flight = flight = SteppedFlight(self.scenario, self._build_pilot, self._vision, self._seed)
+            self._cycles, self._first_s = 0, -math.inf
+            self._advance(flight)
+            if self._cycle is not None and not self._timed_out:
+                return self._seen, self._info("")
+        self.close()
+        raise ConfigError(f"the flight of seed {self._seed} is over before an action is due")
+
+    def step(self, action: npt.NDArray[np.float32]) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
+        """Fly to the next action; see the class.
+
+        Raises:
+            gymnasium.error.ResetNeeded: no flight is on.
+        """
+        flight = self._flight
+        if flight is None:
+            raise gymnasium.error.ResetNeeded("no flight is on; call reset() first")
+        assert self._cycle is not None
+        self._pilot.action = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
+        before_s, before_m = self._now_s, self._distance_m
+        reason = self._advance(flight, self._cycle)
+        over, truncated = self._cycle is None, self._timed_out
+        reward = PER_METRE * (before_m - self._distance_m) + PER_SECOND * (self._now_s - before_s)
+        info = self._info(reason)
+        if over or truncated:
+            result = FlightResult(cycles=self._cycles, t_s=self._now_s)
+            if truncated:
+                result.reason = f"time limit of {self.scenario.time_limit_s:g} s"
+            end = Flown(result, flight.verdict())
+            info |= _end_info(end)
+            if not truncated:
+                reward += _end_reward(end)
+            self.close()
+        return self._seen, reward, over, truncated, info
+
+    def close(self) -> None:
+        """End the flight that is on, if there is one."""
+        if self._flight is not None:
+            self._flight.close()
+            self._flight = None
+
+    def _build_pilot(self, setup: PilotSetup) -> ActionPilot:
+        self._pilot = self._pilot_of(setup)
+        return self._pilot
+
+    def _advance(self, flight: SteppedFlight, cycle: Cycle | None = None) -> str:
+        """Fly `cycle`, then those that no action can change; the last command's reason."""
+        reason, seen = "", None
+        self._timed_out = False
+        while seen is None:
+            if cycle is not None:
+                reason = flight.decide(cycle).reason
+                self._cycles += 1
+            self._cycle = cycle = flight.advance()
+            self._truth = flight.truth()
+            self._distance_m = float(np.linalg.norm(self._truth.aircraft_in_deck_m))
+            self._now_s = self._truth.t_s
+            if cycle is None:
+                return reason
+            self._now_s = cycle.telemetry.t_s
+            if self._cycles == 0:
+                self._first_s = cycle.frame.t_s
+            self._timed_out = self._cycles > 0 and self._now_s - self._first_s >= self.scenario.time_limit_s
+            seen = self._look(cycle, flight.sent)
+            if self._timed_out:
+                break
+        if seen is not None:
+            self._seen = seen
+        return reason
+
+    def _info(self, reason: str) -> dict[str, Any]:
+        place_m = self._truth.aircraft_in_deck_m
+        return {"seed": self._seed, "t_s": self._truth.t_s, "aircraft_in_deck_m": place_m, "reason": reason}
+
+
+def _end_info(end: Flown) -> dict[str, Any]:
+    verdict, nan = end.verdict, float("nan")
+    touched = verdict is not None and verdict.touched
+    return {
+        "landed": verdict is not None and verdict.landed,
+        "in_square": verdict is not None and verdict.in_square,
+        "is_success": end.success,
+        "reason": end.reason,
+        "error_m": float(np.hypot(*verdict.touchdown_in_deck_m)) if verdict is not None and touched else nan,
+        "descent_mps": float(verdict.relative_velocity_in_deck_mps[2]) if verdict is not None and touched else nan,
+        "tilt_rad": verdict.tilt_rad if verdict is not None and touched else nan,
+        "slip_m": verdict.slip_m if verdict is not None and touched else nan,
+    }
+
+
+def _end_reward(end: Flown) -> float:
+    if end.success:
+        return IN_SQUARE
+    return LANDED if end.verdict is not None and end.verdict.landed else FAILED
