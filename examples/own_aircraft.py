@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from shipland.config import build, merge, packaged_toml
 from shipland.sim.aircraft.aircraft import Quadrotor
-from shipland.sim.aircraft.attitude_loop import AttitudeLoop
+from shipland.sim.aircraft.loops import AttitudeLoop
 from shipland.sim.aircraft.parameters import AircraftParameters
 
 TABLE = merge(packaged_toml("default")["aircraft"], packaged_toml("parts/octo25")["aircraft"])

@@ -14,15 +14,16 @@ from shipland.frames import GRAVITY_MPS2, rows_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
-from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState, WeakRotor, build_aircraft
+from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState, build_aircraft
 from shipland.sim.aircraft.autopilot import CENTRED, Sticks
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
-from shipland.sim.aircraft.sensors import Gimbal, LandingDetector, Normals, Readings, Senses, read_instruments
+from shipland.sim.aircraft.record import Record, at
+from shipland.sim.aircraft.sensors import Gimbal, LandingDetector, Readings, Senses, read_instruments
+from shipland.sim.aircraft.step import fly_free, sense_once, tick, tick_senses
 from shipland.sim.contact.body import Body
 from shipland.sim.contact.deck_drive import DeckDriver, DeckState, against_deck, deck_state
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
-from shipland.sim.free import free_flight
 from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.snapshot import Snapshot, scene_of, truth_of
 from shipland.sim.state import SceneState
@@ -57,6 +58,8 @@ NEAR_DECK_M = 2.0
 """Least distance from the deck's centre within which the deck is set, and contacts judged, every physics step."""
 SHIP_MARGIN_M = 0.5
 """Distance from the ship's bounds within which the ship is set every control step."""
+LOW_M = 0.3
+"""Height of the feet over the sea below which the flight is not free: MuJoCo flies it."""
 CLEAR_M = 0.1
 """Free distance, beyond that flown between two checks, at which no contact is possible."""
 CUT_OFF_RAD = math.radians(75.0)
@@ -131,10 +134,11 @@ class World:
         start_rng, sense_rng, gimbal_rng, range_rng, self._reading_rng = rng.spawn(5)
         tick_s, sensors, loop = grid.control_every * grid.step_s, aircraft.sensors, aircraft.loop
         self._flier = build_aircraft(aircraft, tick_s)
+        self._record = self._flier.record if isinstance(self._flier, Quadrotor) else Record(aircraft, tick_s)
         shape = self._flier.shape
         model = build_model(rig, shape, grid.step_s)
         data = mujoco.MjData(model.mj)
-        self._body = Body(rig, shape, model, data)
+        self._body = Body(rig, shape, model, data, self._record)
         self._foot_below_m = shape.foot_below_m
         self._stage = DeckDriver(model, data)
         self._unstaged_deck: DeckState | None = None
@@ -152,8 +156,7 @@ class World:
         self._steps, self._tick_s = 0, tick_s
         self._motors_run = True
         self._reach_m = math.inf
-        self._down_mps = 0.0
-        self._sticks, self._land, self._command_s, self._gimbal_wanted_rad = CENTRED, False, -math.inf, 0.0
+        self._sticks, self._land, self._command_s = CENTRED, False, -math.inf
 
         position_m, heading_rad = self._draw_start(start, start_rng)
         state = self._set_ship(hull=True)
@@ -162,17 +165,22 @@ class World:
         self._body.put(position_m, roll_rad, pitch_rad, heading_rad)
 
         over_ground = loop.velocity_reference == "ground"
-        self._senses = Senses(sensors, over_ground, tick_s, grid.air_every * grid.step_s, sense_rng)
+        self._senses = Senses(self._record, sensors, over_ground, grid.air_every * grid.step_s, sense_rng)
         self._senses.look(self._ground.below(position_m, state, self._deck, self._wind_mps))
-        self._gimbal = Gimbal(camera_parameters, sensors, tick_s, Normals(gimbal_rng))
+        self._gimbal = Gimbal(self._record, camera_parameters, sensors, tick_s, gimbal_rng)
         self._touchdown = LandingDetector(
             loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng
         )
-        self._sensed, self._sensed_s = self._senses.sense(self._body.motion()), 0.0
-        self._flier.begin(self._sensed)
-        free = (aircraft, self._flier, self._senses, self._gimbal, camera_parameters)
-        two = grid.control_every == 2  # what is compiled has no other
-        self._free = free_flight(*free, rig.deck_size_m, self._near_deck_m, grid.step_s) if two else None
+        self._record.set(
+            step_s=grid.step_s,
+            lowest_z=-shape.foot_below_m - LOW_M,
+            near_deck=self._near_deck_m,
+            half_deck=0.5 * rig.deck_size_m,
+        )
+        sense_once(self._record.states, self._record.constants)
+        self._sensed_s = 0.0
+        self._flier.begin(self._record.sensed)
+        self._packaged = isinstance(self._flier, Quadrotor) and self._flier.is_packaged
         self._clear, self._looked_s = False, 0.0
 
     def _draw_start(self, start: StartParameters, rng: np.random.Generator) -> tuple[Vector, float]:
@@ -210,7 +218,7 @@ class World:
         self._sticks = Sticks(*(_stick(percent, step) for percent in percents))
         self._land = command.intent is Intent.LAND
         if math.isfinite(command.gimbal_pitch_rad):
-            self._gimbal_wanted_rad = command.gimbal_pitch_rad
+            self._record.values[_GIMBAL_WANTED] = command.gimbal_pitch_rad
         self._command_s = self.t_s
 
     def advance(self, to_t_s: float) -> None:
@@ -222,7 +230,6 @@ class World:
             phase = self._steps % self._control_every
             if self._clear and self._motors_run and self._fly_free(phase, end):
                 continue
-            self._leave_free()
             if phase == 0:
                 self._control()
             count = min(self._control_every - phase, end - self._steps)
@@ -245,11 +252,11 @@ class World:
         self._sample_air(state, motion.position_m)
         self._senses.look(self._ground.below(motion.position_m, state, self._deck, self._wind_mps))
         self._looked_s = self.t_s
-        free = self._free is not None and self._motors_run and not self._judge.touched and not self._body.in_contact
+        free = self._packaged and self._motors_run and not self._judge.touched and not self._body.in_contact
         flown_m = self._air_every * self._step_s * math.hypot(*motion.velocity_mps)
         self._clear = free and self._clearance_m(motion, state) > max(CLEAR_M, self._touchdown.listen_m) + flown_m
-        if self._free is not None:
-            self._free.meet(self._wind_mps, self._deck)
+        self._record.values[_AIR] = self._wind_mps
+        self._meet_deck()
 
     def _clearance_m(self, motion: RigidBodyState, ship: ShipState) -> float:
         """From the aircraft down to the highest that the deck reaches, or on to what stands ahead; at least."""
@@ -268,33 +275,25 @@ class World:
 
     def _fly_free(self, phase: int, end: int) -> bool:
         """Fly compiled to `end` or until the next look around; False when it cannot."""
-        assert self._free is not None
         fresh, count = self._fresh(), min(end, (self._steps // self._air_every + 1) * self._air_every) - self._steps
         if fresh:
             stale = math.ceil(
                 (self._command_s + self._aircraft.settings.command_timeout_s - 1e-9) / self._step_s - 1e-6
             )
             count = max(min(count, stale - self._steps), 1)
-        deck_age_s, wanted_rad = self.t_s - self._looked_s, self._gimbal_wanted_rad
-        sticks = self._sticks if fresh else CENTRED
-        if not self._free.flying:
-            self._free.take(self._body.motion(), self._body.wrench, self._sensed)
-        steps, motion, self._sensed = self._free.fly(sticks, wanted_rad, deck_age_s, phase, count)
-        self._body.move(motion)
-        last_tick = (self._steps + steps - 1) // self._control_every * self._control_every
+        record, every = self._record, self._control_every
+        record.values[_STICKS] = self._sticks if fresh else CENTRED
+        record.values[_DECK_S] = self.t_s - self._looked_s
+        ticks = (phase + count + every - 1) // every - (phase + every - 1) // every
+        steps: int = fly_free(record.states, record.constants, self._gimbal.draw(ticks), phase, every, count)
+        self._body.moved()
+        last_tick = (self._steps + steps - 1) // every * every
         if steps and last_tick >= self._steps:
             self._sensed_s = last_tick * self._step_s
-            self._down_mps = self._sensed.down_mps - self._senses.state[2]
         self._touchdown.reset()
         self._steps += steps
         self._clear = steps == count
         return steps > 0
-
-    def _leave_free(self) -> None:
-        """Back to the readable world."""
-        wrench = self._free.give_back() if self._free is not None else None
-        if wrench is not None:
-            self._body.apply(wrench)
 
     def _fresh(self) -> bool:
         return self.t_s - self._command_s < self._aircraft.settings.command_timeout_s - 1e-9
@@ -304,16 +303,36 @@ class World:
         self._reach_m = math.dist(motion.position_m, self._deck.origin_m)
         if self._steps % self._air_every and self._reach_m < self._near_ship_m:
             self._set_ship(hull=True)
-        self._gimbal.step(self._gimbal_wanted_rad)
-        self._sensed, self._sensed_s = self._senses.sense(motion), self.t_s
-        fresh = self._fresh()
-        sticks = (self._sticks if fresh else CENTRED) if self._motors_run else None
-        over_deck = self._body.over_deck(motion, self._deck) if self._reach_m < self._near_deck_m else None
-        self._body.apply(self._flier.step(motion, self._sensed, sticks, self._wind_mps, over_deck))
+        record, fresh, down_mps = self._record, self._fresh(), float(self._record.values[_W_AT_TICK])
+        sticks = self._sticks if fresh else CENTRED
+        if self._packaged:
+            record.values[_STICKS] = sticks
+            self._meet_deck()
+            tick(record.states, record.constants, self._gimbal.draw(1), self._motors_run)
+        else:
+            tick_senses(record.states, record.constants, self._gimbal.draw(1))
+            over_deck = self._body.over_deck(motion, self._deck) if self._reach_m < self._near_deck_m else None
+            piloted = sticks if self._motors_run else None
+            force, moment = self._flier.step(motion, record.sensed, piloted, self._wind_mps, over_deck)
+            record.values[_WRENCH] = (*force, *moment)
+        self._sensed_s = self.t_s
         if self._motors_run:
-            self._feel_deck(motion, self._land and fresh)
+            self._feel_deck(motion, (down_mps - motion.velocity_mps[2]) / self._tick_s, self._land and fresh)
             if _upright(motion) < math.cos(CUT_OFF_RAD):
                 self._motors_run = False
+
+    def _meet_deck(self) -> None:
+        """Put the deck as it is now into the record."""
+        deck, values = self._deck, self._record.values
+        values[_DECK] = (
+            *deck.origin_m,
+            *deck.velocity_mps,
+            *deck.acceleration_mps2,
+            *deck.angles_rad,
+            *deck.rates_rad_s,
+            *deck.accelerations_rad_s2,
+        )
+        values[_DECK_S] = 0.0
 
     def _set_ship(self, hull: bool) -> ShipState:
         state = self._ship.at(self.t_s)
@@ -335,10 +354,8 @@ class World:
         wind = self._wind.velocity_at(self.t_s, np.array(position_m), state.ned_from_ship)
         self._wind_mps: Vector = (float(wind[0]), float(wind[1]), float(wind[2]))
 
-    def _feel_deck(self, motion: RigidBodyState, landing: bool) -> None:
+    def _feel_deck(self, motion: RigidBodyState, jolt_mps2: float, landing: bool) -> None:
         """Stop the motors once the aircraft takes itself for landed."""
-        jolt_mps2 = (self._down_mps - motion.velocity_mps[2]) / self._tick_s
-        self._down_mps = motion.velocity_mps[2]
         near = landing and self._reach_m < self._near_deck_m
         range_m = self._body.range_m(motion, self._deck) if near else math.inf
         if self._touchdown.landed(range_m, jolt_mps2 > IMPACT_MPS2):
@@ -397,11 +414,8 @@ class World:
             rotor: 0…3, front right, front left, rear right, rear left.
             missing: share of its thrust; 0 gives it back.
         """
-        sound = self._flier.sound if isinstance(self._flier, WeakRotor) else self._flier
-        if isinstance(sound, Quadrotor):
-            self._leave_free()
-            self._flier = WeakRotor(sound, rotor, missing)
-            self._free, self._clear = None, False  # what is compiled flies sound rotors
+        if isinstance(self._flier, Quadrotor):
+            self._flier.weaken(rotor, missing)
 
     def stop_motors(self) -> None:
         """Stop them for good: whoever flies has disarmed."""
@@ -420,20 +434,15 @@ class World:
 
     def readings(self) -> Readings:
         """A reading of every instrument at the last control tick; each call draws its own noise, no flight changes."""
-        lost = self._senses.flow_lost
-        return read_instruments(self._aircraft.sensors, self._sensed_s, self._sensed, lost, self._reading_rng)
+        record = self._record
+        lost = bool(record.values[_FLOW_LOST])
+        return read_instruments(self._aircraft.sensors, self._sensed_s, record.sensed, lost, self._reading_rng)
 
     def snapshot(self) -> Snapshot:
         """The instant in a few floats; `truth` and `scene_state` make the rest of it, when it is wanted."""
-        motion, gimbal = self._body.motion(), self._gimbal
-        return Snapshot(
-            self.t_s,
-            *motion,
-            gimbal.pitch_rad,
-            gimbal.pitch_rate_rad_s,
-            (gimbal.roll_error_rad, gimbal.pitch_error_rad),
-            self._wind_mps,
-        )
+        pitch_rad, rate_rad_s, roll_noise, pitch_noise, roll_bias, pitch_bias = self._record.values[_GIMBAL].tolist()
+        errors_rad = (roll_bias + roll_noise, pitch_bias + pitch_noise)
+        return Snapshot(self.t_s, *self._body.motion(), pitch_rad, rate_rad_s, errors_rad, self._wind_mps)
 
     def truth(self, snapshot: Snapshot | None = None) -> GroundTruth:
         """The truth of now, or of a snapshot."""
@@ -444,6 +453,11 @@ class World:
         """What the camera sees now, or at a snapshot."""
         at = snapshot or self.snapshot()
         return scene_of(at, self._ship.at(at.t_s), self._camera)
+
+
+_AIR, _STICKS, _GIMBAL_WANTED, _WRENCH = at("air"), at("sticks"), at("gimbal_wanted"), at("wrench")
+_DECK, _DECK_S, _GIMBAL = at("deck"), at("deck_s"), slice(at("gimbal").start, at("gimbal_bias").stop)
+_W_AT_TICK, _FLOW_LOST = at("w_at_tick").start, at("seen").stop - 1
 
 
 def _upright(motion: RigidBodyState) -> float:

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
+from shipland.sim.aircraft.record import Record, Sensed
+
+__all__ = ["CENTRED", "Demand", "InnerLoop", "LoopSetup", "Sensed", "Sticks"]
 
 
 class Sticks(NamedTuple):
@@ -20,27 +23,6 @@ class Sticks(NamedTuple):
 CENTRED = Sticks(0.0, 0.0, 0.0, 0.0)
 
 
-class Sensed(NamedTuple):
-    """What the autopilot believes of itself; never the truth.
-
-    Position and velocity in `ned` over the velocity reference (ground, or the surface that the optical flow sees),
-    down from the barometer, Euler angles with the compass's heading, body rates.
-    """
-
-    north_m: float
-    east_m: float
-    down_m: float
-    north_mps: float
-    east_mps: float
-    down_mps: float
-    roll_rad: float
-    pitch_rad: float
-    heading_rad: float
-    roll_rate_rad_s: float
-    pitch_rate_rad_s: float
-    yaw_rate_rad_s: float
-
-
 class Demand(NamedTuple):
     """Total thrust along body up [N] and moments about body forward, right and down [Nm]."""
 
@@ -48,10 +30,6 @@ class Demand(NamedTuple):
     roll_nm: float
     pitch_nm: float
     yaw_nm: float
-
-
-State = tuple[float, ...]
-"""What a packaged law remembers between updates, in the order of `free_flight.STATE`."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +41,14 @@ class LoopSetup:
         step_s: time between updates [s].
         sensed: where it starts, hovering.
         push_in_ned_mps2: acceleration that thrust gives against the wind's drag there.
+        record: the aircraft's, in which the packaged loops keep their state.
     """
 
     parameters: AircraftParameters
     step_s: float
     sensed: Sensed
     push_in_ned_mps2: Vector
+    record: Record
 
 
 class InnerLoop(Protocol):
