@@ -70,7 +70,7 @@ def world(
         aircraft_parameters(aircraft),
         build(VerdictParameters, packaged_table("verdict"), "verdict"),
         ship or Ship(rig, StillCourse(), Still()),
-        SteadyWind(np.array(wind_mps)) if isinstance(wind_mps, tuple) else wind_mps,
+        SteadyWind(wind_mps) if isinstance(wind_mps, tuple) else wind_mps,
         build(StartParameters, merge(merge(packaged_table("start"), exact), start or {}), "start"),
         np.random.default_rng(seed),
         water,

@@ -268,8 +268,8 @@ def test_holds_its_place_in_a_side_wind(wind_mps: float) -> None:
 class Gust:
     """Still air, then all at once a wind from the north."""
 
-    def velocity_at(self, t_s, position_in_ned_m, ned_from_ship):
-        return np.array([-9.0 if t_s >= 1.0 else 0.0, 0.0, 0.0])
+    def velocity_at(self, t_s, position_in_ned_m, ship):
+        return (-9.0 if t_s >= 1.0 else 0.0, 0.0, 0.0)
 
 
 def test_a_gust_pushes_it_off_and_it_comes_back() -> None:

@@ -21,13 +21,13 @@ from shipland.sim.aircraft.record import Record, at
 from shipland.sim.aircraft.sensors import Gimbal, LandingDetector, Readings, Senses, read_instruments
 from shipland.sim.aircraft.step import fly_free, sense_once, tick, tick_senses
 from shipland.sim.contact.body import Body
-from shipland.sim.contact.deck_drive import DeckDriver, DeckState, against_deck, deck_state
+from shipland.sim.contact.deck_drive import DeckDriver, DeckState, against_deck, deck_in_ned, deck_state
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
 from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.snapshot import Snapshot, scene_of, truth_of
 from shipland.sim.state import SceneState
-from shipland.sim.surface import Ground
+from shipland.sim.surface import clearance_m, reach_m, set_surface
 
 STEP_S = 0.002
 """Physics step: what MuJoCo's contacts want."""
@@ -141,47 +141,45 @@ class World:
         self._body = Body(rig, shape, model, data, self._record)
         self._foot_below_m = shape.foot_below_m
         self._stage = DeckDriver(model, data)
-        self._unstaged_deck: DeckState | None = None
-        self._unstaged_hull: tuple[ShipState, DeckState] | None = None
+        self._deck_now: DeckState | None = None
+        self._unstaged_deck = False
+        self._unstaged_hull: ShipState | None = None
         self._judge = Judge(verdict, rig.landing_square_m, rig.landing_area)
         on_deck_m = math.hypot(math.sqrt(0.5) * rig.deck_size_m + shape.reach_m, shape.reach_m)
         self._near_deck_m = max(NEAR_DECK_M, on_deck_m)
         ahead_m = max(rig.deck_ahead_of_stern_m, rig.platform_length_m - rig.deck_ahead_of_stern_m)
         ship_m = math.hypot(ahead_m, 0.5 * max(rig.platform_width_m, rig.board_width_m))
         self._near_ship_m = max(ship_m + SHIP_MARGIN_M, self._near_deck_m)
-        self._rig = rig
-        self._front_m = float(rig.bar_in_ship_m[0])
-        self._radius_m = shape.reach_m
-        self._ground = Ground(rig, sensors, water)
+        set_surface(self._record, rig, sensors, water, ship.full_ship)
+        self._record.set(
+            step_s=grid.step_s,
+            lowest_z=-shape.foot_below_m - LOW_M,
+            near_deck=self._near_deck_m,
+            radius=shape.reach_m,
+            foot_below=shape.foot_below_m,
+        )
         self._steps, self._tick_s = 0, tick_s
         self._motors_run = True
         self._reach_m = math.inf
         self._sticks, self._land, self._command_s = CENTRED, False, -math.inf
 
         position_m, heading_rad = self._draw_start(start, start_rng)
-        state = self._set_ship(hull=True)
-        self._sample_air(state, position_m)
+        self._sample_air(self._set_ship(hull=True), position_m)
         roll_rad, pitch_rad = self._flier.trim(self._wind_mps, heading_rad)
         self._body.put(position_m, roll_rad, pitch_rad, heading_rad)
 
         over_ground = loop.velocity_reference == "ground"
         self._senses = Senses(self._record, sensors, over_ground, grid.air_every * grid.step_s, sense_rng)
-        self._senses.look(self._ground.below(position_m, state, self._deck, self._wind_mps))
+        self._senses.look()
         self._gimbal = Gimbal(self._record, camera_parameters, sensors, tick_s, gimbal_rng)
         self._touchdown = LandingDetector(
             loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng
-        )
-        self._record.set(
-            step_s=grid.step_s,
-            lowest_z=-shape.foot_below_m - LOW_M,
-            near_deck=self._near_deck_m,
-            half_deck=0.5 * rig.deck_size_m,
         )
         sense_once(self._record.states, self._record.constants)
         self._sensed_s = 0.0
         self._flier.begin(self._record.sensed)
         self._packaged = isinstance(self._flier, Quadrotor) and self._flier.is_packaged
-        self._clear, self._looked_s = False, 0.0
+        self._clear = False
 
     def _draw_start(self, start: StartParameters, rng: np.random.Generator) -> tuple[Vector, float]:
         """Position in `ned` and heading."""
@@ -246,32 +244,15 @@ class World:
 
     def _look_around(self) -> None:
         """Set the ship, sample the air and what is in view, and see whether anything can touch the aircraft soon."""
-        motion = self._body.motion()
-        self._reach_m = math.dist(motion.position_m, self._deck.origin_m)
-        state = self._set_ship(hull=self._reach_m < self._near_ship_m)
-        self._sample_air(state, motion.position_m)
-        self._senses.look(self._ground.below(motion.position_m, state, self._deck, self._wind_mps))
-        self._looked_s = self.t_s
-        free = self._packaged and self._motors_run and not self._judge.touched and not self._body.in_contact
+        record, motion = self._record, self._body.motion()
+        self._reach_m = reach_m(record.states)
+        near = self._reach_m < self._near_ship_m
+        self._sample_air(self._set_ship(hull=near), motion.position_m)
+        self._senses.look()
         flown_m = self._air_every * self._step_s * math.hypot(*motion.velocity_mps)
-        self._clear = free and self._clearance_m(motion, state) > max(CLEAR_M, self._touchdown.listen_m) + flown_m
-        self._record.values[_AIR] = self._wind_mps
-        self._meet_deck()
-
-    def _clearance_m(self, motion: RigidBodyState, ship: ShipState) -> float:
-        """From the aircraft down to the highest that the deck reaches, or on to what stands ahead; at least."""
-        if self._reach_m >= self._near_ship_m:
-            return math.inf
-        roll_rad, pitch_rad, _ = self._deck.angles_rad
-        tilt = math.sin(min(abs(roll_rad) + abs(pitch_rad), 1.5))
-        top_m = max(0.75 * self._rig.deck_size_m * tilt - self._deck.origin_m[2], self._rig.deck_height_m)
-        course = ship.course
-        north_m, east_m = course.position_in_ned_m.tolist()
-        c, s = math.cos(course.course_rad), math.sin(course.course_rad)
-        ahead_m = c * (motion.position_m[0] - north_m) + s * (motion.position_m[1] - east_m)
-        front_m = self._front_m - ahead_m - (abs(self._deck.origin_m[0] - north_m) if ship.full_ship else 0.0)
-        below_m = self._foot_below_m + self._radius_m * math.sqrt(max(1.0 - _upright(motion) ** 2, 0.0))
-        return float(min(-motion.position_m[2] - top_m - below_m, front_m - self._radius_m))
+        margin_m = max(CLEAR_M, self._touchdown.listen_m) + flown_m
+        free = self._packaged and self._motors_run and not self._judge.touched and not self._body.in_contact
+        self._clear = free and (not near or clearance_m(record.states, record.constants) > margin_m)
 
     def _fly_free(self, phase: int, end: int) -> bool:
         """Fly compiled to `end` or until the next look around; False when it cannot."""
@@ -283,7 +264,7 @@ class World:
             count = max(min(count, stale - self._steps), 1)
         record, every = self._record, self._control_every
         record.values[_STICKS] = self._sticks if fresh else CENTRED
-        record.values[_DECK_S] = self.t_s - self._looked_s
+        record.values[_DECK_S] = self.t_s - self._ship_s
         ticks = (phase + count + every - 1) // every - (phase + every - 1) // every
         steps: int = fly_free(record.states, record.constants, self._gimbal.draw(ticks), phase, every, count)
         self._body.moved()
@@ -300,14 +281,14 @@ class World:
 
     def _control(self) -> None:
         motion = self._body.motion()
-        self._reach_m = math.dist(motion.position_m, self._deck.origin_m)
+        self._reach_m = reach_m(self._record.states)
         if self._steps % self._air_every and self._reach_m < self._near_ship_m:
             self._set_ship(hull=True)
         record, fresh, down_mps = self._record, self._fresh(), float(self._record.values[_W_AT_TICK])
         sticks = self._sticks if fresh else CENTRED
         if self._packaged:
             record.values[_STICKS] = sticks
-            self._meet_deck()
+            record.values[_DECK_S] = 0.0
             tick(record.states, record.constants, self._gimbal.draw(1), self._motors_run)
         else:
             tick_senses(record.states, record.constants, self._gimbal.draw(1))
@@ -321,38 +302,35 @@ class World:
             if _upright(motion) < math.cos(CUT_OFF_RAD):
                 self._motors_run = False
 
-    def _meet_deck(self) -> None:
-        """Put the deck as it is now into the record."""
-        deck, values = self._deck, self._record.values
-        values[_DECK] = (
-            *deck.origin_m,
-            *deck.velocity_mps,
-            *deck.acceleration_mps2,
-            *deck.angles_rad,
-            *deck.rates_rad_s,
-            *deck.accelerations_rad_s2,
-        )
-        values[_DECK_S] = 0.0
+    @property
+    def _deck(self) -> DeckState:
+        """The deck as it was set last."""
+        if self._deck_now is None:
+            self._deck_now = DeckState.of(self._record.values[_DECK])
+        return self._deck_now
 
     def _set_ship(self, hull: bool) -> ShipState:
-        state = self._ship.at(self.t_s)
-        self._deck = deck_state(state)
-        self._unstaged_deck = self._deck
+        """Put the ship of now into the record."""
+        state, values = self._ship.at(self.t_s), self._record.values
+        course = state.course.values
+        values[_SHIP] = course
+        deck_in_ned(course, state.deck.values, state.rig.deck_height_m, values[_DECK])
+        self._ship_s, self._deck_now, self._unstaged_deck = self.t_s, None, True
         if hull:
-            self._unstaged_hull = (state, self._deck)
+            self._unstaged_hull = state
         return state
 
     def _set_stage(self) -> None:
         """Write the ship as it was set last, which MuJoCo needs for its steps alone."""
-        if self._unstaged_deck is not None:
-            self._stage.set_deck(self._unstaged_deck)
+        if self._unstaged_deck:
+            self._stage.set_deck(self._deck)
         if self._unstaged_hull is not None:
-            self._stage.set_hull(*self._unstaged_hull)
-        self._unstaged_deck = self._unstaged_hull = None
+            self._stage.set_hull(self._unstaged_hull, deck_state(self._unstaged_hull))
+        self._unstaged_deck, self._unstaged_hull = False, None
 
     def _sample_air(self, state: ShipState, position_m: Vector) -> None:
-        wind = self._wind.velocity_at(self.t_s, np.array(position_m), state.ned_from_ship)
-        self._wind_mps: Vector = (float(wind[0]), float(wind[1]), float(wind[2]))
+        self._wind_mps = self._wind.velocity_at(self.t_s, position_m, state.place)
+        self._record.values[_AIR] = self._wind_mps
 
     def _feel_deck(self, motion: RigidBodyState, jolt_mps2: float, landing: bool) -> None:
         """Stop the motors once the aircraft takes itself for landed."""
@@ -429,8 +407,7 @@ class World:
     @property
     def link_percent(self) -> float:
         """Strength of the link to a base station at the deck, 100 … 0."""
-        distance_m = math.dist(self._body.motion().position_m, self._deck.origin_m)
-        return max(0.0, 100.0 * (1.0 - distance_m / self._aircraft.sensors.link_range_m))
+        return max(0.0, 100.0 * (1.0 - reach_m(self._record.states) / self._aircraft.sensors.link_range_m))
 
     def readings(self) -> Readings:
         """A reading of every instrument at the last control tick; each call draws its own noise, no flight changes."""
@@ -456,7 +433,7 @@ class World:
 
 
 _AIR, _STICKS, _GIMBAL_WANTED, _WRENCH = at("air"), at("sticks"), at("gimbal_wanted"), at("wrench")
-_DECK, _DECK_S, _GIMBAL = at("deck"), at("deck_s"), slice(at("gimbal").start, at("gimbal_bias").stop)
+_DECK, _SHIP, _DECK_S, _GIMBAL = at("deck"), at("ship"), at("deck_s"), slice(at("gimbal").start, at("gimbal_bias").stop)
 _W_AT_TICK, _FLOW_LOST = at("w_at_tick").start, at("seen").stop - 1
 
 

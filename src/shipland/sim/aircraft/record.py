@@ -99,11 +99,15 @@ _GROUPS = {
     "sticks": ("stick_pitch", "stick_roll", "stick_heave", "stick_yaw"),
     "gimbal_wanted": ("gimbal_wanted",),
     "air": ("air_n", "air_e", "air_d"),
-    # the deck as it was `deck_s` ago: centre, velocity, acceleration; angles, rates, accelerations
+    # the deck as it was `deck_s` ago: centre, velocity, acceleration; angles, rates, accelerations; its rotation row by
+    # row, its angular velocity (`DeckState`); the ship under it
     "deck": (
         *("deck_x", "deck_y", "deck_z", "deck_u", "deck_v", "deck_w", "deck_au", "deck_av", "deck_aw"),
         *("deck_roll", "deck_pitch", "deck_yaw", "deck_p", "deck_q", "deck_r", "deck_ap", "deck_aq", "deck_ar"),
+        *("deck_fn", "deck_rn", "deck_dn", "deck_fe", "deck_re", "deck_de", "deck_fd", "deck_rd", "deck_dd"),
+        *("deck_turn_n", "deck_turn_e", "deck_turn_d"),
     ),
+    "ship": ("ship_n", "ship_e", "ship_u", "ship_v", "ship_au", "ship_av", "course", "course_rate", "course_bend"),
     "deck_s": ("deck_s",),
 }
 _NAMES = [name for names in _GROUPS.values() for name in names]
@@ -125,6 +129,8 @@ def _constants(parameters: AircraftParameters, tick_s: float) -> dict[str, float
         *("step_s", "lowest_z", "near_deck", "half_deck", "gimbal_min", "gimbal_max", "gimbal_most"),
         *("gimbal_keep", "gimbal_add", "noise_keep", "noise_add", "flow_keep", "flow_add", "wave_keep", "wave_add"),
         *("drift_add", "flow_settle", "lose_share", "back_share"),
+        *("flow_slope", "water", "water_drift", "stern", "bow", "half_width", "far", "full_ship"),
+        *("near_ship", "deck_height", "front", "radius", "foot_below"),
     )
     return dict.fromkeys(world, math.nan) | {
         "tick_s": tick_s,

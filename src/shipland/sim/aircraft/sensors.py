@@ -14,6 +14,7 @@ from shipland.sim.aircraft.autopilot import Sensed
 from shipland.sim.aircraft.loop_laws import clip
 from shipland.sim.aircraft.parameters import SensorParameters, Vector
 from shipland.sim.aircraft.record import Constants, Record, Records, State, at
+from shipland.sim.surface import surface_below
 
 _BLOCK = 1024
 
@@ -39,19 +40,6 @@ class Normals:
         left = self._values[first:]
         self._values, self._next = self._rng.standard_normal(_BLOCK)[::-1].copy(), 0
         return np.concatenate([left, self.draws(count - len(left))])
-
-
-class Surface(NamedTuple):
-    """What the downward camera sees.
-
-    Attributes:
-        north_mps, east_mps: its velocity over ground.
-        water_share: part of the view that is water.
-    """
-
-    north_mps: float
-    east_mps: float
-    water_share: float
 
 
 @compiled
@@ -82,41 +70,37 @@ def sense(s: State, k: Constants) -> None:
 
 
 @compiled
-def drift_errors(states: Records, constants: Records, normals: Array) -> None:
-    """Advance the noise of velocity and the drift of height; `normals` (4,) drives them."""
+def drift(states: Records, constants: Records, normals: Array, chance: float, flow_normals: Array) -> None:
+    """Advance the slow errors: of velocity, over ground or by optical flow, and of height.
+
+    By flow the velocity of the surface in view, the water's own motion in it, is missing as the estimate follows it; a
+    slow bias comes on top. Over water the flow is lost and found again at random.
+
+    Args:
+        states: the aircraft's.
+        constants: likewise.
+        normals: (4,) standard normal numbers for velocity and height.
+        chance: uniform in 0 … 1, for a loss.
+        flow_normals: (4,) for waves and bias.
+    """
     s, k = states[0], constants[0]
     s.noise_n = k.noise_keep * s.noise_n + k.noise_add * normals[0]
     s.noise_e = k.noise_keep * s.noise_e + k.noise_add * normals[1]
     s.noise_d = k.noise_keep * s.noise_d + k.noise_add * normals[2]
     s.drift += k.drift_add * normals[3]
     s.error_n, s.error_e, s.error_d = s.noise_n, s.noise_e, s.noise_d
-
-
-@compiled
-def follow_surface(states: Records, constants: Records, surface: Surface, chance: float, normals: Array) -> None:
-    """Make the error of velocity that of an optical flow over the surface in view.
-
-    Its velocity with the water's own motion, as the estimate follows it, is missing from the aircraft's; a slow bias
-    comes on top. Over water the flow is lost and found again at random.
-
-    Args:
-        states: the aircraft's.
-        constants: likewise.
-        surface: in view.
-        chance: uniform in 0 … 1, for a loss.
-        normals: (4,) standard normal numbers for waves and bias.
-    """
-    s, k = states[0], constants[0]
-    north, east, water_share = surface
-    s.wave_n = k.wave_keep * s.wave_n + k.wave_add * normals[0]
-    s.wave_e = k.wave_keep * s.wave_e + k.wave_add * normals[1]
+    if k.over_ground > 0.0:
+        return
+    north, east, water_share = surface_below(s, k)
+    s.wave_n = k.wave_keep * s.wave_n + k.wave_add * flow_normals[0]
+    s.wave_e = k.wave_keep * s.wave_e + k.wave_add * flow_normals[1]
     north, east = north + s.wave_n * water_share, east + s.wave_e * water_share
     if s.seeing == 0.0:
         s.seeing, s.seen_n, s.seen_e = 1.0, north, east
     s.seen_n += k.flow_settle * (north - s.seen_n)
     s.seen_e += k.flow_settle * (east - s.seen_e)
-    s.flow_n = k.flow_keep * s.flow_n + k.flow_add * normals[2]
-    s.flow_e = k.flow_keep * s.flow_e + k.flow_add * normals[3]
+    s.flow_n = k.flow_keep * s.flow_n + k.flow_add * flow_normals[2]
+    s.flow_e = k.flow_keep * s.flow_e + k.flow_add * flow_normals[3]
     s.error_n += s.flow_n - s.seen_n
     s.error_e += s.flow_e - s.seen_e
     change = k.back_share if s.flow_lost > 0.0 else k.lose_share * water_share
@@ -210,13 +194,12 @@ class Senses:
             lose_share=back_share * sensors.flow_lost_share / (1.0 - sensors.flow_lost_share),
         )
 
-    def look(self, surface: Surface) -> None:
+    def look(self) -> None:
         """Advance the slow errors, with the surface now in view."""
         record = self._record
-        drift_errors(record.states, record.constants, self._normals.draws(4))
-        chance = self._rng.random()
-        if not self._over_ground:
-            follow_surface(record.states, record.constants, surface, chance, self._normals.draws(4))
+        normals, chance = self._normals.draws(4), self._rng.random()
+        flow_normals = normals if self._over_ground else self._normals.draws(4)
+        drift(record.states, record.constants, normals, chance, flow_normals)
 
 
 class Readings(NamedTuple):

@@ -13,6 +13,7 @@ import numpy as np
 from shipland.config import require
 from shipland.frames import Pose
 from shipland.rig import Rig
+from shipland.sim.air.wind import ShipPlace
 from shipland.sim.ship.course import Course, CourseParameters, CourseState, StillCourse, StraightCourse, build_course
 from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, Later, SinusoidParameters, Sinusoids, SixDof, Still
 from shipland.sim.ship.motion_base import LimitBite, LimitedMotion, LimitParameters, rig_limits
@@ -56,6 +57,12 @@ class ShipState:
     deck: SixDof
     rig: Rig
     full_ship: bool
+
+    @property
+    def place(self) -> ShipPlace:
+        """Where `ship` is."""
+        north_m, east_m = self.course.position_in_ned_m.tolist()
+        return ShipPlace(north_m, east_m, -self.rig.deck_height_m, self.course.course_rad)
 
     @cached_property
     def ned_from_ship(self) -> Pose:
