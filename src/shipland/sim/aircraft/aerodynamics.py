@@ -6,12 +6,11 @@ import math
 
 from shipland.compiled import compiled
 from shipland.frames import GRAVITY_MPS2 as G
-from shipland.frames import Rows, rows_from_euler
+from shipland.frames import Rows
 from shipland.sim.aircraft.loop_laws import tilt_of
 from shipland.sim.aircraft.parameters import Vector
 from shipland.sim.aircraft.record import Constants, Records
-
-rows_of_euler = compiled(rows_from_euler)
+from shipland.sim.rotations import rows_of_euler
 
 
 @compiled

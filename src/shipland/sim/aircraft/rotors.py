@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from shipland.compiled import compiled
-from shipland.frames import Rows, rows_from_quaternion
-from shipland.sim.aircraft.aerodynamics import air_force_in_ned_n, ground_effect_gain, rows_of_euler
+from shipland.frames import Rows
+from shipland.sim.aircraft.aerodynamics import air_force_in_ned_n, ground_effect_gain
 from shipland.sim.aircraft.loop_laws import clip
 from shipland.sim.aircraft.record import Constants, Records, State
-
-rows_of = compiled(rows_from_quaternion)
+from shipland.sim.rotations import rows_of_euler, rows_of_quaternion
 
 
 @compiled
@@ -51,7 +50,7 @@ def turn_rotors(s: State, k: Constants) -> None:
     lift = a + b + c + d
     s.moment_x = k.motor_right * (b + d - a - c)
     s.moment_y = k.motor_forward * (a + b - c - d)
-    m = rows_of(s.qw, s.qx, s.qy, s.qz)
+    m = rows_of_quaternion(s.qw, s.qx, s.qy, s.qz)
     north, east, down = air_force_in_ned_n(k, m, s.u - s.air_n, s.v - s.air_e, s.w - s.air_d, total)
     s.force_n, s.force_e, s.force_d = north - lift * m[2], east - lift * m[5], down - lift * m[8]
 
@@ -76,7 +75,7 @@ def feel_ground(s: State, k: Constants) -> None:
         return
     roll, pitch = s.deck_roll + t * s.deck_p + h * s.deck_ap, s.deck_pitch + t * s.deck_q + h * s.deck_aq
     yaw = s.deck_yaw + t * s.deck_r + h * s.deck_ar
-    body, deck = rows_of(s.qw, s.qx, s.qy, s.qz), rows_of_euler(roll, pitch, yaw)
+    body, deck = rows_of_quaternion(s.qw, s.qx, s.qy, s.qz), rows_of_euler(roll, pitch, yaw)
     forward, right = k.motor_forward, k.motor_right
     s.gain_a = _gain(k, body, deck, x, y, z, forward, right)
     s.gain_b = _gain(k, body, deck, x, y, z, forward, -right)

@@ -9,16 +9,15 @@ import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.compiled import compiled
-from shipland.frames import Array, euler_from_quaternion, wrap_angle
+from shipland.frames import Array, wrap_angle
 from shipland.sim.aircraft.autopilot import Sensed
 from shipland.sim.aircraft.loop_laws import clip
 from shipland.sim.aircraft.parameters import SensorParameters, Vector
 from shipland.sim.aircraft.record import Constants, Record, Records, State, at
+from shipland.sim.rotations import euler_of_quaternion
 from shipland.sim.surface import surface_below
 
 _BLOCK = 1024
-
-euler_of = compiled(euler_from_quaternion)
 
 
 class Normals:
@@ -64,7 +63,7 @@ def sense(s: State, k: Constants) -> None:
     s.w_at_tick = s.w
     s.north, s.east, s.down = s.x + s.stray_n, s.y + s.stray_e, s.z - s.drift
     s.v_north, s.v_east, s.v_down = s.u + s.error_n, s.v + s.error_e, s.w + s.error_d
-    roll, pitch, heading = euler_of((s.qw, s.qx, s.qy, s.qz))
+    roll, pitch, heading = euler_of_quaternion((s.qw, s.qx, s.qy, s.qz))
     s.roll, s.pitch, s.heading = roll + s.roll_bias, pitch + s.pitch_bias, heading + s.heading_bias
     s.roll_rate, s.pitch_rate, s.yaw_rate = s.p, s.q, s.r
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.frames import Array, Quaternion, Rows, quaternion_from_euler
-from shipland.sim.aircraft.aerodynamics import rows_of_euler
 from shipland.sim.aircraft.parameters import Vector
 from shipland.sim.contact.model import DECK_ARMATURE, Model
 from shipland.sim.contact.touchdown import OnDeck
+from shipland.sim.rotations import rows_of_euler
 from shipland.sim.ship.ship import ShipState
 
 
