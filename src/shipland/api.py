@@ -40,7 +40,7 @@ if TYPE_CHECKING:  # one flight that leaves nothing imports neither records and 
 __all__ = ["Campaign", "Flight", "campaign", "fly", "load_scenario", "without_pictures"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Flight(Flown):
     """A flight that was flown.
 
@@ -57,6 +57,10 @@ class Flight(Flown):
     records: tuple[FlightRecord, ...]
     problems: tuple[str, ...]
     folder: Path | None
+
+    def __repr__(self) -> str:
+        where = "" if self.folder is None else f", in {self.folder}"
+        return f"<Flight of {self.scenario.name}: {self.reason}; {len(self.records)} cycles{where}>"
 
     @property
     def error_m(self) -> float:
@@ -164,12 +168,15 @@ def _recorder(
     return Recorder(folder, info, scenario.rig, vehicle.camera, load_outputs(), chase, video, real)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Campaign:
     """Many landings of one scenario, in order of their seeds."""
 
     scenario: Scenario
     landings: tuple[Landing, ...]
+
+    def __repr__(self) -> str:
+        return f"<Campaign of {self.scenario.name}: {self.summary if self.landings else 'no flights'}>"
 
     @property
     def summary(self) -> str:

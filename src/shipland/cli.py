@@ -82,12 +82,14 @@ def main() -> None:
     """Entry point. An error prints one line, exit 2; after Ctrl-C and its like the files are complete, exit 130."""
     # Matrices here are small: threads of their own would only spin. Before NumPy is imported; workers inherit it.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    brief = not any(word in map(name_of, COMMANDS) for word in sys.argv[1:2])  # the list of all commands
+    words = ["version"] if sys.argv[1:] == ["--version"] else sys.argv[1:]
+    brief = not any(word in map(name_of, COMMANDS) for word in words[:1])  # the list of all commands
     subcommands: Any = tuple(subcommand(it, brief=brief) for it in COMMANDS)
     any_command: Any = Union[subcommands]  # noqa: UP007 - made at run time
     try:
         command: Command = tyro.cli(
             any_command,
+            args=words,
             prog="shipland",
             description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.\n\n"
             "`shipland COMMAND --help` explains one command, with an example. A first flight: "

@@ -33,6 +33,8 @@ def test_a_flight_gives_arrays():
     assert len(table["t_s"]) == len(flight.records) == len(flight.columns.t_s) > 20
     assert table["truth_in_pad_m_2"] == pytest.approx(flight.columns.truth_in_pad_m[:, 2])
     assert not flight.success
+    assert repr(flight).startswith("<Flight of near: no touchdown: ")
+    assert len(repr(flight)) < 200
     assert np.isnan(flight.error_m)
     assert "time limit" in flight.reason
     assert all(record.frame.image is None for record in flight.records)

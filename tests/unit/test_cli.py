@@ -76,7 +76,7 @@ def test_a_campaign_leaves_tables_and_is_compared_and_reported(tmp_path, here, m
 
 
 def test_version_and_scenarios(here):
-    assert here("version").stdout.strip()
+    assert here("version").stdout.strip() == here("--version").stdout.strip() != ""
     assert "near" in here("scenarios").stdout
 
 

@@ -11,7 +11,7 @@ import tyro
 
 @dataclass(frozen=True)
 class Compare:
-    """Compare two folders that flew the same seeds: who landed where the other did not, and the touchdcontrol errors.
+    """Compare two folders that flew the same seeds: who landed where the other did not, and the touchdown errors.
 
     Of two campaigns with several cells the cells in common are compared, a line each: two versions of the code, for
     instance.

@@ -185,7 +185,7 @@ class Compass:
         """The newest reading that is news at `t_s`: its time and heading; None without one that is accepted.
 
         While poses tell the nose against the bar, a leap of the compass is no turn: neither can have turned so fast. It
-        is refused, and where the compass keeps to it, taken for its control error from then on.
+        is refused, and where the compass keeps to it, taken for its own error from then on.
 
         Args:
             headings: before the reading.

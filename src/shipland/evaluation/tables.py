@@ -57,7 +57,7 @@ def summary_of(landings: Sequence[Landing], area: str) -> str:
     times = [landing.time_s for landing in touched]
     return (
         f"{line}; at {oracle} of the {len(touched)} instants of contact an oracle would have landed in it; "
-        f"touchdcontrol error median {np.median(errors):.3f} m, largest {max(errors):.3f} m, control error median "
+        f"touchdown error median {np.median(errors):.3f} m, largest {max(errors):.3f} m, control error median "
         f"{np.median(own):.3f} m; sink speed median {np.median(sinks):.2f} m/s, largest {max(sinks):.2f} m/s; time to "
         f"land median {np.median(times):.1f} s."
     )
