@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from shipland.camera import CameraParameters
@@ -15,7 +14,7 @@ from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand,
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
 from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState, build_aircraft
-from shipland.sim.aircraft.autopilot import CENTRED, Sticks
+from shipland.sim.aircraft.loops import CENTRED, Sticks
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
 from shipland.sim.aircraft.record import Record, at
 from shipland.sim.aircraft.sensors import Gimbal, LandingDetector, Readings, Senses, read_instruments
@@ -50,6 +49,11 @@ class Grid:
     def __post_init__(self) -> None:
         require(self.step_s > 0.0, f"step_s must be positive, got {self.step_s}")
         require(self.air_every % self.control_every == 0, "air_every must be a multiple of control_every")
+
+    @property
+    def tick_s(self) -> float:
+        """Time between updates of the inner loop."""
+        return self.control_every * self.step_s
 
 
 GRID = Grid()
@@ -132,12 +136,12 @@ class World:
         self._step_s, self._control_every, self._air_every = grid.step_s, grid.control_every, grid.air_every
         self._camera, self._aircraft, self._ship, self._wind = camera_parameters, aircraft, ship, wind
         start_rng, sense_rng, gimbal_rng, range_rng, self._reading_rng = rng.spawn(5)
-        tick_s, sensors, loop = grid.control_every * grid.step_s, aircraft.sensors, aircraft.loop
+        tick_s, sensors, loop = grid.tick_s, aircraft.sensors, aircraft.loop
         self._flier = build_aircraft(aircraft, tick_s)
         self._record = self._flier.record if isinstance(self._flier, Quadrotor) else Record(aircraft, tick_s)
         shape = self._flier.shape
         model = build_model(rig, shape, grid.step_s)
-        data = mujoco.MjData(model.mj)
+        data = model.start()
         self._body = Body(rig, shape, model, data, self._record)
         self._foot_below_m = shape.foot_below_m
         self._stage = DeckDriver(model, data)

@@ -75,3 +75,14 @@ def trim_hover(constants: Records, wind_in_ned_mps: Vector, heading_rad: float) 
         forward, right = cosine * push_n + sine * push_e, cosine * push_e - sine * push_n
         thrust = k.mass * math.sqrt(forward * forward + right * right + lift * lift)
     return roll, pitch, thrust, (push_n, push_e, push_d)
+
+
+@compiled
+def drag_slope_per_s(constants: Records, wind_mps: float) -> float:
+    """Deceleration for a metre per second more through the air, along a wind, about the hover in it."""
+    k, half_mps = constants[0], 0.01
+    _, pitch, thrust, _ = trim_hover(constants, (-wind_mps, 0.0, 0.0), 0.0)
+    rows = rows_of_euler(0.0, pitch, 0.0)
+    slower, _, _ = air_force_in_ned_n(k, rows, wind_mps - half_mps, 0.0, 0.0, thrust)
+    faster, _, _ = air_force_in_ned_n(k, rows, wind_mps + half_mps, 0.0, 0.0, thrust)
+    return float((slower - faster) / (2.0 * half_mps * k.mass))

@@ -1,4 +1,4 @@
-"""The packaged inner loops: what a pitch or roll stick means.
+"""Inner loops: what an autopilot takes and gives, and the packaged ones, which say what a pitch or roll stick means.
 
 Kind `attitude`: a tilt against the horizon, as an ANAFI flies a PCMD with its flag set, and nothing else: a gust pushes
 the aircraft, and it drifts with the wind. Released sticks (PCMD's flag 0) brake and hold the place. Source: Parrot
@@ -12,10 +12,11 @@ sticks brake and, below `HOLD_MPS`, hold the place.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 from shipland.compiled import compiled
 from shipland.frames import GRAVITY_MPS2 as G
-from shipland.sim.aircraft.autopilot import Demand, LoopSetup, Sensed, Sticks
 from shipland.sim.aircraft.loop_laws import (
     advance_reference,
     demand_attitude,
@@ -24,7 +25,56 @@ from shipland.sim.aircraft.loop_laws import (
     tilt_of,
     velocity_push,
 )
-from shipland.sim.aircraft.record import Constants, Records, State, at
+from shipland.sim.aircraft.parameters import AircraftParameters, Vector
+from shipland.sim.aircraft.record import Constants, Record, Records, Sensed, State, at
+
+
+class Sticks(NamedTuple):
+    """Stick positions, -1 … 1: forward, right, up, clockwise positive."""
+
+    pitch: float
+    roll: float
+    heave: float
+    yaw: float
+
+
+CENTRED = Sticks(0.0, 0.0, 0.0, 0.0)
+
+
+class Demand(NamedTuple):
+    """Total thrust along body up [N] and moments about body forward, right and down [Nm]."""
+
+    thrust_n: float
+    roll_nm: float
+    pitch_nm: float
+    yaw_nm: float
+
+
+@dataclass(frozen=True)
+class LoopSetup:
+    """What an inner loop is built from.
+
+    Attributes:
+        parameters: the aircraft.
+        step_s: time between updates [s].
+        sensed: where it starts, hovering.
+        push_in_ned_mps2: acceleration that thrust gives against the wind's drag there.
+        record: the aircraft's, in which the packaged loops keep their state.
+    """
+
+    parameters: AircraftParameters
+    step_s: float
+    sensed: Sensed
+    push_in_ned_mps2: Vector
+    record: Record
+
+
+class InnerLoop(Protocol):
+    """The autopilot's law; a factory of the group `loops` makes it from a `LoopSetup`."""
+
+    def update(self, sensed: Sensed, sticks: Sticks) -> Demand:
+        """Advance by one step."""
+
 
 HOLD_MPS = 0.2
 """Kind `velocity`: reference speed under which released sticks hold the place."""

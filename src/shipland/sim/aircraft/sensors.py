@@ -10,10 +10,9 @@ import numpy as np
 from shipland.camera import CameraParameters
 from shipland.compiled import compiled
 from shipland.frames import Array, wrap_angle
-from shipland.sim.aircraft.autopilot import Sensed
 from shipland.sim.aircraft.loop_laws import clip
 from shipland.sim.aircraft.parameters import SensorParameters, Vector
-from shipland.sim.aircraft.record import Constants, Record, Records, State, at
+from shipland.sim.aircraft.record import Constants, Record, Records, Sensed, State, at
 from shipland.sim.rotations import euler_of_quaternion
 from shipland.sim.surface import surface_below
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from shipland.sim.aircraft.aircraft import Quadrotor
-from shipland.sim.aircraft.autopilot import Sensed, Sticks
+from shipland.sim.aircraft.loops import Sticks
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
-from shipland.sim.aircraft.record import at
+from shipland.sim.aircraft.record import Sensed, at
 
 _IDLE_US, _RANGE_US = 1000.0, 1000.0
 _MOTOR_OF_ROTOR = (0, 2, 3, 1)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 
 from shipland.frames import quaternion_from_euler, rows_from_quaternion
@@ -15,6 +15,9 @@ from shipland.sim.aircraft.record import Record, RigidBodyState, at
 from shipland.sim.contact.deck_drive import DeckState
 from shipland.sim.contact.model import BASE, BOARD, BODY, DECK, FOOT, ROTOR, SUPERSTRUCTURE, Model
 from shipland.sim.contact.touchdown import Contacts
+
+if TYPE_CHECKING:
+    import mujoco
 
 _PARTS = (FOOT, BODY, ROTOR)
 _FAULTS = {
@@ -46,7 +49,10 @@ class Body:
     """
 
     def __init__(self, rig: Rig, shape: Shape, model: Model, data: mujoco.MjData, record: Record) -> None:
+        import mujoco
+
         self._shape, self._model, self._data, self._record = shape, model, data, record
+        self._mj_step, self._mj_contact_force = mujoco.mj_step, mujoco.mj_contactForce
         self._half_deck_m = 0.5 * rig.deck_size_m
         self._place, self._velocity, self._force = data.qpos[0:7], data.qvel[0:6], data.qfrc_applied[0:6]
         motion = record.values[at("motion")]
@@ -71,7 +77,7 @@ class Body:
             np.multiply(self._own_place, _PLACE_SIGNS, out=self._place)
             np.multiply(self._own_velocity, _VELOCITY_SIGNS, out=self._velocity)
         np.multiply(self._own_wrench, _VELOCITY_SIGNS, out=self._force)
-        mujoco.mj_step(self._model.mj, self._data, count)
+        self._mj_step(self._model.mj, self._data, count)
         np.multiply(self._place, _PLACE_SIGNS, out=self._own_place)
         np.multiply(self._velocity, _VELOCITY_SIGNS, out=self._own_velocity)
         self._motion, self._moved = None, False
@@ -122,7 +128,7 @@ class Body:
         for index, pair in enumerate(self._data.contact.geom[: self._data.ncon].tolist()):
             own, other = sorted(pair)
             if parts[own] == FOOT and parts[other] == DECK:
-                mujoco.mj_contactForce(self._model.mj, self._data, index, self._force_of_contact)
+                self._mj_contact_force(self._model.mj, self._data, index, self._force_of_contact)
                 if self._force_of_contact[0] > 0.0:
                     feet.add(own)
                     force_n += float(self._force_of_contact[0])

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import mujoco
 import numpy as np
 
 from shipland.compiled import compiled
@@ -15,6 +14,9 @@ from shipland.sim.contact.model import DECK_ARMATURE, Model
 from shipland.sim.contact.touchdown import OnDeck
 from shipland.sim.rotations import rows_of_euler
 from shipland.sim.ship.ship import ShipState
+
+if TYPE_CHECKING:
+    import mujoco
 
 
 class DeckState(NamedTuple):
