@@ -117,6 +117,20 @@ def test_through_the_protocol_of_a_loop_of_ones_own_it_is_the_same_flight(kind, 
     np.testing.assert_allclose(own, packaged, atol=1e-9)
 
 
+def test_a_weak_rotor_flies_free_too(monkeypatch):
+    def weakened(missing):
+        flown = world()
+        flown.weaken_rotor(1, missing)
+        flown.advance(2.0)
+        return flown, flown.truth().ned_from_body.translation_m
+
+    (free, weak_m), (_, sound_m) = weakened(0.2), weakened(0.0)
+    assert free._clear
+    assert np.linalg.norm(weak_m - sound_m) > 0.01
+    monkeypatch.setattr(World, "_fly_free", lambda *_: False)
+    np.testing.assert_allclose(weakened(0.2)[1], weak_m, atol=1e-6)
+
+
 def moving_ship(rig):
     """A deck that heaves, rolls and pitches."""
     from shipland.sim.ship.ship import Ship, Sinusoids, StillCourse

@@ -104,9 +104,9 @@ class Quadrotor:
         values = record.values
         values[at("motion")] = (*motion.position_m, *motion.quaternion, *motion.velocity_mps, *motion.rates_rad_s)
         values[at("air")] = wind_in_ned_mps
-        felt = deck is not None and self._parameters.airframe.ground_effect
-        gains = [ground_effect_gain(deck(rotor), radius_m) for rotor in self.shape.rotors_m] if deck and felt else 1.0
-        values[at("ground_gains")] = gains
+        values[at("ground_gains")] = 1.0
+        if deck is not None and self._parameters.airframe.ground_effect:
+            values[at("ground_gains")] = [ground_effect_gain(deck(rotor), radius_m) for rotor in self.shape.rotors_m]
         values[at("asked")] = (0.0, 0.0, 0.0, 0.0) if sticks is None else self._asked(sensed, sticks)
         turn_once(record.states, record.constants)
         return record.wrench

@@ -9,6 +9,7 @@ Rotors are a, b, c, d: front right, front left, rear right, rear left. Suffixes 
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -114,10 +115,11 @@ _NAMES = [name for names in _GROUPS.values() for name in names]
 STATE_TYPE = np.dtype((np.record, [(name, float) for name in _NAMES]))
 
 
+@cache
 def at(group: str) -> slice:
     """Where a group of the state's fields lies in `Record.values`."""
-    first, *_, last = (*_GROUPS[group], _GROUPS[group][-1])
-    return slice(_NAMES.index(first), _NAMES.index(last) + 1)
+    start = _NAMES.index(_GROUPS[group][0])
+    return slice(start, start + len(_GROUPS[group]))
 
 
 def _constants(parameters: AircraftParameters, tick_s: float) -> dict[str, float]:
@@ -128,7 +130,7 @@ def _constants(parameters: AircraftParameters, tick_s: float) -> dict[str, float
     world = (
         *("step_s", "lowest_z", "near_deck", "half_deck", "gimbal_min", "gimbal_max", "gimbal_most"),
         *("gimbal_keep", "gimbal_add", "noise_keep", "noise_add", "flow_keep", "flow_add", "wave_keep", "wave_add"),
-        *("drift_add", "flow_settle", "lose_share", "back_share"),
+        *("drift_add", "flow_settle", "lose_share", "back_share", "over_ground"),
         *("flow_slope", "water", "water_drift", "stern", "bow", "half_width", "far", "full_ship"),
         *("near_ship", "deck_height", "front", "radius", "foot_below"),
     )
@@ -158,7 +160,6 @@ def _constants(parameters: AircraftParameters, tick_s: float) -> dict[str, float
         "max_yaw_rate": math.radians(settings.max_yaw_rate_deg_s),
         "max_tilt_rate": math.radians(settings.max_tilt_rate_deg_s),
         "velocity_kind": 0.0,
-        "over_ground": float(gains.velocity_reference == "ground"),
         "trim_s": gains.wind_trim_s,
         "trim_share": -math.expm1(-tick_s / gains.wind_trim_s) if gains.wind_trim_s > 0.0 else 0.0,
         "acceleration_mps2": gains.acceleration_mps2,

@@ -180,6 +180,7 @@ class Senses:
         wave_keep, wave_add = _coloured(wave_mps, sensors.flow_wave_time_s, slow_step_s)
         back_share = slow_step_s / sensors.flow_lost_s
         record.set(
+            over_ground=float(over_ground),
             noise_keep=noise_keep,
             noise_add=noise_add,
             flow_keep=flow_keep,
