@@ -29,6 +29,10 @@ from shipland.config import (
     settings,
 )
 from shipland.errors import ConfigError, ShiplandError
+from shipland.learning.evaluate import EvaluateParameters
+from shipland.learning.settings import TrainParameters
+from shipland.learning.shots import SynthParameters
+from shipland.report.outputs import OutputParameters
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.camera_stream import StreamParameters
@@ -241,10 +245,10 @@ class TestScale:
 
     def test_scale_one_changes_no_scenario_and_a_value_given_stays(self):
         assert at_scale(Scenario, 1.0) == defaults(Scenario)
-        table = scenario_table("near", None, ["guidance.length_scale=4", "guidance.approach.hover_height_m=4"])
+        table = scenario_table("near", None, ["guidance.length_scale=1.5", "guidance.approach.hover_height_m=2"])
         approach = load_scenario(table).guidance.approach
-        assert (approach.hover_height_m, approach.commit_height_m, approach.max_speed_mps) == (4.0, 2.8, 0.3)
-        assert load_scenario({"guidance": {"length_scale": 4.0}}).safety.monitor.near_m == 24.0
+        assert (approach.hover_height_m, approach.commit_height_m, approach.max_speed_mps) == (2.0, 1.05, 0.1837)
+        assert load_scenario({"guidance": {"length_scale": 1.5}}).safety.monitor.near_m == 9.0
 
     @pytest.mark.parametrize("value", ["-1", "0", "1000", "huge", "true"])
     def test_a_wrong_scale_is_refused(self, value):
@@ -429,6 +433,13 @@ GUARDS = {
 }
 OF_VEHICLES = [each for section, cls in GUARDS["vehicles"].items() for each in floats(defaults(cls), section)]
 OF_SCENARIOS = [(section, key) for section, keys in GUARDS.items() if section != "vehicles" for key in keys.split()]
+
+
+@pytest.mark.parametrize(
+    "cls", [*GUARDS["vehicles"].values(), OutputParameters, TrainParameters, SynthParameters, EvaluateParameters]
+)
+def test_every_default_is_a_value_that_its_field_takes(cls):
+    assert build(cls, {}) == cls()
 
 
 class TestBounds:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.linalg import expm
 
 from shipland.config import key, parameters, require, scaled
 from shipland.estimation.kernels import bank_seen
@@ -180,6 +179,8 @@ class WaveBank:
 @lru_cache(maxsize=1024)
 def _steps(parameters: WaveParameters, step_ms: int) -> tuple[Array, Array]:
     """Transitions (k,6,6) and noises (k,6,6) of all hypotheses over whole milliseconds."""
+    from scipy.linalg import expm
+
     n = _STATES
     blocks = np.zeros((len(parameters.hypotheses), 2 * n, 2 * n))
     for block, wave in zip(blocks, parameters.hypotheses, strict=True):
