@@ -64,7 +64,7 @@ def test_a_residual_pushes_near_the_landing_point_alone(policy):
     assert (
         1.0 < np.hypot(*(estimate.aircraft_in_bar_m - deck_m)[:2]) < 2.2
     )  # the estimate is of the picture, the command of 0.4 s later
-    assert pushed.landed
+    assert pushed.success
 
 
 def test_a_policy_that_is_not_finite_is_left_out_and_said_so(policy):
