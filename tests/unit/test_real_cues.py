@@ -6,10 +6,9 @@ import pytest
 
 from pictures import Look, add_target, camera_from_bar, finish, paint, plain_canvas, project_plane, rectangles
 from shipland.camera import Camera
-from shipland.config import build
 from shipland.cue import Cue, Polygon
 from shipland.messages import Frame, GimbalAttitude
-from shipland.rig import default_rig, packaged_table
+from shipland.rig import Rig
 from shipland.vision.near.outline import polygon_in_outline
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
@@ -18,9 +17,9 @@ from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Window
 
-PARAMETERS = build(VisionParameters, packaged_table("vision") | {"gimbal_noise_rad": 0.0}, "vision")
+PARAMETERS = VisionParameters(gimbal_noise_rad=0.0)
 CAMERA = Camera.from_fov(640, 480, 52.0)
-BAR = default_rig().cue
+BAR = Rig().cue
 HAND_MADE = Cue(BAR.polygon, manufacturing_tolerance=0.01)
 LOOK = Look(0.6, 1.0)
 DARK, LIT = (12.0, 14.0, 12.0), (40.0, 230.0, 60.0)

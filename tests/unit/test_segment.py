@@ -149,8 +149,8 @@ def test_foliage_is_bounded_work(camera, rng, monkeypatch):
         ("value", [90, 256], "value must be two rising numbers"),
         ("kernel_px", 4, "kernel_px must be odd"),
         ("max_obliquity_deg", 90.0, "max_obliquity_deg"),
-        ("reprojection_px", 0.0, "reprojection_px must be positive"),
-        ("track_s", -1.0, "track_s must not be negative"),
+        ("reprojection_px", 0.0, "reprojection_px: expected above 0"),
+        ("track_s", -1.0, "track_s: expected 0 to"),
     ],
 )
 def test_parameters_are_checked(key, value, words):

@@ -42,6 +42,7 @@ class WaveParameters:
         "aircraft's own sway is taken for the bar's, and following it is positive feedback",
         "everywhere",
         gt=0,
+        allow_inf_nan=True,
     )
     deck: WaveMotion = key(WaveMotion(0.1, 1.8, 0.2, bar_moves=False), "wave motion of a deck below a bar at rest")
     spread: WaveShares = key(WaveShares(), "surge and sway of a ship as shares of its heave")

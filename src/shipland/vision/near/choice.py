@@ -16,10 +16,10 @@ from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.segment import Region, is_cut_quad
 from shipland.vision.near.validate import explains_absence
 
-_MOST_POSED = 16
+_MOST_POSED = 8
 """Hypotheses in one picture whose rough pose is looked at; each takes a tenth of a millisecond."""
 
-_MOST_MEASURED = 4
+_MOST_MEASURED = 2
 """Hypotheses that are measured in one picture; each takes about a millisecond."""
 
 _ROUGH_PX, _ROUGH = 3.0, 0.06

@@ -39,13 +39,13 @@ _RIM_PX = 5
 
 _RIM = np.ones((_RIM_PX, _RIM_PX), np.uint8)
 
-_MOST_PARTS = 12
+_MOST_PARTS = 8
 """Parts of one picture that are cut, the largest; bounds the time that foliage takes."""
 
 _MOST_COVERED = 0.4
 """Share of the picture that the parts' boxes may cover until its light is computed once for all."""
 
-_MOST_CUTS = 3
+_MOST_CUTS = 2
 """How often a part is cut at half of its peak, what is left of it included."""
 
 _SPARSE_PX = 64

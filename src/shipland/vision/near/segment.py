@@ -127,7 +127,7 @@ _LEAST_DOUBTFUL_PX2 = 80.0
 _LEAST_BITTEN = 0.6
 """Area of a region with a bite out of it over that of its convex hull."""
 
-_MOST_DOUBTFUL = 3
+_MOST_DOUBTFUL = 2
 """Regions in one picture whose outline is searched for lines, the largest; bounds the time that foliage takes."""
 
 _MOST_OUTLINES = 10
