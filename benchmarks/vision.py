@@ -204,14 +204,14 @@ def main() -> None:
     for range_m in RANGES_M:
         table.add_column(f"{range_m:.0f} m", justify="right", no_wrap=True)
     if arguments.stages:
-        vision = NearVision(rig.target, camera, parameters)
+        vision = NearVision(rig.cue, camera, parameters)
         columns = [stages_ms(vision, some, rounds) for some in there_and_back]
         for name in columns[0]:
             table.add_row(name, "followed", *(f"{column[name]:.2f}" for column in columns))
         Console(width=120).print(table)
         return
     for name, steps in CHAINS.items():
-        vision = NearVision(rig.target, camera, parameters, steps)
+        vision = NearVision(rig.cue, camera, parameters, steps)
         table.add_row(name, "whole", *(median_ms(searching(vision), some, rounds) for some in there_and_back))
         table.add_row(name, "followed", *(median_ms(following(vision, some), some, rounds) for some in there_and_back))
     for peer in (aruco(rig), aruco(rig, refined=False), apriltag(rig), apriltag(rig, 1.0)):

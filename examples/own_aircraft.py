@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from shipland.config import build, packaged_toml
 from shipland.sim.aircraft.aircraft import Quadrotor
-from shipland.sim.aircraft.attitude_loop import AttitudeLoop
+from shipland.sim.aircraft.loops import AttitudeLoop
 from shipland.sim.aircraft.parameters import AircraftParameters
 
 OCTO25 = build(AircraftParameters, packaged_toml("parts/octo25")["aircraft"], "octo25")

@@ -40,4 +40,4 @@ class GreenBox:
 
 def green_box(setup: VisionSetup) -> Vision:
     """The factory: called once a flight."""
-    return GreenBox(NearVision(setup.scenario.rig.target, setup.camera, setup.scenario.vision))
+    return GreenBox(NearVision(setup.scenario.rig.cue, setup.camera, setup.scenario.vision))

@@ -34,7 +34,7 @@ def cases() -> Sequence[Case]:
 def measure(case: Case, runs: int) -> Row:
     """One curve: the first `runs` places of the grid."""
     setting = Setting.packaged()
-    camera, target = setting.camera, setting.rig.target
+    camera, target = setting.camera, setting.rig.cue
     errors: list[tuple[float, float, float]] = []
     places = list(itertools.product(RANGES_M, AZIMUTHS_DEG, BLURS_PX))[:runs]
     for number, (range_m, azimuth_deg, blur_px) in enumerate(places):

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from shipland.camera import Camera
+from shipland.cue import Cue, Polygon
 from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
-from shipland.rig import Quad, Target
 
 GREEN = (60.0, 190.0, 70.0)
 GREY = (128.0, 128.0, 128.0)
@@ -115,7 +115,7 @@ def paint(canvas, polygon_px, colour, samples: int, blur_px: float = 0.0) -> Non
     part[:] = part * (1.0 - coverage) + coverage * light_of(colour)
 
 
-def bar_picture(target: Target, camera: Camera, pose: Pose, rng, look: Look = Look(), colour=GREEN, margin_m=0.075):
+def bar_picture(target: Cue, camera: Camera, pose: Pose, rng, look: Look = Look(), colour=GREEN, margin_m=0.075):
     """A picture (H,W,3) uint8 of a target on a grey board before a plain background."""
     canvas = plain_canvas(camera)
     add_target(canvas, target, camera, pose, look, colour, margin_m)
@@ -128,14 +128,14 @@ def plain_canvas(camera: Camera, colour=SKY) -> Array:
 
 
 def add_target(
-    canvas, target: Target, camera: Camera, pose: Pose, look: Look = Look(), colour=GREEN, margin_m=0.075, board=GREY
+    canvas, target: Cue, camera: Camera, pose: Pose, look: Look = Look(), colour=GREEN, margin_m=0.075, board=GREY
 ):
     """Paint board and quadrilaterals on a canvas."""
     plane = target.points_in_bar_m[:, 1:]
     low, high = plane.min(axis=0) - margin_m, plane.max(axis=0) + margin_m
     edges = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
     paint(canvas, project_plane(edges, camera, pose), board, 2, look.blur_px)
-    for quad in target.quad:
+    for quad in target.polygon:
         paint(canvas, project_plane(quad.corners_m, camera, pose), colour, look.samples, look.blur_px)
 
 
@@ -147,9 +147,9 @@ def finish(canvas, rng, look: Look = Look()):
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
-def rectangles(*boxes) -> Target:
+def rectangles(*boxes) -> Cue:
     """A target of upright rectangles (centre right, centre down, width, height) [m]."""
-    return Target(tuple(Quad.rectangle((x, y), w, h) for x, y, w, h in boxes))
+    return Cue(tuple(Polygon.rectangle((x, y), w, h) for x, y, w, h in boxes))
 
 
 def decoys(camera: Camera, kind: str, rng):

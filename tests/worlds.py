@@ -70,7 +70,7 @@ def world(
         aircraft_parameters(aircraft),
         VerdictParameters(),
         ship or Ship(rig, StillCourse(), Still()),
-        SteadyWind(np.array(wind_mps)) if isinstance(wind_mps, tuple) else wind_mps,
+        SteadyWind(wind_mps) if isinstance(wind_mps, tuple) else wind_mps,
         build(StartParameters, exact | (start or {}), "start"),
         np.random.default_rng(seed),
         water,

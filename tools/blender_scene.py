@@ -117,7 +117,7 @@ class Cycles:
         ship = (("hull", hull, "ship"), ("house", house, "ship"))
         solids = (*ship, ("deck", mesh.deck(rig, parts), "deck"), ("board", plate, "bar"))
         placed = [(self._object(name, made), frame) for name, made, frame in solids]
-        corners = rig.target.points_in_bar_m
+        corners = rig.cue.points_in_bar_m
         cue = bpy.data.meshes.new("cue")
         cue.from_pydata(corners.tolist(), [], np.arange(len(corners)).reshape(-1, 4)[:, ::-1].tolist())
         lamp = parameters.lamp * self._light.dimming

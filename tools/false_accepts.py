@@ -3,7 +3,6 @@
     python tools/false_accepts.py                      # 10,000 pictures, some ten minutes of one core; goes on where it
                                                        # was cut off
     python tools/false_accepts.py --pictures 200 --out out/some
-    python tools/false_accepts.py --adaptive --pictures 2000 --out out/adaptive
     python tools/false_accepts.py --cue src/shipland/configs/cues/bar_asymmetric.toml --decoys "the bar in a wet deck" \
         "the bar in rippled water" --out out/asymmetric    # only these decoys, of another cue
     python tools/false_accepts.py --pictures 20000 --only "the bar in a wet deck" "the bar in rippled water"
@@ -32,8 +31,8 @@ from near_views import Setting, View, light, markdown, view_at
 from rich.progress import track
 from spoiling import SPOILERS, noise, vary
 
+from shipland.cue import Cue
 from shipland.messages import Frame, Observation, Telemetry
-from shipland.rig import Target
 from shipland.safety.cue_height import CueHeight, CueHeightParameters
 from shipland.sim.scene.scene import Scene
 
@@ -166,10 +165,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pictures", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=6)
-    parser.add_argument("--adaptive", action="store_true", help="with the adaptive gate; give it a folder of its own")
     parser.add_argument("--out", type=Path, default=Path("out/false_accepts"))
     parser.add_argument("--cue", type=Path, help="TOML of another cue in the bar's place")
-    parser.add_argument("--made-to", type=float, help="in place of the cue's own")
+    parser.add_argument("--manufacturing-tolerance", type=float, help="in place of the cue's own")
     parser.add_argument("--decoys", nargs="+", default=list(DECOYS), choices=list(DECOYS), help="nothing but these")
     parser.add_argument("--only", nargs="+", choices=[PLAIN, *DECOYS], help="leave out the pictures that hold another")
     arguments = parser.parse_args()
@@ -183,13 +181,13 @@ def main() -> None:
             results[item["number"]] = Result(**item)
     setting = Setting.packaged()
     if arguments.cue is not None:
-        cue = Target.from_file(arguments.cue)
+        cue = Cue.from_file(arguments.cue)
         setting = replace(
-            setting, rig=replace(setting.rig, quad=cue.quad, manufacturing_tolerance=cue.manufacturing_tolerance)
+            setting, rig=replace(setting.rig, polygon=cue.polygon, manufacturing_tolerance=cue.manufacturing_tolerance)
         )
     if arguments.manufacturing_tolerance is not None:
         setting = replace(setting, rig=replace(setting.rig, manufacturing_tolerance=arguments.manufacturing_tolerance))
-    eyes, backgrounds = setting.eyes(adaptive=arguments.adaptive), Backgrounds(setting, arguments.seed)
+    eyes, backgrounds = setting.eyes(), Backgrounds(setting, arguments.seed)
     scenes = -(-arguments.pictures // PICTURES_A_SCENE)
     with path.open("a", encoding="utf-8") as kept:
         for number in track(range(scenes), description="scenes"):

@@ -95,7 +95,7 @@ def ways(film: Film, setting: Setting, rng: np.random.Generator) -> Iterator[tup
 
 def judged(film: Film, pictures: Sequence[Picture], camera: Camera, setting: Setting) -> Trial:
     """The last of some pictures, followed through those before it."""
-    vision = NearVision(setting.rig.target, camera, setting.vision)
+    vision = NearVision(setting.rig.cue, camera, setting.vision)
     for t_s, picture in zip(film.times_s[-len(pictures) :], pictures, strict=True):
         view = film.motion.view(film.at_rest, float(t_s))
         observation = vision.see(Frame(1.0 + float(t_s), picture, view.gimbal))

@@ -31,7 +31,7 @@ def main() -> None:
         for seed in SEEDS:
             scene = build_scene(scenario, seed)
             vehicle = build_vehicle(scenario, seed, scene)
-            eyes = NearVision(scenario.rig.target, vehicle.camera, scenario.vision)
+            eyes = NearVision(scenario.rig.cue, vehicle.camera, scenario.vision)
             vehicle.open()
             for _ in range(FRAMES):
                 pair = vehicle.read()
@@ -42,7 +42,7 @@ def main() -> None:
                 pose, truth = eyes.see(frame).bar_pose, vehicle.truth_at(frame.t_s)
                 if pose is not None and truth is not None:
                     camera_from_bar = truth.ned_from_camera.inverse() @ truth.ned_from_bar
-                    true_px = vehicle.camera.project(camera_from_bar.apply(scenario.rig.target.points_in_bar_m))
+                    true_px = vehicle.camera.project(camera_from_bar.apply(scenario.rig.cue.points_in_bar_m))
                     errors_px.append(pose.corners_px - true_px)
                 vehicle.send(PilotCommand.hold(telemetry.t_s + 0.2, 0.0))
             vehicle.close()

@@ -75,7 +75,7 @@ def eyes() -> tuple[NearVision, DeckVision, Any]:
     """The visions that look at pictures, and what they look for."""
     chosen = load_scenario("near")
     camera = Camera.from_parameters(chosen.camera)
-    near = NearVision(chosen.rig.target, camera, chosen.vision)
+    near = NearVision(chosen.rig.cue, camera, chosen.vision)
     return near, DeckVision(chosen.rig, camera, chosen.vision.deck), chosen
 
 
@@ -89,7 +89,7 @@ def drawn(rng: np.random.Generator) -> np.ndarray:
         return picture
     turn = rotation_from_euler(*rng.normal(0.0, [0.1, 0.2, 0.4])) @ CAMERA_FROM_MOUNT.T
     place_m = [-float(np.exp(rng.uniform(-1.5, 4.0))), *rng.normal(0.0, 1.0, 2)]
-    corners_px = camera.project(Pose(turn, np.array(place_m)).inverse().apply(chosen.rig.target.points_in_bar_m))
+    corners_px = camera.project(Pose(turn, np.array(place_m)).inverse().apply(chosen.rig.cue.points_in_bar_m))
     for quad in corners_px.reshape(-1, 4, 2):
         if np.isfinite(quad).all() and np.abs(quad).max() < 1e4:
             cv2.fillPoly(picture, [np.round(quad * 16).astype(np.int32)], (60, 220, 60), cv2.LINE_AA, 4)

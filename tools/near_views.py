@@ -16,7 +16,6 @@ from shipland.rig import Rig
 from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
-from shipland.vision.near.associate import model_plane
 from shipland.vision.near.covariance import covariance_in_bar
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
@@ -50,7 +49,7 @@ class Setting:
     @property
     def plane_m(self) -> Array:
         """(n,4,2) the cue."""
-        return model_plane(self.rig.target)
+        return self.rig.cue.plane_m
 
     def scene(self, seed: int, **changes: float) -> Scene:
         """The packaged scene with some of its parameters changed."""
@@ -60,7 +59,7 @@ class Setting:
     def eyes(self, *, published: bool = False, **changes: object) -> NearVision:
         """The near vision, or the published chain, with some of its parameters changed."""
         parameters = replace(self.vision, **changes)  # type: ignore[arg-type]
-        return (published_vision if published else NearVision)(self.rig.target, self.camera, parameters)
+        return (published_vision if published else NearVision)(self.rig.cue, self.camera, parameters)
 
 
 @dataclass(frozen=True)
@@ -146,7 +145,7 @@ def look(view: View, image: Array, vision: NearVision, setting: Setting) -> Tria
     pose = observation.bar_pose
     if pose is None:
         return Trial(view, observation.reason)
-    true_px = setting.camera.project(view.bar_from_camera.inverse().apply(setting.rig.target.points_in_bar_m))
+    true_px = setting.camera.project(view.bar_from_camera.inverse().apply(setting.rig.cue.points_in_bar_m))
     corner_error_px = pose.corners_px - true_px if len(pose.corners_px) == len(true_px) else None
     return Trial(view, "", error_of(pose, view), pose.covariance, corner_error_px)
 

@@ -183,7 +183,7 @@ def _near(count: int, seed: int) -> Iterator[Place]:
 
 def _window(view: View, setting: Setting) -> Camera:
     """The part of the camera's picture that holds the bar with room around it."""
-    px = setting.camera.project(view.bar_from_camera.inverse().apply(setting.rig.target.points_in_bar_m))
+    px = setting.camera.project(view.bar_from_camera.inverse().apply(setting.rig.cue.points_in_bar_m))
     middle, span = 0.5 * (px.min(axis=0) + px.max(axis=0)), float(np.ptp(px, axis=0).max())
     side = int(max(NEAR_MARGIN * span, NEAR_LEAST_PX)) // 2 * 2
     corner = np.round(middle - 0.5 * side)

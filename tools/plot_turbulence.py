@@ -13,12 +13,12 @@ import numpy as np
 from scipy.signal import welch
 
 from shipland.config import build
-from shipland.frames import Array, Pose
+from shipland.frames import Array
 from shipland.report.palette import BLUE, VERMILION, unit
 from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
 from shipland.rig import Rig
 from shipland.sim.air.turbulence import Scales
-from shipland.sim.air.wind import WindParameters, build_wind
+from shipland.sim.air.wind import ShipPlace, WindParameters, build_wind
 
 MEAN_MPS, HEIGHT_M, STEP_S, COUNT = 5.0, 1.5, 0.1, 400_000
 COLOURS = {"land": VERMILION, "sea": BLUE}
@@ -44,7 +44,7 @@ def main() -> None:
     root = Path(__file__).resolve().parents[1]
     parser.add_argument("--out", type=Path, default=root / "docs/pictures/turbulence.png")
     out = parser.parse_args().out
-    ship, place = Pose.from_euler((0.0, 0.0, -0.9), 0.0, 0.0, 0.0), np.array([500.0, 0.0, -HEIGHT_M])
+    ship, place = ShipPlace(0.0, 0.0, -0.9, 0.0), (500.0, 0.0, -HEIGHT_M)
     heights_m = np.geomspace(0.5, 30.0, 60)
     with mpl.rc_context(PLOT_STYLE):
         figure = new_figure(12.0, 4.6)

@@ -95,14 +95,14 @@ def trial(
     canvas = plain_canvas(camera) if photograph is None else light_of(photograph)
     green, board = GREENS[int(rng.integers(len(GREENS)))], BOARDS[int(rng.integers(len(BOARDS)))]
     contrast = abs(float(LUMA @ (np.array(green) - np.array(board))))
-    add_target(canvas, setting.rig.target, camera, pose, look, green, board=board)
+    add_target(canvas, setting.rig.cue, camera, pose, look, green, board=board)
     picture = finish(canvas, rng, look).astype(float) + rng.normal(0.0, GRAIN, canvas.shape)
     image = np.clip(np.rint(picture), 0, 255).astype(np.uint8)
     if quality > 0:
         coded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
         image = np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)
     gimbal = GimbalAttitude(*rng.normal(0.0, GIMBAL_RAD, 2))
-    seen = NearVision(setting.rig.target, camera, setting.vision).see(Frame(0.0, image, gimbal))
+    seen = NearVision(setting.rig.cue, camera, setting.vision).see(Frame(0.0, image, gimbal))
     name = "plain" if photograph is None else "photograph"
     if seen.bar_pose is None:
         return Trial(name, contrast, range_m, seen.reason or "no pose"), image

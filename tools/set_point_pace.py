@@ -29,7 +29,7 @@ def see(stop: threading.Event) -> None:
     """Near vision on noise, in the process of the set-points."""
     scenario = load_scenario("near")
     camera = Camera.from_parameters(scenario.camera)
-    vision = NearVision(scenario.rig.target, camera, scenario.vision)
+    vision = NearVision(scenario.rig.cue, camera, scenario.vision)
     image = np.random.default_rng(1).integers(0, 255, (camera.height_px, camera.width_px, 3), np.uint8)
     index = 0
     while not stop.is_set():

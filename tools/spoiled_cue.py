@@ -1,7 +1,6 @@
 """What spoiled pictures do to the near vision: the cue in view, each picture spoiled in every way of tools/spoiling.py.
 
     python tools/spoiled_cue.py                # 40 views a range, some three minutes of one core
-    python tools/spoiled_cue.py --adaptive     # with the gate that is made from the picture
 
 Ranges are log-uniform in each bin, up to 30° off the bar's axis; light differs from scene to scene. What the light, the
 lens and the shutter do comes before the sensor's noise (1.5), codecs after. The rolling shutter leaves the row of the
@@ -101,7 +100,7 @@ def row(spoiler: str, low_m: float, high_m: float, trials: list[Trial]) -> list[
 
 def cue_px(view: View, setting: Setting) -> Picture:
     """(n,2) the cue's true corners in the picture."""
-    return setting.camera.project(view.bar_from_camera.inverse().apply(setting.rig.target.points_in_bar_m))
+    return setting.camera.project(view.bar_from_camera.inverse().apply(setting.rig.cue.points_in_bar_m))
 
 
 def enlarged(picture: Picture, trial: Trial, setting: Setting) -> Picture:
@@ -129,13 +128,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--views", type=int, default=40, help="a range")
     parser.add_argument("--seed", type=int, default=21)
-    parser.add_argument("--adaptive", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("out/spoiled_cue"))
     arguments = parser.parse_args()
     out: Path = arguments.out
     out.mkdir(parents=True, exist_ok=True)
     setting = Setting.packaged()
-    eyes = setting.eyes(adaptive=arguments.adaptive)
+    eyes = setting.eyes()
     cells: dict[tuple[str, float, float], list[Trial]] = {}
     worst: dict[tuple[str, float, float], tuple[Trial, Picture]] = {}
     for number in track(range(-(-arguments.views // VIEWS_A_SCENE)), description="scenes"):

@@ -20,7 +20,7 @@ from shipland.config import build
 from shipland.frames import Array, euler_from_rotation
 from shipland.messages import PilotCommand
 from shipland.rig import Rig
-from shipland.sim.air.wind import SteadyWind
+from shipland.sim.air.wind import ShipPlace, SteadyWind
 from shipland.sim.aircraft.parameters import AircraftParameters
 from shipland.sim.contact.touchdown import VerdictParameters
 from shipland.sim.ship.ship import Ship, Still, StillCourse
@@ -64,7 +64,7 @@ def fly(stick: Stick, seconds: float, wind_mps: float = 0.0, gust_s: float = 0.0
         build(AircraftParameters, {"loop": loop, "sensors": exact}, "aircraft"),
         VerdictParameters(),
         Ship(rig, StillCourse(), Still()),
-        _Gust(np.array([0.0, wind_mps, 0.0]), gust_s),
+        _Gust((0.0, wind_mps, 0.0), gust_s),
         build(StartParameters, start, "start"),
         np.random.default_rng(7),
     )
@@ -82,13 +82,14 @@ def fly(stick: Stick, seconds: float, wind_mps: float = 0.0, gust_s: float = 0.0
 
 
 class _Gust(SteadyWind):
-    def __init__(self, velocity_in_ned_mps: Array, start_s: float) -> None:
+    def __init__(self, velocity_in_ned_mps: tuple[float, float, float], start_s: float) -> None:
         super().__init__(velocity_in_ned_mps)
         self._start_s = start_s
 
-    def velocity_at(self, t_s: float, position_in_ned_m: Array, ned_from_ship: object) -> Array:
-        full = super().velocity_at(t_s, position_in_ned_m, ned_from_ship)  # type: ignore[arg-type]
-        return full if t_s >= self._start_s else 0.0 * full
+    def velocity_at(
+        self, t_s: float, position_in_ned_m: tuple[float, float, float], ship: ShipPlace
+    ) -> tuple[float, float, float]:
+        return super().velocity_at(t_s, position_in_ned_m, ship) if t_s >= self._start_s else (0.0, 0.0, 0.0)
 
 
 def first_time(t_s: Array, reached: Array) -> float:

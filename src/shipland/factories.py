@@ -45,8 +45,8 @@ PACKAGED: dict[str, dict[str, str]] = {
         "servo_quadrotor": "shipland.sim.aircraft.servo:ServoQuadrotor",
     },
     "loops": {
-        "attitude": "shipland.sim.aircraft.attitude_loop:AttitudeLoop",
-        "velocity": "shipland.sim.aircraft.velocity_loop:VelocityLoop",
+        "attitude": "shipland.sim.aircraft.loops:AttitudeLoop",
+        "velocity": "shipland.sim.aircraft.loops:VelocityLoop",
     },
     "detectors": {},
 }

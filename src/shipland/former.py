@@ -41,6 +41,7 @@ FORMER = {
     "poise_s": "reacquire_s",
     "push_mps2": "wind_mps2",
     "push_time_s": "wind_time_s",
+    "quad": "polygon",
     "reference_mps": "velocity_bias_mps",
     "reference_time_s": "velocity_bias_time_s",
     "sureness_gain": "score_gain",
@@ -59,6 +60,12 @@ FORMER = {
 """Today's name by the former one."""
 
 GONE = {
+    "vision.adaptive": "each region is judged at half of its own peak",
+    "vision.adaptive_floor": "each region is judged at half of its own peak",
+    "vision.adaptive_hue": "each region is judged at half of its own peak",
+    "vision.length_tolerance": "--vision published screens sides as printed; else manufacturing_tolerance says it all",
+    "vision.screening_px": "--vision published screens sides as printed; else manufacturing_tolerance says it all",
+    "vision.slope_tolerance": "--vision published screens sides as printed; else manufacturing_tolerance says it all",
     "vision.corners": "--vision published flies the published near chain",
     "vision.screening": "--vision published flies the published near chain",
     "vision.watershed": "--vision published flies the published near chain",

@@ -4,104 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
-from shipland.config import build, key, parameters, read_toml, require
+from shipland.config import key, parameters, require
+from shipland.cue import RIG_TOLERANCE, Cue, Hue, Polygon
 from shipland.frames import Array, Pose
 
-Corner = tuple[float, float]
-
-
-@parameters
-class Quad:
-    """One quadrilateral of the cue.
-
-    Attributes:
-        corners_m: four (right, down) points in the cue's plane from its origin [m], in the order top-left,
-            top-right, bottom-right, bottom-left as seen from the approach.
-    """
-
-    corners_m: tuple[Corner, Corner, Corner, Corner]
-
-    def __post_init__(self) -> None:
-        points = np.array(self.corners_m)
-        edges = np.roll(points, -1, axis=0) - points
-        after = np.roll(edges, -1, axis=0)
-        turns = edges[:, 0] * after[:, 1] - edges[:, 1] * after[:, 0]
-        require(
-            bool(np.all(turns > 0.0)),
-            "corners_m must be a convex quadrilateral in the order top-left, top-right, bottom-right, bottom-left",
-        )
-        require(
-            bool(edges[0, 0] > abs(edges[0, 1])),
-            "corners_m must start at the top-left corner: its first edge must run to the right, within 45° of level",
-        )
-
-    @staticmethod
-    def rectangle(centre_m: Corner, width_m: float, height_m: float) -> Quad:
-        """An upright rectangle around (right, down) `centre_m`."""
-        (x, y), w, h = centre_m, 0.5 * width_m, 0.5 * height_m
-        return Quad(((x - w, y - h), (x + w, y - h), (x + w, y + h), (x - w, y + h)))
-
-
-_HAND_CUT = 0.005
-"""`manufacturing_tolerance` of green tape on robotics fields, as photographs of it show."""
-_MANUFACTURING_TOLERANCE = 0.003
-"""`manufacturing_tolerance` of the rig's bar."""
 _BOARD_MARGIN_M = 0.02
 """Least margin of board around the cue."""
-
-
-@parameters
-class Target:
-    """The visual cue: known coplanar quadrilaterals in the plane forward = 0 of `bar`.
-
-    Attributes:
-        quad: the quadrilaterals.
-        manufacturing_tolerance: root-mean-square error of the corners against the stated dimensions, as a share of the
-            cue's diagonal. The default is that of the rig's bar; a file without it gets that of tape cut by hand.
-    """
-
-    quad: tuple[Quad, ...]
-    manufacturing_tolerance: float = field(default=_MANUFACTURING_TOLERANCE, compare=False)
-
-    def __post_init__(self) -> None:
-        require(
-            0.0 <= self.manufacturing_tolerance < 0.1,
-            f"manufacturing_tolerance is a share of the cue's diagonal, below 0.1; got {self.manufacturing_tolerance}",
-        )
-        require(len(self.quad) > 0, "a target needs at least one [[quad]]")
-
-    @property
-    def points_in_bar_m(self) -> Array:
-        """(4n, 3) corners in `bar` [m], quadrilateral by quadrilateral."""
-        plane = np.array([corner for quad in self.quad for corner in quad.corners_m])
-        return np.column_stack([np.zeros(len(plane)), plane])
-
-    @property
-    def count(self) -> int:
-        """Number of quadrilaterals."""
-        return len(self.quad)
-
-    @property
-    def mirrors_itself(self) -> bool:
-        """Whether its reflection in level water or a level deck looks the same, to within what it is made to."""
-        corners_m = self.points_in_bar_m[:, 1:]
-        middle_m = 0.5 * (corners_m.min(axis=0) + corners_m.max(axis=0))
-        mirrored_m = corners_m * [1.0, -1.0] + [0.0, 2.0 * middle_m[1]]
-        apart_m = np.linalg.norm(corners_m[:, None] - mirrored_m[None], axis=-1).min(axis=0)
-        diagonal_m = float(np.linalg.norm(np.ptp(corners_m, axis=0)))
-        return bool(apart_m.max() <= 3.0 * self.manufacturing_tolerance * diagonal_m)
-
-    @staticmethod
-    def from_file(path: Path) -> Target:
-        """Read a TOML file with one `[[quad]]` a quadrilateral; ConfigError when it is wrong."""
-        return build(Target, {"manufacturing_tolerance": _HAND_CUT, **read_toml(path)}, str(path))
 
 
 @dataclass(frozen=True)
@@ -191,10 +105,11 @@ class Rig:
     roll_limit_deg: float = key(13.0, "of the motion base, either side", "[Lee2022]", gt=0)
     pitch_limit_deg: float = key(15.0, "of the motion base, either side", "[Lee2022]", gt=0)
     yaw_limit_deg: float = key(16.0, "of the motion base, either side", "[Lee2022]", gt=0)
-    quad: tuple[Quad, ...] = key(
-        (), "another cue in place of the two rectangles, in `bar`; one `[[rig.quad]]` a quadrilateral"
+    polygon: tuple[Polygon, ...] = key(
+        (), "another cue in place of the two rectangles, in `bar`; one `[[rig.polygon]]` each"
     )
-    manufacturing_tolerance: float = key(0.003, "how exactly the cue is made, as in `Target`")
+    manufacturing_tolerance: float = key(RIG_TOLERANCE, "how exactly the cue is made, as in `Cue`")
+    hue: Hue | None = key(None, "of the cue's light, as in `Cue`; without one that of `[vision]`")
     landing_area: Literal["square", "circle"] = key("square", "what a touchdown must lie in")
     hull: Literal["platform", "frigate"] = key(
         "platform", "a platform with a motion base, or a ship whose flight deck is part of the hull"
@@ -204,6 +119,10 @@ class Rig:
     )
 
     def __post_init__(self) -> None:
+        require(
+            all(len(polygon.corners_m) == 4 and polygon.convex for polygon in self.polygon),
+            "polygon: a scenario draws convex polygons of four corners; `shipland see` takes others",
+        )
         require(self.landing_square_m <= self.deck_size_m, "landing_square_m must fit on the deck")
         require(self.bar_ahead_of_stern_m > self.deck_ahead_of_stern_m, "the bar must be ahead of the deck")
 
@@ -212,21 +131,21 @@ class Rig:
         return in_area(self.landing_area, self.landing_square_m, forward_m, starboard_m)
 
     @cached_property
-    def target(self) -> Target:
-        """The cue: the rig's own quadrilaterals where it has some, else the two green rectangles."""
-        if self.quad:
-            return Target(self.quad, self.manufacturing_tolerance)
+    def cue(self) -> Cue:
+        """The cue: the rig's own polygons where it has some, else the two rectangles."""
+        if self.polygon:
+            return Cue(self.polygon, self.manufacturing_tolerance, self.hue)
         offset = 0.5 * (self.rectangle_gap_m + self.rectangle_width_m)
         rectangles = tuple(
-            Quad.rectangle((side * offset, 0.0), self.rectangle_width_m, self.rectangle_height_m)
+            Polygon.rectangle((side * offset, 0.0), self.rectangle_width_m, self.rectangle_height_m)
             for side in (-1.0, 1.0)
         )
-        return Target(rectangles, self.manufacturing_tolerance)
+        return Cue(rectangles, self.manufacturing_tolerance, self.hue)
 
     @cached_property
     def board_size_m(self) -> tuple[float, float]:
         """Width and height of the board around the bar's centre: as stated, or as the cue needs."""
-        right_m, down_m = np.abs(self.target.points_in_bar_m[:, 1:]).max(axis=0).tolist()
+        right_m, down_m = np.abs(self.cue.points_in_bar_m[:, 1:]).max(axis=0).tolist()
         return (
             max(self.board_width_m, 2.0 * (right_m + _BOARD_MARGIN_M)),
             max(self.board_height_m, 2.0 * (down_m + _BOARD_MARGIN_M)),

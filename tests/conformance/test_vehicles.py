@@ -28,7 +28,7 @@ def simulated(seed: int) -> Vehicle:
     flown = world(
         distance_m=3.0,
         height_m=1.2,
-        wind_mps=SteadyWind(np.array([4.0, 2.0, 0.0])),
+        wind_mps=SteadyWind((4.0, 2.0, 0.0)),
         ship=Ship(rig, StraightCourse(0.3, 1.0), natops()),
         start={"distance_half_range_m": 1.0, "bearing_half_range_deg": 20.0},
         seed=seed,

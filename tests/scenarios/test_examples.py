@@ -52,7 +52,7 @@ def test_own_vision_gives_a_box_where_corners_are_too_small():
 
 def test_own_cue_flies_to_a_landing():
     flight = shipland.fly("own_cue.toml", pilot="horizon", seed=2)
-    assert flight.scenario.rig.target.count == 3
+    assert flight.scenario.rig.cue.count == 3
     assert flight.success, flight.reason
 
 
@@ -65,7 +65,7 @@ def test_own_cue_is_drawn_and_seen():
     vehicle.open()
     frame, _ = vehicle.read()
     truth = vehicle.truth_at(frame.t_s)
-    pose = NearVision(scenario.rig.target, vehicle.camera, scenario.vision).see(frame).bar_pose
+    pose = NearVision(scenario.rig.cue, vehicle.camera, scenario.vision).see(frame).bar_pose
     scene.close()
     assert pose is not None
     true_m = (truth.ned_from_bar.inverse() @ truth.ned_from_camera).translation_m

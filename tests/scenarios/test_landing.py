@@ -102,7 +102,7 @@ def test_geometric_camera_errs_as_the_rendered_one(distance_m):
     for seed in (1, 2):
         scene = build_scene(scenario, seed)
         vehicle = build_vehicle(scenario, seed, scene)
-        target, camera = scenario.rig.target, vehicle.camera
+        target, camera = scenario.rig.cue, vehicle.camera
         rng = np.random.default_rng(seed)
         eyes = {
             "rendered": NearVision(target, camera, scenario.vision),

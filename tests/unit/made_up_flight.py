@@ -112,7 +112,7 @@ def paint(truth: GroundTruth, camera: Camera) -> np.ndarray:
 def corners_px(truth: GroundTruth, camera: Camera) -> np.ndarray:
     """The rectangles' corners in the picture."""
     camera_from_bar = truth.ned_from_camera.inverse() @ truth.ned_from_bar
-    return camera.project(camera_from_bar.apply(RIG.target.points_in_bar_m))
+    return camera.project(camera_from_bar.apply(RIG.cue.points_in_bar_m))
 
 
 def record_at(t_s: float, rng: np.random.Generator, pictures: bool = True, witnessed: bool = True) -> FlightRecord:

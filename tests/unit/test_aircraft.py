@@ -27,6 +27,7 @@ from shipland.sim.aircraft.aerodynamics import (
     trim_hover,
 )
 from shipland.sim.aircraft.aircraft import Quadrotor
+from shipland.sim.aircraft.record import Record
 from shipland.sim.contact.body import Body
 from shipland.sim.contact.deck_drive import deck_state, mujoco_quaternion
 from shipland.sim.contact.model import build_model
@@ -35,6 +36,7 @@ from shipland.sim.world import STEP_S, World
 from worlds import QUIET, aircraft_parameters, world
 
 AIRFRAME = aircraft_parameters().airframe
+CONSTANTS = Record(aircraft_parameters(), 0.004).constants
 SETTINGS = aircraft_parameters().settings
 
 angle = st.floats(-1.4, 1.4)
@@ -69,7 +71,7 @@ def test_plain_rotations_agree_with_the_frame_table(roll: float, pitch: float, y
 def test_drag_in_level_flight_is_the_nominal_model() -> None:
     level = rows_from_euler(0.0, 0.0, 0.0)
     hover_n = AIRFRAME.mass_kg * GRAVITY_MPS2
-    north, east, down = air_force_in_ned_n(AIRFRAME, level, (8.0, 0.0, 0.0), hover_n)
+    north, east, down = air_force_in_ned_n(CONSTANTS[0], level, 8.0, 0.0, 0.0, hover_n)
     # 0.32 kg · (0.2 · 8 + 0.019 · 64) m/s², the packaged coefficients
     assert north == pytest.approx(-0.32 * 2.816, abs=1e-9)
     assert (east, down) == (0.0, 0.0)
@@ -77,13 +79,13 @@ def test_drag_in_level_flight_is_the_nominal_model() -> None:
 
 @given(speed, speed, speed, angle, angle)
 def test_the_air_never_pushes_the_aircraft_on(u: float, v: float, w: float, roll: float, pitch: float) -> None:
-    force = air_force_in_ned_n(AIRFRAME, rows_from_euler(roll, pitch, 0.7), (u, v, w), 3.0)
+    force = air_force_in_ned_n(CONSTANTS[0], rows_from_euler(roll, pitch, 0.7), u, v, w, 3.0)
     assert np.dot(force, (u, v, w)) <= 1e-9
 
 
 def test_stopped_rotors_leave_the_fuselage_only() -> None:
     rows = rows_from_euler(0.3, -0.2, 1.0)
-    force = air_force_in_ned_n(AIRFRAME, rows, (3.0, 4.0, 0.0), 0.0)
+    force = air_force_in_ned_n(CONSTANTS[0], rows, 3.0, 4.0, 0.0, 0.0)
     expected = -AIRFRAME.mass_kg * AIRFRAME.body_drag_per_m * 5.0
     np.testing.assert_allclose(force, [3.0 * expected, 4.0 * expected, 0.0], atol=1e-12)
 
@@ -101,7 +103,7 @@ def test_rotors_over_the_decks_edge_lift_their_side(rig: Rig) -> None:
     quadrotor = Quadrotor(aircraft_parameters(), 0.004)
     model = build_model(rig, quadrotor.shape, STEP_S)
     data = mujoco.MjData(model.mj)
-    body = Body(rig, quadrotor.shape, model, data)
+    body = Body(rig, quadrotor.shape, model, data, quadrotor.record)
     deck = deck_state(Ship(rig, StillCourse(), Still()).at(0.0))
     hover_n = AIRFRAME.mass_kg * GRAVITY_MPS2
     height_m = 0.1
@@ -112,7 +114,7 @@ def test_rotors_over_the_decks_edge_lift_their_side(rig: Rig) -> None:
     for over in (None, body.over_deck(motion, deck)):  # with rotors that run down alike
         quadrotor.trim(still, 0.0)
         wrenches.append(quadrotor.step(motion, None, None, still, over))
-    body.apply(wrenches[1])
+    body.step(1)
     lift, moment = -wrenches[0].force_in_ned_n[2], wrenches[1].moment_in_body_nm
     extra_n = 0.5 * lift * (ground_effect_gain(height_m, AIRFRAME.rotor_radius_m) - 1.0)
     assert lift == pytest.approx(hover_n, rel=0.05)
@@ -123,17 +125,17 @@ def test_rotors_over_the_decks_edge_lift_their_side(rig: Rig) -> None:
 
 @given(st.floats(-14.0, 14.0), st.floats(-5.0, 5.0), st.floats(-3.0, 3.0))
 def test_trim_balances_every_wind(north: float, east: float, heading: float) -> None:
-    trim = trim_hover(AIRFRAME, (north, east, 0.0), heading)
-    rows = rows_from_euler(trim.roll_rad, trim.pitch_rad, heading)
-    force = np.array(air_force_in_ned_n(AIRFRAME, rows, (-north, -east, 0.0), trim.thrust_n))
-    total = force - trim.thrust_n * np.array(rows)[[2, 5, 8]] + [0.0, 0.0, AIRFRAME.mass_kg * GRAVITY_MPS2]
+    roll_rad, pitch_rad, thrust_n, _ = trim_hover(CONSTANTS, (north, east, 0.0), heading)
+    rows = rows_from_euler(roll_rad, pitch_rad, heading)
+    force = np.array(air_force_in_ned_n(CONSTANTS[0], rows, -north, -east, 0.0, thrust_n))
+    total = force - thrust_n * np.array(rows)[[2, 5, 8]] + [0.0, 0.0, AIRFRAME.mass_kg * GRAVITY_MPS2]
     np.testing.assert_allclose(total / AIRFRAME.mass_kg, 0.0, atol=1e-3)  # [m/s²]
 
 
 def test_data_sheet_top_speed_is_where_the_highest_tilt_setting_ends() -> None:
-    trim = trim_hover(AIRFRAME, (-15.0, 0.0, 0.0), 0.0)
-    assert math.degrees(trim.pitch_rad) == pytest.approx(-40.0, abs=1.5)
-    assert trim.thrust_n < 0.9 * 4.0 * AIRFRAME.top_thrust_n
+    _, pitch_rad, thrust_n, _ = trim_hover(CONSTANTS, (-15.0, 0.0, 0.0), 0.0)
+    assert math.degrees(pitch_rad) == pytest.approx(-40.0, abs=1.5)
+    assert thrust_n < 0.9 * 4.0 * AIRFRAME.top_thrust_n
 
 
 @pytest.mark.parametrize(
@@ -266,8 +268,8 @@ def test_holds_its_place_in_a_side_wind(wind_mps: float) -> None:
 class Gust:
     """Still air, then all at once a wind from the north."""
 
-    def velocity_at(self, t_s, position_in_ned_m, ned_from_ship):
-        return np.array([-9.0 if t_s >= 1.0 else 0.0, 0.0, 0.0])
+    def velocity_at(self, t_s, position_in_ned_m, ship):
+        return (-9.0 if t_s >= 1.0 else 0.0, 0.0, 0.0)
 
 
 def test_a_gust_pushes_it_off_and_it_comes_back() -> None:

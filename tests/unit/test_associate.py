@@ -7,26 +7,27 @@ from hypothesis import strategies as st
 
 from pictures import camera_from_bar, project_plane, rectangles
 from shipland.camera import Camera
-from shipland.rig import Quad, Rig, Target
-from shipland.vision.near.associate import match_by_geometry, match_by_prediction, model_plane
+from shipland.cue import Cue, Polygon
+from shipland.rig import Rig
+from shipland.vision.near.associate import match_by_geometry, match_by_prediction
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
 ROLL = np.radians(40.0)
-TAPES = Target(  # two strips that tilt, as the tape of a robotics field
+TAPES = Cue(  # two strips that tilt, as the tape of a robotics field
     (
-        Quad(((-0.151, -0.013), (-0.102, 0.0), (-0.137, 0.135), (-0.186, 0.123))),
-        Quad(((0.102, 0.0), (0.151, -0.013), (0.186, 0.123), (0.137, 0.135))),
+        Polygon(((-0.151, -0.013), (-0.102, 0.0), (-0.137, 0.135), (-0.186, 0.123))),
+        Polygon(((0.102, 0.0), (0.151, -0.013), (0.186, 0.123), (0.137, 0.135))),
     )
 )
 FIVE = rectangles(
     (-1.0, 0.0, 0.4, 0.3), (-0.2, 0.1, 0.5, 0.2), (0.6, -0.2, 0.3, 0.3), (0.5, 0.5, 0.6, 0.15), (-0.7, 0.6, 0.25, 0.35)
 )
-TARGETS = {"bar": Rig().target, "tapes": TAPES, "one": rectangles((0.0, 0.0, 0.4, 0.6)), "five": FIVE}
+TARGETS = {"bar": Rig().cue, "tapes": TAPES, "one": rectangles((0.0, 0.0, 0.4, 0.6)), "five": FIVE}
 SIZES = {"bar": 1.2, "tapes": 0.37, "one": 0.6, "five": 2.0}
 
 
 def seen(target, pose):
-    quads = np.array([project_plane(quad.corners_m, CAMERA, pose) for quad in target.quad])
+    quads = np.array([project_plane(quad.corners_m, CAMERA, pose) for quad in target.polygon])
     return quads if np.isfinite(quads).all() else None
 
 
@@ -55,7 +56,7 @@ def test_the_true_assignment_is_among_the_first(name, seed, distances, azimuth_d
     ]
     quads = [np.roll(quad, rng.integers(4), axis=0) for quad in truth] + others
     order = rng.permutation(len(quads))
-    matches = match_by_geometry(np.array([quads[i] for i in order]), model_plane(target), ROLL)
+    matches = match_by_geometry(np.array([quads[i] for i in order]), target.plane_m, ROLL)
     wanted = tuple(int(np.flatnonzero(order == i)[0]) for i in range(target.count))
     right = [index for index, match in enumerate(matches) if match.candidates == wanted]
     assert right, "the true assignment is not among the hypotheses"
@@ -65,14 +66,14 @@ def test_the_true_assignment_is_among_the_first(name, seed, distances, azimuth_d
 
 def test_hypotheses_with_most_quadrilaterals_come_first():
     quads = seen(FIVE, camera_from_bar([-6.0, 0.0, 0.0]))
-    counts = [len(match.model) for match in match_by_geometry(quads, model_plane(FIVE), ROLL)]
+    counts = [len(match.model) for match in match_by_geometry(quads, FIVE.plane_m, ROLL)]
     assert counts[0] == 5
     assert counts == sorted(counts, reverse=True)
 
 
 def test_a_missing_quadrilateral_leaves_the_others():
     quads = seen(FIVE, camera_from_bar([-6.0, 0.0, 0.0]))
-    match = match_by_geometry(quads[[0, 2, 3, 4]], model_plane(FIVE), ROLL)[0]
+    match = match_by_geometry(quads[[0, 2, 3, 4]], FIVE.plane_m, ROLL)[0]
     assert match.model == (0, 2, 3, 4)
     assert match.candidates == (0, 1, 2, 3)
 
@@ -81,7 +82,7 @@ def test_a_roll_beyond_the_limit_is_no_hypothesis():
     target = TARGETS["bar"]
     for roll_deg, any_found in ((30.0, True), (50.0, False)):
         quads = seen(target, camera_from_bar([-6.0, 0.0, 0.0], roll_rad=np.radians(roll_deg)))
-        assert bool(match_by_geometry(quads, model_plane(target), ROLL)) is any_found
+        assert bool(match_by_geometry(quads, target.plane_m, ROLL)) is any_found
 
 
 def test_prediction_names_what_lies_where_it_is_foreseen():
@@ -100,5 +101,5 @@ def test_prediction_names_what_lies_where_it_is_foreseen():
 @pytest.mark.parametrize("find", [match_by_geometry, match_by_prediction])
 def test_nothing_gives_nothing(find):
     nothing = np.zeros((0, 4, 2))
-    plane = model_plane(TARGETS["bar"])
+    plane = TARGETS["bar"].plane_m
     assert not (find(nothing, plane, ROLL) if find is match_by_geometry else find(nothing, 100.0 * plane))

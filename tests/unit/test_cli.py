@@ -113,8 +113,8 @@ BAD_VALUE = "[wind]\nmean_mps = -3.0\n"
         (("compare", "here", "there"), "holds no campaign"),
         (("see", "missing.png"), "missing.png"),
         (("see", "picture.png", "--camera", "missing.yaml"), "missing.yaml"),
-        (("see", "picture.png", "--target", "bad.toml"), "not valid TOML"),
-        (("see", "picture.png", "--target", "unknown.toml"), "unknown key"),
+        (("see", "picture.png", "--cue", "bad.toml"), "not valid TOML"),
+        (("see", "picture.png", "--cue", "unknown.toml"), "unknown key"),
         (("see", "file.txt"), "file.txt"),
     ],
 )

@@ -425,8 +425,7 @@ GUARDS = {
     "guidance.horizon": "abort_offset_m contact_std_max_m position_std_max_m deck_std_max_m",
     "guidance.horizon.descent": "sink_mps final_descent_mps",
     "guidance.horizon.delayed": "velocity_gate picture_gate lag_s",
-    "vision": "max_blur max_noise length_tolerance slope_tolerance screening_px reprojection_px max_distance_m track_s "
-    "track_climb_mps gimbal_noise_rad",
+    "vision": "max_blur max_noise reprojection_px max_distance_m track_s track_climb_mps gimbal_noise_rad",
     "selector": "patience_s memory_s",
     "detector": "stale_s",
     "safety.cue_height": "gap_s patience_s",

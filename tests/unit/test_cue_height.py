@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from shipland.cue import Cue, Polygon
 from shipland.frames import Array
 from shipland.messages import BarPose, GimbalAttitude, Observation, Telemetry
-from shipland.rig import Quad, Rig, Target
+from shipland.rig import Rig
 from shipland.safety.cue_height import CueHeight, CueHeightParameters
 
 PARAMETERS = CueHeightParameters()
@@ -102,8 +103,8 @@ def test_without_a_barometer_nothing_is_refused():
 
 
 def test_a_cue_with_an_up_needs_no_guard():
-    tall = Quad(((0.15, -0.2), (0.60, -0.2), (0.60, 0.075), (0.15, 0.075)))
-    target = Target((RIG.target.quad[0], tall), RIG.target.manufacturing_tolerance)
-    assert RIG.target.mirrors_itself and not target.mirrors_itself
-    flight = Flight(1.65, rig=replace(RIG, quad=target.quad))
+    tall = Polygon(((0.15, -0.2), (0.60, -0.2), (0.60, 0.075), (0.15, 0.075)))
+    target = Cue((RIG.cue.polygon[0], tall), RIG.cue.manufacturing_tolerance)
+    assert RIG.cue.mirrors_itself and not target.mirrors_itself
+    flight = Flight(1.65, rig=replace(RIG, polygon=target.polygon))
     assert flight.sees(3.0, 1.65 - DROP_M) == ""

@@ -107,8 +107,8 @@ def test_straight_in_the_world_through_a_lens(rng):
     rays = (undistorted - matrix[:2, 2]) / 300.0
     where = (rays * 600.0 + wide.matrix[:2, 2]).astype(np.float32).reshape(240, 320, 2)
     image = np.rint(cv2.remap(straight, where[..., 0], where[..., 1], cv2.INTER_CUBIC)).clip(0, 255).astype(np.uint8)
-    truth = project_plane(target.quad[0].corners_m, Camera(320, 240, matrix), pose)
-    assert np.abs(lens.undistort(project_plane(target.quad[0].corners_m, lens, pose)) - truth).max() < 1e-6
+    truth = project_plane(target.polygon[0].corners_m, Camera(320, 240, matrix), pose)
+    assert np.abs(lens.undistort(project_plane(target.polygon[0].corners_m, lens, pose)) - truth).max() < 1e-6
     measured = found(image, truth + 0.5, lens)
     assert np.abs(measured.corners_px[0] - truth).max() < 0.1  # px: the remap itself errs by some hundredths
 

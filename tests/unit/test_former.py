@@ -15,7 +15,7 @@ from shipland.scenario.scenario import Scenario, load_scenario
 
 def test_a_table_gets_todays_keys_all_the_way_down():
     former = {"eyes": {"patience_s": 1.0}, "rig": {"made_to": 0.01, "quad": [{"made_to": 1}]}}
-    today = {"manufacturing_tolerance": 0.01, "quad": [{"manufacturing_tolerance": 1}]}
+    today = {"manufacturing_tolerance": 0.01, "polygon": [{"manufacturing_tolerance": 1}]}
     assert renamed(former) == {"selector": {"patience_s": 1.0}, "rig": today}
 
 
@@ -56,6 +56,7 @@ def test_every_new_name_is_one_and_no_former_name_is_used_again():
         "oracle_in_square",
         "oracle_starboard_m",
         "manufacturing_tolerance",
+        "polygon",
     }
     elsewhere |= {name for name, _ in (*AXIS_ENTRIES, *WHOLE_ENTRIES)}
     assert set(FORMER.values()) <= used | elsewhere

@@ -20,7 +20,7 @@ from shipland.vision.near.planar_pose import Corners, LevelPrior, Solution, solv
 from shipland.vision.near.refusal import Refusal
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
-PLANE_M = np.ascontiguousarray(Rig().target.points_in_bar_m[:, 1:])
+PLANE_M = np.ascontiguousarray(Rig().cue.points_in_bar_m[:, 1:])
 PITCH_RAD, LEVEL_RAD = 0.03, 1e-3
 
 
@@ -33,7 +33,7 @@ def true_pose(range_m, bearing_deg, yaw_deg, gimbal):
 
 
 def test_relative_pose_and_projection_are_the_frame_tables(rng):
-    target = Rig().target
+    target = Rig().cue
     seen = true_pose(6.0, 12.0, -15.0, GimbalAttitude(0.01, 0.05))
     bar = Pose.from_euler(rng.normal(size=3), 0.0, 0.0, 0.4)
     camera = bar @ seen
@@ -65,7 +65,7 @@ def test_the_cue_is_seen_as_obliquely_as_near_vision_sees_it_and_never_from_behi
     facing = Pose.from_euler(place_m, 0.0, 0.0, -off_rad)
     world = _Still(camera_pose(facing, -off_rad, gimbal, np.zeros(3)))
     parameters = GeometricParameters()
-    eyes = GeometricVision(world, rig.target, CAMERA, parameters, vision, np.random.default_rng(1))
+    eyes = GeometricVision(world, rig.cue, CAMERA, parameters, vision, np.random.default_rng(1))
     observation = eyes.see(Frame(0.0, np.zeros((1, 1, 3), np.uint8), gimbal))
     assert (observation.bar_pose is not None) == seen
     assert seen or observation.reason == Refusal.OUT_OF_REACH.value
@@ -79,7 +79,7 @@ def test_a_wrong_gimbal_reading_moves_the_pose_as_it_moves_the_solvers(range_m, 
     parameters = GeometricParameters()
     seen = true_pose(range_m, 10.0, -8.0, GimbalAttitude(0.0, PITCH_RAD))
     reading = GimbalAttitude(math.radians(roll_deg), PITCH_RAD + math.radians(pitch_deg))
-    eyes = GeometricVision(_Still(seen), rig.target, CAMERA, parameters, vision, np.random.default_rng(1))
+    eyes = GeometricVision(_Still(seen), rig.cue, CAMERA, parameters, vision, np.random.default_rng(1))
     observation = eyes.see(Frame(0.0, None, reading))
     pose = observation.bar_pose
     if pose is None:
@@ -105,7 +105,7 @@ def test_a_pose_that_leaps_in_height_is_refused_as_near_vision_refuses_it():
     rig, vision = Rig(), VisionParameters()
     parameters, gimbal = GeometricParameters(), GimbalAttitude(0.0, 0.0)
     world = _Still(true_pose(6.0, 0.0, 0.0, gimbal))
-    eyes = GeometricVision(world, rig.target, CAMERA, parameters, vision, np.random.default_rng(1))
+    eyes = GeometricVision(world, rig.cue, CAMERA, parameters, vision, np.random.default_rng(1))
     assert eyes.see(Frame(0.0, None, gimbal)).bar_pose is not None
     world._camera = true_pose(6.0, 0.0, 0.0, gimbal)
     world._camera.translation_m[2] -= 1.0
@@ -129,7 +129,7 @@ def test_a_gimbal_that_contradicts_the_corners_is_refused_as_near_vision_refuses
     world = _Still(true_pose(range_m, 0.0, 0.0, gimbal))
     parameters = replace(GeometricParameters(), miss_rate=0.0)
     near = VisionParameters()
-    eyes = GeometricVision(world, Rig().target, CAMERA, parameters, near, np.random.default_rng(1))
+    eyes = GeometricVision(world, Rig().cue, CAMERA, parameters, near, np.random.default_rng(1))
     told = GimbalAttitude(0.0, PITCH_RAD + math.radians(off_deg))
     seen = [eyes.see(Frame(0.0, None, told)) for _ in range(50)]
     assert {it.bar_pose is None for it in seen} == {reason != ""}

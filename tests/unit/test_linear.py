@@ -81,7 +81,7 @@ def test_gains_are_finite_whatever_age_a_picture_claims(age_s):
 
 @pytest.mark.parametrize("key", ["closed_loop", "rate_filter"])
 def test_constants_must_be_positive(key):
-    with pytest.raises(ValueError, match=f"{key} must be positive"):
+    with pytest.raises(ValueError, match=rf"{key}\s+Input should be greater than 0"):
         NearBaselines(**{"closed_loop": 1.0, "rate_filter": 0.3, key: 0.0})
 
 

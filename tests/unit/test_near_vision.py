@@ -25,8 +25,9 @@ from pictures import (
     project_plane,
 )
 from shipland.camera import Camera, CameraParameters
+from shipland.cue import Cue, Polygon
 from shipland.messages import Frame, GimbalAttitude
-from shipland.rig import Quad, Rig, Target
+from shipland.rig import Rig
 from shipland.vision.near import published
 from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.parameters import VisionParameters
@@ -37,7 +38,7 @@ from shipland.vision.near.refusal import Refusal
 PARAMETERS = VisionParameters()
 CORNERS_ALONE = VisionParameters(gimbal_noise_rad=0.0)
 CAMERA = Camera.from_parameters(CameraParameters())
-BAR = Rig().target
+BAR = Rig().cue
 NO_GIMBAL = GimbalAttitude(float("nan"), float("nan"))
 PHOTOGRAPHS = Path(__file__).resolve().parents[3] / "shared" / "data" / "green_tape"
 
@@ -112,11 +113,11 @@ def test_gimbal_settles_what_corners_leave_open():
     assert abs(told.bar_pose.position_in_bar_m[2] - place_m[2]) < 0.1  # m
 
 
-TILTED = Target(
+TILTED = Cue(
     (
-        Quad(((-0.60, -0.10), (-0.30, -0.16), (-0.27, 0.06), (-0.57, 0.12))),
-        Quad(((0.10, -0.20), (0.40, -0.05), (0.36, 0.10), (0.06, -0.05))),
-        Quad(((0.55, 0.00), (0.80, 0.00), (0.80, 0.25), (0.55, 0.25))),
+        Polygon(((-0.60, -0.10), (-0.30, -0.16), (-0.27, 0.06), (-0.57, 0.12))),
+        Polygon(((0.10, -0.20), (0.40, -0.05), (0.36, 0.10), (0.06, -0.05))),
+        Polygon(((0.55, 0.00), (0.80, 0.00), (0.80, 0.25), (0.55, 0.25))),
     )
 )
 
@@ -311,12 +312,11 @@ def assert_sound(seen, t_s, gimbal):
         assert np.isfinite(seen.bar_pose.yaw_rad)
 
 
-@pytest.mark.parametrize("adaptive", [False, True])
 @given(st.lists(SEEN, min_size=1, max_size=4))
 @settings(max_examples=40)
-def test_whatever_comes_after_whatever_else_is_answered_in_words(adaptive, sequence):
+def test_whatever_comes_after_whatever_else_is_answered_in_words(sequence):
     """Pictures, time stamps (NaN, endless, backward) and gimbals of any kind, with a pose followed or without."""
-    eyes = NearVision(BAR, TINY, VisionParameters(adaptive=adaptive))
+    eyes = NearVision(BAR, TINY, VisionParameters())
     for name, data, t_s, gimbal in sequence:
         # Not a Frame, which would refuse some of these itself.
         seen = eyes.see(SimpleNamespace(t_s=t_s, image=PICTURES[name](data), gimbal=gimbal))
@@ -369,7 +369,7 @@ def photograph(name, quads_in, calibration):
     image = cv2.imread(str(PHOTOGRAPHS / name))
     camera = Camera(table["width"], table["height"], np.array(table["K"]), np.array(table["dist"]))
     quads = np.array(quads_in).reshape(-1, 4, 2) * 0.0254
-    target = Target(tuple(Quad(tuple(map(tuple, quad.tolist()))) for quad in quads))
+    target = Cue(tuple(Polygon(tuple(map(tuple, quad.tolist()))) for quad in quads))
     return look(image, target, camera)
 
 
@@ -411,13 +411,13 @@ def test_photographed_cyan_is_refused_with_a_reason(feet):
     targets = json.loads((PHOTOGRAPHS / "targets.json").read_text())
     image = cv2.imread(str(PHOTOGRAPHS / f"peg_1ftH{feet}ftD0.jpg"))
     quads = np.array(targets["peg2017"]).reshape(-1, 4, 2) * 0.0254
-    target = Target(tuple(Quad(tuple(map(tuple, quad.tolist()))) for quad in quads))
+    target = Cue(tuple(Polygon(tuple(map(tuple, quad.tolist()))) for quad in quads))
     seen = look(image, target, Camera.from_fov(image.shape[1], image.shape[0], 60.0))
     assert seen.bar_pose is None
     assert seen.reason in {each.value for each in Refusal}
 
 
-ASYMMETRIC = Target.from_file(Path(shipland.__file__).parent / "configs" / "cues" / "bar_asymmetric.toml")
+ASYMMETRIC = Cue.from_file(Path(shipland.__file__).parent / "configs" / "cues" / "bar_asymmetric.toml")
 
 
 def reflected(image):
@@ -462,7 +462,7 @@ def test_the_reflection_of_a_followed_bar_is_refused():
 )
 def test_a_growth_does_not_excuse_another_bar(width_m, height_m, middle_m, place_m):
     """One or two dimensions are off by 9 to 21 %."""
-    other = Target(tuple(Quad.rectangle((side * middle_m, 0.0), width_m, height_m) for side in (-1.0, 1.0)))
+    other = Cue(tuple(Polygon.rectangle((side * middle_m, 0.0), width_m, height_m) for side in (-1.0, 1.0)))
     pose = camera_from_bar(place_m, np.arctan2(-place_m[1], -place_m[0]))
     image = bar_picture(other, CAMERA, pose, np.random.default_rng(2), Look(0.4, 1.5))
     assert NearVision(BAR, CAMERA, PARAMETERS).see(Frame(0.0, image, GimbalAttitude(0.0, 0.0))).bar_pose is None

@@ -40,7 +40,7 @@ def test_places_are_the_same_for_the_same_seed_and_hold_their_target(kind):
         distance_m = float(np.linalg.norm(camera_from_bar.translation_m))
         assert distance_m == pytest.approx(place.range_m, abs=3.0 if kind == "ship" else 1e-6)
         if kind == "near":
-            px = place.camera.project(camera_from_bar.apply(SETTING.rig.target.points_in_bar_m))
+            px = place.camera.project(camera_from_bar.apply(SETTING.rig.cue.points_in_bar_m))
             assert (px > 0.0).all()
             assert (px < size - 1).all()
 

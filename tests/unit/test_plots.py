@@ -132,7 +132,7 @@ def test_no_landing_at_all_is_shown_as_such(tmp_path):
 
 def test_the_packaged_resolution_suits_a_readme():
     assert 1600 <= round(10.4 * load_outputs().plots.dpi) <= 2000  # twice a README's 830 px
-    with pytest.raises(ConfigError, match="dpi must be in"):
+    with pytest.raises(ConfigError, match="dpi: expected 40 to 600"):
         build(PlotParameters, {"dpi": 5}, "plots")
 
 

@@ -10,17 +10,16 @@ from shipland.camera import Camera, level_from_camera
 from shipland.frames import CAMERA_FROM_MOUNT, Pose, rotation_from_euler
 from shipland.messages import GimbalAttitude
 from shipland.rig import Rig
-from shipland.vision.near.associate import model_plane
 from shipland.vision.near.covariance import bar_pose_of, covariance_in_bar, covariance_over_heading, position_and_yaw
 from shipland.vision.near.planar_pose import Corners, LevelPrior, bound, ordered, solve
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
-BAR = Rig().target
-PLANE = model_plane(BAR)
+BAR = Rig().cue
+PLANE = BAR.plane_m
 
 
 def corners_at(pose, target=BAR, noise_px=0.05, error_px=0.0, camera=CAMERA):
-    plane = model_plane(target)
+    plane = target.plane_m
     pixels = project_plane(plane.reshape(-1, 2), camera, pose).reshape(-1, 4, 2)
     return Corners(pixels + error_px, np.tile(np.eye(8) / noise_px, (len(plane), 1, 1)), plane)
 

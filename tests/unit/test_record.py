@@ -326,7 +326,7 @@ def test_the_tree_of_frames_is_the_truth_under_a_z_up_root(landing_log):
         north_m, east_m, down_m = record.truth.ned_from_body.translation_m
         # rounding only
         assert poses["body"].translation_m == pytest.approx([north_m, -east_m, -down_m], abs=1e-9)
-        corners = CAMERA.project((poses["camera"].inverse() @ poses["bar"]).apply(RIG.target.points_in_bar_m))
+        corners = CAMERA.project((poses["camera"].inverse() @ poses["bar"]).apply(RIG.cue.points_in_bar_m))
         assert corners == pytest.approx(corners_px(record.truth, CAMERA), abs=1e-6)
         deck = (poses["ship"].inverse() @ poses["deck"]).matrix()
         want = (record.truth.ned_from_ship.inverse() @ record.truth.ned_from_deck).matrix()
@@ -511,7 +511,7 @@ def test_a_flight_without_modes_is_logged_and_read_back(tmp_path):
 
 
 def test_an_own_cue_survives_the_header():
-    own = dataclasses.replace(RIG, quad=RIG.target.quad[:1], manufacturing_tolerance=0.01)
+    own = dataclasses.replace(RIG, polygon=RIG.cue.polygon[:1], manufacturing_tolerance=0.01)
     header = LogHeader(1, FlightInfo("sea trial", 3, "paper", "0.1.0", "ab", 0.24, command="x"), own, CAMERA)
     again = from_row(LogHeader, json.loads(json.dumps(to_row(header))))
     assert again.rig == own

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from shipland.config import build
+from shipland.cue import Cue, Polygon
 from shipland.errors import ConfigError
-from shipland.rig import Quad, Rig, Target, view_share
+from shipland.rig import Rig, view_share
 
 # [Lee2022, Experimental Setup]
 PAPER = {
@@ -64,12 +65,12 @@ def test_target_is_two_rectangles_in_the_bars_plane(rig):
         [0.0, 0.60, 0.075],
         [0.0, 0.15, 0.075],
     ]
-    assert rig.target.count == 2
-    np.testing.assert_allclose(rig.target.points_in_bar_m, want, atol=1e-12)
+    assert rig.cue.count == 2
+    np.testing.assert_allclose(rig.cue.points_in_bar_m, want, atol=1e-12)
 
 
 def test_rectangles_fit_on_the_board(rig):
-    right_m, down_m = np.abs(rig.target.points_in_bar_m[:, 1:]).max(axis=0)
+    right_m, down_m = np.abs(rig.cue.points_in_bar_m[:, 1:]).max(axis=0)
     assert right_m <= 0.5 * rig.board_width_m
     assert down_m <= 0.5 * rig.board_height_m
 
@@ -110,68 +111,88 @@ class TestTargets:
     GOOD = ((-1.0, -0.5), (1.0, -0.5), (1.0, 0.5), (-1.0, 0.5))
 
     def test_rectangle_by_hand(self):
-        assert Quad.rectangle((0.5, 0.25), 1.0, 0.5).corners_m == ((0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (0.0, 0.5))
+        assert Polygon.rectangle((0.5, 0.25), 1.0, 0.5).corners_m == ((0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (0.0, 0.5))
 
     def test_a_leaning_trapezoid_is_good(self):
-        Quad(((-0.8, -0.6), (1.0, -0.3), (1.2, 0.5), (-1.0, 0.6)))
+        Polygon(((-0.8, -0.6), (1.0, -0.3), (1.2, 0.5), (-1.0, 0.6)))
 
     @pytest.mark.parametrize(
         ("corners_m", "fault"),
         [
-            (GOOD[::-1], "convex quadrilateral in the order"),  # counter-clockwise
-            ((GOOD[0], GOOD[2], GOOD[1], GOOD[3]), "convex quadrilateral"),  # crossed
-            ((GOOD[0], GOOD[1], (0.0, -0.4), GOOD[3]), "convex quadrilateral"),  # an arrowhead
-            ((GOOD[0], GOOD[1], GOOD[1], GOOD[3]), "convex quadrilateral"),  # a corner twice
-            ((GOOD[0], GOOD[1], (float("nan"), 0.5), GOOD[3]), "finite number"),
-            (((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)), "convex quadrilateral"),  # a line
+            (GOOD[::-1], "an outline that does not cross itself, clockwise"),  # counter-clockwise
+            ((GOOD[0], GOOD[2], GOOD[1], GOOD[3]), "an outline that does not cross itself|different points"),  # crossed
+            (
+                (GOOD[0], GOOD[1], (0.0, -0.4), GOOD[3]),
+                "an outline that does not cross itself|different points",
+            ),  # an arrowhead
+            (
+                (GOOD[0], GOOD[1], GOOD[1], GOOD[3]),
+                "an outline that does not cross itself|different points",
+            ),  # a corner twice
+            (
+                (GOOD[0], GOOD[1], (float("nan"), 0.5), GOOD[3]),
+                "finite number",
+            ),
+            (
+                ((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)),
+                "an outline that does not cross itself|different points",
+            ),  # a line
             (GOOD[1:] + GOOD[:1], "must start at the top-left corner"),
             (GOOD[2:] + GOOD[:2], "must start at the top-left corner"),
             (GOOD[3:] + GOOD[:3], "must start at the top-left corner"),
-            (GOOD[:3], "Field required"),
+            (GOOD[:2], r"three or more \(right, down\) points, got 2"),
         ],
     )
     def test_bad_quadrilaterals_are_refused(self, corners_m, fault):
         with pytest.raises(ValueError, match=fault):
-            Quad(corners_m)
+            Polygon(corners_m)
 
-    def test_a_target_without_quadrilaterals_is_refused(self):
-        with pytest.raises(ValueError, match=r"at least one \[\[quad\]\]"):
-            Target(())
+    def test_a_cue_without_polygons_is_refused(self):
+        with pytest.raises(ValueError, match=r"at least one \[\[rig.polygon\]\]"):
+            Cue(())
 
     def test_file_round_trip(self, rig, tmp_path):
-        lines = [f"[[quad]]\ncorners_m = {[list(corner) for corner in quad.corners_m]}\n" for quad in rig.target.quad]
-        path = tmp_path / "target.toml"
+        lines = [
+            f"[[rig.polygon]]\ncorners_m = {[list(corner) for corner in it.corners_m]}\n" for it in rig.cue.polygon
+        ]
+        path = tmp_path / "cue.toml"
         path.write_text("\n".join(lines))
-        assert Target.from_file(path) == rig.target
+        assert Cue.from_file(path) == rig.cue
 
     @pytest.mark.parametrize(
         ("text", "fault"),
         [
-            ("", "missing key 'quad'"),
-            ("quad = []", "at least one"),
-            ("quad = 3", "expected a list, got 3"),
-            ("[[quads]]\ncorners_m = []", "unknown key 'quads'; did you mean 'quad'"),
-            ("[[quad]]\ncorners_m = [[0, 0], [1, 0], [1, 1]]", r"quad\[0\].corners_m: expected 4 values, got 3"),
-            ("[[quad]]\ncorners_m = [[0, 0], [1, 0], [1, 1], [0]]", r"corners_m\[3\]: expected 2 values, got 1"),
-            ("[[quad]]\ncorners_m = [[0, 0], [0, 1], [1, 1], [1, 0]]", r"quad\[0\]: corners_m must be a convex"),
+            ("", "missing key 'polygon'"),
+            ("rig.polygon = []", "at least one"),
+            ("rig.polygon = 3", "expected a list, got 3"),
+            ("[[rig.polygons]]\ncorners_m = []", "unknown key 'polygons'; did you mean 'polygon'"),
+            ("[[rig.quad]]\ncorners_m = []", "'quad' is called 'polygon' now"),
+            ("[[quad]]\ncorners_m = []", r"'quad' stands in section \[rig\] now.*\[\[rig.polygon\]\]"),
+            ("[[rig.polygon]]\ncorners_m = [[0, 0], [1, 0], [1, 1], [0]]", r"corners_m\[3\]: expected 2 values, got 1"),
+            ("[[rig.polygon]]\ncorners_m = [[0, 0], [0, 1], [1, 1], [1, 0]]", r"polygon\[0\]: corners_m must be"),
+            (
+                "[[rig.polygon]]\ncorners_m = [[0, 0], [17.7, 0], [17.7, 6], [0, 6]]",
+                "17.7 m wide; were they inches, 0.45 m",
+            ),
+            ("rig.hue = 'green'\n[[rig.polygon]]\ncorners_m = [[0, 0], [1, 0], [1, 1], [0, 1]]", "hue"),
         ],
     )
-    def test_bad_target_files_are_refused_with_file_and_place(self, tmp_path, text, fault):
-        path = tmp_path / "target.toml"
+    def test_bad_cue_files_are_refused_with_file_and_place(self, tmp_path, text, fault):
+        path = tmp_path / "cue.toml"
         path.write_text(text)
-        with pytest.raises(ConfigError, match=rf"target\.toml.*{fault}"):
-            Target.from_file(path)
+        with pytest.raises(ConfigError, match=rf"cue\.toml.*{fault}"):
+            Cue.from_file(path)
 
 
 def test_a_cue_of_a_file_is_taken_for_hand_cut_unless_it_says(tmp_path):
-    quad = "[[quad]]\ncorners_m = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.0, 0.5]]\n"
-    (tmp_path / "tape.toml").write_text(quad)
-    (tmp_path / "exact.toml").write_text("manufacturing_tolerance = 0.001\n" + quad)
-    (tmp_path / "loose.toml").write_text("manufacturing_tolerance = 0.5\n" + quad)
-    assert Target.from_file(tmp_path / "tape.toml").manufacturing_tolerance == 0.005
-    assert Target.from_file(tmp_path / "exact.toml").manufacturing_tolerance == 0.001
+    polygon = "[[rig.polygon]]\ncorners_m = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.5], [0.0, 0.5]]\n"
+    (tmp_path / "tape.toml").write_text(polygon)
+    (tmp_path / "exact.toml").write_text("rig.manufacturing_tolerance = 0.001\n" + polygon)
+    (tmp_path / "loose.toml").write_text("rig.manufacturing_tolerance = 0.5\n" + polygon)
+    assert Cue.from_file(tmp_path / "tape.toml").manufacturing_tolerance == 0.01
+    assert Cue.from_file(tmp_path / "exact.toml").manufacturing_tolerance == 0.001
     with pytest.raises(ConfigError, match="manufacturing_tolerance"):
-        Target.from_file(tmp_path / "loose.toml")
+        Cue.from_file(tmp_path / "loose.toml")
 
 
 @pytest.mark.parametrize(

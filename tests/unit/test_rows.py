@@ -10,7 +10,6 @@ from shipland.camera import Camera, CameraParameters
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
-from shipland.vision.near.associate import model_plane
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.near.pose import Followed, row_motion
@@ -18,7 +17,7 @@ from shipland.vision.near.pose import Followed, row_motion
 PARAMETERS = VisionParameters()
 GLOBAL = Camera.from_parameters(CameraParameters())
 ROLLING = replace(GLOBAL, row_time_s=4.2e-5)  # 30 ms a picture
-BAR = Rig().target
+BAR = Rig().cue
 LEVEL = GimbalAttitude(0.0, 0.0)
 STEP_S = 1.0 / 30.0
 MOTION_PX_S = np.array([-140.0, 120.0])
@@ -39,7 +38,7 @@ def rolled_picture(pose, t_s, rng, motion_px_s=MOTION_PX_S):
     canvas, plane_m = plain_canvas(ROLLING), BAR.points_in_bar_m[:, 1:]
     low, high = plane_m.min(axis=0) - 0.075, plane_m.max(axis=0) + 0.075
     board = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
-    for corners_m, colour in [(board, GREY), *((quad.corners_m, GREEN) for quad in BAR.quad)]:
+    for corners_m, colour in [(board, GREY), *((quad.corners_m, GREEN) for quad in BAR.polygon)]:
         corners_px = as_rolled(project_plane(corners_m, ROLLING, pose), motion_px_s, t_s)
         paint(canvas, corners_px, colour, 4, Look().blur_px)
     return finish(canvas, rng, Look())
@@ -77,7 +76,7 @@ def test_alone_a_picture_is_solved_with_the_motion_as_an_unknown():
 
 
 def test_motion_linear_in_the_cue_is_taken_out_whole():
-    plane_m = model_plane(BAR)
+    plane_m = BAR.plane_m
     corners_px = project_plane(plane_m.reshape(-1, 2), ROLLING, camera_from_bar((-3.0, 0.3, 0.4)))
     motion_px_s = MOTION_PX_S + plane_m.reshape(-1, 2) @ [[60.0, 5.0], [-8.0, 55.0]]  # it grows and turns a little
     seen = [

@@ -11,7 +11,7 @@ from shipland.scenario.autonomy import build_autonomy, build_vehicle
 from shipland.scenario.scenario import load_scenario, scenario_table
 
 THREE_QUADS = {
-    "rig.quad": [
+    "rig.polygon": [
         {"corners_m": [[x - 0.15, -0.12], [x + 0.15, -0.12], [x + 0.15, 0.12], [x - 0.15, 0.12]]}
         for x in (-0.7, -0.1, 0.65)
     ],
@@ -48,8 +48,8 @@ def test_a_wrong_scenario_is_named():
 
 def test_an_own_cue_is_what_the_rig_shows():
     rig = load_scenario("near", **THREE_QUADS).rig
-    assert rig.target.count == 3
-    assert rig.target.manufacturing_tolerance == 0.001
+    assert rig.cue.count == 3
+    assert rig.cue.manufacturing_tolerance == 0.001
     assert rig.board_size_m == pytest.approx((1.74, 0.30))  # the cue and 2 cm around it; as high as the board was
 
 

@@ -12,9 +12,10 @@ import pytest
 
 from shipland.camera import Camera
 from shipland.config import build
+from shipland.cue import Cue, Polygon
 from shipland.errors import ConfigError, SystemLibraryError
 from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose, rotation_from_euler
-from shipland.rig import Quad, Rig, Target
+from shipland.rig import Rig
 from shipland.sim.scene import gl
 from shipland.sim.scene.block import RenderView
 from shipland.sim.scene.light import light
@@ -29,7 +30,7 @@ from shipland.sim.state import SceneState
 RIG = Rig()
 PARAMETERS = SceneParameters()
 CAMERA = Camera.from_fov(1280, 720, 69.0)
-QUADS = RIG.target.points_in_bar_m.reshape(-1, 4, 3)
+QUADS = RIG.cue.points_in_bar_m.reshape(-1, 4, 3)
 
 
 @pytest.fixture(scope="module")
@@ -133,10 +134,10 @@ def test_distortion_is_opencvs(scene: Scene) -> None:
 
 
 def test_any_set_of_quadrilaterals_can_be_the_cue() -> None:
-    target = Target(
-        (Quad(((-0.5, -0.1), (-0.1, -0.2), (0.0, 0.15), (-0.45, 0.1))), Quad.rectangle((0.5, 0.0), 0.3, 0.2))
+    target = Cue(
+        (Polygon(((-0.5, -0.1), (-0.1, -0.2), (0.0, 0.15), (-0.45, 0.1))), Polygon.rectangle((0.5, 0.0), 0.3, 0.2))
     )
-    scene = Scene(dataclasses.replace(RIG, quad=target.quad), PARAMETERS, np.random.default_rng(1))
+    scene = Scene(dataclasses.replace(RIG, polygon=target.polygon), PARAMETERS, np.random.default_rng(1))
     state = look((-4.0, 0.4, -0.2))
     errors = edge_errors_px(scene.light(state, CAMERA), state, CAMERA, target.points_in_bar_m.reshape(-1, 4, 3))
     scene.close()

@@ -11,11 +11,12 @@ import pytest
 from pictures import Look, bar_picture, camera_from_bar
 from shipland.camera import Camera
 from shipland.commands.see import See
+from shipland.cue import Cue
 from shipland.errors import ConfigError, DataError
 from shipland.messages import Decision, FlightRecord, Frame, GimbalAttitude, Observation, PilotCommand, Telemetry
 from shipland.record.info import FlightInfo
 from shipland.record.writer import LogParameters, LogWriter
-from shipland.rig import Rig, Target
+from shipland.rig import Rig
 from shipland.vision.near.files import COLUMNS, default_camera, see_paths
 from shipland.vision.pictures import pictures_of, read_picture, read_video
 
@@ -28,7 +29,7 @@ KEYS = [
 @pytest.fixture(scope="module")
 def bar_image(rig, camera):
     pose = camera_from_bar([-6.0, 0.4, 0.2], 0.05)
-    return bar_picture(rig.target, camera, pose, np.random.default_rng(1), Look(0.4, 0.0), colour=(40.0, 240.0, 60.0))
+    return bar_picture(rig.cue, camera, pose, np.random.default_rng(1), Look(0.4, 0.0), colour=(40.0, 240.0, 60.0))
 
 
 def write(path, image):
@@ -36,8 +37,8 @@ def write(path, image):
     return path
 
 
-def see(*paths, target=None, camera=None):
-    cue = Rig().target if target is None else Target.from_file(target)
+def see(*paths, cue=None, camera=None):
+    cue = Rig().cue if cue is None else Cue.from_file(cue)
     return list(see_paths(paths, cue, default_camera() if camera is None else Camera.from_opencv_yaml(camera)))
 
 
@@ -171,14 +172,14 @@ def log_of(folder, images):
 def test_another_calibration_and_another_target(tmp_path, bar_image, camera, rig):
     longer = Camera(1280, 720, camera.matrix * [[1.1], [1.1], [1.0]] + [[0, 0, -64.0], [0, 0, -36.0], [0, 0, 0]])
     longer.to_opencv_yaml(tmp_path / "longer.yaml")
-    target = tmp_path / "double.toml"
-    target.write_text(
-        "".join(f"[[quad]]\ncorners_m = {(2.0 * np.array(quad.corners_m)).tolist()}\n" for quad in rig.target.quad)
+    cue = tmp_path / "double.toml"
+    cue.write_text(
+        "".join(f"[[rig.polygon]]\ncorners_m = {(2.0 * np.array(it.corners_m)).tolist()}\n" for it in rig.cue.polygon)
     )
     path = write(tmp_path / "bar.png", bar_image)
     plain, zoomed, doubled = (
         see(path, **given)[0].to_json()["distance_m"]
-        for given in ({}, {"camera": tmp_path / "longer.yaml"}, {"target": target})
+        for given in ({}, {"camera": tmp_path / "longer.yaml"}, {"cue": cue})
     )
     assert zoomed == pytest.approx(1.1 * plain, rel=0.01)
     assert doubled == pytest.approx(2.0 * plain, rel=0.01)
@@ -251,9 +252,9 @@ def test_nothing_to_look_at(tmp_path):
 
 def test_wrong_target_and_calibration(tmp_path, bar_image):
     path = write(tmp_path / "bar.png", bar_image)
-    (tmp_path / "target.toml").write_text("[[quad]]\ncorners = [[0, 0]]\n")
+    (tmp_path / "cue.toml").write_text("[[rig.polygon]]\ncorners = [[0, 0]]\n")
     with pytest.raises(ConfigError, match="corners_m"):
-        see(path, target=tmp_path / "target.toml")
+        see(path, cue=tmp_path / "cue.toml")
     with pytest.raises(DataError, match="does not exist"):
         see(path, camera=tmp_path / "camera.yaml")
 
@@ -276,12 +277,10 @@ def taped(tmp_path_factory):
     targets = json.loads((PHOTOGRAPHS / "targets.json").read_text())
     for name in ("tape2019", "loading2020_outer", "peg2017"):
         quads = (INCH_M * np.array(targets[name])).reshape(-1, 4, 2).tolist()
-        (folder / f"{name}.toml").write_text("".join(f"[[quad]]\ncorners_m = {quad}\n" for quad in quads))
+        (folder / f"{name}.toml").write_text("".join(f"[[rig.polygon]]\ncorners_m = {quad}\n" for quad in quads))
 
-    def look(photograph, target, calibration):
-        (result,) = see(
-            PHOTOGRAPHS / photograph, target=folder / f"{target}.toml", camera=folder / f"{calibration}.yaml"
-        )
+    def look(photograph, cue, calibration):
+        (result,) = see(PHOTOGRAPHS / photograph, cue=folder / f"{cue}.toml", camera=folder / f"{calibration}.yaml")
         return result
 
     return look

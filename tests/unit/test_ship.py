@@ -16,7 +16,7 @@ class Posed:
     """A deck that stays where it was put."""
 
     def __init__(self, *displacement: float) -> None:
-        self._state = SixDof(np.array(displacement), np.zeros(6), np.zeros(6))
+        self._state = SixDof(np.array([*displacement, *np.zeros(12)]))
 
     def at(self, t_s: float) -> SixDof:
         return self._state

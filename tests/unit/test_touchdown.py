@@ -109,12 +109,11 @@ def _stand(flown: World) -> None:
     lift = 0.0452
     r = deck.ned_from_deck
     place = tuple(deck.origin_m[i] - lift * r[3 * i + 2] for i in range(3))
-    flown._body.put(place, *deck.angles_rad)
     p, q, w = deck.turn_rad_s
     x, y, z = (place[i] - deck.origin_m[i] for i in range(3))
     v = deck.velocity_mps
     carried = (v[0] + q * z - w * y, v[1] + w * x - p * z, v[2] + p * y - q * x)
-    flown._body.move(flown._body.motion()._replace(velocity_mps=tuple(carried)))
+    flown._body.put(place, *deck.angles_rad, carried)
     flown._motors_run = False
     flown.advance(flown.t_s + 3.0)
 

@@ -64,7 +64,7 @@ def test_the_published_vision_is_the_rendered_one_with_the_published_steps(monke
 
 
 def test_near_vision_hides_no_fault(monkeypatch):
-    eyes = NearVision(Rig().target, Camera.from_fov(96, 64, 30.0), VisionParameters())
-    monkeypatch.setattr("shipland.vision.near.pipeline.coloured_window", lambda *_: [][1])
+    eyes = NearVision(Rig().cue, Camera.from_fov(96, 64, 30.0), VisionParameters())
+    monkeypatch.setattr("shipland.vision.near.pipeline.NearVision._look", lambda *_, **__: [][1])
     with pytest.raises(IndexError):
         eyes.see(Frame(0.0, np.zeros((64, 96, 3), np.uint8), GimbalAttitude(0.0, 0.0)))

@@ -1,7 +1,6 @@
 """The deck watched for the moment of the landing: descent, glances, filter, safety and border, a part at a time."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -115,7 +114,7 @@ def test_the_safety_takes_a_sight_of_the_deck_for_a_place():
     seen = Observation(0.8, DOWN, deck=SIGHT)
     blind = estimator.updated(SafetyEstimate(), seen, telemetry)
     assert blind.place_in_bar_m is None  # whoever never saw the bar does not know where it is
-    known = replace(SafetyEstimate(), place_in_bar_m=np.zeros(3), yaw_rad=0.0)
+    known = SafetyEstimate()._replace(place_in_bar_m=np.zeros(3), yaw_rad=0.0)
     after = estimator.updated(known, seen, telemetry)
     assert after.pose_s == 0.8
     assert after.place_in_bar_m == pytest.approx(rig.deck_in_bar_m - [-0.01, 0.2, 0.7])

@@ -6,16 +6,15 @@ from scipy.signal import welch
 
 from shipland.config import build
 from shipland.errors import ConfigError
-from shipland.frames import Pose
 from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake
 from shipland.sim.air.turbulence import Dryden, land_scales, sea_roughness_m, step_covariance
-from shipland.sim.air.wind import SteadyWind, Wind, WindParameters, build_wind
+from shipland.sim.air.wind import ShipPlace, SteadyWind, Wind, WindParameters, build_wind
 
 RIG = Rig()
 CALM = {"turbulence": {"enabled": False}, "airwake": {"enabled": False}}
-ABOVE_SHIP = Pose.from_euler((0.0, 0.0, -0.9), 0.0, 0.0, 0.0)
-FAR = np.array([500.0, 0.0, -10.0])
+ABOVE_SHIP = ShipPlace(0.0, 0.0, -0.9, 0.0)
+FAR = (500.0, 0.0, -10.0)
 
 
 def parameters(**keys: object) -> WindParameters:
@@ -40,9 +39,7 @@ def test_wind_comes_from_where_it_says() -> None:
 
 def test_a_log_profile_meets_the_mean_at_its_reference_height() -> None:
     sheared = wind(mean_mps=6.0, profile="log", roughness_m=0.0002, **CALM)
-    speeds = [
-        np.linalg.norm(sheared.velocity_at(0.0, np.array([0.0, 0.0, -h]), ABOVE_SHIP)) for h in (1.0, 6.096, 20.0)
-    ]
+    speeds = [np.linalg.norm(sheared.velocity_at(0.0, (0.0, 0.0, -h), ABOVE_SHIP)) for h in (1.0, 6.096, 20.0)]
     assert speeds[1] == pytest.approx(6.0)
     assert speeds[0] < speeds[1] < speeds[2]
     # u(1) / u(6.096) = ln(1/0.0002) / ln(6.096/0.0002)
@@ -178,7 +175,7 @@ def test_turbulence_met_at_a_point_has_the_surfaces_variance_and_spectrum(surfac
     step_s, mean_mps = 0.2, 5.0
     keys = {"mean_mps": mean_mps, "surface": surface, "airwake": {"enabled": False}}
     air, scales = wind(11, from_deg=180.0, **keys), parameters(**keys).turbulence_at(1.5)
-    place = np.array([500.0, 0.0, -1.5])
+    place = (500.0, 0.0, -1.5)
     series = np.array([air.velocity_at(step_s * i, place, ABOVE_SHIP) for i in range(100000)])
     series[:, 0] -= mean_mps
     # 100 km over a scale of 61 m are some 800 independent pairs: 2.5 % of standard error
@@ -205,7 +202,7 @@ def test_a_hovering_aircraft_meets_turbulence_at_the_speed_of_the_wind() -> None
 
 def test_a_balloon_feels_no_change() -> None:
     air = wind(3, mean_mps=8.0, from_deg=180.0, airwake={"enabled": False})
-    drifting = [air.velocity_at(t, FAR + np.array([8.0 * t, 0.0, 0.0]), ABOVE_SHIP) for t in (0.0, 1.0, 5.0)]
+    drifting = [air.velocity_at(t, (FAR[0] + 8.0 * t, *FAR[1:]), ABOVE_SHIP) for t in (0.0, 1.0, 5.0)]
     np.testing.assert_allclose(drifting[1], drifting[0], atol=1e-6)
     np.testing.assert_allclose(drifting[2], drifting[0], atol=1e-6)
 
@@ -221,7 +218,7 @@ def test_same_seed_same_wind() -> None:
 
 
 def test_still_air_over_a_still_ship_is_still() -> None:
-    assert not wind().velocity_at(1.0, np.array([0.0, 0.0, -2.0]), ABOVE_SHIP).any()
+    assert not any(wind().velocity_at(1.0, (0.0, 0.0, -2.0), ABOVE_SHIP))
 
 
 # The airwake
@@ -280,12 +277,11 @@ def test_the_wake_has_no_steps_over_the_deck(forward: float, starboard: float, h
 
 def test_the_ships_way_makes_an_airwake_in_still_air() -> None:
     air = wind(0)
-    position = np.array([1.6, 0.0, -0.3])
     found = []
     for i in range(200):
         t_s = 0.02 * i
-        ship = Pose.from_euler((3.0 * t_s, 0.0, -0.9), 0.0, 0.0, 0.0)
-        found.append(air.velocity_at(t_s, ship.apply(position), ship))
+        ship = ShipPlace(3.0 * t_s, 0.0, -0.9, 0.0)
+        found.append(air.velocity_at(t_s, (ship.north_m + 1.6, 0.0, ship.down_m - 0.3), ship))
     # close behind the superstructure the air is carried along by the ship at about its 3 m/s
     assert np.mean(found[50:], axis=0)[0] == pytest.approx(3.3, abs=0.6)
 

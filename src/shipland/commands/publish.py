@@ -44,7 +44,7 @@ class Publish(ScenarioOptions):
         print(f"connecting to {self.vehicle}", file=sys.stderr, flush=True)
         vehicle.connect()
         try:
-            vision = NearVision(scenario.rig.target, vehicle.camera, scenario.vision)
+            vision = NearVision(scenario.rig.cue, vehicle.camera, scenario.vision)
             mounting = Mounting(np.array(scenario.camera.position_in_body_m), scenario.rig.deck_in_bar_m)
             count = publish(vehicle, vision, mounting, self.position, lambda _: None)
         finally:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from shipland.commands.pictures import PictureOptions, Results
 
 if TYPE_CHECKING:
-    from shipland.camera import Camera
+    from shipland.camera import Camera, CameraParameters
     from shipland.vision.pictures import Picture
 
 
@@ -23,40 +23,40 @@ class See(PictureOptions):
     What cannot be read is named on standard error and the rest is looked at; the exit code is then 1, and 2 when
     nothing could be read.
 
-    Example: shipland see film.mp4 --target bar.toml --camera calibration.yaml --csv poses.csv --out out/drawn
+    Example: shipland see film.mp4 --cue bar.toml --camera calibration.yaml --csv poses.csv --out out/drawn
     """
 
-    target: Path | None = None
-    """TOML with one [[quad]] a quadrilateral, corners_m = [[right, down], …] in metres from the cue's origin, in the
-    order top-left, top-right, bottom-right, bottom-left. Before them manufacturing_tolerance, how exactly the cue is
-    made: rms error of its corners over its diagonal, 0.005 where the file does not say. A cue that is refused because
-    its corners do not fit its dimensions (manufacturing_tolerance) wants more: 0.01 for tape cut by hand, 0.02 for a
-    film of it; more lets other things
-    pass for the cue. Default: the rig's bar."""
+    cue: Path | None = None
+    """TOML that says what the cue is: a scenario's file, or one with section [rig] alone, manufacturing_tolerance and
+    hue, and one [[rig.polygon]] a polygon: corners_m = [[right, down], …] in metres from the cue's origin, clockwise
+    from top-left. Default: the rig's bar, or that of --config."""
+    config: Path | None = None
+    """TOML with sections of the configuration, as a scenario has them: [vision], [camera], [rig]."""
     camera: Path | None = None
     """OpenCV calibration YAML; a line row_time_s in it tells a rolling shutter's time from row to row. Default: the
     camera in the log, else the rig's camera."""
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""
+        from shipland.cue import Cue
         from shipland.report.drawings import draw_observation
-        from shipland.rig import Rig, Target
+        from shipland.scenario.scenario import load_scenario
         from shipland.vision.near.files import COLUMNS, see_paths
 
-        target = Rig().target if self.target is None else Target.from_file(self.target)
-        camera, whose = self._camera()
+        scenario = load_scenario(self.config or {})
+        cue = scenario.rig.cue if self.cue is None else Cue.from_file(self.cue)
+        camera, whose = self._camera(scenario.camera)
         with Results(self, COLUMNS) as results:
-            for number, result in enumerate(see_paths(self.paths, target, camera, results.broken)):
+            for number, result in enumerate(see_paths(self.paths, cue, camera, results.broken, scenario.vision)):
                 if number == 0:
                     print(f"camera: {_words(camera, result.picture.image)}, {whose}", file=sys.stderr)
                 results.add(result, lambda it=result: draw_observation(it.picture.image, it.observation))  # type: ignore[misc]
         return results.exit_code
 
-    def _camera(self) -> tuple[Camera, str]:
+    def _camera(self, configured: CameraParameters) -> tuple[Camera, str]:
         """The camera that is assumed, and where it comes from."""
         from shipland.camera import Camera
         from shipland.record.reader import read_log
-        from shipland.vision.near.files import default_camera
         from shipland.vision.pictures import is_log
 
         if self.camera is not None:
@@ -64,7 +64,7 @@ class See(PictureOptions):
         for path in self.paths:
             if is_log(path):
                 return read_log(path).header.camera, f"as {path} has it"
-        return default_camera(), "that of the packaged configuration; --camera gives another"
+        return Camera.from_parameters(configured), "that of the configuration; --camera gives another"
 
 
 def _words(camera: Camera, picture: Picture) -> str:

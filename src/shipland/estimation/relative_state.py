@@ -29,7 +29,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import expm
 
 from shipland.compiled import compiled
 from shipland.config import key, parameters
@@ -137,6 +136,8 @@ def shaping(motion: AxisModel) -> tuple[Array, Array]:
 
 def discretised(a: Array, b: Array, q: Array, step_s: float) -> tuple[Array, Array, Array]:
     """Transition (n,n), input (n,m) and noise covariance (n,n) of a step (C. Van Loan, 1978)."""
+    from scipy.linalg import expm  # a fifth of a second that what flies nothing does without
+
     n, m = b.shape
     with_input = np.zeros((n + m, n + m))
     with_input[:n, :n], with_input[:n, n:] = a, b

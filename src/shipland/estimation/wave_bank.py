@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.linalg import expm
 
 from shipland.config import key, parameters, require, scaled
 from shipland.estimation.kernels import bank_seen
@@ -43,6 +42,7 @@ class WaveParameters:
         "aircraft's own sway is taken for the bar's, and following it is positive feedback",
         "everywhere",
         gt=0,
+        allow_inf_nan=True,
     )
     deck: WaveMotion = key(WaveMotion(0.1, 1.8, 0.2, bar_moves=False), "wave motion of a deck below a bar at rest")
     spread: WaveShares = key(WaveShares(), "surge and sway of a ship as shares of its heave")
@@ -180,6 +180,8 @@ class WaveBank:
 @lru_cache(maxsize=1024)
 def _steps(parameters: WaveParameters, step_ms: int) -> tuple[Array, Array]:
     """Transitions (k,6,6) and noises (k,6,6) of all hypotheses over whole milliseconds."""
+    from scipy.linalg import expm
+
     n = _STATES
     blocks = np.zeros((len(parameters.hypotheses), 2 * n, 2 * n))
     for block, wave in zip(blocks, parameters.hypotheses, strict=True):

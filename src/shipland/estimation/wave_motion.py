@@ -13,7 +13,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import expm, solve_continuous_lyapunov
 
 from shipland.config import key, parameters, scaled
 from shipland.frames import Array
@@ -81,11 +80,15 @@ class WaveMotion:
 
 @lru_cache(maxsize=4096)
 def _passed(wave: WaveMotion, passed_ms: int) -> Array:
+    from scipy.linalg import expm
+
     return np.asarray(expm(1e-3 * passed_ms * wave.matrix))
 
 
 @lru_cache(maxsize=64)
 def _solved(wave: WaveMotion) -> tuple[Array, Array, Array]:
+    from scipy.linalg import solve_continuous_lyapunov
+
     own, waves, damping = _OWN * wave.frequency_rad_s, _WAVES * wave.frequency_rad_s, wave.damping
     matrix = np.zeros((WAVE_STATES, WAVE_STATES))
     matrix[0, 1] = matrix[1, 3] = matrix[2, 3] = 1.0

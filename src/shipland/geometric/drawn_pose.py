@@ -14,6 +14,7 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.frames import Array
+from shipland.vision.near.covariance import exp_rotation
 
 _STEPS = 3
 """Gauss-Newton steps: quadratic convergence from a true pose."""
@@ -186,22 +187,3 @@ def _inverse_gram(partial: Array) -> tuple[Array, bool]:
                 total += columns[k, i] * columns[k, j]
             inverse[i, j] = total
     return inverse, True
-
-
-@compiled
-def exp_rotation(vector: Array, rotation: Array) -> Array:
-    """exp(vector) · rotation, (3,3): Rodrigues' formula."""
-    x, y, z = vector
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle < 1e-12:
-        return rotation.copy()
-    c, s = math.cos(angle), math.sin(angle)
-    x, y, z = x / angle, y / angle, z / angle
-    result = np.empty((3, 3))
-    for j in range(3):
-        a, b, d = rotation[0, j], rotation[1, j], rotation[2, j]
-        along = (1.0 - c) * (x * a + y * b + z * d)
-        result[0, j] = c * a + s * (y * d - z * b) + along * x
-        result[1, j] = c * b + s * (z * a - x * d) + along * y
-        result[2, j] = c * d + s * (x * b - y * a) + along * z
-    return result

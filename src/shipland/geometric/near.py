@@ -13,11 +13,11 @@ import math
 import numpy as np
 
 from shipland.camera import Camera
+from shipland.cue import Cue
 from shipland.frames import Array, Pose
 from shipland.geometric.drawn_pose import CornerMeasurement, inside, pose_from_truth, projected, relative_pose
 from shipland.geometric.parameters import GeometricParameters
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.rig import Target
 from shipland.vehicles.vehicle import GroundTruthSource
 from shipland.vision.near.covariance import bar_pose_of
 from shipland.vision.near.parameters import VisionParameters
@@ -33,7 +33,7 @@ from shipland.vision.near.planar_pose import (
     solve,
 )
 from shipland.vision.near.refusal import Refusal, gimbal_off
-from shipland.vision.near.validate import jumps, largest_reprojection_px, sides_agree, within_reach
+from shipland.vision.near.validate import jumps, largest_reprojection_px, within_reach
 
 
 class GeometricVision:
@@ -42,7 +42,7 @@ class GeometricVision:
     def __init__(
         self,
         truth_source: GroundTruthSource,
-        cue: Target,
+        cue: Cue,
         camera: Camera,
         parameters: GeometricParameters,
         near: VisionParameters,
@@ -118,8 +118,6 @@ class GeometricVision:
         near = self._near
         if not taken.reprojection_px <= largest_reprojection_px(quads_px, sigma_px, self._tolerance, near):
             return Refusal.REPROJECTION.value
-        if not sides_agree(quads_px, quads_px + taken.residual_px, sigma_px, near):
-            return Refusal.SIDES_UNEQUAL.value
         return "" if within_reach(taken.camera_from_plane, near) else Refusal.OUT_OF_REACH.value
 
 

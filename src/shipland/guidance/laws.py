@@ -149,7 +149,7 @@ class PidGains:
     """A linear PID in its standard form: `k_p·(e + ∫e dt / t_i_s + t_d_s·de/dt)`; k_p in percent per unit."""
 
     k_p: float = key(..., ge=0)
-    t_i_s: float = key(..., gt=0)
+    t_i_s: float = key(..., gt=0, allow_inf_nan=True)
     t_d_s: float = key(..., ge=0)
 
 

@@ -161,7 +161,7 @@ def scene_update(rig: Rig, aircraft_diagonal_m: float, time_ns: int) -> SceneUpd
     landing = [Point3(x=x * half_m, y=y * half_m, z=-0.005) for x, y in corners]
     deck = [_cube((0.0, 0.0, 0.5 * _THIN_M), (rig.deck_size_m, rig.deck_size_m, _THIN_M), _DECK)]
     bar = [_cube((0.5 * _THIN_M, 0.0, 0.0), (_THIN_M, *rig.board_size_m), _DARK)]
-    for quad in rig.target.points_in_bar_m.reshape(-1, 4, 3):
+    for quad in rig.cue.points_in_bar_m.reshape(-1, 4, 3):
         size_m = np.ptp(quad, axis=0)
         bar.append(_cube(tuple(quad.mean(axis=0) - [0.004, 0.0, 0.0]), (0.008, size_m[1], size_m[2]), _GREEN))
     rotor_m = 0.5 * aircraft_diagonal_m

@@ -125,7 +125,8 @@ def sample(case: Case, seed: int, duration_s: float, step_s: float) -> Traces:
         state = ship.at(t)
         deck[i] = state.deck.displacement * DEGREES
         course[i] = (*state.course.position_in_ned_m, np.degrees(state.course.course_rad))
-        air[i] = wind.velocity_at(t, state.ned_from_ship.apply(over_deck_m), state.ned_from_ship)
+        north_m, east_m, down_m = state.ned_from_ship.apply(over_deck_m).tolist()
+        air[i] = wind.velocity_at(t, (north_m, east_m, down_m), state.place)
     return Traces(t_s, deck, course, air, tuple(map(str, ship.limit_bites)))
 
 

@@ -57,7 +57,7 @@ class CueHeight:
     @staticmethod
     def of(parameters: CueHeightParameters, rig: Rig) -> CueHeight:
         """At the start of a flight to this ship. The nearest mirror is the deck."""
-        drop_m = 2.0 * (rig.bar_height_m - rig.deck_height_m) if rig.target.mirrors_itself else 0.0
+        drop_m = 2.0 * (rig.bar_height_m - rig.deck_height_m) if rig.cue.mirrors_itself else 0.0
         return CueHeight(parameters, max(drop_m, 0.0), parameters.over_takeoff_m)
 
     def with_height(self, telemetry: Telemetry) -> CueHeight:

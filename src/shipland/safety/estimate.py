@@ -11,9 +11,11 @@ a difference that leaps is a sensor that lies or a ship that manoeuvres.
 
 from __future__ import annotations
 
+import bisect
 import math
-from dataclasses import dataclass, replace
-from itertools import pairwise
+import operator
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -80,8 +82,7 @@ class Sight:
     bar_heading_rad: float
 
 
-@dataclass(frozen=True)
-class SafetyEstimate:
+class SafetyEstimate(NamedTuple):
     """The safety's own estimate.
 
     Attributes:
@@ -204,12 +205,16 @@ class SafetyEstimate:
         rows = self.travelled
         if not rows or t_s < rows[0].t_s:
             return None
-        for before, after in pairwise(rows):
-            if t_s <= after.t_s:
-                share = (t_s - before.t_s) / max(after.t_s - before.t_s, 1e-9)
-                (n0, e0), (n1, e1) = before.travelled_m, after.travelled_m
-                return n0 + share * (n1 - n0), e0 + share * (e1 - e0)
-        return rows[-1].travelled_m
+        index = bisect.bisect_left(rows, t_s, lo=1, key=_time_of)
+        if index == len(rows):
+            return rows[-1].travelled_m
+        before, after = rows[index - 1], rows[index]
+        share = (t_s - before.t_s) / max(after.t_s - before.t_s, 1e-9)
+        (n0, e0), (n1, e1) = before.travelled_m, after.travelled_m
+        return n0 + share * (n1 - n0), e0 + share * (e1 - e0)
+
+
+_time_of = operator.attrgetter("t_s")
 
 
 class SafetyEstimator:
@@ -234,7 +239,7 @@ class SafetyEstimator:
         if deck is not None and all_finite(deck.centre_in_level_m) and estimate.place_in_bar_m is not None:
             return self._with_deck(estimate, deck, observation.t_s)
         if bar is not None and _usable(bar):
-            estimate = replace(estimate, bar_box_s=observation.t_s)
+            estimate = estimate._replace(bar_box_s=observation.t_s)
             return self._with_box(estimate, bar, self._bar_side_m, observation.t_s)
         if ship is not None and _usable(ship):
             return self._with_box(estimate, ship, self._ship_side_m, observation.t_s)
@@ -258,13 +263,11 @@ class SafetyEstimator:
             north_m, east_m = north_m + step_s * float(velocity_mps[0]), east_m + step_s * float(velocity_mps[1])
             if way_m is not None:
                 way_m = way_m - step_s * velocity_mps
-        travelled = (
-            *(row for row in estimate.travelled if now_s - row.t_s <= _KEPT_S),
-            Instant(now_s, (north_m, east_m)),
-        )
+        rows = estimate.travelled
+        first = next((index for index, row in enumerate(rows) if now_s - row.t_s <= _KEPT_S), len(rows))
+        travelled = (*rows[first:], Instant(now_s, (north_m, east_m)))
         tilt_mps2 = _tilt_mps2(estimate.tilt_mps2, telemetry, heading_rad)
-        estimate = replace(
-            estimate,
+        estimate = estimate._replace(
             t_s=now_s,
             heading_rad=heading_rad,
             velocity_mps=velocity_mps,
@@ -279,7 +282,7 @@ class SafetyEstimator:
             largest_tilt_rad=max(tilt_of(tilt_mps2), estimate.largest_tilt_rad * math.exp(-step_s / _LARGEST_TIME_S)),
             travelled=travelled,
         )
-        estimate = _with_velocity(replace(estimate, held_mps2=_held_mps2(estimate)))
+        estimate = _with_velocity(estimate._replace(held_mps2=_held_mps2(estimate)))
         return _carried(_with_wind(estimate, step_s))
 
     def _with_pose(self, estimate: SafetyEstimate, pose: BarPose, exposure_s: float) -> SafetyEstimate:
@@ -291,8 +294,7 @@ class SafetyEstimator:
             deck_height_m = seen_m if deck_height_m is None else deck_height_m
             leap_m = seen_m - deck_height_m
             deck_height_m += _DECK_SHARE * leap_m
-        estimate = replace(
-            estimate,
+        estimate = estimate._replace(
             yaw_rad=pose.yaw_rad,
             bar_heading_rad=wrap_angle(estimate.heading_rad - pose.yaw_rad),
             bar_from_aircraft_m=rotated(-place_m[:2], estimate.heading_rad - pose.yaw_rad),
@@ -305,13 +307,13 @@ class SafetyEstimator:
         """Over the deck where it is now, not where it would lie at rest: that is what must not be struck."""
         bar_from_level = rotation_from_euler(0.0, 0.0, estimate.yaw_rad)
         place_m = self._deck_in_bar_m - bar_from_level @ (self._camera_in_body_m + deck.centre_in_level_m)
-        return replace(estimate, seen_s=exposure_s, pose_s=exposure_s, place_in_bar_m=place_m)
+        return estimate._replace(seen_s=exposure_s, pose_s=exposure_s, place_in_bar_m=place_m)
 
     def _with_box(self, estimate: SafetyEstimate, box: Box, side_m: float, exposure_s: float) -> SafetyEstimate:
         range_m = self._view.range_m(box.area_px2, side_m)
         direction_rad = estimate.heading_rad + self._view.bearing_rad(box.centre_px[0])
         way_m = range_m * np.array([math.cos(direction_rad), math.sin(direction_rad)])
-        return replace(estimate, seen_s=exposure_s, bar_from_aircraft_m=way_m)
+        return estimate._replace(seen_s=exposure_s, bar_from_aircraft_m=way_m)
 
 
 def _with_contradiction(estimate: SafetyEstimate, observation: Observation) -> SafetyEstimate:
@@ -321,7 +323,7 @@ def _with_contradiction(estimate: SafetyEstimate, observation: Observation) -> S
     if not kept:
         return estimate
     since_s = observation.t_s - _CONTRADICTED_S
-    return replace(estimate, contradicted_s=tuple(t_s for t_s in kept if since_s < t_s <= observation.t_s))
+    return estimate._replace(contradicted_s=tuple(t_s for t_s in kept if since_s < t_s <= observation.t_s))
 
 
 def _tilt_mps2(before: Array | None, telemetry: Telemetry, heading_rad: float) -> Array | None:
@@ -355,7 +357,7 @@ def _with_wind(estimate: SafetyEstimate, step_s: float) -> SafetyEstimate:
         return estimate
     wind_s = min(estimate.wind_s + step_s, _WIND_TIME_S)
     wind_mps2 = held_mps2 if wind_mps2 is None else wind_mps2 + step_s / wind_s * (held_mps2 - wind_mps2)
-    return replace(estimate, wind_mps2=wind_mps2, wind_s=wind_s)
+    return estimate._replace(wind_mps2=wind_mps2, wind_s=wind_s)
 
 
 def tilt_of(tilt_mps2: Array | None) -> float:
@@ -374,11 +376,11 @@ def _sighted(estimate: SafetyEstimate, place_m: Array, exposure_s: float) -> Saf
     if leap_m > 0.0:
         leapt_s = exposure_s if estimate.leapt_s is None else estimate.leapt_s
         if exposure_s - leapt_s < _PATIENCE_S:
-            return replace(estimate, leap_m=leap_m, leapt_s=leapt_s)
+            return estimate._replace(leap_m=leap_m, leapt_s=leapt_s)
         sights = ()
     kept = (row for row in sights if 0.0 < exposure_s - row.t_s <= _WINDOW_S)
     sights = (*kept, Sight(exposure_s, (x_m, y_m, z_m), estimate.bar_heading_rad or 0.0))
-    estimate = replace(estimate, seen_s=exposure_s, pose_s=exposure_s, sights=sights, leap_m=0.0, leapt_s=None)
+    estimate = estimate._replace(seen_s=exposure_s, pose_s=exposure_s, sights=sights, leap_m=0.0, leapt_s=None)
     return _carried(_with_velocity(_with_reference(estimate)))
 
 
@@ -410,20 +412,20 @@ def _with_reference(estimate: SafetyEstimate) -> SafetyEstimate:
         sights = tuple(row for row in sights if row.t_s >= estimate.travelled[0].t_s)
     slope, heading_rad = _slope_mps(sights), estimate.bar_heading_rad
     if slope is None or heading_rad is None:
-        return replace(estimate, velocity_in_bar_mps=None, velocity_bias_mps=None)
+        return estimate._replace(velocity_in_bar_mps=None, velocity_bias_mps=None)
     first_s, last_s = sights[0].t_s, sights[-1].t_s
     begun, ended = estimate.travelled_at(first_s), estimate.travelled_at(last_s)
     if estimate.velocity_mps is None or begun is None or ended is None:
-        return replace(estimate, velocity_in_bar_mps=slope, velocity_bias_mps=None)
+        return estimate._replace(velocity_in_bar_mps=slope, velocity_bias_mps=None)
     own = (np.array(ended) - np.array(begun)) / (last_s - first_s)
     turn_rad_s = wrap_angle(sights[-1].bar_heading_rad - sights[0].bar_heading_rad) / (last_s - first_s)
     middle_m = np.mean([row.place_in_bar_m[:2] for row in sights], axis=0)
-    estimate = replace(estimate, turn_rad_s=turn_rad_s)
+    estimate = estimate._replace(turn_rad_s=turn_rad_s)
     reference = own - rotated(slope[:2] + _swept(middle_m, turn_rad_s), heading_rad)
     slow, in_bar = estimate.slow_velocity_bias_in_bar_mps, rotated(reference, -heading_rad)
     step_s = last_s - sights[-2].t_s
     slow = in_bar if slow is None else slow + min(step_s / _REFERENCE_TIME_S, 1.0) * (in_bar - slow)
-    return replace(estimate, velocity_in_bar_mps=slope, velocity_bias_mps=reference, slow_velocity_bias_in_bar_mps=slow)
+    return estimate._replace(velocity_in_bar_mps=slope, velocity_bias_mps=reference, slow_velocity_bias_in_bar_mps=slow)
 
 
 def _swept(place_m: Array, turn_rad_s: float) -> Array:
@@ -439,7 +441,7 @@ def _with_velocity(estimate: SafetyEstimate) -> SafetyEstimate:
     level_mps = rotated(estimate.velocity_mps - reference, -heading_rad)
     if estimate.place_in_bar_m is not None:
         level_mps = level_mps - _swept(estimate.place_in_bar_m[:2], estimate.turn_rad_s)
-    return replace(estimate, velocity_in_bar_mps=np.array([*level_mps.tolist(), float(before[2])]))
+    return estimate._replace(velocity_in_bar_mps=np.array([*level_mps.tolist(), float(before[2])]))
 
 
 def _carried(estimate: SafetyEstimate) -> SafetyEstimate:
@@ -447,7 +449,7 @@ def _carried(estimate: SafetyEstimate) -> SafetyEstimate:
     if estimate.t_s is None or not estimate.sights or estimate.pose_s > estimate.sights[-1].t_s:
         return estimate  # none yet, or the deck itself was seen since
     place_m = _place_m(estimate, max(estimate.t_s, estimate.sights[-1].t_s))
-    return estimate if place_m is None else replace(estimate, place_in_bar_m=place_m)
+    return estimate if place_m is None else estimate._replace(place_in_bar_m=place_m)
 
 
 def _place_m(estimate: SafetyEstimate, t_s: float) -> Array | None:

@@ -22,6 +22,9 @@ from shipland.scenario.scenario import Scenario
 from shipland.scenario.seeds import generators_of
 from shipland.scenario.visions import VisionSetup
 from shipland.sim.air.wind import WindParameters, build_wind, drawn_wind
+from shipland.sim.aircraft.aerodynamics import drag_slope_per_s
+from shipland.sim.aircraft.parameters import AircraftParameters
+from shipland.sim.aircraft.record import Record
 from shipland.sim.ship.ship import Ship, build_ship
 from shipland.sim.world import GRID, Grid, World
 from shipland.vehicles.simulated import SimulatedVehicle
@@ -121,9 +124,16 @@ def drawn_wind_of(scenario: Scenario, seed: int) -> WindParameters:
 
 
 def response_of(scenario: Scenario) -> Response:
-    """The response of the simulated aircraft, from its settings; lags are those of its step responses."""
-    settings, loop = scenario.aircraft.settings, scenario.aircraft.loop
+    """The response of the simulated quadrotor, from its parameters.
+
+    A tilt follows its stick by 1 / `attitude_per_s` on average, whatever loops lie inside: what is not the rotors' lag
+    counts as dead time. Drag is linear about the hover in a wind. An aircraft or a loop of one's own, which these say
+    little of, is identified from a flight instead (`shipland identify`).
+    """
+    settings, loop, airframe = scenario.aircraft.settings, scenario.aircraft.loop, scenario.aircraft.airframe
     velocity = loop.kind == "velocity"
+    tilt_s = 1.0 / loop.attitude_per_s
+    rotors_s = min(airframe.motor_time_s, tilt_s)
     tilt_rate_mps3 = GRAVITY_MPS2 * math.radians(settings.max_tilt_rate_deg_s)
     # A velocity's step from picture to picture, up to this one, stays below the autopilot's limit of acceleration.
     step_mps = loop.acceleration_mps2 * loop.velocity_time_s
@@ -131,25 +141,28 @@ def response_of(scenario: Scenario) -> Response:
         kind="velocity" if velocity else "attitude",
         max_tilt_rad=math.radians(loop.tilt_limit_deg if velocity else settings.max_tilt_deg),
         max_speed_mps=settings.max_speed_mps if velocity else 0.0,
-        lag_s=1.0 / loop.attitude_per_s if velocity else _TILT_LAG_S,
+        lag_s=tilt_s if velocity else rotors_s,
         servo_per_s=loop.velocity_per_s if velocity else 0.0,
         integral_per_s2=loop.velocity_integral_per_s2 if velocity else 0.0,
         approach_per_s=1.0 / loop.velocity_time_s if velocity else 0.0,
         smoothing_s=loop.tilt_time_s if velocity else 0.0,
-        drag_per_s=0.0 if velocity else _DRAG_PER_S,
+        drag_per_s=0.0 if velocity else _drag_per_s(scenario.aircraft),
         max_input_rate=step_mps * scenario.camera.frame_rate_hz if velocity else tilt_rate_mps3,
         max_climb_mps=settings.max_vertical_speed_mps,
         climb_lag_s=loop.climb_time_s,
         max_turn_rad_s=math.radians(settings.max_yaw_rate_deg_s),
         turn_lag_s=0.2,
         uplink_s=scenario.delays.uplink_s,
-        dead_time_s=0.0 if velocity else _DEAD_TIME_S,
+        dead_time_s=0.0 if velocity else tilt_s - rotors_s,
         hold_below_percent=loop.hold_below_percent,
         stick_step_percent=settings.stick_step_percent,
     )
 
 
-_TILT_LAG_S, _DEAD_TIME_S = 0.05, 0.075
-"""Lag and dead time of the horizontal acceleration after a stick input, fitted to steps (docs/results/aircraft.md)."""
-_DRAG_PER_S = 0.4
-"""Linear drag: deceleration per airspeed, linearised about 5 m/s of wind."""
+_DRAG_WIND_MPS = 5.0
+"""Wind about which the stated drag is linear."""
+
+
+def _drag_per_s(aircraft: AircraftParameters) -> float:
+    """Stated to two decimals: in other winds than this it is not better known."""
+    return round(drag_slope_per_s(Record(aircraft, GRID.tick_s).constants, _DRAG_WIND_MPS), 2)

@@ -46,7 +46,7 @@ def _of_rig(rig: Rig) -> Iterator[str]:
             f"rig.bar_ahead_of_stern_m = {rig.bar_ahead_of_stern_m:g} is ahead of the platform: "
             f"rig.platform_length_m = {rig.platform_length_m:g}"
         )
-    widest = "rig.quad" if board_width_m > rig.board_width_m else "rig.board_width_m"
+    widest = "rig.polygon" if board_width_m > rig.board_width_m else "rig.board_width_m"
     if board_width_m > rig.platform_width_m + _TOUCH_M:
         yield (
             f"{widest} makes a board of {board_width_m:g} m, wider than the superstructure, "
@@ -96,9 +96,9 @@ def _of_view(scenario: Scenario) -> Iterator[str]:
     camera = Camera.from_parameters(scenario.camera)
     hover_in_bar_m = scenario.rig.deck_in_bar_m - np.array([0.0, 0.0, scenario.guidance.approach.hover_height_m])
     eye_in_bar_m = hover_in_bar_m + np.array(scenario.camera.position_in_body_m)
-    points_m = scenario.rig.target.points_in_bar_m - eye_in_bar_m
+    points_m = scenario.rig.cue.points_in_bar_m - eye_in_bar_m
     ahead_m = float(points_m[:, 0].min())
-    cue = "rig.quad" if scenario.rig.quad else "rig.rectangle_width_m"
+    cue = "rig.polygon" if scenario.rig.polygon else "rig.rectangle_width_m"
     if ahead_m <= 0.0:
         yield f"camera.position_in_body_m is ahead of the bar from the hover point: {cue} cannot be seen"
         return

@@ -128,7 +128,7 @@ def checklist(
     if not isinstance(vehicle, Real):
         return []
     limits = build(PreflightParameters, table["preflight"], "vehicles.preflight")
-    target, safety, response = scenario.rig.target, scenario.safety, vehicle.response()
+    target, safety, response = scenario.rig.cue, scenario.safety, vehicle.response()
     points_m = target.points_in_bar_m
     wide_m, tall_m = np.ptp(points_m[:, 1]), np.ptp(points_m[:, 2])
     words = str(calibration) if calibration is not None else "none: --calibration FILE (`shipland calibrate` makes it)"

@@ -28,7 +28,7 @@ class VisionSetup:
     """Arguments of a vision's factory.
 
     Attributes:
-        scenario: everything configured; `scenario.rig.target` is the cue.
+        scenario: everything configured; `scenario.rig.cue` is the cue.
         camera: intrinsics of the pictures.
         vehicle: what flies; a vision that needs no pictures may ask a simulated one for the truth.
         near_rng, far_rng: for visions that draw numbers; seeded by the flight's seed.
@@ -63,14 +63,14 @@ def rendered(setup: VisionSetup) -> Vision:
     """Near and far vision on drawn pictures."""
     from shipland.vision.near.pipeline import NearVision
 
-    return _of_pictures(setup, NearVision(setup.scenario.rig.target, setup.camera, setup.scenario.vision))
+    return _of_pictures(setup, NearVision(setup.scenario.rig.cue, setup.camera, setup.scenario.vision))
 
 
 def published(setup: VisionSetup) -> Vision:
     """As `rendered`, with the near chain as published [Lee2022]."""
     from shipland.vision.near.published import published_vision
 
-    return _of_pictures(setup, published_vision(setup.scenario.rig.target, setup.camera, setup.scenario.vision))
+    return _of_pictures(setup, published_vision(setup.scenario.rig.cue, setup.camera, setup.scenario.vision))
 
 
 def _of_pictures(setup: VisionSetup, near: Vision) -> Vision:
@@ -93,7 +93,7 @@ def geometric(setup: VisionSetup) -> Vision:
     if not isinstance(vehicle, GroundTruthSource):
         raise ConfigError("--vision geometric needs the truth, which only a simulated world knows")
     scenes = vehicle if isinstance(vehicle, SimulatedVehicle) else _SceneFromTruth(vehicle)
-    near = GeometricVision(vehicle, scenario.rig.target, camera, model, scenario.vision, setup.near_rng)
+    near = GeometricVision(vehicle, scenario.rig.cue, camera, model, scenario.vision, setup.near_rng)
     far = GeometricFar(scenes, camera, scenario.rig, model.ship, model.bar, model.boxes, setup.far_rng)
     below = GeometricDeck(vehicle, camera, model.deck, setup.near_rng.spawn(1)[0])
     return VisionSelector(near, far, scenario.selector, below)

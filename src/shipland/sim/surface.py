@@ -1,61 +1,84 @@
-"""What lies below the aircraft as its downward camera sees it: deck, platform, and land or water around them."""
+"""The aircraft over the ship, by its record: how far it is from touching, and what its downward camera sees."""
 
 from __future__ import annotations
 
 import math
 
+from shipland.compiled import compiled
 from shipland.rig import Rig, view_share
-from shipland.sim.aircraft.parameters import SensorParameters, Vector
-from shipland.sim.aircraft.sensors import Surface
-from shipland.sim.contact.deck_drive import DeckState
-from shipland.sim.ship.ship import ShipState
+from shipland.sim.aircraft.parameters import SensorParameters
+from shipland.sim.aircraft.record import Constants, Record, Records, State
 
 _FAR = 10.0
 """Platform lengths beyond which no part of the ship is in view."""
 
+_share = compiled(view_share)
 
-class Ground:
-    """Velocities of what is in view, averaged over the view; a square of `flow_view_deg` straight down.
+
+def set_surface(record: Record, rig: Rig, sensors: SensorParameters, water: bool, full_ship: bool) -> None:
+    """Set the constants of the ship and its surroundings.
 
     Args:
+        record: the aircraft's.
         rig: the sizes of deck and platform.
-        sensors: the view's width and the water's drift.
+        sensors: the width of the downward camera's view, a square straight down, and the water's drift.
         water: the ship is at sea; else on land, which stands still.
+        full_ship: the platform has the deck's motions.
     """
+    record.set(
+        flow_slope=math.tan(math.radians(0.5 * sensors.flow_view_deg)),
+        water=float(water),
+        water_drift=sensors.water_drift_share if water else 0.0,
+        stern=-rig.deck_ahead_of_stern_m,
+        bow=rig.platform_length_m - rig.deck_ahead_of_stern_m,
+        half_width=0.5 * rig.platform_width_m,
+        half_deck=0.5 * rig.deck_size_m,
+        far=_FAR * rig.platform_length_m,
+        full_ship=float(full_ship),
+        deck_height=rig.deck_height_m,
+        front=float(rig.bar_in_ship_m[0]),
+    )
 
-    def __init__(self, rig: Rig, sensors: SensorParameters, water: bool) -> None:
-        self._water, self._drift_share = water, sensors.water_drift_share
-        self._slope = math.tan(math.radians(0.5 * sensors.flow_view_deg))
-        half_deck, half_width = 0.5 * rig.deck_size_m, 0.5 * rig.platform_width_m
-        stern = -rig.deck_ahead_of_stern_m
-        self._deck = (-half_deck, half_deck, -half_deck, half_deck)
-        self._platform = (stern, stern + rig.platform_length_m, -half_width, half_width)
-        self._far_m = _FAR * rig.platform_length_m
 
-    def below(self, position_m: Vector, ship: ShipState, deck: DeckState, wind_mps: Vector) -> Surface:
-        """The surface in view from `position_m` in `ned`."""
-        drift = self._drift_share if self._water else 0.0
-        north, east = drift * wind_mps[0], drift * wind_mps[1]
-        x, y, z = (position_m[i] - deck.origin_m[i] for i in range(3))
-        if max(abs(x), abs(y)) > self._far_m or z > 0.0:
-            return Surface(north, east, float(self._water))
-        m = deck.ned_from_deck
-        ahead, right = m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z
-        half_m = max(-z * self._slope, 0.02)
-        deck_share = view_share(ahead, right, half_m, self._deck)
-        hull_share = max(view_share(ahead, right, half_m, self._platform) - deck_share, 0.0)
-        rest = 1.0 - deck_share - hull_share
-        north, east = rest * north, rest * east
-        r = deck.turn_rad_s[2]
-        deck_n, deck_e = deck.velocity_mps[0] - r * y, deck.velocity_mps[1] + r * x
-        if ship.full_ship:
-            hull_n, hull_e = deck_n, deck_e
-        else:
-            w = ship.course.course_rate_rad_s
-            ship_n, ship_e = ship.course.velocity_in_ned_mps.tolist()
-            hull_n, hull_e = ship_n - w * y, ship_e + w * x
-        return Surface(
-            north + deck_share * deck_n + hull_share * hull_n,
-            east + deck_share * deck_e + hull_share * hull_e,
-            rest if self._water else 0.0,
-        )
+@compiled
+def reach_m(states: Records) -> float:
+    """Distance from the deck's centre."""
+    s = states[0]
+    x, y, z = s.x - s.deck_x, s.y - s.deck_y, s.z - s.deck_z
+    return float(math.sqrt(x * x + y * y + z * z))
+
+
+@compiled
+def clearance_m(states: Records, constants: Records) -> float:
+    """From the aircraft down to the highest that the deck reaches, or on to what stands ahead; at least."""
+    s, k = states[0], constants[0]
+    tilt = math.sin(min(abs(s.deck_roll) + abs(s.deck_pitch), 1.5))
+    top = max(1.5 * k.half_deck * tilt - s.deck_z, k.deck_height)
+    ahead = math.cos(s.course) * (s.x - s.ship_n) + math.sin(s.course) * (s.y - s.ship_e)
+    front = k.front - ahead - (abs(s.deck_x - s.ship_n) if k.full_ship > 0.0 else 0.0)
+    upright = 1.0 - 2.0 * (s.qx * s.qx + s.qy * s.qy)
+    below = k.foot_below + k.radius * math.sqrt(max(1.0 - upright * upright, 0.0))
+    return float(min(-s.z - top - below, front - k.radius))
+
+
+@compiled
+def surface_below(s: State, k: Constants) -> tuple[float, float, float]:
+    """Velocity north and east of what is in view, averaged over the view; part of the view that is water."""
+    north, east = k.water_drift * s.air_n, k.water_drift * s.air_e
+    x, y, z = s.x - s.deck_x, s.y - s.deck_y, s.z - s.deck_z
+    if max(abs(x), abs(y)) > k.far or z > 0.0:
+        return north, east, k.water
+    ahead, right = s.deck_fn * x + s.deck_fe * y + s.deck_fd * z, s.deck_rn * x + s.deck_re * y + s.deck_rd * z
+    half = max(-z * k.flow_slope, 0.02)
+    deck_share = _share(ahead, right, half, (-k.half_deck, k.half_deck, -k.half_deck, k.half_deck))
+    hull_share = max(_share(ahead, right, half, (k.stern, k.bow, -k.half_width, k.half_width)) - deck_share, 0.0)
+    rest = 1.0 - deck_share - hull_share
+    deck_n, deck_e = s.deck_u - s.deck_turn_d * y, s.deck_v + s.deck_turn_d * x
+    hull_n, hull_e = deck_n, deck_e
+    if k.full_ship == 0.0:
+        hull_n, hull_e = s.ship_u - s.course_rate * y, s.ship_v + s.course_rate * x
+    return (
+        rest * north + deck_share * deck_n + hull_share * hull_n,
+        rest * east + deck_share * deck_e + hull_share * hull_e,
+        rest if k.water > 0.0 else 0.0,
+    )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
 
 from shipland.camera import CameraParameters
@@ -14,19 +13,20 @@ from shipland.frames import GRAVITY_MPS2, rows_from_quaternion
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
-from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState, WeakRotor, build_aircraft
-from shipland.sim.aircraft.autopilot import CENTRED, Sticks
+from shipland.sim.aircraft.aircraft import Aircraft, Quadrotor, RigidBodyState, build_aircraft
+from shipland.sim.aircraft.loops import CENTRED, Sticks
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
-from shipland.sim.aircraft.sensors import Gimbal, LandingDetector, Normals, Readings, Senses, read_instruments
+from shipland.sim.aircraft.record import Record, at
+from shipland.sim.aircraft.sensors import Gimbal, LandingDetector, Readings, Senses, read_instruments
+from shipland.sim.aircraft.step import fly_free, sense_once, tick, tick_senses
 from shipland.sim.contact.body import Body
-from shipland.sim.contact.deck_drive import DeckDriver, DeckState, against_deck, deck_state
+from shipland.sim.contact.deck_drive import DeckDriver, DeckState, against_deck, deck_in_ned, deck_state
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
-from shipland.sim.free import free_flight
 from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.snapshot import Snapshot, scene_of, truth_of
 from shipland.sim.state import SceneState
-from shipland.sim.surface import Ground
+from shipland.sim.surface import clearance_m, reach_m, set_surface
 
 STEP_S = 0.002
 """Physics step: what MuJoCo's contacts want."""
@@ -50,6 +50,11 @@ class Grid:
         require(self.step_s > 0.0, f"step_s must be positive, got {self.step_s}")
         require(self.air_every % self.control_every == 0, "air_every must be a multiple of control_every")
 
+    @property
+    def tick_s(self) -> float:
+        """Time between updates of the inner loop."""
+        return self.control_every * self.step_s
+
 
 GRID = Grid()
 """The time grid of simulated flights."""
@@ -57,6 +62,8 @@ NEAR_DECK_M = 2.0
 """Least distance from the deck's centre within which the deck is set, and contacts judged, every physics step."""
 SHIP_MARGIN_M = 0.5
 """Distance from the ship's bounds within which the ship is set every control step."""
+LOW_M = 0.3
+"""Height of the feet over the sea below which the flight is not free: MuJoCo flies it."""
 CLEAR_M = 0.1
 """Free distance, beyond that flown between two checks, at which no contact is possible."""
 CUT_OFF_RAD = math.radians(75.0)
@@ -120,51 +127,54 @@ class World:
         self._step_s, self._control_every, self._air_every = grid.step_s, grid.control_every, grid.air_every
         self._camera, self._aircraft, self._ship, self._wind = camera_parameters, aircraft, ship, wind
         start_rng, sense_rng, gimbal_rng, range_rng, self._reading_rng = rng.spawn(5)
-        tick_s, sensors, loop = grid.control_every * grid.step_s, aircraft.sensors, aircraft.loop
+        tick_s, sensors, loop = grid.tick_s, aircraft.sensors, aircraft.loop
         self._flier = build_aircraft(aircraft, tick_s)
+        self._record = self._flier.record if isinstance(self._flier, Quadrotor) else Record(aircraft, tick_s)
         shape = self._flier.shape
         model = build_model(rig, shape, grid.step_s)
-        data = mujoco.MjData(model.mj)
-        self._body = Body(rig, shape, model, data)
+        data = model.start()
+        self._body = Body(rig, shape, model, data, self._record)
         self._foot_below_m = shape.foot_below_m
         self._stage = DeckDriver(model, data)
-        self._unstaged_deck: DeckState | None = None
-        self._unstaged_hull: tuple[ShipState, DeckState] | None = None
+        self._deck_now: DeckState | None = None
+        self._unstaged_deck = False
+        self._unstaged_hull: ShipState | None = None
         self._judge = Judge(verdict, rig.landing_square_m, rig.landing_area)
         on_deck_m = math.hypot(math.sqrt(0.5) * rig.deck_size_m + shape.reach_m, shape.reach_m)
         self._near_deck_m = max(NEAR_DECK_M, on_deck_m)
         ahead_m = max(rig.deck_ahead_of_stern_m, rig.platform_length_m - rig.deck_ahead_of_stern_m)
         ship_m = math.hypot(ahead_m, 0.5 * max(rig.platform_width_m, rig.board_width_m))
         self._near_ship_m = max(ship_m + SHIP_MARGIN_M, self._near_deck_m)
-        self._rig = rig
-        self._front_m = float(rig.bar_in_ship_m[0])
-        self._radius_m = shape.reach_m
-        self._ground = Ground(rig, sensors, water)
+        set_surface(self._record, rig, sensors, water, ship.full_ship)
+        self._record.set(
+            step_s=grid.step_s,
+            lowest_z=-shape.foot_below_m - LOW_M,
+            near_deck=self._near_deck_m,
+            radius=shape.reach_m,
+            foot_below=shape.foot_below_m,
+        )
         self._steps, self._tick_s = 0, tick_s
         self._motors_run = True
         self._reach_m = math.inf
-        self._down_mps = 0.0
-        self._sticks, self._land, self._command_s, self._gimbal_wanted_rad = CENTRED, False, -math.inf, 0.0
+        self._sticks, self._land, self._command_s = CENTRED, False, -math.inf
 
         position_m, heading_rad = self._draw_start(start, start_rng)
-        state = self._set_ship(hull=True)
-        self._sample_air(state, position_m)
+        self._sample_air(self._set_ship(hull=True), position_m)
         roll_rad, pitch_rad = self._flier.trim(self._wind_mps, heading_rad)
         self._body.put(position_m, roll_rad, pitch_rad, heading_rad)
 
         over_ground = loop.velocity_reference == "ground"
-        self._senses = Senses(sensors, over_ground, tick_s, grid.air_every * grid.step_s, sense_rng)
-        self._senses.look(self._ground.below(position_m, state, self._deck, self._wind_mps))
-        self._gimbal = Gimbal(camera_parameters, sensors, tick_s, Normals(gimbal_rng))
+        self._senses = Senses(self._record, sensors, over_ground, grid.air_every * grid.step_s, sense_rng)
+        self._senses.look()
+        self._gimbal = Gimbal(self._record, camera_parameters, sensors, tick_s, gimbal_rng)
         self._touchdown = LandingDetector(
             loop.land_range_m, loop.land_confirm_s, sensors.range_noise_m, tick_s, range_rng
         )
-        self._sensed, self._sensed_s = self._senses.sense(self._body.motion()), 0.0
-        self._flier.begin(self._sensed)
-        free = (aircraft, self._flier, self._senses, self._gimbal, camera_parameters)
-        two = grid.control_every == 2  # what is compiled has no other
-        self._free = free_flight(*free, rig.deck_size_m, self._near_deck_m, grid.step_s) if two else None
-        self._clear, self._looked_s = False, 0.0
+        sense_once(self._record.states, self._record.constants)
+        self._sensed_s = 0.0
+        self._flier.begin(self._record.sensed)
+        self._packaged = isinstance(self._flier, Quadrotor) and self._flier.is_packaged
+        self._clear = False
 
     def _draw_start(self, start: StartParameters, rng: np.random.Generator) -> tuple[Vector, float]:
         """Position in `ned` and heading."""
@@ -201,7 +211,7 @@ class World:
         self._sticks = Sticks(*(_stick(percent, step) for percent in percents))
         self._land = command.intent is Intent.LAND
         if math.isfinite(command.gimbal_pitch_rad):
-            self._gimbal_wanted_rad = command.gimbal_pitch_rad
+            self._record.values[_GIMBAL_WANTED] = command.gimbal_pitch_rad
         self._command_s = self.t_s
 
     def advance(self, to_t_s: float) -> None:
@@ -213,7 +223,6 @@ class World:
             phase = self._steps % self._control_every
             if self._clear and self._motors_run and self._fly_free(phase, end):
                 continue
-            self._leave_free()
             if phase == 0:
                 self._control()
             count = min(self._control_every - phase, end - self._steps)
@@ -230,106 +239,96 @@ class World:
 
     def _look_around(self) -> None:
         """Set the ship, sample the air and what is in view, and see whether anything can touch the aircraft soon."""
-        motion = self._body.motion()
-        self._reach_m = math.dist(motion.position_m, self._deck.origin_m)
-        state = self._set_ship(hull=self._reach_m < self._near_ship_m)
-        self._sample_air(state, motion.position_m)
-        self._senses.look(self._ground.below(motion.position_m, state, self._deck, self._wind_mps))
-        self._looked_s = self.t_s
-        free = self._free is not None and self._motors_run and not self._judge.touched and not self._body.in_contact
+        record, motion = self._record, self._body.motion()
+        self._reach_m = reach_m(record.states)
+        near = self._reach_m < self._near_ship_m
+        self._sample_air(self._set_ship(hull=near), motion.position_m)
+        self._senses.look()
         flown_m = self._air_every * self._step_s * math.hypot(*motion.velocity_mps)
-        self._clear = free and self._clearance_m(motion, state) > max(CLEAR_M, self._touchdown.listen_m) + flown_m
-        if self._free is not None:
-            self._free.meet(self._wind_mps, self._deck)
-
-    def _clearance_m(self, motion: RigidBodyState, ship: ShipState) -> float:
-        """From the aircraft down to the highest that the deck reaches, or on to what stands ahead; at least."""
-        if self._reach_m >= self._near_ship_m:
-            return math.inf
-        roll_rad, pitch_rad, _ = self._deck.angles_rad
-        tilt = math.sin(min(abs(roll_rad) + abs(pitch_rad), 1.5))
-        top_m = max(0.75 * self._rig.deck_size_m * tilt - self._deck.origin_m[2], self._rig.deck_height_m)
-        course = ship.course
-        north_m, east_m = course.position_in_ned_m.tolist()
-        c, s = math.cos(course.course_rad), math.sin(course.course_rad)
-        ahead_m = c * (motion.position_m[0] - north_m) + s * (motion.position_m[1] - east_m)
-        front_m = self._front_m - ahead_m - (abs(self._deck.origin_m[0] - north_m) if ship.full_ship else 0.0)
-        below_m = self._foot_below_m + self._radius_m * math.sqrt(max(1.0 - _upright(motion) ** 2, 0.0))
-        return float(min(-motion.position_m[2] - top_m - below_m, front_m - self._radius_m))
+        margin_m = max(CLEAR_M, self._touchdown.listen_m) + flown_m
+        free = self._packaged and self._motors_run and not self._judge.touched and not self._body.in_contact
+        self._clear = free and (not near or clearance_m(record.states, record.constants) > margin_m)
 
     def _fly_free(self, phase: int, end: int) -> bool:
         """Fly compiled to `end` or until the next look around; False when it cannot."""
-        assert self._free is not None
         fresh, count = self._fresh(), min(end, (self._steps // self._air_every + 1) * self._air_every) - self._steps
         if fresh:
             stale = math.ceil(
                 (self._command_s + self._aircraft.settings.command_timeout_s - 1e-9) / self._step_s - 1e-6
             )
             count = max(min(count, stale - self._steps), 1)
-        deck_age_s, wanted_rad = self.t_s - self._looked_s, self._gimbal_wanted_rad
-        sticks = self._sticks if fresh else CENTRED
-        if not self._free.flying:
-            self._free.take(self._body.motion(), self._body.wrench, self._sensed)
-        steps, motion, self._sensed = self._free.fly(sticks, wanted_rad, deck_age_s, phase, count)
-        self._body.move(motion)
-        last_tick = (self._steps + steps - 1) // self._control_every * self._control_every
+        record, every = self._record, self._control_every
+        record.values[_STICKS] = self._sticks if fresh else CENTRED
+        record.values[_DECK_S] = self.t_s - self._ship_s
+        ticks = (phase + count + every - 1) // every - (phase + every - 1) // every
+        steps: int = fly_free(record.states, record.constants, self._gimbal.draw(ticks), phase, every, count)
+        self._body.moved()
+        last_tick = (self._steps + steps - 1) // every * every
         if steps and last_tick >= self._steps:
             self._sensed_s = last_tick * self._step_s
-            self._down_mps = self._sensed.down_mps - self._senses.state[2]
         self._touchdown.reset()
         self._steps += steps
         self._clear = steps == count
         return steps > 0
-
-    def _leave_free(self) -> None:
-        """Back to the readable world."""
-        wrench = self._free.give_back() if self._free is not None else None
-        if wrench is not None:
-            self._body.apply(wrench)
 
     def _fresh(self) -> bool:
         return self.t_s - self._command_s < self._aircraft.settings.command_timeout_s - 1e-9
 
     def _control(self) -> None:
         motion = self._body.motion()
-        self._reach_m = math.dist(motion.position_m, self._deck.origin_m)
+        self._reach_m = reach_m(self._record.states)
         if self._steps % self._air_every and self._reach_m < self._near_ship_m:
             self._set_ship(hull=True)
-        self._gimbal.step(self._gimbal_wanted_rad)
-        self._sensed, self._sensed_s = self._senses.sense(motion), self.t_s
-        fresh = self._fresh()
-        sticks = (self._sticks if fresh else CENTRED) if self._motors_run else None
-        over_deck = self._body.over_deck(motion, self._deck) if self._reach_m < self._near_deck_m else None
-        self._body.apply(self._flier.step(motion, self._sensed, sticks, self._wind_mps, over_deck))
+        record, fresh, down_mps = self._record, self._fresh(), float(self._record.values[_W_AT_TICK])
+        sticks = self._sticks if fresh else CENTRED
+        if self._packaged:
+            record.values[_STICKS] = sticks
+            record.values[_DECK_S] = 0.0
+            tick(record.states, record.constants, self._gimbal.draw(1), self._motors_run)
+        else:
+            tick_senses(record.states, record.constants, self._gimbal.draw(1))
+            over_deck = self._body.over_deck(motion, self._deck) if self._reach_m < self._near_deck_m else None
+            piloted = sticks if self._motors_run else None
+            force, moment = self._flier.step(motion, record.sensed, piloted, self._wind_mps, over_deck)
+            record.values[_WRENCH] = (*force, *moment)
+        self._sensed_s = self.t_s
         if self._motors_run:
-            self._feel_deck(motion, self._land and fresh)
+            self._feel_deck(motion, (down_mps - motion.velocity_mps[2]) / self._tick_s, self._land and fresh)
             if _upright(motion) < math.cos(CUT_OFF_RAD):
                 self._motors_run = False
 
+    @property
+    def _deck(self) -> DeckState:
+        """The deck as it was set last."""
+        if self._deck_now is None:
+            self._deck_now = DeckState.of(self._record.values[_DECK])
+        return self._deck_now
+
     def _set_ship(self, hull: bool) -> ShipState:
-        state = self._ship.at(self.t_s)
-        self._deck = deck_state(state)
-        self._unstaged_deck = self._deck
+        """Put the ship of now into the record."""
+        state, values = self._ship.at(self.t_s), self._record.values
+        course = state.course.values
+        values[_SHIP] = course
+        deck_in_ned(course, state.deck.values, state.rig.deck_height_m, values[_DECK])
+        self._ship_s, self._deck_now, self._unstaged_deck = self.t_s, None, True
         if hull:
-            self._unstaged_hull = (state, self._deck)
+            self._unstaged_hull = state
         return state
 
     def _set_stage(self) -> None:
         """Write the ship as it was set last, which MuJoCo needs for its steps alone."""
-        if self._unstaged_deck is not None:
-            self._stage.set_deck(self._unstaged_deck)
+        if self._unstaged_deck:
+            self._stage.set_deck(self._deck)
         if self._unstaged_hull is not None:
-            self._stage.set_hull(*self._unstaged_hull)
-        self._unstaged_deck = self._unstaged_hull = None
+            self._stage.set_hull(self._unstaged_hull, deck_state(self._unstaged_hull))
+        self._unstaged_deck, self._unstaged_hull = False, None
 
     def _sample_air(self, state: ShipState, position_m: Vector) -> None:
-        wind = self._wind.velocity_at(self.t_s, np.array(position_m), state.ned_from_ship)
-        self._wind_mps: Vector = (float(wind[0]), float(wind[1]), float(wind[2]))
+        self._wind_mps = self._wind.velocity_at(self.t_s, position_m, state.place)
+        self._record.values[_AIR] = self._wind_mps
 
-    def _feel_deck(self, motion: RigidBodyState, landing: bool) -> None:
+    def _feel_deck(self, motion: RigidBodyState, jolt_mps2: float, landing: bool) -> None:
         """Stop the motors once the aircraft takes itself for landed."""
-        jolt_mps2 = (self._down_mps - motion.velocity_mps[2]) / self._tick_s
-        self._down_mps = motion.velocity_mps[2]
         near = landing and self._reach_m < self._near_deck_m
         range_m = self._body.range_m(motion, self._deck) if near else math.inf
         if self._touchdown.landed(range_m, jolt_mps2 > IMPACT_MPS2):
@@ -388,11 +387,8 @@ class World:
             rotor: 0…3, front right, front left, rear right, rear left.
             missing: share of its thrust; 0 gives it back.
         """
-        sound = self._flier.sound if isinstance(self._flier, WeakRotor) else self._flier
-        if isinstance(sound, Quadrotor):
-            self._leave_free()
-            self._flier = WeakRotor(sound, rotor, missing)
-            self._free, self._clear = None, False  # what is compiled flies sound rotors
+        if isinstance(self._flier, Quadrotor):
+            self._flier.weaken(rotor, missing)
 
     def stop_motors(self) -> None:
         """Stop them for good: whoever flies has disarmed."""
@@ -406,25 +402,19 @@ class World:
     @property
     def link_percent(self) -> float:
         """Strength of the link to a base station at the deck, 100 … 0."""
-        distance_m = math.dist(self._body.motion().position_m, self._deck.origin_m)
-        return max(0.0, 100.0 * (1.0 - distance_m / self._aircraft.sensors.link_range_m))
+        return max(0.0, 100.0 * (1.0 - reach_m(self._record.states) / self._aircraft.sensors.link_range_m))
 
     def readings(self) -> Readings:
         """A reading of every instrument at the last control tick; each call draws its own noise, no flight changes."""
-        lost = self._senses.flow_lost
-        return read_instruments(self._aircraft.sensors, self._sensed_s, self._sensed, lost, self._reading_rng)
+        record = self._record
+        lost = bool(record.values[_FLOW_LOST])
+        return read_instruments(self._aircraft.sensors, self._sensed_s, record.sensed, lost, self._reading_rng)
 
     def snapshot(self) -> Snapshot:
         """The instant in a few floats; `truth` and `scene_state` make the rest of it, when it is wanted."""
-        motion, gimbal = self._body.motion(), self._gimbal
-        return Snapshot(
-            self.t_s,
-            *motion,
-            gimbal.pitch_rad,
-            gimbal.pitch_rate_rad_s,
-            (gimbal.roll_error_rad, gimbal.pitch_error_rad),
-            self._wind_mps,
-        )
+        pitch_rad, rate_rad_s, roll_noise, pitch_noise, roll_bias, pitch_bias = self._record.values[_GIMBAL].tolist()
+        errors_rad = (roll_bias + roll_noise, pitch_bias + pitch_noise)
+        return Snapshot(self.t_s, *self._body.motion(), pitch_rad, rate_rad_s, errors_rad, self._wind_mps)
 
     def truth(self, snapshot: Snapshot | None = None) -> GroundTruth:
         """The truth of now, or of a snapshot."""
@@ -435,6 +425,11 @@ class World:
         """What the camera sees now, or at a snapshot."""
         at = snapshot or self.snapshot()
         return scene_of(at, self._ship.at(at.t_s), self._camera)
+
+
+_AIR, _STICKS, _GIMBAL_WANTED, _WRENCH = at("air"), at("sticks"), at("gimbal_wanted"), at("wrench")
+_DECK, _SHIP, _DECK_S, _GIMBAL = at("deck"), at("ship"), at("deck_s"), slice(at("gimbal").start, at("gimbal_bias").stop)
+_W_AT_TICK, _FLOW_LOST = at("w_at_tick").start, at("seen").stop - 1
 
 
 def _upright(motion: RigidBodyState) -> float:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from shipland.config import key, parameters, scaled
 from shipland.estimation.relative_state import (
@@ -76,6 +75,8 @@ class Gains:
 @lru_cache(maxsize=256)
 def gains_of(motion: AxisModel, noise: Disturbances, wave: WaveMotion, weights: Weights, step_ms: int) -> Gains:
     """Solve for one vehicle, sea and cycle."""
+    from scipy.linalg import solve_discrete_are
+
     step_s = 1e-3 * step_ms
     a, b, q = dynamics(motion, noise, wave)
     tracked = [] if motion.inputs == 1 else [TRACKED, TRACKED_RATE]

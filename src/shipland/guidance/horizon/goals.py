@@ -34,7 +34,7 @@ class Goals:
 
     def __init__(self, parameters: HorizonParameters, approach: ApproachParameters, rig: Rig, view: View) -> None:
         self._path, self._margins, self._approach, self._view = parameters.path, parameters.margins, approach, view
-        self._half_cue_m = float(np.max(np.abs(rig.target.points_in_bar_m[:, 1])))
+        self._half_cue_m = float(np.max(np.abs(rig.cue.points_in_bar_m[:, 1])))
         self._deck_in_bar_m = rig.deck_in_bar_m
         self._waiting_s: float | None = None
 

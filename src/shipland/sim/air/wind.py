@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from shipland.config import key, parameters
-from shipland.frames import Array, Pose
 from shipland.rig import Rig
-from shipland.sim.air.airwake import Airwake, AirwakeParameters
+from shipland.sim.air.airwake import Airwake, AirwakeParameters, Vector
 from shipland.sim.air.turbulence import (
     Dryden,
     Scales,
@@ -31,25 +30,33 @@ _SHIP_SPEED_LAG_S = 0.2
 """Smoothing of the ship's velocity, which is taken from its successive poses."""
 
 
+class ShipPlace(NamedTuple):
+    """Where `ship` is in `ned`: its origin and course."""
+
+    north_m: float
+    east_m: float
+    down_m: float
+    course_rad: float
+
+
 class Wind(Protocol):
     """Air in motion."""
 
-    def velocity_at(self, t_s: float, position_in_ned_m: Array, ned_from_ship: Pose) -> Array:
-        """Velocity (3,) of the air in `ned` [m/s] at a point (3,) of `ned`; `t_s` never decreases between calls."""
+    def velocity_at(self, t_s: float, position_in_ned_m: Vector, ship: ShipPlace) -> Vector:
+        """Velocity of the air in `ned` [m/s] at a point of `ned`; `t_s` never decreases between calls."""
 
 
 class SteadyWind:
     """The same wind everywhere and always.
 
     Args:
-        velocity_in_ned_mps: (3,) of the air.
+        velocity_in_ned_mps: of the air.
     """
 
-    def __init__(self, velocity_in_ned_mps: Array) -> None:
-        self._velocity = np.array(velocity_in_ned_mps, dtype=float)
-        self._velocity.setflags(write=False)
+    def __init__(self, velocity_in_ned_mps: Vector) -> None:
+        self._velocity = velocity_in_ned_mps
 
-    def velocity_at(self, t_s: float, position_in_ned_m: Array, ned_from_ship: Pose) -> Array:  # noqa: ARG002
+    def velocity_at(self, t_s: float, position_in_ned_m: Vector, ship: ShipPlace) -> Vector:  # noqa: ARG002
         """See `Wind`."""
         return self._velocity
 
@@ -144,27 +151,27 @@ class NaturalWind:
         self._dryden = Dryden(turbulence_rng) if parameters.turbulence.enabled and parameters.mean_mps > 0.0 else None
         self._airwake = Airwake(parameters.airwake, rig, wake_rng) if parameters.airwake.enabled else None
         self._deck_height_m = rig.deck_height_m
-        self._last: tuple[float, tuple[float, float, float]] | None = None
+        self._last: tuple[float, Vector] | None = None
         self._ship_last: tuple[float, float] | None = None
         self._ship_velocity: tuple[float, float] | None = None
 
-    def velocity_at(self, t_s: float, position_in_ned_m: Array, ned_from_ship: Pose) -> Array:
+    def velocity_at(self, t_s: float, position_in_ned_m: Vector, ship: ShipPlace) -> Vector:
         """See `Wind`."""
-        north, east, down = position_in_ned_m.tolist()
+        down = position_in_ned_m[2]
         step_s = t_s - self._last[0] if self._last is not None else 0.0
         along, right, sinking = self._free_stream(t_s, -down)
         if self._dryden is not None:
-            distance_m = self._distance((north, east, down), step_s, self._parameters.mean_at(-down))
+            distance_m = self._distance(position_in_ned_m, step_s, self._parameters.mean_at(-down))
             gust = self._dryden.step(distance_m, self._parameters.turbulence_at(-down))
             along, right, sinking = along + gust[0], right + gust[1], sinking + gust[2]
-        velocity = [along * self._cos - right * self._sin, along * self._sin + right * self._cos, sinking]
+        north, east = along * self._cos - right * self._sin, along * self._sin + right * self._cos
         if self._airwake is not None:
-            wake = self._wake(t_s, step_s, (north, east, down), ned_from_ship)
-            velocity = [a + b for a, b in zip(velocity, wake, strict=True)]
-        self._last = (t_s, (north, east, down))
-        return np.array(velocity)
+            wake = self._wake(t_s, step_s, position_in_ned_m, ship)
+            north, east, sinking = north + wake[0], east + wake[1], sinking + wake[2]
+        self._last = (t_s, position_in_ned_m)
+        return north, east, sinking
 
-    def _free_stream(self, t_s: float, height_m: float) -> tuple[float, float, float]:
+    def _free_stream(self, t_s: float, height_m: float) -> Vector:
         """Mean wind and gusts, along the wind, to its right, downward."""
         along, right, down = self._parameters.mean_at(height_m), 0.0, 0.0
         for gust in self._parameters.gust:
@@ -174,7 +181,7 @@ class NaturalWind:
                 along, right, down = along + strength * a, right + strength * r, down + strength * d
         return along, right, down
 
-    def _distance(self, position: tuple[float, float, float], step_s: float, mean_mps: float) -> float:
+    def _distance(self, position: Vector, step_s: float, mean_mps: float) -> float:
         """Distance flown through the air mass, which drifts with the mean wind, since the last call [m]."""
         if self._last is None:
             return 0.0
@@ -182,13 +189,11 @@ class NaturalWind:
         drift = mean_mps * step_s
         return math.hypot(north - drift * self._cos, east - drift * self._sin, down)
 
-    def _wake(
-        self, t_s: float, step_s: float, position: tuple[float, float, float], ned_from_ship: Pose
-    ) -> tuple[float, float, float]:
+    def _wake(self, t_s: float, step_s: float, position: Vector, ship: ShipPlace) -> Vector:
         """Velocity in `ned` that the superstructure's wake adds."""
         assert self._airwake is not None
-        ship_north, ship_east, ship_down = ned_from_ship.translation_m.tolist()
-        c, s = ned_from_ship.rotation[:2, 0].tolist()
+        ship_north, ship_east, ship_down, course_rad = ship
+        c, s = math.cos(course_rad), math.sin(course_rad)
         ship_n_mps, ship_e_mps = self._ship_speed((ship_north, ship_east), step_s)
         along, right, _ = self._free_stream(t_s, self._deck_height_m)
         blow_north = along * self._cos - right * self._sin - ship_n_mps
@@ -240,5 +245,5 @@ def build_wind(parameters: WindParameters, rig: Rig, rng: np.random.Generator) -
     turbulent = p.turbulence.enabled and p.mean_mps > 0.0
     if not turbulent and not p.airwake.enabled and not p.gust and (p.profile == "uniform" or p.mean_mps == 0.0):
         towards_rad = math.radians(p.from_deg) + math.pi
-        return SteadyWind(p.mean_mps * np.array([math.cos(towards_rad), math.sin(towards_rad), 0.0]))
+        return SteadyWind((p.mean_mps * math.cos(towards_rad), p.mean_mps * math.sin(towards_rad), 0.0))
     return NaturalWind(p, rig, air_rng)

@@ -1,20 +1,21 @@
-"""Forces of the air on the aircraft, ground effect and hover trim.
-
-Frames: `body` forward-right-down and `ned`; everything is plain float arithmetic, because a tick of a few
-microseconds is what lets a campaign fly thousands of landings.
-"""
+"""Forces of the air on the aircraft, ground effect and hover trim; frames `body` forward-right-down and `ned`."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-from shipland.frames import GRAVITY_MPS2, Rows, rows_from_euler
-from shipland.sim.aircraft.parameters import AirframeParameters, Vector
+from shipland.compiled import compiled
+from shipland.frames import GRAVITY_MPS2 as G
+from shipland.frames import Rows
+from shipland.sim.aircraft.loop_laws import tilt_of
+from shipland.sim.aircraft.parameters import Vector
+from shipland.sim.aircraft.record import Constants, Records
+from shipland.sim.rotations import rows_of_euler
 
 
+@compiled
 def air_force_in_ned_n(
-    airframe: AirframeParameters, ned_from_body: Rows, air_velocity_in_ned_mps: Vector, total_thrust_n: float
+    k: Constants, ned_from_body: Rows, u: float, v: float, w: float, total_thrust_n: float
 ) -> Vector:
     """Drag and inflow loss [N] in `ned`; thrust itself is not in it.
 
@@ -23,27 +24,27 @@ def air_force_in_ned_n(
     inflow along the rotor axis takes thrust away; the fuselage's drag is quadratic.
 
     Args:
-        airframe: coefficients.
+        k: coefficients.
         ned_from_body: attitude, row by row.
-        air_velocity_in_ned_mps: the aircraft's velocity through the air.
+        u: the aircraft's velocity through the air, north.
+        v: east.
+        w: down.
         total_thrust_n: of the four rotors.
     """
-    u, v, w = air_velocity_in_ned_mps
-    r = ned_from_body
-    axial = r[2] * u + r[5] * v + r[8] * w
-    spin = math.sqrt(max(total_thrust_n, 0.0) / (4.0 * airframe.hover_thrust_n))
-    square = airframe.body_drag_per_m * math.sqrt(u * u + v * v + w * w)
-    plane = airframe.rotor_drag_per_s * spin
-    along = (airframe.inflow_loss_per_s * spin - plane) * axial
-    scale = -airframe.mass_kg
-    all_axes = plane + square
+    m = ned_from_body
+    axial = m[2] * u + m[5] * v + m[8] * w
+    spin = math.sqrt(max(total_thrust_n, 0.0) / (4.0 * k.hover_n))
+    plane = k.rotor_drag * spin
+    along = (k.inflow_loss * spin - plane) * axial
+    drag = plane + k.body_drag * math.sqrt(u * u + v * v + w * w)
     return (
-        scale * (all_axes * u + along * r[2]),
-        scale * (all_axes * v + along * r[5]),
-        scale * (all_axes * w + along * r[8]),
+        -k.mass * (drag * u + along * m[2]),
+        -k.mass * (drag * v + along * m[5]),
+        -k.mass * (drag * w + along * m[8]),
     )
 
 
+@compiled
 def ground_effect_gain(height_m: float, rotor_radius_m: float) -> float:
     """Thrust over thrust far from ground of a rotor `height_m` over a surface, 1 … 1.33.
 
@@ -53,33 +54,35 @@ def ground_effect_gain(height_m: float, rotor_radius_m: float) -> float:
     return 1.0 / (1.0 - ratio * ratio)
 
 
-class Trim(NamedTuple):
-    """Steady hover over ground in a wind.
+@compiled
+def trim_hover(constants: Records, wind_in_ned_mps: Vector, heading_rad: float) -> tuple[float, float, float, Vector]:
+    """The attitude and thrust that stand still over ground in a steady wind, by fixed-point iteration.
 
-    Attributes:
-        roll_rad, pitch_rad: attitude.
-        thrust_n: total thrust.
-        push_in_ned_mps2: acceleration that thrust must give against drag.
+    Returns:
+        Roll and pitch [rad]; total thrust [N]; acceleration in `ned` that thrust must give against drag [m/s²].
     """
-
-    roll_rad: float
-    pitch_rad: float
-    thrust_n: float
-    push_in_ned_mps2: Vector
-
-
-def trim_hover(airframe: AirframeParameters, wind_in_ned_mps: Vector, heading_rad: float) -> Trim:
-    """The attitude and thrust that stand still over ground in a steady wind, by fixed-point iteration."""
-    roll, pitch, thrust = 0.0, 0.0, airframe.mass_kg * GRAVITY_MPS2
-    air = (-wind_in_ned_mps[0], -wind_in_ned_mps[1], -wind_in_ned_mps[2])
-    cy, sy = math.cos(heading_rad), math.sin(heading_rad)
-    push = (0.0, 0.0, 0.0)
+    k = constants[0]
+    roll, pitch, thrust = 0.0, 0.0, k.mass * G
+    push_n, push_e, push_d = 0.0, 0.0, 0.0
+    wind_n, wind_e, wind_d = wind_in_ned_mps
     for _ in range(40):
-        force = air_force_in_ned_n(airframe, rows_from_euler(roll, pitch, heading_rad), air, thrust)
-        push = (-force[0] / airframe.mass_kg, -force[1] / airframe.mass_kg, -force[2] / airframe.mass_kg)
-        lift = max(GRAVITY_MPS2 - push[2], 0.2 * GRAVITY_MPS2)
-        forward, right = cy * push[0] + sy * push[1], cy * push[1] - sy * push[0]
-        pitch = -math.atan2(forward, lift)
-        roll = math.atan2(right * math.cos(pitch), lift)
-        thrust = airframe.mass_kg * math.sqrt(forward * forward + right * right + lift * lift)
-    return Trim(roll, pitch, thrust, push)
+        rows = rows_of_euler(roll, pitch, heading_rad)
+        north, east, down = air_force_in_ned_n(k, rows, -wind_n, -wind_e, -wind_d, thrust)
+        push_n, push_e, push_d = -north / k.mass, -east / k.mass, -down / k.mass
+        lift = max(G - push_d, 0.2 * G)
+        roll, pitch = tilt_of(push_n, push_e, lift, heading_rad)
+        cosine, sine = math.cos(heading_rad), math.sin(heading_rad)
+        forward, right = cosine * push_n + sine * push_e, cosine * push_e - sine * push_n
+        thrust = k.mass * math.sqrt(forward * forward + right * right + lift * lift)
+    return roll, pitch, thrust, (push_n, push_e, push_d)
+
+
+@compiled
+def drag_slope_per_s(constants: Records, wind_mps: float) -> float:
+    """Deceleration for a metre per second more through the air, along a wind, about the hover in it."""
+    k, half_mps = constants[0], 0.01
+    _, pitch, thrust, _ = trim_hover(constants, (-wind_mps, 0.0, 0.0), 0.0)
+    rows = rows_of_euler(0.0, pitch, 0.0)
+    slower, _, _ = air_force_in_ned_n(k, rows, wind_mps - half_mps, 0.0, 0.0, thrust)
+    faster, _, _ = air_force_in_ned_n(k, rows, wind_mps + half_mps, 0.0, 0.0, thrust)
+    return float((slower - faster) / (2.0 * half_mps * k.mass))

@@ -8,10 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from shipland.camera import CameraParameters
-from shipland.frames import Array, euler_from_quaternion, wrap_angle
-from shipland.sim.aircraft.aircraft import RigidBodyState
-from shipland.sim.aircraft.autopilot import Sensed, State
+from shipland.compiled import compiled
+from shipland.frames import Array, wrap_angle
+from shipland.sim.aircraft.loop_laws import clip
 from shipland.sim.aircraft.parameters import SensorParameters, Vector
+from shipland.sim.aircraft.record import Constants, Record, Records, Sensed, State, at
+from shipland.sim.rotations import euler_of_quaternion
+from shipland.sim.surface import surface_below
 
 _BLOCK = 1024
 
@@ -21,197 +24,181 @@ class Normals:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
-        self._values: list[float] = []
+        self._values, self._next = np.empty(0), 0
 
     def draw(self) -> float:
         """The next one."""
-        if not self._values:
-            self._values = self._rng.standard_normal(_BLOCK).tolist()
-        return self._values.pop()
+        return float(self.draws(1)[0])
 
-    def draws(self, count: int) -> list[float]:
+    def draws(self, count: int) -> Array:
         """The next `count`."""
-        left = len(self._values) - count
-        if left < 0:
-            return [self.draw() for _ in range(count)]
-        drawn = self._values[left:][::-1]
-        del self._values[left:]
-        return drawn
+        first, self._next = self._next, self._next + count
+        if self._next <= len(self._values):
+            return self._values[first : self._next]
+        left = self._values[first:]
+        self._values, self._next = self._rng.standard_normal(_BLOCK)[::-1].copy(), 0
+        return np.concatenate([left, self.draws(count - len(left))])
 
 
-class Coloured:
-    """First-order noise of a given standard deviation, from its start on, and time constant, at a fixed step."""
+@compiled
+def step_gimbal(s: State, k: Constants, roll_normal: float, pitch_normal: float) -> None:
+    """One tick of the gimbal: towards the commanded pitch at a limited rate.
 
-    def __init__(self, deviation: float, time_s: float, step_s: float, normals: Normals) -> None:
-        self._normals = normals
-        self.keep = math.exp(-step_s / time_s)
-        self.add = deviation * math.sqrt(1.0 - self.keep * self.keep)
-        self.value = deviation * normals.draw()
+    It holds the horizon but for a bias and a residual motion, a first-order noise that standard normal numbers drive.
+    """
+    wanted = clip(s.gimbal_wanted, k.gimbal_min, k.gimbal_max)
+    change = clip(wanted - s.gimbal_pitch, -k.gimbal_most, k.gimbal_most)
+    s.gimbal_pitch += change
+    s.gimbal_rate = change / k.tick_s
+    s.gimbal_roll_noise = k.gimbal_keep * s.gimbal_roll_noise + k.gimbal_add * roll_normal
+    s.gimbal_pitch_noise = k.gimbal_keep * s.gimbal_pitch_noise + k.gimbal_add * pitch_normal
 
-    def step(self) -> float:
-        """The next value."""
-        self.value = self.keep * self.value + self.add * self._normals.draw()
-        return self.value
+
+@compiled
+def sense(s: State, k: Constants) -> None:
+    """One tick of the aircraft's estimate of itself: the motion with its errors; place is the integral of velocity."""
+    s.stray_n += s.error_n * k.tick_s
+    s.stray_e += s.error_e * k.tick_s
+    s.w_at_tick = s.w
+    s.north, s.east, s.down = s.x + s.stray_n, s.y + s.stray_e, s.z - s.drift
+    s.v_north, s.v_east, s.v_down = s.u + s.error_n, s.v + s.error_e, s.w + s.error_d
+    roll, pitch, heading = euler_of_quaternion((s.qw, s.qx, s.qy, s.qz))
+    s.roll, s.pitch, s.heading = roll + s.roll_bias, pitch + s.pitch_bias, heading + s.heading_bias
+    s.roll_rate, s.pitch_rate, s.yaw_rate = s.p, s.q, s.r
+
+
+@compiled
+def drift(states: Records, constants: Records, normals: Array, chance: float, flow_normals: Array) -> None:
+    """Advance the slow errors: of velocity, over ground or by optical flow, and of height.
+
+    By flow the velocity of the surface in view, the water's own motion in it, is missing as the estimate follows it; a
+    slow bias comes on top. Over water the flow is lost and found again at random.
+
+    Args:
+        states: the aircraft's.
+        constants: likewise.
+        normals: (4,) standard normal numbers for velocity and height.
+        chance: uniform in 0 … 1, for a loss.
+        flow_normals: (4,) for waves and bias.
+    """
+    s, k = states[0], constants[0]
+    s.noise_n = k.noise_keep * s.noise_n + k.noise_add * normals[0]
+    s.noise_e = k.noise_keep * s.noise_e + k.noise_add * normals[1]
+    s.noise_d = k.noise_keep * s.noise_d + k.noise_add * normals[2]
+    s.drift += k.drift_add * normals[3]
+    s.error_n, s.error_e, s.error_d = s.noise_n, s.noise_e, s.noise_d
+    if k.over_ground > 0.0:
+        return
+    north, east, water_share = surface_below(s, k)
+    s.wave_n = k.wave_keep * s.wave_n + k.wave_add * flow_normals[0]
+    s.wave_e = k.wave_keep * s.wave_e + k.wave_add * flow_normals[1]
+    north, east = north + s.wave_n * water_share, east + s.wave_e * water_share
+    if s.seeing == 0.0:
+        s.seeing, s.seen_n, s.seen_e = 1.0, north, east
+    s.seen_n += k.flow_settle * (north - s.seen_n)
+    s.seen_e += k.flow_settle * (east - s.seen_e)
+    s.flow_n = k.flow_keep * s.flow_n + k.flow_add * flow_normals[2]
+    s.flow_e = k.flow_keep * s.flow_e + k.flow_add * flow_normals[3]
+    s.error_n += s.flow_n - s.seen_n
+    s.error_e += s.flow_e - s.seen_e
+    change = k.back_share if s.flow_lost > 0.0 else k.lose_share * water_share
+    if chance < change or water_share <= 0.0:
+        s.flow_lost = 1.0 if water_share > 0.0 and s.flow_lost == 0.0 else 0.0
+
+
+def _coloured(deviation: float, time_s: float, step_s: float) -> tuple[float, float]:
+    """What a step keeps of a first-order noise of this standard deviation, and adds to it in normal numbers."""
+    keep = math.exp(-step_s / time_s)
+    return keep, deviation * math.sqrt(1.0 - keep * keep)
 
 
 class Gimbal:
-    """Holds the horizon but for a bias and a residual motion; slews its pitch at a limited rate.
+    """The camera's gimbal in the aircraft's record, and its noise.
 
     Args:
+        record: the aircraft's.
         camera: rate, range, bias and residual.
         sensors: the residual's time constant.
-        step_s: time between steps [s].
-        normals: noise.
+        tick_s: time between steps.
+        rng: noise.
     """
 
-    def __init__(self, camera: CameraParameters, sensors: SensorParameters, step_s: float, normals: Normals) -> None:
-        self._camera = camera
-        self._step_s = step_s
-        self._normals = normals
-        self._bias_rad = (camera.gimbal_bias_rad * normals.draw(), camera.gimbal_bias_rad * normals.draw())
-        residual = (camera.gimbal_noise_rad, sensors.gimbal_noise_time_s, step_s, normals)
-        self._roll, self._pitch = Coloured(*residual), Coloured(*residual)
-        self.pitch_rad = 0.0
-        """What the gimbal itself believes: neither bias nor residual motion."""
-        self.pitch_rate_rad_s = 0.0
+    def __init__(
+        self,
+        record: Record,
+        camera: CameraParameters,
+        sensors: SensorParameters,
+        tick_s: float,
+        rng: np.random.Generator,
+    ) -> None:
+        self._normals = Normals(rng)
+        bias, noise = (self._normals.draws(2) for _ in range(2))
+        record.values[at("gimbal_bias")] = camera.gimbal_bias_rad * bias
+        record.values[at("gimbal_noise")] = camera.gimbal_noise_rad * noise
+        keep, add = _coloured(camera.gimbal_noise_rad, sensors.gimbal_noise_time_s, tick_s)
+        record.set(
+            gimbal_min=camera.gimbal_min_rad,
+            gimbal_max=camera.gimbal_max_rad,
+            gimbal_most=camera.gimbal_rate_rad_s * tick_s,
+            gimbal_keep=keep,
+            gimbal_add=add,
+        )
 
-    @property
-    def residual(self) -> tuple[float, float]:
-        """What a step keeps of the residual motion, and what it adds to it in standard normal numbers."""
-        return self._roll.keep, self._roll.add
-
-    @property
-    def state(self) -> State:
-        """What it remembers between steps: pitch, its rate, residual roll and pitch."""
-        return self.pitch_rad, self.pitch_rate_rad_s, self._roll.value, self._pitch.value
-
-    @state.setter
-    def state(self, values: State) -> None:
-        self.pitch_rad, self.pitch_rate_rad_s, self._roll.value, self._pitch.value = values
-
-    def draw(self, count: int) -> Array:
-        """The next `count` standard normal numbers of the residual motion."""
-        return np.array(self._normals.draws(count))
-
-    @property
-    def roll_error_rad(self) -> float:
-        """True roll of the camera; the gimbal believes it zero."""
-        return self._bias_rad[0] + self._roll.value
-
-    @property
-    def pitch_error_rad(self) -> float:
-        """True pitch of the camera minus `pitch_rad`."""
-        return self._bias_rad[1] + self._pitch.value
-
-    def step(self, wanted_rad: float) -> None:
-        """One step towards the commanded pitch."""
-        wanted_rad = min(max(wanted_rad, self._camera.gimbal_min_rad), self._camera.gimbal_max_rad)
-        most = self._camera.gimbal_rate_rad_s * self._step_s
-        change = min(max(wanted_rad - self.pitch_rad, -most), most)
-        self.pitch_rad += change
-        self.pitch_rate_rad_s = change / self._step_s
-        self._roll.step()
-        self._pitch.step()
-
-
-class Surface(NamedTuple):
-    """What the downward camera sees.
-
-    Attributes:
-        north_mps, east_mps: its velocity over ground.
-        water_share: part of the view that is water.
-    """
-
-    north_mps: float
-    east_mps: float
-    water_share: float
+    def draw(self, ticks: int) -> Array:
+        """(2 ticks,) normal numbers of the residual motion, for `step_gimbal`."""
+        return self._normals.draws(2 * ticks)
 
 
 class Senses:
-    """The aircraft's estimates of itself: what its autopilot flies on, and what telemetry reports.
+    """The aircraft's estimates of itself in its record: what its autopilot flies on, and what telemetry reports.
 
     Velocity is over ground, or over the surface in view: optical flow with its slow bias, the water's own motion, and
     losses over water, during which the autopilot flies on by its accelerometers and nothing is reported. Place is the
     integral of velocity.
 
     Args:
+        record: the aircraft's.
         sensors: sizes of the errors.
         over_ground: velocity comes from GPS, not from optical flow.
-        step_s: time between `sense` calls [s].
         slow_step_s: time between `look` calls [s].
         rng: draws the errors.
     """
 
     def __init__(
-        self, sensors: SensorParameters, over_ground: bool, step_s: float, slow_step_s: float, rng: np.random.Generator
+        self, record: Record, sensors: SensorParameters, over_ground: bool, slow_step_s: float, rng: np.random.Generator
     ) -> None:
-        self._sensors, self._over_ground, self._step_s = sensors, over_ground, step_s
-        self._normals, self._rng = Normals(rng), rng
-        draw = self._normals.draw
-        velocity = (sensors.velocity_noise_mps, sensors.velocity_noise_time_s, slow_step_s, self._normals)
-        bias = (sensors.flow_bias_mps, sensors.flow_bias_time_s, slow_step_s, self._normals)
-        waves = (sensors.flow_wave_mps, sensors.flow_wave_time_s, slow_step_s, self._normals)
-        self._noise = [Coloured(*velocity) for _ in range(3)]
-        self._bias = [Coloured(*bias) for _ in range(2)]
-        self._waves = [Coloured(*waves) for _ in range(2)]
-        self._roll_bias_rad, self._pitch_bias_rad = (sensors.attitude_bias_rad * draw() for _ in range(2))
-        self._heading_bias_rad = sensors.heading_bias_rad * draw()
-        self._drift_m, self._drift_step_m = 0.0, sensors.height_drift_m_per_sqrt_s * math.sqrt(slow_step_s)
-        self._settle = -math.expm1(-slow_step_s / sensors.flow_settle_s)
-        self._back_share = slow_step_s / sensors.flow_lost_s
-        self._lose_share = self._back_share * sensors.flow_lost_share / (1.0 - sensors.flow_lost_share)
-        self._seen: tuple[float, float] | None = None
-        self._error = (self._noise[0].value, self._noise[1].value, self._noise[2].value)
-        self.stray_m = (0.0, 0.0)
-        """What the integrated velocity has strayed by."""
-        self.flow_lost = False
-        """Whether there is no velocity to report."""
-
-    @property
-    def state(self) -> State:
-        """Errors of velocity, what place has strayed by, height's drift, biases of the three angles."""
-        biases = (self._roll_bias_rad, self._pitch_bias_rad, self._heading_bias_rad)
-        return *self._error, *self.stray_m, self._drift_m, *biases
-
-    def look(self, surface: Surface) -> None:
-        """Advance the slow errors, with the surface now in view."""
-        error_n, error_e, error_d = (noise.step() for noise in self._noise)
-        self._drift_m += self._drift_step_m * self._normals.draw()
-        chance = self._rng.random()
-        if not self._over_ground:
-            waves = [wave.step() * surface.water_share for wave in self._waves]
-            seen = (surface.north_mps + waves[0], surface.east_mps + waves[1])
-            old = self._seen or seen
-            self._seen = (
-                old[0] + self._settle * (seen[0] - old[0]),
-                old[1] + self._settle * (seen[1] - old[1]),
-            )
-            error_n += self._bias[0].step() - self._seen[0]
-            error_e += self._bias[1].step() - self._seen[1]
-            change = self._back_share if self.flow_lost else self._lose_share * surface.water_share
-            if chance < change or surface.water_share <= 0.0:
-                self.flow_lost = surface.water_share > 0.0 and not self.flow_lost
-        self._error = (error_n, error_e, error_d)
-
-    def sense(self, motion: RigidBodyState) -> Sensed:
-        """The motion as the aircraft believes it; one step."""
-        u, v, w = self._error
-        self.stray_m = stray_m = (self.stray_m[0] + u * self._step_s, self.stray_m[1] + v * self._step_s)
-        north, east, down = motion.position_m
-        v_north, v_east, v_down = motion.velocity_mps
-        roll, pitch, heading = euler_from_quaternion(motion.quaternion)
-        return Sensed(
-            north + stray_m[0],
-            east + stray_m[1],
-            down - self._drift_m,
-            v_north + u,
-            v_east + v,
-            v_down + w,
-            roll + self._roll_bias_rad,
-            pitch + self._pitch_bias_rad,
-            heading + self._heading_bias_rad,
-            *motion.rates_rad_s,
+        self._record, self._over_ground, self._normals, self._rng = record, over_ground, Normals(rng), rng
+        velocity_mps, flow_mps, wave_mps = sensors.velocity_noise_mps, sensors.flow_bias_mps, sensors.flow_wave_mps
+        attitude_rad = sensors.attitude_bias_rad
+        sizes = np.array([*[velocity_mps] * 3, *[flow_mps] * 2, *[wave_mps] * 2])
+        record.values[at("noises")] = sizes * self._normals.draws(7)
+        biases = np.array([attitude_rad, attitude_rad, sensors.heading_bias_rad])
+        record.values[at("biases")] = biases * self._normals.draws(3)
+        record.values[at("errors")][:3] = record.values[at("noises")][:3]
+        noise_keep, noise_add = _coloured(velocity_mps, sensors.velocity_noise_time_s, slow_step_s)
+        flow_keep, flow_add = _coloured(flow_mps, sensors.flow_bias_time_s, slow_step_s)
+        wave_keep, wave_add = _coloured(wave_mps, sensors.flow_wave_time_s, slow_step_s)
+        back_share = slow_step_s / sensors.flow_lost_s
+        record.set(
+            over_ground=float(over_ground),
+            noise_keep=noise_keep,
+            noise_add=noise_add,
+            flow_keep=flow_keep,
+            flow_add=flow_add,
+            wave_keep=wave_keep,
+            wave_add=wave_add,
+            drift_add=sensors.height_drift_m_per_sqrt_s * math.sqrt(slow_step_s),
+            flow_settle=-math.expm1(-slow_step_s / sensors.flow_settle_s),
+            back_share=back_share,
+            lose_share=back_share * sensors.flow_lost_share / (1.0 - sensors.flow_lost_share),
         )
+
+    def look(self) -> None:
+        """Advance the slow errors, with the surface now in view."""
+        record = self._record
+        normals, chance = self._normals.draws(4), self._rng.random()
+        flow_normals = normals if self._over_ground else self._normals.draws(4)
+        drift(record.states, record.constants, normals, chance, flow_normals)
 
 
 class Readings(NamedTuple):

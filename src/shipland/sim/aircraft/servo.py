@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from shipland.sim.aircraft.aircraft import Quadrotor
-from shipland.sim.aircraft.autopilot import Sensed, Sticks
+from shipland.sim.aircraft.loops import Sticks
 from shipland.sim.aircraft.parameters import AircraftParameters, Vector
+from shipland.sim.aircraft.record import Sensed, at
 
 _IDLE_US, _RANGE_US = 1000.0, 1000.0
 _MOTOR_OF_ROTOR = (0, 2, 3, 1)
@@ -30,7 +31,7 @@ class ServoQuadrotor(Quadrotor):
     def trim(self, wind_in_ned_mps: Vector, heading_rad: float) -> tuple[float, float]:
         """Level, whatever the wind: it has not flown yet."""
         super().trim(wind_in_ned_mps, heading_rad)
-        self.thrusts_n = (0.0, 0.0, 0.0, 0.0)
+        self.record.values[at("thrusts")] = 0.0
         return 0.0, 0.0
 
     def begin(self, sensed: Sensed) -> None:
@@ -39,7 +40,7 @@ class ServoQuadrotor(Quadrotor):
     def set_pulses(self, pulses_us: Sequence[float]) -> None:
         """Take the first four servo outputs [µs], in ArduPilot's order for a quadrotor in X."""
         front_right, front_left, rear_right, rear_left = (
-            self._top_n * thrust_share(pulses_us[motor]) for motor in _MOTOR_OF_ROTOR
+            self._parameters.airframe.top_thrust_n * thrust_share(pulses_us[motor]) for motor in _MOTOR_OF_ROTOR
         )
         self._wanted_n = (front_right, front_left, rear_right, rear_left)
 
@@ -51,9 +52,9 @@ class ServoQuadrotor(Quadrotor):
     @property
     def weight_n(self) -> float:
         """Take-off weight."""
-        return 4.0 * self._airframe.hover_thrust_n
+        return 4.0 * self._parameters.airframe.hover_thrust_n
 
-    def _asked(self, sensed: Sensed, sticks: Sticks) -> tuple[float, float, float, float]:  # noqa: ARG002
+    def _asked(self, sensed: Sensed, sticks: Sticks) -> Sequence[float]:  # noqa: ARG002
         """See `Quadrotor`."""
         return self._wanted_n
 

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 
-from shipland.frames import rows_from_quaternion
+from shipland.frames import quaternion_from_euler, rows_from_quaternion
 from shipland.rig import Rig
-from shipland.sim.aircraft.aircraft import Clearance, RigidBodyState, Wrench
+from shipland.sim.aircraft.aircraft import Clearance
 from shipland.sim.aircraft.parameters import Shape, Vector
-from shipland.sim.contact.deck_drive import DeckState, mujoco_quaternion
+from shipland.sim.aircraft.record import Record, RigidBodyState, at
+from shipland.sim.contact.deck_drive import DeckState
 from shipland.sim.contact.model import BASE, BOARD, BODY, DECK, FOOT, ROTOR, SUPERSTRUCTURE, Model
 from shipland.sim.contact.touchdown import Contacts
+
+if TYPE_CHECKING:
+    import mujoco
 
 _PARTS = (FOOT, BODY, ROTOR)
 _FAULTS = {
@@ -24,6 +28,14 @@ _FAULTS = {
     **dict.fromkeys([(part, BASE) for part in _PARTS], "came down beside the deck"),
 }
 
+_PLACE_SIGNS = np.array([1.0, -1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
+"""MuJoCo's place and quaternion of those in `ned`, and back."""
+_VELOCITY_SIGNS = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])
+"""Velocity and rates; force in the world and moment in the body, as `qfrc_applied` wants them."""
+
+AT_REST: Vector = (0.0, 0.0, 0.0)
+"""Velocity of what stands still."""
+
 
 class Body:
     """The aircraft's part of MuJoCo's data.
@@ -33,50 +45,52 @@ class Body:
         shape: of the aircraft.
         model: the compiled model.
         data: its state.
+        record: the aircraft's state: where it is and how it moves, and the wrench on it.
     """
 
-    def __init__(self, rig: Rig, shape: Shape, model: Model, data: mujoco.MjData) -> None:
-        self._shape, self._model, self._data = shape, model, data
+    def __init__(self, rig: Rig, shape: Shape, model: Model, data: mujoco.MjData, record: Record) -> None:
+        import mujoco
+
+        self._shape, self._model, self._data, self._record = shape, model, data, record
+        self._mj_step, self._mj_contact_force = mujoco.mj_step, mujoco.mj_contactForce
         self._half_deck_m = 0.5 * rig.deck_size_m
         self._place, self._velocity, self._force = data.qpos[0:7], data.qvel[0:6], data.qfrc_applied[0:6]
-        self._wrench = np.zeros(6)
+        motion = record.values[at("motion")]
+        self._own_place, self._own_velocity = motion[:7], motion[7:]
+        self._own_wrench = record.values[at("wrench")]
+        self._force_of_contact = np.zeros(6)
         self._motion: RigidBodyState | None = None
-        """What MuJoCo has, once it has been read, or is to have before it steps."""
         self._moved = False
 
-    def put(self, position_m: Vector, roll_rad: float, pitch_rad: float, heading_rad: float) -> None:
-        """Place it at rest."""
-        self._place[:3] = (position_m[0], -position_m[1], -position_m[2])
-        self._place[3:] = mujoco_quaternion(roll_rad, pitch_rad, heading_rad)
-        self._velocity[:] = 0.0
-        self._motion, self._moved = None, False
+    def put(
+        self, position_m: Vector, roll_rad: float, pitch_rad: float, heading_rad: float, velocity_mps: Vector = AT_REST
+    ) -> None:
+        """Place it."""
+        self._own_place[:3] = position_m
+        self._own_place[3:] = quaternion_from_euler(roll_rad, pitch_rad, heading_rad)
+        self._own_velocity[:] = (*velocity_mps, *AT_REST)
+        self.moved()
 
     def step(self, count: int) -> None:
-        """Step the physics, of all that is in it, so many times."""
+        """Step the physics, of all that is in it, so many times, under the wrench of the record."""
         if self._moved:
-            (x, y, z), (qw, qx, qy, qz), (u, v, w), (p, q, r) = self.motion()
-            self._place[:] = (x, -y, -z, qw, qx, -qy, -qz)
-            self._velocity[:] = (u, -v, -w, p, -q, -r)
-        mujoco.mj_step(self._model.mj, self._data, count)
+            np.multiply(self._own_place, _PLACE_SIGNS, out=self._place)
+            np.multiply(self._own_velocity, _VELOCITY_SIGNS, out=self._velocity)
+        np.multiply(self._own_wrench, _VELOCITY_SIGNS, out=self._force)
+        self._mj_step(self._model.mj, self._data, count)
+        np.multiply(self._place, _PLACE_SIGNS, out=self._own_place)
+        np.multiply(self._velocity, _VELOCITY_SIGNS, out=self._own_velocity)
         self._motion, self._moved = None, False
 
     def motion(self) -> RigidBodyState:
         """Where it is and how it moves."""
         if self._motion is None:
-            x, y, z, qw, qx, qy, qz = self._place.tolist()
-            vx, vy, vz, wx, wy, wz = self._velocity.tolist()
-            self._motion = RigidBodyState((x, -y, -z), (qw, qx, -qy, -qz), (vx, -vy, -vz), (wx, -wy, -wz))
+            self._motion = self._record.motion
         return self._motion
 
-    def move(self, motion: RigidBodyState) -> None:
-        """Set where it is and how it moves; `motion` gives it back."""
-        self._motion, self._moved = motion, True
-
-    @property
-    def wrench(self) -> Wrench:
-        """What `apply` was given last."""
-        north, west, up, roll, left, turn = self._force.tolist()
-        return Wrench((north, -west, -up), (roll, -left, -turn))
+    def moved(self) -> None:
+        """The record's motion has changed by other means than `step`."""
+        self._motion, self._moved = None, True
 
     @property
     def down_m(self) -> float:
@@ -87,11 +101,6 @@ class Body:
     def in_contact(self) -> bool:
         """Whether anything touches."""
         return bool(self._data.ncon)
-
-    def apply(self, wrench: Wrench) -> None:
-        """Forces and moments, held until the next call; MuJoCo takes forces in the world, moments in the body."""
-        (north, east, down), (roll, pitch, yaw) = wrench
-        self._force[:] = (north, -east, -down, roll, -pitch, -yaw)
 
     def over_deck(self, motion: RigidBodyState, deck: DeckState) -> Clearance:
         """Heights of points of the aircraft over the deck; infinite beside or below it."""
@@ -119,10 +128,10 @@ class Body:
         for index, pair in enumerate(self._data.contact.geom[: self._data.ncon].tolist()):
             own, other = sorted(pair)
             if parts[own] == FOOT and parts[other] == DECK:
-                mujoco.mj_contactForce(self._model.mj, self._data, index, self._wrench)
-                if self._wrench[0] > 0.0:
+                self._mj_contact_force(self._model.mj, self._data, index, self._force_of_contact)
+                if self._force_of_contact[0] > 0.0:
                     feet.add(own)
-                    force_n += float(self._wrench[0])
+                    force_n += float(self._force_of_contact[0])
             else:
                 fault = fault or _FAULTS[parts[own], parts[other]]
         return Contacts(len(feet), force_n, fault)

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import mujoco
+import numpy as np
 
-from shipland.frames import Quaternion, Rows, quaternion_from_euler, rows_from_euler
+from shipland.compiled import compiled
+from shipland.frames import Array, Quaternion, Rows, quaternion_from_euler
 from shipland.sim.aircraft.parameters import Vector
 from shipland.sim.contact.model import DECK_ARMATURE, Model
 from shipland.sim.contact.touchdown import OnDeck
+from shipland.sim.rotations import rows_of_euler
 from shipland.sim.ship.ship import ShipState
+
+if TYPE_CHECKING:
+    import mujoco
 
 
 class DeckState(NamedTuple):
@@ -33,6 +38,13 @@ class DeckState(NamedTuple):
     ned_from_deck: Rows
     turn_rad_s: Vector
 
+    @staticmethod
+    def of(values: Array) -> DeckState:
+        """From its (30,) values in their order."""
+        (x, y, z, u, v, w, a, b, c, roll, pitch, yaw, p, q, r, d, e, f, *rows, i, j, k) = values.tolist()
+        moving, turning = ((x, y, z), (u, v, w), (a, b, c)), ((roll, pitch, yaw), (p, q, r), (d, e, f))
+        return DeckState(*moving, *turning, tuple(rows), (i, j, k))
+
     def point_in_deck(self, position_m: Vector, ned_from_body: Rows, place_in_body_m: Vector) -> Vector:
         """A point of a body at `position_m` in `ned`, in `deck`."""
         a, b, c = place_in_body_m
@@ -44,40 +56,48 @@ class DeckState(NamedTuple):
 
 
 def deck_state(ship: ShipState) -> DeckState:
-    """The deck's motion in `ned`: course translation and turn combined with the deck's six coordinates.
+    """The deck's motion in `ned`."""
+    values = np.empty(30)
+    deck_in_ned(ship.course.values, ship.deck.values, ship.rig.deck_height_m, values)
+    return DeckState.of(values)
+
+
+@compiled
+def deck_in_ned(course: Array, deck_in_ship: Array, deck_height_m: float, deck: Array) -> None:
+    """Course translation and turn combined with the deck's six coordinates.
 
     With d the deck's centre in `ship`, R the turn by the course and ω, α the course's rates about down:
     p = P + R d, v = P' + R (d' + ω×d), a = P'' + R (d'' + α×d + 2 ω×d' + ω×(ω×d)).
     The course and the deck's yaw turn about the same axis, so their angles add.
+
+    Args:
+        course: (9,) of `CourseState.values`.
+        deck_in_ship: (18,) of `SixDof.values`.
+        deck_height_m: of its neutral point over the sea plane.
+        deck: (30,) written to, in the order of `DeckState`.
     """
-    course = ship.course
-    dx, dy, dz, roll, pitch, yaw = ship.deck.displacement.tolist()
-    vx, vy, vz, roll_rate, pitch_rate, yaw_rate = ship.deck.velocity.tolist()
-    ax, ay, az, roll_acc, pitch_acc, yaw_acc = ship.deck.acceleration.tolist()
-    w, e = course.course_rate_rad_s, course.course_acceleration_rad_s2
-    c, s = math.cos(course.course_rad), math.sin(course.course_rad)
-    north, east = course.position_in_ned_m.tolist()
-    v_north, v_east = course.velocity_in_ned_mps.tolist()
-    a_north, a_east = course.acceleration_in_ned_mps2.tolist()
+    north, east, v_north, v_east, a_north, a_east, angle, w, e = course
+    dx, dy, dz, roll, pitch, yaw = deck_in_ship[:6]
+    vx, vy, vz, roll_rate, pitch_rate, yaw_rate = deck_in_ship[6:12]
+    ax, ay, az, roll_acc, pitch_acc, yaw_acc = deck_in_ship[12:]
+    c, s = math.cos(angle), math.sin(angle)
     ux, uy = vx - w * dy, vy + w * dx
     bx = ax - e * dy - 2.0 * w * vy - w * w * dx
     by = ay + e * dx + 2.0 * w * vx - w * w * dy
-    yaw, yaw_rate, yaw_acc = yaw + course.course_rad, yaw_rate + w, yaw_acc + e
+    yaw, yaw_rate, yaw_acc = yaw + angle, yaw_rate + w, yaw_acc + e
     cp, sp, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
-    return DeckState(
-        (north + c * dx - s * dy, east + s * dx + c * dy, dz - ship.rig.deck_height_m),
-        (v_north + c * ux - s * uy, v_east + s * ux + c * uy, vz),
-        (a_north + c * bx - s * by, a_east + s * bx + c * by, az),
-        (roll, pitch, yaw),
-        (roll_rate, pitch_rate, yaw_rate),
-        (roll_acc, pitch_acc, yaw_acc),
-        rows_from_euler(roll, pitch, yaw),
-        (
-            roll_rate * cy * cp - pitch_rate * sy,
-            roll_rate * sy * cp + pitch_rate * cy,
-            yaw_rate - roll_rate * sp,
-        ),
-    )
+    deck[0], deck[1], deck[2] = north + c * dx - s * dy, east + s * dx + c * dy, dz - deck_height_m
+    deck[3], deck[4], deck[5] = v_north + c * ux - s * uy, v_east + s * ux + c * uy, vz
+    deck[6], deck[7], deck[8] = a_north + c * bx - s * by, a_east + s * bx + c * by, az
+    deck[9], deck[10], deck[11] = roll, pitch, yaw
+    deck[12], deck[13], deck[14] = roll_rate, pitch_rate, yaw_rate
+    deck[15], deck[16], deck[17] = roll_acc, pitch_acc, yaw_acc
+    rows = rows_of_euler(roll, pitch, yaw)
+    for index in range(9):
+        deck[18 + index] = rows[index]
+    deck[27] = roll_rate * cy * cp - pitch_rate * sy
+    deck[28] = roll_rate * sy * cp + pitch_rate * cy
+    deck[29] = yaw_rate - roll_rate * sp
 
 
 def against_deck(deck: DeckState, position_m: Vector, velocity_mps: Vector, down_axis: Vector) -> OnDeck:

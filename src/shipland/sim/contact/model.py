@@ -12,11 +12,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-
-import mujoco
+from typing import TYPE_CHECKING
 
 from shipland.rig import Rig, Solid, layout
 from shipland.sim.aircraft.parameters import Shape
+
+if TYPE_CHECKING:
+    import mujoco
 
 DECK_ARMATURE = 1e4
 DECK_THICKNESS_M = 0.10
@@ -47,10 +49,18 @@ class Model:
     ship_mocap: int
     board_mocap: int
 
+    def start(self) -> mujoco.MjData:
+        """A state of the model."""
+        import mujoco
+
+        return mujoco.MjData(self.mj)
+
 
 @lru_cache(maxsize=8)
 def build_model(rig: Rig, aircraft: Shape, step_s: float) -> Model:
     """Compile the model for a rig and an aircraft with a physics step [s]; the model is shared, not to be changed."""
+    import mujoco  # a tenth of a second that what flies nothing does without
+
     mj = mujoco.MjModel.from_xml_string(_xml(rig, aircraft, step_s))
     names = [mujoco.mj_id2name(mj, mujoco.mjtObj.mjOBJ_GEOM, index) for index in range(mj.ngeom)]
     return Model(

@@ -67,7 +67,7 @@ class ShipLayer:
         self._context, self._layout = context, layout(rig)
         self._aircraft_bounds = mesh.scaled(mesh.AIRCRAFT, aircraft_scale)
         self._aircraft_shade = mesh.scaled(mesh.AIRCRAFT_SHADE, aircraft_scale)
-        self._quads_m = rig.target.points_in_bar_m[:, 1:].reshape(-1, 4, 2)
+        self._quads_m = rig.cue.points_in_bar_m[:, 1:].reshape(-1, 4, 2)
         self._solids: dict[tuple[int, bool], moderngl.Program] = {}
         self._paints = gl.mipmapped(context, paints(rng, rig), layers=True)
         self._paints.use(_PAINT_UNIT)

@@ -10,6 +10,7 @@ import bisect
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, Protocol
 
 import numpy as np
@@ -46,6 +47,13 @@ class CourseState:
     course_rad: float
     course_rate_rad_s: float
     course_acceleration_rad_s2: float
+
+    @cached_property
+    def values(self) -> Array:
+        """(9,) all of it in this order."""
+        moving = (self.position_in_ned_m, self.velocity_in_ned_mps, self.acceleration_in_ned_mps2)
+        turning = (self.course_rad, self.course_rate_rad_s, self.course_acceleration_rad_s2)
+        return np.concatenate([*moving, turning])
 
 
 class Course(Protocol):

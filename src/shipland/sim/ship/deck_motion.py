@@ -23,14 +23,25 @@ class SixDof:
     time derivatives of the coordinates themselves, not angular velocity vectors.
 
     Attributes:
-        displacement: (6,) [m, m, m, rad, rad, rad].
-        velocity: (6,) [m/s, …, rad/s, …].
-        acceleration: (6,) [m/s², …, rad/s², …].
+        values: (18,) displacement, velocity, acceleration.
     """
 
-    displacement: Array
-    velocity: Array
-    acceleration: Array
+    values: Array
+
+    @property
+    def displacement(self) -> Array:
+        """(6,) [m, m, m, rad, rad, rad]."""
+        return self.values[:6]
+
+    @property
+    def velocity(self) -> Array:
+        """(6,) [m/s, …, rad/s, …]."""
+        return self.values[6:12]
+
+    @property
+    def acceleration(self) -> Array:
+        """(6,) [m/s², …, rad/s², …]."""
+        return self.values[12:]
 
 
 class DeckMotion(Protocol):
@@ -56,7 +67,7 @@ class Still:
     """A deck that keeps its neutral place."""
 
     def __init__(self) -> None:
-        self._state = SixDof(np.zeros(6), np.zeros(6), np.zeros(6))
+        self._state = SixDof(np.zeros(18))
 
     def at(self, t_s: float) -> SixDof:  # noqa: ARG002 - the protocol's argument
         """Zeros."""
@@ -89,8 +100,7 @@ class Harmonics:
         phase = self.frequency_rad_s * t_s
         np.cos(phase, out=self._cosines)
         np.sin(phase, out=self._sines)
-        values = self._weights @ self._basis
-        return SixDof(values[:6], values[6:12], values[12:])
+        return SixDof(self._weights @ self._basis)
 
 
 class Sinusoids(Harmonics):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shipland.compiled import compiled
 from shipland.config import key, parameters
 from shipland.frames import Array
 from shipland.rig import Rig
@@ -76,11 +77,11 @@ class LimitedMotion:
     def at(self, t_s: float) -> SixDof:
         """See `DeckMotion`."""
         asked = self.motion.at(t_s)
-        over = np.abs(asked.displacement) > self._free
-        if not over.any():
+        if is_within(asked.values, self._free):
             return asked
-        x, v, a = asked.displacement.copy(), asked.velocity.copy(), asked.acceleration.copy()
-        for index in np.flatnonzero(over).tolist():
+        limited = SixDof(asked.values.copy())
+        x, v, a = limited.displacement, limited.velocity, limited.acceleration
+        for index in np.flatnonzero(np.abs(x) > self._free).tolist():
             self._note(index, t_s, abs(float(x[index])))
             limit, knee = self._limit[index], self._knee
             sign, beyond = np.sign(x[index]), (abs(x[index]) / limit - knee) / (1.0 - knee)
@@ -90,7 +91,7 @@ class LimitedMotion:
             x[index] = sign * limit * (knee + (1.0 - knee) * tanh)
             a[index] = slope * a[index] + bend * v[index] ** 2
             v[index] *= slope
-        return SixDof(x, v, a)
+        return limited
 
     def _note(self, index: int, t_s: float, demand: float) -> None:
         before = self._bites.get(index)
@@ -100,6 +101,15 @@ class LimitedMotion:
         self._bites[index] = LimitBite(DOF_NAMES[index], first_s, float(self._limit[index]), demand)
         if before is None:
             logger.info("%s", self._bites[index])
+
+
+@compiled
+def is_within(values: Array, limit: Array) -> bool:
+    """Whether the first of `values` lie within limits (6,) either side."""
+    within = True
+    for index in range(6):
+        within = within and abs(values[index]) <= limit[index]
+    return within
 
 
 def rig_limits(rig: Rig) -> Array:

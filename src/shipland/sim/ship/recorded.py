@@ -44,16 +44,13 @@ class RecordedMotion:
         s = t_s - turn * self._period_s
         x, v, a = self._spline(s), self._rate(s), self._rate_of_rate(s)
         if turn == 0 or s >= self._blend_s:
-            return SixDof(x, v, a)
+            return SixDof(np.concatenate([x, v, a]))
         w, dw, ddw = quintic_blend(s / self._blend_s)
         dw, ddw = dw / self._blend_s, ddw / self._blend_s**2
         tail = s + self._period_s
         x0, v0, a0 = self._spline(tail), self._rate(tail), self._rate_of_rate(tail)
-        return SixDof(
-            x0 + w * (x - x0),
-            v0 + w * (v - v0) + dw * (x - x0),
-            a0 + w * (a - a0) + 2.0 * dw * (v - v0) + ddw * (x - x0),
-        )
+        place, velocity = x0 + w * (x - x0), v0 + w * (v - v0) + dw * (x - x0)
+        return SixDof(np.concatenate([place, velocity, a0 + w * (a - a0) + 2.0 * dw * (v - v0) + ddw * (x - x0)]))
 
 
 def read_motion(path: Path, length_scale: float = 1.0, time_scale: float = 1.0) -> RecordedMotion:

@@ -10,9 +10,12 @@ from typing import Literal
 
 import numpy as np
 
+from shipland.compiled import compiled
 from shipland.config import key, parameters, require
-from shipland.frames import Pose
+from shipland.frames import Array, Pose
 from shipland.rig import Rig
+from shipland.sim.air.wind import ShipPlace
+from shipland.sim.rotations import rows_of_euler
 from shipland.sim.ship.course import Course, CourseParameters, CourseState, StillCourse, StraightCourse, build_course
 from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, Later, SinusoidParameters, Sinusoids, SixDof, Still
 from shipland.sim.ship.motion_base import LimitBite, LimitedMotion, LimitParameters, rig_limits
@@ -57,31 +60,76 @@ class ShipState:
     rig: Rig
     full_ship: bool
 
+    @property
+    def place(self) -> ShipPlace:
+        """Where `ship` is."""
+        north_m, east_m = self.course.position_in_ned_m.tolist()
+        return ShipPlace(north_m, east_m, -self.rig.deck_height_m, self.course.course_rad)
+
     @cached_property
+    def _poses(self) -> tuple[Pose, Pose, Pose]:
+        """Of ship, deck and bar."""
+        rotations, places_m, rig = np.empty((3, 3, 3)), np.empty((3, 3)), self.rig
+        motion = self.course.values, self.deck.values, rig.deck_height_m, rig.bar_in_ship_m
+        _place_ship(*motion, self.full_ship, rotations, places_m)
+        ship, deck, bar = map(Pose, rotations, places_m)
+        return ship, deck, bar
+
+    @property
     def ned_from_ship(self) -> Pose:
         """Course and position only; origin at the deck centre's neutral point, `deck_height_m` above the sea plane."""
-        north_m, east_m = self.course.position_in_ned_m.tolist()
-        return Pose.from_euler((north_m, east_m, -self.rig.deck_height_m), 0.0, 0.0, self.course.course_rad)
+        return self._poses[0]
 
-    @cached_property
+    @property
     def ned_from_deck(self) -> Pose:
         """The deck with all its motions."""
-        x, y, z, roll, pitch, yaw = self.deck.displacement.tolist()
-        return self.ned_from_ship @ Pose.from_euler((x, y, z), roll, pitch, yaw)
+        return self._poses[1]
 
-    @cached_property
+    @property
     def ned_from_hull(self) -> Pose:
         """Platform and superstructure: `ship` in rig mode, `deck` in full-ship mode."""
         return self.ned_from_deck if self.full_ship else self.ned_from_ship
 
-    @cached_property
+    @property
     def ned_from_bar(self) -> Pose:
         """The bar: level always."""
-        if not self.full_ship:
-            return self.ned_from_ship @ self.rig.ship_from_bar
-        centre_in_ned_m = self.ned_from_deck.apply(self.rig.bar_in_ship_m)
-        yaw_rad = self.course.course_rad + float(self.deck.displacement[5])
-        return Pose.from_euler(centre_in_ned_m, 0.0, 0.0, yaw_rad)
+        return self._poses[2]
+
+
+@compiled
+def _place_ship(
+    course: Array,
+    deck: Array,
+    deck_height_m: float,
+    bar_in_ship_m: Array,
+    full_ship: bool,
+    rotations: Array,
+    places_m: Array,
+) -> None:
+    """Write poses in `ned` of ship, deck and bar, rotations (3,3,3) and translations (3,3); see `ShipState`."""
+    c, s = math.cos(course[6]), math.sin(course[6])
+    _turn(rotations[0], 0.0, 0.0, course[6])
+    places_m[0, 0], places_m[0, 1], places_m[0, 2] = course[0], course[1], -deck_height_m
+    _turn(rotations[1], deck[3], deck[4], course[6] + deck[5])
+    for index in range(3):
+        places_m[1, index] = places_m[0, index]
+    places_m[1, 0] += c * deck[0] - s * deck[1]
+    places_m[1, 1] += s * deck[0] + c * deck[1]
+    places_m[1, 2] += deck[2]
+    carrier = 1 if full_ship else 0
+    _turn(rotations[2], 0.0, 0.0, course[6] + (deck[5] if full_ship else 0.0))
+    for index in range(3):
+        places_m[2, index] = places_m[carrier, index]
+        for along in range(3):
+            places_m[2, index] += rotations[carrier, index, along] * bar_in_ship_m[along]
+
+
+@compiled
+def _turn(rotation: Array, roll_rad: float, pitch_rad: float, yaw_rad: float) -> None:
+    """Write a rotation (3,3)."""
+    rows = rows_of_euler(roll_rad, pitch_rad, yaw_rad)
+    for index in range(9):
+        rotation[index // 3, index % 3] = rows[index]
 
 
 class Ship:

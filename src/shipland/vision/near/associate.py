@@ -8,23 +8,26 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.frames import Array
-from shipland.rig import Target
 
-_PLACE_TOLERANCE = 0.4
+_PLACE_TOLERANCE = 0.6
 """How far a neighbour may lie from where one quadrilateral's affine frame puts it, as a fraction of its distance.
 Perspective alone reaches 0.3 for the rig's bar at 2 m and 40° off."""
 
-_SIZE_RATIO = 3.0
+_SIZE_RATIO = 5.0
 """Largest ratio of a neighbour's area to the one predicted."""
 
 _APART = 0.7
 """How far corners may lie from where the last pose predicts them, in square roots of their quadrilateral's area."""
 
-_TURNS = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [2, 3, 0, 1], [3, 0, 1, 2]])
-"""The four ways to count a quadrilateral's corners clockwise."""
-
 _MOST = 24
 """Hypotheses that are looked at."""
+
+_MOST_FITTED = 200
+"""Hypotheses that are compared by how well they fit."""
+
+_MOST_MISFIT = 0.13
+"""Largest misfit of a hypothesis to any view of the cue, as a share of its extent: two hidden
+corners leave 0.12."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +45,9 @@ class Match:
     candidates: tuple[int, ...]
 
 
-def model_plane(cue: Target) -> Array:
-    """(n,4,2) corners (right, down) of the cue's quadrilaterals [m]."""
-    return np.array([quad.corners_m for quad in cue.quad], dtype=float)
+def _turns(count: int) -> npt.NDArray[np.intp]:
+    """(count,count) the ways to count a polygon's corners clockwise."""
+    return np.add.outer(np.arange(count), np.arange(count)) % count
 
 
 def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> list[Match]:
@@ -65,9 +68,10 @@ def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> l
     if models == 1:
         return [Match((0,), turned[c, 0][None], (int(c),)) for c in np.flatnonzero(allowed[:, 0])]
     frame = _affine(turned, plane_m)
-    model_centre = 0.25 * plane_m.sum(axis=1)
+    corners = plane_m.shape[1]
+    model_centre = plane_m.sum(axis=1) / corners
     apart_m = model_centre[None] - model_centre[:, None]
-    centre = 0.25 * quads_px.sum(axis=1)
+    centre = quads_px.sum(axis=1) / corners
     # Differences of points as complex numbers.
     apart_px = _complex(frame @ apart_m.transpose(0, 2, 1)[None])
     reach = np.maximum(np.abs(apart_px), 1.0)[..., None]
@@ -98,8 +102,36 @@ def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> l
                 if key not in matches or quality < matches[key][1]:
                     quads = np.stack([turned[c, i] for i, c in zip(order, chosen, strict=True)])
                     matches[key] = (len(order), quality, Match(order, quads, chosen))
-    ranked = sorted(matches.values(), key=lambda item: (-item[0], item[1]))
-    return [match for _, _, match in ranked[:_MOST]]
+    ranked = [match for _, _, match in sorted(matches.values(), key=lambda item: (-item[0], item[1]))[:_MOST_FITTED]]
+    misfits = _misfits(ranked, plane_m)
+    likely = [index for index in range(len(ranked)) if misfits[index] <= _MOST_MISFIT]
+    return [ranked[i] for i in sorted(likely, key=lambda i: (-len(ranked[i].model), misfits[i]))[:_MOST]]
+
+
+def _misfits(matches: list[Match], plane_m: Array) -> Array:
+    """How far the corners of each hypothesis are from a perspective view of the cue, as a share of their extent.
+
+    The least singular value of the homography's equations, in coordinates of unit size.
+    """
+    misfits = np.zeros(len(matches))
+    for size in {len(match.model) for match in matches if len(match.model) > 1}:
+        some = [index for index, match in enumerate(matches) if len(match.model) == size]
+        x, y = _unit(np.stack([plane_m[list(matches[i].model)] for i in some]).reshape(len(some), -1, 2))
+        u, v = _unit(np.stack([matches[i].quads_px for i in some]).reshape(len(some), -1, 2))
+        one, none = np.ones_like(x), np.zeros_like(x)
+        rows = np.stack([x, y, one, none, none, none, -u * x, -u * y, -u], axis=-1)
+        more = np.stack([none, none, none, x, y, one, -v * x, -v * y, -v], axis=-1)
+        equations = np.concatenate([rows, more], axis=1)
+        values = np.linalg.eigvalsh(equations.transpose(0, 2, 1) @ equations)
+        misfits[some] = np.sqrt(np.maximum(values[:, 0], 0.0) / x.shape[1])
+    return misfits
+
+
+def _unit(points: Array) -> tuple[Array, Array]:
+    """Points (h,n,2) about their mean, in units of their spread."""
+    points = points - points.mean(axis=1, keepdims=True)
+    points /= np.maximum(np.sqrt((points**2).mean(axis=(1, 2), keepdims=True)), 1e-9)
+    return points[..., 0], points[..., 1]
 
 
 def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
@@ -112,10 +144,12 @@ def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
     if not len(quads_px):
         return None
     # Mean square distance of corners from predicted ones, for each of the four ways to count them.
-    off = (quads_px[:, None, _TURNS] - predicted_px[None, :, None]).reshape(len(quads_px), len(predicted_px), 4, 8)
+    turns = _turns(quads_px.shape[1])
+    off = quads_px[:, None, turns] - predicted_px[None, :, None]
+    off = off.reshape(len(quads_px), len(predicted_px), len(turns), -1)
     off2 = np.einsum("mnrs,mnrs->mnr", off, off)
     best = off2.argmin(axis=2)
-    score = 0.25 * off2.min(axis=2) / np.maximum(_area(predicted_px), 1.0)
+    score = off2.min(axis=2) / (len(turns) * np.maximum(_area(predicted_px), 1.0))
     near = sorted(
         (value, model, candidate)
         for candidate, row in enumerate(score.tolist())
@@ -131,21 +165,21 @@ def match_by_prediction(quads_px: Array, predicted_px: Array) -> Match | None:
     order = tuple(sorted(members))
     chosen = tuple(members[i] for i in order)
     index = np.array(chosen)
-    return Match(order, quads_px[index[:, None], _TURNS[best[index, np.array(order)]]], chosen)
+    return Match(order, quads_px[index[:, None], turns[best[index, np.array(order)]]], chosen)
 
 
 def _turned(quads_px: Array, plane: Array) -> tuple[Array, Array]:
     """Each picture quadrilateral with its corners in each model's order (m,n,4,2), and the cosine of what is left."""
-    starts = quads_px[:, _TURNS]
+    starts = quads_px[:, _turns(quads_px.shape[1])]
     edges, model_edges = _directions(starts), _directions(plane)
-    fit = np.einsum("mrsa,nsa->mnr", edges, model_edges) * 0.25
+    fit = np.einsum("mrsa,nsa->mnr", edges, model_edges) / quads_px.shape[1]
     best = fit.argmax(axis=2)
     return starts[np.arange(len(quads_px))[:, None], best], fit.max(axis=2)
 
 
 def _directions(quads: Array) -> Array:
     """Unit vectors (…,4,2) along the sides of quadrilaterals (…,4,2)."""
-    sides = quads[..., _TURNS[1], :] - quads
+    sides = np.roll(quads, -1, axis=-2) - quads
     lengths = np.sqrt(np.einsum("...a,...a->...", sides, sides))
     return np.asarray(sides / np.maximum(lengths, 1e-9)[..., None])
 
@@ -157,7 +191,7 @@ def _complex(vectors: Array) -> npt.NDArray[np.complex128]:
 
 def _affine(turned: Array, plane_m: Array) -> Array:
     """(m,n,2,2) px/m: the least-squares parallelogram of each quadrilateral over each model's."""
-    model = plane_m - 0.25 * plane_m.sum(axis=1, keepdims=True)
+    model = plane_m - plane_m.mean(axis=1, keepdims=True)
     (xx, xy), (_, yy) = np.einsum("nsa,nsb->abn", model, model)
     inverse = np.array([[yy, -xy], [-xy, xx]]).transpose(2, 0, 1) / (xx * yy - xy * xy)[:, None, None]
     return np.asarray(turned.transpose(0, 1, 3, 2) @ (model @ inverse))
@@ -165,8 +199,8 @@ def _affine(turned: Array, plane_m: Array) -> Array:
 
 def _area(quads: Array) -> Array:
     """Signed areas (…,) of quadrilaterals (…,4,2)."""
-    diagonal, other = quads[..., 2, :] - quads[..., 0, :], quads[..., 3, :] - quads[..., 1, :]
-    return 0.5 * np.asarray(diagonal[..., 0] * other[..., 1] - diagonal[..., 1] * other[..., 0])
+    after = np.roll(quads, -1, axis=-2)
+    return 0.5 * np.asarray((quads[..., 0] * after[..., 1] - quads[..., 1] * after[..., 0]).sum(axis=-1))
 
 
 def _alternatives(row: Array) -> list[dict[int, int]]:

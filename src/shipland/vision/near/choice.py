@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
-from shipland.frames import Array
+from shipland.frames import Array, Pose
 from shipland.vision.near.associate import Match, match_by_geometry, match_by_prediction
 from shipland.vision.near.pose import PoseCandidate, Setup
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.segment import Region, is_cut_quad
 from shipland.vision.near.validate import explains_absence
 
-_MOST_MEASURED = 8
+_MOST_POSED = 8
+"""Hypotheses in one picture whose rough pose is looked at; each takes a tenth of a millisecond."""
+
+_MOST_MEASURED = 2
 """Hypotheses that are measured in one picture; each takes about a millisecond."""
+
+_ROUGH_PX, _ROUGH = 3.0, 0.06
+"""Largest reprojection error, root mean square, of a rough pose: in pixels, and as a share of the hypothesis's extent
+besides."""
+
+_NUDGE_PX = 1e-3
+"""What corners are moved by for a rough pose."""
 
 _LIKE_SIZE = 2.0
 """Ratio of areas up to which two quadrilaterals may belong together."""
@@ -38,6 +48,7 @@ class Choice:
     setup: Setup
     predicted_px: Array | None
     cut: list[Region]
+    _known: dict[tuple[tuple[int, ...], tuple[int, ...]], PoseCandidate | Refusal] = field(default_factory=dict)
 
     def cue_among(self, quads: list[Array], *, parts: bool) -> PoseCandidate | Refusal:
         """Whole cues first, where the last pose predicts them and then anywhere; then parts in the same order.
@@ -49,7 +60,7 @@ class Choice:
         if not quads:
             return self._cut_or(Refusal.NO_QUADRILATERAL)
         setup = self.setup
-        quads_px = setup.camera.undistort(np.concatenate(quads)).reshape(-1, 4, 2)
+        quads_px = setup.camera.undistort(np.concatenate(quads)).reshape(-1, *setup.plane_m.shape[1:])
         count = len(setup.plane_m)
         predicted = None if self.predicted_px is None else match_by_prediction(quads_px, self.predicted_px)
         refusal = Refusal.NO_MATCH
@@ -69,17 +80,20 @@ class Choice:
             if isinstance(result, PoseCandidate):
                 return result
         some = [match for match in hypotheses if len(match.model) < count and (self.cut or len(match.model) > 1)]
-        return self._part_of(some, quads_px) or why or self._cut_or(refusal)
+        refused = why or refusal
+        part = self._part_of(some, quads_px)
+        return part or (refused if refused in (Refusal.REPROJECTION, Refusal.BLOOM) else self._cut_or(refused))
 
     def _poses_of(self, hypotheses: list[Match]) -> tuple[list[PoseCandidate], Refusal | None]:
         """Poses, and the first reason among the others; a quadrilateral that a pose uses is not used again."""
         found: list[PoseCandidate] = []
         refusal: Refusal | None = None
         used: set[int] = set()
-        for match in hypotheses[:_MOST_MEASURED]:
+        plausible = [match for match in hypotheses[:_MOST_POSED] if rough_poses(match, self.setup)]
+        for match in plausible[:_MOST_MEASURED]:
             if used.intersection(match.candidates):
                 continue
-            result = self.pose_of(match)
+            result = self._measured(match)
             if isinstance(result, PoseCandidate):
                 found.append(result)
                 used.update(match.candidates)
@@ -102,17 +116,57 @@ class Choice:
         """A cue that is not whole: the one hypothesis that explains what is missing; None when there is none."""
         area_px2 = np.array([cv2.contourArea(quad.astype(np.float32)) for quad in quads_px])
         alone = [match for match in hypotheses if not _in_company(match, area_px2)]
-        results = [self.pose_of(match) for match in alone[:_MOST_MEASURED]]
+        explained = [match for match in alone[:_MOST_POSED] if self._may_be_cut(match)]
+        results = [self._measured(match) for match in explained[:_MOST_MEASURED]]
         proven = [
-            result for result in results if isinstance(result, PoseCandidate) and explains_absence(result, self.cut)
+            result
+            for result in results
+            if isinstance(result, PoseCandidate)
+            and explains_absence(self.setup, result.camera_from_plane, result.match.model, self.cut)
         ]
         most = max((len(candidate.match.model) for candidate in proven), default=0)
         best = [candidate for candidate in proven if len(candidate.match.model) == most]
         return (best[0] if len(best) == 1 else Refusal.AMBIGUOUS) if best else None
 
+    def _measured(self, match: Match) -> PoseCandidate | Refusal:
+        """A hypothesis's pose, or why it has none; each is measured once."""
+        key = match.model, match.candidates
+        if key not in self._known:
+            self._known[key] = self.pose_of(match)
+        return self._known[key]
+
+    def _may_be_cut(self, match: Match) -> bool:
+        """Whether the picture's edge may explain what a hypothesis lacks."""
+        poses = rough_poses(match, self.setup)
+        return any(explains_absence(self.setup, pose, match.model, self.cut) for pose in poses)
+
     def _cut_or(self, refusal: Refusal) -> Refusal:
         """That the cue is cut, where a cut region could be a part of one; else another reason."""
         return Refusal.CUT_BY_FRAME if any(is_cut_quad(region) for region in self.cut) else refusal
+
+
+def rough_poses(match: Match, setup: Setup) -> list[Pose]:
+    """The planar poses that a hypothesis's corners, known to two pixels, may have; none where it is no view of the cue.
+
+    A hidden side moves two corners by a tenth of the cue's extent at most.
+    """
+    plane_m = setup.plane_m[list(match.model)].reshape(-1, 2)
+    points_px = match.quads_px.reshape(-1, 1, 2)
+    # OpenCV's IPPE divides zero by zero on exact pixels of some symmetrical views.
+    points_px = points_px + _NUDGE_PX * np.sin(np.arange(points_px.size)).reshape(points_px.shape)
+    places = np.column_stack([plane_m, np.zeros(len(plane_m))])
+    try:
+        _, turns, shifts, errors_px = cv2.solvePnPGeneric(
+            places, points_px, setup.camera.matrix, None, flags=cv2.SOLVEPNP_IPPE
+        )
+    except cv2.error:  # a homography that does not exist
+        return []
+    most_px = _ROUGH_PX + _ROUGH * math.hypot(*np.ptp(points_px[:, 0], axis=0))
+    return [
+        Pose(np.asarray(cv2.Rodrigues(turn)[0], float), np.asarray(shift, float).ravel())
+        for turn, shift, error_px in zip(turns, shifts, errors_px.ravel(), strict=True)
+        if error_px <= most_px and shift[2] > 0.0
+    ]
 
 
 def _in_company(match: Match, area_px2: Array) -> bool:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import cv2
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.frames import CAMERA_FROM_MOUNT, Array, Pose
+from shipland.compiled import compiled
+from shipland.frames import Array, Pose
 from shipland.messages import BarPose
 from shipland.vision.near.planar_pose import Corners, LevelPrior, Solution, poses_about_vertical
 
@@ -33,25 +33,59 @@ _NARROW = 0.5
 
 def position_and_yaw(camera_from_plane: Pose) -> tuple[Array, float]:
     """The camera's optical centre in `bar` (3,) [m], and the heading of its vertical plane there [rad]."""
-    bar_from_camera = CAMERA_FROM_MOUNT.T @ camera_from_plane.rotation.T
-    position_in_bar_m = -bar_from_camera @ camera_from_plane.translation_m
-    return position_in_bar_m, float(np.arctan2(bar_from_camera[1, 2], bar_from_camera[0, 2]))
+    here = _joined(camera_from_plane)
+    return here[:3], float(here[3])
 
 
 def covariance_in_bar(solution: Solution) -> Array:
     """(4,4) covariance of (position in `bar` [m], yaw [rad]) from the solution's (6,6)."""
-    pose = solution.camera_from_plane
-    bar_from_camera = CAMERA_FROM_MOUNT.T @ pose.rotation.T
-    # R' = exp(w) R turns position −B Rᵀ t into −B Rᵀ (t + dt − w × t), and the optical axis into B Rᵀ (z − w × z).
-    x, y, z = pose.translation_m.tolist()
-    right, down, forward = bar_from_camera.T.tolist()
-    horizontal2 = max(forward[0] * forward[0] + forward[1] * forward[1], 1e-12)
-    jacobian = np.zeros((4, 6))
-    jacobian[:3, :3] = -bar_from_camera @ [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-    jacobian[:3, 3:] = -bar_from_camera
-    jacobian[3, 0] = (forward[0] * down[1] - forward[1] * down[0]) / horizontal2
-    jacobian[3, 1] = -(forward[0] * right[1] - forward[1] * right[0]) / horizontal2
-    return np.asarray(jacobian @ solution.covariance @ jacobian.T)
+    pose, covariance = solution.camera_from_plane, np.empty((4, 4))
+    _carry_covariance(pose.rotation, pose.translation_m, solution.covariance, covariance)
+    return covariance
+
+
+def _joined(camera_from_plane: Pose) -> Array:
+    """(4,) `position_and_yaw` in one."""
+    here = np.empty(4)
+    _place(camera_from_plane.rotation, camera_from_plane.translation_m, here)
+    return here
+
+
+@compiled
+def _place(rotation: Array, translation_m: Array, here: Array) -> None:
+    """Write (4,) position in `bar` and yaw: −B Rᵀ t and the direction of the optical axis, B the turn into `bar`."""
+    for i in range(3):
+        here[i] = 0.0
+        for j in range(3):
+            here[i] -= rotation[j, (i + 2) % 3] * translation_m[j]
+    here[3] = math.atan2(rotation[2, 0], rotation[2, 2])
+
+
+@compiled
+def _carry_covariance(rotation: Array, translation_m: Array, covariance: Array, carried: Array) -> None:
+    """Write (4,4) J C Jᵀ.
+
+    R' = exp(w) R turns position −B Rᵀ t into −B Rᵀ (t + dt − w × t), and the optical axis into B Rᵀ (z − w × z).
+    """
+    x, y, z = translation_m
+    jacobian, half = np.zeros((4, 6)), np.zeros((4, 6))
+    for i in range(3):
+        a, b, c = rotation[0, (i + 2) % 3], rotation[1, (i + 2) % 3], rotation[2, (i + 2) % 3]
+        jacobian[i, 0], jacobian[i, 1], jacobian[i, 2] = c * y - b * z, a * z - c * x, b * x - a * y
+        jacobian[i, 3], jacobian[i, 4], jacobian[i, 5] = -a, -b, -c
+    ahead, beside = rotation[2, 2], rotation[2, 0]
+    horizontal2 = max(ahead * ahead + beside * beside, 1e-12)
+    jacobian[3, 0] = (ahead * rotation[1, 0] - beside * rotation[1, 2]) / horizontal2
+    jacobian[3, 1] = -(ahead * rotation[0, 0] - beside * rotation[0, 2]) / horizontal2
+    for i in range(4):
+        for j in range(6):
+            for k in range(6):
+                half[i, j] += jacobian[i, k] * covariance[k, j]
+    for i in range(4):
+        for j in range(4):
+            carried[i, j] = 0.0
+            for k in range(6):
+                carried[i, j] += half[i, k] * jacobian[j, k]
 
 
 def bar_pose_of(solutions: list[Solution], corners_px: Array, covariance: Array | None = None) -> BarPose:
@@ -63,20 +97,18 @@ def bar_pose_of(solutions: list[Solution], corners_px: Array, covariance: Array 
         covariance: (4,4) of the first solution, where its Jacobian is not enough (`covariance_over_heading`).
     """
     taken = solutions[0]
-    position_in_bar_m, yaw_rad = position_and_yaw(taken.camera_from_plane)
-    excess = taken.excess
-    here = _joined(position_in_bar_m, yaw_rad)
+    here, excess = _joined(taken.camera_from_plane), taken.excess
     if covariance is None:
         covariance = excess * (covariance_in_bar(taken) + excess * _bend(taken, here))
     for other in solutions[1:]:
         share = 1.0 / (1.0 + math.exp(min(max(0.5 * (other.chi2 - taken.chi2) / excess, -50.0), 50.0)))
         if share < _LEAST_SHARE:
             continue
-        apart = _joined(*position_and_yaw(other.camera_from_plane)) - here
+        apart = _joined(other.camera_from_plane) - here
         apart[3] = math.remainder(apart[3], math.tau)
         other_covariance = excess * covariance_in_bar(other) + np.outer(apart, apart)
         covariance = (1.0 - share) * covariance + share * other_covariance
-    return BarPose(position_in_bar_m, yaw_rad, covariance, taken.reprojection_px, corners_px.reshape(-1, 2))
+    return BarPose(here[:3], float(here[3]), covariance, taken.reprojection_px, corners_px.reshape(-1, 2))
 
 
 def covariance_over_heading(
@@ -94,12 +126,12 @@ def covariance_over_heading(
     std_rad = math.sqrt(excess * variance)
     if not std_rad > _FLAT_RAD:
         return None
-    here = _joined(*position_and_yaw(taken.camera_from_plane))
+    here = _joined(taken.camera_from_plane)
     # What stays unknown when the angle is known.
     known = replace(taken, covariance=taken.covariance - np.outer(along, along) / variance)
     weight, square = 1.0, np.zeros((4, 4))
     for beside, chi2 in poses_about_vertical(taken, _FLAT_SIGMAS * std_rad, corners, camera, prior):
-        off = _joined(*position_and_yaw(beside)) - here
+        off = _joined(beside) - here
         off[3] = math.remainder(off[3], math.tau)
         share = math.exp(min(0.5 * (taken.chi2 - chi2) / excess, 0.0))
         square += share * np.outer(off, off)
@@ -107,11 +139,6 @@ def covariance_over_heading(
     covariance = np.asarray(excess * covariance_in_bar(known) + square / weight)
     narrow = covariance[3, 3] < _NARROW * excess * covariance_in_bar(taken)[3, 3]
     return None if narrow else covariance
-
-
-def _joined(position_m: Array, yaw_rad: float) -> Array:
-    """(4,) a position and a yaw."""
-    return np.array([*position_m.tolist(), yaw_rad])
 
 
 def _bend(solution: Solution, here: Array) -> Array:
@@ -124,16 +151,46 @@ def _bend(solution: Solution, here: Array) -> Array:
         solution: the pose.
         here: (4,) its position and yaw.
     """
-    pose, down = solution.camera_from_plane, solution.camera_from_plane.rotation[:, 1]
-    along = solution.covariance[:, :3] @ down
-    std_rad = math.sqrt(max(float(along[:3] @ down), 0.0))
-    if not std_rad > _BENT_RAD:
+    pose, bend = solution.camera_from_plane, np.empty(4)
+    if not _bend_of(pose.rotation, pose.translation_m, solution.covariance, here, bend) > _BENT_RAD:
         return np.zeros((4, 4))
-    step = along / std_rad
-    turn, shift_m = cv2.Rodrigues(step[:3])[0], step[3:]
-    back = np.ascontiguousarray(turn.T)
-    ahead = _joined(*position_and_yaw(Pose(turn @ pose.rotation, pose.translation_m + shift_m)))
-    behind = _joined(*position_and_yaw(Pose(back @ pose.rotation, pose.translation_m - shift_m)))
-    bend = 0.5 * (ahead + behind) - here
-    bend[3] = math.remainder(bend[3], math.pi)
     return 3.0 * np.outer(bend, bend)
+
+
+@compiled
+def _bend_of(rotation: Array, translation_m: Array, covariance: Array, here: Array, bend: Array) -> float:
+    """Standard deviation of the angle [rad]; writes (4,) h, the mean of both ends of the arc less its middle."""
+    along = np.zeros(6)
+    for i in range(6):
+        for k in range(3):
+            along[i] += covariance[i, k] * rotation[k, 1]
+    variance = along[0] * rotation[0, 1] + along[1] * rotation[1, 1] + along[2] * rotation[2, 1]
+    std_rad = math.sqrt(max(variance, 0.0))
+    if not std_rad > _BENT_RAD:
+        return std_rad
+    step, end = along / std_rad, np.empty(4)
+    bend[:] = -here
+    for sign in (-1.0, 1.0):
+        _place(exp_rotation(sign * step[:3], rotation), translation_m + sign * step[3:], end)
+        bend += 0.5 * end
+    bend[3] -= math.pi * round(bend[3] / math.pi)
+    return std_rad
+
+
+@compiled
+def exp_rotation(vector: Array, rotation: Array) -> Array:
+    """exp(vector) · rotation, (3,3): Rodrigues' formula."""
+    x, y, z = vector
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-12:
+        return rotation.copy()
+    c, s = math.cos(angle), math.sin(angle)
+    x, y, z = x / angle, y / angle, z / angle
+    result = np.empty((3, 3))
+    for j in range(3):
+        a, b, d = rotation[0, j], rotation[1, j], rotation[2, j]
+        along = (1.0 - c) * (x * a + y * b + z * d)
+        result[0, j] = c * a + s * (y * d - z * b) + along * x
+        result[1, j] = c * b + s * (z * a - x * d) + along * y
+        result[2, j] = c * d + s * (x * b - y * a) + along * z
+    return result

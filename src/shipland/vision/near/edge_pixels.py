@@ -17,8 +17,6 @@ from shipland.camera import Camera
 from shipland.frames import Array
 from shipland.vision.near.segment import Image
 
-_NEXT = np.array([1, 2, 3, 0])
-
 MOST_ACROSS = 12
 """Most pixels that are taken across a side, inward or outward."""
 
@@ -37,6 +35,7 @@ class Sides:
         length_px: (s,).
         reach_px: (s,) how far across them pixels are taken.
         held: (s,) lies along the picture's edge and cannot be measured; None when no side does.
+        corners: of each polygon.
     """
 
     middle_px: Array
@@ -45,18 +44,20 @@ class Sides:
     length_px: Array
     reach_px: Array
     held: npt.NDArray[np.bool_] | None
+    corners: int = 4
 
     @staticmethod
     def of(quads_px: Array, reach_px: float, held: npt.NDArray[np.bool_] | None = None) -> Sides:
         """The sides of quadrilaterals (n,4,2); pixels are taken no farther out than 0.42 of the shorter side."""
-        ends = quads_px[:, _NEXT]
+        corners = quads_px.shape[1]
+        ends = np.roll(quads_px, -1, axis=1)
         side_px = (ends - quads_px).reshape(-1, 2)
         length_px = np.sqrt(side_px[:, 0] * side_px[:, 0] + side_px[:, 1] * side_px[:, 1])
         along = side_px / length_px[:, None]
-        shorter_px = length_px.reshape(-1, 4).min(axis=1).repeat(4)
+        shorter_px = length_px.reshape(-1, corners).min(axis=1).repeat(corners)
         reach = np.minimum(reach_px, np.maximum(0.42 * shorter_px, 1.5))
         middle_px = 0.5 * (ends + quads_px).reshape(-1, 2)
-        return Sides(middle_px, along, along[:, ::-1] * _QUARTER_TURN, length_px, reach, held)
+        return Sides(middle_px, along, along[:, ::-1] * _QUARTER_TURN, length_px, reach, held, corners)
 
     def half_px(self) -> Array:
         """(s,) half of each side's length that is looked at: off the corners by twice a usual blur."""
@@ -64,7 +65,7 @@ class Sides:
 
     def wider(self) -> Sides:
         """The same with pixels taken twice as far out, as far as the quadrilaterals allow."""
-        shorter_px = self.length_px.reshape(-1, 4).min(axis=1).repeat(4)
+        shorter_px = self.length_px.reshape(-1, self.corners).min(axis=1).repeat(self.corners)
         farthest_px = np.minimum(0.42 * shorter_px, MOST_ACROSS)
         reach_px = np.maximum(np.minimum(2.0 * self.reach_px, farthest_px), self.reach_px)
         return replace(self, reach_px=reach_px)
@@ -74,7 +75,8 @@ class Sides:
         along = self.along + slope[:, None] * self.outward
         along /= np.sqrt(1.0 + slope * slope)[:, None]
         middle_px = self.middle_px + offset_px[:, None] * self.outward
-        return Sides(middle_px, along, along[:, ::-1] * _QUARTER_TURN, self.length_px, self.reach_px, self.held)
+        outward = along[:, ::-1] * _QUARTER_TURN
+        return replace(self, middle_px=middle_px, along=along, outward=outward)
 
 
 def distort(undistorted_px: Array, camera: Camera) -> Array:
@@ -130,6 +132,14 @@ _LEAST_SIDE_CONTRAST = 0.15
 """Smallest contrast of a single side, against the cue's."""
 
 
+_UNEVEN = 0.15
+"""Standard deviation of the levels outside along a side, against its contrast, from which stations have levels of their
+own: what is behind the cue ends or changes there."""
+
+_LEAST_STATION_CONTRAST = 0.3
+"""Smallest contrast of one station, against the side's, that shows the edge."""
+
+
 @dataclass(frozen=True)
 class EdgePixels:
     """Pixels around the sides, from inside to outside: (s,station,across) each.
@@ -147,6 +157,21 @@ class EdgePixels:
     along: Array
     use: Array
     columns: Array
+
+    def without(self, stray: npt.NDArray[np.bool_]) -> EdgePixels:
+        """The same with stray stations (s,station) in whose place the nearest other one is repeated."""
+        stations = np.arange(stray.shape[1])
+        counted = self.use.any(axis=2)
+        apart = np.abs(stations[:, None] - stations) + len(stations) * (stray | ~counted)[:, None]
+        index = np.where(stray | ~counted, apart.argmin(axis=2), stations)[..., None]
+        kept = np.count_nonzero(counted & ~stray, axis=1) / np.maximum(np.count_nonzero(counted, axis=1), 1)
+        return EdgePixels(
+            np.take_along_axis(self.levels, index[..., None], axis=1),
+            np.take_along_axis(self.out_px, index, axis=1),
+            np.take_along_axis(self.along, index, axis=1),
+            self.use * ~stray[..., None],
+            np.maximum(self.columns * kept, 1.0),
+        )
 
 
 def edge_pixels(image: Image, sides: Sides, camera: Camera, half_px: Array) -> EdgePixels:
@@ -232,13 +257,13 @@ def contrast_direction(inside: Array, outside: Array) -> Array | None:
     return difference / size2 if size2 > _LEAST_CONTRAST**2 else None
 
 
-def contrasts(
-    pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_luma: bool
-) -> tuple[Array, bool, float] | None:
-    """Light of pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
+Profile = tuple[Array, bool, float]
+"""Light of pixels (s,station,across) from 0 outside to 1 inside; whether the inside saturates; by how much a pixel's
+share differs, root mean square, for every grey level that a sensor's noise has."""
 
-    And whether the inside saturates, which moves the edge outward; and by how much a
-    pixel's share differs, root mean square, for every grey level that a sensor's noise has.
+
+def contrasts(pixels: EdgePixels, held: npt.NDArray[np.bool_] | None, *, by_luma: bool) -> Profile | None:
+    """Light of pixels (s,station,across) from 0 outside to 1 inside, by the outermost two; None without contrast.
 
     Args:
         pixels: from inside to outside.
@@ -281,9 +306,20 @@ def contrasts(
     values = np.asarray(profile, float)
     values -= ground[:, None, None]
     values *= (1.0 / span)[:, None, None]
+    _level_by_station(values)
     weights2 = _LUMA_BGR / (_LUMA_BGR @ (inside - outside)) if by_luma else direction
     noise2 = [float(np.sum((weights2 * np.interp(ends, LIGHT, _LIGHT_A_LEVEL)) ** 2)) for ends in (inside, outside)]
     return values, clipped, math.sqrt(0.5 * sum(noise2))
+
+
+def _level_by_station(values: Array) -> None:
+    """Counts each station's values (s,station,across) from its own levels, in place, where a side's differ along it."""
+    inner, outer = 0.5 * (values[:, :, 0] + values[:, :, 1]), 0.5 * (values[:, :, -1] + values[:, :, -2])
+    uneven = outer.std(axis=1) > _UNEVEN
+    if uneven.any():
+        span = inner - outer
+        own = uneven[:, None] & (span > _LEAST_STATION_CONTRAST)
+        values[own] = (values[own] - outer[own][:, None]) / span[own][:, None]
 
 
 def _mixed_by_luma(levels: npt.NDArray[np.uint8], inside: Array, outside: Array) -> Array | None:

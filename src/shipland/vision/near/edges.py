@@ -11,11 +11,9 @@ from scipy.special import ndtr
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.vision.near.edge_pixels import EdgePixels, Sides, contrasts, distort, edge_pixels
+from shipland.vision.near.edge_pixels import EdgePixels, Profile, Sides, contrasts, distort, edge_pixels
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import Image, edge_distances, reaches_edge
-
-_SIDE, _NEXT, _BEFORE = np.array([[0, 1, 2, 3], [1, 2, 3, 0], [3, 0, 1, 2]])
 
 _ROOT_TWO_PI = math.sqrt(2.0 * math.pi)
 
@@ -37,7 +35,7 @@ _REBLUR = 0.15
 _STEPS = 6
 """Most Gauss–Newton steps."""
 
-_TRIES = 8
+_TRIES = 6
 """Times that sides are measured, each from where the last left them, before they are given up."""
 
 _REACH_PER_BLUR = 3.0
@@ -57,8 +55,29 @@ _MISFIT_LEVELS = 3.5
 """The same in grey levels of a sensor's noise, for small contrasts. Rendered pictures with noise of 1.5 have 1.5 to 2.7
 where the lamp clips and its other colours are measured; H.264 at 8 Mbit/s has 5 and more in 95 % of such pictures."""
 
+_DOUBTFUL_MISFIT = 0.15
+"""Misfit from which sides are measured anew, with the blur taken from the picture."""
+
+_MOST_MISFIT = 0.25
+"""Misfit, measured anew, of sides that are no edges."""
+
 _CODED_SIDE_PX = 20.0
 """Length of a side up to which coding moves it as a whole: about a block's."""
+
+_BLOOM = 4.0
+"""How much larger the common outward error of all sides may be where every colour clips."""
+
+_STRAY_LEVEL = 0.4
+"""Difference of a column's levels from the side's median, against the contrast, from which it shows another edge."""
+
+_STRAY_PX = 1.0
+"""The same of its edge from the side's line."""
+
+_MOST_STRAY = 0.5
+"""Share of a side's columns from which no line is that of most, and none is left out."""
+
+_FIRST, _LAST = np.array([(0, 19), (0, 10), (9, 19), (2, 12), (5, 15), (7, 17), (3, 10), (9, 16), (1, 8), (11, 18)]).T
+"""Pairs of stations through which lines are laid to find the one that most agree with."""
 
 _HELD_PX = 0.05
 """Standard deviation of a side that is taken to lie on the picture's edge."""
@@ -77,6 +96,7 @@ class MeasuredCorners:
             when the method has no sides.
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
         held: a side lies along the picture's edge.
+        hidden: (n,4) sides that something hides, which were not measured; None for none.
     """
 
     corners_px: Array
@@ -85,6 +105,7 @@ class MeasuredCorners:
     edge_bias_px: Array | None = None
     blur_px: float | None = None
     held: bool = False
+    hidden: npt.NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)
@@ -132,20 +153,25 @@ def measure_corners(
         None when there is no contrast, a side is too far off, or sides are parallel.
     """
     sides = Sides.of(quads_px, parameters.edge_reach_px, _held(image, quads_px, camera))
-    for _ in range(_TRIES):
+    for attempt in range(_TRIES):
         fit = _fit(image, sides, camera, parameters, blur_px)
         if fit is None or fit.blur_px * _REACH_PER_BLUR > float(sides.reach_px.min()):
             wider = sides.wider()
             if np.any(wider.reach_px > sides.reach_px):
                 sides, blur_px = wider, None
                 continue
-        met = None if fit is None else _intersected(fit, parameters.edge_bias_px)
+        if fit is not None and attempt > 0 and fit.misfit > _MOST_MISFIT:
+            return None
+        met = None if fit is None else _intersected(fit, parameters.edge_bias_px * (_BLOOM if fit.clipped else 1.0))
         if fit is None or met is None:
             return None
         ends_px = np.abs(fit.offset_px) + np.abs(fit.slope) * sides.half_px()
-        near = _RECENTRE * sides.reach_px if fit.blur_px <= _MUCH_BLURRED_PX else _RECENTRE_BLURRED * fit.blur_px
-        if np.all(ends_px <= near):
+        settled = fit.blur_px <= _MUCH_BLURRED_PX or attempt > _TRIES // 2
+        near = _RECENTRE * sides.reach_px if settled else _RECENTRE_BLURRED * fit.blur_px
+        if np.all(ends_px <= near) and (attempt > 0 or fit.misfit <= _DOUBTFUL_MISFIT):
             return met
+        if fit.misfit > _DOUBTFUL_MISFIT:
+            blur_px = None
         sides = replace(Sides.of(met.corners_px, 0.0, sides.held), reach_px=sides.reach_px)
     return None
 
@@ -175,6 +201,36 @@ def edge_response(inside_px: Array, blur_px: float) -> tuple[Array, Array, Array
     density = share[0]
     density -= share[1]
     return response, density, bells
+
+
+def stray_stations(values: Array, pixels: EdgePixels) -> npt.NDArray[np.bool_] | None:
+    """(s,station) columns of pixels that do not show a side's edge, as where a finger lies over it; None for none.
+
+    They have other levels than most of the side, or an edge off the line on which most have theirs.
+    """
+    count, stations = values.shape[2], np.arange(values.shape[1])
+    counted = np.asarray(pixels.use.any(axis=2))
+    # Where there are fewer stations than room for them, the last one is repeated: all count alike here.
+    alike = stations * counted.sum(axis=1)[:, None] // len(stations)
+    inner, outer = 0.5 * (values[:, :, 0] + values[:, :, 1]), 0.5 * (values[:, :, -1] + values[:, :, -2])
+    inside, outside = (np.median(np.take_along_axis(ends, alike, 1), axis=1)[:, None] for ends in (inner, outer))
+    span = np.maximum(inside - outside, 0.1)
+    stray = np.maximum(np.abs(inner - inside), np.abs(outer - outside)) > _STRAY_LEVEL * span
+    share = (values.sum(axis=2) / count - outside) / span
+    innermost_px = pixels.out_px[:, :, 0]
+    crossing_px = innermost_px + (share * count - 0.5) / (count - 1) * (pixels.out_px[:, :, -1] - innermost_px)
+    along = pixels.along[:, :, count // 2]
+    first, last = alike[:, _FIRST], alike[:, _LAST]
+    start, end = np.take_along_axis(along, first, 1), np.take_along_axis(along, last, 1)
+    start_px, end_px = np.take_along_axis(crossing_px, first, 1), np.take_along_axis(crossing_px, last, 1)
+    slope = (end_px - start_px) / np.where(np.abs(end - start) < 0.1, np.inf, end - start)
+    off_px = np.abs(crossing_px[:, None] - start_px[..., None] - slope[..., None] * (along[:, None] - start[..., None]))
+    agree = (off_px <= _STRAY_PX) & ~stray[:, None] & counted[:, None]
+    best = np.argmax(agree.sum(axis=2), axis=1)
+    stray = np.asarray(counted & ~agree[np.arange(len(values)), best])
+    few = np.asarray(stray.sum(axis=1) < _MOST_STRAY * counted.sum(axis=1))
+    stray &= few[:, None]
+    return stray if stray.any() else None
 
 
 def _coarse(values: Array, pixels: EdgePixels) -> Array:
@@ -224,10 +280,14 @@ def _fit(
     image: Image, sides: Sides, camera: Camera, parameters: VisionParameters, blur_px: float | None
 ) -> SideFit | None:
     pixels = edge_pixels(image, sides, camera, sides.half_px())
-    fit = _fit_to(pixels, sides, parameters, blur_px, by_luma=False)
+    profile = contrasts(pixels, sides.held, by_luma=False)
+    if profile is not None and (stray := stray_stations(profile[0], pixels)) is not None:
+        pixels = pixels.without(stray)
+        profile = contrasts(pixels, sides.held, by_luma=False)
+    fit = _fit_to(profile, pixels, sides, parameters, blur_px)
     if fit is not None and not fit.noisy:
         return fit
-    by_luma = _fit_to(pixels, sides, parameters, None, by_luma=True)
+    by_luma = _fit_to(contrasts(pixels, sides.held, by_luma=True), pixels, sides, parameters, None)
     fits = [it for it in (fit, by_luma) if it is not None]
     if not fits:
         return None
@@ -249,12 +309,11 @@ def _as_coded(fit: SideFit, parameters: VisionParameters) -> SideFit:
 
 
 def _fit_to(
-    pixels: EdgePixels, sides: Sides, parameters: VisionParameters, blur_px: float | None, *, by_luma: bool
+    profile: Profile | None, pixels: EdgePixels, sides: Sides, parameters: VisionParameters, blur_px: float | None
 ) -> SideFit | None:
-    half_px = sides.half_px()
-    profile = contrasts(pixels, sides.held, by_luma=by_luma)
     if profile is None:
         return None
+    half_px = sides.half_px()
     values, clipped, per_level = profile
     ends = _coarse(values, pixels)
     if blur_px is None:
@@ -327,47 +386,57 @@ def _fit_to(
 def _intersected(fit: SideFit, edge_bias_std_px: float) -> MeasuredCorners | None:
     """The corners of fitted sides, each between a side and the one before it; None when neighbours are parallel."""
     moved = fit.sides.moved(fit.offset_px, fit.slope)
-    along, normal = moved.along.reshape(-1, 4, 2), moved.outward.reshape(-1, 4, 2)
-    middle_px = moved.middle_px.reshape(-1, 4, 2)
-    before = along[:, _BEFORE]
+    corners = fit.sides.corners
+    side = np.arange(corners)
+    following, preceding = (side + 1) % corners, side - 1
+    along, normal = moved.along.reshape(-1, corners, 2), moved.outward.reshape(-1, corners, 2)
+    middle_px = moved.middle_px.reshape(-1, corners, 2)
+    before = along[:, preceding]
     determinant = before[..., 0] * along[..., 1] - before[..., 1] * along[..., 0]
     if not np.abs(determinant).min() >= 0.2:
         return None
     # From the middle of the side before, along it, to where it meets this one.
-    middle_before_px = middle_px[:, _BEFORE]
+    middle_before_px = middle_px[:, preceding]
     apart_px = middle_px - middle_before_px
     lever_px = (apart_px[..., 0] * along[..., 1] - apart_px[..., 1] * along[..., 0]) / determinant
     corners_px = middle_before_px + lever_px[..., None] * before
     # Deviations of the two ends' distances from a side have its variance V0 + (x + y) V1 + x y V2 at the levers x, y.
     start_px = ((corners_px - middle_px) * along).sum(axis=-1)
-    end_px = lever_px[:, _NEXT]
-    both, cross, square = fit.variance.reshape(3, -1, 4)
+    end_px = lever_px[:, following]
+    both, cross, square = fit.variance.reshape(3, -1, corners)
     at_start, at_end = both + start_px * cross, cross + start_px * square
     first = np.sqrt(at_start + start_px * at_end)
     mixed = (at_start + end_px * at_end) / first
     second = np.sqrt(np.maximum(both + end_px * (2.0 * cross + end_px * square) - mixed * mixed, 1e-12))
-    whiten = np.zeros((len(corners_px), 4, 2, 4, 2))
-    whiten[:, _SIDE, 0, _SIDE] = by_first = normal / first[..., None]
-    whiten[:, _SIDE, 1, _SIDE] = by_first * (-mixed / second)[..., None]
-    whiten[:, _SIDE, 1, _NEXT] = normal / second[..., None]
-    normal_before = normal[:, _BEFORE]
-    moved_px = np.ones(along.shape[:2]) if fit.sides.held is None else (~fit.sides.held).astype(float).reshape(-1, 4)
-    moved_px, moved_before_px = moved_px[..., None], moved_px[:, _BEFORE, None]
+    whiten = np.zeros((len(corners_px), corners, 2, corners, 2))
+    whiten[:, side, 0, side] = by_first = normal / first[..., None]
+    whiten[:, side, 1, side] = by_first * (-mixed / second)[..., None]
+    whiten[:, side, 1, following] = normal / second[..., None]
+    normal_before = normal[:, preceding]
+    moved_px = (
+        np.ones(along.shape[:2]) if fit.sides.held is None else (~fit.sides.held).astype(float).reshape(-1, corners)
+    )
+    moved_px, moved_before_px = moved_px[..., None], moved_px[:, preceding, None]
     cosine = (normal * normal_before).sum(axis=-1, keepdims=True)
     edge_bias = (moved_px - cosine * moved_before_px) * normal + (moved_before_px - cosine * moved_px) * normal_before
     edge_bias /= 1.0 - cosine * cosine
     noise_px = math.sqrt(float(np.vdot(first, first)) / first.size)
     held = fit.sides.held is not None
     return MeasuredCorners(
-        corners_px, whiten.reshape(-1, 8, 8), noise_px, edge_bias_std_px * edge_bias, fit.blur_px, held
+        corners_px,
+        whiten.reshape(-1, 2 * corners, 2 * corners),
+        noise_px,
+        edge_bias_std_px * edge_bias,
+        fit.blur_px,
+        held,
     )
 
 
 def _held(image: Image, quads_px: Array, camera: Camera) -> npt.NDArray[np.bool_] | None:
     """(4n,) sides that lie on the picture's edge, where `find_quads` has set them; None when none does."""
-    raw_px = distort(quads_px.reshape(-1, 2), camera).reshape(-1, 4, 2)
+    raw_px = distort(quads_px.reshape(-1, 2), camera).reshape(quads_px.shape)
     if not reaches_edge(raw_px, image.shape[1], image.shape[0]):
         return None
     on = edge_distances(raw_px, image.shape[1], image.shape[0]) < 0.5
-    held = (on & on[:, [1, 2, 3, 0]]).any(axis=-1).reshape(-1)
+    held = (on & np.roll(on, -1, axis=1)).any(axis=-1).reshape(-1)
     return held if held.any() else None

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from shipland.camera import Camera, CameraParameters
+from shipland.cue import Cue
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.rig import Target
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.pictures import FilePicture, is_film, pictures_of
 
 _UNKNOWN_GIMBAL = GimbalAttitude(0.0, 0.0)
 """A placeholder: a file does not hold the camera's attitude, and the near vision is set not to use it."""
+
+_MAX_OBLIQUITY_DEG = 65.0
+"""Largest angle between sight and the cue's normal: a flight comes from astern, a photograph from anywhere."""
 
 COLUMNS = (
     "file", "t_s", "found", "reason", "distance_m", "forward_m", "right_m", "down_m", "yaw_deg", "forward_sd_m",
@@ -89,9 +92,10 @@ class SeeResult:
 
 def see_paths(
     paths: Sequence[Path],
-    cue: Target,
+    cue: Cue,
     camera: Camera,
     broken: Callable[[Path, DataError], None] | None = None,
+    parameters: VisionParameters | None = None,
 ) -> Iterator[SeeResult]:
     """One result a picture, in the order of `pictures_of`.
 
@@ -101,11 +105,13 @@ def see_paths(
         camera: of pictures of its size, and of others of the same aspect.
         broken: called with a picture or video that is missing or broken or of another aspect than the camera's, before
             the rest follows; None raises.
+        parameters: of the near vision; None for the packaged ones. The gimbal's noise is left out, and so is what a
+            flight never sees obliquely.
 
     Raises:
         DataError: without `broken`, what it would be called with.
     """
-    visions = _VisionBySize(cue, camera)
+    visions = _VisionBySize(cue, camera, parameters or VisionParameters())
     for some in [[path] for path in paths] or [[]]:
         for picture in pictures_of(some, broken):
             try:
@@ -125,12 +131,18 @@ def default_camera() -> Camera:
     return Camera.from_parameters(CameraParameters())
 
 
+def _packaged_parameters() -> VisionParameters:
+    return VisionParameters()
+
+
 class _VisionBySize:
     """One near vision a picture size, made when it is first needed."""
 
-    def __init__(self, cue: Target, camera: Camera) -> None:
+    def __init__(self, cue: Cue, camera: Camera, parameters: VisionParameters) -> None:
         self._cue, self._camera = cue, camera
-        self._parameters = VisionParameters(gimbal_noise_rad=0.0)
+        self._parameters = replace(
+            parameters, gimbal_noise_rad=0.0, max_obliquity_deg=max(parameters.max_obliquity_deg, _MAX_OBLIQUITY_DEG)
+        )
         self._by_size: dict[tuple[int, int], NearVision] = {}
 
     def see(self, picture: FilePicture) -> SeeResult:

@@ -38,13 +38,6 @@ class VisionParameters:
     )
     saturation: Band = key((70, 255), "colour gate, both ends included", "[Lee2022, §Image Filtering]")
     value: Band = key((90, 255), "colour gate, both ends included", "[Lee2022, §Image Filtering]")
-    adaptive: bool = key(
-        False, "a picture without a pose is searched again through a gate made from it: `segment.adapted`"
-    )
-    adaptive_hue: int = key(7, "widening of hue on either side in that gate, OpenCV's units of 2°", ge=0)
-    adaptive_floor: float = key(
-        0.4, "fraction to which that gate may lower the floors of saturation and value", gt=0, le=1
-    )
     kernel_px: int = key(
         3, "side of the square kernel of opening and closing", "chosen: keeps a rectangle 5 px high", ge=1
     )
@@ -109,18 +102,9 @@ class VisionParameters:
         le=1,
     )
     corner_noise_px: float = key(0.17, "of a Förstner corner, per axis", "measured: docs/results/near-vision.md", gt=0)
-    length_tolerance: float = key(
-        0.1, "of opposite sides' lengths, relative", "[Lee2022, §Detected Points Screening]", gt=0, le=1
-    )
-    slope_tolerance: float = key(
-        0.05, "largest difference of opposite sides' slopes", "[Lee2022, §Detected Points Screening]", gt=0, le=1
-    )
-    screening_px: float = key(
-        0.8, "least of both tolerances in pixels: short sides have larger errors than the shares", ge=0, le=10
-    )
     reprojection_px: float = key(
         0.1,
-        "largest root-mean-square reprojection error, in addition to the cue's `Target.manufacturing_tolerance` "
+        "largest root-mean-square reprojection error, in addition to the cue's `Cue.manufacturing_tolerance` "
         "and four standard deviations of the corners",
         gt=0,
         le=10,

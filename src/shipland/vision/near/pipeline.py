@@ -13,33 +13,21 @@ from functools import partial
 import numpy as np
 
 from shipland.camera import Camera, level_from_camera
+from shipland.cue import Cue
 from shipland.frames import Array
 from shipland.messages import Frame, GimbalAttitude, Observation
-from shipland.rig import Target
 from shipland.vision.near.associate import Match
 from shipland.vision.near.choice import Choice
 from shipland.vision.near.edges import MeasuredCorners, measure_corners
+from shipland.vision.near.hidden import hidden_sides, without
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import LevelPrior
 from shipland.vision.near.pose import Known, PoseCandidate, Setup, solve_pose
 from shipland.vision.near.refusal import Refusal, gimbal_off
-from shipland.vision.near.segment import (
-    Image,
-    QuadsOf,
-    Window,
-    adapted,
-    coloured_window,
-    find_quads,
-    segment,
-)
+from shipland.vision.near.regions import find_regions
+from shipland.vision.near.segment import Image, QuadsOf, RegionsOf, Window, find_quads, segment
 from shipland.vision.near.track import Track
-from shipland.vision.near.validate import (
-    SidesAgree,
-    corners_are_sharp,
-    jumps,
-    sides_agree,
-    validate,
-)
+from shipland.vision.near.validate import Screen, corners_are_sharp, jumps, validate
 
 MeasureCorners = Callable[[Image, Array, Camera, VisionParameters, float | None], MeasuredCorners | None]
 """Image, corners (n,4,2) to within two pixels, camera, parameters, blur of the last picture: corners at sub-pixel."""
@@ -50,20 +38,22 @@ class Steps:
     """The steps in which our chain and the published one differ.
 
     Attributes:
-        quads_of: finds quadrilaterals among regions.
+        regions_of: finds the regions of the cue's colour.
+        quads_of: finds quadrilaterals among them.
         measure: measures their corners at sub-pixel.
-        screen: compares opposite sides.
+        screen: a further test of the pose's sides.
     """
 
+    regions_of: RegionsOf = find_regions
     quads_of: QuadsOf = find_quads
     measure: MeasureCorners = measure_corners
-    screen: SidesAgree = sides_agree
+    screen: Screen = lambda _: True
 
 
 class NearVision:
     """Sees one cue with one camera; holds the last pose to look near it first and to choose by continuity."""
 
-    def __init__(self, cue: Target, camera: Camera, parameters: VisionParameters, steps: Steps | None = None) -> None:
+    def __init__(self, cue: Cue, camera: Camera, parameters: VisionParameters, steps: Steps | None = None) -> None:
         self._setup, self._steps = Setup.of(cue, camera, parameters), steps or Steps()
         self._track: Track | None = None
 
@@ -97,12 +87,9 @@ class NearVision:
         known = Known(level) if track is None else track.known(t_s, level)
         found: PoseCandidate | Refusal = Refusal.NO_MATCH
         if track is not None:
-            found = self._look(image, track.window(t_s, setup), setup.parameters, known, parts=False)
+            found = self._look(image, track.window(t_s, setup), known, parts=False)
         if isinstance(found, Refusal):
-            found = self._search(image, setup.parameters, known)
-        if isinstance(found, Refusal) and setup.parameters.adaptive:
-            again = self._search(image, adapted(image, setup.parameters), known)
-            found = again if isinstance(again, PoseCandidate) else found
+            found = self._look(image, Window.whole(image), known, parts=True)
         if isinstance(found, Refusal):
             return found
         if track is not None and jumps(found.bar_pose, track.camera_from_plane, t_s - track.t_s, setup.parameters):
@@ -110,17 +97,13 @@ class NearVision:
         self._track = Track.of(found, t_s, track)
         return found
 
-    def _search(self, image: Image, gate: VisionParameters, known: Known) -> PoseCandidate | Refusal:
-        """The cue in the whole picture, through a colour gate."""
-        return self._look(image, coloured_window(image, gate), gate, known, parts=True)
-
-    def _look(
-        self, image: Image, window: Window, gate: VisionParameters, known: Known, *, parts: bool
-    ) -> PoseCandidate | Refusal:
+    def _look(self, image: Image, window: Window, known: Known, *, parts: bool) -> PoseCandidate | Refusal:
         """The cue in a part of the picture; `parts` says whether a cue that is not whole will do."""
-        segments = segment(image, window, gate, self._steps.quads_of)
-        if segments is None:
+        steps, parameters = self._steps, self._setup.parameters
+        regions = [] if window.empty else steps.regions_of(image, window, parameters, self._setup.hue)
+        if not regions:
             return Refusal.NOTHING_GREEN
+        segments = segment(image, regions, parameters, self._setup.plane_m.shape[1], steps.quads_of)
         choice = Choice(partial(self._pose_of, image, known), self._setup, known.predicted_px, segments.cut)
         result = choice.cue_among(segments.quads, parts=parts)
         if isinstance(result, Refusal) and parts and segments.flush:
@@ -137,7 +120,12 @@ class NearVision:
         candidate = solve_pose(match, measured, setup, known)
         if candidate is None:
             return Refusal.NO_SOLUTION
-        return validate(candidate, steps.screen) or candidate
+        refusal = validate(candidate, steps.screen)
+        for hidden in hidden_sides(candidate) if refusal in (Refusal.REPROJECTION, Refusal.BLOOM) else []:
+            rest = solve_pose(match, without(measured, hidden), setup, known)
+            if rest is not None and validate(rest, steps.screen) is None:
+                return rest
+        return refusal or candidate
 
 
 def _level(gimbal: GimbalAttitude, noise_rad: float) -> LevelPrior | None:

@@ -256,14 +256,15 @@ class _Refiner:
         self.rays[1] = (rows - cy) / fy
         self.rays[0] = (columns - cx - skew * self.rays[1]) / fx if skew != 0.0 else (columns - cx) / fx
         self._size = 2 * count
-        self._whiten = (corners.whiten.reshape(-1, 4, 2) @ self._to_pixels).reshape(-1, 8, 8)
+        self._shape, wide = corners.plane_m.shape, corners.plane_m.shape[1] * 2
+        self._whiten = (corners.whiten.reshape(-1, wide // 2, 2) @ self._to_pixels).reshape(-1, wide, wide)
         kinds = 0 if corners.common_px is None else len(corners.common_px)
         self._common: Array | None = None
         self._common_px = corners.common_px
         if corners.common_px is not None:
             # W' of the covariance (WᵀW)⁻¹ + C Cᵀ is (1 − V K Vᵀ) W, with V = W C and VᵀV = Q λ Qᵀ:
             # K = Q (1 − (1 + λ)^−½) / λ Qᵀ.
-            common = (corners.whiten @ corners.common_px.reshape(kinds, -1, 8, 1)).reshape(kinds, -1)
+            common = (corners.whiten @ corners.common_px.reshape(kinds, -1, wide, 1)).reshape(kinds, -1)
             length2, turn = np.linalg.eigh(common @ common.T)
             length2 = np.maximum(length2, 1e-12)
             self._common = common
@@ -354,9 +355,9 @@ class _Refiner:
         _, covariance, failed = lapack.dposv(at.gram[:6, :6], _IDENTITY)
         if failed:
             raise np.linalg.LinAlgError("the corners do not determine the pose")
-        residual_px, amplitudes = (at.residual @ self._to_pixels.T).reshape(-1, 4, 2), NO_COMMON_ERROR
+        residual_px, amplitudes = (at.residual @ self._to_pixels.T).reshape(self._shape), NO_COMMON_ERROR
         if self._common is not None and self._common_px is not None:
-            whitened = self._whiten @ at.residual.reshape(-1, 8, 1)
+            whitened = self._whiten @ at.residual.reshape(len(self._whiten), -1, 1)
             amplitudes = -self._amplitude @ (self._common @ whitened.ravel())
             residual_px += np.tensordot(amplitudes, self._common_px, axes=1)
         return Solution(
@@ -386,7 +387,8 @@ class _Refiner:
         partial[:, :, 6] = (seen - self.rays).T
         rows, size = self._rows, self._size
         whitened = rows[:size]
-        np.matmul(self._whiten, partial.reshape(-1, 8, 7), out=whitened.reshape(-1, 8, 7))
+        wide = self._whiten.shape[1]
+        np.matmul(self._whiten, partial.reshape(-1, wide, 7), out=whitened.reshape(-1, wide, 7))
         if self._common is not None:
             whitened -= self._share @ (self._common @ whitened)
         if self._across is not None:

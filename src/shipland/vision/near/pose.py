@@ -16,13 +16,14 @@ from functools import cached_property
 import numpy as np
 
 from shipland.camera import Camera
+from shipland.cue import Cue, Hue
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose
-from shipland.rig import Target
-from shipland.vision.near.associate import Match, model_plane
+from shipland.vision.near.associate import Match
 from shipland.vision.near.covariance import bar_pose_of, covariance_over_heading
 from shipland.vision.near.edge_pixels import distort
 from shipland.vision.near.edges import MeasuredCorners
+from shipland.vision.near.hidden import Hidden, alike
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import DISPROVED, Corners, LevelPrior, Solution, ordered, solve
 
@@ -35,26 +36,28 @@ class Setup:
 
     Attributes:
         plane_m: (n,4,2) corners (right, down) of the cue's quadrilaterals.
-        manufacturing_tolerance: of the cue's dimensions (`Target.manufacturing_tolerance`).
+        manufacturing_tolerance: of the cue's dimensions (`Cue.manufacturing_tolerance`).
         camera: intrinsics.
         parameters: of the near chain.
+        hue: of the cue.
     """
 
     plane_m: Array
     manufacturing_tolerance: float
     camera: Camera
     parameters: VisionParameters
+    hue: Hue
 
     @staticmethod
-    def of(cue: Target, camera: Camera, parameters: VisionParameters) -> Setup:
+    def of(cue: Cue, camera: Camera, parameters: VisionParameters) -> Setup:
         """For one cue."""
-        return Setup(model_plane(cue), cue.manufacturing_tolerance, camera, parameters)
+        return Setup(cue.plane_m, cue.manufacturing_tolerance, camera, parameters, cue.hue or parameters.hue)
 
     def projected_px(self, camera_from_plane: Pose) -> Array:
         """(n,4,2) all corners of the cue in the picture; NaN where they are not in front of the camera."""
         points = np.zeros((self.plane_m.size // 2, 3))
         points[:, :2] = self.plane_m.reshape(-1, 2)
-        return self.camera.project(camera_from_plane.apply(points)).reshape(-1, 4, 2)
+        return self.camera.project(camera_from_plane.apply(points)).reshape(self.plane_m.shape)
 
 
 @dataclass(frozen=True)
@@ -131,6 +134,14 @@ class PoseCandidate:
         """Whether it rests on all of the cue's quadrilaterals."""
         return len(self.match.model) == len(self.setup.plane_m)
 
+    @property
+    def freed_px(self) -> Array:
+        """(k,4,2) the undistorted corners, freed of the errors that they have in common."""
+        corners, common = self.corners, self.solutions[0].common
+        if corners.common_px is None:
+            return corners.undistorted_px
+        return corners.undistorted_px - np.tensordot(common, corners.common_px, axes=1)
+
     @cached_property
     def bar_pose(self) -> BarPose:
         """What crosses to the pilot."""
@@ -147,17 +158,20 @@ def solve_pose(match: Match, measured: MeasuredCorners, setup: Setup, known: Kno
         corners_px = corners_px - moved.moved_px
         common_px = moved.unsure_px if common_px is None else np.concatenate([common_px, moved.unsure_px])
     corners = Corners(corners_px, measured.whiten, setup.plane_m[list(match.model)], common_px)
-    solutions, corners = _solved(corners, setup.camera, known)
+    solutions, corners = _solved(corners, setup.camera, known, measured.hidden)
     if not solutions:
         return None
     shown_px = measured.corners_px
     if edge_bias_px is not None:
         shown_px = shown_px - solutions[0].common[0] * edge_bias_px
-    shown_px = distort(shown_px.reshape(-1, 2), setup.camera).reshape(-1, 4, 2)
+    if measured.hidden is not None:  # their corners are where the pose has them
+        beside = measured.hidden | np.roll(measured.hidden, 1, axis=1)
+        shown_px = shown_px + solutions[0].residual_px * beside[..., None]
+    shown_px = distort(shown_px.reshape(-1, 2), setup.camera).reshape(shown_px.shape)
     return PoseCandidate(setup, match, measured, corners, known.level, solutions, shown_px)
 
 
-def _solved(corners: Corners, camera: Camera, known: Known) -> tuple[list[Solution], Corners]:
+def _solved(corners: Corners, camera: Camera, known: Known, hidden: Hidden | None) -> tuple[list[Solution], Corners]:
     """The planar solutions, the one taken first, and the corners with the covariance that they were solved with.
 
     Corners that lie much farther from any pose's than their covariance allows have a larger error than stated, as when
@@ -171,9 +185,9 @@ def _solved(corners: Corners, camera: Camera, known: Known) -> tuple[list[Soluti
         return solutions, corners  # the gimbal's vertical does not fit
     taken = solutions[0]
     noise_px = math.sqrt(float(np.vdot(taken.residual_px, taken.residual_px)) / taken.freedom)
-    alike = replace(corners, whiten=np.broadcast_to(np.eye(8) / noise_px, corners.whiten.shape))
-    again = ordered(solve(alike, camera, known.level, known.last), known.last)
-    return (again, alike) if again else (solutions, corners)
+    anew = replace(corners, whiten=alike(corners.undistorted_px, noise_px, hidden))
+    again = ordered(solve(anew, camera, known.level, known.last), known.last)
+    return (again, anew) if again else (solutions, corners)
 
 
 @dataclass(frozen=True)
@@ -217,7 +231,7 @@ def row_motion(
 
 def _row_motion(corners_px: Array, match: Match, setup: Setup, followed: Followed | None) -> RowMotion:
     """Motion of the corners (k,4,2) of a match between the times of their rows."""
-    rows = distort(corners_px.reshape(-1, 2), setup.camera)[:, 1].reshape(-1, 4)
+    rows = distort(corners_px.reshape(-1, 2), setup.camera)[:, 1].reshape(corners_px.shape[:2])
     model = list(match.model)
     last = None if followed is None else replace(followed, corners_px=followed.corners_px[model])
     return row_motion(corners_px, rows, setup.plane_m[model], setup.camera, setup.parameters, last)

@@ -1,28 +1,138 @@
 """The near chain as published [Lee2022, §Classical Computer Vision Based Approach].
 
-It differs from ours in three steps: the watershed runs on every region, Förstner's operator refines the corners, and
-opposite sides are screened raw, as printed. `--vision published` flies it.
+It differs from ours in four steps: one threshold holds for the whole picture, the watershed runs on every region,
+Förstner's operator refines the corners, and opposite sides are screened raw, as printed. `--vision published` flies it.
 """
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from shipland.camera import Camera
+from shipland.cue import Cue, Hue
 from shipland.frames import Array
-from shipland.rig import Target
 from shipland.vision.near.edge_pixels import Sides, contrast_direction, distort
 from shipland.vision.near.edges import MeasuredCorners
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
-from shipland.vision.near.segment import Image, Region, Window, flooded_quad
-from shipland.vision.near.validate import opposite_sides, ratio_is_within
+from shipland.vision.near.pose import PoseCandidate
+from shipland.vision.near.segment import (
+    Image,
+    Region,
+    Window,
+    opened_and_closed,
+    outlines,
+    quad_of_hull,
+    region_of,
+)
+
+_LENGTH_TOLERANCE = 0.10
+"""Largest relative difference of opposite sides' lengths [Lee2022, §Detected Points Screening]."""
+
+_SLOPE_TOLERANCE = 0.05
+"""Largest difference of opposite sides' slopes [Lee2022, §Detected Points Screening]."""
+
+_SCREENING_PX = 0.8
+"""Least of both tolerances in pixels, for sides so short that the fractions are below the corners' errors; chosen."""
+
+_SIDE_NOISE = 4.0
+"""Standard deviations of a corner that the ends of a side may be off in addition."""
+
+_BAND_ROWS = 128
+"""Rows of a band of `coloured_window`; even."""
+
+_NEXT = np.array([1, 2, 3, 0])
 
 
-def find_quads(image: Image, regions: list[Region], parameters: VisionParameters) -> list[Array]:
+def gate(image: Image, parameters: VisionParameters) -> Image:
+    """The colour gate [Lee2022, §Image Filtering]: (H,W) 0 or 255."""
+    hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
+    bands = (parameters.hue, parameters.saturation, parameters.value)
+    low, high = np.array([band[0] for band in bands]), np.array([band[1] for band in bands])
+    return np.asarray(cv2.inRange(hsv, low, high), np.uint8)
+
+
+def colour_mask(image: Image, parameters: VisionParameters) -> Image:
+    """The gate, then opening, then closing [Lee2022, §Image Filtering]: (H,W) 0 or 255."""
+    return opened_and_closed(gate(image, parameters), parameters.kernel_px)
+
+
+def coloured_window(image: Image, parameters: VisionParameters) -> Window:
+    """The part of a picture that holds all its coloured regions; empty when there are none.
+
+    Every second pixel of every second row is enough: opening removes whatever has none of them. The picture is taken in
+    bands, which stay in the processor's cache.
+    """
+    height, width = image.shape[:2]
+    if width < 64 or height < 64:
+        return Window.whole(image)
+    boxes = []
+    for top in range(0, height & ~1, _BAND_ROWS):
+        band = image[top : min(top + _BAND_ROWS, height & ~1), : width & ~1]
+        few = cv2.resize(band, (width // 2, len(band) // 2), interpolation=cv2.INTER_NEAREST)
+        column, row, across, down = cv2.boundingRect(gate(np.asarray(few, np.uint8), parameters))
+        if across:
+            boxes.append((2 * column, top + 2 * row, 2 * (column + across), top + 2 * (row + down)))
+    if not boxes:
+        return Window(0, 0, 0, 0)
+    lefts, tops, rights, bottoms = zip(*boxes, strict=True)
+    margin = parameters.kernel_px + 2
+    return Window(
+        max(min(lefts) - margin, 0),
+        max(min(tops) - margin, 0),
+        min(max(rights) + margin, width),
+        min(max(bottoms) + margin, height),
+    )
+
+
+def find_regions(image: Image, window: Window, parameters: VisionParameters, _: Hue | None = None) -> list[Region]:
+    """The largest coloured regions in a part of the picture, largest first; too small ones are left out."""
+    if window == Window.whole(image):
+        window = coloured_window(image, parameters)
+    if window.empty:
+        return []
+    mask = colour_mask(window.of(image), parameters)
+    contours = outlines(mask, (window.left, window.top), parameters)
+    regions = (region_of(contour, image, parameters) for contour in contours)
+    return [region for region in regions if region is not None]
+
+
+def watershed_region(image: Image, region: Region, margin: float) -> Region | None:
+    """The region with the boundary that the watershed finds [Lee2022, §Image Filtering].
+
+    The region eroded and the background outside of the region dilated, both by `margin` of the region's longer
+    side and at least one pixel, flood toward each other over the picture. None when nothing is left of it.
+    """
+    _, _, width, height = cv2.boundingRect(region.contour_px)
+    reach = max(1, round(margin * max(width, height)))
+    window = Window.around(region.contour_px.astype(float), reach + 2.0, image.shape[1], image.shape[0])
+    offset = (-window.left, -window.top)
+    filled = np.zeros((window.bottom - window.top, window.right - window.left), np.uint8)
+    cv2.drawContours(filled, [region.contour_px.reshape(-1, 1, 2)], -1, 255, cv2.FILLED, offset=offset)
+    kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    markers = np.zeros(filled.shape, np.int32)
+    markers[cv2.dilate(filled, kernel) == 0] = 1
+    markers[cv2.erode(filled, kernel) > 0] = 2
+    cv2.watershed(np.ascontiguousarray(window.of(image)), markers)
+    inside = np.asarray(markers == 2, np.uint8)
+    contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=(window.left, window.top))
+    if not contours:
+        return None
+    contour = max(contours, key=cv2.contourArea)
+    return Region(np.asarray(contour[:, 0], np.int32), float(cv2.contourArea(contour)), region.cut)
+
+
+def flooded_quad(image: Image, region: Region, parameters: VisionParameters) -> Array | None:
+    """Four corners (4,2) [px] of a region with the boundary that the watershed finds; None when it has no four."""
+    flooded = watershed_region(image, region, parameters.watershed_margin)
+    return None if flooded is None else quad_of_hull(flooded, parameters.min_side_px)[0]
+
+
+def find_quads(image: Image, regions: list[Region], parameters: VisionParameters, corners: int = 4) -> list[Array]:
     """The quadrilaterals among whole regions, each with the watershed's boundary [Lee2022, §Image Filtering]."""
-    quads = (flooded_quad(image, region, parameters) for region in regions)
+    quads = (flooded_quad(image, region, parameters) for region in regions if corners == 4)
     return [quad for quad in quads if quad is not None]
 
 
@@ -55,17 +165,32 @@ def measure_corners(
     return MeasuredCorners(corners, np.broadcast_to(np.eye(8) / noise_px, (len(quads_px), 8, 8)), noise_px)
 
 
-def sides_agree(measured_px: Array, _: Array, noise_px: float, parameters: VisionParameters) -> bool:
+def sides_agree(candidate: PoseCandidate) -> bool:
     """Whether opposite sides agree within ±10 % in length and ±5 % in slope [Lee2022, §Detected Points Screening].
 
-    The slope of a side is taken against the opposite side's direction, so that steep sides have one too.
-
-    Args:
-        measured_px: (k,4,2) corners, clockwise from the first.
-        noise_px: standard deviation of a measured corner.
-        parameters: tolerances.
+    The slope of a side is taken against the opposite side's direction, so that steep sides have one too. Corners of a
+    small rectangle are too uncertain for fractions: a few pixels are always allowed.
     """
-    return ratio_is_within(*opposite_sides(np.ascontiguousarray(measured_px)), noise_px, parameters)
+    ratio, shorter_px = opposite_sides(np.ascontiguousarray(candidate.freed_px))
+    unsure = (_SCREENING_PX + _SIDE_NOISE * candidate.measured.noise_px) / np.minimum(shorter_px, 1e6)
+    length = np.abs(ratio)
+    tolerance = 1.0 + np.maximum(_LENGTH_TOLERANCE, unsure)
+    steepest = np.maximum(_SLOPE_TOLERANCE, unsure)
+    agree = (length <= tolerance) & (length * tolerance >= 1.0)
+    agree &= np.abs(ratio.imag) <= steepest * np.maximum(ratio.real, 1e-9)
+    return bool(agree.all())
+
+
+def opposite_sides(quads_px: Array) -> tuple[npt.NDArray[np.complex128], Array]:
+    """(…,2) ratio of opposite sides, top to bottom and right to left, as complex numbers; (…,2) the shorter's length.
+
+    The magnitude is the ratio of the lengths, the angle's tangent the difference of the slopes.
+    """
+    corners = quads_px.view(np.complex128)[..., 0]
+    sides = corners[..., _NEXT] - corners
+    lengths = np.abs(sides)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return sides[..., :2] / -sides[..., 2:], np.minimum(lengths[..., :2], lengths[..., 2:])
 
 
 def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:
@@ -82,10 +207,10 @@ def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:
     return contrast_direction(colours[0], colours[1])
 
 
-STEPS = Steps(find_quads, measure_corners, sides_agree)
+STEPS = Steps(find_regions, find_quads, measure_corners, sides_agree)
 """Of the published chain."""
 
 
-def published_vision(cue: Target, camera: Camera, parameters: VisionParameters) -> NearVision:
+def published_vision(cue: Cue, camera: Camera, parameters: VisionParameters) -> NearVision:
     """Near vision by the published chain."""
     return NearVision(cue, camera, parameters, STEPS)

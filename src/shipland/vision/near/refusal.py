@@ -22,6 +22,7 @@ class Refusal(enum.Enum):
     CORNERS_UNSURE = "the corners cannot be measured at sub-pixel"
     SIDES_UNEQUAL = "opposite sides differ in length or slope more than perspective explains"
     REPROJECTION = "the corners do not fit the cue's dimensions (manufacturing_tolerance)"
+    BLOOM = "all sides err outward or inward by more than a lamp's bloom (edge_bias_px)"
     OUT_OF_REACH = "the pose lies outside the range or obliquity that is accepted"
     JUMP = "the pose is higher or lower than the last one by more than an aircraft climbs"
     GIMBAL_OFF = "gimbal and horizon disagree"

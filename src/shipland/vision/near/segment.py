@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from shipland.cue import Hue
 from shipland.frames import Array
+from shipland.vision.near.outline import polygon_in_outline, support
 from shipland.vision.near.parameters import VisionParameters
 
 Image = npt.NDArray[np.uint8]
-
-_ADAPT_STEP_PX = 8
-"""Step of the rows and columns that are sampled for a picture's brightness."""
-
-_BRIGHT_PERCENT = 99.0
-"""Percentile of saturation and of value that is taken for the picture's maximum."""
-
-_BAND_ROWS = 128
-"""Rows of a band of `coloured_window`; even."""
+Contour = npt.NDArray[np.int32]
+"""(n,1,2) an outline through pixel centres, as OpenCV has it."""
 
 
 @dataclass(frozen=True)
@@ -78,118 +73,42 @@ class Region:
     cut: bool
 
 
-def gate(image: Image, parameters: VisionParameters) -> Image:
-    """The colour gate [Lee2022, §Image Filtering]: (H,W) 0 or 255."""
-    hsv = cv2.cvtColor(image, cv2.COLOR_BGR2HSV)
-    bands = (parameters.hue, parameters.saturation, parameters.value)
-    low, high = np.array([band[0] for band in bands]), np.array([band[1] for band in bands])
-    return np.asarray(cv2.inRange(hsv, low, high), np.uint8)
-
-
-def adapted(image: Image, parameters: VisionParameters) -> VisionParameters:
-    """The parameters with a gate made from the picture: for other exposure and white balance than the gate's.
-
-    The floors of saturation and value are lowered as the picture's own 99th percentile of each lies below full scale,
-    at most to `adaptive_floor` of themselves; hue is widened by `adaptive_hue`. Nothing is narrowed.
-    """
-    few = np.ascontiguousarray(image[::_ADAPT_STEP_PX, ::_ADAPT_STEP_PX])
-    most = np.percentile(cv2.cvtColor(few, cv2.COLOR_BGR2HSV).reshape(-1, 3), _BRIGHT_PERCENT, axis=0)
-    saturation, value = (
-        (round(low * max(float(share), parameters.adaptive_floor)), high)
-        for (low, high), share in zip((parameters.saturation, parameters.value), most[1:] / 255.0, strict=True)
-    )
-    low, high = parameters.hue
-    hue = max(low - parameters.adaptive_hue, 0), min(high + parameters.adaptive_hue, 179)
-    return replace(parameters, hue=hue, saturation=saturation, value=value)
-
-
-def coloured_window(image: Image, parameters: VisionParameters) -> Window:
-    """The part of a picture that holds all its coloured regions; empty when there are none.
-
-    Every second pixel of every second row is enough: opening removes whatever has none of them. The picture is taken in
-    bands, which stay in the processor's cache.
-    """
-    height, width = image.shape[:2]
-    if width < 64 or height < 64:
-        return Window.whole(image)
-    boxes = []
-    for top in range(0, height & ~1, _BAND_ROWS):
-        band = image[top : min(top + _BAND_ROWS, height & ~1), : width & ~1]
-        few = cv2.resize(band, (width // 2, len(band) // 2), interpolation=cv2.INTER_NEAREST)
-        column, row, across, down = cv2.boundingRect(gate(np.asarray(few, np.uint8), parameters))
-        if across:
-            boxes.append((2 * column, top + 2 * row, 2 * (column + across), top + 2 * (row + down)))
-    if not boxes:
-        return Window(0, 0, 0, 0)
-    lefts, tops, rights, bottoms = zip(*boxes, strict=True)
-    margin = parameters.kernel_px + 2
-    return Window(
-        max(min(lefts) - margin, 0),
-        max(min(tops) - margin, 0),
-        min(max(rights) + margin, width),
-        min(max(bottoms) + margin, height),
-    )
-
-
-def colour_mask(image: Image, parameters: VisionParameters) -> Image:
-    """The gate, then opening, then closing [Lee2022, §Image Filtering]: (H,W) 0 or 255."""
-    mask = gate(image, parameters)
-    kernel = np.ones((parameters.kernel_px, parameters.kernel_px), np.uint8)
+def opened_and_closed(mask: cv2.typing.MatLike, kernel_px: int) -> Image:
+    """A mask without specks, then without voids [Lee2022, §Image Filtering]."""
+    kernel = np.ones((kernel_px, kernel_px), np.uint8)
     opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, kernel)
     # A border of 0, or closing would join a region to the picture's edge; what opening left at the edge is kept.
     closed = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=0)
     return np.asarray(cv2.bitwise_or(closed, opened), np.uint8)
 
 
-def find_regions(image: Image, window: Window, parameters: VisionParameters) -> list[Region]:
-    """The largest coloured regions in a part of the picture, largest first; too small ones are left out.
+def outlines(
+    mask: cv2.typing.MatLike, offset: tuple[int, int], parameters: VisionParameters, step: int = 1
+) -> list[Contour]:
+    """The largest outlines in a mask that are not too small, largest first.
 
     Args:
-        image: (H,W,3) BGR.
-        window: where to look; not empty.
-        parameters: gate, kernel, least size and greatest number.
+        mask: above 0 inside.
+        offset: where in the picture its first pixel is.
+        parameters: least size and greatest number.
+        step: pixels of the picture from one of the mask to the next.
     """
-    mask = colour_mask(window.of(image), parameters)
-    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=(window.left, window.top))
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=offset)
     # A contour through the centres of the outermost pixels is one pixel short on each axis.
-    least_px2 = max(parameters.min_side_px - 1.0, 1.0) ** 2
+    least_px2 = max(parameters.min_side_px / step - 1.0, 1.0) ** 2
     sized = [(cv2.contourArea(contour), contour) for contour in contours if len(contour) >= 4]
     sized = sorted((item for item in sized if item[0] >= least_px2), key=lambda item: -item[0])
-    height_px, width_px = image.shape[:2]
-    regions = []
-    for area_px2, contour in sized[: parameters.max_candidates]:
-        points = np.asarray(contour[:, 0], np.int32)
-        left, top, width, height = cv2.boundingRect(points)
-        if min(width, height) < parameters.min_side_px:
-            continue
-        cut = left <= 0 or top <= 0 or left + width >= width_px or top + height >= height_px
-        regions.append(Region(points, float(area_px2), cut))
-    return regions
+    return [np.asarray(contour, np.int32) for _, contour in sized[: parameters.max_candidates]]
 
 
-def watershed_region(image: Image, region: Region, margin: float) -> Region | None:
-    """The region with the boundary that the watershed finds [Lee2022, §Image Filtering].
-
-    The region eroded and the background outside of the region dilated, both by `margin` of the region's longer
-    side and at least one pixel, flood toward each other over the picture. None when nothing is left of it.
-    """
-    _, _, width, height = cv2.boundingRect(region.contour_px)
-    reach = max(1, round(margin * max(width, height)))
-    window = Window.around(region.contour_px.astype(float), reach + 2.0, image.shape[1], image.shape[0])
-    offset = (-window.left, -window.top)
-    filled = np.zeros((window.bottom - window.top, window.right - window.left), np.uint8)
-    cv2.drawContours(filled, [region.contour_px.reshape(-1, 1, 2)], -1, 255, cv2.FILLED, offset=offset)
-    kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    markers = np.zeros(filled.shape, np.int32)
-    markers[cv2.dilate(filled, kernel) == 0] = 1
-    markers[cv2.erode(filled, kernel) > 0] = 2
-    cv2.watershed(np.ascontiguousarray(window.of(image)), markers)
-    inside = np.asarray(markers == 2, np.uint8)
-    contours, _ = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=(window.left, window.top))
-    if not contours:
+def region_of(contour: Contour, image: Image, parameters: VisionParameters) -> Region | None:
+    """The region of an outline in the picture; None when it is too narrow."""
+    left, top, width, height = cv2.boundingRect(contour)
+    if min(width, height) < parameters.min_side_px:
         return None
-    contour = max(contours, key=cv2.contourArea)
-    return Region(np.asarray(contour[:, 0], np.int32), float(cv2.contourArea(contour)), region.cut)
+    height_px, width_px = image.shape[:2]
+    cut = left <= 0 or top <= 0 or left + width >= width_px or top + height >= height_px
+    return Region(np.asarray(contour[:, 0], np.int32), float(cv2.contourArea(contour)), cut)
 
 
 _LEAST_SOLIDITY = 0.85
@@ -198,8 +117,24 @@ _LEAST_SOLIDITY = 0.85
 _LEAST_PLAINNESS = 0.12
 """4π area / perimeter²: 1 for a circle, 0.6 for the rig's rectangles, 0.25 for a frame's three sides."""
 
-_MOST_FLOODS = 8
-"""Regions in one picture that the watershed is tried on; bounds the time that foliage takes."""
+_FILLED = 0.06
+"""Difference of a region's area from that of its hull's quadrilateral, over the hull's, up to which nothing of it is
+hidden."""
+
+_LEAST_DOUBTFUL_PX2 = 80.0
+"""Area from which a region's outline shows lines."""
+
+_LEAST_BITTEN = 0.6
+"""Area of a region with a bite out of it over that of its convex hull."""
+
+_MOST_DOUBTFUL = 2
+"""Regions in one picture whose outline is searched for lines, the largest; bounds the time that foliage takes."""
+
+_MOST_OUTLINES = 10
+"""The same where the cue's polygons are no quadrilaterals."""
+
+_MORE_SUPPORT = 0.05
+"""Share of its sides by which more of a quadrilateral must lie on the outline than of that of the hull."""
 
 _LEAST_TURN = 0.3
 """Sine of the least turn from one side to the next."""
@@ -217,16 +152,28 @@ _AREA_RATIO = (0.82, 1.18)
 """Area of the four-cornered approximation over that of the hull."""
 
 
-def quad_from_region(region: Region, min_side_px: float) -> Array | None:
-    """Four corners (4,2) [px], clockwise in the picture, of a region that is one quadrilateral; else None.
+def quad_of_hull(region: Region, min_side_px: float) -> tuple[Array | None, bool]:
+    """Four corners (4,2) [px], clockwise in the picture, of a region's hull, or None; whether its outline has others.
 
     The sides run through the centres of the region's outermost pixels: within half a pixel of the true edge.
     """
     hull = cv2.convexHull(region.contour_px)
     hull_px2 = cv2.contourArea(hull)
-    if hull_px2 <= 0.0 or region.area_px2 < _LEAST_SOLIDITY * hull_px2:
-        return None
-    return _quad_of_hull(hull, hull_px2, min_side_px)
+    if hull_px2 <= 0.0:
+        return None, False
+    quad = _quad_of_hull(hull, hull_px2, min_side_px) if region.area_px2 >= _LEAST_SOLIDITY * hull_px2 else None
+    fills = quad is not None and abs(cv2.contourArea(quad.astype(np.float32)) - region.area_px2) <= _FILLED * hull_px2
+    bitten = region.area_px2 >= max(_LEAST_DOUBTFUL_PX2, _LEAST_BITTEN * hull_px2)
+    return quad, not fills and bitten and _is_plain(region)
+
+
+def quad_in_outline(region: Region, quad: Array | None, min_side_px: float) -> Array | None:
+    """Four corners (4,2) [px] in a region's outline, where that supports them better than those of its hull."""
+    lines = polygon_in_outline(region.contour_px, region.area_px2, 4)
+    if lines is None or not _is_proper(lines.tolist(), min_side_px):
+        return quad
+    better = quad is None or support(lines, region.contour_px) > support(quad, region.contour_px) + _MORE_SUPPORT
+    return lines if better else quad
 
 
 def _quad_of_hull(hull: cv2.typing.MatLike, hull_px2: float, min_side_px: float) -> Array | None:
@@ -255,35 +202,39 @@ class Segments:
     cut: list[Region]
 
 
-QuadsOf = Callable[[Image, list[Region], VisionParameters], list[Array]]
-"""Finds the quadrilaterals (4,2) [px] among regions that are whole."""
+RegionsOf = Callable[[Image, Window, VisionParameters, Hue], list[Region]]
+"""Finds the regions of a hue in a part of a picture, largest first."""
+
+QuadsOf = Callable[[Image, list[Region], VisionParameters, int], list[Array]]
+"""Finds the polygons (n,2) [px] of so many corners among regions that are whole."""
 
 
-def segment(image: Image, window: Window, parameters: VisionParameters, quads_of: QuadsOf) -> Segments | None:
-    """The quadrilaterals in a part of a picture; None when nothing there passes the colour gate."""
-    regions = [] if window.empty else find_regions(image, window, parameters)
-    if not regions:
-        return None
-    cut = [region for region in regions if region.cut and _is_plain(region)]
-    cut_quads = (quad_from_region(region, parameters.min_side_px) for region in cut)
+def segment(
+    image: Image, regions: list[Region], parameters: VisionParameters, corners: int, quads_of: QuadsOf
+) -> Segments:
+    """The polygons of so many corners among the regions of a picture."""
+    cut = [region for region in regions if region.cut and _is_plain(region)] if corners == 4 else []
+    cut_quads = (quad_of_hull(region, parameters.min_side_px)[0] for region in cut)
     flush = (_snapped(quad, image.shape[1], image.shape[0]) for quad in cut_quads if quad is not None)
     whole = [region for region in regions if not region.cut]
-    return Segments(quads_of(image, whole, parameters), [quad for quad in flush if quad is not None], cut)
+    return Segments(quads_of(image, whole, parameters, corners), [quad for quad in flush if quad is not None], cut)
 
 
-def find_quads(image: Image, regions: list[Region], parameters: VisionParameters) -> list[Array]:
-    """The quadrilaterals among whole regions; those of plain outline that are none get the watershed's boundary."""
-    quads = [quad_from_region(region, parameters.min_side_px) for region in regions]
-    doubtful = [index for index, quad in enumerate(quads) if quad is None and _is_plain(regions[index])]
-    for index in doubtful[:_MOST_FLOODS]:
-        quads[index] = flooded_quad(image, regions[index], parameters)
-    return [quad for quad in quads if quad is not None]
-
-
-def flooded_quad(image: Image, region: Region, parameters: VisionParameters) -> Array | None:
-    """Four corners (4,2) [px] of a region with the boundary that the watershed finds; None when it has no four."""
-    flooded = watershed_region(image, region, parameters.watershed_margin)
-    return None if flooded is None else quad_from_region(flooded, parameters.min_side_px)
+def find_quads(_: Image, regions: list[Region], parameters: VisionParameters, corners: int = 4) -> list[Array]:
+    """The polygons of so many corners among whole regions."""
+    if corners != 4:
+        some = (polygon_in_outline(region.contour_px, region.area_px2, corners) for region in regions[:_MOST_OUTLINES])
+        return [polygon for polygon in some if polygon is not None]
+    quads = []
+    doubtful = 0
+    for region in regions:
+        quad, doubt = quad_of_hull(region, parameters.min_side_px)
+        if doubt and doubtful < _MOST_DOUBTFUL:
+            doubtful += 1
+            quad = quad_in_outline(region, quad, parameters.min_side_px)
+        if quad is not None:
+            quads.append(quad)
+    return quads
 
 
 def is_cut_quad(region: Region) -> bool:

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose
 from shipland.vision.near.covariance import position_and_yaw
+from shipland.vision.near.hidden import may_be_hidden, seen_error_px
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.segment import Region, edge_distances
 
 if TYPE_CHECKING:
     from shipland.vision.near.edges import MeasuredCorners
-    from shipland.vision.near.pose import PoseCandidate
+    from shipland.vision.near.pose import PoseCandidate, Setup
 
 _MOST_COMMON = 3.0
 """Standard deviations of the corners' common errors; a larger one would excuse rectangles of other dimensions."""
@@ -29,9 +29,6 @@ _REPROJECTION_NOISE = 4.0
 
 _MOST_NOISE_PX = 0.1
 """Most that these amount to: smeared or frayed sides state a noise that would excuse any shape."""
-
-_SIDE_NOISE = 4.0
-"""Standard deviations of a corner that the ends of a side may be off in addition."""
 
 _JUMP_M, _JUMP_SIGMAS = 0.5, 4.0
 """Change of height, and its standard deviations, that two poses may differ by in no time."""
@@ -45,10 +42,9 @@ _WHOLE = 0.98
 _COVERED = 0.6
 """Least share of a predicted quadrilateral's visible part, and of a cut region, that the two must have in common."""
 
-_NEXT = np.array([1, 2, 3, 0])
 
-SidesAgree = Callable[[Array, Array, float, VisionParameters], bool]
-"""Measured and predicted corners (k,4,2), noise of a corner [px], parameters: whether opposite sides agree."""
+Screen = Callable[["PoseCandidate"], bool]
+"""A further test of a pose's sides."""
 
 
 def corners_are_sharp(measured: MeasuredCorners, parameters: VisionParameters) -> bool:
@@ -58,20 +54,20 @@ def corners_are_sharp(measured: MeasuredCorners, parameters: VisionParameters) -
     return not (blurred or measured.noise_px > parameters.max_noise * shortest_px)
 
 
-def validate(candidate: PoseCandidate, screen: SidesAgree) -> Refusal | None:
-    """Why a pose is refused; None when it passes reprojection gate, screening of opposite sides, and reach."""
-    corners, taken, measured = candidate.corners, candidate.solutions[0], candidate.measured
-    parameters, corners_px = candidate.setup.parameters, corners.undistorted_px
-    if corners.common_px is not None:
-        if not np.abs(taken.common).max() <= _MOST_COMMON:
-            return Refusal.REPROJECTION
-        corners_px = corners_px - np.tensordot(taken.common, corners.common_px, axes=1)
+def validate(candidate: PoseCandidate, screen: Screen) -> Refusal | None:
+    """Why a pose is refused; None when it passes reprojection gate, screening and reach."""
+    taken, measured = candidate.solutions[0], candidate.measured
+    parameters, corners_px = candidate.setup.parameters, candidate.freed_px
     tolerance = candidate.setup.manufacturing_tolerance
-    if not taken.reprojection_px <= largest_reprojection_px(corners_px, measured.noise_px, tolerance, parameters):
+    if not seen_error_px(candidate) <= largest_reprojection_px(corners_px, measured.noise_px, tolerance, parameters):
         return Refusal.REPROJECTION
+    if taken.common.size and not np.abs(taken.common).max() <= _MOST_COMMON:
+        return Refusal.BLOOM
     if measured.held and _beyond_edge(candidate):
         return Refusal.CUT_BY_FRAME
-    if not screen(corners_px, corners_px + taken.residual_px, measured.noise_px, parameters):
+    if not may_be_hidden(candidate):
+        return Refusal.REPROJECTION
+    if not screen(candidate):
         return Refusal.SIDES_UNEQUAL
     return None if within_reach(taken.camera_from_plane, parameters) else Refusal.OUT_OF_REACH
 
@@ -90,52 +86,6 @@ def largest_reprojection_px(
     diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
     most_px = parameters.reprojection_px + manufacturing_tolerance * diagonal_px
     return most_px + min(_REPROJECTION_NOISE * noise_px, _MOST_NOISE_PX)
-
-
-def sides_agree(measured_px: Array, predicted_px: Array, noise_px: float, parameters: VisionParameters) -> bool:
-    """Whether opposite sides agree within ±10 % in length and ±5 % in slope, perspective allowed for.
-
-    As printed (`published.sides_agree`), opposite sides are compared with each other. A rectangle seen obliquely from
-    near by fails that: at 2 m and 40° off, one end of the rig's rectangle is 15 % longer than the other. Here the ratio
-    of the lengths and the difference of the slopes are compared with those of the pose. For a distant or frontal view
-    both readings are one.
-
-    Args:
-        measured_px: (k,4,2) corners, clockwise from the first.
-        predicted_px: (k,4,2) the same corners projected with the pose.
-        noise_px: standard deviation of a measured corner.
-        parameters: tolerances.
-    """
-    (ratio, predicted), (shorter_px, _) = opposite_sides(np.array([measured_px, predicted_px]))
-    return ratio_is_within(ratio / predicted, shorter_px, noise_px, parameters)
-
-
-def ratio_is_within(
-    ratio: npt.NDArray[np.complex128], shorter_px: Array, noise_px: float, parameters: VisionParameters
-) -> bool:
-    """Whether ratios of opposite sides, as `opposite_sides` has them, are 1 within the tolerances.
-
-    Corners of a small rectangle are too uncertain for fractions: a few pixels are always allowed.
-    """
-    unsure = (parameters.screening_px + _SIDE_NOISE * noise_px) / np.minimum(shorter_px, 1e6)
-    length = np.abs(ratio)
-    tolerance = 1.0 + np.maximum(parameters.length_tolerance, unsure)
-    steepest = np.maximum(parameters.slope_tolerance, unsure)
-    agree = (length <= tolerance) & (length * tolerance >= 1.0)
-    agree &= np.abs(ratio.imag) <= steepest * np.maximum(ratio.real, 1e-9)
-    return bool(agree.all())
-
-
-def opposite_sides(quads_px: Array) -> tuple[npt.NDArray[np.complex128], Array]:
-    """(…,2) ratio of opposite sides, top to bottom and right to left, as complex numbers; (…,2) the shorter's length.
-
-    The magnitude is the ratio of the lengths, the angle's tangent the difference of the slopes.
-    """
-    corners = quads_px.view(np.complex128)[..., 0]
-    sides = corners[..., _NEXT] - corners
-    lengths = np.abs(sides)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return sides[..., :2] / -sides[..., 2:], np.minimum(lengths[..., :2], lengths[..., 2:])
 
 
 def within_reach(camera_from_plane: Pose, parameters: VisionParameters) -> bool:
@@ -165,20 +115,25 @@ def jumps(pose: BarPose, last: Pose, passed_s: float, parameters: VisionParamete
     return risen_m > _JUMP_M + unsure_m + parameters.track_climb_mps * passed_s
 
 
-def explains_absence(candidate: PoseCandidate, cut: Sequence[Region]) -> bool:
+def explains_absence(setup: Setup, camera_from_plane: Pose, model: Sequence[int], cut: Sequence[Region]) -> bool:
     """Whether the picture's edge explains the quadrilaterals that a pose lacks.
 
     None of them may be one that should be there whole; and unless at least two quadrilaterals are whole, one that the
     edge cuts must be found where the pose predicts it.
+
+    Args:
+        setup: cue and camera.
+        camera_from_plane: the pose.
+        model: the cue's quadrilaterals that it rests on.
+        cut: regions that the picture's edge cuts.
     """
-    setup = candidate.setup
-    predicted_px = setup.projected_px(candidate.camera_from_plane)
+    predicted_px = setup.projected_px(camera_from_plane)
     if not np.isfinite(predicted_px).all():
         return False
     size_px = (setup.camera.width_px, setup.camera.height_px)
-    proven = len(candidate.match.model) > 1
-    for model, quad_px in enumerate(predicted_px):
-        if model in candidate.match.model:
+    proven = len(model) > 1
+    for index, quad_px in enumerate(predicted_px):
+        if index in model:
             continue
         visible_px2 = _clipped_area(quad_px, size_px)
         if visible_px2 >= _WHOLE * abs(cv2.contourArea(quad_px.astype(np.float32))):
@@ -198,7 +153,7 @@ def _beyond_edge(candidate: PoseCandidate) -> bool:
 def _shortest_px(quads_px: Array) -> float:
     """The shortest side of quadrilaterals (n,4,2)."""
     points = np.ascontiguousarray(quads_px).view(np.complex128)[..., 0]
-    return float(np.abs(points - points[:, [1, 2, 3, 0]]).min())
+    return float(np.abs(points - np.roll(points, -1, axis=1)).min())
 
 
 def _picture_corners(size_px: tuple[int, int]) -> Array:
@@ -208,7 +163,9 @@ def _picture_corners(size_px: tuple[int, int]) -> Array:
 
 def _clipped_area(quad_px: Array, size_px: tuple[int, int]) -> float:
     """Area [px²] of the part of a convex quadrilateral that lies in the picture."""
-    area, _ = cv2.intersectConvexConvex(quad_px.astype(np.float32), _picture_corners(size_px).astype(np.float32))
+    area, _ = cv2.intersectConvexConvex(
+        cv2.convexHull(quad_px.astype(np.float32)), _picture_corners(size_px).astype(np.float32)
+    )
     return float(area)
 
 
@@ -217,5 +174,5 @@ def _same_place(quad_px: Array, region: Region, size_px: tuple[int, int]) -> boo
     hull = cv2.convexHull(region.contour_px).astype(np.float32)
     hull_px2 = cv2.contourArea(hull)
     visible_px2 = _clipped_area(quad_px, size_px)
-    common_px2, _ = cv2.intersectConvexConvex(quad_px.astype(np.float32), hull)
+    common_px2, _ = cv2.intersectConvexConvex(cv2.convexHull(quad_px.astype(np.float32)), hull)
     return common_px2 >= _COVERED * visible_px2 and common_px2 >= _COVERED * hull_px2 and hull_px2 > 0.0

@@ -1,0 +1,194 @@
+"""Inner loops: what an autopilot takes and gives, and the packaged ones, which say what a pitch or roll stick means.
+
+Kind `attitude`: a tilt against the horizon, as an ANAFI flies a PCMD with its flag set, and nothing else: a gust pushes
+the aircraft, and it drifts with the wind. Released sticks (PCMD's flag 0) brake and hold the place. Source: Parrot
+staff, developer forum, thread 12864, "Understanding anafi inner loop control and PCMD commands".
+
+Kind `velocity`: a velocity set-point, tracked inside, as PX4's OFFBOARD and ArduPilot's guided velocity: over the
+velocity reference (`aircraft.loop.velocity_reference`), ground or the surface that the optical flow sees. Released
+sticks brake and, below `HOLD_MPS`, hold the place.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+from shipland.compiled import compiled
+from shipland.frames import GRAVITY_MPS2 as G
+from shipland.sim.aircraft.loop_laws import (
+    advance_reference,
+    demand_attitude,
+    hold_push,
+    lift_mps2,
+    tilt_of,
+    velocity_push,
+)
+from shipland.sim.aircraft.parameters import AircraftParameters, Vector
+from shipland.sim.aircraft.record import Constants, Record, Records, Sensed, State, at
+
+
+class Sticks(NamedTuple):
+    """Stick positions, -1 … 1: forward, right, up, clockwise positive."""
+
+    pitch: float
+    roll: float
+    heave: float
+    yaw: float
+
+
+CENTRED = Sticks(0.0, 0.0, 0.0, 0.0)
+
+
+class Demand(NamedTuple):
+    """Total thrust along body up [N] and moments about body forward, right and down [Nm]."""
+
+    thrust_n: float
+    roll_nm: float
+    pitch_nm: float
+    yaw_nm: float
+
+
+@dataclass(frozen=True)
+class LoopSetup:
+    """What an inner loop is built from.
+
+    Attributes:
+        parameters: the aircraft.
+        step_s: time between updates [s].
+        sensed: where it starts, hovering.
+        push_in_ned_mps2: acceleration that thrust gives against the wind's drag there.
+        record: the aircraft's, in which the packaged loops keep their state.
+    """
+
+    parameters: AircraftParameters
+    step_s: float
+    sensed: Sensed
+    push_in_ned_mps2: Vector
+    record: Record
+
+
+class InnerLoop(Protocol):
+    """The autopilot's law; a factory of the group `loops` makes it from a `LoopSetup`."""
+
+    def update(self, sensed: Sensed, sticks: Sticks) -> Demand:
+        """Advance by one step."""
+
+
+HOLD_MPS = 0.2
+"""Kind `velocity`: reference speed under which released sticks hold the place."""
+
+
+@compiled
+def control(s: State, k: Constants) -> None:
+    """One tick of the inner loop: from what is sensed and the sticks to thrust and moments."""
+    lift = lift_mps2(s, k)
+    released = 100.0 * max(abs(s.stick_pitch), abs(s.stick_roll)) < k.hold_below
+    if k.velocity_kind > 0.0:
+        push_n, push_e = _velocity_stick(s, k, lift, released)
+        roll_ref, pitch_ref = tilt_of(push_n, push_e, lift, s.heading)
+    else:
+        roll_ref, pitch_ref = _tilt_stick(s, k, lift, released)
+    demand_attitude(s, k, lift, roll_ref, pitch_ref)
+
+
+@compiled
+def _tilt_stick(s: State, k: Constants, lift: float, released: bool) -> tuple[float, float]:
+    """Kind `attitude`: the tilt of the stick, with a wind trim its push and the wind's; released, a place hold."""
+    trim_n, trim_e = 0.0, 0.0
+    if k.trim_s > 0.0:
+        trim_n, trim_e = _wind_trim(s, k)
+    if released:
+        push_n, push_e = hold_push(s, k, lift * k.max_slope)
+        return tilt_of(push_n, push_e, lift, s.heading)
+    s.held = 0.0
+    if k.trim_s <= 0.0:
+        return s.stick_roll * k.max_tilt, -s.stick_pitch * k.max_tilt
+    cosine, sine = math.cos(s.heading), math.sin(s.heading)
+    forward, right = lift * math.tan(s.stick_pitch * k.max_tilt), lift * math.tan(s.stick_roll * k.max_tilt)
+    push_n, push_e = cosine * forward - sine * right + trim_n, sine * forward + cosine * right + trim_e
+    scale = min(1.0, lift * k.max_slope / max(math.hypot(push_n, push_e), 1e-9))
+    return tilt_of(push_n * scale, push_e * scale, lift, s.heading)
+
+
+@compiled
+def _wind_trim(s: State, k: Constants) -> tuple[float, float]:
+    """Slow estimate of the push that the wind asks for, from the aircraft's own tilt and velocity.
+
+    With f = (thrust's horizontal push) - (still air's drag at the sensed velocity), f - dv/dt is the wind's share; a
+    first-order low-pass of it needs no derivative: LP[f] - (v - LP[v]) / T.
+    """
+    cosine, sine = math.cos(s.heading), math.sin(s.heading)
+    forward = -G * math.tan(s.pitch)
+    right = G * math.tan(s.roll) / max(math.cos(s.pitch), 0.5)
+    drag = k.rotor_drag + k.body_drag * math.hypot(s.v_north, s.v_east)
+    s.trim_n += k.trim_share * (cosine * forward - sine * right - drag * s.v_north - s.trim_n)
+    s.trim_e += k.trim_share * (sine * forward + cosine * right - drag * s.v_east - s.trim_e)
+    s.slow_n += k.trim_share * (s.v_north - s.slow_n)
+    s.slow_e += k.trim_share * (s.v_east - s.slow_e)
+    return s.trim_n - (s.v_north - s.slow_n) / k.trim_s, s.trim_e - (s.v_east - s.slow_e) / k.trim_s
+
+
+@compiled
+def _velocity_stick(s: State, k: Constants, lift: float, released: bool) -> tuple[float, float]:
+    """Kind `velocity`: the push that tracks the reference, which follows the set-point.
+
+    dv/dt = min(1, a/|rise|) · rise with rise = (set-point - v) / T, smoothed as the tilt follows.
+    """
+    wanted_n, wanted_e = 0.0, 0.0
+    if not released:
+        cosine, sine = math.cos(s.heading), math.sin(s.heading)
+        forward, right = s.stick_pitch * k.max_speed, s.stick_roll * k.max_speed
+        wanted_n, wanted_e = cosine * forward - sine * right, sine * forward + cosine * right
+    rise_n, rise_e = (wanted_n - s.ref_n) / k.velocity_time_s, (wanted_e - s.ref_e) / k.velocity_time_s
+    scale = min(1.0, k.acceleration_mps2 / max(math.hypot(rise_n, rise_e), 1e-9))
+    s.rate_n += k.tilt_settle * (scale * rise_n - s.rate_n)
+    s.rate_e += k.tilt_settle * (scale * rise_e - s.rate_e)
+    if s.held == 0.0:
+        s.place_n, s.place_e = s.north, s.east
+    advance_reference(s, k)
+    s.held = 1.0 if released and (s.held > 0.0 or math.hypot(s.ref_n, s.ref_e) <= HOLD_MPS) else 0.0
+    if s.held == 0.0:
+        return velocity_push(s, k, 0.0, 0.0, lift * k.max_slope)
+    return velocity_push(s, k, s.place_n - s.north, s.place_e - s.east, lift * k.max_slope)
+
+
+@compiled
+def control_once(states: Records, constants: Records) -> None:
+    """`control` of the first of the records, for a caller in Python."""
+    control(states[0], constants[0])
+
+
+class AttitudeLoop:
+    """The inner loop of kind `attitude`, over the record of its aircraft.
+
+    Args:
+        setup: the aircraft and where it starts.
+    """
+
+    _VELOCITY_KIND = 0.0
+
+    def __init__(self, setup: LoopSetup) -> None:
+        self._record = setup.record
+        sensed, (push_n, push_e, push_d) = setup.sensed, setup.push_in_ned_mps2
+        self._record.set(velocity_kind=self._VELOCITY_KIND)
+        values = self._record.values
+        values[at("climb")] = (0.0, sensed.down_m, -push_d)
+        values[at("turn")] = (0.0, 0.0, sensed.heading_rad)
+        values[at("wind_push")] = (push_n, push_e)
+        values[at("reference")] = 0.0
+        values[at("trim")] = (push_n, push_e, sensed.north_mps, sensed.east_mps)
+
+    def update(self, sensed: Sensed, sticks: Sticks) -> Demand:
+        """See `InnerLoop`."""
+        record = self._record
+        record.values[at("sensed")], record.values[at("sticks")] = sensed, sticks
+        control_once(record.states, record.constants)
+        return Demand(*record.values[at("demand")].tolist())
+
+
+class VelocityLoop(AttitudeLoop):
+    """The inner loop of kind `velocity`."""
+
+    _VELOCITY_KIND = 1.0

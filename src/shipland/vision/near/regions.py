@@ -1,0 +1,190 @@
+"""The gate of our chain: regions in the cue's colour, each judged at half of its own peak.
+
+A threshold for a whole picture fails where tape is dim, or where something beside it is lit as well. Here the picture's
+saturated light (value × saturation, in the cue's band of hue) is cut into connected parts above a low floor. Each part
+is cut again at half of its own peak; what lies below that, and is not the rim of what lies above, is judged by its own
+peak in turn. White regions that the colour surrounds count too: a lamp too bright for the camera has a white core.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from shipland.cue import Hue
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.segment import Contour, Image, Region, Window, opened_and_closed, outlines, region_of
+
+_FLOOR = 20
+"""Least saturated light of a cue's pixel [grey levels]: above what JPEG leaves of grey."""
+
+_HALF = 0.5
+"""Grey level over that of the peak at which a region is cut: half the light of a linear camera, a fifth of that of a
+tone curve of 1/2.2."""
+
+_PEAK = 0.9
+"""Share of a region's pixels below its peak: a few brighter ones do not count."""
+
+_CLIPPED = 250
+"""Value from which a pixel may be the white core of a lamp, whatever its colour."""
+
+_CORE = 188
+"""Luma from which it belongs to one: half the light of white."""
+
+_COLOURED = 0.5
+"""Least share of a region's outline, or of what is just outside of a white one, that has the cue's colour."""
+
+_RIM_PX = 5
+"""Width of the rim of a region that is not judged by itself, and of what is looked at around a white one."""
+
+_RIM = np.ones((_RIM_PX, _RIM_PX), np.uint8)
+
+_MOST_PARTS = 8
+"""Parts of one picture that are cut, the largest; bounds the time that foliage takes."""
+
+_MOST_COVERED = 0.4
+"""Share of the picture that the parts' boxes may cover until its light is computed once for all."""
+
+_MOST_CUTS = 2
+"""How often a part is cut at half of its peak, what is left of it included."""
+
+_SPARSE_PX = 64
+"""Least side of a picture in which parts are looked for on every second pixel of every second row: opening removes
+whatever has none of them."""
+
+
+def cue_light(image: Image, hue: Hue) -> Image:
+    """(H,W) saturated light of the pixels of a hue, at most 254; 255 where another one clips; 0 elsewhere.
+
+    Of white, the light that all colours have in common.
+    """
+    if hue == "white":
+        blue, green, red = cv2.split(image)
+        return np.asarray(np.minimum(cv2.min(cv2.min(blue, green), red), 254), np.uint8)
+    hues, saturation, value = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2HSV))
+    light = cv2.multiply(saturation, value, scale=254.0 / 255.0**2)
+    low, high = hue
+    over_red = low > high
+    band = cv2.inRange(hues, high + 1, low - 1) if over_red else cv2.inRange(hues, low, high)
+    light = cv2.bitwise_and(light, cv2.bitwise_not(band) if over_red else band)
+    white = cv2.bitwise_and(cv2.inRange(value, _CLIPPED, 255), cv2.inRange(light, 0, 0))
+    return np.asarray(cv2.bitwise_or(light, white), np.uint8)
+
+
+def find_regions(image: Image, window: Window, parameters: VisionParameters, hue: Hue) -> list[Region]:
+    """The largest regions of a hue in a part of the picture, largest first; too small ones are left out.
+
+    Args:
+        image: (H,W,3) BGR.
+        window: where to look; not empty.
+        parameters: kernel, least size and greatest number.
+        hue: of the cue.
+    """
+    seen = window.of(image)
+    step = 2 if min(seen.shape[:2]) >= _SPARSE_PX else 1
+    few = seen
+    if step > 1:
+        size = (seen.shape[1] // step, seen.shape[0] // step)
+        few = np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_NEAREST), np.uint8)
+    light = cue_light(few, hue)
+    parts = outlines(cv2.inRange(light, _FLOOR, 254), (0, 0), parameters, step)
+    lit = [part for part in parts if _HALF * int(_of_box(light, part).max()) >= _FLOOR]
+    boxes = [_box(part * step) for part in lit[:_MOST_PARTS]]
+    covered_px2 = sum(box[2] * box[3] for box in boxes)
+    whole = cue_light(seen, hue) if covered_px2 > _MOST_COVERED * seen.shape[0] * seen.shape[1] else None
+    found: list[Contour] = []
+    for part, (left, top, width, height) in zip(lit, boxes, strict=False):
+        crop = (slice(top, top + height), slice(left, left + width))
+        light = cue_light(seen[crop], hue) if whole is None else whole[crop]
+        corner = np.array([left, top], np.int32)
+        found += [contour + corner for contour in _regions_of(seen[crop], light, part * step - corner, parameters)]
+    offset = np.array([window.left, window.top], np.int32)
+    regions = (region_of(contour + offset, image, parameters) for contour in found)
+    largest = sorted((it for it in regions if it is not None), key=lambda it: -it.area_px2)
+    return largest[: parameters.max_candidates]
+
+
+def _box(part: Contour) -> tuple[int, int, int, int]:
+    """The box around an outline, with a rim: left, top, width, height."""
+    left, top, width, height = cv2.boundingRect(part)
+    left, top = max(left - _RIM_PX, 0), max(top - _RIM_PX, 0)
+    return left, top, width + 2 * _RIM_PX, height + 2 * _RIM_PX
+
+
+def _regions_of(image: Image, light: Image, part: Contour, parameters: VisionParameters) -> list[Contour]:
+    """The regions in one part of a picture, which its outline encloses to within a few pixels.
+
+    Args:
+        image: the part's box, (h,w,3) BGR.
+        light: of the cue's hue there.
+        part: the outline in that box.
+        parameters: kernel, least size and greatest number.
+    """
+    inside: Image = np.zeros(light.shape, np.uint8)
+    cv2.drawContours(inside, [part], -1, 255, cv2.FILLED)
+    inside = np.asarray(cv2.dilate(inside, _RIM), np.uint8)
+    found = _cores(image, light, parameters)
+    brighter = np.zeros(light.shape, np.uint8)
+    for _ in range(_MOST_CUTS):
+        cut = _cut(light, inside, parameters)
+        found += [contour for contour in cut if _has_rim(light, brighter, contour)]
+        if not cut:
+            break
+        cv2.drawContours(brighter, cut, -1, 255, cv2.FILLED)
+        inside = np.asarray(cv2.bitwise_and(inside, cv2.bitwise_not(cv2.dilate(brighter, _RIM))), np.uint8)
+    return found
+
+
+def _of_box(light: Image, contour: Contour) -> Image:
+    """The part of a picture in an outline's box."""
+    left, top, width, height = cv2.boundingRect(contour)
+    return light[top : top + height, left : left + width]
+
+
+def _cut(light: Image, inside: Image, parameters: VisionParameters) -> list[Contour]:
+    """What lies above half of the peak inside of a mask; nothing where that is below the floor."""
+    counts = cv2.calcHist([light], [0], inside, [256], [0, 256]).ravel()
+    counts[:_FLOOR] = counts[255] = 0.0
+    if not counts.any():
+        return []
+    half = round(_HALF * int(np.searchsorted(np.cumsum(counts), _PEAK * counts.sum())))
+    if half < _FLOOR:
+        return []
+    above = cv2.bitwise_and(cv2.threshold(light, half - 1, 255, cv2.THRESH_BINARY)[1], inside)
+    return outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters)
+
+
+def _has_rim(light: Image, brighter: Image, contour: Contour) -> bool:
+    """Whether the outline of a region has the cue's colour, and is not that of something white or of a gap.
+
+    Args:
+        light: of the cue's colour.
+        brighter: where brighter regions are.
+        contour: the outline.
+    """
+    columns, rows = contour[:, 0].T
+    on = light[rows, columns]
+    beside = cv2.dilate(brighter, _RIM, iterations=2)[rows, columns] if brighter.any() else np.zeros(1)
+    coloured = np.count_nonzero((on >= _FLOOR) & (on < 255)) >= _COLOURED * len(on)
+    return bool(coloured and np.count_nonzero(beside) < _COLOURED * len(on))
+
+
+def _cores(image: Image, light: Image, parameters: VisionParameters) -> list[Contour]:
+    """White regions that the cue's colour surrounds."""
+    if not cv2.countNonZero(cv2.inRange(light, 255, 255)):
+        return []
+    luma = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    mask = opened_and_closed(cv2.threshold(luma, _CORE - 1, 255, cv2.THRESH_BINARY)[1], parameters.kernel_px)
+    return [contour for contour in outlines(mask, (0, 0), parameters) if _has_halo(light, contour)]
+
+
+def _has_halo(light: Image, contour: Contour) -> bool:
+    """Whether what is just outside of a region has the cue's colour."""
+    left, top, width, height = cv2.boundingRect(contour)
+    left, top = max(left - _RIM_PX, 0), max(top - _RIM_PX, 0)
+    seen = light[top : top + height + 2 * _RIM_PX, left : left + width + 2 * _RIM_PX]
+    core = np.zeros(seen.shape, np.uint8)
+    cv2.drawContours(core, [contour], -1, 255, cv2.FILLED, offset=(-left, -top))
+    ring = cv2.bitwise_and(cv2.dilate(core, _RIM, iterations=2), cv2.bitwise_not(core))
+    coloured = cv2.bitwise_and(ring, cv2.inRange(seen, _FLOOR, 254))
+    return bool(cv2.countNonZero(coloured) >= _COLOURED * max(cv2.countNonZero(ring), 1))
