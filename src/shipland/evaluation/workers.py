@@ -72,11 +72,11 @@ def run_jobs(
     # spawn: an OpenGL context does not survive a fork
     context = multiprocessing.get_context("spawn")
     waiting = iter(jobs)
-    crew: list[_Worker[Job]] = []
+    hired: list[_Worker[Job]] = []
     deaths = 0
     try:
-        crew.extend(_hire(context, do, job) for job in itertools.islice(waiting, workers))
-        while busy := [worker for worker in crew if worker.job is not None]:
+        hired.extend(_hire(context, do, job) for job in itertools.islice(waiting, workers))
+        while busy := [worker for worker in hired if worker.job is not None]:
             ready = multiprocessing.connection.wait([worker.link for worker in busy], POLL_S)
             check_stop()
             for worker in busy:
@@ -90,10 +90,10 @@ def run_jobs(
                     if lose is None or deaths >= _DEATHS:
                         raise
                     lose(job, str(error))
-                    crew.remove(worker)
+                    hired.remove(worker)
                     following = next(waiting, None)
                     if following is not None:
-                        crew.append(_hire(context, do, following))
+                        hired.append(_hire(context, do, following))
                     continue
                 except Exception as error:
                     if lose is None:
@@ -106,12 +106,12 @@ def run_jobs(
                 _next_job(worker, waiting)
                 yield job, done
     finally:
-        for worker in crew:
+        for worker in hired:
             if worker.job is not None and worker.link.poll():
                 with suppress(Exception):  # one that failed or died is flown again
                     keep(worker.job, _received(worker))
             worker.process.kill()
-        for worker in crew:
+        for worker in hired:
             worker.process.join()
 
 
