@@ -40,10 +40,10 @@ _RIM_PX = 5
 _RIM = np.ones((_RIM_PX, _RIM_PX), np.uint8)
 
 _MOST_PARTS = 8
-"""Parts of one picture that are cut, the largest; bounds the time that foliage takes."""
+"""Parts of one picture that are cut, the largest; more for a cue of many. Bounds the time that foliage takes."""
 
-_MOST_COVERED = 0.4
-"""Share of the picture that the parts' boxes may cover until its light is computed once for all."""
+_MOST_COVERED, _MOST_COVERED_PX2 = 0.4, 60_000
+"""What the parts' boxes may cover until a picture is crowded: a share of it, and pixels at half its resolution."""
 
 _MOST_CUTS = 2
 """How often a part is cut at half of its peak, what is left of it included."""
@@ -71,7 +71,9 @@ def cue_light(image: Image, hue: Hue) -> Image:
     return np.asarray(cv2.bitwise_or(light, white), np.uint8)
 
 
-def find_regions(image: Image, window: Window, parameters: VisionParameters, hue: Hue) -> list[Region]:
+def find_regions(
+    image: Image, window: Window, parameters: VisionParameters, hue: Hue, polygons: int = 2
+) -> list[Region]:
     """The largest regions of a hue in a part of the picture, largest first; too small ones are left out.
 
     Args:
@@ -79,6 +81,7 @@ def find_regions(image: Image, window: Window, parameters: VisionParameters, hue
         window: where to look; not empty.
         parameters: kernel, least size and greatest number.
         hue: of the cue.
+        polygons: of the cue.
     """
     seen = window.of(image)
     step = 2 if min(seen.shape[:2]) >= _SPARSE_PX else 1
@@ -89,15 +92,19 @@ def find_regions(image: Image, window: Window, parameters: VisionParameters, hue
     light = cue_light(few, hue)
     parts = outlines(cv2.inRange(light, _FLOOR, 254), (0, 0), parameters, step)
     lit = [part for part in parts if _HALF * int(_of_box(light, part).max()) >= _FLOOR]
-    boxes = [_box(part * step) for part in lit[:_MOST_PARTS]]
-    covered_px2 = sum(box[2] * box[3] for box in boxes)
-    whole = cue_light(seen, hue) if covered_px2 > _MOST_COVERED * seen.shape[0] * seen.shape[1] else None
+    lit = lit[: max(_MOST_PARTS, 2 * polygons)]
+    boxes = [_box(part) for part in lit]
+    # A crowded picture is cut as its parts were found, on every second pixel: a side is looked for within two.
+    crowded = sum(box[2] * box[3] for box in boxes) > max(_MOST_COVERED * light.size, _MOST_COVERED_PX2)
+    scale = step if crowded else 1
     found: list[Contour] = []
-    for part, (left, top, width, height) in zip(lit, boxes, strict=False):
-        crop = (slice(top, top + height), slice(left, left + width))
-        light = cue_light(seen[crop], hue) if whole is None else whole[crop]
-        corner = np.array([left, top], np.int32)
-        found += [contour + corner for contour in _regions_of(seen[crop], light, part * step - corner, parameters)]
+    for part, box in zip(lit, boxes if crowded else [_box(part * step) for part in lit], strict=True):
+        crop = (slice(box[1], box[1] + box[3]), slice(box[0], box[0] + box[2]))
+        corner = np.array(box[:2], np.int32)
+        picture = few[crop] if crowded else seen[crop]
+        own = light[crop] if crowded else cue_light(picture, hue)
+        outline = (part if crowded else part * step) - corner
+        found += [(contour + corner) * scale for contour in _regions_of(picture, own, outline, parameters)]
     offset = np.array([window.left, window.top], np.int32)
     regions = (region_of(contour + offset, image, parameters) for contour in found)
     largest = sorted((it for it in regions if it is not None), key=lambda it: -it.area_px2)
