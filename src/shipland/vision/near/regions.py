@@ -45,11 +45,15 @@ _MOST_PARTS = 8
 _MOST_COVERED, _MOST_COVERED_PX2 = 0.4, 60_000
 """What the parts' boxes may cover until a picture is crowded: a share of it, and pixels at half its resolution."""
 
+_LEAST_LEFT = 0.25
+"""Pixels left of a part, over those above half of its peak, from which they are judged by their own: fewer are its rim.
+"""
+
 _MOST_CUTS = 2
 """How often a part is cut at half of its peak, what is left of it included."""
 
-_SPARSE_PX = 64
-"""Least side of a picture in which parts are looked for on every second pixel of every second row: opening removes
+_SPARSE_PX2 = 40_000
+"""Least size of a picture in which parts are looked for on every second pixel of every second row: opening removes
 whatever has none of them."""
 
 
@@ -84,7 +88,7 @@ def find_regions(
         polygons: of the cue.
     """
     seen = window.of(image)
-    step = 2 if min(seen.shape[:2]) >= _SPARSE_PX else 1
+    step = 2 if seen.shape[0] * seen.shape[1] >= _SPARSE_PX2 else 1
     few = seen
     if step > 1:
         size = (seen.shape[1] // step, seen.shape[0] // step)
@@ -98,13 +102,13 @@ def find_regions(
     crowded = sum(box[2] * box[3] for box in boxes) > max(_MOST_COVERED * light.size, _MOST_COVERED_PX2)
     scale = step if crowded else 1
     found: list[Contour] = []
-    for part, box in zip(lit, boxes if crowded else [_box(part * step) for part in lit], strict=True):
-        crop = (slice(box[1], box[1] + box[3]), slice(box[0], box[0] + box[2]))
-        corner = np.array(box[:2], np.int32)
-        picture = few[crop] if crowded else seen[crop]
-        own = light[crop] if crowded else cue_light(picture, hue)
-        outline = (part if crowded else part * step) - corner
-        found += [(contour + corner) * scale for contour in _regions_of(picture, own, outline, parameters)]
+    for part in lit:
+        outline = part * (step // scale)
+        left, top, width, height = _box(outline)
+        crop, corner = (slice(top, top + height), slice(left, left + width)), np.array([left, top], np.int32)
+        picture = few[crop] if scale == step else seen[crop]
+        own = light[crop] if scale == step else cue_light(picture, hue)
+        found += [(contour + corner) * scale for contour in _regions_of(picture, own, outline - corner, parameters)]
     offset = np.array([window.left, window.top], np.int32)
     regions = (region_of(contour + offset, image, parameters) for contour in found)
     largest = sorted((it for it in regions if it is not None), key=lambda it: -it.area_px2)
@@ -133,9 +137,9 @@ def _regions_of(image: Image, light: Image, part: Contour, parameters: VisionPar
     found = _cores(image, light, parameters)
     brighter = np.zeros(light.shape, np.uint8)
     for _ in range(_MOST_CUTS):
-        cut = _cut(light, inside, parameters)
+        cut, left = _cut(light, inside, parameters)
         found += [contour for contour in cut if _has_rim(light, brighter, contour)]
-        if not cut:
+        if not cut or left < _LEAST_LEFT:
             break
         cv2.drawContours(brighter, cut, -1, 255, cv2.FILLED)
         inside = np.asarray(cv2.bitwise_and(inside, cv2.bitwise_not(cv2.dilate(brighter, _RIM))), np.uint8)
@@ -148,17 +152,21 @@ def _of_box(light: Image, contour: Contour) -> Image:
     return light[top : top + height, left : left + width]
 
 
-def _cut(light: Image, inside: Image, parameters: VisionParameters) -> list[Contour]:
-    """What lies above half of the peak inside of a mask; nothing where that is below the floor."""
+def _cut(light: Image, inside: Image, parameters: VisionParameters) -> tuple[list[Contour], float]:
+    """What lies above half of the peak inside of a mask; nothing where that is below the floor.
+
+    And the pixels that lie between floor and half, over those above.
+    """
     counts = cv2.calcHist([light], [0], inside, [256], [0, 256]).ravel()
     counts[:_FLOOR] = counts[255] = 0.0
-    if not counts.any():
-        return []
+    if counts.sum() < parameters.min_side_px**2:
+        return [], 0.0
     half = round(_HALF * int(np.searchsorted(np.cumsum(counts), _PEAK * counts.sum())))
     if half < _FLOOR:
-        return []
+        return [], 0.0
+    left = float(counts[:half].sum() / counts[half:].sum())
     above = cv2.bitwise_and(cv2.threshold(light, half - 1, 255, cv2.THRESH_BINARY)[1], inside)
-    return outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters)
+    return outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters), left
 
 
 def _has_rim(light: Image, brighter: Image, contour: Contour) -> bool:
