@@ -226,9 +226,9 @@ def test_tracking_gives_what_searching_gives(rng):
 def test_a_steady_pan_is_followed_without_searching(rng, monkeypatch):
     searched = []
 
-    def noted(image, window, parameters, hue):
+    def noted(image, window, *more):
         searched.append(window == Window.whole(image))
-        return find_regions(image, window, parameters, hue)
+        return find_regions(image, window, *more)
 
     eyes = NearVision(BAR, SMALL, PARAMETERS, Steps(regions_of=noted))
     for step in range(7):

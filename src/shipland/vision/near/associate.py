@@ -111,11 +111,14 @@ def match_by_geometry(quads_px: Array, plane_m: Array, max_roll_rad: float) -> l
 def _misfits(matches: list[Match], plane_m: Array) -> Array:
     """How far the corners of each hypothesis are from a perspective view of the cue, as a share of their extent.
 
-    The least singular value of the homography's equations, in coordinates of unit size.
+    The least singular value of the homography's equations, in coordinates of unit size. A hypothesis that has none to
+    be compared with gets 0.
     """
     misfits = np.zeros(len(matches))
     for size in {len(match.model) for match in matches if len(match.model) > 1}:
         some = [index for index, match in enumerate(matches) if len(match.model) == size]
+        if len(some) == 1:
+            continue
         x, y = _unit(np.stack([plane_m[list(matches[i].model)] for i in some]).reshape(len(some), -1, 2))
         u, v = _unit(np.stack([matches[i].quads_px for i in some]).reshape(len(some), -1, 2))
         one, none = np.ones_like(x), np.zeros_like(x)

@@ -73,6 +73,9 @@ _STRAY_LEVEL = 0.4
 _STRAY_PX = 1.0
 """The same of its edge from the side's line."""
 
+_ALIKE = 0.7
+"""Share of both up to which no column is looked for."""
+
 _MOST_STRAY = 0.5
 """Share of a side's columns from which no line is that of most, and none is left out."""
 
@@ -208,6 +211,9 @@ def stray_stations(values: Array, pixels: EdgePixels) -> npt.NDArray[np.bool_] |
 
     They have other levels than most of the side, or an edge off the line on which most have theirs.
     """
+    ends = _coarse(values, pixels)
+    if _all_alike(values, pixels, ends):
+        return None
     count, stations = values.shape[2], np.arange(values.shape[1])
     counted = np.asarray(pixels.use.any(axis=2))
     # Where there are fewer stations than room for them, the last one is repeated: all count alike here.
@@ -231,6 +237,18 @@ def stray_stations(values: Array, pixels: EdgePixels) -> npt.NDArray[np.bool_] |
     few = np.asarray(stray.sum(axis=1) < _MOST_STRAY * counted.sum(axis=1))
     stray &= few[:, None]
     return stray if stray.any() else None
+
+
+def _all_alike(values: Array, pixels: EdgePixels, ends: Array) -> bool:
+    """Whether all stations have nearly the levels of their side, and their edges lie near its line `ends` (2,s)."""
+    inner, outer = values[:, :, :2], values[:, :, -2:]
+    if max(1.0 - inner.min(), inner.max() - 1.0, -outer.min(), outer.max()) > _ALIKE * _STRAY_LEVEL:
+        return False
+    count = values.shape[2]
+    innermost_px = pixels.out_px[:, :, 0]
+    crossing_px = (values.sum(axis=2) - 0.5) / (count - 1) * (pixels.out_px[:, :, -1] - innermost_px) + innermost_px
+    crossing_px -= ends[0][:, None] + ends[1][:, None] * pixels.along[:, :, count // 2]
+    return bool(np.abs(crossing_px).max() <= _ALIKE * _STRAY_PX)
 
 
 def _coarse(values: Array, pixels: EdgePixels) -> Array:

@@ -33,6 +33,9 @@ their ends."""
 _MOST_HIDDEN = 2
 """Sides of a cue that may be hidden."""
 
+_MOST_LEFT = 2.0
+"""Error of the sides left, to first order, over a pixel and what the cue is made to, up to which they are solved."""
+
 _UNKNOWN = 1e-6
 """Weight of a hidden side against a measured one."""
 
@@ -63,7 +66,12 @@ def hidden_sides(candidate: PoseCandidate) -> list[Hidden]:
         if len(some) not in best or gain > best[len(some)][0]:
             best[len(some)] = gain, some
     found = []
-    for _, (_, some) in sorted(best.items()):
+    extent_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
+    most_px = _MOST_LEFT * (1.0 + candidate.setup.manufacturing_tolerance * extent_px)
+    for _, (gain, some) in sorted(best.items()):
+        left = max(float(remains @ remains) - gain, 0.0) / (len(residual) - 2 * len(some))
+        if math.sqrt(2.0 * left) > most_px:
+            continue
         hidden = np.zeros(polygons * sides, bool)
         hidden[some] = True
         found.append(hidden.reshape(polygons, sides))

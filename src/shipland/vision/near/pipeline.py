@@ -100,7 +100,11 @@ class NearVision:
     def _look(self, image: Image, window: Window, known: Known, *, parts: bool) -> PoseCandidate | Refusal:
         """The cue in a part of the picture; `parts` says whether a cue that is not whole will do."""
         steps, parameters = self._steps, self._setup.parameters
-        regions = [] if window.empty else steps.regions_of(image, window, parameters, self._setup.hue)
+        regions = (
+            []
+            if window.empty
+            else steps.regions_of(image, window, parameters, self._setup.hue, len(self._setup.plane_m))
+        )
         if not regions:
             return Refusal.NOTHING_GREEN
         segments = segment(image, regions, parameters, self._setup.plane_m.shape[1], steps.quads_of)

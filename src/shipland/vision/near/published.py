@@ -87,7 +87,7 @@ def coloured_window(image: Image, parameters: VisionParameters) -> Window:
     )
 
 
-def find_regions(image: Image, window: Window, parameters: VisionParameters, _: Hue | None = None) -> list[Region]:
+def find_regions(image: Image, window: Window, parameters: VisionParameters, *_: Hue | int) -> list[Region]:
     """The largest coloured regions in a part of the picture, largest first; too small ones are left out."""
     if window == Window.whole(image):
         window = coloured_window(image, parameters)

@@ -40,16 +40,20 @@ _RIM_PX = 5
 _RIM = np.ones((_RIM_PX, _RIM_PX), np.uint8)
 
 _MOST_PARTS = 8
-"""Parts of one picture that are cut, the largest; bounds the time that foliage takes."""
+"""Parts of one picture that are cut, the largest; more for a cue of many. Bounds the time that foliage takes."""
 
-_MOST_COVERED = 0.4
-"""Share of the picture that the parts' boxes may cover until its light is computed once for all."""
+_MOST_COVERED, _MOST_COVERED_PX2 = 0.4, 60_000
+"""What the parts' boxes may cover until a picture is crowded: a share of it, and pixels at half its resolution."""
+
+_LEAST_LEFT = 0.25
+"""Pixels left of a part, over those above half of its peak, from which they are judged by their own: fewer are its rim.
+"""
 
 _MOST_CUTS = 2
 """How often a part is cut at half of its peak, what is left of it included."""
 
-_SPARSE_PX = 64
-"""Least side of a picture in which parts are looked for on every second pixel of every second row: opening removes
+_SPARSE_PX2 = 40_000
+"""Least size of a picture in which parts are looked for on every second pixel of every second row: opening removes
 whatever has none of them."""
 
 
@@ -71,7 +75,9 @@ def cue_light(image: Image, hue: Hue) -> Image:
     return np.asarray(cv2.bitwise_or(light, white), np.uint8)
 
 
-def find_regions(image: Image, window: Window, parameters: VisionParameters, hue: Hue) -> list[Region]:
+def find_regions(
+    image: Image, window: Window, parameters: VisionParameters, hue: Hue, polygons: int = 2
+) -> list[Region]:
     """The largest regions of a hue in a part of the picture, largest first; too small ones are left out.
 
     Args:
@@ -79,9 +85,10 @@ def find_regions(image: Image, window: Window, parameters: VisionParameters, hue
         window: where to look; not empty.
         parameters: kernel, least size and greatest number.
         hue: of the cue.
+        polygons: of the cue.
     """
     seen = window.of(image)
-    step = 2 if min(seen.shape[:2]) >= _SPARSE_PX else 1
+    step = 2 if seen.shape[0] * seen.shape[1] >= _SPARSE_PX2 else 1
     few = seen
     if step > 1:
         size = (seen.shape[1] // step, seen.shape[0] // step)
@@ -89,15 +96,19 @@ def find_regions(image: Image, window: Window, parameters: VisionParameters, hue
     light = cue_light(few, hue)
     parts = outlines(cv2.inRange(light, _FLOOR, 254), (0, 0), parameters, step)
     lit = [part for part in parts if _HALF * int(_of_box(light, part).max()) >= _FLOOR]
-    boxes = [_box(part * step) for part in lit[:_MOST_PARTS]]
-    covered_px2 = sum(box[2] * box[3] for box in boxes)
-    whole = cue_light(seen, hue) if covered_px2 > _MOST_COVERED * seen.shape[0] * seen.shape[1] else None
+    lit = lit[: max(_MOST_PARTS, 2 * polygons)]
+    boxes = [_box(part) for part in lit]
+    # A crowded picture is cut as its parts were found, on every second pixel: a side is looked for within two.
+    crowded = sum(box[2] * box[3] for box in boxes) > max(_MOST_COVERED * light.size, _MOST_COVERED_PX2)
+    scale = step if crowded else 1
     found: list[Contour] = []
-    for part, (left, top, width, height) in zip(lit, boxes, strict=False):
-        crop = (slice(top, top + height), slice(left, left + width))
-        light = cue_light(seen[crop], hue) if whole is None else whole[crop]
-        corner = np.array([left, top], np.int32)
-        found += [contour + corner for contour in _regions_of(seen[crop], light, part * step - corner, parameters)]
+    for part in lit:
+        outline = part * (step // scale)
+        left, top, width, height = _box(outline)
+        crop, corner = (slice(top, top + height), slice(left, left + width)), np.array([left, top], np.int32)
+        picture = few[crop] if scale == step else seen[crop]
+        own = light[crop] if scale == step else cue_light(picture, hue)
+        found += [(contour + corner) * scale for contour in _regions_of(picture, own, outline - corner, parameters)]
     offset = np.array([window.left, window.top], np.int32)
     regions = (region_of(contour + offset, image, parameters) for contour in found)
     largest = sorted((it for it in regions if it is not None), key=lambda it: -it.area_px2)
@@ -126,9 +137,9 @@ def _regions_of(image: Image, light: Image, part: Contour, parameters: VisionPar
     found = _cores(image, light, parameters)
     brighter = np.zeros(light.shape, np.uint8)
     for _ in range(_MOST_CUTS):
-        cut = _cut(light, inside, parameters)
+        cut, left = _cut(light, inside, parameters)
         found += [contour for contour in cut if _has_rim(light, brighter, contour)]
-        if not cut:
+        if not cut or left < _LEAST_LEFT:
             break
         cv2.drawContours(brighter, cut, -1, 255, cv2.FILLED)
         inside = np.asarray(cv2.bitwise_and(inside, cv2.bitwise_not(cv2.dilate(brighter, _RIM))), np.uint8)
@@ -141,17 +152,21 @@ def _of_box(light: Image, contour: Contour) -> Image:
     return light[top : top + height, left : left + width]
 
 
-def _cut(light: Image, inside: Image, parameters: VisionParameters) -> list[Contour]:
-    """What lies above half of the peak inside of a mask; nothing where that is below the floor."""
+def _cut(light: Image, inside: Image, parameters: VisionParameters) -> tuple[list[Contour], float]:
+    """What lies above half of the peak inside of a mask; nothing where that is below the floor.
+
+    And the pixels that lie between floor and half, over those above.
+    """
     counts = cv2.calcHist([light], [0], inside, [256], [0, 256]).ravel()
     counts[:_FLOOR] = counts[255] = 0.0
-    if not counts.any():
-        return []
+    if counts.sum() < parameters.min_side_px**2:
+        return [], 0.0
     half = round(_HALF * int(np.searchsorted(np.cumsum(counts), _PEAK * counts.sum())))
     if half < _FLOOR:
-        return []
+        return [], 0.0
+    left = float(counts[:half].sum() / counts[half:].sum())
     above = cv2.bitwise_and(cv2.threshold(light, half - 1, 255, cv2.THRESH_BINARY)[1], inside)
-    return outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters)
+    return outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters), left
 
 
 def _has_rim(light: Image, brighter: Image, contour: Contour) -> bool:

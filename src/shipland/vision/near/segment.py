@@ -202,8 +202,8 @@ class Segments:
     cut: list[Region]
 
 
-RegionsOf = Callable[[Image, Window, VisionParameters, Hue], list[Region]]
-"""Finds the regions of a hue in a part of a picture, largest first."""
+RegionsOf = Callable[[Image, Window, VisionParameters, Hue, int], list[Region]]
+"""Finds the regions of a hue in a part of a picture, largest first, for a cue of so many polygons."""
 
 QuadsOf = Callable[[Image, list[Region], VisionParameters, int], list[Array]]
 """Finds the polygons (n,2) [px] of so many corners among regions that are whole."""
