@@ -131,10 +131,6 @@ def default_camera() -> Camera:
     return Camera.from_parameters(CameraParameters())
 
 
-def _packaged_parameters() -> VisionParameters:
-    return VisionParameters()
-
-
 class _VisionBySize:
     """One near vision a picture size, made when it is first needed."""
 
