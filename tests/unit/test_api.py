@@ -88,11 +88,3 @@ def test_weights_are_written_down_where_they_fly():
     scenario = load_scenario("near")
     assert flight_info(scenario, "paper", "geometric", 1).weights_digest == ""
     assert len(flight_info(scenario, "paper", "rendered", 1).weights_digest) == 16
-
-
-def test_a_campaign_is_a_table_in_order_of_its_seeds():
-    found = shipland.campaign(shipland.load_scenario("near", **SHORT), pilot="paper", seeds=[2, 1], workers=1)
-    table = found.table()
-    assert table["seed"].tolist() == [1, 2]
-    assert not table["landed"].any()
-    assert "0 of 2 landed" in found.summary

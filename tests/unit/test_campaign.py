@@ -2,8 +2,9 @@
 
 import json
 import math
-import multiprocessing
 import os
+import subprocess
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -296,10 +297,42 @@ def test_no_more_jobs_are_taken_than_there_are_workers():
         assert len(taken) <= count + 2
 
 
-def test_a_worker_that_dies_is_one_line():
+def test_a_worker_that_dies_is_one_line(monkeypatch):
+    started, popen = [], subprocess.Popen
+
+    def noted(*words, **options):
+        started.append(popen(*words, **options))
+        return started[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", noted)
     with pytest.raises(DataError, match="a worker process died"):
         list(run_jobs(_die, range(3), 2, lambda *_: None))
-    assert not multiprocessing.active_children()
+    assert len(started) == 2
+    assert all(process.returncode is not None for process in started)
+
+
+class OneOfTwoError(Exception):
+    """Pickles, and does not come back."""
+
+    def __init__(self, first, second):
+        super().__init__(first)
+
+
+def _raise(number):
+    raise OneOfTwoError("one", number)
+
+
+def test_an_error_that_does_not_pickle_comes_as_its_words():
+    with pytest.raises(DataError, match="OneOfTwoError: one"):
+        list(run_jobs(_raise, range(3), 2, lambda *_: None))
+
+
+def test_work_that_does_not_pickle_is_one_line_with_advice():
+    lock = threading.Lock()
+    with pytest.raises(
+        DataError, match=r"cannot pickle '_thread.lock' object; fly with one worker, or .*module:factory"
+    ):
+        list(run_jobs(lambda number: lock, range(3), 2, lambda *_: None))
 
 
 def test_weights_bind_every_vision_that_looks_at_pictures(tmp_path, monkeypatch):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from shipland.cli import main
-from shipland.commands import campaign
+from shipland.evaluation import progress
 from shipland.record.reader import read_log
 
 HEAVY = ("mujoco", "moderngl", "matplotlib", "cv2", "av", "foxglove", "scipy", "openvino", "torch", "numpy")
@@ -55,12 +55,13 @@ def test_the_list_of_commands_fits_two_screens_and_each_command_tells_all(here):
 
 
 def test_a_campaign_leaves_tables_and_is_compared_and_reported(tmp_path, here, monkeypatch):
-    monkeypatch.setattr(campaign, "_SAY_EVERY_S", 0.0)
+    monkeypatch.setattr(progress, "_SAY_EVERY_S", 0.0)
     out = tmp_path / "out"
     words = ["campaign", "--set", "time_limit_s=1", "--runs", "2", "--workers", "1", "--oracle-motions", "0"]
     done = here(*words, "--pilot", "paper,horizon", "--out", str(out))
     assert done.returncode == 0, done.stderr
     # How far it is, where there is no terminal.
+    assert "0 of 2 landed in the square (0–84 %), 2 to fly" in done.stderr
     assert "4 of 4 flown" in done.stderr
     cell = out / "near_time_limit_s=1_horizon"
     assert "| near | horizon | 2 | 0 (0.0 %) |" in done.stdout

@@ -1,20 +1,27 @@
-"""Flights on several cores: processes that are stopped when asked, and whose finished flights are kept."""
+"""Flights on several cores: processes that are stopped when asked, and whose finished flights are kept.
+
+A worker is an interpreter of its own that gets jobs over a socket. It does not run the caller's script again, as
+multiprocessing's does, so that a script needs no guard and a notebook works too; what the script or the notebook itself
+defines travels by value.
+"""
 
 from __future__ import annotations
 
 import itertools
 import multiprocessing
-import multiprocessing.connection
 import os
+import select
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnContext
-from multiprocessing.process import BaseProcess
+from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
+
+import cloudpickle
 
 from shipland.errors import DataError
 from shipland.stopping import check_stop
@@ -25,7 +32,7 @@ Done = TypeVar("Done")
 
 @dataclass
 class _Worker(Generic[Job]):
-    process: BaseProcess
+    process: subprocess.Popen[bytes]
     link: Connection
     job: Job | None = None
 
@@ -44,7 +51,7 @@ def run_jobs(
     are killed. Within `stop_requests` a request ends it.
 
     Args:
-        do: the work; a function of a module, because it is pickled, and so are jobs and results.
+        do: the work; it is pickled by value where the caller's script defines it, and so are jobs and results.
         jobs: what to do, one after another.
         workers: processes.
         keep: called here with every finished job, before it is yielded.
@@ -53,7 +60,7 @@ def run_jobs(
 
     Raises:
         DataError: a worker process died, for instance for want of memory: without `lose` the first, with it when
-            `_DEATHS` die one after another.
+            `_DEATHS` die one after another; or work that cannot be sent to another process.
         Exception: without `lose`, whatever `do` raised.
     """
     if workers == 1:
@@ -69,15 +76,13 @@ def run_jobs(
             keep(job, done)
             yield job, done
         return
-    # spawn: an OpenGL context does not survive a fork
-    context = multiprocessing.get_context("spawn")
     waiting = iter(jobs)
     hired: list[_Worker[Job]] = []
     deaths = 0
     try:
-        hired.extend(_hire(context, do, job) for job in itertools.islice(waiting, workers))
+        hired.extend(_hire(do, job) for job in itertools.islice(waiting, workers))
         while busy := [worker for worker in hired if worker.job is not None]:
-            ready = multiprocessing.connection.wait([worker.link for worker in busy], POLL_S)
+            ready = wait([worker.link for worker in busy], POLL_S)
             check_stop()
             for worker in busy:
                 if worker.link not in ready or worker.job is None:
@@ -93,7 +98,7 @@ def run_jobs(
                     hired.remove(worker)
                     following = next(waiting, None)
                     if following is not None:
-                        hired.append(_hire(context, do, following))
+                        hired.append(_hire(do, following))
                     continue
                 except Exception as error:
                     if lose is None:
@@ -112,7 +117,7 @@ def run_jobs(
                     keep(worker.job, _received(worker))
             worker.process.kill()
         for worker in hired:
-            worker.process.join()
+            worker.process.wait()
 
 
 POLL_S = 0.2
@@ -125,19 +130,38 @@ class _DeadError(DataError):
     """A worker process died."""
 
 
-def _hire(context: SpawnContext, do: Callable[[Any], Any], job: Job) -> _Worker[Job]:
-    near, far = context.Pipe()
-    process = context.Process(target=_work, args=(far, do), daemon=True)
-    process.start()
-    far.close()
-    near.send(job)
-    return _Worker(process, near, job)
+def _hire(do: Callable[[Any], Any], job: Job) -> _Worker[Job]:
+    sent = _pickled(do), _pickled(job)
+    near, far = multiprocessing.Pipe()
+    with far:  # not a fork: an OpenGL context does not survive it
+        code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import _work; _work({far.fileno()})"
+        command = [sys.executable, "-c", code]
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=[far.fileno()])  # noqa: S603 - ourselves
+    worker = _Worker(process, near, job)
+    for data in sent:
+        _send(worker, data)
+    return worker
 
 
 def _next_job(worker: _Worker[Job], waiting: Iterator[Job]) -> None:
     worker.job = next(waiting, None)
     if worker.job is not None:
-        worker.link.send(worker.job)
+        _send(worker, _pickled(worker.job))
+
+
+def _pickled(work: object) -> bytes:
+    try:
+        return bytes(cloudpickle.dumps(work))
+    except Exception as error:
+        raise DataError(
+            f"this cannot be sent to a worker process: {_words(error)}; fly with one worker, or put pilot and vision "
+            "into a file and give module:factory"
+        ) from error
+
+
+def _send(worker: _Worker[Any], data: bytes) -> None:
+    with suppress(OSError):  # it has died: its answer says so
+        worker.link.send_bytes(data)
 
 
 def _words(error: Exception) -> str:
@@ -146,36 +170,48 @@ def _words(error: Exception) -> str:
 
 def _received(worker: _Worker[Any]) -> Any:  # noqa: ANN401 - what the job gave
     try:
-        failed, done = worker.link.recv()
+        data = worker.link.recv_bytes()
     except (EOFError, OSError):
-        worker.process.join(1.0)
-        code = worker.process.exitcode
-        raise _DeadError(f"a worker process died (exit code {code}); is there memory for --workers?") from None
+        with suppress(subprocess.TimeoutExpired):
+            worker.process.wait(1.0)
+        code = worker.process.returncode
+        raise _DeadError(f"a worker process died (exit code {code}); is there memory for so many workers?") from None
+    failed, done = cloudpickle.loads(data)
     if failed:
         raise done
     return done
 
 
-def _work(link: Connection, do: Callable[[Any], Any]) -> None:
-    """A worker process: jobs in, results out, until killed or the parent is gone."""
+def _work(descriptor: int) -> None:
+    """A worker process: the work and its jobs in, results out, until killed or the parent is gone."""
     for which in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):  # they reach the whole group; the parent decides
         signal.signal(which, signal.SIG_IGN)
-    threading.Thread(target=_die_with_parent, daemon=True).start()
+    threading.Thread(target=_die_with_parent, args=(descriptor,), daemon=True).start()
+    link = Connection(descriptor)
     try:
+        do = cloudpickle.loads(link.recv_bytes())
         while True:
-            job = link.recv()
-            try:
-                answer = False, do(job)
-            except Exception as error:
-                answer = True, error
-            link.send(answer)
+            link.send_bytes(_answer(do, link.recv_bytes()))
     except (EOFError, OSError):
         return
 
 
-def _die_with_parent() -> None:
+def _answer(do: Callable[[Any], Any], job: bytes) -> bytes:
+    """Pickled: whether it failed, and the result or the error; an error that does not pickle as its words."""
+    try:
+        data: bytes = cloudpickle.dumps((False, do(cloudpickle.loads(job))))
+    except Exception as error:
+        try:
+            data = cloudpickle.dumps((True, error))
+            cloudpickle.loads(data)
+        except Exception:
+            data = cloudpickle.dumps((True, DataError(_words(error))))
+    return data
+
+
+def _die_with_parent(descriptor: int) -> None:
     """Without it a worker whose parent was killed flies its job to the end."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None  # this is a worker
-    multiprocessing.connection.wait([parent.sentinel])
+    parent = select.poll()
+    parent.register(descriptor, 0)  # its end of the socket is closed
+    parent.poll()
     os._exit(1)
