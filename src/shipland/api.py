@@ -59,6 +59,11 @@ class Flight(Flown):
         where = "" if self.folder is None else f", in {self.folder}"
         return f"<Flight of {self.scenario.name}: {self.reason}; {len(self.records)} cycles{where}>"
 
+    def _repr_html_(self) -> str:
+        from shipland.report.notebook import flight_html
+
+        return flight_html(self.scenario, self.reason, self.verdict, self.records)
+
     @property
     def error_m(self) -> float:
         """Distance of the touchdown point from the deck's centre; NaN without a touchdown."""

@@ -89,22 +89,28 @@ class Campaign:
     folder: Path | None = None
 
     def __repr__(self) -> str:
+        return f"<{self._words}>"
+
+    def _repr_html_(self) -> str:
+        from shipland.report.notebook import campaign_html
+
+        return campaign_html(self._words, self.cells)
+
+    @property
+    def _words(self) -> str:
         name = self.cells[0].name if len(self.cells) == 1 else f"{len(self.cells)} cells"
         left = f"; {self.left} not flown" * (self.left > 0)
         where = "" if self.folder is None else f", in {self.folder}"
-        return f"<Campaign of {name}: {self._share}{left}{where}>"
+        flown, landed = len(self.landings), sum(landing.success for landing in self.landings)
+        low, high = share_interval(landed, flown)
+        area = area_of(cell.rig for cell in self.cells)
+        share = f"{landed} of {flown} landed in the {area} ({100 * low:.1f}–{100 * high:.1f} %)"
+        return f"Campaign of {name}: {share}{left}{where}"
 
     @property
     def landings(self) -> tuple[Landing, ...]:
         """Of all cells."""
         return tuple(landing for cell in self.cells for landing in cell.landings)
-
-    @property
-    def _share(self) -> str:
-        flown, landed = len(self.landings), sum(landing.success for landing in self.landings)
-        low, high = share_interval(landed, flown)
-        area = area_of(cell.rig for cell in self.cells)
-        return f"{landed} of {flown} landed in the {area} ({100 * low:.1f}–{100 * high:.1f} %)"
 
     @property
     def summary(self) -> str:

@@ -1,5 +1,6 @@
 """`shipland.campaign`: what it gives back, with and without a folder, and from a script without a guard."""
 
+import base64
 import re
 import subprocess
 import sys
@@ -107,6 +108,16 @@ def test_the_plot_shows_touchdowns_and_shares(made_up):
     low, high = share_interval(2, 4)
     assert list(shares.lines[0].get_xdata()) == [100 * low, 100 * high]
     assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_notebook_shows_cells_and_a_picture(made_up):
+    shown = grid()._repr_html_()
+    assert shown.startswith("<b>Campaign of 4 cells: 12 of 16 landed in the square")
+    assert "<td>near_mean_mps=0_paper</td><td>2 of 4</td>" in shown
+    assert "2 never steady over the deck" in shown
+    picture = base64.b64decode(re.search('src="data:image/png;base64,([^"]+)"', shown).group(1))
+    assert picture.startswith(b"\x89PNG")
+    assert len(shown) < 200_000
 
 
 def test_progress_is_told_before_the_first_flight_and_after_each(made_up):
