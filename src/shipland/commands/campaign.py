@@ -35,7 +35,7 @@ class Campaign:
         --set aircraft.loop.kind=attitude,velocity --runs 200 --time-limit-s 540 --out out/tables
     """
 
-    suite: Annotated[str, tyro.conf.Positional] = ""
+    suite: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SUITE", help_behavior_hint="")] = ""
     """Name of a suite (see `shipland suites`), or the path of its TOML file; none with --scenario."""
     out: Path = Path("out/campaign")
     """Output folder; made when missing."""

@@ -145,19 +145,9 @@ class _VisionBySize:
         """What is in one picture; a video's pictures are followed."""
         size = (picture.image.shape[1], picture.image.shape[0])
         if size not in self._by_size:
-            self._by_size[size] = NearVision(self._cue, self._camera_at(picture.name, *size), self._parameters)
+            camera = self._camera.for_pictures(picture.name, *size)
+            self._by_size[size] = NearVision(self._cue, camera, self._parameters)
         vision = self._by_size[size]
         if not picture.follows:
             vision.reset()
         return SeeResult(picture, vision.see(Frame(picture.t_s, picture.image, _UNKNOWN_GIMBAL)))
-
-    def _camera_at(self, name: str, width_px: int, height_px: int) -> Camera:
-        camera = self._camera
-        if (width_px, height_px) == (camera.width_px, camera.height_px):
-            return camera
-        if abs(width_px * camera.height_px / camera.width_px - height_px) > 1.0:
-            raise DataError(
-                f"{name} is {width_px} × {height_px} px, the calibration is for {camera.width_px} × "
-                f"{camera.height_px} px; expected that size or the same aspect: give the picture's own calibration"
-            )
-        return camera.scaled(width_px, height_px)
