@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from shipland.campaigns import Campaign, campaign, load_suite
     from shipland.scenario.scenario import load_scenario
     from shipland.scenario.visions import without_pictures
+    from shipland.vision.near.files import see
 
     __version__: str
 
@@ -31,6 +32,7 @@ _HOMES = {
     "fly": "api",
     "load_scenario": "scenario.scenario",
     "load_suite": "campaigns",
+    "see": "vision.near.files",
     "without_pictures": "scenario.visions",
 }
 """Module of each public name."""
@@ -42,6 +44,7 @@ __all__ = [
     "fly",
     "load_scenario",
     "load_suite",
+    "see",
     "without_pictures",
 ]
 

@@ -82,7 +82,7 @@ def subcommand(command: type[Command], *, brief: bool) -> Any:  # noqa: ANN401 -
 
 
 def _leave_out_empty_defaults(command: type[Command]) -> None:
-    """A default that says nothing (None, an empty text, no values) is not in the help; the option's own words say it."""
+    """A default that says nothing (None, an empty text, no values) is not in the help; the option's words say it."""
     unsaid = tyro.conf.arg(help_behavior_hint="")
     for name, hint in get_type_hints(command, include_extras=True).items():
         if getattr(command, name, 0) in (None, "", ()):
