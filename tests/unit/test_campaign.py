@@ -335,6 +335,17 @@ def test_work_that_does_not_pickle_is_one_line_with_advice():
         list(run_jobs(lambda number: lock, range(3), 2, lambda *_: None))
 
 
+def test_the_wheels_examples_are_no_part_of_the_code_that_binds_a_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(folders.resources, "files", lambda _: tmp_path)
+    (tmp_path / "code.py").write_text("one")
+    before = folders.source_digest.__wrapped__()
+    (tmp_path / "examples").mkdir()
+    (tmp_path / "examples" / "own.py").write_text("two")
+    assert folders.source_digest.__wrapped__() == before
+    (tmp_path / "more.py").write_text("two")
+    assert folders.source_digest.__wrapped__() != before
+
+
 def test_weights_bind_every_vision_that_looks_at_pictures(tmp_path, monkeypatch):
     (tmp_path / "own_eyes.py").write_text(
         "from shipland.scenario.visions import geometric, rendered, without_pictures\n"

@@ -80,6 +80,8 @@ class Replay(ScenarioOptions):
 
         if is_video(self.recording):
             pilot, vision = self.pilot or "paper", self.vision or "rendered"
+            if self.camera is None:
+                print("camera: that of the scenario; --camera gives another", file=sys.stderr)
             camera = None if self.camera is None else Camera.from_opencv_yaml(self.camera)
             return recorded_film(self.recording, self.load(), pilot, vision, self.pitch_deg, camera)
         return recorded_flight(self.recording, self.pilot, self.vision, self.changes)

@@ -44,10 +44,12 @@ _BOUND = {
 
 @cache
 def source_digest() -> str:
-    """First 16 hex digits of the SHA-256 of the installed package's files, weights apart."""
+    """First 16 hex digits of the SHA-256 of the installed package's files, weights and the wheel's examples apart."""
     root = Path(str(resources.files("shipland")))
     digest = hashlib.sha256()
     for path in sorted(path for path in root.rglob("*") if path.suffix in _SOURCES):
+        if path.is_relative_to(root / "examples"):
+            continue
         digest.update(path.relative_to(root).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
