@@ -7,7 +7,7 @@ scenario = shipland.load_scenario("near", wind={"mean_mps": 3.0})
 flight = shipland.fly(scenario, pilot="horizon", seed=7)
 print(flight.reason, flight.error_m)
 many = shipland.campaign("near", pilot=["paper", "horizon"], runs=100)
-print(many.summary, many.compare(), sep="\\n")
+print(many.compare())
 ```
 
 Importing the package is light: what it offers is loaded when it is first used.

@@ -42,7 +42,7 @@ def run_jobs(
     jobs: Iterable[Job],
     workers: int,
     keep: Callable[[Job, Done], None],
-    lose: Callable[[Job, str], None] | None = None,
+    lose: Callable[[Job, str], None],
 ) -> Iterator[tuple[Job, Done]]:
     """Yield every job with what came of it, in the order in which they finish.
 
@@ -56,12 +56,10 @@ def run_jobs(
         workers: processes.
         keep: called here with every finished job, before it is yielded.
         lose: called here with a job that raised or whose process died, and why; a process that died is replaced.
-            None: such a job ends the iteration.
 
     Raises:
-        DataError: a worker process died, for instance for want of memory: without `lose` the first, with it when
-            `_DEATHS` die one after another; or work that cannot be sent to another process.
-        Exception: without `lose`, whatever `do` raised.
+        DataError: `_DEATHS` worker processes died one after another, for instance for want of memory; or work cannot be
+            sent to them.
     """
     if workers == 1:
         for job in jobs:
@@ -69,8 +67,6 @@ def run_jobs(
             try:
                 done = do(job)
             except Exception as error:
-                if lose is None:
-                    raise
                 lose(job, _words(error))
                 continue
             keep(job, done)
@@ -89,10 +85,10 @@ def run_jobs(
                     continue
                 job = worker.job
                 try:
-                    done = _received(worker)
+                    good, done = _received(worker)
                 except _DeadError as error:
                     deaths += 1
-                    if lose is None or deaths >= _DEATHS:
+                    if deaths >= _DEATHS:
                         raise
                     lose(job, str(error))
                     hired.remove(worker)
@@ -100,21 +96,18 @@ def run_jobs(
                     if following is not None:
                         hired.append(_hire(do, following))
                     continue
-                except Exception as error:
-                    if lose is None:
-                        raise
-                    lose(job, _words(error))
-                    _next_job(worker, waiting)
-                    continue
                 deaths = 0
-                keep(job, done)
+                (keep if good else lose)(job, done)
                 _next_job(worker, waiting)
-                yield job, done
+                if good:
+                    yield job, done
     finally:
         for worker in hired:
             if worker.job is not None and worker.link.poll():
                 with suppress(Exception):  # one that failed or died is flown again
-                    keep(worker.job, _received(worker))
+                    good, done = _received(worker)
+                    if good:
+                        keep(worker.job, done)
             worker.process.kill()
         for worker in hired:
             worker.process.wait()
@@ -154,7 +147,7 @@ def _pickled(work: object) -> bytes:
         return bytes(cloudpickle.dumps(work))
     except Exception as error:
         raise DataError(
-            f"this cannot be sent to a worker process: {_words(error)}; fly with one worker, or put pilot and vision "
+            f"this cannot be sent between processes: {_words(error)}; fly with one worker, or put pilot and vision "
             "into a file and give module:factory"
         ) from error
 
@@ -168,7 +161,8 @@ def _words(error: Exception) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
-def _received(worker: _Worker[Any]) -> Any:  # noqa: ANN401 - what the job gave
+def _received(worker: _Worker[Any]) -> tuple[bool, Any]:
+    """Whether the job was done, and the result or what went wrong in words."""
     try:
         data = worker.link.recv_bytes()
     except (EOFError, OSError):
@@ -176,10 +170,8 @@ def _received(worker: _Worker[Any]) -> Any:  # noqa: ANN401 - what the job gave
             worker.process.wait(1.0)
         code = worker.process.returncode
         raise _DeadError(f"a worker process died (exit code {code}); is there memory for so many workers?") from None
-    failed, done = cloudpickle.loads(data)
-    if failed:
-        raise done
-    return done
+    good, done = cloudpickle.loads(data)
+    return good, done
 
 
 def _work(descriptor: int) -> None:
@@ -197,16 +189,11 @@ def _work(descriptor: int) -> None:
 
 
 def _answer(do: Callable[[Any], Any], job: bytes) -> bytes:
-    """Pickled: whether it failed, and the result or the error; an error that does not pickle as its words."""
+    """Pickled, as `_received` gives it."""
     try:
-        data: bytes = cloudpickle.dumps((False, do(cloudpickle.loads(job))))
+        return _pickled((True, do(cloudpickle.loads(job))))
     except Exception as error:
-        try:
-            data = cloudpickle.dumps((True, error))
-            cloudpickle.loads(data)
-        except Exception:
-            data = cloudpickle.dumps((True, DataError(_words(error))))
-    return data
+        return _pickled((False, _words(error)))
 
 
 def _die_with_parent(descriptor: int) -> None:
