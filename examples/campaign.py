@@ -13,7 +13,7 @@ def main(seeds: int = 20, time_limit_s: float = 120.0) -> dict[float, shipland.C
     done = {}
     for wind_mps in (0.0, 4.0):
         scenario = shipland.load_scenario("near", wind={"mean_mps": wind_mps}, time_limit_s=time_limit_s)
-        done[wind_mps] = shipland.campaign(scenario, pilot="horizon", seeds=range(1, seeds + 1), workers=1)
+        done[wind_mps] = shipland.campaign(scenario, pilot="horizon", runs=seeds, workers=1)
         longest_s = max(done[wind_mps].table()["time_s"])
         print(f"{wind_mps:.0f} m/s: {done[wind_mps].summary} The longest flight took {longest_s:.0f} s.")
     return done

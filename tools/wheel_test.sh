@@ -14,6 +14,8 @@ mkdir "$work/elsewhere"
 cd "$work/elsewhere"
 "$work/venv/bin/shipland" version
 "$work/venv/bin/shipland" scenarios >/dev/null
+"$work/venv/bin/shipland" example own_pilot.py
+cmp own_pilot.py "$OLDPWD/examples/own_pilot.py"
 code=0
 "$work/venv/bin/shipland" fly --scenario near --vision geometric --no-video --out out || code=$?
 # 1 is a flight that did not land in the square: the wheel flies all the same.

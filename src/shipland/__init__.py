@@ -6,6 +6,8 @@ import shipland
 scenario = shipland.load_scenario("near", wind={"mean_mps": 3.0})
 flight = shipland.fly(scenario, pilot="horizon", seed=7)
 print(flight.reason, flight.error_m)
+many = shipland.campaign("near", pilot=["paper", "horizon"], runs=100)
+print(many.compare())
 ```
 
 Importing the package is light: what it offers is loaded when it is first used.
@@ -17,18 +19,43 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from shipland.api import Campaign, Flight, campaign, fly, load_scenario, without_pictures
+    from shipland.api import Flight, fly
+    from shipland.campaigns import Campaign, campaign, load_suite
+    from shipland.scenario.scenario import load_scenario
+    from shipland.scenario.visions import without_pictures
+    from shipland.vision.near.files import see
 
     __version__: str
 
-__all__ = ["Campaign", "Flight", "__version__", "campaign", "fly", "load_scenario", "without_pictures"]
+_HOMES = {
+    "Campaign": "campaigns",
+    "Flight": "api",
+    "campaign": "campaigns",
+    "fly": "api",
+    "load_scenario": "scenario.scenario",
+    "load_suite": "campaigns",
+    "see": "vision.near.files",
+    "without_pictures": "scenario.visions",
+}
+"""Module of each public name."""
+__all__ = [
+    "Campaign",
+    "Flight",
+    "__version__",
+    "campaign",
+    "fly",
+    "load_scenario",
+    "load_suite",
+    "see",
+    "without_pictures",
+]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401 - any of the names above
     if name == "__version__":
         return importlib.import_module("shipland.version").code_version()
-    if name in __all__:
-        return getattr(importlib.import_module("shipland.api"), name)
+    if name in _HOMES:
+        return getattr(importlib.import_module(f"shipland.{_HOMES[name]}"), name)
     raise AttributeError(f"module 'shipland' has no attribute {name!r}; it has: {', '.join(__all__)}")
 
 

@@ -1,18 +1,16 @@
-"""What `import shipland` offers: fly one landing, or many, from Python."""
+"""Fly one landing from Python: `shipland.fly`."""
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from shipland import factories
 from shipland.factories import Factory
@@ -29,15 +27,14 @@ from shipland.stopping import check_stop, stop_requests
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import GroundTruthSource, Real, Vehicle
 
-if TYPE_CHECKING:  # one flight that leaves nothing imports neither records and reports nor what many flights need
-    from shipland.evaluation.landing import Landing
+if TYPE_CHECKING:  # one flight that leaves nothing imports neither records nor reports
     from shipland.record.columns import FlightColumns
     from shipland.record.info import FlightInfo
     from shipland.report.outputs import Recorder
     from shipland.scenario.real_vehicle import Keys
     from shipland.sim.scene.scene import Scene
 
-__all__ = ["Campaign", "Flight", "campaign", "fly", "load_scenario", "without_pictures"]
+__all__ = ["Flight", "fly", "load_scenario", "without_pictures"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,6 +58,11 @@ class Flight(Flown):
     def __repr__(self) -> str:
         where = "" if self.folder is None else f", in {self.folder}"
         return f"<Flight of {self.scenario.name}: {self.reason}; {len(self.records)} cycles{where}>"
+
+    def _repr_html_(self) -> str:
+        from shipland.report.notebook import flight_html
+
+        return flight_html(self.scenario, self.reason, self.verdict, self.records)
 
     @property
     def error_m(self) -> float:
@@ -166,61 +168,3 @@ def _recorder(
         chase = chase_view(scene, vehicle.camera, aircraft_scale(scenario), scenario.ship.full_ship)
     real = isinstance(vehicle, Real)
     return Recorder(folder, info, scenario.rig, vehicle.camera, load_outputs(), chase, video, real)
-
-
-@dataclass(frozen=True, repr=False)
-class Campaign:
-    """Many landings of one scenario, in order of their seeds."""
-
-    scenario: Scenario
-    landings: tuple[Landing, ...]
-
-    def __repr__(self) -> str:
-        return f"<Campaign of {self.scenario.name}: {self.summary if self.landings else 'no flights'}>"
-
-    @property
-    def summary(self) -> str:
-        """How many landed in the square, or circle, with the 95 % interval, and the medians."""
-        from shipland.evaluation.tables import summary_of
-
-        return summary_of(self.landings, self.scenario.rig.landing_area)
-
-    def table(self) -> dict[str, npt.NDArray[Any]]:
-        """The columns of `landings.csv` as arrays (n,) by name."""
-        from shipland.evaluation.landing import COLUMNS, row_of
-
-        rows = [row_of(landing) for landing in self.landings]
-        return {name: np.array([row[name] for row in rows]) for name in COLUMNS}
-
-
-def campaign(
-    scenario: Scenario | str | Path,
-    *,
-    pilot: str | Factory = "horizon",
-    vision: str | Factory = "geometric",
-    seeds: Sequence[int] = range(1, 21),
-    workers: int | None = None,
-) -> Campaign:
-    """Fly many seeds of one scenario.
-
-    Args:
-        scenario: as in `fly`.
-        pilot: as in `fly`; with several workers a factory must pickle: a function of a module, not a lambda.
-        vision: likewise.
-        seeds: of the flights.
-        workers: processes; None for one a core.
-
-    Raises:
-        ShiplandError: a wrong scenario, name or machine.
-    """
-    from shipland.evaluation.job import FlightJob, land_once
-    from shipland.evaluation.workers import run_jobs
-
-    scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
-    factories.resolve("pilots", pilot)
-    factories.resolve("visions", vision)
-    count = workers if workers is not None else len(os.sched_getaffinity(0))
-    flights = [FlightJob(scenario, pilot, vision, seed) for seed in seeds]
-    with stop_requests():
-        landings = [landing for _, landing in run_jobs(land_once, flights, count, lambda *_: None)]
-    return Campaign(scenario, tuple(sorted(landings, key=lambda landing: landing.seed)))

@@ -148,6 +148,17 @@ class Camera:
         rays = homogeneous @ np.linalg.inv(self.matrix).T
         return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
+    def for_pictures(self, name: str, width_px: int, height_px: int) -> Camera:
+        """Of pictures of another size and the same aspect; DataError for another aspect, with the pictures' name."""
+        if (width_px, height_px) == (self.width_px, self.height_px):
+            return self
+        if abs(width_px * self.height_px / self.width_px - height_px) > 1.0:
+            raise DataError(
+                f"{name} is {width_px} × {height_px} px, the calibration is for {self.width_px} × {self.height_px} px; "
+                "expected that size or the same aspect: give its own with --camera (`shipland calibrate` makes one)"
+            )
+        return self.scaled(width_px, height_px)
+
     def scaled(self, width_px: int, height_px: int) -> Camera:
         """The same camera at another picture size of the same aspect."""
         sx, sy = width_px / self.width_px, height_px / self.height_px

@@ -6,7 +6,7 @@ import inspect
 import os
 import sys
 from contextlib import suppress
-from typing import Annotated, Any, Protocol, Union
+from typing import Annotated, Any, Protocol, Union, get_type_hints
 
 import tyro
 
@@ -16,6 +16,7 @@ from shipland.commands.compare import Compare
 from shipland.commands.config import Config
 from shipland.commands.detect import Detect
 from shipland.commands.evaluate import Evaluate
+from shipland.commands.example import Example
 from shipland.commands.fly import Fly
 from shipland.commands.identify import Identify
 from shipland.commands.learn import Learn
@@ -53,6 +54,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Publish,
     ServePhysics,
     Scenarios,
+    Example,
     Config,
     Suites,
     Version,
@@ -74,8 +76,17 @@ def name_of(command: type[Command]) -> str:
 
 def subcommand(command: type[Command], *, brief: bool) -> Any:  # noqa: ANN401 - tyro reads annotations of any form
     """What tyro makes a subcommand of; `brief` shows the first sentence of its help alone."""
+    _leave_out_empty_defaults(command)
     text = inspect.cleandoc(command.__doc__ or "").partition("\n\n")[0] if brief else None
     return Annotated[command, tyro.conf.subcommand(name_of(command), description=text)]
+
+
+def _leave_out_empty_defaults(command: type[Command]) -> None:
+    """A default that says nothing (None, an empty text, no values) is not in the help; the option's words say it."""
+    unsaid = tyro.conf.arg(help_behavior_hint="")
+    for name, hint in get_type_hints(command, include_extras=True).items():
+        if getattr(command, name, 0) in (None, "", ()):
+            command.__annotations__[name] = Annotated[hint, unsaid]
 
 
 def main() -> None:
@@ -91,6 +102,7 @@ def main() -> None:
             any_command,
             args=words,
             prog="shipland",
+            config=(tyro.conf.DisallowNone,),
             description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.\n\n"
             "`shipland COMMAND --help` explains one command, with an example. A first flight: "
             "shipland fly --out out/first",

@@ -306,7 +306,7 @@ def _told(cls: type, error: pydantic.ValidationError, where: str) -> str:
     places = [f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps]
     place, around = where + "".join(places), where + "".join(places[:-1])
     if kind == "unexpected_keyword_argument":
-        return _unknown(str(steps[-1]), typing.get_type_hints(holder), around)
+        return unknown_key(str(steps[-1]), typing.get_type_hints(holder), around)
     if kind == "missing" and isinstance(steps[-1], int):
         kind, place, hint = "too_short", around, _at(cls, steps[:-1])[1]
     if kind in ("too_short", "too_long"):
@@ -336,7 +336,9 @@ _EXPECTED = {
 """What was expected, by the first part of an error's type."""
 
 
-def _unknown(name: str, known: Mapping[str, object], where: str) -> str:
+def unknown_key(name: str, known: Iterable[str], where: str) -> str:
+    """What to say of a key that is not known: its name of today, what is there instead, or the nearest."""
+    known = list(known)
     if FORMER.get(name) in known:
         return f"{where}: {name!r} is called {FORMER[name]!r} now"
     if instead := GONE.get(f"{where.rpartition('.')[2]}.{name}"):

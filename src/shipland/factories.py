@@ -2,7 +2,7 @@
 
 A name is one of three things: a packaged one (`paper`), an entry point of the group `shipland.pilots` and so on that
 an installed package declares, or `module:factory` of any module that Python can import, files of the current folder
-included. Names are passed on, not objects: a name pickles, and a worker process looks it up again.
+included. Names are passed on as they are: a worker process looks them up again.
 
 `module:factory` is code that runs where it is named: the user names it, on the command line or in their own
 configuration; a name found in a log or a table does not count (`is_own_code`).

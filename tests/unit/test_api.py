@@ -1,10 +1,13 @@
 """`import shipland`: light, and what it gives is what the command line gives."""
 
+import base64
 import json
+import re
 import signal
 import subprocess
 import sys
 
+import cv2
 import numpy as np
 import pytest
 
@@ -12,6 +15,7 @@ import shipland
 from shipland.guidance.pilots import paper
 from shipland.record.info import config_digest
 from shipland.record.reader import read_log
+from shipland.report.palette import BLUE
 from shipland.scenario.fly import flight_info
 from shipland.scenario.scenario import load_scenario
 
@@ -38,6 +42,21 @@ def test_a_flight_gives_arrays():
     assert np.isnan(flight.error_m)
     assert "time limit" in flight.reason
     assert all(record.frame.image is None for record in flight.records)
+
+
+def test_a_notebook_shows_verdict_figures_and_the_whole_flight():
+    flight = shipland.fly("near", seed=3)
+    shown = flight._repr_html_()
+    assert shown.startswith(f"<b>near: {flight.reason}</b>")
+    assert f"<td>{flight.error_m:.3f} m</td>" in shown
+    picture = base64.b64decode(re.search('src="data:image/png;base64,([^"]+)"', shown).group(1))
+    image = cv2.cvtColor(cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    columns = np.argwhere((np.abs(image.astype(int) - BLUE) < 40).all(axis=2))[:, 1]
+    assert columns.min() < 60  # the trail begins at the left border, and ends on the deck
+    assert columns.max() > 400
+    assert len(shown) < 200_000
+    short = shipland.fly(shipland.load_scenario("near", **SHORT), seed=3)
+    assert "no touchdown" in short._repr_html_()
 
 
 class Swallowing:
@@ -88,11 +107,3 @@ def test_weights_are_written_down_where_they_fly():
     scenario = load_scenario("near")
     assert flight_info(scenario, "paper", "geometric", 1).weights_digest == ""
     assert len(flight_info(scenario, "paper", "rendered", 1).weights_digest) == 16
-
-
-def test_a_campaign_is_a_table_in_order_of_its_seeds():
-    found = shipland.campaign(shipland.load_scenario("near", **SHORT), pilot="paper", seeds=[2, 1], workers=1)
-    table = found.table()
-    assert table["seed"].tolist() == [1, 2]
-    assert not table["landed"].any()
-    assert "0 of 2 landed" in found.summary

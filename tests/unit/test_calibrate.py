@@ -25,9 +25,9 @@ VIEWS = [
 ]
 
 
-def board_texture(charuco):
-    """A board of 9 × 6 inner corners with a margin of one square, 40 px a square, and the size of it in squares."""
-    squares, margin = (10, 7), 40
+def board_texture(charuco, corners=(9, 6)):
+    """A board of so many inner corners with a margin of one square, 40 px a square, and the size of it in squares."""
+    squares, margin = (corners[0] + 1, corners[1] + 1), 40
     if charuco:
         dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
         board = cv2.aruco.CharucoBoard(squares, SQUARE_M, 0.75 * SQUARE_M, dictionary)
@@ -137,6 +137,13 @@ def test_bad_input_ends_in_words(changes, words, tmp_path):
 def test_too_few_pictures(tmp_path):
     cv2.imwrite(str(tmp_path / "one.png"), photograph(board_texture(False), VIEWS[0]))
     with pytest.raises(DataError, match="at least 4"):
+        calibrate((tmp_path,), Board("9x6", SQUARE_M), tmp_path / "camera.yaml")
+
+
+def test_a_part_of_a_larger_board_is_found_here_and_there_and_the_whole_is_named(tmp_path):
+    for number, view in enumerate(VIEWS[:6]):
+        cv2.imwrite(str(tmp_path / f"{number}.png"), photograph(board_texture(False, (9, 9)), view))
+    with pytest.raises(DataError, match=r"found in .* of 6 pictures; .*shows 9x9: give --board 9x9"):
         calibrate((tmp_path,), Board("9x6", SQUARE_M), tmp_path / "camera.yaml")
 
 

@@ -2,8 +2,9 @@
 
 import json
 import math
-import multiprocessing
 import os
+import subprocess
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -252,6 +253,10 @@ def test_pilots_are_compared_on_the_seeds_that_both_flew():
     assert (found.flights, found.only_first, found.only_second) == (2, 2, 0)
 
 
+NOTHING = (lambda *_: None,) * 2
+"""To keep and to lose nothing by."""
+
+
 def _square(number):
     return number * number
 
@@ -262,7 +267,7 @@ def _die(number):
 
 def test_workers_do_every_job_once():
     kept = {}
-    done = dict(run_jobs(_square, range(7), 2, kept.__setitem__))
+    done = dict(run_jobs(_square, range(7), 2, kept.__setitem__, print))
     assert done == kept == {number: number * number for number in range(7)}
 
 
@@ -292,14 +297,40 @@ def test_no_more_jobs_are_taken_than_there_are_workers():
             taken.append(number)
             yield number
 
-    for count, _ in enumerate(run_jobs(_square, jobs(), 2, lambda *_: None), start=1):
+    for count, _ in enumerate(run_jobs(_square, jobs(), 2, *NOTHING), start=1):
         assert len(taken) <= count + 2
 
 
-def test_a_worker_that_dies_is_one_line():
-    with pytest.raises(DataError, match="a worker process died"):
-        list(run_jobs(_die, range(3), 2, lambda *_: None))
-    assert not multiprocessing.active_children()
+def test_workers_that_all_die_end_the_run_in_one_line(monkeypatch):
+    lost, started, popen = [], [], subprocess.Popen
+
+    def noted(*words, **options):
+        started.append(popen(*words, **options))
+        return started[-1]
+
+    monkeypatch.setattr(subprocess, "Popen", noted)
+    with pytest.raises(DataError, match=r"a worker process died \(exit code 3\); is there memory"):
+        list(run_jobs(_die, range(100), 2, lambda *_: None, lambda job, _: lost.append(job)))
+    assert len(lost) < 10
+    assert 2 <= len(started) < 10
+    assert all(process.returncode is not None for process in started)
+
+
+def test_work_that_does_not_pickle_is_one_line_with_advice():
+    lock = threading.Lock()
+    with pytest.raises(DataError, match=r"'_thread.lock' object; fly with one worker, or .*module:factory"):
+        list(run_jobs(lambda number: lock, range(3), 2, *NOTHING))
+
+
+def test_the_wheels_examples_are_no_part_of_the_code_that_binds_a_folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(folders.resources, "files", lambda _: tmp_path)
+    (tmp_path / "code.py").write_text("one")
+    before = folders.source_digest.__wrapped__()
+    (tmp_path / "examples").mkdir()
+    (tmp_path / "examples" / "own.py").write_text("two")
+    assert folders.source_digest.__wrapped__() == before
+    (tmp_path / "more.py").write_text("two")
+    assert folders.source_digest.__wrapped__() != before
 
 
 def test_weights_bind_every_vision_that_looks_at_pictures(tmp_path, monkeypatch):
@@ -313,10 +344,3 @@ def test_weights_bind_every_vision_that_looks_at_pictures(tmp_path, monkeypatch)
     scenario = load_scenario("near")
     assert folders.campaign_key(scenario, "paper", "own_eyes:looks")["weights"].keys() == {"ship", "bar"}
     assert folders.campaign_key(scenario, "paper", "own_eyes:knows")["weights"] == {}
-
-
-def test_workers_that_all_die_end_the_run():
-    lost = []
-    with pytest.raises(DataError, match="a worker process died"):
-        list(run_jobs(_die, range(100), 2, lambda *_: None, lambda job, _: lost.append(job)))
-    assert len(lost) < 10

@@ -182,7 +182,9 @@ def test_tables_say_what_was_flown(plan):
     assert any("| paper, horizon | 3 | 0 | 1 | 1 |" in line for line in pairs(cells))
     assert any("| 3 | 0 | 0 | 1 |" in line for line in paired(cells, cells))
     with pytest.raises(ConfigError, match="no cell in common"):
-        list(paired(cells[:1], cells[1:2]))
+        list(paired(cells[:1], cells[2:3]))
+    (line,) = list(paired(cells[:1], cells[1:2]))[2:]
+    assert line.startswith("| rig-natops_mean_mps=0: paper, horizon | 3 | 0 | 1 | 1 |")
 
 
 def test_oracle_rates_are_kept(plan, monkeypatch):

@@ -5,15 +5,17 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from shipland.cli import main
-from shipland.commands import campaign
+from shipland.cli import COMMANDS, main, name_of
+from shipland.evaluation import progress
 from shipland.record.reader import read_log
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 HEAVY = ("mujoco", "moderngl", "matplotlib", "cv2", "av", "foxglove", "scipy", "openvino", "torch", "numpy")
 
 
@@ -55,12 +57,13 @@ def test_the_list_of_commands_fits_two_screens_and_each_command_tells_all(here):
 
 
 def test_a_campaign_leaves_tables_and_is_compared_and_reported(tmp_path, here, monkeypatch):
-    monkeypatch.setattr(campaign, "_SAY_EVERY_S", 0.0)
+    monkeypatch.setattr(progress, "_SAY_EVERY_S", 0.0)
     out = tmp_path / "out"
     words = ["campaign", "--set", "time_limit_s=1", "--runs", "2", "--workers", "1", "--oracle-motions", "0"]
     done = here(*words, "--pilot", "paper,horizon", "--out", str(out))
     assert done.returncode == 0, done.stderr
     # How far it is, where there is no terminal.
+    assert "0 of 2 landed in the square (0–84 %), 2 to fly" in done.stderr
     assert "4 of 4 flown" in done.stderr
     cell = out / "near_time_limit_s=1_horizon"
     assert "| near | horizon | 2 | 0 (0.0 %) |" in done.stdout
@@ -78,6 +81,29 @@ def test_a_campaign_leaves_tables_and_is_compared_and_reported(tmp_path, here, m
 def test_version_and_scenarios(here):
     assert here("version").stdout.strip() == here("--version").stdout.strip() != ""
     assert "near" in here("scenarios").stdout
+
+
+def test_help_says_nothing_that_helps_nobody(here):
+    for command in map(name_of, COMMANDS):
+        said = " ".join(here(command, "--help").stdout.split())
+        for noise in ("{None}", "(default: None)", "(default: '')", "(default: )", "PATH PATH", "[[PATH"):
+            assert noise not in said, f"{command}: {noise}"
+    assert "usage: shipland compare [-h] FIRST SECOND" in here("compare", "--help").stdout
+    assert "(default: 20)" in here("campaign", "--help").stdout
+
+
+def test_examples_are_listed_and_written(here, tmp_path):
+    listed = here("example").stdout
+    assert "own_pilot.py           A pilot of one's own in twenty lines" in listed
+    assert len(listed.splitlines()) == len(list(EXAMPLES.glob("*.*")))
+    out = tmp_path / "mine.py"
+    assert here("example", "own_pilot.py", "--out", str(out)).returncode == 0
+    assert out.read_text() == (EXAMPLES / "own_pilot.py").read_text()
+    out.write_text("changed")
+    again = here("example", "own_pilot.py", "--out", str(out))
+    assert (again.returncode, out.read_text()) == (2, "changed")
+    assert "is there already" in again.stderr
+    assert "did you mean own_pilot.py?" in here("example", "own_pilto").stderr
 
 
 BAD_TOML = "this is [ not toml"

@@ -198,7 +198,7 @@ def test_classes_come_from_the_sets_own_file(folder, text):
 
 def test_a_set_that_does_not_name_its_classes_is_refused(folder):
     (folder / "classes.txt").unlink(missing_ok=True)
-    with pytest.raises(DataError, match="--classes"):
+    with pytest.raises(DataError, match=r"write classes.txt there, one name a line, number 0 first"):
         read_dataset(folder)
 
 

@@ -9,6 +9,7 @@ import pytest
 import shipland
 from shipland.errors import ShiplandError
 from shipland.messages import BarPose, Box, Decision, GimbalAttitude, Intent, Observation, PilotCommand, Telemetry
+from shipland.report.palette import GREY, ORANGE
 from shipland.scenario.scenario import load_scenario
 
 gymnasium = pytest.importorskip("gymnasium", reason="the extra rl is not installed")
@@ -50,6 +51,7 @@ def drawn(count):
 @pytest.mark.parametrize("settings", [{}, {"observation": "flat", "action": "residual", "bound": [0.1, 0.1, 0.0, 0.0]}])
 def test_it_conforms_to_gymnasium(settings):
     env_checker.check_env(make(**settings).unwrapped)
+    env_checker.check_env(make(**settings, render_mode="rgb_array").unwrapped)
 
 
 @pytest.mark.parametrize("observation", ["dict", "flat"])
@@ -226,13 +228,51 @@ def test_what_is_missing_has_an_age_and_is_finite(camera):
         ({"action": "residual", "pilot": "nobody"}, "nobody"),
         ({"scenario": "nowhere"}, "nowhere"),
         ({"overrides": {"wind": {"mean": 1.0}}}, "mean_mps"),
-        ({"render_mode": "human"}, "human"),
+        ({"render_mode": "human"}, "render_mode='human': expected one of rgb_array"),
+        ({"scenaro": "near"}, "LandingEnv: unknown key 'scenaro'; did you mean 'scenario'"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(wrong, words):
     with pytest.raises(ShiplandError, match=words) as found:
         LandingEnv(**wrong)
     assert "\n" not in str(found.value)
+
+
+def where(picture, colour):
+    """Middle row and column of a picture's pixels of nearly that colour."""
+    return np.argwhere((np.abs(picture.astype(int) - colour) < 30).all(axis=2)).mean(axis=0)
+
+
+def test_a_flight_is_drawn_as_it_is_now():
+    env = gymnasium.make(LANDING, scenario="near", action="residual", render_mode="rgb_array")
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.unwrapped.render()
+    env.reset(seed=3)
+    first = env.render()
+    over = False
+    while not over:
+        *_, terminated, truncated, info = env.step(ZERO)
+        over = terminated or truncated
+    last = env.render()
+    env.close()
+    assert first.shape == last.shape == (480, 640, 3)
+    assert first.dtype == np.uint8
+    assert info["is_success"]
+    for panel in (slice(30, 215), slice(225, 480)):  # from the side, from above
+        deck, aircraft = (where(first[panel], colour) for colour in (GREY, ORANGE))
+        assert aircraft[1] < deck[1] - 200  # astern is to the left
+        deck, aircraft = (where(last[panel], colour) for colour in (GREY, ORANGE))
+        assert aircraft == pytest.approx(deck, abs=25)
+    assert LandingEnv().render() is None
+
+
+def test_it_records_for_stable_baselines():
+    env_util = pytest.importorskip("stable_baselines3.common.env_util", reason="stable-baselines3 is not installed")
+    envs = env_util.make_vec_env(LANDING, 2, env_kwargs={"render_mode": "rgb_array"})
+    envs.reset()
+    envs.step([ZERO] * 2)
+    assert envs.render().shape == (960, 640, 3)
+    envs.close()
 
 
 @pytest.fixture

@@ -99,7 +99,7 @@ def test_fresh_scenes_go_on_to_the_same_records(weights, tmp_path):
     assert result.pictures == 3
     assert {item.name for item in (tmp_path / "a").iterdir()} >= {"evaluation.json", "table.md", "recall.png"}
     assert json.loads((tmp_path / "a" / "evaluation.json").read_text())["tables"]["all"]["frames"] == 6
-    with pytest.raises(DataError, match="choose another folder"):
+    with pytest.raises(DataError, match="--out gives another folder"):
         evaluate(replace(first, seed=5))
 
 
@@ -111,5 +111,5 @@ def test_labelled_set_with_ranges(weights, tmp_path):
     assert np.isnan(result.tables["all"].false_believed_per_1000)
     assert len(result.missed) <= 4
     (folder / "classes.txt").write_text("ship\nbuoy\n")
-    with pytest.raises(DataError, match="ship, buoy"):
+    with pytest.raises(DataError, match=r"ship, buoy; .*--weights gives another"):
         evaluate(EvaluateArguments(weights, "ship", data=folder, out=tmp_path / "out", threads=1))

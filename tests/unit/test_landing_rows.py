@@ -9,7 +9,7 @@ import pytest
 from shipland.evaluation.job import FlightJob, land_once
 from shipland.evaluation.landing import BOTH, DECK, EITHER, OWN, conditions_of, landing_of
 from shipland.flight import FlightResult
-from shipland.messages import TouchdownVerdict
+from shipland.messages import Decision, Intent, PilotCommand, TouchdownVerdict
 from shipland.scenario.autonomy import drawn_ship
 from shipland.scenario.fly import Flown
 from shipland.scenario.scenario import load_scenario
@@ -91,7 +91,32 @@ def test_a_fall_into_the_sea_is_no_touchdown():
     assert found.oracle_in_square is None
 
 
-def test_never_down_says_how_far_it_got():
+class Hovering:
+    """A pilot without modes that holds every stick where it is, and says what for."""
+
+    def __init__(self, intent):
+        self.intent = intent
+
+    def decide(self, observation, telemetry, sent):
+        command = PilotCommand(telemetry.t_s, 0.0, 0.0, 0.0, 0.0, 0.0, self.intent)
+        return Decision(command, None, "")
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "heading_deg", "intent", "cause"),
+    [
+        (12.0, 0.0, Intent.FLY, "never steady over the deck"),
+        (12.0, 0.0, Intent.LAND, "not down in time"),
+        (12.0, 0.0, Intent.GO_AROUND, "landings broken off"),
+        (60.0, 0.0, Intent.FLY, "never near the bar"),
+        (60.0, 180.0, Intent.FLY, "never found the ship"),
+    ],
+)
+def test_never_down_says_how_far_it_got_by_what_was_seen_and_flown(distance_m, heading_deg, intent, cause):
+    start = {"distance_m": distance_m, "heading_error_deg": heading_deg}
+    scenario = load_scenario("rig-natops", start=start, time_limit_s=3.0)
+    flown = land_once(FlightJob(scenario, lambda _: Hovering(intent), "geometric", 1))
+    assert (flown.phases.search_s, flown.cause) == (0.0, cause)
     assert landing(None).cause == "never found the ship"
 
 

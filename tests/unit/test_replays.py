@@ -2,14 +2,17 @@
 
 import json
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
 import pytest
 from made_up_flight import CAMERA, INFO, RIG, flight
 
+from shipland.camera import Camera
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.job import FlightJob, land_once
 from shipland.evaluation.replays import recorded_film, recorded_flight, replay
@@ -69,6 +72,20 @@ def test_a_film_is_seen_and_decided_on(tmp_path):
     assert len(rows) == 5
     assert rows[0].frame.image is not None
     assert replayed.pairs[0].after.frame.image is None  # a film is not kept in memory
+
+
+@pytest.mark.parametrize(("size", "words"), [((640, 360), ""), ((640, 480), "give its own with --camera")])
+def test_a_film_of_another_size_has_its_camera_scaled_or_is_told_how_to_get_one(size, words, tmp_path):
+    path = tmp_path / "film.avi"
+    film = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10, size)
+    film.write(np.full((size[1], size[0], 3), 90, np.uint8))
+    film.release()
+    scenario = load_scenario("near")
+    with pytest.raises(DataError, match=words) if words else nullcontext():
+        recording = recorded_film(path, scenario, "paper", "rendered", -5.0)
+        assert recording.vehicle.camera.width_px == size[0]
+    own = Camera.from_fov(*size, 60.0)
+    assert recorded_film(path, scenario, "paper", "rendered", -5.0, own).vehicle.camera == own
 
 
 def test_the_viewer_writes_what_was_replayed(log, tmp_path):

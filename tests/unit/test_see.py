@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+import shipland
 from pictures import Look, bar_picture, camera_from_bar
 from shipland.camera import Camera
 from shipland.commands.see import See
@@ -60,6 +61,24 @@ def test_a_picture(tmp_path, bar_image):
     (result,) = see(path)
     assert_found(result)
     assert result.picture.name == str(path)
+
+
+def test_one_picture_in_python_is_the_commands_line(tmp_path, bar_image):
+    path = write(tmp_path / "bar.png", bar_image)
+    (result,) = see(path)
+    found = shipland.see(path)
+    assert found.to_json() == result.to_json()
+    assert repr(found) == f"<{result.to_line()}>"
+    of_array = shipland.see(bar_image, cue=Rig().cue, camera=default_camera())
+    assert of_array.to_json() == result.to_json() | {"file": "picture"}
+    default_camera().to_opencv_yaml(tmp_path / "camera.yaml")
+    assert shipland.see(bar_image, camera=tmp_path / "camera.yaml").to_json() == of_array.to_json()
+    plates = Path(__file__).parents[2] / "examples" / "own_cue.toml"
+    assert not shipland.see(bar_image, cue=plates).found
+    with pytest.raises(DataError, match=r"\(H,W,3\) uint8 BGR, got \(720, 1280\) uint8"):
+        shipland.see(bar_image[..., 0])
+    with pytest.raises(DataError, match="same aspect"):
+        shipland.see(bar_image[:300])
 
 
 def test_one_without_the_cue(tmp_path):

@@ -147,7 +147,7 @@ def test_a_hang_up_that_nohup_has_taken_away_stays_away():
 def test_a_request_ends_the_jobs_and_keeps_what_is_finished(workers):
     kept = {}
     with pytest.raises(KeyboardInterrupt), stop_requests():
-        for job, _ in run_jobs(abs, range(1000), workers, kept.__setitem__):
+        for job, _ in run_jobs(abs, range(1000), workers, kept.__setitem__, print):
             if job >= 3:
                 receive(signal.SIGINT)
     assert 4 <= len(kept) <= 10
@@ -160,8 +160,7 @@ def test_workers_die_with_their_parent(tmp_path):
         "def idle(path):\n"
         "    pathlib.Path(path).write_text(str(os.getpid()))\n"
         "    time.sleep(600)\n"
-        "if __name__ == '__main__':\n"
-        f"    list(run_jobs(idle, [{str(tmp_path / 'a')!r}, {str(tmp_path / 'b')!r}], 2, print))\n"
+        f"list(run_jobs(idle, [{str(tmp_path / 'a')!r}, {str(tmp_path / 'b')!r}], 2, print, print))\n"
     )
     files = [tmp_path / "a", tmp_path / "b"]
     with subprocess.Popen([sys.executable, str(tmp_path / "idle.py")]) as parent:

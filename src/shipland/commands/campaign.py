@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import shlex
 import sys
-import time
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import Changes, checked_seed, command_line, names_of
+from shipland.commands.options import Changes, command_line, names_of
 from shipland.errors import ConfigError
 
 if TYPE_CHECKING:
-    from shipland.evaluation.campaign import CampaignPlan, OpenCampaign
-
-_SAY_EVERY_S = 15.0
+    from shipland import campaigns
 
 
 @dataclass(frozen=True)
@@ -39,7 +35,7 @@ class Campaign:
         --set aircraft.loop.kind=attitude,velocity --runs 200 --time-limit-s 540 --out out/tables
     """
 
-    suite: Annotated[str, tyro.conf.Positional] = ""
+    suite: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SUITE", help_behavior_hint="")] = ""
     """Name of a suite (see `shipland suites`), or the path of its TOML file; none with --scenario."""
     out: Path = Path("out/campaign")
     """Output folder; made when missing."""
@@ -74,110 +70,40 @@ class Campaign:
 
     def run(self) -> int:
         """Fly and print; 0 when everything asked for is flown, 1 when not."""
-        from shipland.evaluation.campaign import open_campaign, read_cells, write_rows
-        from shipland.evaluation.leaderboard import leaderboard, oracle_rates_of, pairs, rivals
-        from shipland.report.campaign import write_campaign
-
-        plan = self._plan()
-        stopped = False
-        with open_campaign(plan) as campaign:
-            left = sum(1 for _ in campaign.missing())
-            if left and not self.print_only:
-                done, stopped = self._fly(campaign, left)
-                left -= done
-        names = [cell.name for cell in plan.cells]
-        everything = read_cells([plan.out])
-        write_rows(plan.out / "flights.csv", everything)
-        asked = {cell.name: cell for cell in everything if cell.name in names}
-        cells = [asked[name] for name in names]
-        for planned, flown in zip(plan.cells, cells, strict=True):
-            if flown.landings:
-                write_campaign(plan.out / flown.name, planned, flown.landings)
-        oracle_rates = {}
-        if self.oracle_motions:
-            oracle_rates = oracle_rates_of(cells, self.oracle_motions, plan.out / "oracle_rates.json")
-        parts = ["\n".join(leaderboard(cells, oracle_rates)), "\n".join(rivals(cells))]
-        if len({cell.pilot for cell in cells}) > 1:
-            parts.append("\n".join(pairs(cells)))
-        text = "\n\n".join(parts)
-        print(text)
-        (plan.out / "tables.md").write_text(text + "\n", encoding="utf-8")
-        print(
-            f"{plan.out}: tables.md, flights.csv, and for each cell a folder with landings.csv, table.md, landings.png "
-            f"and logs; one page of all: shipland report {shlex.quote(str(plan.out))}",
-            file=sys.stderr,
-        )
-        return 130 if stopped else int(left > 0)
-
-    def _plan(self) -> CampaignPlan:
-        from shipland.evaluation.campaign import CampaignPlan
-        from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of, load_suite
-
-        for name, value in (("runs", self.runs), ("workers", self.workers)):
-            if value < 1:
-                raise ConfigError(f"--{name} must be at least 1, got {value}")
+        if self.workers < 1:
+            raise ConfigError(f"--workers must be at least 1, got {self.workers}")
         if self.suite and self.scenario:
             raise ConfigError("give either a suite (`shipland suites` names them) or --scenario")
-        pilots = names_of("pilot", self.pilot)
-        if self.oracle_motions == 1 or self.oracle_motions < 0:
-            raise ConfigError(f"--oracle-motions must be 0, or 2 and more, got {self.oracle_motions}")
-        words = ""
-        entries: tuple[SuiteEntry, ...] = (SuiteEntry(names_of("scenario", self.scenario or "near"), (), self.vision),)
-        if self.suite:
-            suite = load_suite(self.suite)
-            words, entries = f"{suite.name} {suite.version}", suite.cells
-        cells = cells_of(entries, Overrides(pilots, self.changes, self.config, self.only))
-        seeds = range(checked_seed(self.first_seed), self.first_seed + self.runs)
-        return CampaignPlan(cells, seeds, self.out, words, command_line(), self.logs)
-
-    def _fly(self, campaign: OpenCampaign, left: int) -> tuple[int, bool]:
-        """Fly with a progress line; how many were flown, and whether a person stopped it."""
-        from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
-
-        from shipland.evaluation.campaign import processes
-        from shipland.evaluation.statistics import share_interval
-        from shipland.rig import area_of
-
-        if self.cluster:
-            from shipland.evaluation.cluster import cluster
-
-            executor = cluster(self.cluster)
-        else:
-            executor = processes(min(self.workers, left))
-        flown, good, stopped = 0, 0, False
-        begun_s = said_s = time.monotonic()
-        console = Console(stderr=True, highlight=False)
-        cells, area = len(campaign.plan.cells), area_of(cell.scenario.rig for cell in campaign.plan.cells)
-        console.print(f"{cells} cell{'s' * (cells > 1)}, {left} of {cells * self.runs} flights to fly")
-        columns = ("[progress.description]{task.description}", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+        stopped = False
         try:
-            with (
-                Progress(*columns, console=console, disable=not console.is_terminal) as progress,
-                closing(campaign.fly(executor)) as flights,
-            ):
-                task = progress.add_task("flights", total=left)
-                for _, landing in flights:
-                    flown, good, now_s = flown + 1, good + landing.success, time.monotonic()
-                    low, high = share_interval(good, flown)
-                    words = f"{good} of {flown} landed in the {area} ({100.0 * low:.0f}–{100.0 * high:.0f} %)"
-                    progress.update(task, advance=1, description=words)
-                    if not console.is_terminal and now_s - said_s > _SAY_EVERY_S:
-                        said_s = now_s
-                        minutes = (left - flown) * (now_s - begun_s) / flown / 60.0
-                        print(f"{words}, {left - flown} to fly, {minutes:.1f} min to go", file=sys.stderr, flush=True)
-                    if self.time_limit_s and now_s - begun_s > self.time_limit_s:
-                        break
+            found = self._campaign(0 if self.print_only else self.workers)
         except KeyboardInterrupt:
-            stopped = True
-            console.print("stopped")
-        spent_s = time.monotonic() - begun_s
-        console.print(
-            f"{flown} of {left} flown in {spent_s:.0f} s ({60.0 * flown / spent_s:.0f} a minute)"
-            + ("" if flown == left else "; run the command again to resume")
+            stopped, found = True, self._campaign(0)
+        print((self.out / "tables.md").read_text(encoding="utf-8"), end="")
+        print(
+            f"{self.out}: tables.md, flights.csv, and for each cell a folder with landings.csv, table.md, landings.png "
+            f"and logs; one page of all: shipland report {shlex.quote(str(self.out))}",
+            file=sys.stderr,
         )
-        for cell, seed, reason in campaign.lost[:10]:
-            console.print(f"lost: {cell}, seed {seed}: {reason}")
-        if len(campaign.lost) > 10:
-            console.print(f"lost: {len(campaign.lost) - 10} more")
-        return flown, stopped
+        return 130 if stopped else int(found.left > 0)
+
+    def _campaign(self, workers: int) -> campaigns.Campaign:
+        from shipland.campaigns import campaign, load_suite
+
+        return campaign(
+            load_suite(self.suite) if self.suite else names_of("scenario", self.scenario or "near"),
+            pilot=names_of("pilot", self.pilot),
+            vision=self.vision,
+            runs=self.runs,
+            first_seed=self.first_seed,
+            settings=self.changes,
+            config=self.config,
+            only=self.only,
+            workers=workers,
+            cluster=self.cluster,
+            out=self.out,
+            logs=self.logs,
+            time_limit_s=self.time_limit_s,
+            oracle_motions=self.oracle_motions,
+            command=command_line(),
+        )

@@ -23,9 +23,9 @@ class Compare:
     Example: shipland compare out/before out/after
     """
 
-    first: Annotated[Path, tyro.conf.Positional]
+    first: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FIRST")]
     """Folder of a campaign, or of a cell in one."""
-    second: Annotated[Path, tyro.conf.Positional]
+    second: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SECOND")]
     """Folder of another."""
 
     def run(self) -> int:

@@ -20,7 +20,7 @@ class Identify:
     Example: shipland identify out/flight/flight.mcap --out vehicle.toml
     """
 
-    log: Annotated[Path, tyro.conf.Positional]
+    log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
     """flight.mcap of a flight with telemetry of attitude and velocity."""
     out: Path = Path("vehicle.toml")
     """TOML file; written over."""

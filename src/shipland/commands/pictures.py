@@ -25,7 +25,7 @@ _PROGRESS_S = 5.0
 class PictureOptions:
     """Which pictures, and what becomes of the results."""
 
-    paths: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    paths: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH …", help_behavior_hint="")]
     """Pictures, folders of pictures, videos, flight logs (.mcap) that keep pictures."""
     json: bool = False
     """JSON lines instead of lines for people."""

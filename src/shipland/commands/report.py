@@ -16,7 +16,7 @@ class Report:
     Example: shipland report out/near
     """
 
-    folders: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    folders: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH …", help_behavior_hint="")]
     """Folders of campaigns; a flight that two of them hold counts once."""
     out: Path | None = None
     """The page; report.html in the first folder when not given."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -13,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland import factories
+from shipland.config import unknown_key
 from shipland.environments.actions import ActionPilot
 from shipland.environments.stepped import SteppedFlight
 from shipland.errors import ConfigError
@@ -20,6 +22,7 @@ from shipland.factories import Factory
 from shipland.flight import Cycle, FlightResult
 from shipland.guidance.pilot import PilotSetup
 from shipland.messages import PilotCommand
+from shipland.report.views import FlightViews
 from shipland.scenario.fly import Flown
 from shipland.scenario.scenario import Scenario, load_scenario
 
@@ -59,12 +62,14 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
         scenario: a packaged name, the path of a TOML file, a merged table or a scenario.
         overrides: sections or dotted keys laid over it, as `load_scenario` takes them.
         vision: `geometric`, `rendered` (drawn pictures through the whole vision), or your own.
+        render_mode: `rgb_array`: `render` gives the flight as it is now, from the side and from above.
+        unknown: arguments that there are not.
 
     Raises:
         ShiplandError: one of them is wrong; it says which.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 30}  # noqa: RUF012 - as the base class has it
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}  # noqa: RUF012 - as the base class has it
 
     def __init__(
         self,
@@ -72,13 +77,18 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
         overrides: Mapping[str, Any] | None,
         vision: str | Factory,
         render_mode: str | None,
+        unknown: Mapping[str, Any],
     ) -> None:
+        for name in unknown:
+            known = [each for each in inspect.signature(type(self)).parameters if each != "unknown"]
+            raise ConfigError(unknown_key(name, known, type(self).__name__))
         if render_mode is not None:
-            raise ConfigError(f"render_mode={render_mode!r}: there is none; `shipland fly` makes videos")
+            one_of("render_mode", render_mode, self.metadata["render_modes"])
         source = scenario.table() if isinstance(scenario, Scenario) else scenario
         self.scenario = load_scenario(source, **(overrides or {}))
         self._vision = factories.resolve("visions", vision)
-        self.render_mode = None
+        self.render_mode = render_mode
+        self._views: FlightViews | None = None
         self._flight: SteppedFlight | None = None
         self._cycle: Cycle | None = None
         self._seen: Seen
@@ -98,12 +108,15 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
             ConfigError: the flight of the seed given, or of several drawn, is over before an action is due.
         """
         super().reset(seed=seed, options=options)
+        diagonal_m = self.scenario.aircraft.airframe.motor_diagonal_m
         for _ in range(1 if seed is not None else _DRAWS):
             self.close()
             self._seed = seed if seed is not None else int(self.np_random.integers(_SEEDS))
             self._flight = flight = SteppedFlight(self.scenario, self._build_pilot, self._vision, self._seed)
             self._cycles, self._first_s = 0, -math.inf
+            self._views = None if self.render_mode is None else FlightViews(self.scenario.rig, diagonal_m)
             self._advance(flight)
+            self._reason = ""
             if self._cycle is not None and not self._timed_out:
                 return self._seen, self._info("")
         self.close()
@@ -131,10 +144,24 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
                 result.reason = f"time limit of {self.scenario.time_limit_s:g} s"
             end = Flown(result, flight.verdict())
             info |= _end_info(end)
+            reason = end.reason
             if not truncated:
                 reward += _end_reward(end)
             self.close()
+        self._reason = reason
         return self._seen, reward, over, truncated, info
+
+    def render(self) -> npt.NDArray[np.uint8] | None:
+        """The flight as it is now, from the side and from above: (480,640,3) RGB; None without a `render_mode`.
+
+        Raises:
+            gymnasium.error.ResetNeeded: no flight was begun.
+        """
+        if self.render_mode is None:
+            return None
+        if self._views is None:
+            raise gymnasium.error.ResetNeeded("there is no flight to draw; call reset() first")
+        return self._views.picture(self._reason)
 
     def close(self) -> None:
         """End the flight that is on, if there is one."""
@@ -156,6 +183,8 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
                 self._cycles += 1
             self._cycle = cycle = flight.advance()
             self._truth = flight.truth()
+            if self._views is not None:
+                self._views.note(self._truth)
             self._distance_m = float(np.linalg.norm(self._truth.aircraft_in_deck_m))
             self._now_s = self._truth.t_s
             if cycle is None:
@@ -174,6 +203,12 @@ class FlightEnv(gymnasium.Env[Seen, npt.NDArray[np.float32]], Generic[Seen]):
     def _info(self, reason: str) -> dict[str, Any]:
         place_m = self._truth.aircraft_in_deck_m
         return {"seed": self._seed, "t_s": self._truth.t_s, "aircraft_in_deck_m": place_m, "reason": reason}
+
+
+def one_of(name: str, value: str, known: Sequence[str]) -> None:
+    """Check an argument; ConfigError when it is none of those known."""
+    if value not in known:
+        raise ConfigError(f"{name}={value!r}: expected one of {', '.join(known)}")
 
 
 def _end_info(end: Flown) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from gymnasium import spaces
 
 from shipland import factories
 from shipland.environments.actions import STICKS, ActionPilot, ResidualPilot, StickPilot
-from shipland.environments.flight_env import FlightEnv
+from shipland.environments.flight_env import FlightEnv, one_of
 from shipland.environments.observations import Arrays, Observer, observation_space
 from shipland.errors import ConfigError
 from shipland.factories import Factory
@@ -42,6 +42,8 @@ class LandingEnv(FlightEnv[Seen]):
         pilot: of the residual, as `factories.resolve` takes it.
         bound: of the residual, as a share of the full stick: one for all or four.
         observation: `dict` or `flat`.
+        render_mode: as in `FlightEnv`.
+        **unknown: refused; the nearest argument is named.
 
     Raises:
         ShiplandError: one of them is wrong; it says which.
@@ -58,10 +60,11 @@ class LandingEnv(FlightEnv[Seen]):
         bound: float | Sequence[float] = 0.2,
         observation: str = "dict",
         render_mode: str | None = None,
+        **unknown: Any,  # noqa: ANN401 - refused
     ) -> None:
-        _one_of("action", action, ("sticks", "residual"))
-        _one_of("observation", observation, ("dict", "flat"))
-        super().__init__(scenario, overrides, vision, render_mode)
+        one_of("action", action, ("sticks", "residual"))
+        one_of("observation", observation, ("dict", "flat"))
+        super().__init__(scenario, overrides, vision, render_mode, unknown)
         self._inner = factories.resolve("pilots", pilot) if action == "residual" else None
         self._bound = _bound_of(bound)
         self.entries = observation_space()
@@ -81,11 +84,6 @@ class LandingEnv(FlightEnv[Seen]):
             return entries
         flat: npt.NDArray[np.float32] = np.concatenate(list(entries.values()))
         return flat
-
-
-def _one_of(name: str, value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise ConfigError(f"{name}={value!r}: expected one of {', '.join(known)}")
 
 
 def _bound_of(bound: float | Sequence[float]) -> npt.NDArray[np.float64]:

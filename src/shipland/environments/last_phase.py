@@ -65,6 +65,8 @@ class LastPhaseEnv(FlightEnv[Seen]):
         action: `residual` or `direct`.
         bound_mps2: input of an action of 1; default 0.5 residual, 4 direct.
         reach_m: farther from the landing point than this the pilot flies alone.
+        render_mode: as in `FlightEnv`.
+        **unknown: refused; the nearest argument is named.
 
     Raises:
         ShiplandError: one of them is wrong; it says which.
@@ -80,8 +82,9 @@ class LastPhaseEnv(FlightEnv[Seen]):
         bound_mps2: float | None = None,
         reach_m: float = REACH_M,
         render_mode: str | None = None,
+        **unknown: Any,  # noqa: ANN401 - refused
     ) -> None:
-        super().__init__(scenario, START | dict(overrides or {}), vision, render_mode)
+        super().__init__(scenario, START | dict(overrides or {}), vision, render_mode, unknown)
         try:
             self.action = Action(action, default_bound_mps2(action) if bound_mps2 is None else bound_mps2, reach_m)
         except ValueError as error:

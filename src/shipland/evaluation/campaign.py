@@ -6,23 +6,33 @@ import csv
 import json
 import os
 import platform
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from shipland.config import build
 from shipland.errors import DataError
-from shipland.evaluation.folder import campaign_key, claimed, folder_in, read_campaign
+from shipland.evaluation.folder import CampaignFolder, campaign_key, claimed, folder_in, read_campaign
 from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import COLUMNS, Landing, row_of
 from shipland.evaluation.suite import Cell
 from shipland.evaluation.workers import run_jobs
+from shipland.factories import name_of
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import AirframeParameters
 from shipland.sim.ship.ship import ShipParameters
 from shipland.stopping import stop_requests
+
+
+class LostFlight(NamedTuple):
+    """A flight without a landing: its process died, or it raised."""
+
+    cell: str
+    seed: int
+    reason: str
+
 
 Keep = Callable[[FlightJob, Landing], None]
 Lose = Callable[[FlightJob, str], None]
@@ -38,7 +48,7 @@ class CampaignPlan:
         cells: lines of the table.
         seeds: flown in every cell.
         out: folder; made when missing. CELL/landings.csv hold the rows, CELL/flights/SEED.mcap the logs of those that
-            did not land in the square, cells.json what was asked for.
+            did not land in the square, cells.json what was asked for. None: the rows stay in memory.
         suite: name and version; empty for a grid of the command line.
         command: command line to write down.
         logs: keep the log of every flight.
@@ -46,36 +56,51 @@ class CampaignPlan:
 
     cells: Sequence[Cell]
     seeds: range
-    out: Path
+    out: Path | None = None
     suite: str = ""
     command: str = ""
     logs: bool = False
 
 
+class _Rows:
+    """Rows of a cell that no folder holds."""
+
+    def __init__(self) -> None:
+        self.done: dict[int, Landing] = {}
+        self.seeds = self.done.keys()
+
+    def append(self, landing: Landing) -> None:
+        self.done[landing.seed] = landing
+
+
 class OpenCampaign:
-    """A plan's folder, opened by `open_campaign` for this process alone.
+    """A plan's rows, opened by `open_campaign` for this process alone.
 
     Attributes:
         plan: as asked for.
-        lost: (cell, seed, reason) of flights whose process died or that raised; they are flown again next time.
+        lost: flights whose process died or that raised; they are flown again next time.
     """
 
     def __init__(self, plan: CampaignPlan) -> None:
         self.plan = plan
-        self._folders = {
-            cell.name: folder_in(plan.out / cell.name, campaign_key(cell.scenario, cell.pilot, cell.vision))
-            for cell in plan.cells
-        }
-        self.lost: list[tuple[str, int, str]] = []
-        _write_beside(plan)
+        self.lost: list[LostFlight] = []
+        self._rows: dict[str, CampaignFolder | _Rows] = {}
+        for cell in plan.cells:
+            if plan.out is None:
+                self._rows[cell.name] = _Rows()
+            else:
+                key = campaign_key(cell.scenario, cell.pilot, cell.vision)
+                self._rows[cell.name] = folder_in(plan.out / cell.name, key)
+        if plan.out is not None:
+            _write_beside(plan, plan.out)
 
     def missing(self) -> Iterator[FlightJob]:
         """The flights that are missing, seed by seed over all cells."""
         plan = self.plan
         for seed in plan.seeds:
             for cell in plan.cells:
-                if seed not in self._folders[cell.name].seeds:
-                    log = plan.out / cell.name / "flights" / f"{seed}.mcap"
+                if seed not in self._rows[cell.name].seeds:
+                    log = None if plan.out is None else plan.out / cell.name / "flights" / f"{seed}.mcap"
                     yield FlightJob(
                         cell.scenario, cell.pilot, cell.vision, seed, log, not plan.logs, cell.name, plan.command
                     )
@@ -84,26 +109,36 @@ class OpenCampaign:
         """Fly what is missing and yield it as it is kept; closing the generator stops in order."""
 
         def keep(flight: FlightJob, landing: Landing) -> None:
-            if flight.seed not in self._folders[flight.cell].seeds:  # a flight that comes twice counts once
-                self._folders[flight.cell].append(landing)
+            if flight.seed not in self._rows[flight.cell].seeds:  # a flight that comes twice counts once
+                self._rows[flight.cell].append(landing)
 
         def lose(flight: FlightJob, reason: str) -> None:
-            self.lost.append((flight.cell, flight.seed, reason))
+            self.lost.append(LostFlight(flight.cell, flight.seed, reason))
 
         yield from executor(self.missing(), keep, lose)
+
+    def results(self) -> list[CellResult]:
+        """The plan's cells with all their rows, those flown earlier included."""
+        plan = self.plan
+        if plan.out is not None:
+            found = {cell.name: cell for cell in read_cells([plan.out])}
+            return [found[cell.name] for cell in plan.cells]
+        return [_result(cell, plan.suite, self._rows[cell.name].done) for cell in plan.cells]
 
 
 @contextmanager
 def open_campaign(plan: CampaignPlan) -> Iterator[OpenCampaign]:
-    """The plan's folder, made when missing, for this process alone; Ctrl-C and SIGTERM are requests within.
+    """The plan's rows: in its folder, made when missing, for this process alone, or in memory without one.
+
+    Ctrl-C and SIGTERM are requests within.
 
     Raises:
         DataError: it holds landings of other code, configuration or weights, another process flies in it, or it cannot
             be written.
     """
-    if (plan.out / "landings.csv").exists():
+    if plan.out is not None and (plan.out / "landings.csv").exists():
         raise DataError(f"{plan.out} holds one table of landings, not a campaign's cells; give another folder")
-    with stop_requests(), claimed(plan.out):
+    with stop_requests(), nullcontext() if plan.out is None else claimed(plan.out):
         yield OpenCampaign(plan)
 
 
@@ -116,18 +151,18 @@ def processes(count: int) -> Executor:
     return executor
 
 
-def _write_beside(plan: CampaignPlan) -> None:
+def _write_beside(plan: CampaignPlan, out: Path) -> None:
     """cells.json: what was asked for, earlier cells of the folder included."""
-    path = plan.out / "cells.json"
-    before = read_about(plan.out) if cells_file(plan.out).exists() else {"cells": {}}
+    path = out / "cells.json"
+    before = read_about(out) if cells_file(out).exists() else {"cells": {}}
     cells = {
         cell.name: {
             "suite": plan.suite,
             "scenario": cell.scenario.name,
             "settings": dict(cell.settings),
             "group": cell.group,
-            "pilot": cell.pilot,
-            "vision": cell.vision,
+            "pilot": name_of(cell.pilot),
+            "vision": name_of(cell.vision),
         }
         for cell in plan.cells
     }
@@ -179,7 +214,7 @@ class CellResult:
         scenario: its name.
         rig, ship, airframe: what a landing is judged by, read back from what was flown.
         landings: in order of their seeds.
-        logs: the folder with the logs of failures, for links.
+        logs: the folder with the logs of failures, for links; None without one.
     """
 
     name: str
@@ -193,7 +228,25 @@ class CellResult:
     ship: ShipParameters
     airframe: AirframeParameters
     landings: tuple[Landing, ...]
-    logs: Path
+    logs: Path | None
+
+
+def _result(cell: Cell, suite: str, done: Mapping[int, Landing]) -> CellResult:
+    scenario = cell.scenario
+    return CellResult(
+        name=cell.name,
+        group=cell.group,
+        suite=suite,
+        pilot=name_of(cell.pilot),
+        vision=name_of(cell.vision),
+        settings=cell.settings,
+        scenario=scenario.name,
+        rig=scenario.rig,
+        ship=scenario.ship,
+        airframe=scenario.aircraft.airframe,
+        landings=tuple(done[seed] for seed in sorted(done)),
+        logs=None,
+    )
 
 
 def read_cells(folders: Sequence[Path]) -> list[CellResult]:
@@ -231,16 +284,23 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
     return list(found.values())
 
 
+def rows_of(cells: Sequence[CellResult]) -> Iterator[dict[str, Any]]:
+    """A row a flight, as in `flights.csv`: all have the same keys; a setting that a cell does not have is empty."""
+    settings = dict.fromkeys((key for cell in cells for key, _ in cell.settings), "")
+    for cell in cells:
+        beside = {"suite": cell.suite, "cell": cell.name, "scenario": cell.scenario, "pilot": cell.pilot}
+        beside |= {"vision": cell.vision} | settings | dict(cell.settings)
+        for landing in cell.landings:
+            yield beside | row_of(landing)
+
+
 def write_rows(path: Path, cells: Sequence[CellResult]) -> None:
     """Write `flights.csv`; numbers that a flight does not have are empty."""
-    keys = list(dict.fromkeys(key for cell in cells for key, _ in cell.settings))
+    settings = dict.fromkeys(key for cell in cells for key, _ in cell.settings)
     part = path.with_suffix(".part")
     with part.open("w", newline="", encoding="utf-8") as file:
-        head = ["suite", "cell", "scenario", "pilot", "vision"]
-        rows = csv.DictWriter(file, [*head, *keys, *COLUMNS], restval="", lineterminator="\n")
+        head = ["suite", "cell", "scenario", "pilot", "vision", *settings, *COLUMNS]
+        rows = csv.DictWriter(file, head, lineterminator="\n")
         rows.writeheader()
-        for cell in cells:
-            beside = {"suite": cell.suite, "cell": cell.name, "scenario": cell.scenario, "pilot": cell.pilot}
-            beside |= {"vision": cell.vision} | dict(cell.settings)
-            rows.writerows(beside | row_of(landing) for landing in cell.landings)
+        rows.writerows(rows_of(cells))
     part.replace(path)

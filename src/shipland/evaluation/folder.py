@@ -19,8 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from shipland import factories
-from shipland.errors import DataError
+from shipland.errors import ConfigError, DataError
 from shipland.evaluation.landing import COLUMNS, Landing, landing_from, row_of
+from shipland.factories import Factory
 from shipland.files import json_of, read_text, write_atomically
 from shipland.former import renamed
 from shipland.record.info import config_digest, file_digest
@@ -43,22 +44,26 @@ _BOUND = {
 
 @cache
 def source_digest() -> str:
-    """First 16 hex digits of the SHA-256 of the installed package's files, weights apart."""
+    """First 16 hex digits of the SHA-256 of the installed package's files, weights and the wheel's examples apart."""
     root = Path(str(resources.files("shipland")))
     digest = hashlib.sha256()
     for path in sorted(path for path in root.rglob("*") if path.suffix in _SOURCES):
+        if path.is_relative_to(root / "examples"):
+            continue
         digest.update(path.relative_to(root).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
-def campaign_key(scenario: Scenario, pilot: str, vision: str) -> dict[str, Any]:
+def campaign_key(scenario: Scenario, pilot: str | Factory, vision: str | Factory) -> dict[str, Any]:
     """What landings of one table must have in common, with further facts for the reader.
 
     Raises:
         DataError: weights are missing.
+        ConfigError: pilot or vision stand in no file.
     """
     table, detector, weights = scenario.table(), scenario.detector, {}
+    names = [factories.name_of(each) for each in (pilot, vision)]
     if needs_pictures(factories.resolve("visions", vision)):
         from shipland.vision.far.detector import weights_path
 
@@ -68,9 +73,9 @@ def campaign_key(scenario: Scenario, pilot: str, vision: str) -> dict[str, Any]:
         "version": code_version(),
         "source": source_digest(),
         "configuration": config_digest(table),
-        "pilot": pilot,
-        "vision": vision,
-        "own_code": {name: _own_code_digest(name) for name in (pilot, vision) if factories.is_own_code(name)},
+        "pilot": names[0],
+        "vision": names[1],
+        "own_code": {name: _own_code_digest(name) for name in names if factories.is_own_code(name)},
         "weights": weights,
         "python": platform.python_version(),
         "libraries": {name: _version_of(name) for name in _LIBRARIES},
@@ -85,8 +90,17 @@ def _command() -> str:
 
 
 def _own_code_digest(name: str) -> str:
-    """Of the file that holds `module:factory`; empty where it has none."""
-    spec = importlib.util.find_spec(name.partition(":")[0])
+    """Of the file that holds `module:factory`; empty for a module without one."""
+    module, _, factory = name.partition(":")
+    if module == "__main__":
+        path = Path(getattr(sys.modules[module], "__file__", ""))
+        if not path.is_file():
+            raise ConfigError(
+                f"{factory} is defined in a notebook or at a prompt, and all rows of a folder must be of one code; "
+                f"write it into a file, own.py, and give 'own:{factory}', or give no folder"
+            )
+        return file_digest(path)
+    spec = importlib.util.find_spec(module)
     return file_digest(Path(spec.origin)) if spec is not None and spec.origin is not None else ""
 
 

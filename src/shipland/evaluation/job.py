@@ -20,7 +20,7 @@ class FlightJob:
 
     Attributes:
         scenario: what is flown.
-        pilot, vision: as `factories.resolve` takes them; names where they go to another process.
+        pilot, vision: as `factories.resolve` takes them.
         seed: of the flight.
         log: where its log is kept, if anywhere.
         only_failed: keep it only where it is no landing in the square.

@@ -14,7 +14,7 @@ import numpy as np
 from shipland.evaluation.oracle import take_apart
 from shipland.evaluation.recovery import recoveries
 from shipland.frames import euler_from_rotation, wrap_angle
-from shipland.messages import FlightRecord, Mode, TouchdownVerdict
+from shipland.messages import FlightRecord, Intent, Mode, TouchdownVerdict
 from shipland.scenario.autonomy import drawn_ship, drawn_wind_of
 from shipland.scenario.faults import Fault, faults_of
 from shipland.scenario.fly import Flown
@@ -194,7 +194,7 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
     step_percent, over_percent = largest_steps(records, scenario.safety.slew_percent_per_s)
     if verdict is None or not verdict.touched:
         reason = flown.reason
-        cause = _never_down(phases) if verdict is None else reason
+        cause = _never_down(records) if verdict is None else reason
         return rounded(
             Landing(
                 seed,
@@ -267,15 +267,18 @@ def _cause(scenario: Scenario, verdict: TouchdownVerdict, oracle_in_square: bool
     return DECK if control_in_square else EITHER
 
 
-def _never_down(phases: Phases) -> str:
-    """Of a flight that ended in the air: how far it got."""
-    if phases.tries:
+def _never_down(records: Sequence[FlightRecord]) -> str:
+    """Of a flight that ended in the air: how far it got, by what was flown and seen; a pilot need not have modes."""
+    intents = {record.decision.command.intent for record in records}
+    if Intent.GO_AROUND in intents:
         return "landings broken off"
-    if phases.land_s > 0.0:
+    if Intent.LAND in intents:
         return "not down in time"
-    if phases.approach_s > 0.0:
+    seen = [record.observation for record in records]
+    if any(it.bar_pose is not None or it.deck is not None for it in seen):
         return "never steady over the deck"
-    return "never near the bar" if phases.bar_s > 0.0 or phases.ship_s > 0.0 else "never found the ship"
+    found = any(it.bar_box is not None or it.ship_box is not None for it in seen)
+    return "never near the bar" if found else "never found the ship"
 
 
 def phases_of(records: Sequence[FlightRecord], end_s: float) -> Phases:

@@ -7,6 +7,7 @@ import itertools
 import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -99,17 +100,53 @@ def _quantile(values: np.ndarray[tuple[int], np.dtype[np.float64]], share: float
     return f"{np.quantile(values, share):.1f} ({low:.1f}–{high:.1f})" if len(values) > 1 else f"{values[0]:.1f}"
 
 
+Pairings = dict[tuple[str, ...], Pairing]
+"""Paired tests by what stands before them in a table's row."""
+OF_PILOTS, OF_CAMPAIGNS = ("scenario and settings", "pilots"), ("cell",)
+
+
+def pilot_pairings(cells: Sequence[CellResult]) -> Pairings:
+    """Every two pilots of one group on the same seeds."""
+    return {
+        (first.group, f"{first.pilot}, {second.pilot}"): pair_up(
+            first.landings, second.landings, np.random.default_rng(1)
+        )
+        for first, second in itertools.combinations(cells, 2)
+        if first.group == second.group
+    }
+
+
+def campaign_pairings(first: Sequence[CellResult], second: Sequence[CellResult]) -> Pairings:
+    """The same cells of two campaigns, seed by seed; of two with one pilot each, whoever that is.
+
+    Raises:
+        ConfigError: they have none in common.
+    """
+    one_pilot_each = all(len({cell.pilot for cell in cells}) == 1 for cells in (first, second))
+    ours, theirs = ({cell.group if one_pilot_each else cell.name: cell for cell in cells} for cells in (first, second))
+    common = [name for name in ours if name in theirs]
+    if not common:
+        raise ConfigError("the two campaigns have no cell in common")
+    found: Pairings = {}
+    for name in common:
+        one, two = ours[name], theirs[name]
+        label = one.name if one.name == two.name else f"{one.group}: {one.pilot}, {two.pilot}"
+        found[(label,)] = pair_up(one.landings, two.landings, np.random.default_rng(1))
+    return found
+
+
+def pairings_table(head: tuple[str, ...], found: Pairings) -> Iterator[str]:
+    """Markdown, a line a pairing."""
+    numbers = "seeds | only the first | only the second | McNemar p | error median, first less second [cm] |"
+    yield f"| {' | '.join(head)} | {numbers}"
+    yield f"|{'---|' * len(head)}---:|---:|---:|---:|---:|"
+    for names, pairing in found.items():
+        yield f"| {' | '.join(names)} | {_pairing(pairing)} |"
+
+
 def pairs(cells: Sequence[CellResult]) -> Iterator[str]:
     """Markdown: every two pilots of one group on the same seeds."""
-    yield (
-        "| scenario and settings | pilots | seeds | only the first | only the second | McNemar p "
-        "| error median, first less second [cm] |"
-    )
-    yield "|---|---|---:|---:|---:|---:|---:|"
-    for first, second in itertools.combinations(cells, 2):
-        if first.group == second.group:
-            found = pair_up(first.landings, second.landings, np.random.default_rng(1))
-            yield f"| {first.group} | {first.pilot}, {second.pilot} | {_pairing(found)} |"
+    return pairings_table(OF_PILOTS, pilot_pairings(cells))
 
 
 def rivals(cells: Sequence[CellResult]) -> Iterator[str]:
@@ -123,16 +160,8 @@ def rivals(cells: Sequence[CellResult]) -> Iterator[str]:
 
 
 def paired(first: Sequence[CellResult], second: Sequence[CellResult]) -> Iterator[str]:
-    """Markdown: the same cells in two folders, seed by seed; ConfigError when they have none in common."""
-    ours, theirs = {cell.name: cell for cell in first}, {cell.name: cell for cell in second}
-    common = [name for name in ours if name in theirs]
-    if not common:
-        raise ConfigError("the two folders have no cell in common")
-    yield "| cell | seeds | only the first | only the second | McNemar p | error median, first less second [cm] |"
-    yield "|---|---:|---:|---:|---:|---:|"
-    for name in common:
-        found = pair_up(ours[name].landings, theirs[name].landings, np.random.default_rng(1))
-        yield f"| {name} | {_pairing(found)} |"
+    """Markdown: the same cells of two campaigns; raises as `campaign_pairings`."""
+    return pairings_table(OF_CAMPAIGNS, campaign_pairings(first, second))
 
 
 def _pairing(found: Pairing) -> str:
@@ -143,18 +172,18 @@ def _pairing(found: Pairing) -> str:
     return f"{found.flights} | {found.only_first} | {found.only_second} | {found.p_value:.2g} | {difference}"
 
 
-def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path) -> dict[str, OracleRate]:
+def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | None = None) -> dict[str, OracleRate]:
     """The oracle rate of each group; drawn once for each motion, and kept in a file.
 
     Args:
         cells: what was flown.
         motions: how many are drawn for each.
-        cache: JSON file; made when missing.
+        cache: JSON file; made when missing. None: nothing is kept.
     """
-    try:
-        kept = json.loads(cache.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        kept = {}
+    kept = {}
+    if cache is not None:
+        with suppress(OSError, ValueError):
+            kept = json.loads(cache.read_text(encoding="utf-8"))
     found: dict[str, OracleRate] = {}
     for cell in cells:
         ship, rig, airframe = cell.ship, cell.rig, cell.airframe
@@ -162,7 +191,8 @@ def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path) -> d
         if key not in kept:
             drawn = oracle_rate(ship, rig, airframe, motions, np.random.default_rng(1))
             kept[key] = {**vars(drawn), "interval": list(drawn.interval), "deviation_m": list(drawn.deviation_m)}
-            cache.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+            if cache is not None:
+                cache.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
         row = kept[key]
         interval, deviation_m = Interval(*row["interval"]), tuple(row["deviation_m"])
         found[cell.group] = OracleRate(**{**row, "interval": interval, "deviation_m": deviation_m})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.scenario.visions import needs_pictures
 from shipland.vehicles.replay import ReplayVehicle, recorded_video
 from shipland.version import code_version
+from shipland.vision.pictures import read_video
 from shipland.vision.vision import see_or_degrade
 
 POSE_M, STICK_PERCENT = 0.05, 5.0
@@ -134,9 +136,26 @@ def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequ
     return Recording(vehicle, scenario, pilot or info.pilot, vision or info.vision, info.seed or 0, log.records)
 
 
-def recorded_film(path: Path, scenario: Scenario, pilot: str, vision: str, pitch_deg: float) -> Recording:
-    """A video through the scenario's camera, `pitch_deg` against the horizon; DataError when it is none."""
-    camera = Camera.from_parameters(scenario.camera)
+def recorded_film(
+    path: Path, scenario: Scenario, pilot: str, vision: str, pitch_deg: float, camera: Camera | None = None
+) -> Recording:
+    """A video.
+
+    Args:
+        path: of the video.
+        scenario: what it shows.
+        pilot: who flies.
+        vision: who sees.
+        pitch_deg: of its camera against the horizon.
+        camera: that camera; None: the scenario's. Scaled to pictures of another size and the same aspect.
+
+    Raises:
+        DataError: it is no video, or of another aspect.
+    """
+    camera = Camera.from_parameters(scenario.camera) if camera is None else camera
+    with closing(read_video(path)) as pictures:
+        height_px, width_px = next(pictures)[1].shape[:2]
+    camera = camera.for_pictures(str(path), width_px, height_px)
     vehicle = ReplayVehicle(recorded_video(path, camera, math.radians(pitch_deg), scenario.delays.video_s), camera)
     return Recording(vehicle, scenario, pilot, vision)
 

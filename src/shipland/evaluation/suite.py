@@ -14,6 +14,7 @@ from typing import Any
 from shipland import factories
 from shipland.config import build, packaged_names, packaged_toml, read_toml, require, setting
 from shipland.errors import ConfigError
+from shipland.factories import Factory
 from shipland.former import as_before
 from shipland.record.info import config_digest
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
@@ -24,14 +25,14 @@ class SuiteEntry:
     """Scenarios with settings laid over each of them (`[[cells]]`).
 
     Attributes:
-        scenarios: packaged names.
+        scenarios: packaged names, paths of TOML files, or scenarios.
         set: texts `section.key=value`; several values with commas between make a cell each.
         vision: who sees.
     """
 
-    scenarios: tuple[str, ...]
+    scenarios: tuple[str | Scenario, ...]
     set: tuple[str, ...] = ()
-    vision: str = "geometric"
+    vision: str | Factory = "geometric"
 
 
 @dataclass(frozen=True)
@@ -61,24 +62,25 @@ class Cell:
     Attributes:
         scenario: everything flown, but for pilot, vision and seed.
         settings: (key, value) pairs laid over the packaged scenario.
-        pilot, vision: names, as `factories.resolve` takes them.
+        pilot, vision: as `factories.resolve` takes them.
         group: scenario and settings in a word: cells of one group differ in the pilot and fly the same seeds.
         name: group and pilot; also the cell's folder.
     """
 
     scenario: Scenario
     settings: tuple[tuple[str, str], ...]
-    pilot: str
-    vision: str
+    pilot: str | Factory
+    vision: str | Factory
     group: str = field(init=False)
     name: str = field(init=False)
 
     def __post_init__(self) -> None:
         words = [self.scenario.name, *(f"{key.split('.')[-1]}={value}" for key, value in self.settings)]
         if self.vision != "geometric":
-            words.append(self.vision)
+            words.append(factories.name_of(self.vision))
+        pilot = factories.name_of(self.pilot)
         object.__setattr__(self, "group", re.sub(r"[^\w.=,+-]", "_", re.sub(r"[\[\]\"' ]", "", "_".join(words))))
-        object.__setattr__(self, "name", f"{self.group}_{re.sub(r'[^0-9A-Za-z_.-]', '.', self.pilot)}")
+        object.__setattr__(self, "name", f"{self.group}_{re.sub(r'[^0-9A-Za-z_.-]', '.', pilot)}")
 
 
 def load_suite(source: str) -> Suite:
@@ -113,7 +115,7 @@ def task_digest(cells: Sequence[Cell]) -> str:
         task = {key: value for key, value in cell.scenario.table().items() if key not in _OF_THE_FLIER}
         for section, added in _ADDED.items():
             task[section] = {key: value for key, value in task[section].items() if (key, value) not in added}
-        tasks.append(config_digest(as_before(task) | {"by": cell.vision}))
+        tasks.append(config_digest(as_before(task) | {"by": factories.name_of(cell.vision)}))
     return config_digest({"tasks": sorted(tasks)})
 
 
@@ -128,7 +130,7 @@ class Overrides:
         only: shell patterns; cells whose group matches none are left out. Empty: all.
     """
 
-    pilots: tuple[str, ...]
+    pilots: tuple[str | Factory, ...]
     changes: tuple[str, ...] = ()
     config: Path | None = None
     only: tuple[str, ...] = ()
@@ -152,8 +154,9 @@ def cells_of(entries: Sequence[SuiteEntry], asked: Overrides) -> list[Cell]:
                 scenario = load_scenario(scenario_table(name, asked.config, laid_over))
                 for pilot in asked.pilots:
                     cell = Cell(scenario, settings, pilot, entry.vision)
-                    if found.setdefault(cell.name, cell).scenario != cell.scenario:
-                        raise ConfigError(f"two cells are called {cell.name} and differ")
+                    other = found.setdefault(cell.name, cell)
+                    if (other.scenario, other.pilot) != (cell.scenario, cell.pilot):
+                        raise ConfigError(f"two cells are called {cell.name} and differ; rename scenario or pilot")
     chosen_cells = [it for it in found.values() if _wanted(it.group, asked.only)]
     if not chosen_cells:
         raise ConfigError(f"no cell is called {' or '.join(asked.only)}; see `shipland suites SUITE`")

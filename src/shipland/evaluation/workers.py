@@ -1,20 +1,27 @@
-"""Flights on several cores: processes that are stopped when asked, and whose finished flights are kept."""
+"""Flights on several cores: processes that are stopped when asked, and whose finished flights are kept.
+
+A worker is an interpreter of its own that gets jobs over a socket. It does not run the caller's script again, as
+multiprocessing's does, so that a script needs no guard and a notebook works too; what the script or the notebook itself
+defines travels by value.
+"""
 
 from __future__ import annotations
 
 import itertools
 import multiprocessing
-import multiprocessing.connection
 import os
+import select
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnContext
-from multiprocessing.process import BaseProcess
+from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
+
+import cloudpickle
 
 from shipland.errors import DataError
 from shipland.stopping import check_stop
@@ -25,7 +32,7 @@ Done = TypeVar("Done")
 
 @dataclass
 class _Worker(Generic[Job]):
-    process: BaseProcess
+    process: subprocess.Popen[bytes]
     link: Connection
     job: Job | None = None
 
@@ -35,7 +42,7 @@ def run_jobs(
     jobs: Iterable[Job],
     workers: int,
     keep: Callable[[Job, Done], None],
-    lose: Callable[[Job, str], None] | None = None,
+    lose: Callable[[Job, str], None],
 ) -> Iterator[tuple[Job, Done]]:
     """Yield every job with what came of it, in the order in which they finish.
 
@@ -44,17 +51,15 @@ def run_jobs(
     are killed. Within `stop_requests` a request ends it.
 
     Args:
-        do: the work; a function of a module, because it is pickled, and so are jobs and results.
+        do: the work; it is pickled by value where the caller's script defines it, and so are jobs and results.
         jobs: what to do, one after another.
         workers: processes.
         keep: called here with every finished job, before it is yielded.
         lose: called here with a job that raised or whose process died, and why; a process that died is replaced.
-            None: such a job ends the iteration.
 
     Raises:
-        DataError: a worker process died, for instance for want of memory: without `lose` the first, with it when
-            `_DEATHS` die one after another.
-        Exception: without `lose`, whatever `do` raised.
+        DataError: `_DEATHS` worker processes died one after another, for instance for want of memory; or work cannot be
+            sent to them.
     """
     if workers == 1:
         for job in jobs:
@@ -62,57 +67,50 @@ def run_jobs(
             try:
                 done = do(job)
             except Exception as error:
-                if lose is None:
-                    raise
                 lose(job, _words(error))
                 continue
             keep(job, done)
             yield job, done
         return
-    # spawn: an OpenGL context does not survive a fork
-    context = multiprocessing.get_context("spawn")
     waiting = iter(jobs)
     hired: list[_Worker[Job]] = []
     deaths = 0
     try:
-        hired.extend(_hire(context, do, job) for job in itertools.islice(waiting, workers))
+        hired.extend(_hire(do, job) for job in itertools.islice(waiting, workers))
         while busy := [worker for worker in hired if worker.job is not None]:
-            ready = multiprocessing.connection.wait([worker.link for worker in busy], POLL_S)
+            ready = wait([worker.link for worker in busy], POLL_S)
             check_stop()
             for worker in busy:
                 if worker.link not in ready or worker.job is None:
                     continue
                 job = worker.job
                 try:
-                    done = _received(worker)
+                    good, done = _received(worker)
                 except _DeadError as error:
                     deaths += 1
-                    if lose is None or deaths >= _DEATHS:
+                    if deaths >= _DEATHS:
                         raise
                     lose(job, str(error))
                     hired.remove(worker)
                     following = next(waiting, None)
                     if following is not None:
-                        hired.append(_hire(context, do, following))
-                    continue
-                except Exception as error:
-                    if lose is None:
-                        raise
-                    lose(job, _words(error))
-                    _next_job(worker, waiting)
+                        hired.append(_hire(do, following))
                     continue
                 deaths = 0
-                keep(job, done)
+                (keep if good else lose)(job, done)
                 _next_job(worker, waiting)
-                yield job, done
+                if good:
+                    yield job, done
     finally:
         for worker in hired:
             if worker.job is not None and worker.link.poll():
                 with suppress(Exception):  # one that failed or died is flown again
-                    keep(worker.job, _received(worker))
+                    good, done = _received(worker)
+                    if good:
+                        keep(worker.job, done)
             worker.process.kill()
         for worker in hired:
-            worker.process.join()
+            worker.process.wait()
 
 
 POLL_S = 0.2
@@ -125,57 +123,82 @@ class _DeadError(DataError):
     """A worker process died."""
 
 
-def _hire(context: SpawnContext, do: Callable[[Any], Any], job: Job) -> _Worker[Job]:
-    near, far = context.Pipe()
-    process = context.Process(target=_work, args=(far, do), daemon=True)
-    process.start()
-    far.close()
-    near.send(job)
-    return _Worker(process, near, job)
+def _hire(do: Callable[[Any], Any], job: Job) -> _Worker[Job]:
+    sent = _pickled(do), _pickled(job)
+    near, far = multiprocessing.Pipe()
+    with far:  # not a fork: an OpenGL context does not survive it
+        code = f"import sys; sys.path[:] = {sys.path!r}; from {__name__} import _work; _work({far.fileno()})"
+        command = [sys.executable, "-c", code]
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=[far.fileno()])  # noqa: S603 - ourselves
+    worker = _Worker(process, near, job)
+    for data in sent:
+        _send(worker, data)
+    return worker
 
 
 def _next_job(worker: _Worker[Job], waiting: Iterator[Job]) -> None:
     worker.job = next(waiting, None)
     if worker.job is not None:
-        worker.link.send(worker.job)
+        _send(worker, _pickled(worker.job))
+
+
+def _pickled(work: object) -> bytes:
+    try:
+        return bytes(cloudpickle.dumps(work))
+    except Exception as error:
+        raise DataError(
+            f"this cannot be sent between processes: {_words(error)}; fly with one worker, or put pilot and vision "
+            "into a file and give module:factory"
+        ) from error
+
+
+def _send(worker: _Worker[Any], data: bytes) -> None:
+    with suppress(OSError):  # it has died: its answer says so
+        worker.link.send_bytes(data)
 
 
 def _words(error: Exception) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
-def _received(worker: _Worker[Any]) -> Any:  # noqa: ANN401 - what the job gave
+def _received(worker: _Worker[Any]) -> tuple[bool, Any]:
+    """Whether the job was done, and the result or what went wrong in words."""
     try:
-        failed, done = worker.link.recv()
+        data = worker.link.recv_bytes()
     except (EOFError, OSError):
-        worker.process.join(1.0)
-        code = worker.process.exitcode
-        raise _DeadError(f"a worker process died (exit code {code}); is there memory for --workers?") from None
-    if failed:
-        raise done
-    return done
+        with suppress(subprocess.TimeoutExpired):
+            worker.process.wait(1.0)
+        code = worker.process.returncode
+        raise _DeadError(f"a worker process died (exit code {code}); is there memory for so many workers?") from None
+    good, done = cloudpickle.loads(data)
+    return good, done
 
 
-def _work(link: Connection, do: Callable[[Any], Any]) -> None:
-    """A worker process: jobs in, results out, until killed or the parent is gone."""
+def _work(descriptor: int) -> None:
+    """A worker process: the work and its jobs in, results out, until killed or the parent is gone."""
     for which in (signal.SIGINT, signal.SIGHUP, signal.SIGQUIT):  # they reach the whole group; the parent decides
         signal.signal(which, signal.SIG_IGN)
-    threading.Thread(target=_die_with_parent, daemon=True).start()
+    threading.Thread(target=_die_with_parent, args=(descriptor,), daemon=True).start()
+    link = Connection(descriptor)
     try:
+        do = cloudpickle.loads(link.recv_bytes())
         while True:
-            job = link.recv()
-            try:
-                answer = False, do(job)
-            except Exception as error:
-                answer = True, error
-            link.send(answer)
+            link.send_bytes(_answer(do, link.recv_bytes()))
     except (EOFError, OSError):
         return
 
 
-def _die_with_parent() -> None:
+def _answer(do: Callable[[Any], Any], job: bytes) -> bytes:
+    """Pickled, as `_received` gives it."""
+    try:
+        return _pickled((True, do(cloudpickle.loads(job))))
+    except Exception as error:
+        return _pickled((False, _words(error)))
+
+
+def _die_with_parent(descriptor: int) -> None:
     """Without it a worker whose parent was killed flies its job to the end."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None  # this is a worker
-    multiprocessing.connection.wait([parent.sentinel])
+    parent = select.poll()
+    parent.register(descriptor, 0)  # its end of the socket is closed
+    parent.poll()
     os._exit(1)

@@ -169,7 +169,7 @@ def _class_names(folder: Path, classes: Sequence[str] | None) -> tuple[str, ...]
         for table in (place / "data.yaml", place / "data.yml"):
             if table.is_file():
                 return yaml_names(table)
-    raise DataError(f"{folder} does not name its classes: write classes.txt, one name a line, or give --classes")
+    raise DataError(f"{folder} does not name its classes: write classes.txt there, one name a line, number 0 first")
 
 
 def yaml_names(path: Path) -> tuple[str, ...]:

@@ -189,7 +189,7 @@ def _labelled(
     if len(dataset.classes) != len(detector.engine.spec.classes):
         raise DataError(
             f"{dataset.folder} has the classes {', '.join(dataset.classes)}; the detector was trained for "
-            f"{', '.join(detector.engine.spec.classes)}"
+            f"{', '.join(detector.engine.spec.classes)}; --weights gives another detector"
         )
     records, missed = [], []
     for number, sample in enumerate(followed(dataset.samples, "pictures", len(dataset.samples))):
@@ -263,9 +263,9 @@ def _claim(arguments: EvaluateArguments, drawn: ShipAndCamera) -> dict[int, Scen
         try:
             there = json_of(read_text(note))
         except ValueError:
-            raise DataError(f"{note} is broken: choose another folder") from None
+            raise DataError(f"{note} is broken; --out gives another folder") from None
         if there != wanted:
-            raise DataError(f"{out} holds an evaluation with {there}, not {wanted}: choose another folder")
+            raise DataError(f"{out} holds an evaluation with {there}, not {wanted}; --out gives another folder")
     out.mkdir(parents=True, exist_ok=True)
     write_atomically(note, json.dumps(wanted).encode())
     if not lines.is_file():

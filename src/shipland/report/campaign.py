@@ -13,7 +13,8 @@ from shipland.evaluation.landing import Landing
 from shipland.evaluation.rules import rules_table
 from shipland.evaluation.suite import Cell
 from shipland.evaluation.tables import causes_table, landings_table, modes_table
-from shipland.report.landing_plots import DeckTrace, Touchdowns, plot_instants, plot_touchdowns
+from shipland.factories import name_of
+from shipland.report.landing_plots import DeckTrace, plot_instants, plot_touchdowns, touchdowns_of
 from shipland.report.outputs import load_outputs
 from shipland.scenario.scenario import Scenario
 from shipland.sim.ship.ship import build_ship
@@ -36,12 +37,8 @@ def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> Non
         (folder / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
     except OSError as error:
         raise DataError(f"{folder / 'table.md'} cannot be written: {error.strerror}") from None
-    touchdowns = Touchdowns(
-        t_s=np.array([landing.time_s if landing.touched else np.nan for landing in landings]),
-        place_in_deck_m=np.array([[landing.forward_m, landing.starboard_m] for landing in landings]),
-        landed=np.array([landing.success for landing in landings]),
-    )
-    title = f"{scenario.name}, pilot {cell.pilot}, vision {cell.vision}"
+    touchdowns = touchdowns_of(landings)
+    title = f"{scenario.name}, pilot {name_of(cell.pilot)}, vision {name_of(cell.vision)}"
     parameters = load_outputs().plots
     plot_touchdowns(folder / "landings.png", touchdowns, scenario.rig, title, parameters)
     if scenario.ship.same_motion:

@@ -268,9 +268,9 @@ def _failures(cells: Sequence[CellResult], folder: Path) -> str:
         return ""
     rows = []
     for cell, it in failed[:_MOST_LISTED]:
-        log = cell.logs / f"{it.seed}.mcap"
+        log = None if cell.logs is None else cell.logs / f"{it.seed}.mcap"
         link = "no log"
-        if log.is_file():
+        if log is not None and log.is_file():
             path = html.escape(Path(os.path.relpath(log, folder)).as_posix(), quote=True)
             link = f'<a href="{path}">log</a> <code>shipland replay {path}</code>'
         texts = [cell.name, str(it.seed), it.cause, it.reason, it.conditions.faults]

@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from shipland.evaluation.campaign import CellResult
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.statistics import share_interval
 from shipland.frames import Array
 from shipland.report.palette import BLUE, GREEN, VERMILION, unit
 from shipland.report.plots import PLOT_STYLE, PlotParameters, draw_pad, new_figure, save_figure
-from shipland.rig import Rig
+from shipland.report.svg import SERIES
+from shipland.rig import Rig, area_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -53,37 +63,70 @@ class DeckTrace:
     heave_m: Array
 
 
+def touchdowns_of(landings: Sequence[Landing]) -> Touchdowns:
+    """Of some landings."""
+    return Touchdowns(
+        t_s=np.array([landing.time_s if landing.touched else np.nan for landing in landings]),
+        place_in_deck_m=np.array([[landing.forward_m, landing.starboard_m] for landing in landings]).reshape(-1, 2),
+        landed=np.array([landing.success for landing in landings], dtype=bool),
+    )
+
+
 def plot_touchdowns(path: Path, touchdowns: Touchdowns, rig: Rig, title: str, parameters: PlotParameters) -> None:
     """Dots on deck and landing area, with median and largest distance; DataError when it cannot be written."""
     import matplotlib as mpl
 
-    place_m, landed = touchdowns.place_in_deck_m, touchdowns.landed
-    touched = np.isfinite(place_m).all(axis=1)
     with mpl.rc_context(PLOT_STYLE):
         figure = new_figure(6.2, 6.6)
-        axes = figure.add_subplot()
-        draw_pad(axes, rig)
-        for chosen, colour, marker, name in (
-            (touched & landed, BLUE, "o", f"landed in the {rig.landing_area}"),
-            (touched & ~landed, VERMILION, "X", "not"),
-        ):
-            if chosen.any():
-                axes.scatter(
-                    place_m[chosen, 1], place_m[chosen, 0], s=34, marker=marker, color=unit(colour), alpha=0.7,
-                    edgecolor="white", linewidth=0.6, label=f"{int(chosen.sum())} {name}", zorder=3,
-                )  # fmt: skip
-        lines = [f"{int(landed.sum())} of {len(landed)} landed in the {rig.landing_area}"]
-        if touched.any():
-            error_m = np.linalg.norm(place_m[touched], axis=1)
-            lines.append(
-                f"median {100 * np.median(error_m):.1f} cm, largest {100 * error_m.max():.1f} cm from the centre"
-            )
-            axes.legend(loc="lower left", bbox_to_anchor=(0.1, 0.1))
-        if not touched.all():
-            lines.append(f"{int((~touched).sum())} without contact")
         figure.suptitle(title, fontsize=13, fontweight="bold")
-        axes.set_title("\n".join(lines), fontweight="normal")
+        _draw_touchdowns(figure.add_subplot(), touchdowns, rig, "")
         save_figure(figure, path, parameters.dpi)
+
+
+def _draw_touchdowns(axes: Axes, touchdowns: Touchdowns, rig: Rig, title: str) -> None:
+    place_m, landed = touchdowns.place_in_deck_m, touchdowns.landed
+    touched = np.isfinite(place_m).all(axis=1)
+    draw_pad(axes, rig)
+    for chosen, colour, marker, name in (
+        (touched & landed, BLUE, "o", f"landed in the {rig.landing_area}"),
+        (touched & ~landed, VERMILION, "X", "not"),
+    ):
+        if chosen.any():
+            axes.scatter(
+                place_m[chosen, 1], place_m[chosen, 0], s=34, marker=marker, color=unit(colour), alpha=0.7,
+                edgecolor="white", linewidth=0.6, label=f"{int(chosen.sum())} {name}", zorder=3,
+            )  # fmt: skip
+    lines = [title] * bool(title) + [f"{int(landed.sum())} of {len(landed)} landed in the {rig.landing_area}"]
+    if touched.any():
+        error_m = np.linalg.norm(place_m[touched], axis=1)
+        lines.append(f"median {100 * np.median(error_m):.1f} cm, largest {100 * error_m.max():.1f} cm from the centre")
+        axes.legend(loc="lower left", bbox_to_anchor=(0.1, 0.1))
+    if not touched.all():
+        lines.append(f"{int((~touched).sum())} without contact")
+    axes.set_title("\n".join(lines), fontweight="normal")
+
+
+def plot_cells(cells: Sequence[CellResult]) -> Figure:
+    """Where each pilot's landings touched, on the first cell's rig, and each cell's share with its interval."""
+    import matplotlib as mpl
+
+    pilots = list(dict.fromkeys(cell.pilot for cell in cells))
+    with mpl.rc_context(PLOT_STYLE):
+        figure = new_figure(5.2 * (len(pilots) + 1), max(5.4, 2.0 + 0.32 * len(cells)))
+        *pads, shares = figure.subplots(1, len(pilots) + 1)
+        for pilot, axes in zip(pilots, pads, strict=True):
+            landings = [landing for cell in cells if cell.pilot == pilot for landing in cell.landings]
+            _draw_touchdowns(axes, touchdowns_of(landings), cells[0].rig, pilot)
+        for row, cell in enumerate(cells):
+            landed, flown = sum(landing.success for landing in cell.landings), len(cell.landings)
+            low, high = share_interval(landed, flown)
+            colour = unit(SERIES[pilots.index(cell.pilot) % len(SERIES)])
+            shares.plot([100 * low, 100 * high], [row, row], color=colour, linewidth=2.0)
+            shares.plot(100 * landed / max(flown, 1), row, "o", color=colour)
+        shares.set_yticks(range(len(cells)), [cell.name for cell in cells])
+        shares.set(xlim=(-2.0, 102.0), ylim=(len(cells) - 0.5, -0.5))
+        shares.set_title(f"landed in the {area_of(cell.rig for cell in cells)}, with the 95 % interval [%]")
+    return figure
 
 
 def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: str, parameters: PlotParameters) -> None:

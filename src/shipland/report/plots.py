@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,10 +70,21 @@ class PlotParameters:
 
 
 def new_figure(width_in: float, height_in: float) -> Figure:
-    """A figure without a display and without pyplot's registry."""
+    """A figure without a display and without pyplot's registry; notebooks show it."""
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width_in, height_in), layout="constrained")
+    class Shown(Figure):
+        def _repr_png_(self) -> bytes:
+            return png_of(self)
+
+    return Shown(figsize=(width_in, height_in), layout="constrained")
+
+
+def png_of(figure: Figure, dpi: int = 80) -> bytes:
+    """The picture as a PNG file's bytes."""
+    data = BytesIO()
+    figure.savefig(data, dpi=dpi, metadata={"Software": None})
+    return data.getvalue()
 
 
 def save_figure(figure: Figure, path: Path, dpi: int) -> None:

@@ -45,8 +45,7 @@ def aircraft_scale(scenario: Scenario) -> float:
     """Scale of the drawn aircraft, by its motors' diagonal."""
     from shipland.sim.scene.mesh import MOTOR_DIAGONAL_M
 
-    airframe = scenario.aircraft.airframe
-    return round(2.0 * math.hypot(airframe.motor_forward_m, airframe.motor_right_m) / MOTOR_DIAGONAL_M, 1)
+    return round(scenario.aircraft.airframe.motor_diagonal_m / MOTOR_DIAGONAL_M, 1)
 
 
 def build_vehicle(scenario: Scenario, seed: int, scene: Scene | None) -> SimulatedVehicle:

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from shipland import factories
 from shipland.camera import Camera
 from shipland.factories import Factory
@@ -72,7 +70,7 @@ def flight_info(
     """The log's header: everything that is needed to fly the flight again."""
     from shipland.record.info import FlightInfo, config_digest, file_digest  # a flight without a log writes nothing
 
-    airframe, detector, table = scenario.aircraft.airframe, scenario.detector, scenario.table()
+    detector, table = scenario.detector, scenario.table()
     weights = ""
     if needs_pictures(factories.resolve("visions", vision)):
         from shipland.vision.far.detector import weights_path
@@ -87,7 +85,7 @@ def flight_info(
         pilot=factories.name_of(pilot),
         software_version=code_version().partition("+")[0],
         config_digest=config_digest(table),
-        aircraft_diagonal_m=2.0 * float(np.hypot(airframe.motor_forward_m, airframe.motor_right_m)),
+        aircraft_diagonal_m=scenario.aircraft.airframe.motor_diagonal_m,
         vision=factories.name_of(vision),
         code_version=code_version(),
         weights_digest=weights,

@@ -100,20 +100,25 @@ class ConfigLayer:
     table: Table
 
 
-def scenario_layers(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> list[ConfigLayer]:
+def scenario_layers(
+    source: str | Path | Scenario, config: Path | None = None, changes: Iterable[str] = ()
+) -> list[ConfigLayer]:
     """Where the values of a scenario come from, each laid over those before it; arguments as in `scenario_table`.
 
     Raises:
         ConfigError: no such scenario, or a file or a text is missing or broken.
     """
-    if str(source).endswith(".toml"):
+    if isinstance(source, Scenario):
+        scenario = ConfigLayer("the scenario given", source.table())
+    elif str(source).endswith(".toml"):
         scenario = _file(Path(source))
     elif str(source) in packaged_names("scenarios"):
         scenario = _packaged(f"scenarios/{source}")
     else:
         known = ", ".join(packaged_names("scenarios"))
         raise ConfigError(f"no scenario {str(source)!r}; there are: {known}, or give a path that ends in .toml")
-    layers = [ConfigLayer("the name given", {"name": Path(source).stem}), *_with_parts(scenario)]
+    name = source.name if isinstance(source, Scenario) else Path(source).stem
+    layers = [ConfigLayer("the name given", {"name": name}), *_with_parts(scenario)]
     if config is not None:
         layers += _with_parts(_file(config))
     layers.append(ConfigLayer("--set", settings(changes)))
@@ -128,11 +133,11 @@ def usual(table: Mapping[str, Any]) -> Table:
     return at_scale(Scenario, float(scale)) if known else plain(defaults(Scenario))
 
 
-def scenario_table(source: str | Path, config: Path | None = None, changes: Iterable[str] = ()) -> Table:
+def scenario_table(source: str | Path | Scenario, config: Path | None = None, changes: Iterable[str] = ()) -> Table:
     """The merged table of a packaged scenario's name, or of a TOML file laid over the defaults.
 
     Args:
-        source: the name, or a path that ends in .toml.
+        source: the name, a path that ends in .toml, or a scenario.
         config: a file laid over the scenario.
         changes: texts `section.key=value` laid over both.
 

@@ -164,12 +164,14 @@ def calibrate(paths: Sequence[Path], board: Board, out: Path) -> Calibration:
         image = read_picture(path)
         found.append((str(path), (image.shape[1], image.shape[0]), finder(image)))
     sizes = Counter(size for _, size, view in found if view is not None)
-    if not sizes:
-        instead = _seen_instead([Path(file) for file, _, _ in found], board.charuco)
-        raise DataError(
-            f"the board was found in none of {len(found)} pictures; expected {board.corners} inner corners "
-            f"({'with' if board.charuco else 'without'} markers){instead}"
-        )
+    if sizes.total() < min(_LEAST_VIEWS, len(found)):
+        instead = _seen_instead([Path(file) for file, _, view in found if view is None], board.charuco)
+        if instead or not sizes:
+            raise DataError(
+                f"the board was found in {sizes.total() or 'none'} of {len(found)} pictures; expected {board.corners} "
+                f"inner corners ({'with' if board.charuco else 'without'} markers)"
+                f"{instead or ': count the corners where four squares meet'}"
+            )
     size = sizes.most_common(1)[0][0]
     why: dict[int, str] = {}
     for index, (_, other, view) in enumerate(found):
@@ -262,7 +264,7 @@ def _pictures(paths: Sequence[Path]) -> Iterator[Path]:
 
 
 def _seen_instead(files: Sequence[Path], charuco: bool) -> str:
-    """Advice: the board that the first pictures show; where none, how to count."""
+    """Advice: the board that the first pictures show; empty where they show none."""
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_1000)
     markers = cv2.aruco.ArucoDetector(family)
     for file in files[:_LOOKED_AT]:
@@ -275,7 +277,7 @@ def _seen_instead(files: Sequence[Path], charuco: bool) -> str:
             down, across = sorted(meta.shape[:2])
             without = " without --charuco" if charuco else ""
             return f"; {file} shows {across}x{down}: give --board {across}x{down}{without}"
-    return ": count the corners where four squares meet"
+    return ""
 
 
 def _finder(board: Board) -> Finder:

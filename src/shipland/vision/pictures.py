@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -184,7 +184,7 @@ def _scan_of(data: bytes) -> int:
     return at
 
 
-def read_video(path: Path) -> Iterator[tuple[float, Picture]]:
+def read_video(path: Path) -> Generator[tuple[float, Picture], None, None]:
     """A video's pictures with their times: t [s] and (H,W,3) BGR.
 
     Raises:

@@ -125,6 +125,11 @@ class AirframeParameters:
         return self.thrust_to_weight * self.hover_thrust_n
 
     @property
+    def motor_diagonal_m(self) -> float:
+        """From the front right motor to the rear left one."""
+        return 2.0 * math.hypot(self.motor_forward_m, self.motor_right_m)
+
+    @property
     def shape(self) -> Shape:
         """Mass and what can touch the deck; front right, front left, rear right, rear left."""
 

@@ -11,7 +11,10 @@ import numpy.typing as npt
 
 from shipland.errors import SystemLibraryError
 
-_HINT = "the rendered camera needs EGL and OpenGL 3.3; on Debian or Ubuntu: apt-get install libegl1 libgl1"
+_HINT = (
+    "drawn pictures need EGL and OpenGL 3.3; on Debian or Ubuntu: apt-get install libegl1 libgl1 libgl1-mesa-dri "
+    "libegl-mesa0; `--vision geometric --no-video` flies without"
+)
 _LIBRARIES: dict[str, Any] = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
 LONG_WAVES_UNIT, SHORT_WAVES_UNIT, CLOUDS_UNIT, PAINT_UNIT, MIRROR_UNIT = range(5)
 """Texture units: each scene has a context of its own, so they stay bound."""

@@ -12,9 +12,10 @@ from shipland.camera import Camera, CameraParameters
 from shipland.cue import Cue
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, Observation
+from shipland.rig import Rig
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
-from shipland.vision.pictures import FilePicture, is_film, pictures_of
+from shipland.vision.pictures import FilePicture, Picture, is_film, pictures_of, read_picture
 
 _UNKNOWN_GIMBAL = GimbalAttitude(0.0, 0.0)
 """A placeholder: a file does not hold the camera's attitude, and the near vision is set not to use it."""
@@ -29,7 +30,7 @@ COLUMNS = (
 """Of the table; the place is the camera's in `bar`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SeeResult:
     """What was found in one picture.
 
@@ -40,6 +41,9 @@ class SeeResult:
 
     picture: FilePicture
     observation: Observation
+
+    def __repr__(self) -> str:
+        return f"<{self.to_line()}>"
 
     @property
     def found(self) -> bool:
@@ -88,6 +92,36 @@ class SeeResult:
             f"{abs(down_m):.3f} m {'below' if down_m >= 0.0 else 'above'}; "
             f"yaw {np.degrees(pose.yaw_rad):+.2f}°; reprojection {pose.reprojection_px:.2f} px"
         )
+
+
+def see(
+    image: Picture | str | Path, *, cue: Cue | str | Path | None = None, camera: Camera | str | Path | None = None
+) -> SeeResult:
+    """Find the cue in one picture, as `shipland see` does in many.
+
+    Args:
+        image: (H,W,3) uint8 BGR, as OpenCV reads it, or the path of a picture.
+        cue: what is looked for, or the path of its TOML file; None: the packaged rig's bar.
+        camera: of pictures of its size and of others of the same aspect, or the path of its OpenCV calibration YAML;
+            None: the packaged one.
+
+    Returns:
+        What was found: `found`, `observation` with the pose, `to_json()` and `to_line()` as the command prints them.
+
+    Raises:
+        DataError: no such picture, a picture of another shape, or of another aspect than the camera's.
+        ConfigError: the cue's file is wrong.
+    """
+    path = Path("picture") if isinstance(image, np.ndarray) else Path(image)
+    pixels = image if isinstance(image, np.ndarray) else read_picture(path)
+    if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8:
+        raise DataError(f"a picture is (H,W,3) uint8 BGR, got {pixels.shape} {pixels.dtype}")
+    cue = Rig().cue if cue is None else cue if isinstance(cue, Cue) else Cue.from_file(Path(cue))
+    if camera is None:
+        camera = default_camera()
+    elif not isinstance(camera, Camera):
+        camera = Camera.from_opencv_yaml(Path(camera))
+    return _VisionBySize(cue, camera, VisionParameters()).see(FilePicture(str(path), path, pixels))
 
 
 def see_paths(
@@ -145,19 +179,9 @@ class _VisionBySize:
         """What is in one picture; a video's pictures are followed."""
         size = (picture.image.shape[1], picture.image.shape[0])
         if size not in self._by_size:
-            self._by_size[size] = NearVision(self._cue, self._camera_at(picture.name, *size), self._parameters)
+            camera = self._camera.for_pictures(picture.name, *size)
+            self._by_size[size] = NearVision(self._cue, camera, self._parameters)
         vision = self._by_size[size]
         if not picture.follows:
             vision.reset()
         return SeeResult(picture, vision.see(Frame(picture.t_s, picture.image, _UNKNOWN_GIMBAL)))
-
-    def _camera_at(self, name: str, width_px: int, height_px: int) -> Camera:
-        camera = self._camera
-        if (width_px, height_px) == (camera.width_px, camera.height_px):
-            return camera
-        if abs(width_px * camera.height_px / camera.width_px - height_px) > 1.0:
-            raise DataError(
-                f"{name} is {width_px} × {height_px} px, the calibration is for {camera.width_px} × "
-                f"{camera.height_px} px; expected that size or the same aspect: give the picture's own calibration"
-            )
-        return camera.scaled(width_px, height_px)

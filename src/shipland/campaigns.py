@@ -1,0 +1,294 @@
+"""Many landings: `shipland.campaign` and `shipland campaign` are this one function."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from shipland.errors import ConfigError, DataError
+from shipland.evaluation.campaign import (
+    CampaignPlan,
+    CellResult,
+    LostFlight,
+    OpenCampaign,
+    open_campaign,
+    processes,
+    rows_of,
+    write_rows,
+)
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.leaderboard import (
+    OF_CAMPAIGNS,
+    OF_PILOTS,
+    Pairings,
+    campaign_pairings,
+    leaderboard,
+    oracle_rates_of,
+    pairings_table,
+    pairs,
+    pilot_pairings,
+    rivals,
+)
+from shipland.evaluation.progress import CampaignProgress, ProgressBar
+from shipland.evaluation.statistics import share_interval
+from shipland.evaluation.suite import Overrides, Suite, SuiteEntry, cells_of, load_suite
+from shipland.evaluation.tables import summary_of
+from shipland.factories import Factory
+from shipland.rig import area_of
+from shipland.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Campaign", "CampaignProgress", "Comparison", "campaign", "load_suite"]
+
+One = TypeVar("One")
+
+
+@dataclass(frozen=True, repr=False)
+class Comparison:
+    """Paired tests, seed by seed; prints as a table in Markdown.
+
+    Attributes:
+        pairings: `Pairing` by what was compared: (scenario and settings, pilots) or (cell,).
+    """
+
+    pairings: Pairings
+    _head: tuple[str, ...] = field(repr=False)
+
+    def __repr__(self) -> str:
+        return "\n".join(pairings_table(self._head, self.pairings))
+
+    def _repr_markdown_(self) -> str:
+        return repr(self)
+
+
+@dataclass(frozen=True, repr=False)
+class Campaign:
+    """Many landings, cell by cell: a cell is a scenario with its settings and a pilot.
+
+    Attributes:
+        cells: what was asked for, each with its `landings` in order of their seeds.
+        left: flights asked for that are missing.
+        lost: those of them whose process died or that raised, with the reason.
+        folder: where the rows lie; None without one.
+    """
+
+    cells: tuple[CellResult, ...]
+    left: int = 0
+    lost: tuple[LostFlight, ...] = ()
+    folder: Path | None = None
+
+    def __repr__(self) -> str:
+        return f"<{self._words}>"
+
+    def _repr_html_(self) -> str:
+        from shipland.report.notebook import campaign_html
+
+        return campaign_html(self._words, self.cells)
+
+    @property
+    def _words(self) -> str:
+        name = self.cells[0].name if len(self.cells) == 1 else f"{len(self.cells)} cells"
+        left = f"; {self.left} not flown" * (self.left > 0)
+        where = "" if self.folder is None else f", in {self.folder}"
+        flown, landed = len(self.landings), sum(landing.success for landing in self.landings)
+        low, high = share_interval(landed, flown)
+        area = area_of(cell.rig for cell in self.cells)
+        share = f"{landed} of {flown} landed in the {area} ({100 * low:.1f}–{100 * high:.1f} %)"
+        return f"Campaign of {name}: {share}{left}{where}"
+
+    @property
+    def landings(self) -> tuple[Landing, ...]:
+        """Of all cells."""
+        return tuple(landing for cell in self.cells for landing in cell.landings)
+
+    @property
+    def summary(self) -> str:
+        """A line a cell: how many landed in the square, or circle, with the 95 % interval, and the medians."""
+        lines = [summary_of(cell.landings, cell.rig.landing_area) for cell in self.cells]
+        if len(lines) == 1:
+            return lines[0]
+        return "\n".join(f"{cell.name}: {line}" for cell, line in zip(self.cells, lines, strict=True))
+
+    @cached_property
+    def rows(self) -> list[dict[str, Any]]:
+        """The rows of `flights.csv`: cell, pilot, settings, and the columns of a landing."""
+        return list(rows_of(self.cells))
+
+    def table(self) -> dict[str, npt.NDArray[Any]]:
+        """The same as arrays (n,) by name, as data frames take them."""
+        return {name: np.array([row[name] for row in self.rows]) for name in (self.rows or [{}])[0]}
+
+    def tables(self, oracle_motions: int = 0) -> str:
+        """`tables.md`: a line a cell, the rules of other publications, and pilots in pairs.
+
+        Args:
+            oracle_motions: motions drawn for each oracle rate; 0: none are drawn.
+        """
+        kept = None if self.folder is None else self.folder / "oracle_rates.json"
+        rates = oracle_rates_of(self.cells, oracle_motions, kept) if oracle_motions else {}
+        parts = [leaderboard(self.cells, rates), rivals(self.cells)]
+        if len({cell.pilot for cell in self.cells}) > 1:
+            parts.append(pairs(self.cells))
+        return "\n\n".join("\n".join(lines) for lines in parts)
+
+    def plot(self) -> Figure:
+        """Where they touched, pilot by pilot, and each cell's share in the landing area with its 95 % interval."""
+        from shipland.report.landing_plots import plot_cells
+
+        return plot_cells(self.cells)
+
+    def compare(self, other: Campaign | None = None) -> Comparison:
+        """McNemar's exact test and a paired bootstrap of the median errors, on the seeds that both flew.
+
+        Args:
+            other: the cells in common are compared; of two campaigns with one pilot each, the scenarios and settings in
+                common. None: the pilots of this one.
+
+        Raises:
+            ConfigError: there is nothing to compare.
+        """
+        if other is not None:
+            return Comparison(campaign_pairings(self.cells, other.cells), OF_CAMPAIGNS)
+        found = pilot_pairings(self.cells)
+        if not found:
+            raise ConfigError(
+                "one pilot flew; give several to campaign(pilot=[…]), or another campaign to compare with"
+            )
+        return Comparison(found, OF_PILOTS)
+
+
+def campaign(
+    scenario: Scenario | str | Path | Suite | Sequence[Scenario | str | Path] = "near",
+    *,
+    pilot: str | Factory | Sequence[str | Factory] = "horizon",
+    vision: str | Factory = "geometric",
+    runs: int = 20,
+    first_seed: int = 1,
+    settings: str | Sequence[str] = (),
+    config: Path | None = None,
+    only: str | Sequence[str] = (),
+    workers: int | None = None,
+    cluster: str = "",
+    out: str | Path | None = None,
+    logs: bool = False,
+    time_limit_s: float = 0.0,
+    oracle_motions: int = 60,
+    progress: bool | Callable[[CampaignProgress], None] = True,
+    command: str = "",
+) -> Campaign:
+    """Fly every combination of scenarios, values and pilots on the same seeds.
+
+    Scripts and notebooks need no `__main__` guard, and pilots may be defined in them. Ctrl-C stops in order.
+
+    Args:
+        scenario: as in `fly`; one or several, or a suite (`load_suite`).
+        pilot: as in `fly`; one or several.
+        vision: as in `fly`; a suite says it itself.
+        runs: flights a cell.
+        first_seed: of each cell.
+        settings: values of a key, laid over every cell, as `wind.mean_mps=0,5,9`; one text or several.
+        config: TOML file laid over every scenario.
+        only: shell patterns of cells to fly.
+        workers: processes; None: one a core; 0: nothing is flown, and what the folder holds is given back.
+        cluster: fly on a Ray cluster instead: its address, or `auto`.
+        out: folder for rows, tables and the logs of flights that did not land; what it holds already is not flown
+            again. None: the rows stay in memory.
+        logs: keep the log of every flight.
+        time_limit_s: stop in order after so long [s]; 0: no limit.
+        oracle_motions: motions drawn for each oracle rate of the folder's tables; 0: none are drawn.
+        progress: True shows a bar, False nothing; a function is called before the first flight and after each.
+        command: command line to write down.
+
+    Raises:
+        ConfigError: a wrong scenario, name, setting or machine; or `out` with a pilot that stands in no file.
+        DataError: the folder holds rows of other code, configuration or weights, or cannot be written; workers die; or
+            not one flight came to its end.
+    """
+    if runs < 1 or first_seed < 0:
+        raise ConfigError(f"runs must be at least 1 and seeds 0 or more, got {runs} runs from seed {first_seed}")
+    if oracle_motions == 1 or oracle_motions < 0:
+        raise ConfigError(f"oracle motions must be 0, or 2 and more, got {oracle_motions}")
+    if isinstance(scenario, Suite):
+        words, entries = f"{scenario.name} {scenario.version}", scenario.cells
+    else:
+        sources = (it if isinstance(it, Scenario) else str(it) for it in _several(scenario))
+        words, entries = "", (SuiteEntry(tuple(sources), (), vision),)
+    cells = cells_of(entries, Overrides(_several(pilot), _several(settings), config, _several(only)))
+    folder = None if out is None else Path(out)
+    plan = CampaignPlan(cells, range(first_seed, first_seed + runs), folder, words, command, logs)
+    with open_campaign(plan) as opened:
+        left = sum(1 for _ in opened.missing())
+        if left and workers != 0:
+            left -= _fly(opened, left, workers, cluster, time_limit_s, progress)
+        found = Campaign(tuple(opened.results()), left, tuple(opened.lost), folder)
+    if found.lost and not found.landings:
+        raise DataError(
+            f"not one flight came to its end; {found.lost[0].cell}, seed {found.lost[0].seed}: {found.lost[0].reason}"
+        )
+    if folder is not None:
+        _write(found, plan, folder, oracle_motions)
+    return found
+
+
+def _several(given: One | Sequence[One]) -> tuple[One, ...]:
+    return tuple(given) if isinstance(given, Sequence) and not isinstance(given, str) else (given,)
+
+
+def _fly(
+    opened: OpenCampaign,
+    left: int,
+    workers: int | None,
+    cluster: str,
+    time_limit_s: float,
+    progress: bool | Callable[[CampaignProgress], None],
+) -> int:
+    """Fly what is missing; how many were flown."""
+    if cluster:
+        from shipland.evaluation.cluster import cluster as on_cluster
+
+        executor = on_cluster(cluster)
+    else:
+        executor = processes(min(workers or len(os.sched_getaffinity(0)), left))
+    plan, flown, landed, begun_s = opened.plan, 0, 0, time.monotonic()
+    cells, area = len(plan.cells), area_of(cell.scenario.rig for cell in plan.cells)
+
+    def now() -> CampaignProgress:
+        return CampaignProgress(cells, cells * len(plan.seeds), left, flown, landed, opened.lost, area)
+
+    with ExitStack() as stack:
+        show = progress if callable(progress) else None
+        if progress is True:
+            show = stack.enter_context(ProgressBar(plan.out is not None))
+        flights = stack.enter_context(closing(opened.fly(executor)))
+        if show is not None:
+            show(now())
+        for _, landing in flights:
+            flown, landed = flown + 1, landed + landing.success
+            if show is not None:
+                show(now())
+            if time_limit_s and time.monotonic() - begun_s > time_limit_s:
+                break
+    return flown
+
+
+def _write(found: Campaign, plan: CampaignPlan, folder: Path, oracle_motions: int) -> None:
+    """Tables and pictures beside the rows."""
+    from shipland.evaluation.campaign import read_cells
+    from shipland.report.campaign import write_campaign
+
+    write_rows(folder / "flights.csv", read_cells([folder]))
+    for planned, flown in zip(plan.cells, found.cells, strict=True):
+        if flown.landings:
+            write_campaign(folder / flown.name, planned, flown.landings)
+    (folder / "tables.md").write_text(found.tables(oracle_motions) + "\n", encoding="utf-8")

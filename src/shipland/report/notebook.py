@@ -1,0 +1,90 @@
+"""What a notebook shows of a flight and of a campaign: HTML that stands alone, with a small picture in it."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections import Counter
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from shipland.evaluation.campaign import CellResult
+from shipland.evaluation.statistics import share_interval
+from shipland.evaluation.tables import median
+from shipland.messages import FlightRecord, TouchdownVerdict
+from shipland.report.landing_plots import plot_cells
+from shipland.report.plots import png_of
+from shipland.report.views import FlightViews
+from shipland.rig import area_of
+from shipland.scenario.scenario import Scenario
+
+_DPI = 55
+
+
+def flight_html(
+    scenario: Scenario, reason: str, verdict: TouchdownVerdict | None, records: Sequence[FlightRecord]
+) -> str:
+    """Verdict, figures of the touchdown, and the whole flight from the side and from above, where its truth is known.
+
+    Args:
+        scenario: what was flown.
+        reason: the verdict in words.
+        verdict: the touchdown; None where there was none.
+        records: a row a cycle.
+    """
+    figures = [("cycles", f"{len(records)}")]
+    if verdict is not None and verdict.touched:
+        forward_m, starboard_m = verdict.touchdown_in_deck_m
+        u, v, w = verdict.relative_velocity_in_deck_mps
+        figures += [
+            ("time", f"{verdict.t_s:.1f} s"),
+            ("off the deck's centre", f"{np.hypot(forward_m, starboard_m):.3f} m"),
+            ("sink", f"{w:.2f} m/s"),
+            ("slide", f"{np.hypot(u, v):.2f} m/s"),
+            ("tilt", f"{np.degrees(verdict.tilt_rad):.1f}°"),
+            ("slip", f"{100.0 * verdict.slip_m:.1f} cm"),
+        ]
+    views = FlightViews(scenario.rig, scenario.aircraft.airframe.motor_diagonal_m)
+    truths = [record.truth for record in records if record.truth is not None]
+    for truth in truths:
+        views.note(truth)
+    picture = ""
+    if truths:
+        bgr = cv2.cvtColor(views.picture(reason, whole=True), cv2.COLOR_RGB2BGR)
+        picture = _picture(cv2.imencode(".png", bgr)[1].tobytes(), "the flight from the side and from above")
+    return f"<b>{html.escape(scenario.name)}: {html.escape(reason)}</b>{_table(*zip(*figures, strict=True))}{picture}"
+
+
+def campaign_html(words: str, cells: Sequence[CellResult]) -> str:
+    """What came of it in a line, a row a cell, and `plot_cells`.
+
+    Args:
+        words: the line.
+        cells: what was flown.
+    """
+    area = area_of(cell.rig for cell in cells)
+    rows = []
+    for cell in cells:
+        landed, flown = sum(landing.success for landing in cell.landings), len(cell.landings)
+        low, high = share_interval(landed, flown)
+        causes = Counter(landing.cause for landing in cell.landings if landing.cause).most_common()
+        error = median([100.0 * landing.error_m for landing in cell.landings], 1)
+        interval = f"{100 * low:.1f}–{100 * high:.1f} %"
+        words_of_causes = ", ".join(f"{count} {cause}" for cause, count in causes)
+        rows.append((cell.name, f"{landed} of {flown}", interval, error, words_of_causes))
+    head = ("cell", f"landed in the {area}", "95 % interval", "error median [cm]", "causes")
+    picture = _picture(png_of(plot_cells(cells), _DPI), "where they touched, and the share that landed")
+    return f"<b>{html.escape(words)}</b>{_table(head, *rows)}{picture}"
+
+
+def _table(head: Sequence[str], *rows: Sequence[str]) -> str:
+    def line(tag: str, texts: Sequence[str]) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(text)}</{tag}>" for text in texts) + "</tr>"
+
+    return f"<table>{line('th', head)}{''.join(line('td', row) for row in rows)}</table>"
+
+
+def _picture(png: bytes, words: str) -> str:
+    return f'<img alt="{html.escape(words, quote=True)}" src="data:image/png;base64,{base64.b64encode(png).decode()}"/>'

@@ -1,0 +1,194 @@
+"""`shipland.campaign`: what it gives back, with and without a folder, and from a script without a guard."""
+
+import base64
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_campaign import GOOD, NOWHERE, seeded
+
+import shipland
+from shipland.errors import ConfigError, DataError
+from shipland.evaluation import job
+from shipland.evaluation.statistics import share_interval
+from shipland.factories import name_of
+from shipland.guidance.pilots import horizon, paper
+from shipland.scenario.scenario import load_scenario
+
+
+@pytest.fixture
+def made_up(monkeypatch):
+    """Flights are made up: the paper's pilot misses every second seed. The jobs flown are kept."""
+    flown = []
+
+    def land(flight):
+        flown.append(flight)
+        missed = name_of(flight.pilot).endswith("paper") and flight.seed % 2 == 0
+        return seeded(NOWHERE if missed else GOOD, flight.seed)
+
+    monkeypatch.setattr(job, "land_once", land)
+    return flown
+
+
+def grid(**more):
+    options = {"pilot": ["paper", "horizon"], "settings": "wind.mean_mps=0,5", "runs": 4, "workers": 1}
+    return shipland.campaign("near", **options | {"progress": False, "oracle_motions": 0} | more)
+
+
+def test_rows_and_columns_name_cells_settings_and_landings(made_up):
+    found = grid(first_seed=3)
+    assert repr(found) == "<Campaign of 4 cells: 12 of 16 landed in the square (47.6–92.7 %)>"
+    table = found.table()
+    assert len(found.rows) == len(table["seed"]) == 16
+    assert table["seed"][:4].tolist() == [3, 4, 5, 6]
+    assert dict(zip(table["wind.mean_mps"], table["pilot"], strict=True)) == {"0": "horizon", "5": "horizon"}
+    assert table["success"][table["pilot"] == "horizon"].all()
+    assert found.summary.count("\n") == 3
+    assert {len(cell.landings) for cell in found.cells} == {4}
+
+
+def test_a_folder_holds_the_same_rows_and_is_not_flown_again(made_up, tmp_path):
+    in_memory, flown = grid(), len(made_up)
+    on_disk = grid(out=tmp_path)
+    assert str(on_disk.rows) == str(in_memory.rows)  # NaN is not equal to itself; its text is
+    assert len(made_up) == 2 * flown
+    assert grid(out=tmp_path, runs=5).left == 0
+    assert len(made_up) == 2 * flown + 4
+    assert {"cells.json", "flights.csv", "tables.md"} <= {path.name for path in tmp_path.iterdir()}
+    assert (tmp_path / "tables.md").read_text() == grid(out=tmp_path, runs=5).tables() + "\n"
+    asked = grid(out=tmp_path, runs=7, workers=0)
+    assert (asked.left, len(asked.landings)) == (8, 20)
+    assert repr(asked).endswith(f"; 8 not flown, in {tmp_path}>")
+
+
+def test_scenarios_and_pilots_may_be_objects(made_up):
+    windy = load_scenario("near", wind={"mean_mps": 4.0}, name="windy")
+    found = grid(pilot=[paper, horizon], settings=())
+    assert [cell.pilot for cell in found.cells] == [
+        "shipland.guidance.pilots:paper",
+        "shipland.guidance.pilots:horizon",
+    ]
+    found = shipland.campaign([windy, "near"], settings=["time_limit_s=3"], runs=1, workers=1, progress=False)
+    assert [cell.scenario for cell in found.cells] == ["windy", "near"]
+    flown = made_up[-2].scenario
+    assert flown == replace(windy, time_limit_s=3.0)
+    with pytest.raises(ConfigError, match="two cells are called near_horizon and differ"):
+        shipland.campaign(["near", replace(windy, name="near")])
+    suite = shipland.load_suite("near")
+    found = shipland.campaign(suite, runs=1, only="rig-natops*", workers=1, progress=False)
+    assert {(cell.suite, cell.scenario) for cell in found.cells} == {(f"near {suite.version}", "rig-natops")}
+
+
+def test_pilots_and_campaigns_are_compared_seed_by_seed(made_up):
+    both = grid()
+    compared = both.compare()
+    assert set(compared.pairings) == {(f"near_mean_mps={wind}", "paper, horizon") for wind in (0, 5)}
+    assert "| near_mean_mps=5 | paper, horizon | 4 | 0 | 2 | 0.5 |" in repr(compared)
+    one, two = grid(pilot="paper"), grid(pilot="horizon")
+    assert [found.only_second for found in one.compare(two).pairings.values()] == [2, 2]
+    assert [found.only_second for found in both.compare(both).pairings.values()] == [0, 0, 0, 0]
+    with pytest.raises(ConfigError, match="one pilot flew"):
+        one.compare()
+
+
+def test_the_plot_shows_touchdowns_and_shares(made_up):
+    found = grid()
+    figure = found.plot()
+    *pads, shares = figure.axes
+    assert [axes.get_title("left").splitlines()[:2] for axes in pads] == [
+        ["paper", "4 of 8 landed in the square"],
+        ["horizon", "8 of 8 landed in the square"],
+    ]
+    touched = [np.vstack([np.asarray(drawn.get_offsets()) for drawn in axes.collections]) for axes in pads]
+    assert [len(places) for places in touched] == [4, 8]
+    assert touched[0][0].tolist() == [GOOD.starboard_m, GOOD.forward_m]
+    low, high = share_interval(2, 4)
+    assert list(shares.lines[0].get_xdata()) == [100 * low, 100 * high]
+    assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_notebook_shows_cells_and_a_picture(made_up):
+    shown = grid()._repr_html_()
+    assert shown.startswith("<b>Campaign of 4 cells: 12 of 16 landed in the square")
+    assert "<td>near_mean_mps=0_paper</td><td>2 of 4</td>" in shown
+    assert "2 never steady over the deck" in shown
+    picture = base64.b64decode(re.search('src="data:image/png;base64,([^"]+)"', shown).group(1))
+    assert picture.startswith(b"\x89PNG")
+    assert len(shown) < 200_000
+
+
+def test_progress_is_told_before_the_first_flight_and_after_each(made_up):
+    told = []
+    grid(progress=lambda now: told.append((now.to_fly, now.flown, now.landed)))
+    assert told[0] == (16, 0, 0)
+    assert told[-1] == (16, 16, 12)
+    assert len(told) == 17
+
+
+def test_the_usual_progress_names_flights_that_were_lost(made_up, monkeypatch, capsys):
+    land = job.land_once
+
+    def fails(flight):
+        if flight.seed == 2:
+            raise ValueError("[no] such thing")
+        return land(flight)
+
+    monkeypatch.setattr(job, "land_once", fails)
+    found = grid(pilot="horizon", settings=(), progress=True)
+    said = " ".join(capsys.readouterr().err.split())
+    assert "1 cell, 4 of 4 flights to fly" in said
+    assert "3 of 4 flown" in said
+    assert "lost: near_horizon, seed 2: ValueError: [no] such thing" in said
+    assert found.left == 1
+    with pytest.raises(DataError, match=r"not one flight came to its end; near_horizon, seed 2: ValueError: \[no\]"):
+        grid(pilot="horizon", settings=(), first_seed=2, runs=1)
+
+
+SCRIPT = '''
+import os
+import shipland
+from shipland.guidance.pilots import paper
+
+print("the script runs")
+
+class Own:
+    """Flies as the paper's does, in whatever process."""
+    def __init__(self, setup):
+        self.inner = paper(setup)
+    def decide(self, observation, telemetry, sent):
+        with open(f"{os.getpid()}.flown", "w"):
+            return self.inner.decide(observation, telemetry, sent)
+
+def own(setup):
+    return Own(setup)
+
+settings, options = "time_limit_s=1", {"runs": 4, "workers": 2, "progress": False}
+found = shipland.campaign("near", pilot=[own, "paper"], settings=settings, **options)
+ours, theirs = ([landing.step_percent for landing in cell.landings] for cell in found.cells)
+print(ours == theirs, len(set(ours)))
+print(len(found.landings), found.cells[0].pilot)
+kept = shipland.campaign("near", pilot=own, settings=settings, out="out", oracle_motions=0, **options)
+print(len(kept.landings))
+'''
+
+
+def test_a_script_without_a_guard_flies_its_own_pilot_in_two_processes(tmp_path):
+    (tmp_path / "script.py").write_text(SCRIPT)
+    command = [sys.executable, "script.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.stdout.splitlines() == ["the script runs", "True 4", "8 __main__:own", "4"], done.stderr
+    assert len(list(tmp_path.glob("*.flown"))) in (3, 4)  # two processes each, of which one may have got no such flight
+    (tmp_path / "script.py").write_text(SCRIPT + "# changed")
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert re.search("DataError: out/.* holds landings of another own pilot or vision code", done.stderr)
+
+
+def test_a_prompt_flies_its_own_pilot_and_says_why_no_folder_can_hold_it(tmp_path):
+    code = SCRIPT.replace("kept =", "import warnings\nkept =")
+    done = subprocess.run([sys.executable, "-"], input=code, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.stdout.splitlines() == ["the script runs", "True 4", "8 __main__:own"]
+    assert "own is defined in a notebook or at a prompt" in done.stderr
+    assert "give 'own:own', or give no folder" in done.stderr
