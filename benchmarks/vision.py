@@ -37,7 +37,7 @@ from shipland.vision.near.pipeline import NearVision, Steps
 from shipland.vision.near.segment import Window
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
-from peers import Peer, apriltag, aruco, grain, in_picture
+from studies.tags import Peer, apriltag, aruco, grain, in_picture
 
 Picture = npt.NDArray[np.uint8]
 RANGES_M = (2.0, 4.0, 8.0, 15.0)

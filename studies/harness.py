@@ -179,7 +179,10 @@ def run(
     if not missing and (where or len(_rows_kept(whole, source, count)) == len(rows)):
         return True
     stopped = False
-    with ProcessPoolExecutor(1 if study.alone else workers, get_context("spawn"), _ignore_interrupt) as pool, Progress() as progress:
+    with (
+        ProcessPoolExecutor(1 if study.alone else workers, get_context("spawn"), _ignore_interrupt) as pool,
+        Progress() as progress,
+    ):
         bar = progress.add_task(name, total=len(cases), completed=len(cases) - len(missing))
         pending = {pool.submit(_measure, name, case, count) for case in missing}
         while pending:

@@ -1,18 +1,18 @@
-"""Studies of landings, as data: studies/campaigns/NAME.toml says what is flown, a row is a scenario, settings and pilot.
+"""Studies of landings, as data: studies/campaigns/NAME.toml says what is flown, a row is a scenario and a pilot.
 
-    question = "Who lands, by scenario and stick?"
-    pilots = ["horizon", "paper"]
-    runs = 200                  # flights a row, seeds 1 … runs
-    minutes = 30
-    suite = "near"              # a packaged suite's cells, and
-    [[cells]]                   # more of them, as in a suite
-    scenarios = ["rig-natops"]
-    set = ["wind.mean_mps=0,5"] # several values with commas between: a row each
-    label = "no telemetry"      # in place of the settings' own words
-    [columns]                   # settings that have a column of their own: key and title
-    wind = ["wind.mean_mps", "wind [m/s]"]
-    [beside]                    # flown on the same seeds for a paired comparison
-    pilot = "horizon"
+question = "Who lands, by scenario and stick?"
+pilots = ["horizon", "paper"]
+runs = 200                  # flights a row, seeds 1 … runs
+minutes = 30
+suite = "near"              # a packaged suite's cells, and
+[[cells]]                   # more of them, as in a suite
+scenarios = ["rig-natops"]
+set = ["wind.mean_mps=0,5"] # several values with commas between: a row each
+label = "no telemetry"      # in place of the settings' own words
+[columns]                   # settings that have a column of their own: key and title
+wind = ["wind.mean_mps", "wind [m/s]"]
+[beside]                    # flown on the same seeds for a paired comparison
+pilot = "horizon"
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import numpy.typing as npt
-from near_views import markdown
+from studies.views import markdown
 from rich.progress import track
 from tune_confirmation import replayed_boxes
 

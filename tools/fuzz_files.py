@@ -19,7 +19,7 @@ from typing import Any
 import cv2
 import numpy as np
 from mcap.writer import CompressionType, Writer
-from spoiling import SPOILERS, vary
+from studies.spoiling import SPOILERS, vary
 
 import shipland
 from shipland.camera import Camera

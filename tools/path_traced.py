@@ -24,9 +24,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import numpy.typing as npt
-from near_views import Setting, View, light, markdown, view_at
-from near_views import look as look_near
-from peers import grain
+from studies.views import Setting, View, light, markdown, view_at
+from studies.views import look as look_near
+from studies.tags import grain
 from rich.console import Console
 from rich.progress import track
 

@@ -22,7 +22,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import numpy.typing as npt
-from near_views import Setting, markdown
+from studies.views import Setting, markdown
 from rich.progress import track
 
 from shipland.camera import Camera

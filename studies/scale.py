@@ -1,30 +1,24 @@
-"""What changes from the model to the ship: one table, from the configuration, from motions drawn and from campaigns.
-
-    python tools/full_scale_table.py [--motions 60] [--campaigns out/tables out/frigate]
-
-Without campaigns the rows of the flights are left out. Of a campaign, horizon's cells of both scenarios are taken: that
-of the velocity loop, and the ship's as it is.
-"""
+"""What changes from the model to the ship: sizes, motions and response of a ship that the rig makes and of a frigate."""
 
 from __future__ import annotations
 
-import argparse
 import math
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.evaluation.campaign import read_cells
-from shipland.evaluation.landing import Landing
-from shipland.evaluation.statistics import share_interval
 from shipland.scenario.autonomy import response_of
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 from shipland.sim.ship.ship import build_ship
+from studies.harness import Case, Column, Row, Study
 
+SCENARIOS = {
+    "ship-sea6, velocity loop": ("ship-sea6", ("aircraft.loop.kind=velocity",)),
+    "frigate-sea6": ("frigate-sea6", ()),
+}
 LENGTH_S, STEP_S = 240.0, 0.1
 SEED = 1
-Row = tuple[str, ...]
 
 
 def moved(scenario: Scenario, motions: int) -> dict[str, tuple[float, float, float]]:
@@ -44,8 +38,8 @@ def moved(scenario: Scenario, motions: int) -> dict[str, tuple[float, float, flo
     return {name: (size[i], rate[i], periods[i]) for i, name in enumerate(names)}
 
 
-def column(scenario: Scenario, motions: int) -> list[Row]:
-    """Name and value of each row that needs no flight."""
+def facts(scenario: Scenario, motions: int) -> list[tuple[str, str]]:
+    """Name and value of each row."""
     rig, geometric, delays = scenario.rig, scenario.geometric, scenario.delays
     motion, response = moved(scenario, motions), response_of(scenario)
     width_m, roll_s = rig.deck_size_m, motion["roll"][2]
@@ -74,41 +68,24 @@ def column(scenario: Scenario, motions: int) -> list[Row]:
     ]
 
 
-def flown(scenario: Scenario, landings: tuple[Landing, ...]) -> list[Row]:
-    """The rows of a campaign."""
-    n, good, touched = len(landings), sum(it.success for it in landings), [it for it in landings if it.touched]
-    low, high = share_interval(good, n)
-    own_m = float(np.median([np.hypot(it.control_forward_m, it.control_starboard_m) for it in touched]))
-    share = 100.0 * own_m / scenario.rig.deck_size_m
-    return [
-        ("landed in the area", f"{good} of {n} ({100.0 * low:.0f}–{100.0 * high:.0f} %)"),
-        ("control error, median", f"{own_m:.2f} m, {share:.0f} % of the deck"),
-        ("flight, median", f"{np.median([it.time_s for it in landings]):.0f} s from {scenario.start.distance_m:g} m"),
-    ]
+def cases() -> Sequence[Case]:
+    """The model and the ship."""
+    return [{"scenario": name} for name in SCENARIOS]
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--model", default="ship-sea6")
-    parser.add_argument("--ship", default="frigate-sea6")
-    parser.add_argument("--motions", type=int, default=60)
-    parser.add_argument("--campaigns", type=Path, nargs="*", default=[])
-    asked = parser.parse_args()
-    cells = [cell for folder in asked.campaigns for cell in read_cells([folder]) if cell.pilot == "horizon"]
-    columns = []
-    for name, settings in ((asked.model, ("aircraft.loop.kind=velocity",)), (asked.ship, ())):
-        scenario = load_scenario(scenario_table(name, None, settings))
-        rows = column(scenario, asked.motions)
-        for cell in cells:
-            if cell.scenario == name and tuple(f"{key}={value}" for key, value in cell.settings) == settings:
-                rows += flown(scenario, cell.landings)
-        columns.append(rows)
-    print(f"| | {asked.model}, velocity loop | {asked.ship} |\n|---|---:|---:|")
-    model = dict(columns[0])
-    for name, value in columns[1]:
-        print(f"| {name} | {model.get(name, '')} | {value} |")
+def measure(case: Case, runs: int) -> list[Row]:
+    """Over `runs` motions; a row a fact."""
+    name, settings = SCENARIOS[str(case["scenario"])]
+    scenario = load_scenario(scenario_table(name, None, settings))
+    return [{"what": what, "value": value} for what, value in facts(scenario, runs)]
 
 
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    question="What changes from the model to the ship?",
+    columns={"what": Column("what"), "value": Column("value"), "scenario": Column("")},
+    cases=cases,
+    measure=measure,
+    runs=60,
+    measured=("camera.py", "frames.py", "geometric/parameters.py", "rig.py", "scenario/autonomy.py", "sim/ship"),
+    minutes=1,
+)

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
-from near_views import Setting, View, view_at
 
 from shipland.frames import Array
+from studies.views import Setting, View, view_at
 
 Picture = npt.NDArray[np.uint8]
 Shape = list[Array]

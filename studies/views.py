@@ -1,11 +1,13 @@
-"""What the tools about near vision share: places of the camera, their pictures, and errors against the truth."""
+"""What studies of near vision share: places of the camera, their pictures, and errors against the truth."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.near.planar_pose import Corners, LevelPrior, bound
 from shipland.vision.near.published import published_vision
+from studies.harness import Column
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -166,10 +169,69 @@ def cramer_rao(view: View, setting: Setting, noise_px: float, gimbal_noise_rad: 
     return covariance_in_bar(bound(camera_from_plane, corners, setting.camera, prior))
 
 
-def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table."""
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join([*lines, *("| " + " | ".join(cells) + " |" for cells in rows)]) + "\n"
+WRONG_SIGMA = 5.0
+"""A pose is wrong when its error lies beyond so many standard deviations by its own covariance."""
+FREEDOM = 4
+COLUMNS = {
+    "views": Column("views", "d"),
+    "found": Column("found [%]", ".0f", 100.0),
+    "corner_px": Column("corner rms [px]", ".3f"),
+    "forward_m": Column("forward rms [cm]", ".2f", 100.0),
+    "right_m": Column("right rms [cm]", ".2f", 100.0),
+    "down_m": Column("down rms [cm]", ".2f", 100.0),
+    "position_m": Column("position rms [cm]", ".2f", 100.0),
+    "worst_m": Column("position max [cm]", ".1f", 100.0),
+    "yaw_deg": Column("yaw rms [°]", ".3f"),
+    "nees": Column("error² / 4", ".2f"),
+    "wrong": Column("wrong", "d"),
+    "refusals": Column("most refusals"),
+}
+"""Of the figures below; `nees` is 1 for a true covariance."""
+
+
+def figures(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Root mean squares of some pictures' errors, and what their covariance is worth; None without a pose."""
+    good = [trial for trial in trials if trial.error is not None]
+    refused = Counter(trial.reason for trial in trials if trial.reason).most_common(1)
+    row: dict[str, Any] = dict.fromkeys(COLUMNS) | {
+        "views": len(trials),
+        "found": len(good) / len(trials),
+        "refusals": f"{refused[0][0]} ({refused[0][1]})" if refused else "",
+    }
+    if not good:
+        return row
+    errors = np.array([trial.error for trial in good])
+    rms = np.sqrt(np.mean(errors**2, axis=0))
+    row |= dict(zip(("forward_m", "right_m", "down_m", "yaw_deg"), [*rms[:3], np.degrees(rms[3])], strict=True))
+    row |= {"position_m": np.linalg.norm(rms[:3]), "worst_m": np.linalg.norm(errors[:, :3], axis=1).max()}
+    if all(trial.corner_error_px is not None for trial in good):
+        row["corner_px"] = corner_rms_px(good)
+    row = {key: float(value) if isinstance(value, np.floating) else value for key, value in row.items()}
+    if all(trial.covariance is not None for trial in good):
+        squared = np.array([trial.nees for trial in good])
+        row |= {"nees": float(squared.mean()) / FREEDOM, "wrong": int(np.sum(squared > WRONG_SIGMA**2))}
+    return row
+
+
+def corner_rms_px(trials: Sequence[Trial]) -> float:
+    """Of a corner on either axis."""
+    return float(np.sqrt(np.mean(np.square([trial.corner_error_px for trial in trials]))))
+
+
+def lit_scenes(setting: Setting, seed: int, views: int, each: int) -> Iterator[tuple[Scene, np.random.Generator]]:
+    """A scene for each view, another after `each` of them, in another light; and what to draw the view from."""
+    for number in range(-(-views // each)):
+        rng = np.random.default_rng([seed, number])
+        scene = setting.scene(number, **light(rng))
+        try:
+            yield from [(scene, rng)] * min(each, views - number * each)
+        finally:
+            scene.close()
+
+
+def bins(edges: Sequence[float]) -> dict[str, tuple[float, float]]:
+    """Names of ranges, and their ends."""
+    return {f"{low:g}–{high:g}": (low, high) for low, high in pairwise(edges)}
 
 
 def finish_over_range(figure: Figure, axes: Sequence[Axes], path: Path) -> None:
