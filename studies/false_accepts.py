@@ -2,8 +2,8 @@
 
 Scenes are rendered with the bar's board painted over; each serves for 40 pictures: other cuts of it, in other light,
 hues and weather, or with a decoy painted in (studies/decoys.py), spoiled in one way or not at all
-(studies/spoiling.py); every one is searched afresh. A pose that is given is also shown to a flight that knows where the cue hangs
-(`[safety.cue_height]`), by a barometer that errs by 0.3 m (standard deviation).
+(studies/spoiling.py); every one is searched afresh. A pose that is given is also shown to a flight that knows where the
+cue hangs (`[safety.cue_height]`), by a barometer that errs by 0.3 m (standard deviation).
 """
 
 from __future__ import annotations

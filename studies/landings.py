@@ -39,8 +39,6 @@ from studies.harness import ROOT, Case, Column, Row, Study, estimate, share
 
 WORDS = {"attitude": "tilt", "velocity": "speed"}
 """What a stick means, by the kind of the inner loop."""
-LIMITS = ("hard", "drift", "tilt", "slip")
-"""Causes of flights that touched the deck beyond a limit."""
 ORACLE_MOTIONS = 40
 MOST_M = 0.5
 """Most that a component of a touchdown counts in a comparison, and each of a flight that did not touch the deck."""

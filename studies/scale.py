@@ -1,4 +1,4 @@
-"""What changes from the model to the ship: sizes, motions and response of a ship that the rig makes and of a frigate."""
+"""What changes from the model to the ship: sizes, motions and response of the rig's ship and of a frigate."""
 
 from __future__ import annotations
 

@@ -24,11 +24,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import numpy.typing as npt
-from studies.views import Setting, View, light, markdown, view_at
-from studies.views import look as look_near
-from studies.tags import grain
 from rich.console import Console
 from rich.progress import track
+from studies.tags import grain
+from studies.views import Setting, View, light, markdown, view_at
+from studies.views import look as look_near
 
 from shipland.camera import Camera
 from shipland.errors import DataError

@@ -1,28 +1,21 @@
-"""Time of the near vision on rendered pictures: `python benchmarks/vision.py [--rounds 60]`.
+"""Time of the near vision on rendered pictures, with parts of the published chain, beside two peers; and its stages.
 
-One core. Searching the whole picture, and following in a region around the last pose, at several ranges; with parts
-of the published chain; and two peers on the same places, their tags in the bar's stead (tools/peers.py): in the whole
-picture, and in the region that the near vision follows in, cut out beforehand. A peer's time ends with its pose. Each
-figure is the median over rounds of one picture after the other, in ms: wall time, and the process's own CPU time, which
-other work on the machine disturbs less. A dash: not found.
+One core. Searching the whole picture, and following in a region around the last pose; the peers' tags hang in the bar's
+stead (studies/tags.py): in the whole picture, and in the region that the near vision follows in, cut out beforehand. A
+peer's time ends with its pose. Each figure is the median of the process's own CPU time over one picture after the
+other; none where one did not find what it looks for.
 """
 
 from __future__ import annotations
 
-import argparse
-import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from pathlib import Path
 from unittest.mock import patch
 
 import cv2
 import numpy as np
-import numpy.typing as npt
-from rich.console import Console
-from rich.table import Table
 
 from shipland.camera import Camera, CameraParameters, level_from_camera
 from shipland.frames import Pose
@@ -35,19 +28,22 @@ from shipland.vision.near import choice, pipeline, pose, published
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
 from shipland.vision.near.segment import Window
+from studies.harness import Case, Column, Row, Study
+from studies.tags import Peer, Picture, apriltag, aruco, grain, in_picture
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
-from studies.tags import Peer, apriltag, aruco, grain, in_picture
-
-Picture = npt.NDArray[np.uint8]
 RANGES_M = (2.0, 4.0, 8.0, 15.0)
 PICTURES = 5
 NOISE = 1.5
 CHAINS = {
-    "default": Steps(),
-    "watershed on every region": Steps(quads_of=published.find_quads),
-    "Förstner corners": Steps(measure=published.measure_corners),
-    "as published": published.STEPS,
+    "near vision": Steps(),
+    "near vision, Förstner corners": Steps(measure=published.measure_corners),
+    "near vision, as published": published.STEPS,
+}
+PEERS: dict[str, Callable[[Rig], Peer]] = {
+    "cv2.aruco, sub-pixel": aruco,
+    "cv2.aruco, as it comes": lambda rig: aruco(rig, refined=False),
+    "pyapriltags, decimate 2": apriltag,
+    "pyapriltags, decimate 1": lambda rig: apriltag(rig, 1.0),
 }
 
 
@@ -82,18 +78,15 @@ def approach(rig: Rig, camera: Camera, range_m: float) -> list[Look]:
     return looks
 
 
-def median_ms(look: Callable[[Frame], bool], frames: list[Frame], rounds: int) -> str:
-    """Median wall and CPU time of one look [ms]; a dash where one does not find what it looks for."""
-    wall, cpu = [], []
-    for _ in range(rounds):
-        for frame in frames:
-            started, started_cpu = time.perf_counter(), time.process_time()
-            found = look(frame)
-            cpu.append(time.process_time() - started_cpu)
-            wall.append(time.perf_counter() - started)
-            if not found:
-                return "–"
-    return f"{1e3 * float(np.median(wall)):.2f} / {1e3 * float(np.median(cpu)):.2f}"
+def median_s(look: Callable[[Frame], bool], frames: list[Frame], rounds: int) -> float | None:
+    """Median CPU time of one look; None where one does not find what it looks for."""
+    spent_s = []
+    for frame in frames * rounds:
+        started_s = time.process_time()
+        if not look(frame):
+            return None
+        spent_s.append(time.process_time() - started_s)
+    return float(np.median(spent_s))
 
 
 def searching(vision: NearVision) -> Callable[[Frame], bool]:
@@ -185,41 +178,45 @@ def stages_ms(vision: NearVision, frames: list[Frame], rounds: int) -> dict[str,
     return dict(zip([*names, "the rest", "all"], 1e3 * np.median(rows, axis=0), strict=True))
 
 
-def main() -> None:
-    """Time and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=60)
-    parser.add_argument("--stages", action="store_true", help="where the time of a followed picture goes, and no peers")
-    arguments = parser.parse_args()
-    rounds = max(1, arguments.rounds // 2)
+def cases() -> Sequence[Case]:
+    """Ranges."""
+    return [{"range_m": range_m} for range_m in RANGES_M]
+
+
+def measure(case: Case, runs: int) -> list[Row]:
+    """`runs` rounds over the pictures; rows of those who look, and of the stages of a followed picture."""
     cv2.setNumThreads(1)
-    rig = Rig()
+    rig, parameters = Rig(), VisionParameters()
     camera = Camera.from_parameters(CameraParameters())
-    parameters = VisionParameters()
-    looks = {range_m: approach(rig, camera, range_m) for range_m in RANGES_M}
-    there_and_back = [[look.frame for look in (*some, *some[::-1])] for some in looks.values()]
-    table = Table(title=f"near vision, {camera.width_px} × {camera.height_px} px, one core: median ms, wall / CPU")
-    table.add_column("chain", no_wrap=True)
-    table.add_column("picture")
-    for range_m in RANGES_M:
-        table.add_column(f"{range_m:.0f} m", justify="right", no_wrap=True)
-    if arguments.stages:
-        vision = NearVision(rig.cue, camera, parameters)
-        columns = [stages_ms(vision, some, rounds) for some in there_and_back]
-        for name in columns[0]:
-            table.add_row(name, "followed", *(f"{column[name]:.2f}" for column in columns))
-        Console(width=120).print(table)
-        return
+    looks = approach(rig, camera, float(case["range_m"]))
+    frames = [look.frame for look in (*looks, *looks[::-1])]
+    rows = []
     for name, steps in CHAINS.items():
         vision = NearVision(rig.cue, camera, parameters, steps)
-        table.add_row(name, "whole", *(median_ms(searching(vision), some, rounds) for some in there_and_back))
-        table.add_row(name, "followed", *(median_ms(following(vision, some), some, rounds) for some in there_and_back))
-    for peer in (aruco(rig), aruco(rig, refined=False), apriltag(rig), apriltag(rig, 1.0)):
-        for kind, margins in (("whole", None), ("region", parameters)):
-            frames = (peer_frames(peer, some, camera, margins) for some in looks.values())
-            table.add_row(peer.name, kind, *(median_ms(asking(peer, camera), some, rounds) for some in frames))
-    Console(width=120).print(table)
+        whole, followed = (median_s(look, frames, runs) for look in (searching(vision), following(vision, frames)))
+        rows.append({"group": "looks", "what": name, "whole_s": whole, "followed_s": followed})
+    for name, make in PEERS.items():
+        peer = make(rig)
+        pictures = [peer_frames(peer, looks, camera, margins) for margins in (None, parameters)]
+        whole, followed = (median_s(asking(peer, camera), some, 2 * runs) for some in pictures)
+        rows.append({"group": "looks", "what": name, "whole_s": whole, "followed_s": followed})
+    stages = stages_ms(NearVision(rig.cue, camera, parameters), frames, runs)
+    return [*rows, *({"group": "stages", "what": name, "followed_s": 1e-3 * ms} for name, ms in stages.items())]
 
 
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    question="What does a look of the near vision cost?",
+    columns={
+        "range_m": Column("range [m]", ".0f"),
+        "what": Column(""),
+        "whole_s": Column("whole frame [ms]", ".1f", 1e3),
+        "followed_s": Column("followed, or region [ms]", ".2f", 1e3),
+    },
+    cases=cases,
+    measure=measure,
+    runs=8,
+    measured=("camera.py", "sim/scene", "vision/near"),
+    minutes=2,
+    alone=True,
+    helpers=("studies/tags.py",),
+)

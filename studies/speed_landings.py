@@ -1,21 +1,24 @@
 """Processor time of landings with the geometric camera: a landing, a simulated second, and the parts of a cycle.
 
-Ten flights of each scenario and pilot after one that compiles; one process. Run it with one thread for every library
-(`OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1`).
+Flights of each scenario and pilot after one that compiles; one process.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from contextlib import closing
+from itertools import product
 from typing import Any
 
 from shipland.flight import Autonomy, cycles
 from shipland.scenario.autonomy import build_autonomy, build_vehicle
 from shipland.scenario.scenario import Scenario, load_scenario
+from studies.harness import Case, Column, Row, Study
 
-SCENARIOS, PILOTS, FLIGHTS = ("rig-natops", "ship-sea6"), ("horizon", "paper"), 10
+SCENARIOS, PILOTS = ("rig-natops", "ship-sea6"), ("horizon", "paper")
+COMPILES = 99
+"""Seed of the flight that is not counted."""
 
 
 class Timed:
@@ -51,27 +54,45 @@ def flown(scenario: Scenario, pilot: str, seed: int) -> tuple[float, ...]:
     return time.process_time() - started_s, now_s, count, *(part.spent_s for part in parts)
 
 
-def row(name: str, pilot: str) -> str:
-    """A row of the table."""
-    scenario = load_scenario(name)
-    flown(scenario, pilot, 99)
-    flights = [flown(scenario, pilot, seed) for seed in range(1, FLIGHTS + 1)]
+def cases() -> Sequence[Case]:
+    """Scenarios and pilots."""
+    return [{"scenario": scenario, "pilot": pilot} for scenario, pilot in product(SCENARIOS, PILOTS)]
+
+
+def measure(case: Case, runs: int) -> Row:
+    """`runs` flights."""
+    scenario, pilot = load_scenario(str(case["scenario"])), str(case["pilot"])
+    flown(scenario, pilot, COMPILES)
+    flights = [flown(scenario, pilot, seed) for seed in range(1, runs + 1)]
     total_s, simulated_s, count, *parts_s = (sum(values) for values in zip(*flights, strict=True))
-    ms: Callable[[float], str] = lambda seconds: f"{1e3 * seconds / count:.2f}"  # noqa: E731
-    rest_s = total_s - sum(parts_s)
-    shares = " | ".join(ms(seconds) for seconds in (*parts_s, rest_s))
-    a_landing = f"{total_s / FLIGHTS:.2f} | {simulated_s / FLIGHTS:.1f} | {simulated_s / total_s:.0f}"
-    return f"| {name} | {pilot} | {a_landing} | {count / FLIGHTS:.0f} | {shares} |"
+    names = ("vision_s", "pilot_s", "safety_s", "rest_s")
+    return {
+        "cpu_s": total_s / runs,
+        "simulated_s": simulated_s / runs,
+        "real_time": simulated_s / total_s,
+        "cycles": count / runs,
+        **{name: spent / count for name, spent in zip(names, [*parts_s, total_s - sum(parts_s)], strict=True)},
+    }
 
 
-def main() -> None:
-    """Print the table."""
-    print("| scenario | pilot | CPU [s] | simulated [s] | × real time | cycles | vision | pilot | safety | rest [ms] |")
-    print("|---|---|---:|---:|---:|---:|---:|---:|---:|---:|")
-    for name in SCENARIOS:
-        for pilot in PILOTS:
-            print(row(name, pilot), flush=True)
-
-
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    question="What does a landing cost?",
+    columns={
+        "scenario": Column("scenario"),
+        "pilot": Column("pilot"),
+        "cpu_s": Column("CPU [s]", ".2f"),
+        "simulated_s": Column("simulated [s]", ".1f"),
+        "real_time": Column("× real time", ".0f"),
+        "cycles": Column("cycles", ".0f"),
+        "vision_s": Column("vision", ".2f", 1e3),
+        "pilot_s": Column("pilot", ".2f", 1e3),
+        "safety_s": Column("safety", ".2f", 1e3),
+        "rest_s": Column("rest [ms]", ".2f", 1e3),
+    },
+    cases=cases,
+    measure=measure,
+    runs=10,
+    measured=("estimation", "flight.py", "geometric", "guidance", "safety", "scenario", "sim"),
+    minutes=1,
+    alone=True,
+)
