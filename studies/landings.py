@@ -9,6 +9,8 @@ suite = "near"              # a packaged suite's cells, and
 scenarios = ["rig-natops"]
 set = ["wind.mean_mps=0,5"] # several values with commas between: a row each
 label = "no telemetry"      # in place of the settings' own words
+file = "examples/wake.toml" # laid over the scenario, and over it
+config.start.distance_m = 10.0
 [columns]                   # settings that have a column of their own: key and title
 wind = ["wind.mean_mps", "wind [m/s]"]
 [beside]                    # flown on the same seeds for a paired comparison
@@ -116,8 +118,8 @@ def _cells(table: dict[str, Any]) -> Iterator[Cell]:
                 for pilot in entry.get("pilots", table["pilots"]):
                     case = {"scenario": scenario, **columns, "settings": words.get(said, said), "pilot": pilot}
                     texts = tuple(f"{key}={value}" for key, value in settings)
-                    laid_over = read_toml(ROOT / entry["file"]) if "file" in entry else entry.get("config", {})
-                    yield Cell(case, scenario, texts, vision, laid_over)
+                    file = read_toml(ROOT / entry["file"]) if "file" in entry else {}
+                    yield Cell(case, scenario, texts, vision, merge(file, entry.get("config", {})))
 
 
 def fly(scenario: Scenario, pilot: str, vision: str, runs: int) -> list[Landing]:

@@ -13,9 +13,9 @@ from shipland.vision.near.refusal import Refusal
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 
 from studies.decoys import DECOYS, Canvas, decoy_view, hide_bar
-from studies.views import Setting, look, view_at
-from studies.tags import apriltag, aruco, in_picture
 from studies.spoiling import SPOILERS, exposed, hue_turned, noise, panned, rolling_shutter, through_h264, vary
+from studies.tags import apriltag, aruco, in_picture
+from studies.views import Setting, look, view_at
 
 SETTING = Setting.packaged()
 PLACES = ((3.0, 15.0), (7.0, -20.0), (12.0, 5.0))  # range [m], degrees off the axis
