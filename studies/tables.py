@@ -38,9 +38,11 @@ def cell(value: Any, column: Column) -> str:  # noqa: ANN401 - a value of JSON
     if value is None:
         return "–"
     if isinstance(value, dict):
-        shown, low, high = (format(column.factor * value[key], column.form) for key in ("value", "low", "high"))
+        shown, low, high = (cell(value[key], column) for key in ("value", "low", "high"))
         return f"{shown} ({low}–{high})"
-    return format(column.factor * value, column.form) if column.form and not isinstance(value, str) else str(value)
+    if isinstance(value, str) or not column.form:
+        return str(value)
+    return format(value if column.factor == 1.0 else column.factor * value, column.form)
 
 
 def table(name: str, where: Mapping[str, Sequence[str]], columns: str = "", badges: bool = False) -> str:

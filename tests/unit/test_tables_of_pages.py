@@ -23,7 +23,6 @@ TYPED = {
     "docs/results/near-vision.md": 2,  # photographs and a path tracer that are not in the repository
     "docs/results/paper.md": 8,  # of `shipland paper`
     "docs/results/real-autopilots.md": 5,  # autopilots that are not in the repository
-    "docs/results/ship-motion.md": 3,  # of `shipland motion`
     "docs/results/suites.md": 1,  # of tools/fault_causes.py
 }
 """Tables with figures that no study measures. Lower a number when a table is drawn from results; raise none."""
