@@ -97,7 +97,10 @@ def test_pages_agree_with_the_results(page):
     tables.checked(page.read_text(encoding="utf-8"), page.name)
 
 
-MINUTES = ("confirmation", "far_vision", "margins", "pilot_consistency", "speed_far", "speed_peers")
+MINUTES = (
+    *("confirmation", "far_vision", "frigate_recall", "margins", "pilot_consistency", "speed_far", "speed_landings"),
+    *("speed_near", "speed_peers"),
+)
 """Studies whose smallest case takes too long for a test."""
 
 

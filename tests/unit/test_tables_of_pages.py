@@ -21,7 +21,7 @@ TYPED = {
     "docs/results/guidance.md": 1,  # gains worked out
     "docs/results/learned-policies.md": 1,  # a policy that was not kept
     "docs/results/near-vision.md": 2,  # photographs and a path tracer that are not in the repository
-    "docs/results/paper.md": 8,  # of `shipland paper`
+    "docs/results/paper.md": 1,  # modes of one campaign
     "docs/results/real-autopilots.md": 5,  # autopilots that are not in the repository
     "docs/results/suites.md": 1,  # of tools/fault_causes.py
 }
