@@ -12,7 +12,7 @@ from shipland.scenario.scenario import load_scenario
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from studies import ORDER, harness, landings  # noqa: E402
+from studies import ORDER, harness, landings
 
 NAMES = sorted(path.stem for path in harness.CAMPAIGNS.glob("*.toml"))
 

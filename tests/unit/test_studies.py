@@ -132,6 +132,6 @@ def test_a_table_across_the_values_of_a_column(study, tmp_path):
 
 
 def test_a_typed_table_stays_and_is_marked(study):
-    page = '[two.json](../../results/two.json "table number=\'1\'; number, twice")\n\n| number |\n|---|\n| 7 |\n'
+    page = "[two.json](../../results/two.json \"table number='1'; number, twice\")\n\n| number |\n|---|\n| 7 |\n"
     assert "Typed by hand" in tables.checked(page, "page")
     assert tables.checked(page, "page").endswith("| 7 |\n")

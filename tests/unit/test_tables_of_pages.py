@@ -28,7 +28,8 @@ TYPED = {
 """Tables with figures that no study measures. Lower a number when a table is drawn from results; raise none."""
 UNMEASURED = frozenset[str]()
 """Studies whose results are not committed yet; remove a name when they are, add none."""
-FIGURES = re.compile(r"^\|.*\|(?:[^|\n]*\b\d[\d.,]*\s*(?:%|cm|m|s|ms|m/s|px|°|km)?\s*(?:\([^|]*\))?\s*\|)", re.MULTILINE)
+FIGURE = r"[^|\n]*\b\d[\d.,]*\s*(?:%|cm|m|s|ms|m/s|px|°|km)?\s*(?:\([^|]*\))?\s*\|"
+FIGURES = re.compile(rf"^\|.*\|{FIGURE}", re.MULTILINE)
 TABLE = re.compile(r"^\|[^\n]*\n\|[-:| ]+\|\n(?P<rows>(?:^\|.*\n?)*)", re.MULTILINE)
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "results").glob("*.md"))]
 PAGES += sorted((ROOT / "docs" / "explanation").glob("*.md"))

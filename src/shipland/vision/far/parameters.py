@@ -93,7 +93,7 @@ class DetectorParameters:
     span_sd: float = key(
         0.3, "of the apparent width by aspect and box, as a share", "measured: docs/results/far-vision.md", gt=0
     )
-    other_sd: float = key(1.8, "that of the width of other objects", "chosen: docs/decisions/020-a-table-is-a-study.md", gt=0)
+    other_sd: float = key(1.8, "that of the width of other objects", "chosen: docs/decisions/020", gt=0)
     lost_frames: int = key(6, "a track ends after so many frames without a hit", ge=1, le=1000)
     stale_s: float = key(
         2.0, "a track ends without a frame for so long", "chosen: four cycles of the paper's detector", ge=0.1, le=10
