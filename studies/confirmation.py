@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from shipland.camera import Camera, CameraParameters
+from shipland.evaluation.statistics import share_interval
 from shipland.learning.arguments import EvaluateArguments
 from shipland.learning.evaluate import EvaluateParameters, evaluate
-from shipland.learning.metrics import wilson_interval
 from shipland.learning.ranges import SceneRecord, SureBox, hits
 from shipland.learning.synth import FRAME_S
 from shipland.messages import Box, Frame, GimbalAttitude
@@ -148,11 +148,11 @@ def replayed(records: Sequence[SceneRecord], kind: str, *, heights: bool = True)
     return {
         "soon": soon / max(targets, 1),
         "later": later / max(targets, 1),
-        "ever": estimate(ever / max(targets, 1), wilson_interval(ever, targets)),
+        "ever": estimate(ever / max(targets, 1), share_interval(ever, targets, "wilson")),
         "settled": settled / max(frames_with, 1),
         "loose": loose / max(frames, 1),
         "false": false / max(frames, 1),
-        "false_scenes": estimate(false_scenes / len(records), wilson_interval(false_scenes, len(records))),
+        "false_scenes": estimate(false_scenes / len(records), share_interval(false_scenes, len(records), "wilson")),
         "scenes": len(records),
     }
 
