@@ -1,18 +1,13 @@
 """Studies of landings: every TOML file can be flown, figures count, and who never touches gains nothing by it."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from studies import ORDER, harness, landings
 from test_campaign import GOOD, NOWHERE
 
 from shipland.scenario.scenario import load_scenario
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from studies import ORDER, harness, landings
 
 NAMES = sorted(path.stem for path in harness.CAMPAIGNS.glob("*.toml"))
 

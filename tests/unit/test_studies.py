@@ -1,17 +1,14 @@
 """The harness of studies: it resumes, refuses rows of other code, and pages agree with what was measured."""
 
 import json
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from studies import ORDER, harness, tables
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-
-from studies import ORDER, harness, tables  # noqa: E402
 
 
 @pytest.fixture

@@ -1,15 +1,12 @@
 """Every table with figures in README, results and explanations is drawn from results/, or counted here as typed."""
 
 import re
-import sys
 from pathlib import Path
 
 import pytest
+from studies import ORDER, harness, tables
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-
-from studies import ORDER, harness, tables  # noqa: E402
 
 TYPED = {
     "docs/explanation/aircraft.md": 3,  # data sheets

@@ -1,11 +1,11 @@
 """Pictures and films of the documentation, from drawn scenes and from flights.
 
-python tools/pictures.py scene       # the rig in nine weathers: docs/pictures/scene.jpg
-python tools/pictures.py frigate     # the frigate on the way in: docs/pictures/full-scale.jpg
-python tools/pictures.py airwake     # docs/pictures/airwake.png
-python tools/pictures.py frames out/demo/flight.mp4 docs/pictures/demo.jpg --at 25 56
-python tools/pictures.py film out/demo/flight.mp4 docs/pictures/full-scale.mp4 --faster 16 --last-s 12
-python tools/pictures.py log out/outside/rig-natops-1/flight.mcap out/film.mp4   # of a flight without pictures
+python tools/doc_pictures.py scene       # the rig in nine weathers: docs/pictures/scene.jpg
+python tools/doc_pictures.py frigate     # the frigate on the way in: docs/pictures/full-scale.jpg
+python tools/doc_pictures.py airwake     # docs/pictures/airwake.png
+python tools/doc_pictures.py frames out/demo/flight.mp4 docs/pictures/demo.jpg --at 25 56
+python tools/doc_pictures.py film out/demo/flight.mp4 docs/pictures/full-scale.mp4 --faster 16 --last-s 12
+python tools/doc_pictures.py log out/outside/rig-natops-1/flight.mcap out/film.mp4   # of a flight without pictures
 """
 
 from __future__ import annotations
