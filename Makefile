@@ -66,7 +66,7 @@ bench: setup ## run the studies of speed: `make results ONLY='speed_*'`
 	$(BIN)/python -m studies 'speed_*' $(ARGS)
 
 results: setup ## run the studies into results/, short ones first; hours, resumes; ONLY=name for one, ARGS='--runs 20'
-	$(BIN)/python -m studies $(if $(ONLY),'$(ONLY)') $(ARGS)
+	$(BIN)/python -m studies $(foreach name,$(ONLY),'$(name)') $(ARGS)
 
 train: setup-train ## make the far detectors' weights anew: pictures, training, rounds of what fooled them; four core-hours, resumes
 	tools/train_shipped.sh out/train $(ARGS)
