@@ -36,7 +36,7 @@ olympe: .venv-olympe/made ## make .venv-olympe with Parrot's SDK, for the ANAFI 
 	@.venv-olympe/bin/python -W ignore -c 'import logging; logging.disable(); import olympe'
 	@touch $@
 
-peers: .venv-peers/made ## make .venv-peers with RotorPy and PyFlyt, for benchmarks/peers.py
+peers: .venv-peers/made ## make .venv-peers with RotorPy and PyFlyt, for studies/speed_peers.py
 
 .venv-peers/made: tools/peers.txt | setup
 	@$(BIN)/python -m venv .venv-peers
@@ -62,17 +62,11 @@ check: setup ## lint, format, types, direction of imports
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: setup ## run every benchmark, one after the other; tables on screen and in out/bench/
-	@mkdir -p out/bench; failed=(); \
-	for file in benchmarks/*.py; do \
-	    [[ -e $$file && $$(basename "$$file") != _* ]] || continue; \
-	    name=$$(basename "$$file" .py); printf '\n## %s\n\n' "$$name"; \
-	    $(BIN)/python "$$file" | tee "out/bench/$$name.md" || failed+=("$$name"); \
-	done; \
-	[[ $${#failed[@]} == 0 ]] || { echo "shipland: failed: $${failed[*]}" >&2; exit 1; }
+bench: setup ## run the studies of speed: `make results ONLY='speed_*'`
+	$(BIN)/python -m studies 'speed_*' $(ARGS)
 
 results: setup ## run the studies into results/, short ones first; hours, resumes; ONLY=name for one, ARGS='--runs 20'
-	$(BIN)/python -m studies $(ONLY) $(ARGS)
+	$(BIN)/python -m studies $(foreach name,$(ONLY),'$(name)') $(ARGS)
 
 train: setup-train ## make the far detectors' weights anew: pictures, training, rounds of what fooled them; four core-hours, resumes
 	tools/train_shipped.sh out/train $(ARGS)
@@ -85,4 +79,4 @@ wheel-test: setup ## build the wheel, install it into an empty environment, fly 
 
 clean: ## remove what was made, but for .venv, .venv-olympe and .venv-peers
 	rm -rf out site build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis
-	find src tests tools benchmarks studies -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src tests tools studies -name __pycache__ -type d -prune -exec rm -rf {} +

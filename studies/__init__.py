@@ -1,4 +1,14 @@
 """Studies: a question, the cases that answer it and how one case is measured; results/NAME.json holds the answers."""
 
-ORDER = ("lqg_bound", "oracle_rates", "tone_errors", "reach", "courses", "margins")
+ORDER = tuple(
+    """
+    lqg_bound turbulence scale ship_motions deck_share step_responses tone_errors deck_sights
+    near_readings mirrored oracle_rates
+    speed_physics speed_environments speed_link speed_render speed_landings speed_near speed_far speed_peers
+    paper_figures pilot_consistency reach spoiled_cue consistency clock baselines pose_error film_errors
+    far_vision frigate_recall false_accepts confirmation
+    courses published_gains moment margins winds measurements faults full hazards frigate wake headline far
+    frigate_rendered landings policies
+    """.split()  # noqa: SIM905 - a list of names, a line for each kind
+)
 """The order in which `make results` runs them: the short ones first."""

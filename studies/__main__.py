@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import sys
 from typing import Annotated
 
@@ -26,20 +27,20 @@ def main(
     results go to out/studies/.
 
     Args:
-        names: studies; all of them, in their order, by default.
+        names: studies, or patterns such as speed_*; all of them, in their order, by default.
         runs: repetitions a case; the study's own by default.
         workers: processes.
         where: COLUMN=VALUE, only the cases that have it.
         list_only: print each study's question, size and duration, and run nothing.
     """
-    if unknown := set(names) - set(ORDER):
-        raise SystemExit(f"studies: no study is called {', '.join(sorted(unknown))}; there are: {', '.join(ORDER)}")
+    if unknown := [pattern for pattern in names if not fnmatch.filter(ORDER, pattern)]:
+        raise SystemExit(f"studies: no study is called {', '.join(unknown)}; there are: {', '.join(ORDER)}")
     if runs is not None and runs < 1:
         raise SystemExit(f"studies: --runs is {runs}; at least 1 was expected")
     if wrong := [each for each in where if "=" not in each]:
         raise SystemExit(f"studies: --where {wrong[0]}: COLUMN=VALUE was expected")
     wanted = dict(each.split("=", 1) for each in where)
-    chosen = [name for name in ORDER if not names or name in names]
+    chosen = [name for name in ORDER if not names or any(fnmatch.fnmatchcase(name, pattern) for pattern in names)]
     if list_only:
         print(listing(chosen))
         return

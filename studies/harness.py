@@ -1,4 +1,4 @@
-"""Runs a study: cases in worker processes, each row kept as soon as it is measured, and where the rows come from."""
+"""Runs a study: cases in worker processes, rows kept as soon as they are measured, and where they come from."""
 
 from __future__ import annotations
 
@@ -24,11 +24,13 @@ ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
 RESULTS = ROOT / "results"
 """Whole results, committed."""
+CAMPAIGNS = ROOT / "studies" / "campaigns"
+"""Studies of landings, as data: see `landings`."""
 PARTS = ROOT / "out" / "studies"
 """Results on their way, and trials with another number of runs."""
 
 Case = Mapping[str, str | float]
-"""What distinguishes a row: its first columns."""
+"""What distinguishes a measurement: the first columns of its rows."""
 Row = Mapping[str, Any]
 """Column: a number, a text, None where there is none, or what `estimate` gives."""
 
@@ -56,21 +58,25 @@ class Study:
         question: one sentence.
         columns: of the table, case and row alike, by their names.
         cases: all cases, in the table's order.
-        measure: a case and a number of runs to its row; a function of a module, for worker processes.
+        measure: a case and a number of runs to its row, or to several that one measurement gives.
         runs: repetitions a case.
         measured: files and folders of src/shipland whose code the rows depend on.
         minutes: about how long all of it takes on two cores.
         picture: draws all rows into a file: docs/pictures/NAME.png.
+        helpers: files of studies/ and tests/ that the rows depend on, besides the study's own.
+        alone: one case after the other, for measurements of time.
     """
 
     question: str
     columns: Mapping[str, Column]
     cases: Callable[[], Sequence[Case]]
-    measure: Callable[[Case, int], Row]
+    measure: Callable[[Case, int], Row | Sequence[Row]]
     runs: int
     measured: tuple[str, ...]
     minutes: float
     picture: Callable[[Sequence[Row], Path], None] | None = None
+    helpers: tuple[str, ...] = ()
+    alone: bool = False
 
 
 def estimate(value: float, interval: Interval) -> dict[str, float]:
@@ -84,7 +90,11 @@ def share(count: int, of: int) -> dict[str, float]:
 
 
 def load(name: str) -> Study:
-    """The study of studies/NAME.py."""
+    """The study of studies/campaigns/NAME.toml or studies/NAME.py."""
+    if (CAMPAIGNS / f"{name}.toml").exists():
+        from studies.landings import landings_study
+
+        return landings_study(CAMPAIGNS / f"{name}.toml")
     found = importlib.import_module(f"studies.{name}").STUDY
     assert isinstance(found, Study)
     return found
@@ -110,8 +120,10 @@ def digest(paths: Sequence[Path]) -> str:
 def source_of(name: str, study: Study) -> dict[str, str]:
     """Digests of what a row depends on: code measured with the study itself, configuration, weights."""
     package = ROOT / "src" / "shipland"
+    campaign = CAMPAIGNS / f"{name}.toml"
+    own = [campaign if campaign.exists() else ROOT / "studies" / f"{name}.py", *(ROOT / part for part in study.helpers)]
     return {
-        "code": digest([ROOT / "studies" / f"{name}.py", *(package / part for part in study.measured)]),
+        "code": digest([*own, *(package / part for part in study.measured)]),
         "configuration": digest([package / "configs"]),
         "weights": digest([package / "weights"]),
     }
@@ -122,8 +134,9 @@ def read(path: Path) -> dict[str, Any] | None:
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
-def _measure(name: str, case: Case, runs: int) -> dict[str, Any]:
-    return {**case, **load(name).measure(case, runs)}
+def _measure(name: str, case: Case, runs: int) -> list[dict[str, Any]]:
+    found = load(name).measure(case, runs)
+    return [{**case, **row} for row in ([found] if isinstance(found, Mapping) else found)]
 
 
 def _ignore_interrupt() -> None:
@@ -137,9 +150,9 @@ def _rows_kept(path: Path, source: Mapping[str, str], runs: int) -> list[dict[st
     return kept["rows"] if kept and kept["source"] == source and kept["runs"] == runs else []
 
 
-def row_of(rows: Sequence[dict[str, Any]], case: Case) -> dict[str, Any] | None:
-    """The row of a case; None where it is missing."""
-    return next((row for row in rows if all(row.get(key) == value for key, value in case.items())), None)
+def rows_of(rows: Sequence[dict[str, Any]], case: Case) -> list[dict[str, Any]]:
+    """The rows of a case, in order; none where it was not measured."""
+    return [row for row in rows if all(row.get(key) == value for key, value in case.items())]
 
 
 def cases_where(study: Study, where: Mapping[str, str]) -> list[Case]:
@@ -161,12 +174,15 @@ def run(
     rows = _rows_kept(part, source, count)
     if not rows and count == study.runs:
         rows = _rows_kept(RESULTS / f"{name}.json", source, count)
-    missing = [case for case in cases if row_of(rows, case) is None]
+    missing = [case for case in cases if not rows_of(rows, case)]
     whole = RESULTS / f"{name}.json" if count == study.runs else part
-    if not missing and (where or len(_rows_kept(whole, source, count)) == len(cases)):
+    if not missing and (where or len(_rows_kept(whole, source, count)) == len(rows)):
         return True
     stopped = False
-    with ProcessPoolExecutor(workers, get_context("spawn"), _ignore_interrupt) as pool, Progress() as progress:
+    with (
+        ProcessPoolExecutor(1 if study.alone else workers, get_context("spawn"), _ignore_interrupt) as pool,
+        Progress() as progress,
+    ):
         bar = progress.add_task(name, total=len(cases), completed=len(cases) - len(missing))
         pending = {pool.submit(_measure, name, case, count) for case in missing}
         while pending:
@@ -174,7 +190,7 @@ def run(
                 for done in as_completed(pending):
                     pending.discard(done)
                     try:
-                        rows.append(done.result())
+                        rows += done.result()
                     except CancelledError:
                         continue
                     _write(part, name, study, source, count, rows)
@@ -185,16 +201,11 @@ def run(
                 pending = {future for future in pending if not future.cancel()}
     if stopped or where:
         return not stopped
-    rows = row_of_each(rows, cases)
+    rows = [row for case in cases for row in rows_of(rows, case)]
     _write(whole, name, study, source, count, rows)
     if study.picture:
         study.picture(rows, (PICTURES if count == study.runs else PARTS) / f"{name}.png")
     return True
-
-
-def row_of_each(rows: Sequence[dict[str, Any]], cases: Sequence[Case]) -> list[dict[str, Any]]:
-    """Rows in the order of the cases; cases without a row are left out."""
-    return [row for case in cases if (row := row_of(rows, case)) is not None]
 
 
 def _write(

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from tools.near_views import Setting, finish_over_range, look, view_at
-from tools.spoiling import noise
 
 from studies.harness import Case, Column, Row, Study
+from studies.spoiling import noise
+from studies.views import Setting, finish_over_range, look, view_at
 
 VISIBILITIES_M = {"clear day": 40000.0, "haze, 2 km": 2000.0, "haze, 500 m": 500.0}
 FIRST_M, LAST_M = 10, 60

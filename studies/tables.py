@@ -1,29 +1,32 @@
 """Tables of pages from results/NAME.json.
 
-A table stands in the page below a link to its results, whose title says which cases and columns it shows:
+A table stands in the page below a link to its results, whose title says which rows and columns it shows:
 
-    [results/oracle_rates.json](../../results/oracle_rates.json "table group=sweep; setting, oracle_rate")
+    [results/winds.json](../../results/winds.json "table pilot=horizon stick=tilt,speed; scenario, square by wind")
 
-    | setting | … |
+    | scenario | … |
 
-After `table` come the cases wanted (`column=value`) and, after the semicolon, the columns; all without them.
+After `table` come the rows wanted (`column=value`, several values with commas between, quotes around one with spaces)
+and, after the semicolon, the columns; all without them. `cell by column` makes a column of each value.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from studies.harness import RESULTS, ROOT, Column, cases_where, load, read, row_of, source_of
+from studies.harness import RESULTS, ROOT, Column, load, read, rows_of, source_of
 
+_PAIR = r"\w+=(?:'[^']*'|[^\s;'\"]+)"
 BLOCK = re.compile(
     r"(?P<head>^\[[^\]\n]+\]\((?:\.\./)*results/(?P<name>\w+)\.json "
-    r'"table(?P<where>(?: \w+=[\w-]+)*)(?:; (?P<columns>[\w, ]+))?"\)\n\n)(?P<table>(?:^\|.*\n)*)',
+    rf'"table(?P<where>(?: {_PAIR})*)(?:; (?P<columns>[\w, ]+))?"\)\n\n)(?P<table>(?:^\|.*\n)*)',
     re.MULTILINE,
 )
 BADGE = " ⚠ earlier code"
+TYPED = "⚠ *Typed by hand: this tree holds no results of* `make results ONLY={}` *yet.*\n\n"
 
 
 class TableError(ValueError):
@@ -35,18 +38,20 @@ def cell(value: Any, column: Column) -> str:  # noqa: ANN401 - a value of JSON
     if value is None:
         return "–"
     if isinstance(value, dict):
-        shown, low, high = (format(column.factor * value[key], column.form) for key in ("value", "low", "high"))
+        shown, low, high = (cell(value[key], column) for key in ("value", "low", "high"))
         return f"{shown} ({low}–{high})"
-    return format(column.factor * value, column.form) if column.form else str(value)
+    if isinstance(value, str) or not column.form:
+        return str(value)
+    return format(value if column.factor == 1.0 else column.factor * value, column.form)
 
 
-def table(name: str, where: dict[str, str], columns: list[str] | None = None, badges: bool = False) -> str:
-    """Markdown of the cases of a study that agree with `where`.
+def table(name: str, where: Mapping[str, Sequence[str]], columns: str = "", badges: bool = False) -> str:
+    """Markdown of the rows of a study that agree with `where`.
 
     Args:
         name: of the study.
-        where: column and value of the cases wanted.
-        columns: their names, in order; all without.
+        where: column and values of the rows wanted.
+        columns: their names, in order, with commas between; all without. The last may be `cell by column`.
         badges: mark rows that other code, configuration or weights gave than those of this tree.
 
     Raises:
@@ -55,42 +60,69 @@ def table(name: str, where: dict[str, str], columns: list[str] | None = None, ba
     study, found = load(name), read(RESULTS / f"{name}.json")
     if found is None:
         raise TableError(f"results/{name}.json is missing: python -m studies {name}")
-    shown = columns or list(study.columns)
-    if unknown := set(shown) - study.columns.keys():
+    shown = [each.strip() for each in columns.split(",")] if columns else list(study.columns)
+    shown[-1], _, across = shown[-1].partition(" by ")
+    if unknown := {*shown, across or shown[-1]} - study.columns.keys():
         raise TableError(f"{name} has no column {', '.join(sorted(unknown))}; there are: {', '.join(study.columns)}")
-    cases = cases_where(study, where)
-    if not cases:
-        raise TableError(f"no case of {name} has {where}")
-    badge = BADGE if badges and found["source"] != source_of(name, study) else ""
-    heads = [study.columns[key].title for key in shown]
-    aligned = ["---:" if study.columns[key].form else "---" for key in shown]
-    lines = ["| " + " | ".join(heads) + " |", "|" + "|".join(aligned) + "|"]
-    for case in cases:
-        row = row_of(found["rows"], case)
-        if row is None:
+
+    def wanted(some: Mapping[str, Any]) -> bool:
+        return all(str(some[key]) in values for key, values in where.items() if key in some)
+
+    rows = []
+    for case in filter(wanted, study.cases()):
+        measured = rows_of(found["rows"], case)
+        if not measured:
             raise TableError(f"results/{name}.json has no row of {dict(case)}: python -m studies {name}")
-        cells = [cell(row[key], study.columns[key]) for key in shown]
-        lines.append("| " + " | ".join([cells[0] + badge, *cells[1:]]) + " |")
-    return "\n".join(lines) + "\n"
+        rows += list(filter(wanted, measured))
+    if not rows or any(key not in row for key in where for row in rows[:1]):
+        raise TableError(f"no row of {name} has {dict(where)}")
+    badge = BADGE if badges and found["source"] != source_of(name, study) else ""
+    return _markdown(study.columns, rows, shown, across, badge)
 
 
-def _asked(match: re.Match[str], badges: bool) -> str:
-    where = dict(pair.split("=", 1) for pair in match["where"].split())
-    columns = [each.strip() for each in match["columns"].split(",")] if match["columns"] else None
-    return table(match["name"], where, columns, badges)
+def _markdown(
+    columns: Mapping[str, Column], rows: Sequence[Mapping[str, Any]], shown: list[str], across: str, badge: str
+) -> str:
+    """Lines; with `across` a line for each combination of the other columns, a column for each of its values."""
+    heads = [columns[key].title for key in shown]
+    lines = [[cell(row.get(key), columns[key]) for key in shown] for row in rows]
+    aligned = ["---:" if columns[key].form else "---" for key in shown]
+    if across:
+        places = [cell(row.get(across), columns[across]) for row in rows]
+        values = list(dict.fromkeys(places))
+        cells = {(*line[:-1], place): line[-1] for line, place in zip(lines, places, strict=True)}
+        firsts = dict.fromkeys(tuple(line[:-1]) for line in lines)
+        lines = [[*first, *(cells.get((*first, value), "–") for value in values)] for first in firsts]
+        heads[-1:] = [f"{columns[across].title} {values[0]}", *values[1:]]
+        aligned[-1:] = aligned[-1:] * len(values)
+    texts = [" | ".join(each) for each in (heads, *([line[0] + badge, *line[1:]] for line in lines))]
+    return "\n".join([f"| {texts[0]} |", "|" + "|".join(aligned) + "|", *(f"| {text} |" for text in texts[1:])]) + "\n"
+
+
+def _asked(match: re.Match[str], badges: bool) -> str | None:
+    """The table that a link wants; None without results of a study that exists."""
+    load(match["name"])
+    if not (RESULTS / f"{match['name']}.json").exists():
+        return None
+    pairs = [pair.split("=", 1) for pair in re.findall(_PAIR, match["where"])]
+    where = {key: [value[1:-1]] if value.startswith("'") else value.split(",") for key, value in pairs}
+    return table(match["name"], where, match["columns"] or "", badges)
 
 
 def checked(text: str, page: str) -> str:
-    """A page with badges on rows of other code.
+    """A page with badges on rows of other code, and a note above tables of studies without results.
 
     Raises:
         TableError: a table of the page differs from the results, or a row is missing.
     """
 
     def one(match: re.Match[str]) -> str:
-        if match["table"] != _asked(match, badges=False):
+        right = _asked(match, badges=False)
+        if right is None:
+            return match["head"] + TYPED.format(match["name"]) + match["table"]
+        if match["table"] != right:
             raise TableError(f"{page}: the table of {match['name']} differs from its results: python -m studies")
-        return match["head"] + _asked(match, badges=True)
+        return match["head"] + (_asked(match, badges=True) or "")
 
     return BLOCK.sub(one, text)
 
@@ -106,7 +138,8 @@ def update_pages() -> list[str]:
     changed = []
 
     def one(match: re.Match[str]) -> str:
-        return match["head"] + _asked(match, badges=False)
+        right = _asked(match, badges=False)
+        return match[0] if right is None else match["head"] + right
 
     for page in pages():
         old = page.read_text(encoding="utf-8")

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from tests.pictures import TONES, Look, bar_picture, camera_from_bar
-from tools.near_views import Setting
 
 from shipland.messages import Frame, GimbalAttitude
 from studies.harness import Case, Column, Row, Study
+from studies.views import Setting
 
 RANGES_M = (2.0, 3.0, 4.0, 6.0, 8.0, 11.0, 15.0)
 AZIMUTHS_DEG = (-40.0, 20.0)

@@ -9,10 +9,11 @@ on.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+import tyro
 
 from shipland.geometric.parameters import GeometricParameters
 from shipland.learning.ranges import SceneRecord, hits
@@ -26,17 +27,11 @@ def half_spread(values: np.ndarray) -> float:
     return float(0.5 * np.diff(np.percentile(values, [16, 84]))[0])
 
 
-def main() -> None:
-    """Count frames about each range of the packaged table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scenes", type=Path)
-    parser.add_argument("--kind", choices=("ship", "bar"), default="ship")
-    parser.add_argument("--confidence", type=float, help="least, of a box; default as in flight (acquire_confidence)")
-    arguments = parser.parse_args()
-    least = detector_parameters().acquire_confidence if arguments.confidence is None else arguments.confidence
-    lines = arguments.scenes.read_text(encoding="utf-8").splitlines()
-    records = [SceneRecord.from_json(line, str(arguments.scenes)) for line in lines]
-    packaged = getattr(GeometricParameters(), arguments.kind)
+def main(scenes: tyro.conf.Positional[Path], kind: Literal["ship", "bar"] = "ship") -> None:
+    """Count frames about each range of the packaged table; boxes as sure as in flight (acquire_confidence)."""
+    least = detector_parameters().acquire_confidence
+    records = [SceneRecord.from_json(line, str(scenes)) for line in scenes.read_text(encoding="utf-8").splitlines()]
+    packaged = getattr(GeometricParameters(), kind)
     ranges_m = np.array(packaged.range_m)
     frames: list[int] = []
     rows: dict[str, list[float]] = {"miss_rate": [], "centre_px": [], "area": []}
@@ -68,4 +63,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main, description=__doc__)

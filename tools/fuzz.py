@@ -12,7 +12,6 @@ line of code the first.
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import logging
 import multiprocessing
@@ -28,6 +27,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
+import tyro
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 TARGETS = {
@@ -131,16 +131,25 @@ def fuzz(name: str, seed: int, seconds: float, count: int | None, out: Path, pro
     return len(found)
 
 
-def main() -> None:
-    """Fuzz; exit 1 when there are findings."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--minutes", type=float, default=60.0, help="of all targets together")
-    parser.add_argument("--count", type=int, help="inputs of each target, in place of a time")
-    parser.add_argument("--only", nargs="+", choices=TARGETS, default=list(TARGETS), metavar="TARGET")
-    parser.add_argument("--seed", type=int, default=1, help="of the first input")
-    parser.add_argument("--out", type=Path, default=Path("out/fuzz"))
-    arguments = parser.parse_args()
-    seconds, out, found = 60.0 * arguments.minutes / len(arguments.only), arguments.out.absolute(), 0
+def main(
+    minutes: float = 60.0,
+    count: int | None = None,
+    only: tuple[str, ...] = tuple(TARGETS),
+    seed: int = 1,
+    out: Path = Path("out/fuzz"),
+) -> None:
+    """Fuzz; exit 1 when there are findings.
+
+    Args:
+        minutes: of all targets together.
+        count: inputs of each target, in place of a time.
+        only: targets.
+        seed: of the first input.
+        out: folder of the findings.
+    """
+    if unknown := set(only) - TARGETS.keys():
+        sys.exit(f"fuzz: no target is called {', '.join(sorted(unknown))}; there are: {', '.join(TARGETS)}")
+    seconds, out, found = 60.0 * minutes / len(only), out.absolute(), 0
     columns = (
         TextColumn("{task.description:14s}"),
         BarColumn(),
@@ -148,11 +157,11 @@ def main() -> None:
         TextColumn("{task.fields[words]}"),
     )
     with Progress(*columns) as progress:
-        for name in arguments.only:
-            found += fuzz(name, arguments.seed, seconds, arguments.count, out, progress)
+        for name in only:
+            found += fuzz(name, seed, seconds, count, out, progress)
     if found:
         sys.exit(f"{found} findings in {out}")
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -9,6 +9,7 @@ import functools
 import json
 import math
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, fields
@@ -19,7 +20,6 @@ from typing import Any
 import cv2
 import numpy as np
 from mcap.writer import CompressionType, Writer
-from spoiling import SPOILERS, vary
 
 import shipland
 from shipland.camera import Camera
@@ -45,6 +45,9 @@ from shipland.vision.far.runtime import load_engine
 from shipland.vision.log_pictures import read_pictures
 from shipland.vision.near.deck import DeckVision
 from shipland.vision.near.pipeline import NearVision
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the studies stand beside the package
+from studies.spoiling import SPOILERS, vary
 
 WEIGHTS = Path(shipland.__file__).parent / "weights"
 

@@ -11,16 +11,18 @@ telemetry and pictures were stands beside each landing.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
 import numpy as np
+import tyro
 
 from shipland.camera import Camera
 from shipland.errors import DataError
@@ -34,6 +36,46 @@ SHIPLAND = (sys.executable, "-c", "from shipland.cli import main; main()")
 
 HOME = "60.0,4.0,0,0"
 """Latitude, longitude, height, heading: at sea level, where a ship is."""
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """What is flown, and by what.
+
+    Attributes:
+        scenario, pilot, vision: as `shipland fly` takes them.
+        seeds: how many.
+        first: of them.
+        autopilot: whose binary is flown.
+        defaults: files of parameters.
+        vehicle_config: examples/arducopter.toml or px4.toml unless given.
+        set: section.key=value; may be given several times.
+        climb_m, takeoff_m: as the vehicle's.
+        boot_s: for the autopilot to find itself.
+        limit_s: of a flight.
+        instance: of the ports, for another set beside this one.
+        speed: of real time; PX4 flies in lockstep at any.
+        video: whether one is drawn.
+        out: folder.
+    """
+
+    scenario: str = "rig-natops"
+    seeds: int = 20
+    first: int = 1
+    pilot: str = "horizon"
+    vision: str = "geometric"
+    autopilot: Literal["arducopter", "px4", "stand-in"] = "arducopter"
+    defaults: tuple[Path, ...] = ()
+    vehicle_config: Path | None = None
+    set: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = ()
+    climb_m: float = 0.9
+    takeoff_m: float = 0.9
+    boot_s: float = 30.0
+    limit_s: float = 180.0
+    instance: int = 0
+    speed: float = 1.0
+    video: bool = False
+    out: Path = Path("out/outside")
 
 
 class Ports:
@@ -51,7 +93,7 @@ def px4_environment() -> dict[str, str]:
     return os.environ | {"PX4_SIM_MODEL": "none_iris"} | {f"PX4_PARAM_{name}": value for name, value in rows}
 
 
-def px4(arguments: argparse.Namespace, folder: Path) -> list[str]:
+def px4(arguments: Arguments, folder: Path) -> list[str]:
     """PX4's command; its parameters begin anew."""
     binary = os.environ.get("SHIPLAND_PX4")
     if not binary:
@@ -71,7 +113,7 @@ def our_environment(speed: float) -> dict[str, str]:
     return os.environ | {"PYTHONPATH": path, "SHIPLAND_CLOCK_SPEED": str(speed)}
 
 
-def autopilot(arguments: argparse.Namespace, folder: Path, ports: Ports) -> tuple[list[str], str]:
+def autopilot(arguments: Arguments, folder: Path, ports: Ports) -> tuple[list[str], str]:
     """Its command, and the address under which it is flown."""
     if arguments.autopilot == "px4":
         return px4(arguments, folder), f"udp:127.0.0.1:{ports.px4}"
@@ -128,7 +170,7 @@ def outcome(folder: Path, seed: int) -> dict[str, object]:
     return row | lateness(log)
 
 
-def land(arguments: argparse.Namespace, seed: int) -> dict[str, object]:
+def land(arguments: Arguments, seed: int) -> dict[str, object]:
     """One flight; what became of it."""
     folder, ports = arguments.out / f"{arguments.scenario}-{seed}", Ports(arguments.instance)
     folder.mkdir(parents=True, exist_ok=True)
@@ -179,29 +221,10 @@ def land(arguments: argparse.Namespace, seed: int) -> dict[str, object]:
     return outcome(folder, seed)
 
 
-def main() -> None:
+def main(arguments: Arguments) -> None:
     """Fly the seeds and print the table."""
-    parser = argparse.ArgumentParser(description="Land a flight controller that we did not write in our world.")
-    parser.add_argument("--scenario", default="rig-natops")
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--first", type=int, default=1)
-    parser.add_argument("--pilot", default="horizon")
-    parser.add_argument("--vision", default="geometric")
-    parser.add_argument("--autopilot", choices=("arducopter", "px4", "stand-in"), default="arducopter")
-    parser.add_argument("--defaults", type=Path, nargs="*", default=[])
-    parser.add_argument("--vehicle-config", type=Path, help="examples/arducopter.toml or px4.toml unless given")
-    parser.add_argument("--set", action="append", default=[])
-    parser.add_argument("--climb-m", type=float, default=0.9)
-    parser.add_argument("--takeoff-m", type=float, default=0.9)
-    parser.add_argument("--boot-s", type=float, default=30.0, help="for the autopilot to find itself")
-    parser.add_argument("--limit-s", type=float, default=180.0)
-    parser.add_argument("--instance", type=int, default=0, help="of the ports, for another set beside this one")
-    parser.add_argument("--speed", type=float, default=1.0, help="of real time; PX4 flies in lockstep at any")
-    parser.add_argument("--video", action="store_true")
-    parser.add_argument("--out", type=Path, default=Path("out/outside"))
-    arguments = parser.parse_args()
     if arguments.speed < 1.0 and arguments.autopilot != "px4":
-        parser.error("--speed below 1 needs an autopilot that takes its clock from the physics: --autopilot px4")
+        sys.exit("--speed below 1 needs an autopilot that takes its clock from the physics: --autopilot px4")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # subprocess.run then ends its own, `land` the others
     results = []
     for seed in range(arguments.first, arguments.first + arguments.seeds):
@@ -219,4 +242,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(tyro.cli(Arguments, description="Land a flight controller that we did not write in our world."))

@@ -19,7 +19,6 @@ the ship's axes (forward, starboard, down) and the time factor exp(+iωt).
 
 from __future__ import annotations
 
-import argparse
 import os
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -32,6 +31,7 @@ from pathlib import Path
 
 import capytaine as cpt
 import numpy as np
+import tyro
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
@@ -255,26 +255,27 @@ def response(
     return motion
 
 
-def main() -> None:
-    """Write the table and print what came out."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    root = Path(__file__).resolve().parents[1]
-    parser.add_argument("--out", type=Path, default=root / "src/shipland/sim/data/frigate_rao.npz")
-    parser.add_argument("--radiation", type=Path, help="file that keeps the potentials between runs")
-    parser.add_argument(
-        "--zero-speed-forces", action="store_true", help="exciting forces of a ship at rest, to compare with"
-    )
-    arguments = parser.parse_args()
+TABLE = Path(__file__).resolve().parents[1] / "src/shipland/sim/data/frigate_rao.npz"
+
+
+def main(out: Path = TABLE, kept_radiation: Path | None = None, *, zero_speed_forces: bool = False) -> None:
+    """Write the table and print what came out.
+
+    Args:
+        out: file to write.
+        kept_radiation: file that keeps the potentials between runs.
+        zero_speed_forces: exciting forces of a ship at rest, to compare with.
+    """
     logging.getLogger("capytaine").setLevel(logging.ERROR)
     started = time.process_time()
     mesh = hull_mesh()
-    if arguments.radiation and arguments.radiation.exists():
-        with np.load(arguments.radiation) as kept:
+    if kept_radiation and kept_radiation.exists():
+        with np.load(kept_radiation) as kept:
             waves = Radiation(**{name: kept[name] for name in kept.files})
     else:
         waves = radiation(mesh)
-        if arguments.radiation:
-            np.savez(arguments.radiation, **vars(waves))
+        if kept_radiation:
+            np.savez(kept_radiation, **vars(waves))
     ship = make_ship(waves)
     block = ship.volume_m3 / (LENGTH_M * BEAM_M * DRAUGHT_M)
     print(f"panels {len(waves.areas)}, volume {ship.volume_m3:.0f} m3, C_B {block:.3f}, ", end="")
@@ -293,9 +294,7 @@ def main() -> None:
     for i, speed_kn in enumerate(SPEED_KN):
         for j, heading_deg in enumerate(HEADING_DEG):
             for k, omega in enumerate(OMEGA_RAD_S):
-                motion = response(
-                    waves, ship, omega, speed_kn * KNOT_MPS, np.radians(heading_deg), arguments.zero_speed_forces
-                )
+                motion = response(waves, ship, omega, speed_kn * KNOT_MPS, np.radians(heading_deg), zero_speed_forces)
                 table[i, j, k] = SHIP_FROM_CAPYTAINE * motion.conj()
     found = ResponseTable(
         speed_kn=SPEED_KN,
@@ -305,16 +304,16 @@ def main() -> None:
         natural_period_s=2 * np.pi / np.array([natural["heave"], natural["roll"], natural["pitch"]]),
         particulars=np.array([LENGTH_M, BEAM_M, DRAUGHT_M, ship.volume_m3, ship.gm_m, *ship.centre]),
     )
-    arguments.out.parent.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(arguments.out, **vars(found))
+    out.parent.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(out, **vars(found))
     sea = SeaParameters()
     for waves_from_deg in (120.0, 60.0):
         amplitude = significant_amplitude(replace(sea, waves_from_deg=waves_from_deg), found)
         amplitude[3:] = np.degrees(amplitude[3:])
         print(f"waves from {waves_from_deg:g}°: significant amplitudes {amplitude.round(2)}")
-    size_kb = arguments.out.stat().st_size / 1024
-    print(f"{arguments.out.name}: {size_kb:.0f} kB, {time.process_time() - started:.0f} s of CPU")
+    size_kb = out.stat().st_size / 1024
+    print(f"{out.name}: {size_kb:.0f} kB, {time.process_time() - started:.0f} s of CPU")
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -5,7 +5,7 @@
     python tools/path_traced.py look --out out/path-traced  # table.md, looks.csv, beside.png
 
 The places, the light, the air and what the camera makes of the light are those of `shipland evaluate` and of
-tools/near_views.py; nothing is trained on these pictures. Every picture is the window of 224 px around the target (or
+studies/views.py; nothing is trained on these pictures. Every picture is the window of 224 px around the target (or
 of what the near bar needs), taken at the same place by both. The path tracer knows the ship's shapes and paint from us;
 sky, waves, reflections, shadows and all that light does on its way are its own. Left out of both: rain, spray, motion
 blur, decoys. Drawing goes on where it was stopped.
@@ -13,20 +13,19 @@ blur, decoys. Drawing goes on where it was stopped.
 
 from __future__ import annotations
 
-import argparse
 import csv
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from near_views import Setting, View, light, markdown, view_at
-from near_views import look as look_near
-from peers import grain
+import tyro
 from rich.console import Console
 from rich.progress import track
 
@@ -46,6 +45,11 @@ from shipland.sim.target_box import NearestBox, target_box
 from shipland.vision.far.decode import iou
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.parameters import detector_parameters
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the studies stand beside the package
+from studies.tags import grain
+from studies.views import Setting, View, light, view_at
+from studies.views import look as look_near
 
 Picture = npt.NDArray[np.uint8]
 Light16 = npt.NDArray[np.uint16]
@@ -73,6 +77,29 @@ NEAR_HEADER = (
     "error² / 4",
 )
 RENDERERS = ("path tracer", "ours")
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """What is drawn or looked at.
+
+    Attributes:
+        step: draw, by the path tracer; look, at its pictures and ours.
+        out: folder.
+        kinds: of pictures.
+        share: of the 500 pictures.
+        seed: of the places.
+        samples: of the path tracer, a pixel, at most.
+    """
+
+    step: tyro.conf.Positional[Literal["draw", "look"]]
+    out: Path = Path("out/path-traced")
+    kinds: tuple[Literal["ship", "bar", "near"], ...] = ("ship", "bar", "near")
+    share: float = 1.0
+    seed: int = SEED
+    samples: int = 32
+
+
 TILE_PX = 160
 
 
@@ -192,7 +219,7 @@ def _window(view: View, setting: Setting) -> Camera:
     return Camera(side, side, matrix)
 
 
-def draw(arguments: argparse.Namespace) -> None:
+def draw(arguments: Arguments) -> None:
     """Have the path tracer draw what is not there yet."""
     try:
         from blender_scene import Cycles
@@ -215,13 +242,13 @@ def draw(arguments: argparse.Namespace) -> None:
         part.replace(arguments.out / f"{place.name}.png")
 
 
-def _wanted(arguments: argparse.Namespace) -> Iterator[Place]:
+def _wanted(arguments: Arguments) -> Iterator[Place]:
     for kind, count in COUNTS.items():
         if kind in arguments.kinds:
             yield from places(kind, round(count * arguments.share), arguments.seed)
 
 
-def look(arguments: argparse.Namespace) -> None:
+def look(arguments: Arguments) -> None:
     """Look at every picture that is there, and at ours of the same place."""
     setting, synth = Setting.packaged(), _synth()
     settings = detector_parameters()
@@ -358,21 +385,20 @@ def _pairs(looks: Sequence[Looked], kind: str, low_m: float, high_m: float) -> l
     return [(by[number, RENDERERS[0]], by[number, RENDERERS[1]]) for number in sorted({item.number for item in some})]
 
 
-def main() -> None:
+def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table."""
+    lines = [" | ".join(cells) for cells in (header, ["---"] * len(header), *rows)]
+    return "".join(f"| {line} |\n" for line in lines)
+
+
+def main(arguments: Arguments) -> None:
     """Draw or look."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("step", choices=("draw", "look"))
-    parser.add_argument("--out", type=Path, default=Path("out/path-traced"))
-    parser.add_argument("--kinds", nargs="+", choices=tuple(COUNTS), default=list(COUNTS))
-    parser.add_argument("--share", type=float, default=1.0, help="of the 500 pictures")
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--samples", type=int, default=32, help="of the path tracer, a pixel, at most")
-    arguments = parser.parse_args()
     try:
         {"draw": draw, "look": look}[arguments.step](arguments)
     except DataError as error:
-        parser.exit(2, f"{error}\n")
+        print(error, file=sys.stderr)
+        raise SystemExit(2) from None
 
 
 if __name__ == "__main__":
-    main()
+    main(tyro.cli(Arguments, description=__doc__))

@@ -5,12 +5,13 @@ python tools/set_point_pace.py --seconds 30
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 import threading
 import time
+from typing import Literal
 
 import numpy as np
+import tyro
 
 from shipland.camera import Camera
 from shipland.messages import Frame, GimbalAttitude
@@ -37,21 +38,17 @@ def see(stop: threading.Event) -> None:
         index += 1
 
 
-def main() -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description="How late set-points leave, with every core busy.")
-    parser.add_argument("--seconds", type=float, default=30.0)
-    parser.add_argument("--first", choices=("thread", "process"), default="thread", help="goes before other processes")
-    arguments = parser.parse_args()
+def main(seconds: float = 30.0, first: Literal["thread", "process"] = "thread") -> None:
+    """Measure and print; `first` goes before other processes."""
     burners = [multiprocessing.Process(target=burn, daemon=True) for _ in range(multiprocessing.cpu_count())]
     for burner in burners:
         burner.start()
     stop = threading.Event()
     vision = threading.Thread(target=see, args=(stop,), daemon=True)
     vision.start()
-    pace = Pace(lambda _: None, 50.0, "set-points", arguments.first)
+    pace = Pace(lambda _: None, 50.0, "set-points", first)
     pace.start()
-    time.sleep(arguments.seconds)
+    time.sleep(seconds)
     pace.stop()
     stop.set()
     vision.join()
@@ -67,4 +64,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    tyro.cli(main)

@@ -50,9 +50,8 @@ def test_findings_are_kept_with_what_repeats_them(tmp_path, monkeypatch):
     monkeypatch.setitem(fuzz.TARGETS, "brittle", "brittle:target")
     kinds = {seed: int(np.random.default_rng(seed).integers(3)) for seed in range(1, 21)}
     first = {kind: min(seed for seed in kinds if kinds[seed] == kind) for kind in range(3)}
-    monkeypatch.setattr(sys, "argv", ["fuzz.py", "--only", "brittle", "--count", "20", "--out", str(tmp_path / "out")])
     with pytest.raises(SystemExit, match="2 findings in"):
-        fuzz.main()
+        fuzz.main(count=20, only=("brittle",), out=tmp_path / "out")
     kept = {place.name: (place / "finding.txt").read_text() for place in (tmp_path / "out").iterdir()}
     raised, died = kept[f"brittle-{first[0]}"], kept[f"brittle-{first[1]}"]
     assert "RuntimeError: hostile" in raised

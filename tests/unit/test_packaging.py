@@ -16,7 +16,7 @@ from shipland import version
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-FOLDERS = ("src", "tests", "docs", "tools", "benchmarks", "examples", ".ci")
+FOLDERS = ("src", "tests", "docs", "tools", "studies", "examples", ".ci")
 TEXT = {".py", ".md", ".toml", ".yml", ".yaml", ".sh", ".svg", ".json", ".csv", ".txt", ".glsl", ".vert", ".frag", ""}
 HEAVY = {
     "av",
@@ -112,7 +112,7 @@ def test_data_files_are_in_the_package(name):
 
 
 def test_help_answers_without_heavy_imports():
-    # 0.3 s is the aim, measured in benchmarks/; what would break it is importing any of these.
+    # 0.3 s is the aim, measured by hand; what would break it is importing any of these.
     code = (
         "import sys\nsys.argv = ['shipland', '--help']\nfrom shipland.cli import main\n"
         "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"

@@ -193,3 +193,9 @@ def test_an_approach_ends_over_the_ship(variant, monkeypatch):
     assert (case.distance_m, case.offset_deg, case.wind_mps, case.variant) == (250.0, 15.0, 5.0, variant)
     assert case.approach
     assert case.duration_s == 185.0
+
+
+def test_without_the_slew_bound_the_peak_is_sent_whole():
+    near = {"derivative": "linear", "filter": "kalman"}
+    found = near_figures(fly_hover(near, 0.0, FALSE_M, slew=False), fly_hover(near, 0.0, 0.0, slew=False))
+    assert found.sent_percent == pytest.approx(found.peak_percent)

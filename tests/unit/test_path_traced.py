@@ -14,8 +14,9 @@ from shipland.vision.far.parameters import detector_parameters
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 
-from near_views import Setting
+
 from path_traced import RENDERERS, SEED, Looked, _camera, _look_far, _look_near, _synth, _tables, places
+from studies.views import Setting
 
 TOOLS = Path(__file__).parents[2] / "tools"
 SETTING = Setting.packaged()

@@ -1,21 +1,15 @@
 """What the tools about near vision measure with: spoilers, views, hung tags, pictures without the cue."""
 
-import sys
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
+from studies.decoys import DECOYS, Canvas, decoy_view, hide_bar
+from studies.spoiling import SPOILERS, exposed, hue_turned, noise, panned, rolling_shutter, through_h264, vary
+from studies.tags import apriltag, aruco, in_picture
+from studies.views import Setting, look, view_at
 
 from shipland.messages import Frame
 from shipland.vision.near.refusal import Refusal
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
-
-from false_pictures import DECOYS, Canvas, decoy_view, hide_bar
-from near_views import Setting, look, view_at
-from peers import apriltag, aruco, in_picture
-from spoiling import SPOILERS, exposed, hue_turned, noise, panned, rolling_shutter, through_h264, vary
 
 SETTING = Setting.packaged()
 PLACES = ((3.0, 15.0), (7.0, -20.0), (12.0, 5.0))  # range [m], degrees off the axis

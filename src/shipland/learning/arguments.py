@@ -110,7 +110,7 @@ class EvaluateArguments:
         precision: auto, bf16 or fp32.
         threads: CPU threads of each process.
         workers: processes that draw and look at fresh scenes.
-        keep_boxes: search every frame whole and keep its boxes in scenes.jsonl, for tools/tune_confirmation.py.
+        keep_boxes: search every frame whole and keep its boxes in scenes.jsonl, for studies/confirmation.py.
         config: TOML laid over the packaged settings.
     """
 

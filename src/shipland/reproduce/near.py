@@ -109,7 +109,7 @@ def fly_hover(near: dict[str, Any], noise_m: float, false_m: float, slew: bool =
             "heading_error_half_range_deg": 0.0,
         },
         "guidance": {"near": near, "modes": {"settle_s": 1e9}},
-        "safety": {} if slew else {"slew_percent_per_s": 1e6},
+        "safety": {} if slew else {"slew_percent_per_s": 1e4},
     }
     scenario = load_scenario(merge(scenario_table("near"), overlay))
     vehicle = build_vehicle(scenario, 1, None)

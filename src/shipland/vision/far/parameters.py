@@ -48,7 +48,7 @@ class DetectorParameters:
         0.4, "least confidence of a box in a single picture, where nothing else is known", gt=0, le=1
     )
     ship: Confirmation = key(
-        Confirmation(), "when a ship is believed", "tools/tune_confirmation.py: docs/results/far-vision.md"
+        Confirmation(), "when a ship is believed", "studies/confirmation.py: docs/results/far-vision.md"
     )
     bar: Confirmation = key(
         Confirmation(
@@ -93,7 +93,7 @@ class DetectorParameters:
     span_sd: float = key(
         0.3, "of the apparent width by aspect and box, as a share", "measured: docs/results/far-vision.md", gt=0
     )
-    other_sd: float = key(1.8, "that of the width of other objects", "chosen with tools/tune_confirmation.py", gt=0)
+    other_sd: float = key(1.8, "that of the width of other objects", "chosen: docs/decisions/020", gt=0)
     lost_frames: int = key(6, "a track ends after so many frames without a hit", ge=1, le=1000)
     stale_s: float = key(
         2.0, "a track ends without a frame for so long", "chosen: four cycles of the paper's detector", ge=0.1, le=10

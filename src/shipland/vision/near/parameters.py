@@ -90,7 +90,7 @@ class VisionParameters:
         0.1,
         "largest standard deviation of the picture's blur, as a fraction of the cue's shortest side: beyond, the "
         "smears of opposite sides meet, and corners are off by more than their covariance",
-        "measured on pictures smeared by 2–25 px: tools/spoiled_cue.py",
+        "measured on pictures smeared by 2–25 px: studies/spoiled_cue.py",
         gt=0,
         le=1,
     )

@@ -1,0 +1,229 @@
+"""Studies of landings, as data: studies/campaigns/NAME.toml says what is flown, a row is a scenario and a pilot.
+
+question = "Who lands, by scenario and stick?"
+pilots = ["horizon", "paper"]
+runs = 200                  # flights a row, seeds 1 … runs
+minutes = 30
+suite = "near"              # a packaged suite's cells, and
+[[cells]]                   # more of them, as in a suite
+scenarios = ["rig-natops"]
+set = ["wind.mean_mps=0,5"] # several values with commas between: a row each
+label = "no telemetry"      # in place of the settings' own words
+file = "examples/wake.toml" # laid over the scenario, and over it
+config.start.distance_m = 10.0
+[columns]                   # settings that have a column of their own: key and title
+wind = ["wind.mean_mps", "wind [m/s]"]
+[beside]                    # flown on the same seeds for a paired comparison
+pilot = "horizon"
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shipland.config import merge, read_toml
+from shipland.evaluation.job import FlightJob, land_quietly
+from shipland.evaluation.landing import Landing
+from shipland.evaluation.leaderboard import rests_in_area
+from shipland.evaluation.oracle import oracle_rate
+from shipland.evaluation.statistics import Interval, compare
+from shipland.evaluation.suite import combinations, load_suite
+from shipland.frames import Array
+from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
+from studies.harness import ROOT, Case, Column, Row, Study, estimate, share
+
+WORDS = {"attitude": "tilt", "velocity": "speed"}
+"""What a stick means, by the kind of the inner loop."""
+ORACLE_MOTIONS = 40
+MOST_M = 0.5
+"""Most that a component of a touchdown counts in a comparison, and each of a flight that did not touch the deck."""
+RESAMPLES = 5000
+MEASURED = (
+    *("camera.py", "estimation", "flight.py", "frames.py", "geometric", "guidance", "rig.py", "safety", "scenario"),
+    *("sim", "vision", "evaluation/landing.py", "evaluation/oracle.py", "evaluation/statistics.py"),
+)
+COLUMNS = {
+    "scenario": Column("scenario"),
+    "settings": Column("set"),
+    "pilot": Column("pilot"),
+    "flights": Column("flights", ",d"),
+    "success": Column("in the square [%] (95 % interval)", ".1f", 100.0),
+    "square": Column("in the square [%]", ".0f", 100.0),
+    "landed": Column("on its feet [%]", ".0f", 100.0),
+    "rest": Column("at rest in the square [%]", ".0f", 100.0),
+    "outside": Column("on its feet outside [%]", ".0f", 100.0),
+    "bad": Column("bad contact [%] (95 % interval)", ".0f", 100.0),
+    "never": Column("never touched [%]", ".0f", 100.0),
+    "oracle_rate": Column("oracle rate [%]", ".1f", 100.0),
+    "oracle_then": Column("oracle, then [%]", ".0f", 100.0),
+    "error_m": Column("error median [cm]", ".1f", 100.0),
+    "error_90_m": Column("error 90 % [cm]", ".1f", 100.0),
+    "control_m": Column("control error median [cm]", ".1f", 100.0),
+    "sink_mps": Column("sink [m/s]", ".2f"),
+    "slide_mps": Column("slide [m/s]", ".2f"),
+    "tilt_deg": Column("tilt [°]", ".0f"),
+    "time_s": Column("time median [s]", ".0f"),
+    "causes": Column("causes of the others"),
+}
+COMPARED = {
+    "rms_beside_m": Column("beside, rms [cm]", ".1f", 100.0),
+    "rms_m": Column("rms [cm]", ".1f", 100.0),
+    "ratio": Column("ratio (95 % interval)", ".2f"),
+    "square_beside": Column("beside, in the square [%]", ".0f", 100.0),
+    "won": Column("won", "d"),
+    "lost": Column("lost", "d"),
+    "p_value": Column("McNemar's p", ".2g"),
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One row's flights: a scenario with settings, texts `key=value`, and tables laid over it, seen by a vision."""
+
+    case: Case
+    scenario: str
+    settings: tuple[str, ...]
+    vision: str
+    config: dict[str, Any] = field(default_factory=dict)
+
+    def loaded(self, more: Sequence[str] = ()) -> Scenario:
+        """What is flown, with more settings laid over it."""
+        return load_scenario(merge(scenario_table(self.scenario, None, (*self.settings, *more)), self.config))
+
+
+@lru_cache
+def cells_of(path: Path) -> tuple[Cell, ...]:
+    """The rows of a study, pilots innermost."""
+    return tuple(_cells(read_toml(path)))
+
+
+def _cells(table: dict[str, Any]) -> Iterator[Cell]:
+    entries = [vars(entry) for entry in load_suite(table["suite"]).cells] if "suite" in table else []
+    own = {key: name for name, (key, _) in table.get("columns", {}).items()}
+    words = WORDS | table.get("words", {})
+    for entry in [*entries, *table.get("cells", [])]:
+        vision, label = entry.get("vision", "geometric"), entry.get("label")
+        for scenario in entry["scenarios"]:
+            for settings in combinations(entry.get("set", ())):
+                columns = {own[key]: words.get(value, value) for key, value in settings if key in own}
+                rest = [f"{key.split('.')[-1]}={value}".replace('"', "") for key, value in settings if key not in own]
+                said = ", ".join(rest) if label is None else label
+                for pilot in entry.get("pilots", table["pilots"]):
+                    case = {"scenario": scenario, **columns, "settings": words.get(said, said), "pilot": pilot}
+                    texts = tuple(f"{key}={value}" for key, value in settings)
+                    file = read_toml(ROOT / entry["file"]) if "file" in entry else {}
+                    yield Cell(case, scenario, texts, vision, merge(file, entry.get("config", {})))
+
+
+def fly(scenario: Scenario, pilot: str, vision: str, runs: int) -> list[Landing]:
+    """Landings with the seeds 1 … runs."""
+    return [land_quietly(FlightJob(scenario, pilot, vision, seed)) for seed in range(1, runs + 1)]
+
+
+def measure(case: Case, runs: int, *, path: Path) -> Row:
+    """Fly a row."""
+    cell, table = next(cell for cell in cells_of(path) if cell.case == case), read_toml(path)
+    scenario, pilot = cell.loaded(), str(case["pilot"])
+    landings = fly(scenario, pilot, cell.vision, runs)
+    row = figures(scenario, landings, table.get("oracle_motions", ORACLE_MOTIONS))
+    if "beside" in table:
+        other = cell.loaded(table["beside"].get("set", ()))
+        row |= compared(landings, fly(other, table["beside"].get("pilot", pilot), cell.vision, runs))
+    return row
+
+
+def is_bad(landing: Landing) -> bool:
+    """It struck something but the deck, or touched the deck beyond a limit."""
+    return not landing.landed and not landing.reason.startswith("no touchdown")
+
+
+def figures(scenario: Scenario, landings: Sequence[Landing], oracle_motions: int) -> dict[str, Any]:
+    """A row of the table; medians are of the flights that touched the deck."""
+    count, touched = len(landings), [it for it in landings if it.touched]
+    rate = None
+    if oracle_motions:
+        rng, airframe = np.random.default_rng(1), scenario.aircraft.airframe
+        rate = oracle_rate(scenario.ship, scenario.rig, airframe, oracle_motions, rng).share
+    good, landed = sum(it.success for it in landings), sum(it.landed for it in landings)
+    causes = Counter(it.cause for it in landings if not it.success)
+    errors_m = [it.error_m for it in touched]
+    control_m = [float(np.hypot(it.control_forward_m, it.control_starboard_m)) for it in touched]
+    return {
+        "flights": count,
+        "success": share(good, count),
+        "square": good / count,
+        "landed": landed / count,
+        "rest": sum(rests_in_area(it, scenario.rig) for it in landings) / count,
+        "outside": (landed - good) / count,
+        "bad": share(sum(map(is_bad, landings)), count),
+        "never": sum(it.reason.startswith("no touchdown") for it in landings) / count,
+        "oracle_rate": rate,
+        "oracle_then": sum(bool(it.oracle_in_square) for it in touched) / len(touched) if touched else None,
+        "error_m": _quantile(errors_m, 0.5),
+        "error_90_m": _quantile(errors_m, 0.9),
+        "control_m": _quantile(control_m, 0.5),
+        **{name: _quantile([getattr(it, name) for it in touched], 0.5) for name in ("sink_mps", "slide_mps")},
+        **{name: _quantile([getattr(it, name) for it in touched], 0.5) for name in ("tilt_deg", "time_s")},
+        "causes": ", ".join(f"{number} {cause}" for cause, number in causes.most_common()),
+    }
+
+
+def _quantile(values: Sequence[float], of: float) -> float | None:
+    return float(np.quantile(values, of)) if values else None
+
+
+def squares_m2(landings: Sequence[Landing]) -> Array:
+    """(n,) squared distance from the deck's centre, components bounded, so that no pilot gains by giving up."""
+    offsets_m = np.array([(it.forward_m, it.starboard_m) for it in landings])
+    return np.asarray(np.sum(np.square(np.nan_to_num(np.minimum(np.abs(offsets_m), MOST_M), nan=MOST_M)), axis=1))
+
+
+def compared(landings: Sequence[Landing], beside: Sequence[Landing]) -> dict[str, Any]:
+    """The same seeds flown in two ways: rms of the touchdowns, paired bootstrap of their ratio, who alone lands."""
+    rng = np.random.default_rng(1)
+    mine, other = squares_m2(landings), squares_m2(beside)
+    drawn = rng.integers(0, len(mine), (RESAMPLES, len(mine)))
+    low, high = np.quantile(np.sqrt(mine[drawn].mean(1) / other[drawn].mean(1)), [0.025, 0.975])
+    ok, other_ok = (np.array([it.success for it in some]) for some in (landings, beside))
+    errors_m, other_m = (np.array([it.error_m for it in some], dtype=float) for some in (landings, beside))
+    pairing = compare(ok, other_ok, errors_m, other_m, rng)
+    return {
+        "rms_beside_m": float(np.sqrt(other.mean())),
+        "rms_m": float(np.sqrt(mine.mean())),
+        "ratio": estimate(float(np.sqrt(mine.mean() / other.mean())), Interval(float(low), float(high))),
+        "square_beside": float(other_ok.mean()),
+        "won": pairing.only_first,
+        "lost": pairing.only_second,
+        "p_value": pairing.p_value,
+    }
+
+
+def landings_study(path: Path) -> Study:
+    """The study of a TOML file.
+
+    Raises:
+        ConfigError: the file is broken, or it names what does not exist.
+    """
+    table = read_toml(path)
+    own = {name: Column(title) for name, (_, title) in table.get("columns", {}).items()}
+    return Study(
+        question=table["question"],
+        columns={"scenario": COLUMNS["scenario"], **own, **COLUMNS, **(COMPARED if "beside" in table else {})},
+        cases=partial(_cases, path),
+        measure=partial(measure, path=path),
+        runs=table["runs"],
+        measured=MEASURED,
+        minutes=table["minutes"],
+        helpers=(str(Path(__file__).relative_to(ROOT)),),
+    )
+
+
+def _cases(path: Path) -> Sequence[Case]:
+    return [cell.case for cell in cells_of(path)]

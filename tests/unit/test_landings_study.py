@@ -1,0 +1,62 @@
+"""Studies of landings: every TOML file can be flown, figures count, and who never touches gains nothing by it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from studies import ORDER, harness, landings
+from test_campaign import GOOD, NOWHERE
+
+from shipland.scenario.scenario import load_scenario
+
+NAMES = sorted(path.stem for path in harness.CAMPAIGNS.glob("*.toml"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_row_is_another_one_and_its_scenario_is_sound(name):
+    study = harness.load(name)
+    cells = landings.cells_of(harness.CAMPAIGNS / f"{name}.toml")
+    assert name in ORDER
+    assert len({tuple(case.items()) for case in study.cases()}) == len(cells)
+    assert all(cell.case.keys() <= study.columns.keys() for cell in cells)
+    cells[0].loaded()
+    cells[-1].loaded()
+
+
+def test_settings_without_a_column_name_the_row_and_words_are_the_fields(tmp_path):
+    path = tmp_path / "two.toml"
+    path.write_text(
+        'question = "?"\nruns = 1\nminutes = 0\npilots = ["horizon"]\ncolumns.stick = ["aircraft.loop.kind", "stick"]\n'
+        '[[cells]]\nscenarios = ["rig-natops"]\nset = ["aircraft.loop.kind=attitude,velocity", "wind.mean_mps=3"]\n'
+    )
+    cases = landings.landings_study(path).cases()
+    assert [case["stick"] for case in cases] == ["tilt", "speed"]
+    assert {case["settings"] for case in cases} == {"mean_mps=3"}
+
+
+def test_figures_count_what_flights_came_to():
+    tilted = replace(GOOD, landed=False, cause="tilt", reason="tilted 31° on the deck")
+    beside = replace(GOOD, in_square=False, cause="control error")
+    row = landings.figures(load_scenario("rig-natops"), [GOOD, beside, tilted, NOWHERE], 0)
+    assert [row[name] for name in ("square", "landed", "outside", "never")] == [0.25, 0.5, 0.25, 0.25]
+    assert row["bad"]["value"] == 0.25
+    assert row["oracle_rate"] is None
+    assert "1 tilt" in row["causes"]
+
+
+def test_a_pair_tells_who_alone_lands():
+    row = landings.compared([GOOD, GOOD], [GOOD, NOWHERE])
+    assert (row["won"], row["lost"], row["square_beside"]) == (1, 0, 0.5)
+    assert row["ratio"]["value"] == pytest.approx(np.sqrt(0.0025 / 0.25125), abs=0.01)
+
+
+def test_who_never_touches_gains_nothing_by_it():
+    far = replace(GOOD, in_square=False, cause="control error", forward_m=0.8, starboard_m=0.3)
+    assert landings.squares_m2([GOOD, far, NOWHERE]) == pytest.approx([0.0025, 0.34, 0.5])
+
+
+def test_a_row_is_flown():
+    study = harness.load("near_readings")
+    row = study.measure(study.cases()[-1], 1)
+    assert {**study.cases()[-1], **row}.keys() <= study.columns.keys()
+    assert row["flights"] == 1
