@@ -149,7 +149,7 @@ def test_a_hover_s_figures_by_hand():
 
 
 def test_the_baselines_of_near_control_are_what_they_are_called():
-    """A false estimate of half a metre: the linear derivative answers in full, the filter takes a part, Eq. 3 all."""
+    """A false estimate of half a metre: the linear derivative answers in full, the filter takes a part, Eq. 5 all."""
     peaks = {}
     for name, near in (
         ("d", {"derivative": "linear", "filter": "none"}),

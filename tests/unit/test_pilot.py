@@ -133,7 +133,7 @@ def test_the_landing_condition_is_that_of_the_rigs_square():
 
 
 def test_by_the_published_rule_it_lands_wherever_it_enters_the_square():
-    """High, low, off heading and fast: what our rule waits for does not count [Lee2022, §Tracking Capability]."""
+    """High, low, off heading and fast: what our rule waits for does not count."""
     half_m = 0.5 * RIG.landing_square_m
     for inside_m in ((0.0, half_m - 0.02, 2.0), (half_m - 0.02, 0.0, -0.5)):
         at_m = HOVER_IN_BAR_M + np.array(inside_m)

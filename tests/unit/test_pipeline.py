@@ -179,7 +179,7 @@ SQUARE = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 40.0], [0.0, 40.0]])
     ],
 )
 def test_the_printed_screening_has_its_printed_tolerances(corner, moved_px, passes):
-    quads = np.stack([SQUARE, SQUARE + [150.0, 0.0]])
+    quads = np.stack([SQUARE, SQUARE + np.array([150.0, 0.0])])
     quads[1, corner] += moved_px
     refusal = published.screened_as_printed(quads)
     assert refusal is (None if passes else Refusal.SCREENED)

@@ -1,4 +1,4 @@
-"""The pilot of five modes [Lee2022, flowchart]: estimate → mode → reference → control → gimbal.
+"""The pilot of five modes [Lee2022, §Nonlinear Control System]: estimate → mode → reference → control → gimbal.
 
 The aircraft is led over the deck's neutral point, as the level bar shows it; the deck's motion is neither measured nor
 followed.

@@ -1,4 +1,4 @@
-"""The five flight modes as one pure function: (situation, memory) → mode with a reason [Lee2022, flowchart].
+"""The flight modes as one pure function: (situation, memory) → mode with a reason [Lee2022, §Nonlinear Control System].
 
 Evidence ranks corners above bar above ship. A mode lasts at least `dwell_s`, so no two modes can flicker within a
 second; only the wave-off of a landing and the end of the flight need not wait for that.

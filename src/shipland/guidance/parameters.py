@@ -14,7 +14,6 @@ from shipland.guidance.near import NearParameters
 from shipland.guidance.search import SearchParameters
 from shipland.guidance.simc import NearBaselines
 
-
 LandingRule = Literal["steady", "printed"]
 
 
@@ -93,7 +92,7 @@ class GuidanceParameters:
     )
     length_scale: float = key(1.0, "of the ship against the rig: defaults of pilot and safety follow", gt=0, le=100)
     far_control: FarKind = key(
-        "exponential", "", "exponential: [Lee2022, Eq. 1] | p | pid: the linear laws it is compared with"
+        "exponential", "", "exponential: [Lee2022, Eq. 3] | p | pid: the linear laws it is compared with"
     )
     far_variant: FarVariant = key(
         "saturating", "", "the better of the two symmetric readings of erratum 3: docs/results/paper.md"

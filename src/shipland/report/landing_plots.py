@@ -132,7 +132,7 @@ def plot_cells(cells: Sequence[CellResult]) -> Figure:
 def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: str, parameters: PlotParameters) -> None:
     """Roll, pitch and heave over time with a dot at each touchdown; DataError when the file cannot be written.
 
-    [Lee2022, §Results] shows its landings at random instants of the deck's motion in this way.
+    [Lee2022, §Tracking Capability and Landing Accuracy] shows its landings in this way.
     """
     import matplotlib as mpl
 

@@ -134,8 +134,10 @@ def flooded_quad(image: Image, region: Region, parameters: VisionParameters) -> 
 
 
 def bounding_quads(image: Image, regions: list[Region], parameters: VisionParameters, corners: int = 4) -> list[Array]:
-    """The upright bounding rectangles (4,2) [px], clockwise, of flooded regions [Lee2022, §Contour and Corner
-    Detection]."""
+    """The upright bounding rectangles (4,2) [px], clockwise, of flooded regions.
+
+    [Lee2022, §Contour and Corner Detection]
+    """
     quads = []
     for region in regions if corners == 4 else []:
         flooded = watershed_region(image, region, parameters.watershed_margin)
@@ -200,8 +202,10 @@ def sides_agree(candidate: PoseCandidate) -> bool:
 
 
 def screened_as_printed(quads_px: Array) -> Refusal | None:
-    """`SCREENED` when opposite sides of a rectangle (…,4,2) [px] differ by more than ±10 % in length or ±5 % in slope
-    [Lee2022, §Detected Points Screening], however short they are."""
+    """`SCREENED` when opposite sides (…,4,2) [px] differ by more than the printed tolerances, however short they are.
+
+    ±10 % in length, ±5 % in slope [Lee2022, §Detected Points Screening].
+    """
     ratio, _ = opposite_sides(np.ascontiguousarray(quads_px, dtype=float))
     length = np.abs(ratio)
     agree = (length <= 1.0 + _LENGTH_TOLERANCE) & (length * (1.0 + _LENGTH_TOLERANCE) >= 1.0)
