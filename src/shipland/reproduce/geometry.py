@@ -71,7 +71,7 @@ def plot_distance_size(path: Path, camera: Camera, rig: Rig) -> None:
             (f"horizon bar, {rig.board_size_m[0]:.1f} m", rig.board_size_m[0], GREEN, BAR_RANGE_M),
             ("a ship's stern, 15 m", STERN_M, ORANGE, SHIP_RANGE_M * STERN_M / rig.platform_width_m),
         ):
-            axes.plot(distances_m, width_px(size_m, distances_m, camera.focal_px), color=unit(colour), label=name)
+            axes.plot(distances_m, size_m * camera.focal_px / distances_m, color=unit(colour), label=name)
             axes.plot(reach_m, width_px(size_m, reach_m, camera.focal_px), "o", color=unit(colour))
         wide = SHIP_RANGE_M * (STERN_M / rig.platform_width_m) ** 2
         axes.plot(wide, width_px(STERN_M, wide, camera.focal_px), "X", color=unit(VERMILION), markersize=9)
@@ -118,9 +118,11 @@ def plot_yolo_grid(path: Path, camera: Camera, rig: Rig) -> None:
             axes.hlines(lines, -0.5, side_px - 0.5, color="#c8c8c8", linewidth=0.5)
             axes.vlines(lines, -0.5, side_px - 0.5, color="#c8c8c8", linewidth=0.5)
             corner = stride * np.floor(middle / stride) - 0.5
-            axes.add_patch(Rectangle(corner, stride, stride, facecolor=unit(ORANGE), alpha=0.6))
+            axes.add_patch(Rectangle((corner[0], corner[1]), stride, stride, facecolor=unit(ORANGE), alpha=0.6))
             left_top = middle - 0.5 * np.array([wide, high])
-            axes.add_patch(Rectangle(left_top, wide, high, fill=False, edgecolor=unit(BLUE), linewidth=1.6))
+            axes.add_patch(
+                Rectangle((left_top[0], left_top[1]), wide, high, fill=False, edgecolor=unit(BLUE), linewidth=1.6)
+            )
             axes.plot(*middle, ".", color=unit(BLUE), markersize=3)
             count = side_px // stride
             axes.set_title(f"{count} × {count} × {VALUES}: platform at {distance_m:.0f} m, {wide:.0f} px")

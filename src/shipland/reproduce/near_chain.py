@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array, Pose, rotation_from_euler
@@ -162,7 +163,7 @@ def _draw_watershed(axes: Axes, steps: ChainSteps) -> None:
         _outline(axes, after.contour_px, "#ff3b30", 1.2)
 
 
-def _outline(axes: Axes, points_px: Array, colour: str, width: float) -> None:
+def _outline(axes: Axes, points_px: npt.NDArray[Any], colour: str, width: float) -> None:
     closed = np.vstack([points_px, points_px[:1]])
     axes.plot(closed[:, 0], closed[:, 1], color=colour, linewidth=width)
 

@@ -78,7 +78,8 @@ def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: in
         return 0
     scenario = load_scenario(scenario_table("near"))
     names = (only,) if only else [name for name in get_args(FigureName) if name != "touchdowns" or runs]
-    figures = {**_FIGURES, "touchdowns": partial(_touchdowns, runs=runs or PUBLISHED_RUNS)}
+    figures = dict(_FIGURES)
+    figures["touchdowns"] = partial(_touchdowns, runs=runs or PUBLISHED_RUNS)
     texts = []
     for number, name in enumerate(names, start=1):
         _progress(f"{number} of {len(names)}: {name} …")
