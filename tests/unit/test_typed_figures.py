@@ -1,4 +1,4 @@
-"""The README's figures are those of the results, or of the page of results that shows the same flights or scenes."""
+"""Figures in prose, of the README and of pages, are those of the results or of the page that shows the same flights."""
 
 import json
 import re
@@ -73,3 +73,61 @@ def test_full_scale_landings():
     page = (ROOT / "docs" / "results" / "full-scale.md").read_text(encoding="utf-8")
     for count in re.findall(r"(\d+) of 100", README):
         assert re.search(rf"\b{count} of 100\b|\| {count} ", page), count
+
+
+def rows_of(name, **where):
+    rows = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))["rows"]
+    return [row for row in rows if all(row[key] == value for key, value in where.items())]
+
+
+def page(name):
+    """A page of results, each run of blanks one blank."""
+    return " ".join((ROOT / "docs" / "results" / f"{name}.md").read_text(encoding="utf-8").split())
+
+
+def of_twenty(settings, stick, wind):
+    (row,) = rows_of("landing_rule", settings=settings, stick=stick, wind=wind)
+    return round(row["square"] * row["flights"])
+
+
+def test_the_landing_rule_s_figures_in_prose():
+    printed, ours = "law and landing rule as printed", "law as printed, our landing rule"
+    still, windy = (of_twenty(printed, "speed", wind) for wind in ("0", "5"))
+    tilt = {of_twenty(printed, "tilt", wind) for wind in ("0", "5")}
+    assert tilt == {0}
+    claim = page("paper-line-by-line")
+    assert f"{still} of 20 (23–68 %) in still air and {windy} of 20 (12–54 %) in 5 m/s" in claim
+    assert [of_twenty(ours, "speed", wind) for wind in ("0", "5")] == [19, 20]
+    assert "with our rule 19 and 20 of 20 do" in page("paper")
+    errata = (ROOT / "docs" / "reference" / "errata.md").read_text(encoding="utf-8")
+    bounded = of_twenty("bounded law, our landing rule", "tilt", "0")
+    assert f"{bounded} of 20 in" in errata and f"in the square in {still}; with our rule in 19" in errata
+
+
+def test_the_claims_of_accuracy():
+    """The ranges up to which a chain is below a centimetre and a degree, square on, by root mean square."""
+    found = []
+    for chain in ("printed", "ours"):
+        rows = rows_of("printed_vision", chain=chain, angle_deg=0.0)
+        good = (
+            [row["range_m"] for row in rows if row[key] < most] for key, most in (("position_m", 0.01), ("yaw_deg", 1))
+        )
+        found += [max(ranges) for ranges in good]
+    assert found[:3] == [3.0, 7.0, 5.0]
+    assert found[3] >= 10.0
+    claim = page("paper-line-by-line")
+    assert "as printed the first to 3 m and the second to 7 m" in claim
+    assert "the first to 5 m, the second to 10 m" in claim
+
+
+def test_the_claim_of_robustness():
+    rows = {row["law"]: row for row in rows_of("paper_figures", figure="near", noise_m=0.0, slew="yes")}
+    peaks = [round(rows[law]["peak_percent"]) for law in ("linear D", "linear D, Kalman", "probabilistic D, Kalman")]
+    assert f"from {peaks[0]} to {peaks[1]} by the filter, to {peaks[2]} % by the bell" in page("paper-line-by-line")
+
+
+def test_the_heading_s_swing_is_the_errata_s():
+    swing_deg = {row["law"]: row["swing_deg"] for row in rows_of("paper_figures", figure="yaw")}
+    errata = (ROOT / "docs" / "reference" / "errata.md").read_text(encoding="utf-8")
+    assert f"swings by {swing_deg['Table 2, 0.5 s']:.0f}°, by 4° without the derivative" in " ".join(errata.split())
+    assert round(swing_deg["Table 2 without the derivative, 0.5 s"]) == 4
