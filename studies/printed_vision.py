@@ -20,7 +20,7 @@ from studies.harness import ROOT, Case, Column, Row, Study
 from studies.spoiling import noise
 from studies.views import COLUMNS, Setting, Trial, figures, finish_over_range, look, view_at
 
-RANGES_M = (2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0)
+RANGES_M = (2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0, 25.0)
 ANGLES_DEG = (0.0, 20.0)
 NOISE = 1.5
 """Of the sensor, in grey levels."""
