@@ -37,7 +37,7 @@ NOISE = 1.5
 CHAINS = {
     "near vision": Steps(),
     "near vision, Förstner corners": Steps(measure=published.measure_corners),
-    "near vision, as published": published.STEPS,
+    "near vision, as published": published.published_steps(VisionParameters()),
 }
 PEERS: dict[str, Callable[[Rig], Peer]] = {
     "cv2.aruco, sub-pixel": aruco,

@@ -76,7 +76,7 @@ def view_share(ahead_m: float, right_m: float, half_m: float, box_m: tuple[float
 class Rig:
     """The ship platform [Lee2022, §Experimental Setup] and this project's choices where the paper gives none.
 
-    [Lee2022, Experimental Setup] gives platform, deck and limits; the rest is chosen.
+    [Lee2022, §Experimental Setup] gives platform, deck and limits; the rest is chosen.
     """
 
     platform_length_m: float = key(3.0, "of the platform, from stern to bow", "[Lee2022]", gt=0)

@@ -53,6 +53,12 @@ def test_links_and_pictures_lead_to_files(path):
     assert not missing
 
 
+def test_every_picture_is_shown_somewhere():
+    text = "".join(path.read_text(encoding="utf-8") for path in PAGES)
+    pictures = {path.name for path in (ROOT / "docs" / "pictures").iterdir()}
+    assert {name for name in pictures if f"pictures/{name}" not in text} == set()
+
+
 def test_anchors_of_links_between_pages_exist():
     wrong = []
     for path in PAGES:

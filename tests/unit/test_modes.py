@@ -104,6 +104,18 @@ def test_after_the_last_try_the_climb_out_stays():
     assert tired.mode is Mode.GO_AROUND
 
 
+def test_by_the_published_rule_a_landing_begins_at_once_and_goes_on():
+    coming = ModeMemory(mode=Mode.APPROACH, since_s=0.0)
+    inside = situation(0.1, pose=True, landing_condition="")
+    assert next_mode(inside, coming, PARAMETERS).mode is Mode.APPROACH  # ours waits for `settle_s` and `dwell_s`
+    landing = next_mode(replace(inside, at_once=True), coming, PARAMETERS)
+    assert (landing.mode, landing.reason) == (Mode.LAND, "inside the landing square")
+    blind, _ = run(landing, 0.2, 5.0, at_once=True)
+    assert blind.mode is Mode.LAND
+    overruled, _ = run(landing, 0.2, 0.1, at_once=True, overruled=True)
+    assert overruled.mode is Mode.GO_AROUND
+
+
 news = st.tuples(*[st.booleans()] * 8)
 
 

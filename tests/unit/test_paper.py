@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from pictures import Look, bar_picture, camera_from_bar, project_plane
 from shipland.camera import Camera
 from shipland.frames import CAMERA_FROM_MOUNT
 from shipland.messages import BarPose, Frame, GimbalAttitude, Observation
@@ -19,6 +20,7 @@ from shipland.reproduce.far import (
     step_figures,
 )
 from shipland.reproduce.near import FALSE_AT_S, FALSE_M, NearTrace, Spoiled, fly_hover, near_figures
+from shipland.reproduce.near_chain import chain_steps, plot_near_chain
 from shipland.reproduce.paper import run_paper
 from shipland.reproduce.plots import plot_far_steps, plot_near, plot_readings
 from shipland.reproduce.ranges import (
@@ -29,7 +31,9 @@ from shipland.reproduce.ranges import (
     fly_far,
     ship_points_in_ship_m,
 )
+from shipland.reproduce.touchdowns import touchdowns
 from shipland.rig import Rig
+from shipland.vision.near.parameters import VisionParameters
 
 RIG = Rig()
 CAMERA = Camera.from_fov(1280, 720, 69.0)
@@ -149,7 +153,7 @@ def test_a_hover_s_figures_by_hand():
 
 
 def test_the_baselines_of_near_control_are_what_they_are_called():
-    """A false estimate of half a metre: the linear derivative answers in full, the filter takes a part, Eq. 3 all."""
+    """A false estimate of half a metre: the linear derivative answers in full, the filter takes a part, Eq. 5 all."""
     peaks = {}
     for name, near in (
         ("d", {"derivative": "linear", "filter": "none"}),
@@ -163,15 +167,51 @@ def test_the_baselines_of_near_control_are_what_they_are_called():
     assert peaks["published"] < 10.0
 
 
-def test_figures_of_the_laws_and_their_tables(tmp_path, capsys):
+def test_figures_of_laws_and_geometry_and_their_tables(tmp_path, capsys):
     for name, cell in (
         ("roll-law", "| growing [%] | -100 | -72 |"),
         ("derivative-gain", "| heave | 0.95 | 4.25 | 7.00 |"),
+        ("distance-size", "| ship platform | 250 | 6.7 | 2.2 | 3.2 |"),
+        ("yolo-grid", "| 8 | 52 × 52 × 18 | 8112 |"),
     ):
         assert run_paper(tmp_path, name, None) == 0
         assert cell in (tmp_path / "table.md").read_text(encoding="utf-8")
-        assert cell in capsys.readouterr().out
+        said = capsys.readouterr()
+        assert cell in said.out
+        assert f"1 of 1: {name} …" in said.err
+        lines = said.out.splitlines()
+        assert str(tmp_path / f"{name}.png") in lines and str(tmp_path / "table.md") in lines
         assert (tmp_path / f"{name}.png").stat().st_size > 5000
+
+
+def test_the_published_chain_step_by_step(rng, tmp_path):
+    where = np.array([-4.0, 0.3, 0.0])
+    image = bar_picture(RIG.cue, CAMERA, camera_from_bar(where, 0.0), rng, Look(0.5, 1.0))
+    quiet = chain_steps(image, CAMERA, VisionParameters())
+    true_px = project_plane(RIG.cue.points_in_bar_m[:, 1:], CAMERA, camera_from_bar(where, 0.0)).reshape(-1, 2)
+    inside_px = np.rint(true_px[:4].mean(axis=0)).astype(int)
+    spoiled = image.copy()
+    spoiled[300:302, 200:202] = image[inside_px[1], inside_px[0]]  # a speck on the grey
+    spoiled[inside_px[1], inside_px[0]] = 0  # and a void in a rectangle
+    steps = chain_steps(spoiled, CAMERA, VisionParameters())
+    assert steps.gated[300, 200] and not steps.gated[inside_px[1], inside_px[0]]
+    assert not steps.opened[300, 200]
+    assert steps.closed[inside_px[1], inside_px[0]]
+    assert np.array_equal(steps.rectangles_px, quiet.rectangles_px)
+    off_px = np.linalg.norm(steps.corners_px.reshape(-1, 1, 2) - true_px, axis=2).min(axis=1)
+    assert off_px.max() < 1.0
+    plot_near_chain(tmp_path / "chain.png", steps)
+    assert (tmp_path / "chain.png").stat().st_size > 5000
+
+
+def test_touchdowns_are_flown_and_drawn_with_the_deck_s_moving_coordinates(tmp_path, monkeypatch):
+    monkeypatch.setattr("shipland.reproduce.touchdowns.MOTIONS", {"rig-natops": "NATOPS limits"})
+    said = []
+    text = touchdowns(tmp_path / "touchdowns.png", 1, said.append)
+    assert said == ["NATOPS limits: flight 1 of 1"]
+    assert text.splitlines()[-1].startswith("| NATOPS limits | 1 | 1 |")
+    for name in ("touchdowns-rig-natops.png", "landing-points-rig-natops.png"):
+        assert (tmp_path / name).stat().st_size > 5000
 
 
 def test_the_closed_loop_pictures_can_be_drawn(tmp_path):

@@ -25,9 +25,10 @@ LEVEL = GimbalAttitude(0.0, 0.0)
 STEP_S = 1.0 / 30.0
 
 
-def paper_pilot(rig=RIG):
+def paper_pilot(rig=RIG, **approach):
     response = ANAFI_LIKE
-    guidance = replace(PARAMETERS, far_control="exponential", far_variant="growing")
+    approach = replace(PARAMETERS.approach, **approach)
+    guidance = replace(PARAMETERS, far_control="exponential", far_variant="growing", approach=approach)
     return paper(PilotSetup(guidance, rig, CAMERA, CAMERA_IN_BODY_M, response, np.random.default_rng(0)))
 
 
@@ -129,6 +130,23 @@ def test_the_landing_condition_is_that_of_the_rigs_square():
     assert settled(HOVER_IN_BAR_M + np.array([0.0, half_m - 0.05, 0.0]), cycles=90, pilot=wide).mode is Mode.LAND
     wide = paper_pilot(replace(RIG, landing_square_m=0.8))
     assert settled(HOVER_IN_BAR_M + np.array([0.0, half_m + 0.03, 0.0]), cycles=90, pilot=wide).mode is Mode.APPROACH
+
+
+def test_by_the_published_rule_it_lands_wherever_it_enters_the_square():
+    """High, low, off heading and fast: what our rule waits for does not count."""
+    half_m = 0.5 * RIG.landing_square_m
+    for inside_m in ((0.0, half_m - 0.02, 2.0), (half_m - 0.02, 0.0, -0.5)):
+        at_m = HOVER_IN_BAR_M + np.array(inside_m)
+        ours, printed = paper_pilot(), paper_pilot(landing_rule="printed")
+        assert settled(at_m, yaw_rad=0.3, cycles=40, pilot=ours).mode is Mode.APPROACH
+        landing = settled(at_m, yaw_rad=0.3, cycles=40, pilot=printed)
+        assert landing.mode is Mode.LAND
+        assert landing.command.heave_percent == -PARAMETERS.approach.descent_percent
+        far_off = settled(at_m + np.array([0.0, 3.0, 0.0]), cycles=5, pilot=printed, start_s=41 * STEP_S)
+        assert far_off.mode is Mode.LAND  # ours would break it off, and wait with the descent before
+        assert far_off.command.heave_percent == -PARAMETERS.approach.descent_percent
+    outside_m = HOVER_IN_BAR_M + np.array([0.0, half_m + 0.02, 0.0])
+    assert settled(outside_m, cycles=90, pilot=paper_pilot(landing_rule="printed")).mode is Mode.APPROACH
 
 
 def test_without_data_the_sticks_decay_to_zero():

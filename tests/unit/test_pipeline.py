@@ -1,6 +1,7 @@
 """The near chain on pictures: what it finds, what it refuses and why, and that nothing makes it raise."""
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
@@ -23,6 +24,7 @@ from pictures import (
     rectangles,
 )
 from shipland.camera import Camera
+from shipland.config import read_toml
 from shipland.cue import Cue, Polygon
 from shipland.frames import Pose
 from shipland.messages import Frame, GimbalAttitude
@@ -152,6 +154,53 @@ def test_the_published_chain_works(rng):
     where = place(5.0, 8.0)
     image = bar_picture(BAR, SMALL, camera_from_bar(where, 0.14), rng, Look(0.6, 1.5))
     assert_pose(look_at(published_vision(BAR, SMALL, PARAMETERS), image), where, 0.14)
+
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "near_vision_printed.toml"
+PRINTED = replace(PARAMETERS, **read_toml(EXAMPLE)["vision"])
+
+
+def test_the_chain_as_printed_works_square_on(rng):
+    where = place(4.0, 0.0)
+    image = bar_picture(BAR, SMALL, camera_from_bar(where, 0.0), rng, Look(0.6, 1.5))
+    assert_pose(look_at(published_vision(BAR, SMALL, PRINTED), image), where, 0.0)
+
+
+SQUARE = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 40.0], [0.0, 40.0]])
+
+
+@pytest.mark.parametrize(
+    ("corner", "moved_px", "passes"),
+    [
+        (2, (0.0, 3.5), True),  # the right side 9 % longer, the lower one at a slope of 3.5 %
+        (2, (0.0, 4.5), False),  # 11 % longer
+        (2, (1.9, 0.0), True),  # the right side at a slope of 4.75 %
+        (2, (2.2, 0.0), False),  # 5.5 %
+    ],
+)
+def test_the_printed_screening_has_its_printed_tolerances(corner, moved_px, passes):
+    quads = np.stack([SQUARE, SQUARE + np.array([150.0, 0.0])])
+    quads[1, corner] += moved_px
+    refusal = published.screened_as_printed(quads)
+    assert refusal is (None if passes else Refusal.SCREENED)
+    assert published.screened_as_printed(0.1 * quads) is refusal  # however short the sides
+
+
+def test_as_printed_the_corners_are_screened_before_their_pose(rng, camera, monkeypatch):
+    """From 40° off at 2 m one upright side is 15 % longer than the other: refused, and in these words."""
+    where, yaw = place(2.0, 40.0), np.radians(40.0)
+    image = bar_picture(BAR, camera, camera_from_bar(where, yaw), rng, QUIET)
+    from_hulls = replace(PRINTED, quads="hull")
+    solved = []
+    monkeypatch.setattr("shipland.vision.near.pipeline.solve_pose", lambda *given: solved.append(given))
+    assert look_at(published_vision(BAR, camera, from_hulls), image).reason == Refusal.SCREENED.value
+    assert not solved
+
+
+def test_as_printed_half_a_cue_is_no_cue(rng):
+    where = np.array([-4.0, 0.0, 0.0])
+    image = bar_picture(BAR, SMALL, camera_from_bar(where, 0.5), rng, QUIET)
+    assert look_at(published_vision(BAR, SMALL, PRINTED), image).bar_pose is None
 
 
 @pytest.mark.parametrize("kind", ["rectangles", "shapes", "foliage"])

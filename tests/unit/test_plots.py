@@ -107,7 +107,11 @@ def test_dots_of_many_landings_lie_at_their_places(tmp_path):
     touchdowns = Touchdowns(np.array([5.0, 9.0, np.nan]), place_m, np.array([True, False, False]))
     plot_touchdowns(tmp_path / "scatter.png", touchdowns, RIG, "three", PARAMETERS)
     t_s = np.arange(0.0, 20.0, 0.1)
-    trace = DeckTrace(t_s, 0.1 * np.sin(t_s), 0.05 * np.cos(t_s), 0.2 * np.sin(0.5 * t_s))
+    still = np.zeros_like(t_s)
+    motion = (still, still, -0.2 * np.sin(0.5 * t_s), 0.1 * np.sin(t_s), 0.05 * np.cos(t_s), still)
+    trace = DeckTrace(t_s, np.column_stack(motion))
+    assert [name for name, _ in trace.curves()] == ["roll [°]", "pitch [°]", "heave, up [m]"]
+    assert trace.curves()[2][1] == pytest.approx(0.2 * np.sin(0.5 * t_s))
     plot_instants(tmp_path / "instants.png", trace, touchdowns, "three", PARAMETERS)
     assert picture(tmp_path / "instants.png").std() > 5.0
 

@@ -8,7 +8,7 @@ from shipland.cue import Cue, Polygon
 from shipland.errors import ConfigError
 from shipland.rig import Rig, view_share
 
-# [Lee2022, Experimental Setup]
+# [Lee2022, §Experimental Setup]
 PAPER = {
     "platform_length_m": 3.0,
     "platform_width_m": 1.8,

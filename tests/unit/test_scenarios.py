@@ -1,6 +1,7 @@
 """Scenarios: by name, by file, with changes; what comes out is whole and reads back."""
 
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from shipland.errors import ConfigError
 from shipland.scenario.autonomy import build_autonomy, build_vehicle
 from shipland.scenario.scenario import load_scenario, scenario_table
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 THREE_QUADS = {
     "rig.polygon": [
         {"corners_m": [[x - 0.15, -0.12], [x + 0.15, -0.12], [x + 0.15, 0.12], [x - 0.15, 0.12]]}
@@ -25,6 +27,20 @@ def test_packaged_scenarios_load_pickle_and_read_back(name):
     assert scenario.name == name
     assert load_scenario(scenario.table()) == scenario
     assert pickle.loads(pickle.dumps(scenario)) == scenario
+
+
+def test_the_printed_examples_are_laid_over_a_scenario():
+    ours = load_scenario("near")
+    law, eyes = (
+        load_scenario(scenario_table("near", EXAMPLES / f"{name}.toml"))
+        for name in ("near_printed", "near_vision_printed")
+    )
+    assert (ours.guidance.approach.landing_rule, law.guidance.approach.landing_rule) == ("steady", "printed")
+    assert law.guidance.near.derivative == "printed"
+    assert all(getattr(law.guidance.near, axis).error_limit > 1e6 for axis in ("pitch", "roll", "heave", "yaw"))
+    assert (ours.vision.quads, ours.vision.screen) == ("hull", "tolerant")
+    assert (eyes.vision.quads, eyes.vision.screen) == ("bounding", "printed")
+    assert eyes.vision.hue == ours.vision.hue
 
 
 def test_an_own_scenario_needs_nothing_but_what_it_changes(tmp_path):

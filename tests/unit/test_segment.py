@@ -132,6 +132,16 @@ def test_the_published_chain_gives_the_same_quadrilateral():
     assert np.abs(published_quad - ours).max() < 2.0  # px: the flood meets within its one-pixel margins
 
 
+def test_the_printed_chain_starts_from_the_upright_bounding_rectangle():
+    turned = cv2.boxPoints(((80.0, 60.0), (70.0, 30.0), 5.0))
+    image = picture(turned)
+    (quad,) = published.bounding_quads(image, regions_of(image), PARAMETERS)
+    low, high = turned.min(axis=0), turned.max(axis=0)
+    wanted = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+    assert np.abs(quad - wanted).max() < 2.0  # px: the flood meets within its one-pixel margins
+    assert np.abs(quad - turned[[0, 1, 2, 3]]).max() > 3.0  # no corner of the region
+
+
 def test_foliage_is_bounded_work(camera, rng, monkeypatch):
     searched = []
     monkeypatch.setattr("shipland.vision.near.segment.polygon_in_outline", lambda *given: searched.append(given))

@@ -9,18 +9,29 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Paper:
-    """Make the figures of the paper's controllers, each with its table: "The paper, reproduced" in the documentation.
+    """Make the figures of the paper, each with its table: "The paper, reproduced" in the documentation.
 
-    Leaves a picture a figure and table.md in the output folder. With --flights, draws recorded flights instead:
-    trajectories.png, commands.png (of the flight from farthest away) and landings.png.
+    Leaves a picture a figure and table.md in the output folder, and says where each lies. The figure `touchdowns` flies
+    landings, a second or two each: --runs says how many on each deck motion; without it, it is left out.
+
+    With --flights, draws recorded flights instead: trajectories.png, commands.png (of the flight from farthest away)
+    and landings.png.
 
     Example: shipland paper --only far-steps --out out/paper
     """
 
     out: Path = Path("out/paper")
     """Output folder; made when missing."""
-    only: Literal["roll-law", "far-steps", "far-readings", "derivative-gain", "near-false"] | None = None
+    only: (
+        Literal[
+            "near-chain", "distance-size", "yolo-grid", "roll-law", "far-steps", "far-readings", "derivative-gain",
+            "near-false", "touchdowns",
+        ]
+        | None
+    ) = None  # fmt: skip
     """One figure instead of all."""
+    runs: int = 0
+    """Landings of `touchdowns` on each of the paper's two deck motions; it flew 50."""
     flights: Path | None = None
     """Folder with logs of simulated flights, of `shipland fly` or `shipland campaign --logs`."""
 
@@ -28,4 +39,4 @@ class Paper:
         """Make them."""
         from shipland.reproduce.paper import run_paper
 
-        return run_paper(self.out, self.only, self.flights)
+        return run_paper(self.out, self.only, self.flights, self.runs)

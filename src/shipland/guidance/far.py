@@ -139,7 +139,7 @@ class FarControl(Protocol):
 
 
 class FarYaw:
-    """The near yaw law [Lee2022, Eq. 2, Table 2] on the magnetometer [Lee2022, §Long-range Tracking Controller].
+    """The near yaw law [Lee2022, Eq. 4, Table 2] on the magnetometer [Lee2022, §Long-range Tracking Controller].
 
     Without a magnetometer the error is the box's bearing off the picture's middle.
     """
@@ -168,13 +168,13 @@ class FarYaw:
 
 
 class PublishedFar:
-    """The exponential law [Lee2022, Eq. 1] in one of its readings (errata 2 and 3)."""
+    """The exponential law [Lee2022, Eq. 3] in one of its readings (errata 2 and 3)."""
 
     def __init__(self, variant: FarVariant, tables: FarTables, yaw: FarYaw) -> None:
         self._variant, self._tables, self._yaw = variant, tables, yaw
 
     def sticks(self, sight: FarSight) -> SticksPercent:
-        """Eq. 1 on the box's area, column and row; it remembers nothing."""
+        """Eq. 3 on the box's area, column and row; it remembers nothing."""
         gains = self._tables.of(sight.target)
         too_small_px2, right_px, below_px = _errors(sight, gains, self._yaw.focal_px)
         return SticksPercent(

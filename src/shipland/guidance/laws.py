@@ -26,7 +26,7 @@ def clamp(value: float, limit: float) -> float:
 
 @parameters
 class FarGains:
-    """Constants of one axis of Eq. 1 [Lee2022, Table 1]; `setpoint` in px² (pitch) or px (roll, heave)."""
+    """Constants of one axis of Eq. 3 [Lee2022, Table 1]; `setpoint` in px² (pitch) or px (roll, heave)."""
 
     m: float = key(..., ge=0)
     a: float = key(..., ge=0)
@@ -38,7 +38,7 @@ class FarGains:
 
 
 def exponential_law(error: float, gains: FarGains, variant: FarVariant) -> float:
-    """Stick [percent] of the far law [Lee2022, Eq. 1], clamped to ±100.
+    """Stick [percent] of the far law [Lee2022, Eq. 3], clamped to ±100.
 
     Variants (erratum 3), for d = 1:
         printed: `sign(e)·m·(exp(a·e) − d)·e`, asymmetric as the paper prints it.
@@ -63,7 +63,7 @@ def exponential_law(error: float, gains: FarGains, variant: FarVariant) -> float
 
 @parameters
 class NearGains:
-    """Constants of one axis of Eq. 2–3 [Lee2022, Table 2]; errors in m (or degrees for yaw), output in percent."""
+    """Constants of one axis of Eq. 4–5 [Lee2022, Table 2]; errors in m (or degrees for yaw), output in percent."""
 
     k_p: float = key(..., "percent per unit")
     k_i: float = key(..., "percent per unit·s")
@@ -87,7 +87,7 @@ class NearMemory:
 
 @dataclass(frozen=True)
 class NearTerms:
-    """The three terms of Eq. 2 [percent]."""
+    """The three terms of Eq. 4 [percent]."""
 
     proportional: float
     integral: float
@@ -100,7 +100,7 @@ class NearTerms:
 
 
 def derivative_gain(step: float, dt_s: float, gains: NearGains, variant: DerivativeVariant) -> float:
-    """K_D of Eq. 3 for an error step in `dt_s` [percent per unit/s].
+    """K_D of Eq. 5 for an error step in `dt_s` [percent per unit/s].
 
     Variants:
         probabilistic: the density of the step scaled to 0.03 s, so that the law does not change with the frame rate
@@ -118,7 +118,7 @@ def derivative_gain(step: float, dt_s: float, gains: NearGains, variant: Derivat
 def near_law(
     error: float, t_s: float, memory: NearMemory, gains: NearGains, variant: DerivativeVariant
 ) -> tuple[NearTerms, NearMemory]:
-    """The near law [Lee2022, Eq. 2] for one axis.
+    """The near law [Lee2022, Eq. 4] for one axis.
 
     Args:
         error: filtered error (m or degrees).

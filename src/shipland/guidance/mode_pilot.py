@@ -1,4 +1,4 @@
-"""The pilot of five modes [Lee2022, flowchart]: estimate → mode → reference → control → gimbal.
+"""The pilot of five modes [Lee2022, §Nonlinear Control System]: estimate → mode → reference → control → gimbal.
 
 The aircraft is led over the deck's neutral point, as the level bar shows it; the deck's motion is neither measured nor
 followed.
@@ -179,9 +179,9 @@ class ModePilot:
         return self._references.heading_rad(position.aircraft_in_bar_m, self._view, self._guidance.approach)
 
     def _descent_percent(self, position: PositionEstimate) -> float:
-        """Descent; it waits above commit height while the error predicted for `gate_s` later is too large."""
+        """Descent; `steady`, it waits above commit height while the error predicted for `gate_s` later is too large."""
         approach, estimate = self._guidance.approach, position.estimate
-        if estimate is None or position.aircraft_in_bar_m is None:
+        if estimate is None or position.aircraft_in_bar_m is None or approach.landing_rule == "printed":
             return -approach.descent_percent
         predicted_m = estimate.error_in_level_m[:2] + approach.gate_s * estimate.rate_in_level_mps[:2]
         high = self._references.height_m(position.aircraft_in_bar_m) > approach.commit_height_m

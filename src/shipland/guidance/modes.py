@@ -1,4 +1,4 @@
-"""The five flight modes as one pure function: (situation, memory) → mode with a reason [Lee2022, flowchart].
+"""The flight modes as one pure function: (situation, memory) → mode with a reason [Lee2022, §Nonlinear Control System].
 
 Evidence ranks corners above bar above ship. A mode lasts at least `dwell_s`, so no two modes can flicker within a
 second; only the wave-off of a landing and the end of the flight need not wait for that.
@@ -48,6 +48,7 @@ class Situation:
         flying: the vehicle's own word.
         watching: the camera looks away from the bar on purpose.
         overruled: the safety flies away from the ship instead of what the pilot commanded.
+        at_once: a landing begins with its condition, and the pilot does not break it off: the published rule.
     """
 
     now_s: float
@@ -60,6 +61,7 @@ class Situation:
     flying: bool
     watching: bool = False
     overruled: bool = False
+    at_once: bool = False
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,11 @@ def next_mode(situation: Situation, memory: ModeMemory, parameters: ModeParamete
         condition_since_s=since_s if held else None,
     )
     wanted, reason = _wanted(situation, memory, parameters)
-    urgent = wanted is Mode.DONE or (wanted is Mode.GO_AROUND and memory.mode is Mode.LAND)
+    urgent = (
+        wanted is Mode.DONE
+        or (wanted is Mode.GO_AROUND and memory.mode is Mode.LAND)
+        or (wanted is Mode.LAND and situation.at_once)
+    )
     if wanted is memory.mode or (now_s - memory.since_s < parameters.dwell_s and not urgent):
         return memory
     tries = memory.tries + (wanted is Mode.GO_AROUND)
@@ -129,6 +135,8 @@ def _wanted(situation: Situation, memory: ModeMemory, parameters: ModeParameters
         return _wanted_landing(situation, memory, parameters)
     if mode is Mode.APPROACH and memory.condition_since_s is not None:
         held_s = now_s - memory.condition_since_s
+        if situation.at_once:
+            return Mode.LAND, "inside the landing square"
         if held_s >= parameters.settle_s:
             return Mode.LAND, f"landing condition held for {held_s:.1f} s"
     return _wanted_source(situation, memory, parameters)
@@ -136,7 +144,7 @@ def _wanted(situation: Situation, memory: ModeMemory, parameters: ModeParameters
 
 def _wanted_landing(situation: Situation, memory: ModeMemory, parameters: ModeParameters) -> tuple[Mode, str]:
     blind_s = situation.now_s - memory.corners.last_s
-    if blind_s <= parameters.lost_s:
+    if blind_s <= parameters.lost_s or situation.at_once:
         return Mode.LAND, memory.reason
     if not (situation.committed or (situation.watching and blind_s <= parameters.blind_landing_s)):
         return Mode.GO_AROUND, f"corners lost for {blind_s:.1f} s above commit height"

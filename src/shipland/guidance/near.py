@@ -71,7 +71,7 @@ class NearParameters:
         "bands and limits are chosen",
     )
     derivative: DerivativeVariant = key(
-        "probabilistic", "variant of K_D", "probabilistic: Eq. 3, erratum 8 | printed | linear: a baseline of [Lee2022]"
+        "probabilistic", "variant of K_D", "probabilistic: Eq. 5, erratum 8 | printed | linear: a baseline of [Lee2022]"
     )
     filter: FilterKind = key("kalman", "one-state filters of the errors", "kalman | none: a baseline of [Lee2022]")
     process_noise: float = key(
@@ -81,7 +81,7 @@ class NearParameters:
 
 
 class PublishedNear:
-    """One-state Kalman filters and Eq. 2–3 on each axis [Lee2022, §Close-range Tracking Controller]."""
+    """One-state Kalman filters and Eq. 4–5 on each axis [Lee2022, §Close-range Tracking Controller]."""
 
     def __init__(self, parameters: NearParameters) -> None:
         self._parameters = parameters

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from shipland.config import key, parameters, require, scaled
 from shipland.guidance.far import FarBaselines, FarKind, FarParameters
 from shipland.guidance.horizon.learned import LearnedParameters
@@ -12,10 +14,19 @@ from shipland.guidance.near import NearParameters
 from shipland.guidance.search import SearchParameters
 from shipland.guidance.simc import NearBaselines
 
+LandingRule = Literal["steady", "printed"]
+
 
 @parameters
 class ApproachParameters:
     """`[guidance.approach]`: reference points, and the condition of landing."""
+
+    landing_rule: LandingRule = key(
+        "steady",
+        "when `paper`, `p` and `pid` land. `printed`: as soon as a picture puts the aircraft inside "
+        "`rig.landing_square_m`, at any height, speed and heading, and nothing but the safety breaks it off",
+        "steady: ours | printed: [Lee2022, §Tracking Capability and Landing Accuracy]",
+    )
 
     hover_height_m: float = scaled(
         1.2, "over the neutral deck, before landing", "chosen: heave limit, a corner at full pitch", ge=0.1, le=50
@@ -81,7 +92,7 @@ class GuidanceParameters:
     )
     length_scale: float = key(1.0, "of the ship against the rig: defaults of pilot and safety follow", gt=0, le=100)
     far_control: FarKind = key(
-        "exponential", "", "exponential: [Lee2022, Eq. 1] | p | pid: the linear laws it is compared with"
+        "exponential", "", "exponential: [Lee2022, Eq. 3] | p | pid: the linear laws it is compared with"
     )
     far_variant: FarVariant = key(
         "saturating", "", "the better of the two symmetric readings of erratum 3: docs/results/paper.md"

@@ -8,7 +8,7 @@ from shipland.guidance.pilot import Pilot, PilotSetup
 
 
 def paper(setup: PilotSetup) -> Pilot:
-    """The published pilot: Eq. 1 on boxes, Eq. 2 and 3 on corners [Lee2022], as the errata read them."""
+    """The published pilot: Eq. 3 on boxes, Eq. 4 and 5 on corners [Lee2022], as the errata read them."""
     return _by_modes(setup, setup.guidance.far_control, PublishedNear(setup.guidance.near))
 
 

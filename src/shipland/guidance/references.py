@@ -36,12 +36,13 @@ class References:
     @staticmethod
     def of(rig: Rig, approach: ApproachParameters) -> References:
         """From the rig's dimensions."""
+        margin = 1.0 if approach.landing_rule == "printed" else approach.square_margin
         return References(
             hover_in_bar_m=rig.deck_in_bar_m - np.array([0.0, 0.0, approach.hover_height_m]),
             retry_in_bar_m=rig.deck_in_bar_m - np.array([approach.go_around_back_m, 0.0, approach.go_around_height_m]),
             deck_down_m=float(rig.deck_in_bar_m[2]),
             half_cue_m=float(np.max(np.abs(rig.cue.points_in_bar_m[:, 1]))),
-            landing_half_m=0.5 * rig.landing_square_m * approach.square_margin,
+            landing_half_m=0.5 * rig.landing_square_m * margin,
         )
 
     def point_in_bar_m(self, mode: Mode) -> Array:

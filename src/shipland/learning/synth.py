@@ -41,7 +41,7 @@ from shipland.vision.far.parameters import learning_table
 
 T = TypeVar("T")
 Picture = npt.NDArray[np.uint8]
-DEFAULT_COUNTS = {"ship": 2000, "bar": 1000}  # [Lee2022, §Image Data Set]
+DEFAULT_COUNTS = {"ship": 2000, "bar": 1000}  # [Lee2022, §Machine Learning Based Approach]
 FRAME_S = 0.1
 
 

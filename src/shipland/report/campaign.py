@@ -43,14 +43,14 @@ def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> Non
     plot_touchdowns(folder / "landings.png", touchdowns, scenario.rig, title, parameters)
     if scenario.ship.same_motion:
         instants_s = np.array([landing.instant_s if landing.touched else np.nan for landing in landings])
-        trace = _trace(scenario, max(landing.instant_s for landing in landings) + 5.0)
+        trace = deck_trace(scenario, max(landing.instant_s for landing in landings) + 5.0)
         plot_instants(folder / "instants.png", trace, replace(touchdowns, t_s=instants_s), title, parameters)
 
 
-def _trace(scenario: Scenario, length_s: float) -> DeckTrace:
-    """The one motion that every flight met."""
+def deck_trace(scenario: Scenario, length_s: float) -> DeckTrace:
+    """The one motion that every flight meets with `ship.same_motion`."""
     parameters = replace(scenario.ship, instant_range_s=0.0)
     ship = build_ship(parameters, scenario.rig, np.random.default_rng(0))
     t_s = np.arange(0.0, length_s, 0.05)
     motion = np.array([ship.at(float(t)).deck.displacement for t in t_s])
-    return DeckTrace(t_s, motion[:, 3], motion[:, 4], -motion[:, 2])
+    return DeckTrace(t_s, motion)

@@ -53,14 +53,23 @@ class DeckTrace:
 
     Attributes:
         t_s: (m,) increasing.
-        roll_rad, pitch_rad: (m,).
-        heave_m: (m,) up.
+        displacement: (m, 6) forward, starboard, down [m], roll, pitch, yaw [rad].
     """
 
     t_s: Array
-    roll_rad: Array
-    pitch_rad: Array
-    heave_m: Array
+    displacement: Array
+
+    def curves(self) -> list[tuple[str, Array]]:
+        """The coordinates that move, with their names, angles first."""
+        surge_m, sway_m, down_m, *angles_rad = self.displacement.T
+        named = [(f"{name} [°]", np.degrees(angle)) for name, angle in zip(_ANGLES, angles_rad, strict=True)]
+        named += [("surge [m]", surge_m), ("sway [m]", sway_m), ("heave, up [m]", -down_m)]
+        return [(name, values) for name, values in named if np.ptp(values) > _STILL]
+
+
+_ANGLES = ("roll", "pitch", "yaw")
+_STILL = 1e-6
+"""A coordinate that moves by less, in metres or degrees, is not drawn."""
 
 
 def touchdowns_of(landings: Sequence[Landing]) -> Touchdowns:
@@ -130,21 +139,17 @@ def plot_cells(cells: Sequence[CellResult]) -> Figure:
 
 
 def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: str, parameters: PlotParameters) -> None:
-    """Roll, pitch and heave over time with a dot at each touchdown; DataError when the file cannot be written.
+    """The deck's moving coordinates over time with a dot at each touchdown; DataError when it cannot be written.
 
-    [Lee2022, §Results] shows its landings at random instants of the deck's motion in this way.
+    [Lee2022, §Tracking Capability and Landing Accuracy] shows its landings in this way.
     """
     import matplotlib as mpl
 
+    curves = trace.curves()
     with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(10.4, 6.4)
+        figure = new_figure(10.4, 1.2 + 1.7 * max(len(curves), 1))
         figure.suptitle(title, fontsize=13, fontweight="bold")
-        curves = (
-            ("roll [°]", np.degrees(trace.roll_rad)),
-            ("pitch [°]", np.degrees(trace.pitch_rad)),
-            ("heave, up [m]", trace.heave_m),
-        )
-        grid = figure.add_gridspec(3, 2, width_ratios=[6, 1])
+        grid = figure.add_gridspec(max(len(curves), 1), 2, width_ratios=[6, 1])
         for row, (name, values) in enumerate(curves):
             axes = figure.add_subplot(grid[row, 0])
             side = figure.add_subplot(grid[row, 1], sharey=axes)
@@ -165,7 +170,7 @@ def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: s
             axes.set_xlim(float(trace.t_s[0]), float(trace.t_s[-1]))
             side.tick_params(labelleft=False, labelbottom=False)
             side.set_title("share" if row == 0 else "")
-            if row == 2:
+            if row == len(curves) - 1:
                 axes.set_xlabel("time [s]")
                 side.set_xlabel("grey: motion\ngreen: touchdowns", fontsize=8.5)
             else:

@@ -112,7 +112,9 @@ def touchdowns_of(logs: Sequence[FlightLog]) -> Touchdowns:
 
 
 def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str, parameters: PlotParameters) -> None:
-    """Many flights from above and from the side, coloured by mode [Lee2022, §Tracking Capability].
+    """Many flights from above and from the side, coloured by mode.
+
+    [Lee2022, §Tracking Capability and Landing Accuracy] shows its flights so.
 
     Above: in the axes of the ship at the start; a ship under way is drawn every five seconds. Side: height over the
     neutral deck against distance from the ship.
@@ -184,7 +186,9 @@ def _draw_key(axes: Axes, logs: Sequence[FlightLog]) -> None:
 
 
 def plot_commands(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
-    """One flight's sticks, distances and heading over time, the mode behind them [Lee2022, §Tracking Capability].
+    """One flight's sticks, distances and heading over time, the mode behind them.
+
+    [Lee2022, §Tracking Capability and Landing Accuracy] shows its flights so.
 
     Raises:
         DataError: the log has no rows, or the file cannot be written.

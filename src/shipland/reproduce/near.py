@@ -1,4 +1,7 @@
-"""Derivatives of the near law side by side: a hover with one false estimate at 6.5 s [Lee2022, §Close-range]."""
+"""Derivatives of the near law side by side: a hover with one false estimate at 6.5 s.
+
+[Lee2022, §Close-range Tracking Controller]
+"""
 
 from __future__ import annotations
 

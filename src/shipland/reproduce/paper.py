@@ -1,9 +1,12 @@
-"""`shipland paper`: the controlled figures of the paper, each with its table [Lee2022]."""
+"""`shipland paper`: the controlled figures of the paper, of laws and vision, each with its table [Lee2022]."""
 
 from __future__ import annotations
 
 import math
+import sys
+import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -33,8 +36,10 @@ from shipland.reproduce.far import (
     yaw_swing_deg,
 )
 from shipland.reproduce.flight_figures import figures_of_flights
+from shipland.reproduce.geometry import distance_size, yolo_grid
 from shipland.reproduce.near import CONTROLS as DERIVATIVES
 from shipland.reproduce.near import FALSE_AT_S, FALSE_M, NOISE_M, fly_hover, near_figures
+from shipland.reproduce.near_chain import near_chain
 from shipland.reproduce.plots import (
     plot_derivative_gain,
     plot_far_steps,
@@ -43,13 +48,26 @@ from shipland.reproduce.plots import (
     plot_roll_law,
 )
 from shipland.reproduce.ranges import FarTrace
+from shipland.reproduce.touchdowns import PUBLISHED_RUNS, touchdowns
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_table
 
-FigureName = Literal["roll-law", "far-steps", "far-readings", "derivative-gain", "near-false"]
+FigureName = Literal[
+    "near-chain", "distance-size", "yolo-grid", "roll-law", "far-steps", "far-readings", "derivative-gain",
+    "near-false", "touchdowns",
+]  # fmt: skip
 
 
-def run_paper(out: Path, only: FigureName | None, flights: Path | None) -> int:
+def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: int = 0) -> int:
     """Make the figures and `table.md`, or those of the logs in the folder `flights`; 0.
+
+    Each figure is named while it is made, and its pictures when they lie in `out`.
+
+    Args:
+        out: folder of the pictures.
+        only: one figure instead of all.
+        flights: folder of logs to draw instead.
+        runs: landings of the figure `touchdowns` on each motion; without any it is made only where `only` names it,
+            with the paper's fifty.
 
     Raises:
         DataError: the output folder cannot be written, or the folder of flights holds none.
@@ -59,14 +77,31 @@ def run_paper(out: Path, only: FigureName | None, flights: Path | None) -> int:
             print(path)
         return 0
     scenario = load_scenario(scenario_table("near"))
-    names = (only,) if only else get_args(FigureName)
+    names = (only,) if only else [name for name in get_args(FigureName) if name != "touchdowns" or runs]
+    figures = dict(_FIGURES)
+    figures["touchdowns"] = partial(_touchdowns, runs=runs or PUBLISHED_RUNS)
     texts = []
-    for name in names:
-        path = out / f"{name}.png"
-        texts.append(f"## {name}\n\n{_FIGURES[name](path, scenario)}\n")
+    for number, name in enumerate(names, start=1):
+        _progress(f"{number} of {len(names)}: {name} …")
+        begun_s, began_s = time.monotonic(), time.time()
+        texts.append(f"## {name}\n\n{figures[name](out / f'{name}.png', scenario)}\n")
         print(texts[-1], flush=True)
+        for picture in sorted(out.glob("*.png")):
+            if picture.stat().st_mtime >= began_s - 1.0:
+                print(picture)
+        _progress(f"{number} of {len(names)}: {name}, {time.monotonic() - begun_s:.0f} s")
     (out / "table.md").write_text("\n".join(texts), encoding="utf-8")
+    print(out / "table.md")
     return 0
+
+
+def _progress(words: str) -> None:
+    """A line for who waits; not in the table."""
+    print(words, file=sys.stderr, flush=True)
+
+
+def _touchdowns(path: Path, scenario: Scenario, *, runs: int) -> str:  # noqa: ARG001 - one signature for all
+    return touchdowns(path, runs, _progress)
 
 
 def _roll_law(path: Path, scenario: Scenario) -> str:
@@ -274,6 +309,9 @@ def _table(head: list[str], rows: list[list[str]]) -> str:
 
 
 _FIGURES: dict[str, Callable[[Path, Scenario], str]] = {
+    "near-chain": near_chain,
+    "distance-size": distance_size,
+    "yolo-grid": yolo_grid,
     "roll-law": _roll_law,
     "far-steps": _far_steps,
     "far-readings": _far_readings,

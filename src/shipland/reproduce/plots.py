@@ -34,7 +34,7 @@ _NEAR_COLOURS: tuple[Rgb, ...] = (VERMILION, GREEN, BLUE)
 
 
 def plot_roll_law(path: Path, ship: FarParameters, match_px: float) -> None:
-    """Roll stick against the box's distance from the picture's middle, in three readings [Lee2022, Eq. 1]."""
+    """Roll stick against the box's distance from the picture's middle, in three readings [Lee2022, Eq. 3]."""
     import matplotlib as mpl
 
     with mpl.rc_context(PLOT_STYLE):
@@ -60,7 +60,7 @@ def plot_roll_law(path: Path, ship: FarParameters, match_px: float) -> None:
 
 
 def plot_derivative_gain(path: Path, near: NearParameters) -> None:
-    """K_D against the error's step in 0.03 s [Lee2022, Eq. 3, Table 2], and the linear derivative's."""
+    """K_D against the error's step in 0.03 s [Lee2022, Eq. 5, Table 2], and the linear derivative's."""
     import matplotlib as mpl
 
     with mpl.rc_context(PLOT_STYLE):
@@ -144,7 +144,7 @@ def plot_readings(
 
 
 def plot_near(path: Path, traces: Mapping[str, NearTrace]) -> None:
-    """Roll stick and place of a hover with a false estimate, three derivatives [Lee2022, figure in §Close-range]."""
+    """Roll stick and place of a hover with a false estimate [Lee2022, §Close-range Tracking Controller]."""
     import matplotlib as mpl
 
     with mpl.rc_context(PLOT_STYLE):

@@ -196,9 +196,7 @@ class DelayParameters:
     processing: Literal["paper", "measured", "zero"] = key(
         "paper", "what a cycle's processing takes", "paper | measured | zero"
     )
-    near_s: float = key(
-        0.03, "the paper's cycle on corners [Lee2022, §Experimental Setup]", "[Lee2022]: cycle time on corners", ge=0
-    )
+    near_s: float = key(0.03, "the paper's cycle on corners", "[Lee2022]: cycle time on corners", ge=0)
     learned_s: float = key(
         0.5, "the paper's cycle on a learned detector", "[Lee2022]: cycle time on a learned detector", ge=0
     )

@@ -209,7 +209,7 @@ class ShipParameters:
             amplitude_m_deg=(0.0, 0.0, 0.0, 8.0, 3.0, 0.0), period_s=(10.0, 10.0, 10.0, 10.1, 6.5, 10.0)
         ),
         "deck-motion limits of the US Navy's NATOPS manual",
-        "[Lee2022, Table of motions]; a still axis' period is unused",
+        "[Lee2022, §Ship Motions and Vertical Landing Safety]; a still axis' period is unused",
     )
     sinusoids: SinusoidParameters = key(
         SinusoidParameters(amplitude_m_deg=(0.0, 0.0, 0.1, 4.0, 2.0, 0.0), period_s=(10.0, 10.0, 8.0, 10.0, 7.0, 10.0)),

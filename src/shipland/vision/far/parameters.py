@@ -68,7 +68,7 @@ class DetectorParameters:
     tile_min_px: int = key(
         224, "least side of the square tile around a track", "chosen: seven network cells about a small target", gt=0
     )
-    tile_max_px: int = key(416, "largest side of that tile", "[Lee2022], the network's input")
+    tile_max_px: int = key(416, "largest side of that tile", "chosen: YOLOv3's usual input; [Lee2022] gives none")
     tile_per_target: float = key(2.5, "the tile's side over the target's longer side, at least", gt=1)
     gate_px: float = key(24.0, "a track takes a box whose centre is within this, and the two below")
     gate_px_s: float = key(160.0, "times the time since the track's last box", "10 deg/s of yaw rate at 931 px")

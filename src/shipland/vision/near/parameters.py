@@ -48,6 +48,18 @@ class VisionParameters:
     max_candidates: int = key(
         60, "most regions of one picture, the largest", "chosen: bounds the time that foliage takes", ge=1, le=1000
     )
+    quads: Literal["hull", "bounding"] = key(
+        "hull",
+        "published chain: where the search for corners starts, at four corners of a region's hull, or at those of its "
+        "upright bounding rectangle",
+        "hull: chosen | bounding: [Lee2022, §Contour and Corner Detection]",
+    )
+    screen: Literal["tolerant", "printed"] = key(
+        "tolerant",
+        "published chain: opposite sides are compared after the pose, and the corners' errors are allowed for; or "
+        "before it, to 10 % in length and 5 % in slope however short they are",
+        "tolerant: chosen | printed: [Lee2022, §Detected Points Screening]",
+    )
     forstner_fraction: float = key(
         0.2, "published chain: window as a share of the shorter side", "[Lee2022, Eq. 1], erratum 4", gt=0
     )

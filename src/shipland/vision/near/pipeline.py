@@ -42,12 +42,16 @@ class Steps:
         quads_of: finds quadrilaterals among them.
         measure: measures their corners at sub-pixel.
         screen: a further test of the pose's sides.
+        screen_corners: the same of corners (k,4,2) [px] before their pose is solved.
+        parts: whether a cue that is not whole will do.
     """
 
     regions_of: RegionsOf = find_regions
     quads_of: QuadsOf = find_quads
     measure: MeasureCorners = measure_corners
     screen: Screen = lambda _: True
+    screen_corners: Callable[[Array], Refusal | None] = lambda _: None
+    parts: bool = True
 
 
 class NearVision:
@@ -89,7 +93,7 @@ class NearVision:
         if track is not None:
             found = self._look(image, track.window(t_s, setup), known, parts=False)
         if isinstance(found, Refusal):
-            found = self._look(image, Window.whole(image), known, parts=True)
+            found = self._look(image, Window.whole(image), known, parts=self._steps.parts)
         if isinstance(found, Refusal):
             return found
         if track is not None and jumps(found.bar_pose, track.camera_from_plane, t_s - track.t_s, setup.parameters):
@@ -121,6 +125,9 @@ class NearVision:
         measured = steps.measure(image, match.quads_px, setup.camera, setup.parameters, known.blur_px)
         if measured is None or not corners_are_sharp(measured, setup.parameters):
             return Refusal.CORNERS_UNSURE
+        screened = steps.screen_corners(measured.corners_px)
+        if screened is not None:
+            return screened
         candidate = solve_pose(match, measured, setup, known)
         if candidate is None:
             return Refusal.NO_SOLUTION

@@ -1,7 +1,9 @@
 """The near chain as published [Lee2022, §Classical Computer Vision Based Approach].
 
 It differs from ours in four steps: one threshold holds for the whole picture, the watershed runs on every region,
-Förstner's operator refines the corners, and opposite sides are screened raw, as printed. `--vision published` flies it.
+Förstner's operator refines the corners, and opposite sides are screened raw. `--vision published` flies it. Where it
+starts from a region's hull and screens after the pose, `quads = "bounding"` and `screen = "printed"` of `[vision]`
+start from the bounding rectangle and screen before the pose, as printed: `examples/near_vision_printed.toml`.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from shipland.vision.near.edges import MeasuredCorners
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
 from shipland.vision.near.pose import PoseCandidate
+from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.segment import (
     Image,
     Region,
@@ -130,6 +133,23 @@ def flooded_quad(image: Image, region: Region, parameters: VisionParameters) -> 
     return None if flooded is None else quad_of_hull(flooded, parameters.min_side_px)[0]
 
 
+def bounding_quads(image: Image, regions: list[Region], parameters: VisionParameters, corners: int = 4) -> list[Array]:
+    """The upright bounding rectangles (4,2) [px], clockwise, of flooded regions.
+
+    [Lee2022, §Contour and Corner Detection]
+    """
+    quads = []
+    for region in regions if corners == 4 else []:
+        flooded = watershed_region(image, region, parameters.watershed_margin)
+        if flooded is None:
+            continue
+        left, top, width, height = cv2.boundingRect(flooded.contour_px)
+        if min(width, height) >= parameters.min_side_px:
+            right, bottom = left + width - 1, top + height - 1
+            quads.append(np.array([[left, top], [right, top], [right, bottom], [left, bottom]], dtype=float))
+    return quads
+
+
 def find_quads(image: Image, regions: list[Region], parameters: VisionParameters, corners: int = 4) -> list[Array]:
     """The quadrilaterals among whole regions, each with the watershed's boundary [Lee2022, §Image Filtering]."""
     quads = (flooded_quad(image, region, parameters) for region in regions if corners == 4)
@@ -181,6 +201,18 @@ def sides_agree(candidate: PoseCandidate) -> bool:
     return bool(agree.all())
 
 
+def screened_as_printed(quads_px: Array) -> Refusal | None:
+    """`SCREENED` when opposite sides (…,4,2) [px] differ by more than the printed tolerances, however short they are.
+
+    ±10 % in length, ±5 % in slope [Lee2022, §Detected Points Screening].
+    """
+    ratio, _ = opposite_sides(np.ascontiguousarray(quads_px, dtype=float))
+    length = np.abs(ratio)
+    agree = (length <= 1.0 + _LENGTH_TOLERANCE) & (length * (1.0 + _LENGTH_TOLERANCE) >= 1.0)
+    agree &= np.abs(ratio.imag) <= _SLOPE_TOLERANCE * np.maximum(ratio.real, 1e-9)
+    return None if agree.all() else Refusal.SCREENED
+
+
 def opposite_sides(quads_px: Array) -> tuple[npt.NDArray[np.complex128], Array]:
     """(…,2) ratio of opposite sides, top to bottom and right to left, as complex numbers; (…,2) the shorter's length.
 
@@ -207,10 +239,14 @@ def _direction(image: Image, quads_px: Array, camera: Camera) -> Array | None:
     return contrast_direction(colours[0], colours[1])
 
 
-STEPS = Steps(find_regions, find_quads, measure_corners, sides_agree)
-"""Of the published chain."""
+def published_steps(parameters: VisionParameters) -> Steps:
+    """Of the published chain."""
+    quads_of = bounding_quads if parameters.quads == "bounding" else find_quads
+    if parameters.screen == "printed":
+        return Steps(find_regions, quads_of, measure_corners, screen_corners=screened_as_printed, parts=False)
+    return Steps(find_regions, quads_of, measure_corners, sides_agree)
 
 
 def published_vision(cue: Cue, camera: Camera, parameters: VisionParameters) -> NearVision:
     """Near vision by the published chain."""
-    return NearVision(cue, camera, parameters, STEPS)
+    return NearVision(cue, camera, parameters, published_steps(parameters))

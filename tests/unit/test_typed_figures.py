@@ -1,0 +1,133 @@
+"""Figures in prose, of the README and of pages, are those of the results or of the page that shows the same flights."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+RESULTS = ROOT / "results"
+SCENARIOS = ("rig-natops", "rig-sea6", "ship-natops", "ship-sea5", "ship-sea6")
+
+
+def rows_below(text, link):
+    """Cells of the table below a link to results, without head and rule."""
+    lines = text.partition(link)[2].split("\n\n")[1].splitlines()
+    return [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in lines[2:]]
+
+
+def landed():
+    """(scenario, stick, pilot) → flights in the square, of results/landings.json, or of the page until it is there."""
+    path = RESULTS / "landings.json"
+    if path.exists():
+        rows = json.loads(path.read_text(encoding="utf-8"))["rows"]
+        return {(r["scenario"], r["stick"], r["pilot"]): round(r["square"] * r["flights"]) for r in rows}
+    page = (ROOT / "docs" / "results" / "landings.md").read_text(encoding="utf-8")
+    return {tuple(row[:3]): int(row[4]) for row in rows_below(page, "results/landings.json")}
+
+
+def table_of(name):
+    link = f"(results/{name}.json "
+    assert link in README
+    return rows_below(README, link)
+
+
+def number(cell):
+    return float(re.search(r"\d+(?:\.\d+)?", cell)[0])
+
+
+def test_landings_of_the_table():
+    found, rows = landed(), table_of("landings")
+    if (RESULTS / "landings.json").exists():
+        pytest.skip("drawn from results/landings.json, which test_pages_agree_with_the_results checks")
+    assert [number(row[1]) for row in rows] == [found[name, "tilt", "horizon"] for name in SCENARIOS]
+    assert [number(row[2]) for row in rows] == [found[name, "tilt", "paper"] for name in SCENARIOS]
+
+
+def test_sums_of_landings():
+    found = landed()
+    said = re.search(r"ours lands\s+(\d+) of these 1,000 and the published gains land (\d+)\.", README)
+    sums = [sum(found[name, "speed", pilot] for name in SCENARIOS) for pilot in ("horizon", "paper")]
+    assert [int(said[1]), int(said[2])] == sums
+
+
+def test_oracle_rates_lie_within_the_measured_interval():
+    rows = json.loads((RESULTS / "oracle_rates.json").read_text(encoding="utf-8"))["rows"]
+    measured = {row["setting"]: row["oracle_rate"] for row in rows if row["group"] == "scenarios"}
+    for name, row in zip(SCENARIOS, table_of("landings"), strict=True):
+        rate = measured[name]
+        assert 100 * rate["low"] - 0.05 <= number(row[3]) <= 100 * rate["high"] + 0.05, name
+
+
+def test_detections_are_those_of_all_scenes():
+    page = (ROOT / "docs" / "results" / "far-vision.md").read_text(encoding="utf-8")
+    for row in table_of("far_vision"):
+        link = f'"table kind={row[0]} group=together'
+        every = next(found for found in rows_below(page, link) if found[0] == "all")
+        assert row[1:] == [every[1], every[3], every[7], every[8]]
+
+
+def test_full_scale_landings():
+    page = (ROOT / "docs" / "results" / "full-scale.md").read_text(encoding="utf-8")
+    for count in re.findall(r"(\d+) of 100", README):
+        assert re.search(rf"\b{count} of 100\b|\| {count} ", page), count
+
+
+def rows_of(name, **where):
+    rows = json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))["rows"]
+    return [row for row in rows if all(row[key] == value for key, value in where.items())]
+
+
+def page(name):
+    """A page of results, each run of blanks one blank."""
+    return " ".join((ROOT / "docs" / "results" / f"{name}.md").read_text(encoding="utf-8").split())
+
+
+def of_twenty(settings, stick, wind):
+    (row,) = rows_of("landing_rule", settings=settings, stick=stick, wind=wind)
+    return round(row["square"] * row["flights"])
+
+
+def test_the_landing_rule_s_figures_in_prose():
+    printed, ours = "law and landing rule as printed", "law as printed, our landing rule"
+    still, windy = (of_twenty(printed, "speed", wind) for wind in ("0", "5"))
+    tilt = {of_twenty(printed, "tilt", wind) for wind in ("0", "5")}
+    assert tilt == {0}
+    claim = page("paper-line-by-line")
+    assert f"{still} of 20 (23–68 %) in still air and {windy} of 20 (12–54 %) in 5 m/s" in claim
+    assert [of_twenty(ours, "speed", wind) for wind in ("0", "5")] == [19, 20]
+    assert "with our rule 19 and 20 of 20 do" in page("paper")
+    errata = (ROOT / "docs" / "reference" / "errata.md").read_text(encoding="utf-8")
+    bounded = of_twenty("bounded law, our landing rule", "tilt", "0")
+    assert f"{bounded} of 20 in" in errata and f"in the square in {still}; with our rule in 19" in errata
+
+
+def test_the_claims_of_accuracy():
+    """The ranges up to which a chain is below a centimetre and a degree, square on, by root mean square."""
+    found = []
+    for chain in ("printed", "ours"):
+        rows = rows_of("printed_vision", chain=chain, angle_deg=0.0)
+        good = (
+            [row["range_m"] for row in rows if row[key] < most] for key, most in (("position_m", 0.01), ("yaw_deg", 1))
+        )
+        found += [max(ranges) for ranges in good]
+    assert found[:3] == [3.0, 7.0, 5.0]
+    assert found[3] >= 10.0
+    claim = page("paper-line-by-line")
+    assert "as printed the first to 3 m and the second to 7 m" in claim
+    assert "the first to 5 m, the second to 10 m" in claim
+
+
+def test_the_claim_of_robustness():
+    rows = {row["law"]: row for row in rows_of("paper_figures", figure="near", noise_m=0.0, slew="yes")}
+    peaks = [round(rows[law]["peak_percent"]) for law in ("linear D", "linear D, Kalman", "probabilistic D, Kalman")]
+    assert f"from {peaks[0]} to {peaks[1]} by the filter, to {peaks[2]} % by the bell" in page("paper-line-by-line")
+
+
+def test_the_heading_s_swing_is_the_errata_s():
+    swing_deg = {row["law"]: row["swing_deg"] for row in rows_of("paper_figures", figure="yaw")}
+    errata = (ROOT / "docs" / "reference" / "errata.md").read_text(encoding="utf-8")
+    assert f"swings by {swing_deg['Table 2, 0.5 s']:.0f}°, by 4° without the derivative" in " ".join(errata.split())
+    assert round(swing_deg["Table 2 without the derivative, 0.5 s"]) == 4
