@@ -16,7 +16,6 @@ FORMER = {
     "climb_out_s": "go_around_s",
     "climb_out_turn": "go_around_turn",
     "distance_spread_m": "distance_half_range_m",
-    "drop_m": "final_descent_offset_m",
     "drop_mps": "final_descent_mps",
     "dropping": "in_final_descent",
     "edge_growth_px": "edge_bias_px",
@@ -33,6 +32,7 @@ FORMER = {
     "mean_spread_mps": "mean_half_range_mps",
     "own_forward_m": "control_forward_m",
     "own_starboard_m": "control_starboard_m",
+    "pause_m": "rise_offset_m",
     "perfect_forward_m": "oracle_forward_m",
     "perfect_in_square": "oracle_in_square",
     "perfect_starboard_m": "oracle_starboard_m",
@@ -60,6 +60,13 @@ FORMER = {
 """Today's name by the former one."""
 
 GONE = {
+    "guidance.horizon.descent.drop_m": "wait_cost says how long good odds are waited for",
+    "guidance.horizon.descent.final_descent_offset_m": "wait_cost says how long good odds are waited for",
+    "guidance.horizon.descent.relax_after_s": "wait_cost says how long good odds are waited for",
+    "guidance.horizon.descent.relax_per_s": "wait_cost says how long good odds are waited for",
+    "guidance.horizon.levelling.touch_deg": "the odds of a landing hold the tilt at contact",
+    "guidance.horizon.levelling.touch_m": "guidance.horizon.descent.touch_m begins the final descent",
+    "guidance.horizon.levelling.touch_offset_m": "the odds of a landing hold the offset at contact",
     "vision.adaptive": "each region is judged at half of its own peak",
     "vision.adaptive_floor": "each region is judged at half of its own peak",
     "vision.adaptive_hue": "each region is judged at half of its own peak",

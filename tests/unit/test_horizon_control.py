@@ -23,6 +23,7 @@ from shipland.estimation.relative_state import (
 from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 from shipland.guidance.horizon.descent import Descent, Outlook, Phase, contact_in_s, next_descent
 from shipland.guidance.horizon.gains import INPUT, gains_of
+from shipland.guidance.horizon.odds import Odds
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.reference import Pace, at_rest, moved, reference_reset
 from shipland.guidance.horizon.servo import ShapedSpeed
@@ -183,8 +184,8 @@ def test_an_estimate_that_leaps_in_every_picture_does_not_take_the_speed_wanted_
     assert abs(reference.speed_mps[1]) < 0.2
 
 
-def _over(t_s, height_m, offset_m=0.0, contact_m=0.0, lull=True):
-    return Outlook(t_s, 0.033, height_m, offset_m, contact_m, lull)
+def _over(t_s, height_m, offset_m=0.0, odds=1.0, lull=True, sink_mps=0.0):
+    return Outlook(t_s, 0.033, height_m, sink_mps, offset_m, odds, lull, climb_lag_s=0.3, hover_height_m=1.2)
 
 
 @pytest.mark.parametrize("sink_mps", [-0.3, 0.0, 0.1, 0.6, 1.0, 1.3])
@@ -200,23 +201,24 @@ def test_contact_is_foreseen_as_the_climb_rate_settles(height_m: float, sink_mps
     assert foreseen_s == pytest.approx(fallen_s, abs=0.01 if sink_mps <= descent.final_descent_mps else 0.3)
 
 
-def _land(offset_at, contact_at, lull_at=lambda _: True, seconds=30.0):
-    descent, phases, height_m = None, [], 1.2
+def _land(offset_m=0.0, odds_at=lambda _: 1.0, lull_at=lambda _: True, seconds=30.0, height_m=1.2):
+    descent, way = None, []
     for k in range(round(seconds / 0.033)):
         t_s = 0.033 * k
-        descent = next_descent(
-            descent, _over(t_s, height_m, offset_at(t_s), contact_at(t_s), lull_at(t_s)), PARAMETERS.descent
-        )
+        descent = next_descent(descent, _over(t_s, height_m, offset_m, odds_at(t_s), lull_at(t_s)), PARAMETERS.descent)
         height_m = max(descent.height_m, 0.05)
-        phases.append((t_s, descent))
-    return phases
+        way.append((t_s, descent))
+    return way
+
+
+def _begin_s(way, phase):
+    return next(t_s for t_s, descent in way if descent.phase is phase)
 
 
 def test_a_steady_hover_sinks_and_drops():
-    descent, way = PARAMETERS.descent, _land(lambda _: 0.02, lambda _: 0.01)
-    dropped_s = next(t for t, it in way if it.phase is Phase.FINAL_DESCENT)
+    descent, way = PARAMETERS.descent, _land(offset_m=0.02)
     fall_m = 1.2 - descent.wait_height_m
-    assert dropped_s == pytest.approx(fall_m / descent.sink_mps, abs=1.0)
+    assert _begin_s(way, Phase.FINAL_DESCENT) == pytest.approx(fall_m / descent.sink_mps, abs=1.0)
     heights_m = np.array([it.height_m for _, it in way if it.phase is Phase.SINK])
     sinks_mps = -np.diff(heights_m) / 0.033
     assert sinks_mps.max() == pytest.approx(descent.sink_mps)
@@ -224,31 +226,57 @@ def test_a_steady_hover_sinks_and_drops():
     assert sinks_mps[low].max() < 0.6 * descent.sink_mps  # what sinks fast to the end sinks through
 
 
-def test_far_off_it_does_not_sink():
-    assert all(it.height_m == 1.2 for _, it in _land(lambda _: 0.5, lambda _: 0.5, seconds=5.0))
+def test_the_rate_commanded_leads_a_sink_that_slows_by_the_vehicles_lag():
+    slowing = [it for _, it in _land(offset_m=0.02) if it.phase is Phase.SINK and it.height_m < 0.45]
+    rates_mps, heights_m = np.array([it.rate_mps for it in slowing]), np.array([it.height_m for it in slowing])
+    later = round(0.3 / 0.033)
+    flown_mps = np.diff(heights_m)[later:] / 0.033
+    np.testing.assert_allclose(rates_mps[: len(flown_mps) - 3], flown_mps[:-3], atol=0.05)
 
 
-def test_a_wait_relaxes_and_ends():
-    way = _land(lambda _: 0.1, lambda _: 0.08)
-    dropped_s = next(t for t, it in way if it.phase is Phase.FINAL_DESCENT)
-    descent = PARAMETERS.descent
-    waited_s = descent.relax_after_s + math.log(0.08 / descent.final_descent_offset_m) / math.log(
-        1.0 + descent.relax_per_s
-    )
-    begun_s = next(t for t, it in way if it.phase is Phase.WAIT)
-    assert dropped_s - begun_s == pytest.approx(max(waited_s, 0.0), abs=0.1)
+def test_far_off_it_does_not_sink_and_rises_from_low_over_the_deck():
+    assert all(it.height_m == 1.2 for _, it in _land(offset_m=0.5, seconds=5.0))
+    low = Descent(Phase.WAIT, 0.0, PARAMETERS.descent.wait_height_m)
+    for k in range(120):
+        low = next_descent(low, _over(0.033 * k, low.height_m, offset_m=0.5), PARAMETERS.descent)
+    assert low.phase is Phase.SINK
+    assert low.height_m == pytest.approx(1.2, abs=0.02)
+
+
+def test_poor_odds_are_waited_out_and_good_ones_taken():
+    def odds_at(t_s):
+        return 0.6 + 0.25 * math.sin(2.0 * t_s) * math.sin(0.37 * t_s)
+
+    way = _land(odds_at=odds_at)
+    waited_s = _begin_s(way, Phase.FINAL_DESCENT) - _begin_s(way, Phase.WAIT)
+    assert waited_s > 0.5
+    assert way[-1][1].odds.now > 0.7
+    hasty = replace(PARAMETERS.descent, wait_cost=1.0)
+    waiting = Descent(Phase.WAIT, 0.0, hasty.wait_height_m)
+    assert next_descent(waiting, _over(0.1, 0.22, odds=0.3), hasty).phase is Phase.FINAL_DESCENT
 
 
 def test_a_lull_is_waited_for():
-    dropped_s = next(
-        t for t, it in _land(lambda _: 0.0, lambda _: 0.0, lambda t: t > 9.0) if it.phase is Phase.FINAL_DESCENT
-    )
-    assert dropped_s == pytest.approx(9.0, abs=0.1)
+    way = _land(lull_at=lambda t_s: t_s > 9.0)
+    assert _begin_s(way, Phase.FINAL_DESCENT) == pytest.approx(9.0, abs=0.1)
+
+
+@pytest.mark.parametrize("phase", [Phase.SINK, Phase.WAIT])
+def test_a_touch_by_mischance_is_climbed_from_while_there_is_time(phase: Phase) -> None:
+    descent, low_m = PARAMETERS.descent, PARAMETERS.descent.contact_height_m + 0.05
+    before = Descent(phase, 0.0, descent.wait_height_m, odds=Odds(0.8, 0.8, 0.65, 3.0))
+    climbs = next_descent(before, _over(1.0, low_m, odds=0.2, sink_mps=0.3), descent)
+    assert climbs.phase is phase
+    assert climbs.rate_mps == descent.sink_mps
+    taken = next_descent(before, _over(1.0, low_m, odds=0.9, sink_mps=0.3), descent)
+    assert (taken.phase is Phase.FINAL_DESCENT) == (phase is Phase.WAIT)
+    touched = next_descent(before, _over(1.0, descent.contact_height_m + 0.01, odds=0.2), descent)
+    assert touched.phase is Phase.FINAL_DESCENT
 
 
 def test_a_drop_is_not_taken_back():
     in_final_descent = Descent(Phase.FINAL_DESCENT, 0.0, 0.0)
-    assert next_descent(in_final_descent, _over(1.0, 0.2, 2.0, 2.0, lull=False), PARAMETERS.descent) is in_final_descent
+    assert next_descent(in_final_descent, _over(1.0, 0.2, 2.0, 0.0, lull=False), PARAMETERS.descent) is in_final_descent
 
 
 def test_sticks_and_inputs_are_each_others_inverse():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 from shipland.estimation.heading import Headings
-from shipland.estimation.relative_state import GUST, WIND, AxisModel, Disturbances, GaussianState, Model, WaveShares
+from shipland.estimation.relative_state import AxisModel, Disturbances, Model, WaveShares
 from shipland.estimation.wave_motion import WaveMotion
 from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.parameters import HorizonParameters
@@ -17,6 +17,8 @@ _AXIS_STEP_RAD = 0.2
 """Step of the ship's axis from model to model."""
 _VIEW_STEP = 0.25
 """Step of the share of ship in view from model to model."""
+_GUST_STEPS, _LULL_STEPS = 0.6, 2.5
+"""Levels by which the wind must exceed, or fall short of, that in use: a lull is no calm."""
 _FLOW_SLOPE = math.tan(math.radians(30.0))
 """Half the view of an optical-flow camera, as a slope."""
 _CLIMB_ACTUATOR_LAG_S = 0.05
@@ -54,16 +56,16 @@ class Assumptions:
     def across_model(self, parameters: HorizonParameters, gain: float) -> Model:
         """The horizontal model, for a gain of the sticks."""
         servo = self.motion.servo_per_s > 0.0
-        noise = parameters.horizontal_servo if servo else parameters.horizontal_at(self.gust_mps2)
+        noise = parameters.horizontal_servo_at if servo else parameters.horizontal_at
         shares = None  # a ship's sway is larger than its surge, and goes with its heave
         if self.wave.bar_moves and self.axis_rad is not None:
             shares = replace(parameters.wave.spread, along_rad=self.axis_rad)
-        return _model(2, replace(self.motion, gain=gain), noise, self.wave, shares)
+        return _model(2, replace(self.motion, gain=gain), noise(self.gust_mps2), self.wave, shares)
 
     def down_model(self, parameters: HorizonParameters, response: Response) -> Model:
         """The vertical model."""
         climb = AxisModel(_CLIMB_ACTUATOR_LAG_S, 0.0, 1.0 / response.climb_lag_s)
-        return _model(1, climb, parameters.vertical, self.wave)
+        return _model(1, climb, parameters.vertical_at(self.gust_mps2), self.wave)
 
     def with_axis(self, headings: Headings) -> Assumptions:
         """With the directions of surge and sway turned with the ship."""
@@ -73,16 +75,19 @@ class Assumptions:
             return self
         return replace(self, axis_rad=_AXIS_STEP_RAD * round(headings.bar_rad / _AXIS_STEP_RAD))
 
-    def with_gusts(self, across: GaussianState, parameters: HorizonParameters) -> Assumptions:
-        """With gusts by the mean wind: turbulence grows with it, and the tilt that holds the position shows it."""
+    def with_gusts(self, held_mps2: Array, parameters: HorizonParameters) -> Assumptions:
+        """With gusts by the mean wind: turbulence grows with it, and the tilt that holds the position shows it.
+
+        Args:
+            held_mps2: (2,) acceleration against the wind.
+            parameters: of the pilot.
+        """
         levels = parameters.gust_levels_mps2
-        wind_mps2 = math.hypot(*(across.of(WIND) + across.of(GUST)).tolist())
         share = parameters.gust_share_at_sea if self.wave.bar_moves else parameters.gust_share
-        wanted = min(levels, key=lambda level: abs(math.log(level / max(share * wind_mps2, 1e-3))))
-        between = abs(math.log(share * max(wind_mps2, 1e-3) / self.gust_mps2))
-        if wanted == self.gust_mps2 or between <= 0.6 * math.log(levels[1] / levels[0]):
-            return self
-        return replace(self, gust_mps2=wanted)
+        gust_mps2 = max(share * math.hypot(*held_mps2.tolist()), 1e-3)
+        wanted = min(levels, key=lambda level: abs(math.log(level / gust_mps2)))
+        steps = math.log(gust_mps2 / self.gust_mps2) / math.log(levels[1] / levels[0])
+        return self if -_LULL_STEPS <= steps <= _GUST_STEPS else replace(self, gust_mps2=wanted)
 
     def with_view(self, over_ship: float, settle_s: float) -> Assumptions:
         """With the share of ship in view: a servo on optical flow follows the motion of the ship below it."""
@@ -108,7 +113,7 @@ def ship_in_view(aircraft_in_bar_m: Array, over_deck_m: float, hull_m: tuple[flo
     return float(max(along_m, 0.0) * max(aside_m, 0.0) / (2.0 * half_m) ** 2)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
 def _model(
     axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, shares: WaveShares | None = None
 ) -> Model:

@@ -1,8 +1,8 @@
 """When a landing comes down: the phases of the descent, and the moment at which the final descent begins.
 
-`next_descent` decides; `outlook_of` predicts what it decides on, by the option `guidance.horizon.moment`. There is no
-speed gate: what counts is the offset at contact, and that is predicted. A watched deck is predicted for a time so far
-ahead that the camera can look up at the bar before the final descent.
+`next_descent` decides; `outlook_of` gathers what it decides on. It waits just over the deck for good `odds` of a
+landing; with the option `guidance.horizon.moment` for a lull, or for the deck's centre too. A watched deck is predicted
+for a time so far ahead that the camera can look up at the bar before the final descent.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from dataclasses import dataclass, replace
 from shipland.estimation.relative_state import WAVE_RATE
 from shipland.frames import Array
 from shipland.guidance.horizon.estimated import Estimated
+from shipland.guidance.horizon.odds import Odds
 from shipland.guidance.horizon.parameters import DescentParameters, HorizonParameters
+from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.response import Response
 
 LOOK_DOWN_RAD = -1.48
@@ -44,11 +46,15 @@ class Descent:
         phase: of it.
         since_s: when the phase began.
         height_m: height over the neutral deck that is commanded now.
+        rate_mps: its rate when a climb rate that is commanded now has come about.
+        odds: of a final descent that begins now, with what they were; None at first.
     """
 
     phase: Phase
     since_s: float
     height_m: float
+    rate_mps: float = 0.0
+    odds: Odds | None = None
 
 
 @dataclass(frozen=True)
@@ -59,25 +65,34 @@ class Outlook:
         now_s: when the command takes effect.
         step_s: since the cycle before.
         height_m: of the aircraft's centre over the neutral deck.
+        sink_mps: its rate, downward.
         offset_m: horizontal, from the landing point.
-        offset_at_contact_m: the same, predicted for contact, if the final descent began now.
+        odds: of a landing, if the final descent began now; while it sinks, from the height of the wait.
         lull: the bar moves slowly enough to land.
-        contact_imminent: a contact is near that would find the aircraft tilted too much: see `levelling`.
+        climb_lag_s: of the vehicle.
+        hover_height_m: where the landing began.
         from_deck_m: from the deck's centre at contact, predicted for a final descent that begins now, or, during the
             deck watch, in `reacquire_s`; infinite while the deck is not known well enough, None without a deck watch.
-        final_descent_height_m: least height over the neutral deck from which the final descent leaves time to level
-            out: the aircraft waits there, where that is higher than `wait_height_m`.
     """
 
     now_s: float
     step_s: float
     height_m: float
+    sink_mps: float
     offset_m: float
-    offset_at_contact_m: float
+    odds: float
     lull: bool
-    contact_imminent: bool = False
+    climb_lag_s: float
+    hover_height_m: float
     from_deck_m: float | None = None
-    final_descent_height_m: float = 0.0
+
+    def over_contact_m(self, parameters: DescentParameters) -> float:
+        """Height over that of a contact."""
+        return self.height_m - parameters.contact_height_m
+
+    def touches(self, parameters: DescentParameters) -> bool:
+        """A foot would touch before a climb could come about."""
+        return self.over_contact_m(parameters) < parameters.touch_m + max(self.sink_mps, 0.0) * self.climb_lag_s
 
 
 def next_descent(before: Descent | None, outlook: Outlook, parameters: DescentParameters) -> Descent:
@@ -85,8 +100,17 @@ def next_descent(before: Descent | None, outlook: Outlook, parameters: DescentPa
     descent = before or Descent(Phase.SINK, outlook.now_s, outlook.height_m)
     if descent.phase is Phase.FINAL_DESCENT:
         return descent
-    if outlook.contact_imminent:
-        return Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0)
+    odds = Odds(outlook.odds).after(descent.odds, outlook.step_s)
+    descent = replace(descent, odds=odds, rate_mps=0.0)
+    final_descent = Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0, odds=odds)
+    if outlook.over_contact_m(parameters) < parameters.touch_m:
+        return final_descent
+    if outlook.touches(parameters):
+        # By mischance: it is as good a moment as any, or one to climb from.
+        if descent.phase is Phase.WAIT and odds.now >= odds.mean:
+            return final_descent
+        height_m = max(descent.height_m, _stop_m(outlook, parameters))
+        return replace(descent, height_m=height_m, rate_mps=parameters.sink_mps)
     if descent.phase is Phase.SINK:
         descent = _sinking(descent, outlook, parameters)
     if descent.phase is Phase.SINK:
@@ -97,14 +121,23 @@ def next_descent(before: Descent | None, outlook: Outlook, parameters: DescentPa
 
 
 def _sinking(before: Descent, outlook: Outlook, parameters: DescentParameters) -> Descent:
-    """Sink to the height of the wait or of the deck watch, which begins there."""
+    """Sink to the height of the wait or of the deck watch, which begins there; rise while the offset is too large."""
     stop_m, height_m = _stop_m(outlook, parameters), before.height_m
-    if outlook.offset_m <= parameters.pause_m:
-        sink_mps = min(parameters.sink_mps, _SLOWEST_SINK_MPS + parameters.slow_per_s * (height_m - stop_m))
-        height_m = max(height_m - sink_mps * outlook.step_s, stop_m)
+    if outlook.offset_m > parameters.rise_offset_m:
+        rate_mps = parameters.sink_mps if height_m < outlook.hover_height_m else 0.0
+        return replace(before, height_m=height_m + rate_mps * outlook.step_s, rate_mps=rate_mps)
+    sink_mps = _sink_mps(height_m - stop_m, parameters)
+    height_m = max(height_m - sink_mps * outlook.step_s, stop_m)
     if outlook.height_m > stop_m + parameters.wait_band_m or height_m > stop_m:
-        return replace(before, height_m=height_m)
-    return Descent(Phase.WAIT if outlook.from_deck_m is None else Phase.DECK_WATCH, outlook.now_s, stop_m)
+        rate_mps = -_sink_mps(height_m - sink_mps * outlook.climb_lag_s - stop_m, parameters)
+        return replace(before, height_m=height_m, rate_mps=rate_mps)
+    phase = Phase.WAIT if outlook.from_deck_m is None else Phase.DECK_WATCH
+    return Descent(phase, outlook.now_s, stop_m, odds=before.odds)
+
+
+def _sink_mps(above_m: float, parameters: DescentParameters) -> float:
+    """Speed of the sink, so far above its end."""
+    return min(parameters.sink_mps, _SLOWEST_SINK_MPS + parameters.slow_per_s * above_m) if above_m > 0.0 else 0.0
 
 
 def _reacquiring(before: Descent, outlook: Outlook, parameters: DescentParameters) -> Descent:
@@ -112,72 +145,67 @@ def _reacquiring(before: Descent, outlook: Outlook, parameters: DescentParameter
     passed_s = outlook.now_s - before.since_s
     deck_below = outlook.from_deck_m is not None and outlook.from_deck_m <= parameters.reacquire_offset_m
     if passed_s >= parameters.reacquire_s and deck_below:
-        return Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0)
+        return Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0, odds=before.odds)
     if passed_s > parameters.reacquire_max_s:
-        return Descent(Phase.DECK_WATCH, outlook.now_s, _stop_m(outlook, parameters))
-    return replace(before, height_m=reacquire_at_m(before.height_m, outlook.step_s, parameters))
+        return Descent(Phase.DECK_WATCH, outlook.now_s, _stop_m(outlook, parameters), odds=before.odds)
+    height_m = reacquire_at_m(before.height_m, outlook.step_s, parameters)
+    rate_mps = (height_m - before.height_m) / outlook.step_s if outlook.step_s > 0.0 else 0.0
+    return replace(before, height_m=height_m, rate_mps=rate_mps)
 
 
 def _waiting(before: Descent, outlook: Outlook, parameters: DescentParameters) -> Descent:
-    """Wait for a small predicted offset at contact, from the landing point or from the watched deck's centre."""
-    waited_s = outlook.now_s - before.since_s
-    offset_m, limit_m = outlook.offset_at_contact_m, parameters.final_descent_offset_m
-    then = Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0)
-    watching = before.phase is Phase.DECK_WATCH and waited_s <= parameters.deck_watch_max_s
+    """Wait for a good moment, or for the watched deck's centre below."""
+    watching = before.phase is Phase.DECK_WATCH and outlook.now_s - before.since_s <= parameters.deck_watch_max_s
     if watching and outlook.from_deck_m is not None:
-        offset_m, limit_m = outlook.from_deck_m, parameters.deck_watch_offset_m
-        then = Descent(Phase.REACQUIRE, outlook.now_s, _stop_m(outlook, parameters))
-    allowed_m = limit_m * (1.0 + parameters.relax_per_s) ** max(waited_s - parameters.relax_after_s, 0.0)
-    return then if outlook.lull and offset_m <= allowed_m else before
+        below = outlook.from_deck_m <= parameters.deck_watch_offset_m
+        stop_m = _stop_m(outlook, parameters)
+        return Descent(Phase.REACQUIRE, outlook.now_s, stop_m, odds=before.odds) if below and outlook.lull else before
+    if outlook.offset_m > parameters.rise_offset_m:
+        return replace(before, phase=Phase.SINK)
+    if outlook.lull and before.odds is not None and before.odds.worth_taking(parameters.wait_cost):
+        return Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0, odds=before.odds)
+    return before
 
 
 def _stop_m(outlook: Outlook, parameters: DescentParameters) -> float:
     """Height over the neutral deck at which the sink ends."""
-    if outlook.from_deck_m is not None:
-        return parameters.deck_watch_height_m
-    return max(parameters.wait_height_m, outlook.final_descent_height_m)
+    return parameters.wait_height_m if outlook.from_deck_m is None else parameters.deck_watch_height_m
 
 
 def outlook_of(
     before: Descent | None,
     estimate: Estimated,
-    offsets_at_contact_m: Array,
+    foreseen: tuple[Array, float],
     times_s: tuple[float, float],
-    parameters: HorizonParameters,
+    guidance: GuidanceParameters,
     response: Response,
 ) -> Outlook:
-    """Predict what `next_descent` decides on.
+    """What `next_descent` decides on.
 
     Args:
         before: the descent of the cycle before.
         estimate: at the command's effect.
-        offsets_at_contact_m: (2,) from the landing point, predicted for a final descent that begins now, in the axes
-            of the flight.
+        foreseen: of a final descent that begins now: (2,) offset from the landing point at contact, in the axes of the
+            flight, and the odds of a landing.
         times_s: of the decision, and since the cycle before.
-        parameters: of the pilot.
+        guidance: parameters.
         response: of the vehicle.
     """
-    now_s, step_s = times_s
-    lull, from_deck_m = True, None
-    if parameters.moment == "lull":
-        lull = _in_lull(estimate, parameters)
-    elif parameters.moment == "deck":
-        lull = _in_lull(estimate, parameters)
-        from_deck_m = _from_deck_m(before, estimate, offsets_at_contact_m, now_s, parameters, response)
-    descent, levelling, contact_m = parameters.descent, parameters.levelling, math.hypot(*offsets_at_contact_m.tolist())
-    tilt_limited = math.hypot(*estimate.held_mps2.tolist()) > levelling.touch_mps2
-    near = estimate.height_m - descent.contact_height_m < levelling.touch_m and contact_m <= levelling.touch_offset_m
-    level_m = dropped(levelling.before_contact_s(response), 0.0, response.climb_lag_s, descent)[0]
+    parameters, (offsets_m, odds), (now_s, step_s) = guidance.horizon, foreseen, times_s
+    from_deck_m = None
+    if parameters.moment == "deck":
+        from_deck_m = _from_deck_m(before, estimate, offsets_m, now_s, parameters, response)
     return Outlook(
         now_s=estimate.t_s,
         step_s=step_s,
         height_m=estimate.height_m,
+        sink_mps=estimate.down_mps,
         offset_m=math.hypot(*estimate.offset_m.tolist()),
-        offset_at_contact_m=contact_m,
-        lull=lull,
-        contact_imminent=tilt_limited and near,
+        odds=odds,
+        lull=parameters.moment == "any" or _in_lull(estimate, parameters),
+        climb_lag_s=response.climb_lag_s,
+        hover_height_m=guidance.approach.hover_height_m,
         from_deck_m=from_deck_m,
-        final_descent_height_m=descent.contact_height_m + level_m if tilt_limited else 0.0,
     )
 
 

@@ -8,18 +8,23 @@ from functools import cached_property
 
 import numpy as np
 
+from shipland.estimation.kernels import predicted_covariance
 from shipland.estimation.relative_state import (
+    ACTUATION,
     POSITION,
     STATES,
     WAVE,
-    WIND,
     AxisModel,
     GaussianState,
+    Model,
     position_covariance,
 )
 from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 from shipland.frames import Array, rotated, wrap_angle
 from shipland.messages import Estimate
+
+_STEP_MS = 20
+"""To which times are rounded in predictions: a model keeps a matrix for each."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,7 @@ class Estimated:
         t_s: the time that it holds for.
         across: horizontal state against the bar.
         down: vertical state, downward.
+        model: horizontal, of the motion.
         wave: model of the deck's and the bar's wave motion in both.
         tracked_near: share of `wave.tracked_share` that is tracked at this distance, 0 to 1.
         place_m, speed_mps: (2,) of the aircraft from the bar, and its rate.
@@ -69,6 +75,7 @@ class Estimated:
     t_s: float
     across: GaussianState
     down: GaussianState
+    model: Model
     wave: WaveMotion
     tracked_near: float
     place_m: Array
@@ -103,10 +110,19 @@ class Estimated:
         return float(self.deck_in_bar_m[2]) - self.down_m
 
     @property
-    def held_mps2(self) -> Array:
-        """(2,) acceleration that the aircraft holds against the mean wind."""
+    def lean_mps2(self) -> float:
+        """Acceleration by the aircraft's tilt."""
         actuation = self.actuation
-        return self.across.of(WIND) if actuation.tracked is None else actuation.trim_mps2
+        lean_mps2 = self.across.of(ACTUATION)
+        if actuation.tracked is not None:
+            lean_mps2 = lean_mps2 + actuation.trim_mps2
+        return math.hypot(*lean_mps2.tolist())
+
+    def offset_covariance_later(self, passed_s: float) -> Array:
+        """(2,2) covariance of the controlled position after `passed_s` in which nothing is measured."""
+        transition, _, noise = self.model.step(_STEP_MS * round(1e3 * passed_s / _STEP_MS))
+        covariance = predicted_covariance(transition, self.across.covariance, noise)
+        return position_covariance(covariance, self.tracked_near * self.wave.tracked_share)
 
     @property
     def contact_std_m(self) -> float:

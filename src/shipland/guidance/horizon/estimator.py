@@ -16,7 +16,7 @@ from shipland.estimation.delayed import DelayedFilter
 from shipland.estimation.gain import GainBank
 from shipland.estimation.heading import Headings
 from shipland.estimation.latency import LatencyBank
-from shipland.estimation.relative_state import POSITION, VELOCITY, Model, less_wave
+from shipland.estimation.relative_state import GUST, POSITION, VELOCITY, WIND, Model, less_wave
 from shipland.frames import Array, all_finite, rotated, wrap_angle
 from shipland.guidance.horizon.assumptions import Assumptions, motion_of, ship_in_view
 from shipland.guidance.horizon.estimated import Actuation, Estimated
@@ -64,7 +64,7 @@ class Estimator:
         self._wave_parameters = wave
         low_m = deck_down_m - parameters.margins.low_m
         self._heave = HeaveTracker(wave, response.climb_lag_s, delayed.velocity_mps, low_m)
-        self._assumed = Assumptions(motion, self._heave.wave, parameters.gust_levels_mps2[-2])
+        self._assumed = Assumptions(motion, self._heave.wave, 0.8)
         self._headings = HeadingFilters(parameters.heading, parameters.heading_turning, parameters.turn_from_rad_s)
         self._across = DelayedFilter(self._across_model(), delayed, velocity_std_mps)
         self._down = DelayedFilter(self._assumed.down_model(parameters, response), delayed, measured.velocity_down_mps)
@@ -122,8 +122,9 @@ class Estimator:
         self._assume(self._assumed.with_axis(headings))
         self._take_velocity(telemetry)
         self._take_picture(t_s, observation, pose, headings)
-        if self._across.estimate is not None and self._response.kind == "attitude":
-            self._assume(self._assumed.with_gusts(self._across.estimate, self._parameters))
+        held_mps2 = self._held_mps2()
+        if held_mps2 is not None:
+            self._assume(self._assumed.with_gusts(held_mps2, self._parameters))
         if self._assumed.motion.servo_per_s > 0.0:
             self._assume(self._assumed.with_view(self._over_ship(), self._parameters.delayed.flow_settle_s))
         self._across.follow(telemetry.t_s, self._sticks.across, self._headings.turn_rad_s)
@@ -235,6 +236,14 @@ class Estimator:
         if assumed is not self._assumed:
             self._assumed = assumed
             self._across.model, self._gain_models = self._across_model(), self._models_by_gain()
+            self._down.model = self._assumed.down_model(self._parameters, self._response)
+
+    def _held_mps2(self) -> Array | None:
+        """(2,) acceleration against the wind; None before the first position."""
+        across = self._across.estimate
+        if self._response.kind == "velocity":
+            return self._sticks.trim_mps2
+        return None if across is None else across.of(WIND) + across.of(GUST)
 
     def _adopt_wave(self) -> None:
         """Go on with another wave motion in all filters."""
@@ -277,6 +286,7 @@ class Estimator:
             t_s=t_s,
             across=across,
             down=down,
+            model=self._across.model,
             wave=wave,
             tracked_near=tracked_near,
             place_m=place_m,

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 
-from shipland.frames import wrap_angle
+from shipland.frames import Array, wrap_angle
 from shipland.guidance.horizon.descent import Descent, Phase, contact_in_s, next_descent, outlook_of
 from shipland.guidance.horizon.estimated import Estimated
+from shipland.guidance.horizon.gains import Gains
 from shipland.guidance.horizon.goals import Goals
+from shipland.guidance.horizon.levelling import odds_of_tilt
 from shipland.guidance.horizon.limit_cycle import LimitCycleDetector
+from shipland.guidance.horizon.odds import odds_in_area
 from shipland.guidance.horizon.reference import Reference, at_rest, moved, reference_reset
 from shipland.guidance.horizon.regulator import Plan, Regulator
 from shipland.guidance.laws import clamp
@@ -29,8 +32,10 @@ class Guidance:
     """
 
     def __init__(self, setup: PilotSetup, regulator: Regulator) -> None:
-        self._parameters, self._response = setup.guidance.horizon, setup.response
+        self._guidance, self._response = setup.guidance, setup.response
+        self._parameters = setup.guidance.horizon
         self._goals = Goals(self._parameters, setup.guidance.approach, setup.rig, View.of(setup.camera))
+        self._rig = setup.rig
         self._regulator, self._limit_cycle = regulator, LimitCycleDetector()
 
     def plan(
@@ -60,10 +65,10 @@ class Guidance:
         contact_s = contact_in_s(estimate.height_m, estimate.down_mps, self._response.climb_lag_s, parameters.descent)
         descent = None
         if mode is Mode.LAND:
-            offsets_m = self._regulator.offsets_at_contact_m(estimate, reference, gains, contact_s)
-            outlook = outlook_of(before[1], estimate, offsets_m, (now_s, step_s), parameters, self._response)
+            foreseen = self._foreseen(estimate, before[1], reference, gains)
+            outlook = outlook_of(before[1], estimate, foreseen, (now_s, step_s), self._guidance, self._response)
             descent = next_descent(before[1], outlook, parameters.descent)
-            climb_mps = self._descent_mps(estimate, before[1], descent, step_s)
+            climb_mps = self._descent_mps(estimate, descent)
         else:
             climb_mps = self._climb_mps(self._goals.height_m(mode, estimate), estimate)
         return Plan(
@@ -76,6 +81,18 @@ class Guidance:
             steerable=mode in (Mode.APPROACH, Mode.LAND) and estimate.bar_known,
         )
 
+    def _foreseen(
+        self, estimate: Estimated, before: Descent | None, reference: Reference, gains: Gains
+    ) -> tuple[Array, float]:
+        """Of a final descent from now, or while it sinks from the wait: (2,) offset at contact, odds of a landing."""
+        descent, height_m, sink_mps = self._parameters.descent, estimate.height_m, estimate.down_mps
+        if before is None or before.phase is Phase.SINK:
+            height_m, sink_mps = min(height_m, descent.wait_height_m), 0.0
+        contact_s = contact_in_s(height_m, sink_mps, self._response.climb_lag_s, descent)
+        offsets_m, covariance_m2 = self._regulator.at_contact(estimate, reference, gains, contact_s)
+        odds = odds_in_area(self._rig, offsets_m, covariance_m2, estimate.bar_rad)
+        return offsets_m, odds * odds_of_tilt(estimate.lean_mps2, contact_s, self._response, self._parameters.levelling)
+
     def _reference(self, mode: Mode, estimate: Estimated, before: Reference | None, step_s: float) -> Reference:
         """The reference a cycle later, towards the mode's goal; reset where the aircraft cannot follow it."""
         goal_m, goal_mps = self._goals.of(mode, estimate)
@@ -84,14 +101,12 @@ class Guidance:
         reference = moved(before or at_rest(place_m, speed_mps), step_s, goal_m, goal_mps, pace)
         return reference_reset(reference, place_m, speed_mps, pace)
 
-    def _descent_mps(self, estimate: Estimated, before: Descent | None, descent: Descent, step_s: float) -> float:
+    def _descent_mps(self, estimate: Estimated, descent: Descent) -> float:
         """Climb rate of a landing, upward: with the bar's heave, as it is when a climb rate has come about."""
         rate_mps = estimate.bar_rises_mps(self._response.climb_lag_s)
         if descent.phase is Phase.FINAL_DESCENT:
             return rate_mps - self._parameters.descent.final_descent_mps
-        if before is not None and step_s > 0.0:
-            rate_mps += (descent.height_m - before.height_m) / step_s
-        return rate_mps + self._climb_mps(descent.height_m, estimate)
+        return rate_mps + descent.rate_mps + self._climb_mps(descent.height_m, estimate)
 
     def _climb_mps(self, height_m: float, estimate: Estimated) -> float:
         """Climb rate to a height over the neutral deck, upward."""

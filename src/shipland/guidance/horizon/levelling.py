@@ -24,23 +24,33 @@ class LevellingParameters:
         10.0, "a tilt that may stay at contact", "the deck's roll comes on top, and 25° are allowed", ge=0, lt=90
     )
     lags: float = key(1.5, "the command is level this many of the vehicle's lags before contact", ge=0)
-    touch_deg: float = key(16.0, "tilt to hold against the wind beyond which a gust must not make contact", ge=0, lt=90)
-    touch_m: float = key(0.08, "beyond it the final descent begins this close above contact", ge=0)
-    touch_offset_m: float = key(0.2, "with a predicted offset up to this", ge=0)
+
+    tilt_max_deg: float = key(25.0, "a larger tilt against the deck is no landing", gt=0, lt=90)
+    tilt_std_deg: float = key(5.0, "standard deviation of what deck and gusts add to the tilt", gt=0, lt=90)
 
     @property
     def tilt_mps2(self) -> float:
         """The acceleration of a tilt that may stay."""
         return GRAVITY_MPS2 * math.tan(math.radians(self.tilt_deg))
 
-    @property
-    def touch_mps2(self) -> float:
-        """The acceleration by a wind from which `touch_m` holds."""
-        return GRAVITY_MPS2 * math.tan(math.radians(self.touch_deg))
-
     def before_contact_s(self, response: Response) -> float:
         """So long before contact the command has to be level."""
         return self.lags * (response.lag_s + response.smoothing_s)
+
+
+def odds_of_tilt(lean_mps2: float, left_s: float, response: Response, parameters: LevellingParameters) -> float:
+    """Probability of a contact within the limit of the tilt.
+
+    Args:
+        lean_mps2: acceleration by the tilt now; it is reduced with the vehicle's lag.
+        left_s: to contact, from the command's effect.
+        response: of the vehicle.
+        parameters: of the levelling.
+    """
+    lean_deg = math.degrees(math.atan2(lean_mps2, GRAVITY_MPS2))
+    kept = math.exp(-left_s / (response.lag_s + response.smoothing_s))
+    contact_deg = min(lean_deg, parameters.tilt_deg) + max(lean_deg - parameters.tilt_deg, 0.0) * kept
+    return 0.5 * math.erfc((contact_deg - parameters.tilt_max_deg) / (math.sqrt(2.0) * parameters.tilt_std_deg))
 
 
 def tilt_near_contact(wanted: Array, left_s: float, response: Response, parameters: LevellingParameters) -> Array:

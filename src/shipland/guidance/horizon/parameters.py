@@ -77,7 +77,7 @@ class PathParameters:
     line_up: float = key(1.0, "metres astern of the hover point for a metre to its side")
     far_above_m: float = scaled(2.0, "height over the bar's centre far away")
     glide_path_deg: float = key(15.0, "steepest way down to the hover")
-    climb_per_s: float = scaled(1.2, "gain of the height loop")
+    climb_per_s: float = scaled(2.0, "gain of the height loop")
     climb_mps: float = scaled(0.8, "fastest climb of the height loop")
     turn_per_s: float = scaled(0.8, "of the heading loop")
 
@@ -88,15 +88,16 @@ class DescentParameters:
 
     sink_mps: float = scaled(0.5, "speed of the descent to `wait_height_m`", ge=0.01, le=5)
     wait_height_m: float = scaled(
-        0.2, "over the neutral deck, of the aircraft's centre; 0 descends without waiting", ge=0
+        0.22, "over the neutral deck, of the aircraft's centre; 0 descends without waiting", ge=0
     )
     wait_band_m: float = scaled(0.1, "within this height above it the sink has ended", ge=0)
     slow_per_s: float = key(1.5, "the sink slows towards it at this rate and does not overshoot", ge=0)
-    pause_m: float = scaled(0.25, "the sink pauses while the offset is larger", ge=0)
+    rise_offset_m: float = scaled(0.25, "it rises again while the offset is larger", ge=0)
     final_descent_mps: float = scaled(1.0, "speed of the final descent", ge=0.01, le=5)
-    final_descent_offset_m: float = scaled(0.015, "predicted offset at contact at which the final descent begins", ge=0)
-    relax_after_s: float = scaled(6.0, "after this wait the allowed offset grows", ge=0)
-    relax_per_s: float = scaled(0.1, "share by which the allowed offset grows", ge=0)
+    wait_cost: float = key(
+        0.003, "landings that it costs to wait for another moment; large: any moment will do", ge=0, le=1
+    )
+    touch_m: float = scaled(0.02, "this near to contact the final descent begins: it would touch without", ge=0)
     contact_height_m: float = key(0.08, "of the centre as the lowest foot touches", "chosen: tilted by 20°", ge=0)
     deck_watch_height_m: float = key(0.65, "over the neutral deck, during the deck watch", ge=0)
     deck_watch_offset_m: float = key(0.03, "predicted offset at contact at which the deck watch ends", ge=0)
@@ -116,7 +117,7 @@ class HorizonParameters:
     moment: Literal["any", "lull", "deck"] = key(
         "any",
         "when the final descent begins",
-        "any | lull: in a lull of the bar | deck: as the deck will be below at contact",
+        "any: of good odds | lull: in a lull of the bar | deck: as the deck will be below at contact",
     )
     lull_mps: float = scaled(0.1, "what counts as a lull")
     look_down_max_s: float = key(2.5, "longest look down at the deck; then the camera looks up at the bar")
@@ -131,9 +132,11 @@ class HorizonParameters:
         0.12, "of the offset at contact for a landing to begin (standard deviation)", ge=0.01, le=5
     )
     position_std_max_m: float = key(1.0, "without pictures the estimate is flown on up to this", ge=0.05, le=20)
-    gust_share: float = key(0.4, "acceleration by gusts as a share of the mean wind's over land")
+    gust_share: float = key(0.2, "acceleration by gusts as a share of the mean wind's over land")
     gust_share_at_sea: float = key(0.12, "likewise over the sea")
-    gust_levels_mps2: tuple[float, ...] = key((0.1, 0.2, 0.4, 0.8, 1.6), "ascending, in equal ratios")
+    gust_levels_mps2: tuple[float, ...] = key(
+        (0.1, 0.14, 0.2, 0.28, 0.4, 0.57, 0.8, 1.13, 1.6), "ascending, in equal ratios"
+    )
     horizontal: Disturbances = key(Disturbances(), "what is not known along a horizontal axis where sticks mean a tilt")
     horizontal_servo: Disturbances = key(
         Disturbances(gust_mps2=0.2, gust_time_s=2.0, wind_mps2=0.2, wind_time_s=60.0, speed_noise=0.015),
@@ -142,7 +145,7 @@ class HorizonParameters:
     vertical: Disturbances = key(
         Disturbances(
             gust_mps2=0.1,
-            gust_time_s=1.0,
+            gust_time_s=0.4,
             wind_mps2=0.05,
             wind_time_s=20.0,
             velocity_bias_mps=0.1,
@@ -174,7 +177,19 @@ class HorizonParameters:
         require(self.abort_offset_m > self.land_offset_m, "abort_offset_m must be above land_offset_m")
 
     def horizontal_at(self, gust_mps2: float) -> Disturbances:
-        """The horizontal disturbances at one level of gusts; the acceleration without memory goes with them."""
+        """Horizontal disturbances at a level of gusts, where sticks mean a tilt."""
         share = gust_mps2 / self.horizontal.gust_mps2
         noise = self.horizontal.speed_noise * share**2
         return replace(self.horizontal, gust_mps2=gust_mps2, speed_noise=noise)
+
+    def horizontal_servo_at(self, gust_mps2: float) -> Disturbances:
+        """Horizontal disturbances at a level of gusts, of a servo; its own fluctuations remain in still air."""
+        servo = self.horizontal_servo
+        gust_mps2 = max(servo.gust_mps2, 1.2 * gust_mps2)
+        return replace(servo, gust_mps2=gust_mps2, speed_noise=max(servo.speed_noise, 0.03 * gust_mps2**2))
+
+    def vertical_at(self, gust_mps2: float) -> Disturbances:
+        """Vertical disturbances at a level of horizontal gusts."""
+        gust_mps2 = max(self.vertical.gust_mps2, 0.9 * gust_mps2)
+        noise = min(max(0.03 * gust_mps2**2, self.vertical.speed_noise), 0.02)
+        return replace(self.vertical, gust_mps2=gust_mps2, speed_noise=noise)

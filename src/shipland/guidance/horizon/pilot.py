@@ -113,7 +113,7 @@ class HorizonPilot:
         mode = state.modes.mode
         if estimate is not None and mode in _TRACKS:
             plan = self._guidance.plan(mode, estimate, (state.reference, state.descent), now_s, (step_s, state.cycle_s))
-            state = replace(state, reference=plan.reference, descent=plan.descent)
+            state = _with_descent(replace(state, reference=plan.reference), plan.descent)
         else:
             state = replace(state, reference=None)
         self._state = state = self._with_gimbal(observation, estimate, state, step_s)
@@ -233,6 +233,17 @@ def _in_time(state: PilotState, now_s: float, step_s: float) -> PilotState:
     first_s = now_s if state.first_s is None else state.first_s
     cycle_s = state.cycle_s + 0.3 * (step_s - state.cycle_s) if step_s > 0.0 else state.cycle_s
     return replace(state, now_s=now_s, first_s=first_s, cycle_s=cycle_s)
+
+
+def _with_descent(state: PilotState, descent: Descent | None) -> PilotState:
+    """The state with a descent; a final descent tells with which odds it began."""
+    began = descent is not None and descent.phase is Phase.FINAL_DESCENT
+    if began and not (state.descent is not None and state.descent.phase is Phase.FINAL_DESCENT):
+        assert descent is not None
+        odds = descent.odds.now if descent.odds is not None else 0.0
+        modes = replace(state.modes, reason=f"final descent at odds of {100.0 * odds:.0f} %")
+        state = replace(state, modes=modes)
+    return replace(state, descent=descent)
 
 
 def _in_mode_s(state: PilotState, now_s: float) -> float:

@@ -72,11 +72,14 @@ class Regulator:
         weights = parameters.weights_blind if gentle else parameters.weights
         return gains_of(motion, noise, estimate.wave, weights, step_ms)
 
-    def offsets_at_contact_m(self, estimate: Estimated, reference: Reference, gains: Gains, contact_s: float) -> Array:
-        """(2,) from the landing point, predicted for a contact in `contact_s`, in the axes of the flight."""
+    def at_contact(
+        self, estimate: Estimated, reference: Reference, gains: Gains, contact_s: float
+    ) -> tuple[Array, Array]:
+        """(2,) and (2,2): offset from the landing point predicted for a contact in `contact_s`, and its covariance."""
         left = min(max(round(contact_s / gains.step_s), 0), len(gains.to_contact))
         rows = gains.offset_to_contact[left]
-        return np.array([float(rows @ self._control_state(estimate, reference, axis)) for axis in range(2)])
+        offsets = [rows @ self._control_state(estimate, reference, axis) for axis in range(2)]
+        return np.array(offsets), estimate.offset_covariance_later(min(contact_s, LONGEST_CONTACT_S))
 
     def sticks(self, estimate: Estimated, plan: Plan) -> SticksPercent:
         """The sticks of a plan."""

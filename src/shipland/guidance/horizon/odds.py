@@ -1,0 +1,80 @@
+"""The odds of a landing: the probability that a final descent that begins now ends in the landing area.
+
+The estimate's error at contact is that of now, moved through the vehicle's own dynamics: a control that sees pictures
+late cannot answer what it does not know yet. What it does know, it has flown out by then.
+
+Waiting is a search for a better moment (optimal stopping, with offers that are drawn anew and cannot be recalled). It
+is worth while as long as another draw, of a normal distribution with the mean and variance of the odds of late, gains
+more on average than it costs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from shipland.frames import Array, rotated
+from shipland.rig import Rig
+
+_REMEMBERED_S = 10.0
+"""Time constant of their mean and variance."""
+
+
+@dataclass(frozen=True)
+class Odds:
+    """Of a landing.
+
+    Attributes:
+        now: for a final descent that begins now.
+        mean, square: of it and of its square, of late.
+        weight_s: of these.
+    """
+
+    now: float
+    mean: float = 0.0
+    square: float = 0.0
+    weight_s: float = 0.0
+
+    def after(self, before: Odds | None, step_s: float) -> Odds:
+        """With mean and square, from those of the cycle before."""
+        if before is None:
+            return Odds(self.now, self.now, self.now**2, step_s)
+        kept_s = before.weight_s * math.exp(-step_s / _REMEMBERED_S)
+        weight_s = kept_s + step_s
+        share = step_s / weight_s if weight_s > 0.0 else 1.0
+        mean = before.mean + share * (self.now - before.mean)
+        return Odds(self.now, mean, before.square + share * (self.now**2 - before.square), weight_s)
+
+    @property
+    def gain(self) -> float:
+        """By which another draw is better than now, on average; no worse than now, as it need not be taken."""
+        deviation = math.sqrt(max(self.square - self.mean**2, 1e-12))
+        z = (self.now - self.mean) / deviation
+        density = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
+        better = deviation * (density - z * 0.5 * math.erfc(z / math.sqrt(2.0)))
+        return min(better, 1.0 - self.now)
+
+    def worth_taking(self, cost: float) -> bool:
+        """Whether another draw gains less than it costs, in landings."""
+        return self.gain <= cost
+
+
+def odds_in_area(rig: Rig, offset_m: Array, covariance_m2: Array, bar_rad: float) -> float:
+    """Of a contact in the landing area, which is taken for a square of its size.
+
+    Args:
+        rig: with the landing area.
+        offset_m: (2,) predicted, from its centre, in the axes of the flight.
+        covariance_m2: (2,2) of it.
+        bar_rad: heading of the bar, along which the area lies.
+    """
+    area_m = rig.landing_square_m if rig.landing_area == "square" else 0.5 * math.sqrt(math.pi) * rig.landing_square_m
+    cosine, sine = math.cos(bar_rad), math.sin(bar_rad)
+    (north, both), (_, east) = covariance_m2.tolist()
+    crossed = 2.0 * cosine * sine * both
+    variances = cosine**2 * north + crossed + sine**2 * east, sine**2 * north - crossed + cosine**2 * east
+    odds = 1.0
+    for off_m, variance in zip(rotated(offset_m, -bar_rad).tolist(), variances, strict=True):
+        scale_m = math.sqrt(2.0 * max(variance, 1e-9))
+        odds *= 0.5 * (math.erf((0.5 * area_m - off_m) / scale_m) + math.erf((0.5 * area_m + off_m) / scale_m))
+    return odds
