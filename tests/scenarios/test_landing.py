@@ -26,6 +26,8 @@ def test_near_landing_is_inside_the_square(pilot, kind):
     assert flown.success, flown.reason
     modes = [row.decision.mode for row in rows]
     assert [mode for mode in Mode if mode in modes] == [Mode.SEARCH, Mode.APPROACH, Mode.LAND, Mode.DONE]
+    said = {row.decision.reason for row in rows if row.decision.reason.startswith("final descent at odds of")}
+    assert len(said) == (pilot == "horizon"), said
 
 
 @pytest.mark.parametrize("seed", [4, 10])

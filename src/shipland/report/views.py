@@ -12,7 +12,7 @@ from shipland.frames import Array, Pose
 from shipland.messages import GroundTruth
 from shipland.report.lettering import Image, put_text, wrap_text
 from shipland.report.palette import BLACK, BLUE, GREEN, GREY, ORANGE, Rgb
-from shipland.rig import Rig
+from shipland.rig import Rig, Solid, layout
 
 WIDTH_PX, TEXT_PX, SIDE_PX, TOP_PX = 640, 28, 192, 260
 _PAPER: Rgb = (255, 255, 255)
@@ -37,8 +37,8 @@ class FlightViews:
     """
 
     def __init__(self, rig: Rig, aircraft_m: float) -> None:
-        self._rig, self._aircraft_m = rig, aircraft_m
-        self._ahead_m = rig.platform_length_m - rig.deck_ahead_of_stern_m + 0.2 * _LEAST_REACH_M
+        self._rig, self._boxes, self._aircraft_m = rig, layout(rig), aircraft_m
+        self._ahead_m = self._boxes.hull.high_m[0] + 0.2 * _LEAST_REACH_M
         self._trail_m: list[Array] = []
         self._truth: GroundTruth | None = None
 
@@ -84,15 +84,10 @@ class FlightViews:
             return np.column_stack([WIDTH_PX - (self._ahead_m - forward) * scale, rows])
 
         panel[round(ground_px) :] = _SEA
-        stern_m, deck_m = -rig.deck_ahead_of_stern_m, rig.deck_height_m
-        house_m, bow_m = rig.bar_ahead_of_stern_m + stern_m, rig.platform_length_m + stern_m
-        roof_m = deck_m - rig.superstructure_height_m
-        for back_m, top_m in ((stern_m, 0.0), (house_m, roof_m)):
-            corners_m = [[back_m, 0, deck_m], [back_m, 0, top_m], [bow_m, 0, top_m], [bow_m, 0, deck_m]]
-            _fill(panel, px(np.array(corners_m)), _SHIP)
-        bar_m = deck_m - rig.bar_height_m
+        for solid in (self._boxes.hull, self._boxes.house):
+            _fill(panel, px(_outline(solid)), _SHIP)
         half_m = 0.5 * rig.rectangle_height_m
-        _line(panel, px(np.array([[house_m, 0, bar_m - half_m], [house_m, 0, bar_m + half_m]])), GREEN, 4)
+        _line(panel, px(rig.bar_in_ship_m + np.array([[0.0, 0.0, -half_m], [0.0, 0.0, half_m]])), GREEN, 4)
         self._moving(panel, px, scale, trail_m, truth)
 
     def _top(self, panel: Image, scale: float, trail_m: Array, truth: GroundTruth) -> None:
@@ -102,12 +97,9 @@ class FlightViews:
             columns = WIDTH_PX - (self._ahead_m - points_m[:, 0]) * scale
             return np.column_stack([columns, 0.5 * TOP_PX + points_m[:, 1] * scale])
 
-        stern_m, half_m = -rig.deck_ahead_of_stern_m, 0.5 * rig.platform_width_m
-        bow_m = rig.platform_length_m + stern_m
-        corners_m = [[stern_m, -half_m, 0], [bow_m, -half_m, 0], [bow_m, half_m, 0], [stern_m, half_m, 0]]
-        _fill(panel, px(np.array(corners_m)), _SHIP)
-        house_m, board_m = rig.bar_ahead_of_stern_m + stern_m, 0.5 * rig.board_width_m
-        _line(panel, px(np.array([[house_m, -board_m, 0], [house_m, board_m, 0]])), GREEN, 4)
+        board_m = 0.5 * rig.board_size_m[0]
+        _fill(panel, px(_outline(self._boxes.hull)), _SHIP)
+        _line(panel, px(rig.bar_in_ship_m + np.array([[0.0, -board_m, 0.0], [0.0, board_m, 0.0]])), GREEN, 4)
         self._moving(panel, px, scale, trail_m, truth)
 
     def _moving(self, panel: Image, px: _Projection, scale: float, trail_m: Array, truth: GroundTruth) -> None:
@@ -126,6 +118,12 @@ class FlightViews:
 def _moved(pose: Pose, points_m: Array) -> Array:
     moved: Array = points_m @ pose.rotation.T + pose.translation_m
     return moved
+
+
+def _outline(solid: Solid) -> Array:
+    """(4,3) corners, in order both from the side and from above."""
+    (back, left, top), (fore, right, bottom) = solid.low_m, solid.high_m
+    return np.array([[back, left, top], [back, right, bottom], [fore, right, bottom], [fore, left, top]])
 
 
 def _fixed(points_px: Array) -> cv2.typing.MatLike:

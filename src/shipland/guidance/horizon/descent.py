@@ -70,7 +70,7 @@ class Outlook:
         odds: of a landing, if the final descent began now; while it sinks, from the height of the wait.
         lull: the bar moves slowly enough to land.
         climb_lag_s: of the vehicle.
-        hover_height_m: where the landing began.
+        hover_height_m: over the neutral deck; it rises no higher.
         from_deck_m: from the deck's centre at contact, predicted for a final descent that begins now, or, during the
             deck watch, in `reacquire_s`; infinite while the deck is not known well enough, None without a deck watch.
     """

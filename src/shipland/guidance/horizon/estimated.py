@@ -110,28 +110,29 @@ class Estimated:
         return float(self.deck_in_bar_m[2]) - self.down_m
 
     @property
-    def lean_mps2(self) -> float:
+    def tilt_mps2(self) -> float:
         """Acceleration by the aircraft's tilt."""
         actuation = self.actuation
-        lean_mps2 = self.across.of(ACTUATION)
+        tilt_mps2 = self.across.of(ACTUATION)
         if actuation.tracked is not None:
-            lean_mps2 = lean_mps2 + actuation.trim_mps2
-        return math.hypot(*lean_mps2.tolist())
+            tilt_mps2 = tilt_mps2 + actuation.trim_mps2
+        return math.hypot(*tilt_mps2.tolist())
 
     def offset_covariance_later(self, passed_s: float) -> Array:
         """(2,2) covariance of the controlled position after `passed_s` in which nothing is measured."""
         transition, _, noise = self.model.step(_STEP_MS * round(1e3 * passed_s / _STEP_MS))
         covariance = predicted_covariance(transition, self.across.covariance, noise)
-        return position_covariance(covariance, self.tracked_near * self.wave.tracked_share)
+        return position_covariance(covariance, self._tracked_share)
+
+    @property
+    def _tracked_share(self) -> float:
+        """Share of the wave motion that the controlled position follows."""
+        return self.tracked_near * self.wave.tracked_share
 
     @property
     def contact_std_m(self) -> float:
         """Standard deviation of the controlled position along the worse axis."""
-        covariance, share = self.across.covariance, self.tracked_near * self.wave.tracked_share
-        variances = [
-            covariance[i, i] + share * (share * covariance[i + WAVE, i + WAVE] - 2.0 * covariance[i, i + WAVE])
-            for i in (POSITION, STATES + POSITION)
-        ]
+        variances = np.diagonal(position_covariance(self.across.covariance, self._tracked_share))
         return math.sqrt(max(*variances, 0.0))
 
     @cached_property
@@ -147,7 +148,7 @@ class Estimated:
             (2,) from the controlled position's reference (`followed_m`), in the axes of the flight, and its standard
             deviation along the worse axis.
         """
-        share, wave = self.wave.deck_share - self.tracked_near * self.wave.tracked_share, self.wave
+        share, wave = self.wave.deck_share - self._tracked_share, self.wave
         shifts, variances = [], []
         for axis in range(2):
             states = slice(STATES * axis + WAVE, STATES * axis + WAVE + WAVE_STATES)

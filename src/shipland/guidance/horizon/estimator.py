@@ -64,7 +64,7 @@ class Estimator:
         self._wave_parameters = wave
         low_m = deck_down_m - parameters.margins.low_m
         self._heave = HeaveTracker(wave, response.climb_lag_s, delayed.velocity_mps, low_m)
-        self._assumed = Assumptions(motion, self._heave.wave, 0.8)
+        self._assumed = Assumptions(motion, self._heave.wave, parameters.horizontal.gust_mps2)
         self._headings = HeadingFilters(parameters.heading, parameters.heading_turning, parameters.turn_from_rad_s)
         self._across = DelayedFilter(self._across_model(), delayed, velocity_std_mps)
         self._down = DelayedFilter(self._assumed.down_model(parameters, response), delayed, measured.velocity_down_mps)

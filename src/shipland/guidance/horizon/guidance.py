@@ -91,7 +91,7 @@ class Guidance:
         contact_s = contact_in_s(height_m, sink_mps, self._response.climb_lag_s, descent)
         offsets_m, covariance_m2 = self._regulator.at_contact(estimate, reference, gains, contact_s)
         odds = odds_in_area(self._rig, offsets_m, covariance_m2, estimate.bar_rad)
-        return offsets_m, odds * odds_of_tilt(estimate.lean_mps2, contact_s, self._response, self._parameters.levelling)
+        return offsets_m, odds * odds_of_tilt(estimate.tilt_mps2, contact_s, self._response, self._parameters.levelling)
 
     def _reference(self, mode: Mode, estimate: Estimated, before: Reference | None, step_s: float) -> Reference:
         """The reference a cycle later, towards the mode's goal; reset where the aircraft cannot follow it."""

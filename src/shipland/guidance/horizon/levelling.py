@@ -24,7 +24,6 @@ class LevellingParameters:
         10.0, "a tilt that may stay at contact", "the deck's roll comes on top, and 25° are allowed", ge=0, lt=90
     )
     lags: float = key(1.5, "the command is level this many of the vehicle's lags before contact", ge=0)
-
     tilt_max_deg: float = key(25.0, "a larger tilt against the deck is no landing", gt=0, lt=90)
     tilt_std_deg: float = key(5.0, "standard deviation of what deck and gusts add to the tilt", gt=0, lt=90)
 
@@ -38,18 +37,18 @@ class LevellingParameters:
         return self.lags * (response.lag_s + response.smoothing_s)
 
 
-def odds_of_tilt(lean_mps2: float, left_s: float, response: Response, parameters: LevellingParameters) -> float:
+def odds_of_tilt(tilt_mps2: float, left_s: float, response: Response, parameters: LevellingParameters) -> float:
     """Probability of a contact within the limit of the tilt.
 
     Args:
-        lean_mps2: acceleration by the tilt now; it is reduced with the vehicle's lag.
+        tilt_mps2: acceleration by the tilt now, which is reduced with the vehicle's lag.
         left_s: to contact, from the command's effect.
         response: of the vehicle.
         parameters: of the levelling.
     """
-    lean_deg = math.degrees(math.atan2(lean_mps2, GRAVITY_MPS2))
+    tilt_deg = math.degrees(math.atan2(tilt_mps2, GRAVITY_MPS2))
     kept = math.exp(-left_s / (response.lag_s + response.smoothing_s))
-    contact_deg = min(lean_deg, parameters.tilt_deg) + max(lean_deg - parameters.tilt_deg, 0.0) * kept
+    contact_deg = min(tilt_deg, parameters.tilt_deg) + max(tilt_deg - parameters.tilt_deg, 0.0) * kept
     return 0.5 * math.erfc((contact_deg - parameters.tilt_max_deg) / (math.sqrt(2.0) * parameters.tilt_std_deg))
 
 

@@ -237,12 +237,10 @@ def _in_time(state: PilotState, now_s: float, step_s: float) -> PilotState:
 
 def _with_descent(state: PilotState, descent: Descent | None) -> PilotState:
     """The state with a descent; a final descent tells with which odds it began."""
-    began = descent is not None and descent.phase is Phase.FINAL_DESCENT
-    if began and not (state.descent is not None and state.descent.phase is Phase.FINAL_DESCENT):
-        assert descent is not None
-        odds = descent.odds.now if descent.odds is not None else 0.0
-        modes = replace(state.modes, reason=f"final descent at odds of {100.0 * odds:.0f} %")
-        state = replace(state, modes=modes)
+    before = None if state.descent is None else state.descent.phase
+    if descent is not None and descent.odds is not None and before is not descent.phase is Phase.FINAL_DESCENT:
+        reason = f"final descent at odds of {100.0 * descent.odds.now:.0f} %"
+        state = replace(state, modes=replace(state.modes, reason=reason))
     return replace(state, descent=descent)
 
 
