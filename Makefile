@@ -44,7 +44,7 @@ peers: .venv-peers/made ## make .venv-peers with RotorPy and PyFlyt, for studies
 	@touch $@
 
 demo: setup-run ## fly from 250 m to a ship in sea state 6, camera in the loop: video, plots and log in out/demo/
-	$(BIN)/shipland fly --scenario demo --pilot horizon --out out/demo $(ARGS)
+	$(BIN)/shipland demo $(ARGS)
 
 test: setup ## run the tests but the slow ones; ARGS='-k frames' for some of them
 	$(BIN)/pytest -n 4 -p randomly -m 'not slow' $(ARGS)

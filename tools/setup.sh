@@ -6,7 +6,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 extra=${1:-run}
 case $extra in
-run) requirement=. ;;
+run) requirement='.[full]' ;;
 dev) requirement='.[dev]' ;;
 train) requirement='.[dev,train]' ;; # torch for Linux is gigabytes of CUDA; one that .venv has already is kept
 *) echo "usage: tools/setup.sh run | dev | train" >&2 && exit 2 ;;

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shipland import factories
+from shipland.compiled import say_that_it_compiles
 from shipland.factories import Factory
 from shipland.flight import fly as fly_loop
 from shipland.frames import Array
@@ -123,6 +124,7 @@ def fly(
     """
     scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     pictures = needs_pictures(factories.resolve("visions", vision))
+    say_that_it_compiles()
     records: list[FlightRecord] = []
     with ExitStack() as stack:
         stack.enter_context(stop_requests())

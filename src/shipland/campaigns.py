@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from shipland.compiled import say_that_it_compiles
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import (
     CampaignPlan,
@@ -42,6 +43,7 @@ from shipland.evaluation.progress import CampaignProgress, ProgressBar
 from shipland.evaluation.statistics import share_interval
 from shipland.evaluation.suite import Overrides, Suite, SuiteEntry, cells_of, load_suite
 from shipland.evaluation.tables import summary_of
+from shipland.extras import require
 from shipland.factories import Factory
 from shipland.rig import area_of
 from shipland.scenario.scenario import Scenario
@@ -146,6 +148,7 @@ class Campaign:
         """Where they touched, pilot by pilot, and each cell's share in the landing area with its 95 % interval."""
         from shipland.report.landing_plots import plot_cells
 
+        require("plots", "Campaign.plot()")
         return plot_cells(self.cells)
 
     def compare(self, other: Campaign | None = None) -> Comparison:
@@ -261,6 +264,8 @@ def _fly(
     else:
         executor = processes(min(workers or len(os.sched_getaffinity(0)), left))
     plan, flown, landed, begun_s = opened.plan, 0, 0, time.monotonic()
+    if progress is not False:
+        say_that_it_compiles()
     cells, area = len(plan.cells), area_of(cell.scenario.rig for cell in plan.cells)
 
     def now() -> CampaignProgress:

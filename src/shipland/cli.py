@@ -14,6 +14,7 @@ from shipland.commands.calibrate import Calibrate
 from shipland.commands.campaign import Campaign
 from shipland.commands.compare import Compare
 from shipland.commands.config import Config
+from shipland.commands.demo import Demo
 from shipland.commands.detect import Detect
 from shipland.commands.evaluate import Evaluate
 from shipland.commands.example import Example
@@ -33,9 +34,11 @@ from shipland.commands.synth import Synth
 from shipland.commands.train import Train
 from shipland.commands.version import Version
 from shipland.errors import ShiplandError
+from shipland.extras import extra_of
 from shipland.stopping import signals_interrupt
 
 COMMANDS: tuple[type[Command], ...] = (
+    Demo,
     Fly,
     Campaign,
     Compare,
@@ -105,7 +108,7 @@ def main() -> None:
             config=(tyro.conf.DisallowNone,),
             description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.\n\n"
             "`shipland COMMAND --help` explains one command, with an example. A first flight: "
-            "shipland fly --out out/first",
+            "shipland demo",
         )
         with signals_interrupt():
             code = command.run()
@@ -117,6 +120,12 @@ def main() -> None:
         code = 130
     except BrokenPipeError:
         code = 1
+    except ModuleNotFoundError as error:
+        extra = extra_of(error.name or "")
+        if extra is None:
+            raise
+        _tell(f"this needs {error.name}; install it with: pip install 'shipland[{extra}]'")
+        code = 2
     except OSError as error:  # a full disk, a missing permission
         where = f"{error.filename}: " if error.filename else ""
         _tell(f"{where}{error.strerror or error}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -12,6 +13,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+_LOGGER = logging.getLogger(__name__)
 F = TypeVar("F", bound=Callable[..., Any])
 _SETTINGS: Any = numba.config
 
@@ -56,6 +58,14 @@ def cache_folder(package: Path) -> Path | None:
         if os.access(folder, os.W_OK):
             return folder
     return None
+
+
+def say_that_it_compiles() -> None:
+    """Warn, in a line, where no machine code is on disk yet: a first flight then looks as if it stood still."""
+    folder = cache_folder(Path(__file__).parent)
+    if folder is None or not any(folder.rglob("*.nbi")):
+        often = "each time: no cache folder can be written" if folder is None else "once"
+        _LOGGER.warning("compiling for this processor, %s; takes about a minute", often)
 
 
 def _bases(package: Path) -> list[Path]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from shipland.commands.options import ship_and_camera_of
+from shipland.extras import require
 from shipland.learning.arguments import EvaluateArguments
 
 
@@ -22,6 +23,7 @@ class Evaluate(EvaluateArguments):
 
     def run(self) -> int:
         """Measure and print the tables."""
+        require("plots", "`shipland evaluate`")
         from shipland.learning.evaluate import evaluate
 
         print(evaluate(self, ship_and_camera_of(self.scenario)).text())

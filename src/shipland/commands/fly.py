@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from shipland.commands.options import ScenarioOptions, checked_seed, command_line
 from shipland.errors import DataError
+from shipland.extras import installed
 
 if TYPE_CHECKING:
     from shipland.api import Flight
@@ -157,6 +158,15 @@ def _report(terminal: Terminal, command: Fly, flight: Flight) -> None:
         terminal.say(f"{terminal.lost} lines were not shown: the terminal stood still")
     names = ", ".join(sorted(path.name for path in command.out.iterdir() if path.is_file()))
     terminal.say(f"{command.out}: {names or 'nothing could be written'}")
+    terminal.say(*lacking_outputs(command.video))
+
+
+def lacking_outputs(video: bool) -> list[str]:
+    """A line for each file that another installation would leave, or leave better."""
+    lines = [] if installed("plots") else ["no plots.png: pip install 'shipland[plots]'"]
+    if video and not installed("film"):
+        lines.append("flight.mp4 is MPEG-4, which browsers do not play; H.264: pip install 'shipland[film]'")
+    return lines
 
 
 class ProgressLine:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from shipland.commands.options import ScenarioOptions, checked_seed
+from shipland.extras import require
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Motion(ScenarioOptions):
 
         from shipland.report.motion import Case, Sampling, report_case, report_headings
 
+        require("plots", "`shipland motion`")
         scenario = self.load()
         sampling = Sampling(self.duration_s, self.statistics_s, self.step_s, checked_seed(self.seed))
         case = Case(scenario.rig, scenario.ship, scenario.wind)

@@ -6,14 +6,10 @@ flies them.
 
 from __future__ import annotations
 
-from shipland.errors import SystemLibraryError
+from shipland.extras import require
 
-try:
-    import gymnasium
-except ImportError:
-    raise SystemLibraryError(
-        "shipland.environments wants Gymnasium, which is not installed; pip install 'shipland[rl]'"
-    ) from None
+require("rl", "shipland.environments")
+import gymnasium  # noqa: E402 - the line above says what to install
 
 LANDING = "shipland/Landing-v0"
 LAST_PHASE = "shipland/LastPhase-v0"

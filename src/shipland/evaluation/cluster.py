@@ -14,6 +14,7 @@ from shipland.evaluation.folder import source_digest
 from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.workers import POLL_S
+from shipland.extras import require
 from shipland.stopping import check_stop
 
 _RETRIES = 3
@@ -37,10 +38,8 @@ def cluster(address: str) -> Executor:
         ConfigError: Ray is not installed, or there is no such cluster.
         DataError: a machine has other code.
     """
-    try:
-        import ray
-    except ImportError:
-        raise ConfigError("--cluster wants Ray, which is not installed; pip install 'shipland[cluster]'") from None
+    require("cluster", "--cluster", ConfigError)
+    import ray
 
     def executor(flights: Iterable[FlightJob], keep: Keep, lose: Lose) -> Iterator[tuple[FlightJob, Landing]]:
         try:

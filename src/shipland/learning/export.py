@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from shipland.errors import DataError, SystemLibraryError
+from shipland.errors import DataError
+from shipland.extras import require
 from shipland.files import check_digest, write_with_digest
 from shipland.learning.yolov3 import (
     LEAKY_SLOPE,
@@ -204,14 +205,15 @@ def write_int8(
         rgb: the network was trained on RGB.
 
     Raises:
-        SystemLibraryError: onnxruntime is not installed.
+        SystemLibraryError: onnx is not installed.
         DataError: no calibration picture.
     """
-    quantization = _quantization()
+    from onnxruntime import quantization
+
     if next(calibration(), None) is None:
         raise DataError(f"{path}: 8-bit weights need calibration pictures, got none")
 
-    class Reader(quantization.CalibrationDataReader):  # type: ignore[name-defined]
+    class Reader(quantization.CalibrationDataReader):
         def __init__(self) -> None:
             self.pictures = calibration()
 
@@ -251,16 +253,7 @@ def planes(picture: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
 
 
 def _onnx() -> Any:  # noqa: ANN401 - the module
-    try:
-        import onnx
-    except ImportError:
-        raise SystemLibraryError("exporting needs the package onnx: pip install 'shipland[train]'") from None
+    require("train", "exporting", module="onnx")
+    import onnx
+
     return onnx
-
-
-def _quantization() -> Any:  # noqa: ANN401 - the module
-    try:
-        from onnxruntime import quantization
-    except ImportError:
-        raise SystemLibraryError("8-bit export needs onnxruntime: pip install 'shipland[train]'") from None
-    return quantization

@@ -13,6 +13,7 @@ from shipland.evaluation.landing import Landing
 from shipland.evaluation.rules import rules_table
 from shipland.evaluation.suite import Cell
 from shipland.evaluation.tables import causes_table, landings_table, modes_table
+from shipland.extras import installed
 from shipland.factories import name_of
 from shipland.report.landing_plots import DeckTrace, plot_instants, plot_touchdowns, touchdowns_of
 from shipland.report.outputs import load_outputs
@@ -21,7 +22,7 @@ from shipland.sim.ship.ship import build_ship
 
 
 def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> None:
-    """Write `table.md`, `landings.png` and, where all flights meet one motion, `instants.png`.
+    """Write `table.md` and, with the extra `plots`, `landings.png` and, of one motion for all, `instants.png`.
 
     Raises:
         DataError: one of them cannot be written.
@@ -37,6 +38,8 @@ def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> Non
         (folder / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
     except OSError as error:
         raise DataError(f"{folder / 'table.md'} cannot be written: {error.strerror}") from None
+    if not installed("plots"):
+        return
     touchdowns = touchdowns_of(landings)
     title = f"{scenario.name}, pilot {name_of(cell.pilot)}, vision {name_of(cell.vision)}"
     parameters = load_outputs().plots

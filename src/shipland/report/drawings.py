@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from shipland.errors import DataError
+from shipland.extras import require
 from shipland.messages import Box, Observation
 from shipland.report.overlay import draw_sight
 from shipland.vision.pictures import FilePicture, Picture, is_film
@@ -112,6 +113,7 @@ class _VideoOut:
 
     def write(self, picture: Picture, t_s: float) -> None:
         """Add a picture at its time after the first one's; sides are cut to even numbers."""
+        require("film", "a film with drawings")
         import av
 
         height, width = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2

@@ -13,6 +13,7 @@ import numpy as np
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.statistics import share_interval
 from shipland.evaluation.tables import median
+from shipland.extras import installed
 from shipland.messages import FlightRecord, TouchdownVerdict
 from shipland.report.landing_plots import plot_cells
 from shipland.report.plots import png_of
@@ -75,7 +76,9 @@ def campaign_html(words: str, cells: Sequence[CellResult]) -> str:
         words_of_causes = ", ".join(f"{count} {cause}" for cause, count in causes)
         rows.append((cell.name, f"{landed} of {flown}", interval, error, words_of_causes))
     head = ("cell", f"landed in the {area}", "95 % interval", "error median [cm]", "causes")
-    picture = _picture(png_of(plot_cells(cells), _DPI), "where they touched, and the share that landed")
+    picture = ""
+    if installed("plots"):
+        picture = _picture(png_of(plot_cells(cells), _DPI), "where they touched, and the share that landed")
     return f"<b>{html.escape(words)}</b>{_table(head, *rows)}{picture}"
 
 

@@ -14,6 +14,7 @@ from shipland.aside import Aside
 from shipland.camera import Camera
 from shipland.config import build, parameters, read_toml
 from shipland.errors import DataError
+from shipland.extras import installed
 from shipland.messages import FlightRecord, GroundTruth, TouchdownVerdict
 from shipland.record.info import FlightInfo
 from shipland.record.reader import FlightLog, read_log
@@ -204,7 +205,7 @@ class Recorder:
         write_json(self.folder / SUMMARY_NAME, self.summary)
 
     def _write_plots(self) -> None:
-        if self._flown is not None and self._flown.records:
+        if self._flown is not None and self._flown.records and installed("plots"):
             plot_flight(self.folder / PLOTS_NAME, self._flown, self._parameters.plots)
 
     def _write_timing(self, cost_s: Mapping[str, float]) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Protocol
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from shipland.camera import Camera
 from shipland.config import key, parameters, require
 from shipland.errors import DataError
+from shipland.extras import installed
 from shipland.messages import FlightRecord, GroundTruth, TouchdownVerdict
 from shipland.record.columns import derive
 from shipland.report.lettering import Image
@@ -30,7 +32,6 @@ from shipland.rig import Rig
 
 if TYPE_CHECKING:
     import av.container
-    import av.video
 
 CHASE_WIDTH_PX = TRACES_WIDTH_PX
 Chase = Callable[[GroundTruth], Image]
@@ -59,8 +60,18 @@ class VideoParameters:
         require(0.0 < self.chase_rate_hz <= self.rate_hz, "chase_rate_hz must be in 0 … rate_hz")
 
 
+class Encoder(Protocol):
+    """Writes a film picture by picture."""
+
+    def write(self, image: Image) -> None:
+        """Append one picture."""
+
+    def close(self) -> None:
+        """Finish the file."""
+
+
 class VideoWriter:
-    """An MP4 of BGR pictures: H.264 where PyAV has libx264, else MPEG-4; one encoder thread, so reproducible."""
+    """An MP4 of BGR pictures: H.264 where PyAV is installed and has libx264, else OpenCV's MPEG-4."""
 
     def __init__(self, path: Path, width_px: int, height_px: int, parameters: VideoParameters) -> None:
         """Open `path`, writing over what was there; width and height must be even.
@@ -68,29 +79,65 @@ class VideoWriter:
         Raises:
             DataError: the file cannot be written.
         """
-        import av
-
-        rate = round(parameters.rate_hz * 1000)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
+            path.touch()
+        except OSError as error:
+            raise DataError(f"video {path} cannot be written: {error}") from None
+        self._encoder: Encoder = (_H264 if _has_x264() else _Mpeg4)(path, width_px, height_px, parameters)
+        self._shape = (height_px, width_px, 3)
+
+    def write(self, image: Image) -> None:
+        """Append one picture (height, width, 3)."""
+        if image.shape != self._shape:
+            raise ValueError(f"VideoWriter wants pictures of shape {self._shape}, got {image.shape}")
+        self._encoder.write(image)
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._encoder.close()
+
+
+def _has_x264() -> bool:
+    if not installed("film"):
+        return False
+    import av
+
+    return "libx264" in av.codec.codecs_available
+
+
+class _H264:
+    """By PyAV; one encoder thread, so reproducible."""
+
+    def __init__(self, path: Path, width_px: int, height_px: int, parameters: VideoParameters) -> None:
+        import av
+
+        try:
             options = {"movflags": "+faststart", "fflags": "+bitexact"}
             self._container: av.container.OutputContainer = av.open(str(path), "w", format="mp4", options=options)
-            self._stream = _add_stream(self._container, parameters, rate)
+            self._stream = self._container.add_stream(
+                "libx264",
+                rate=Fraction(round(parameters.rate_hz * 1000), 1000),
+                options={
+                    "profile": "high",
+                    "preset": parameters.preset,
+                    "tune": parameters.tune,
+                    "crf": str(parameters.crf),
+                    "threads": "1",
+                },
+            )
         except (OSError, av.FFmpegError) as error:
             raise DataError(f"video {path} cannot be written: {error}") from None
         self._stream.width, self._stream.height, self._stream.pix_fmt = width_px, height_px, "yuv420p"
         self._stream.codec_context.thread_count = 1
         # OpenCV's YUV is BT.601, studio range; unsaid, players take wide pictures for BT.709.
         self._stream.codec_context.colorspace, self._stream.codec_context.color_range = 6, 1
-        self._shape = (height_px, width_px, 3)
         self._count = 0
 
     def write(self, image: Image) -> None:
-        """Append one picture (height, width, 3)."""
+        """See `Encoder.write`."""
         import av
 
-        if image.shape != self._shape:
-            raise ValueError(f"VideoWriter wants pictures of shape {self._shape}, got {image.shape}")
         yuv = cv2.cvtColor(image, cv2.COLOR_BGR2YUV_I420)
         frame = av.VideoFrame.from_ndarray(yuv, format="yuv420p")  # type: ignore[arg-type]
         frame.pts = self._count
@@ -98,7 +145,7 @@ class VideoWriter:
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> None:
-        """Finish the file."""
+        """See `Encoder.close`."""
         try:
             if self._count:
                 self._container.mux(self._stream.encode())
@@ -106,19 +153,22 @@ class VideoWriter:
             self._container.close()
 
 
-def _add_stream(container: Any, parameters: VideoParameters, rate_millihertz: int) -> av.video.VideoStream:  # noqa: ANN401
-    from fractions import Fraction
+class _Mpeg4:
+    """By OpenCV: three times as large as H.264, and players show it, browsers do not."""
 
-    import av
+    def __init__(self, path: Path, width_px: int, height_px: int, parameters: VideoParameters) -> None:
+        codec = cv2.VideoWriter.fourcc(*"mp4v")
+        self._writer = cv2.VideoWriter(str(path), codec, parameters.rate_hz, (width_px, height_px))
+        if not self._writer.isOpened():
+            raise DataError(f"video {path} cannot be written: OpenCV has no encoder for it")
 
-    rate = Fraction(rate_millihertz, 1000)
-    if "libx264" in av.codec.codecs_available:
-        choices = {"profile": "high", "preset": parameters.preset, "tune": parameters.tune}
-        options = {**choices, "crf": str(parameters.crf), "threads": "1"}
-        return container.add_stream("libx264", rate=rate, options=options)  # type: ignore[no-any-return]
-    stream = container.add_stream("mpeg4", rate=rate)
-    stream.bit_rate = 6_000_000
-    return stream  # type: ignore[no-any-return]
+    def write(self, image: Image) -> None:
+        """See `Encoder.write`."""
+        self._writer.write(image)
+
+    def close(self) -> None:
+        """See `Encoder.close`."""
+        self._writer.release()
 
 
 class FlightVideo:

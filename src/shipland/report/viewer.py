@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from shipland.errors import ConfigError
+from shipland.extras import require
 from shipland.messages import FlightRecord
 from shipland.rig import Rig
 
@@ -28,10 +29,9 @@ class Viewer:
     def __init__(self, rig: Rig, save: Path | None = None) -> None:
         os.environ["RERUN_ANALYTICS"] = "0"  # before it is imported: no telemetry
         os.environ["DO_NOT_TRACK"] = "1"
-        try:
-            import rerun
-        except ImportError:
-            raise ConfigError("--viewer wants rerun, which is not installed; pip install 'shipland[viewer]'") from None
+        require("viewer", "--viewer", ConfigError)
+        import rerun
+
         self._rr: ModuleType = rerun
         self._recording: Any = rerun.RecordingStream("shipland")
         if save is not None:

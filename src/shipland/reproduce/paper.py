@@ -12,6 +12,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from shipland.extras import require
 from shipland.guidance.laws import FarVariant, derivative_gain, exponential_law
 from shipland.reproduce.far import (
     APPROACHES,
@@ -72,6 +73,7 @@ def run_paper(out: Path, only: FigureName | None, flights: Path | None, runs: in
     Raises:
         DataError: the output folder cannot be written, or the folder of flights holds none.
     """
+    require("plots", "`shipland paper`")
     if flights is not None:
         for path in figures_of_flights(flights, out):
             print(path)

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from shipland.config import key, parameters
 from shipland.errors import VehicleError
+from shipland.extras import require
 from shipland.messages import GimbalAttitude, GroundTruth, TouchdownVerdict
 
 _WINDOW_S = 10.0
@@ -298,6 +299,7 @@ class VideoSource:
         return None
 
     def _decoded(self) -> Iterator[tuple[npt.NDArray[np.uint8], float | None]]:
+        require("film", f"camera {self._url}", VehicleError)
         import av
 
         options = {"fflags": "nobuffer", "flags": "low_delay"}

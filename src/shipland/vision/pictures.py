@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.errors import DataError
+from shipland.extras import require
 from shipland.vision.log_pictures import read_pictures
 
 Picture = npt.NDArray[np.uint8]
@@ -156,6 +157,7 @@ def _read_log(path: Path) -> Iterator[tuple[float, Picture]]:
 
 def _count_of(path: Path) -> int:
     """Pictures in a video as its file says; 0 where it does not."""
+    require("film", f"looking at {path}")
     import av
 
     try:
@@ -190,6 +192,7 @@ def read_video(path: Path) -> Generator[tuple[float, Picture], None, None]:
     Raises:
         DataError: it is missing, not a video, or breaks off.
     """
+    require("film", f"looking at {path}")
     import av
 
     if not path.is_file():

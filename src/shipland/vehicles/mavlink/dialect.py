@@ -6,11 +6,10 @@ import time
 from typing import Any
 
 from shipland.errors import VehicleError
+from shipland.extras import require
 
-try:
-    from pymavlink.dialects.v20 import ardupilotmega
-except ModuleNotFoundError as error:  # the extra is optional
-    raise VehicleError(f"mavlink:// needs {error.name}; install it with: pip install 'shipland[mavlink]'") from None
+require("mavlink", "mavlink://", VehicleError)
+from pymavlink.dialects.v20 import ardupilotmega  # noqa: E402 - the line above says what to install
 
 dialect: Any = ardupilotmega
 """Generated classes and constants, without types."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from shipland.errors import ConfigError, VehicleError
+from shipland.extras import require
 
 LOOPBACK = "127.0.0.1"
 _RECEIVE_BYTES = 65536
@@ -116,10 +117,9 @@ class SerialPort:
     stream = True
 
     def __init__(self, device: str, baud: int) -> None:
-        try:
-            import serial
-        except ModuleNotFoundError:
-            raise VehicleError("serial: needs pyserial; install it with: pip install 'shipland[mavlink]'") from None
+        require("mavlink", "serial:", VehicleError, "serial")
+        import serial
+
         try:
             self._port: Any = serial.Serial(device, baud, timeout=0, write_timeout=_SEND_S)
         except (OSError, ValueError) as error:

@@ -1,4 +1,4 @@
-"""Running an ONNX detector on the CPU: OpenVINO, or ONNX Runtime where there is none. Both are imported late."""
+"""Running an ONNX detector on the CPU: OpenVINO (an extra), else ONNX Runtime. Both are imported late."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from shipland.errors import DataError, SystemLibraryError
+from shipland.errors import DataError
+from shipland.extras import installed, require
 from shipland.files import check_digest
 from shipland.vision.far.decode import STRIDES, DetectorSpec, Float32
 from shipland.vision.far.parameters import Precision, Runtime
@@ -46,7 +47,7 @@ def load_engine(path: Path, runtime: Runtime = "auto", precision: Precision = "a
 
     Raises:
         DataError: the file is missing, damaged (`check_digest`), broken or no detector of this project.
-        SystemLibraryError: the runtime asked for, or any, is not installed.
+        SystemLibraryError: the runtime asked for is not installed.
     """
     if not path.is_file():
         raise DataError(f"detector weights {path} do not exist")
@@ -54,16 +55,11 @@ def load_engine(path: Path, runtime: Runtime = "auto", precision: Precision = "a
     with path.open("rb") as stream:
         if stream.read(1) != FIRST_BYTE:
             raise DataError(f"{path} is no ONNX network")
-    if runtime in ("auto", "openvino"):
-        try:
-            return OpenVinoEngine(path, precision, threads)
-        except ImportError:
-            if runtime == "openvino":
-                raise SystemLibraryError("the runtime openvino is not installed: pip install openvino") from None
-    try:
+    if runtime == "openvino":
+        require("openvino", "the runtime openvino")
+    if runtime == "onnxruntime" or not installed("openvino"):
         return OnnxRuntimeEngine(path, threads)
-    except ImportError:
-        raise SystemLibraryError("no runtime for detectors: pip install openvino (or onnxruntime)") from None
+    return OpenVinoEngine(path, precision, threads)
 
 
 def _check_picture(picture: Picture) -> None:
@@ -121,7 +117,7 @@ class OpenVinoEngine:
 
 
 class OnnxRuntimeEngine:
-    """ONNX Runtime on the CPU: the fallback."""
+    """ONNX Runtime on the CPU; as fast as OpenVINO in float32."""
 
     def __init__(self, path: Path, threads: int) -> None:
         import onnxruntime
@@ -150,8 +146,8 @@ class OnnxRuntimeEngine:
 
 def native_bf16() -> bool:
     """Whether OpenVINO is here and computes in bf16 on this CPU."""
-    try:
-        import openvino
-    except ImportError:
+    if not installed("openvino"):
         return False
+    import openvino
+
     return "BF16" in openvino.Core().get_property("CPU", "OPTIMIZATION_CAPABILITIES")
