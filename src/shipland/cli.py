@@ -16,6 +16,7 @@ from shipland.commands.compare import Compare
 from shipland.commands.config import Config
 from shipland.commands.demo import Demo
 from shipland.commands.detect import Detect
+from shipland.commands.doctor import Doctor
 from shipland.commands.evaluate import Evaluate
 from shipland.commands.example import Example
 from shipland.commands.fly import Fly
@@ -23,6 +24,7 @@ from shipland.commands.identify import Identify
 from shipland.commands.learn import Learn
 from shipland.commands.motion import Motion
 from shipland.commands.paper import Paper
+from shipland.commands.print_cue import PrintCue
 from shipland.commands.publish import Publish
 from shipland.commands.replay import Replay
 from shipland.commands.report import Report
@@ -52,6 +54,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Train,
     Evaluate,
     Learn,
+    PrintCue,
     Calibrate,
     Identify,
     Publish,
@@ -60,6 +63,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Example,
     Config,
     Suites,
+    Doctor,
     Version,
 )
 """In the order of `shipland --help`."""

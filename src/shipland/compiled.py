@@ -60,10 +60,16 @@ def cache_folder(package: Path) -> Path | None:
     return None
 
 
+def is_compiled() -> bool:
+    """Whether machine code of these sources is on disk."""
+    folder = cache_folder(Path(__file__).parent)
+    return folder is not None and any(folder.rglob("*.nbi"))
+
+
 def say_that_it_compiles() -> None:
     """Warn, in a line, where no machine code is on disk yet: a first flight then looks as if it stood still."""
-    folder = cache_folder(Path(__file__).parent)
-    if folder is None or not any(folder.rglob("*.nbi")):
+    if not (_SETTINGS.DISABLE_JIT or is_compiled()):
+        folder = cache_folder(Path(__file__).parent)
         often = "each time: no cache folder can be written" if folder is None else "once"
         _LOGGER.warning("compiling for this processor, %s; takes about a minute", often)
 

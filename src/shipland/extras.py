@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from importlib.util import find_spec
 
 from shipland.errors import ShiplandError, SystemLibraryError
@@ -34,6 +35,7 @@ EXTRAS: dict[str, Extra] = {
 }
 
 
+@cache
 def installed(name: str) -> bool:
     """Whether an extra's module is here; it is not imported."""
     return find_spec(EXTRAS[name].module) is not None

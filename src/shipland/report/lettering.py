@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import functools
 from importlib import resources
+from io import BytesIO
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from PIL import ImageFont
+
+from shipland.extras import installed
 
 Image = npt.NDArray[np.uint8]
 Bgr = tuple[int, int, int]
@@ -15,8 +19,15 @@ Bgr = tuple[int, int, int]
 _LAYOUT = ImageFont.Layout.BASIC  # the other one raises on control characters
 
 
+_PLAIN = str.maketrans("–−×", "--x")
+"""What Pillow's own font lacks."""
+
+
 @functools.cache
 def _font(size_px: int, bold: bool) -> ImageFont.FreeTypeFont:
+    if not installed("plots"):
+        own: Any = ImageFont.load_default(size_px)
+        return ImageFont.truetype(BytesIO(own.font_bytes), size_px, layout_engine=_LAYOUT)
     folder = resources.files("matplotlib") / "mpl-data" / "fonts" / "ttf"  # DejaVu Sans travels with it
     return ImageFont.truetype(
         str(folder / ("DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf")), size_px, layout_engine=_LAYOUT
@@ -27,6 +38,7 @@ def _font(size_px: int, bold: bool) -> ImageFont.FreeTypeFont:
 def _mask(text: str, size_px: int, bold: bool) -> tuple[npt.NDArray[np.uint16], int]:
     """Coverage (h, w) 0 … 256 of a line of text, and its rise above the baseline [px]."""
     font = _font(size_px, bold)
+    text = _written(text)
     left, top, right, bottom = font.getbbox(text, anchor="ls")
     if right <= left or bottom <= top:
         return np.zeros((0, 0), np.uint16), 0
@@ -37,7 +49,11 @@ def _mask(text: str, size_px: int, bold: bool) -> tuple[npt.NDArray[np.uint16], 
 
 def text_width(text: str, size_px: int, bold: bool = False) -> int:
     """Advance of a line of text [px]."""
-    return round(_font(size_px, bold).getlength(text))
+    return round(_font(size_px, bold).getlength(_written(text)))
+
+
+def _written(text: str) -> str:
+    return text if installed("plots") else text.translate(_PLAIN)
 
 
 def put_text(image: Image, text: str, at_px: tuple[int, int], size_px: int, colour: Bgr, bold: bool = False) -> None:

@@ -1,0 +1,154 @@
+"""`shipland doctor`: what works on this machine, and what to do about the rest."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import subprocess  # this Python alone
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from shipland.errors import ShiplandError
+from shipland.extras import EXTRAS, installed
+
+State = Literal["ok", "-", "FAIL"]
+_AUTOPILOTS = {"ArduCopter": "SHIPLAND_ARDUCOPTER", "PX4": "SHIPLAND_PX4"}
+_LEAST_FREE_GB = 1.0
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line.
+
+    Attributes:
+        state: ok; `-` for what flying in the simulator does without; FAIL for what it needs.
+        name: what was looked at.
+        words: what was found, and what to do.
+    """
+
+    state: State
+    name: str
+    words: str
+
+    def __str__(self) -> str:
+        return f"{self.state:<4}  {self.name:<14} {self.words}"
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Say what works on this machine, a line a thing, and what to do about what does not.
+
+    `ok` works; `-` is missing, and only what the line names needs it; FAIL is needed by every rendered flight. Exit
+    code: 0 without a FAIL, 1 with one.
+
+    Example: shipland doctor
+    """
+
+    def run(self) -> int:
+        """Look at everything."""
+        failed = False
+        for look in _LOOKS:
+            for finding in look():
+                failed |= finding.state == "FAIL"
+                print(finding, flush=True)
+        return int(failed)
+
+
+def _machine() -> Iterator[Finding]:
+    from shipland.version import code_version
+
+    cores = len(os.sched_getaffinity(0))
+    yield Finding("ok", "shipland", f"{code_version()}, Python {platform.python_version()}, {platform.machine()}")
+    yield Finding("ok", "cores", f"{cores}: shipland campaign --workers {cores}")
+    free_gb = shutil.disk_usage(".").free / 1e9
+    state: State = "ok" if free_gb >= _LEAST_FREE_GB else "-"
+    yield Finding(state, "disk", f"{free_gb:.0f} GB free here; a rendered flight leaves 25 MB")
+
+
+def _opengl() -> Iterator[Finding]:
+    from shipland.sim.scene.gl import open_context
+
+    try:
+        context = open_context()
+    except ShiplandError as error:
+        yield Finding("FAIL", "OpenGL", str(error))
+        return
+    renderer = str(context.info["GL_RENDERER"])
+    context.release()
+    on = "on the processor" if "llvmpipe" in renderer else "on the GPU"
+    yield Finding("ok", "OpenGL", f"off screen, {on}: {renderer}")
+
+
+def _compiled() -> Iterator[Finding]:
+    from shipland import compiled
+
+    folder = compiled.cache_folder(Path(compiled.__file__).parent)
+    if folder is None:
+        yield Finding("-", "compiled", "no cache folder can be written, each process compiles; set NUMBA_CACHE_DIR")
+    elif compiled.is_compiled():
+        yield Finding("ok", "compiled", f"machine code in {folder}")
+    else:
+        yield Finding("-", "compiled", "not yet: the first flight takes about a minute longer")
+
+
+def _detectors() -> Iterator[Finding]:
+    from shipland.vision.far.detector import Detector
+    from shipland.vision.far.parameters import DetectorParameters
+
+    for kind in ("ship", "bar"):
+        try:
+            engine = Detector.load(kind, DetectorParameters()).engine
+        except ShiplandError as error:
+            yield Finding("FAIL", f"detector {kind}", str(error))
+        else:
+            yield Finding("ok", f"detector {kind}", engine.description)
+
+
+def _extras() -> Iterator[Finding]:
+    for name, extra in EXTRAS.items():
+        here = installed(name)
+        words = extra.use if here else f"{extra.use}: pip install 'shipland[{name}]'"
+        yield Finding("ok" if here else "-", f"extra {name}", words)
+
+
+def _autopilots() -> Iterator[Finding]:
+    for name, variable in _AUTOPILOTS.items():
+        path = os.environ.get(variable, "")
+        if not path:
+            yield Finding("-", name, f"{variable} names no binary; only its simulator needs one (Fly SITL)")
+        elif not os.access(path, os.X_OK) or Path(path).is_dir():
+            yield Finding("-", name, f"{variable}: {path} is no program that can be run")
+        else:
+            yield Finding("ok", name, path)
+
+
+def _priority() -> Iterator[Finding]:
+    """Whether set-points may leave before other processes' work: `vehicles.pace.go_first`."""
+    tried = "import sys; from shipland.vehicles.pace import go_first; sys.exit(not go_first('process'))"
+    # in a process of its own, which takes the priority with it
+    done = subprocess.run([sys.executable, "-c", tried], check=False, timeout=60)  # noqa: S603
+    if done.returncode == 0:
+        yield Finding("ok", "priority", "set-points may leave before other processes' work")
+        return
+    user = os.environ.get("USER", "you")
+    yield Finding(
+        "-",
+        "priority",
+        "without the privilege a busy machine delays set-points to a vehicle; add to /etc/security/limits.conf: "
+        f"'{user} - rtprio 10' and '{user} - nice -15', and log in again",
+    )
+
+
+_LOOKS: tuple[Callable[[], Iterator[Finding]], ...] = (
+    _machine,
+    _opengl,
+    _compiled,
+    _detectors,
+    _extras,
+    _autopilots,
+    _priority,
+)

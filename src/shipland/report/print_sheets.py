@@ -1,0 +1,239 @@
+"""A cue or a chessboard on paper: a PDF in true size, on several sheets where it is larger than one."""
+
+from __future__ import annotations
+
+import colorsys
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shipland.cue import Cue, Hue
+from shipland.errors import ConfigError, DataError
+from shipland.frames import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PAPERS_MM = {
+    "A4": (210.0, 297.0),
+    "A3": (297.0, 420.0),
+    "A2": (420.0, 594.0),
+    "A1": (594.0, 841.0),
+    "A0": (841.0, 1189.0),
+    "Letter": (215.9, 279.4),
+    "Tabloid": (279.4, 431.8),
+}
+"""Width and height, upright."""
+_MARGIN_MM = 12.0
+"""Most printers reach to within 4 to 6 mm of the edge."""
+_OVERLAP_MM = 15.0
+_CROSS_MM = 5.0
+_RULER_MM = 100.0
+_BORDER, _LEAST_BORDER_MM = 0.25, 10.0
+"""Black around a cue, as a share of its polygons' least side."""
+_INCH_MM = 25.4
+Colour = tuple[float, float, float]
+_WHITE, _BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What is printed.
+
+    Attributes:
+        outlines_mm: (k, 2) corners (right, down) of each area, from the drawing's top-left corner.
+        size_mm: width and height.
+        ink: colour of the areas, red, green, blue from 0 to 1.
+        ground: colour around them.
+    """
+
+    outlines_mm: tuple[Array, ...]
+    size_mm: tuple[float, float]
+    ink: Colour
+    ground: Colour = _WHITE
+
+
+@dataclass(frozen=True)
+class Sheets:
+    """How a drawing lies on paper.
+
+    Attributes:
+        page_mm: width and height of a sheet, as it is turned.
+        across, down: sheets.
+        origin_mm: (right, down) place of the drawing's top-left corner from that of the first sheet's printed part.
+    """
+
+    page_mm: tuple[float, float]
+    across: int
+    down: int
+    origin_mm: tuple[float, float]
+
+    @property
+    def step_mm(self) -> tuple[float, float]:
+        """From one sheet's part of the drawing to the next one's."""
+        width_mm, height_mm = self.page_mm
+        return width_mm - 2.0 * _MARGIN_MM - _OVERLAP_MM, height_mm - 2.0 * _MARGIN_MM - _OVERLAP_MM
+
+
+def cue_drawing(cue: Cue, hue: Hue) -> Drawing:
+    """A cue's polygons in the middle of their hue, on black: the near vision looks for what is lighter than around it.
+
+    Args:
+        cue: with its corners in metres.
+        hue: of its light where it says none itself.
+    """
+    plane_mm = 1e3 * cue.plane_m
+    low, high = plane_mm.min(axis=(0, 1)), plane_mm.max(axis=(0, 1))
+    border_mm = max(_LEAST_BORDER_MM, _BORDER * float(np.ptp(plane_mm, axis=1).min()))
+    width_mm, height_mm = high - low + 2.0 * border_mm
+    outlines_mm = tuple(outline - low + border_mm for outline in plane_mm)
+    band, ink = cue.hue or hue, _WHITE
+    if band != "white":
+        first, last = band
+        middle = (first + 0.5 * ((last - first) % 180)) % 180
+        ink = colorsys.hsv_to_rgb(middle / 180.0, 1.0, 1.0)
+    return Drawing(outlines_mm, (width_mm, height_mm), ink, _BLACK)
+
+
+def chessboard_drawing(corners: str, square_m: float) -> Drawing:
+    """A chessboard with so many inner corners, across x down, as `9x6`.
+
+    Raises:
+        ConfigError: the text or the square is wrong.
+    """
+    match = re.fullmatch(r"(\d+)[x×](\d+)", corners.strip().lower())
+    if match is None or not all(3 <= int(count) <= 200 for count in match.groups()):
+        raise ConfigError(f"--board {corners} is no board; expected inner corners across × down, each 3–200, as 9x6")
+    if not 0.001 <= square_m <= 1.0:
+        raise ConfigError(f"--square-m {square_m} is no side of a square; expected 0.001 to 1 m, as 0.025")
+    across, down = int(match[1]) + 1, int(match[2]) + 1
+    side_mm = 1e3 * square_m
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    places = [np.array([i, j]) for j in range(down) for i in range(across) if (i + j) % 2 == 0]
+    outlines_mm = tuple(side_mm * (square + place) for place in places)
+    return Drawing(outlines_mm, (side_mm * across, side_mm * down), _BLACK)
+
+
+def sheets_for(size_mm: tuple[float, float], paper: str) -> Sheets:
+    """The way of turning the paper that takes fewest sheets.
+
+    Args:
+        size_mm: of the drawing.
+        paper: a name of `PAPERS_MM`, in any case.
+
+    Raises:
+        ConfigError: there is no such paper.
+    """
+    upright = {name.lower(): page for name, page in PAPERS_MM.items()}.get(paper.lower())
+    if upright is None:
+        raise ConfigError(f"--paper {paper} is not known; there are: {', '.join(PAPERS_MM)}")
+    return min((_laid(size_mm, page) for page in (upright, upright[::-1])), key=lambda it: it.across * it.down)
+
+
+def _laid(size_mm: tuple[float, float], page_mm: tuple[float, float]) -> Sheets:
+    counts, origin_mm = [], []
+    for size, page in zip(size_mm, page_mm, strict=True):
+        printed = page - 2.0 * _MARGIN_MM
+        count = max(1, math.ceil((size - _OVERLAP_MM) / (printed - _OVERLAP_MM) - 1e-9))
+        counts.append(count)
+        origin_mm.append(0.5 * (count * (printed - _OVERLAP_MM) + _OVERLAP_MM - size))
+    return Sheets(page_mm, counts[0], counts[1], (origin_mm[0], origin_mm[1]))
+
+
+def print_sheets(path: Path, drawing: Drawing, paper: str, title: str) -> Sheets:
+    """Write the PDF.
+
+    Args:
+        path: written over.
+        drawing: in true size.
+        paper: a name of `PAPERS_MM`.
+        title: at the foot of each sheet.
+
+    Returns:
+        How it lies on the paper.
+
+    Raises:
+        ConfigError: there is no such paper.
+        DataError: the file cannot be written.
+    """
+    from matplotlib.backends.backend_pdf import PdfPages
+
+    sheets = sheets_for(drawing.size_mm, paper)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with PdfPages(path, metadata={"Title": title, "CreationDate": None, "Creator": None, "Producer": None}) as pdf:
+            for row in range(sheets.down):
+                for column in range(sheets.across):
+                    pdf.savefig(_sheet(drawing, sheets, column, row, title))
+    except OSError as error:
+        raise DataError(f"{path} cannot be written: {error.strerror}") from None
+    return sheets
+
+
+def _sheet(drawing: Drawing, sheets: Sheets, column: int, row: int, title: str) -> Figure:
+    """One page, drawn in millimetres from its top-left corner; its part of the drawing, marks and a ruler."""
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Polygon, Rectangle
+
+    width_mm, height_mm = sheets.page_mm
+    figure = Figure(figsize=(width_mm / _INCH_MM, height_mm / _INCH_MM))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, width_mm), ylim=(height_mm, 0.0))
+    axes.set_axis_off()
+    step_mm = np.array(sheets.step_mm)
+    shift_mm = _MARGIN_MM + np.array(sheets.origin_mm) - step_mm * [column, row]
+    printed = Rectangle(
+        (_MARGIN_MM, _MARGIN_MM), width_mm - 2.0 * _MARGIN_MM, height_mm - 2.0 * _MARGIN_MM, transform=axes.transData
+    )
+    if drawing.ground != _WHITE:
+        axes.add_patch(Rectangle(tuple(shift_mm), *drawing.size_mm, color=drawing.ground, lw=0.0, clip_path=printed))
+    for outline_mm in drawing.outlines_mm:
+        axes.add_patch(Polygon(outline_mm + shift_mm, color=drawing.ink, lw=0.0, clip_path=printed))
+    for place_mm in _crosses(sheets):
+        _cross(axes, place_mm - step_mm * [column, row] + _MARGIN_MM, sheets)
+    foot_mm = height_mm - 0.55 * _MARGIN_MM
+    axes.plot([_MARGIN_MM, _MARGIN_MM + _RULER_MM], [foot_mm, foot_mm], color="black", lw=0.6)
+    for end_mm in (_MARGIN_MM, _MARGIN_MM + _RULER_MM):
+        axes.plot([end_mm, end_mm], [foot_mm - 1.5, foot_mm + 1.5], color="black", lw=0.6)
+    where = f", sheet {column + 1} of {sheets.across} across, {row + 1} of {sheets.down} down"
+    words = f"{title}{where if sheets.across * sheets.down > 1 else ''}; the line is 100 mm"
+    axes.text(_MARGIN_MM + _RULER_MM + 3.0, foot_mm, words, fontsize=6.0, va="center")
+    return figure
+
+
+def _crosses(sheets: Sheets) -> list[Array]:
+    """Marks that two neighbours both print, in millimetres from the first sheet's printed part."""
+    step_mm, marks = np.array(sheets.step_mm), []
+    for column in range(sheets.across):
+        for row in range(sheets.down):
+            left, top = step_mm * [column, row]
+            right, bottom = left + step_mm[0], top + step_mm[1]
+            middle = 0.5 * _OVERLAP_MM
+            if column + 1 < sheets.across:
+                marks += [np.array([right + middle, y]) for y in (top + 2.0 * middle, bottom - middle)]
+            if row + 1 < sheets.down:
+                marks += [np.array([x, bottom + middle]) for x in (left + 2.0 * middle, right - middle)]
+    return marks
+
+
+def _cross(axes: Axes, place_mm: Array, sheets: Sheets) -> None:
+    """A thin cross, where it lies on the sheet's printed part."""
+    (x, y), (width_mm, height_mm) = place_mm, sheets.page_mm
+    if not (_MARGIN_MM <= x <= width_mm - _MARGIN_MM and _MARGIN_MM <= y <= height_mm - _MARGIN_MM):
+        return
+    half = 0.5 * _CROSS_MM
+    for across, down in (((x - half, x + half), (y, y)), ((x, x), (y - half, y + half))):
+        axes.plot(across, down, color="0.5", lw=0.3)
+
+
+def words_of(drawing: Drawing, sheets: Sheets, paper: str) -> str:
+    """Size of what is printed, and how it lies on the paper, for the terminal."""
+    width_mm, height_mm = np.ptp(np.concatenate(drawing.outlines_mm), axis=0)
+    turned = "landscape" if sheets.page_mm[0] > sheets.page_mm[1] else "portrait"
+    count = sheets.across * sheets.down
+    on = f"{count} sheets of {paper}, {sheets.across} × {sheets.down}" if count > 1 else f"one sheet of {paper}"
+    return f"{width_mm:.1f} × {height_mm:.1f} mm on {on}, {turned}"

@@ -1,0 +1,81 @@
+"""Without an extra: what flies goes on, what cannot says in one line what to install."""
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from shipland.errors import ConfigError, SystemLibraryError
+from shipland.extras import EXTRAS, extra_of, installed, require
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+WITHOUT = """
+import sys
+for name in {modules}:
+    sys.modules[name] = None
+sys.argv = ["shipland", *{words}]
+from shipland.cli import main
+main()
+"""
+
+
+def without(modules, *words, cwd):
+    """The command line where these modules are not installed."""
+    code = WITHOUT.format(modules=modules, words=words)
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=cwd, timeout=300)
+
+
+def test_every_extra_is_in_the_project():
+    declared = PROJECT["optional-dependencies"]
+    assert set(EXTRAS) <= set(declared)
+    assert set(declared) - set(EXTRAS) == {"dev", "docs", "full", "parrot"}  # what no command asks for
+    page = (ROOT / "docs" / "how-to" / "install.md").read_text(encoding="utf-8")
+    assert not [name for name in EXTRAS if f"`{name}`" not in page]
+
+
+def test_one_that_is_missing_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    installed.cache_clear()
+    assert not installed("cluster")
+    with pytest.raises(ConfigError, match=r"^--cluster needs ray; install it with: pip install 'shipland\[cluster\]'$"):
+        require("cluster", "--cluster", ConfigError)
+    with pytest.raises(SystemLibraryError, match="it needs nowhere"):
+        require("train", "it", module="nowhere")
+    installed.cache_clear()
+
+
+def test_a_submodule_is_of_its_extra():
+    assert extra_of("matplotlib.backends.backend_pdf") == "plots"
+    assert extra_of("numpy") is None
+
+
+def test_the_base_flies_films_and_says_what_is_missing(tmp_path):
+    words = ("fly", "--set", "time_limit_s=0.4", "--vision", "geometric", "--out", "out")
+    done = without(["matplotlib", "av", "openvino"], *words, cwd=tmp_path)
+    assert done.returncode == 1, done.stderr  # flown, not landed
+    assert "no plots.png: pip install 'shipland[plots]'" in done.stderr
+    assert "H.264: pip install 'shipland[film]'" in done.stderr
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"flight.mcap", "flight.mp4", "summary.json", "timing.json"}
+    assert (tmp_path / "out" / "flight.mp4").stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("print-cue",), "needs matplotlib; install it with: pip install 'shipland[plots]'"),
+        (("motion",), "needs matplotlib"),
+        (("paper",), "needs matplotlib"),
+        (("evaluate",), "needs matplotlib"),
+        (("see", "film.mp4"), "looking at film.mp4 needs av; install it with: pip install 'shipland[film]'"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(tmp_path, words, said):
+    (tmp_path / "film.mp4").write_bytes(b"")
+    done = without(["matplotlib", "av"], *words, cwd=tmp_path)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert said in done.stderr
