@@ -146,7 +146,7 @@ def test_wrong_input_is_one_line(tmp_path):
 def test_the_command_says_what_to_print(tmp_path, capsys):
     assert PrintCue(out=tmp_path / "cue.pdf").run() == 0
     said = capsys.readouterr()
-    assert "the rig's bar, 1200.0 × 150.0 mm on 5 sheets of A4, 5 × 1, landscape" in said.out
+    assert "the rig's bar, 1200.0 × 150.0 mm on 8 sheets of A4, 8 × 1, portrait" in said.out
     assert "at 100 %" in said.err
 
 
