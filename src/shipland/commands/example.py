@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import itertools
+import json
 import re
 import sys
 from collections.abc import Callable
@@ -55,7 +56,9 @@ class Example:
 
 
 def _first_sentence(text: str) -> str:
-    """Of the comment at the top, or of a module's docstring."""
+    """Of a notebook's first cell below its heading, of the comment at the top, or of a module's docstring."""
+    if text.startswith("{"):
+        _, text = "".join(json.loads(text)["cells"][0]["source"]).split("\n\n", 1)
     within: Callable[[str], object] = (lambda line: line.startswith("#")) if text.startswith("#") else str.strip
     head = " ".join(line.strip("\"'# ") for line in itertools.takewhile(within, text.splitlines()))
     return re.split(r"(?<!Eq)\.(?:\s|$)", head, maxsplit=1)[0]

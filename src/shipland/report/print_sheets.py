@@ -35,7 +35,7 @@ _OVERLAP_MM = 15.0
 _CROSS_MM = 5.0
 _RULER_MM = 100.0
 _BORDER, _LEAST_BORDER_MM = 0.25, 10.0
-"""Black around a cue, as a share of its polygons' least side; on white paper a tenth loses the rig's bar from 8 m on."""
+"""Black around a cue, as a share of its polygons' least side; with a tenth the rig's bar is lost from 8 m on."""
 _INCH_MM = 25.4
 Colour = tuple[float, float, float]
 _WHITE, _BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
