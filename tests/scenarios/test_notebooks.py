@@ -35,6 +35,7 @@ def test_there_are_three():
     assert [path.stem for path in NOTEBOOKS] == ["compare_pilots", "first_flight", "own_cue"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 @pytest.mark.filterwarnings("ignore")  # Jupyter's own, of its sockets and event loops
 def test_a_notebook_runs_and_shows_what_it_keeps(path, monkeypatch):
