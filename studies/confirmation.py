@@ -108,9 +108,7 @@ def measure(case: Case, runs: int) -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         out, scenes = Path(folder), max(round(share * runs), 8)
         evaluate(
-            EvaluateArguments(
-                weights=kind, kind=kind, scenes=scenes, frames=FRAMES, seed=seed, keep_boxes=True, out=out
-            )
+            EvaluateArguments(weights=kind, kind=kind, count=scenes, frames=FRAMES, seed=seed, keep_boxes=True, out=out)
         )
         lines = (out / "scenes.jsonl").read_text(encoding="utf-8").splitlines()
     records = [SceneRecord.from_json(line, str(case["set"])) for line in lines]

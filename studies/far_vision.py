@@ -38,7 +38,7 @@ def measure(case: Case, runs: int) -> list[Row]:
         asked = EvaluateArguments(
             weights=kind,
             kind=kind,
-            scenes=scenes,
+            count=scenes,
             frames=FRAMES,
             confidence=CONFIDENCE,
             seed=SEED,

@@ -1,6 +1,6 @@
 """What the geometric camera needs to know of a detector: missed frames and errors of boxes over range.
 
-    shipland evaluate --weights ship --kind ship --scenes 240 --frames 3 --keep-boxes --out out/boxes
+    shipland evaluate --weights ship --kind ship --count 240 --frames 3 --keep-boxes --out out/boxes
     python tools/fit_boxes.py out/boxes/scenes.jsonl --kind ship
 
 Prints the lists of `[geometric.ship]` or `[geometric.bar]` in geometric/parameters.py, and how many frames they rest

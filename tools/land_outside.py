@@ -189,7 +189,7 @@ def land(arguments: Arguments, seed: int) -> dict[str, object]:
     command, place = autopilot(arguments, folder, ports)
     address = f"mavlink://{place}?camera=frames:127.0.0.1:{ports.frames}&takeoff={arguments.takeoff_m}"
     fly = ["fly", *common, "--vehicle", address, "--calibration", str(calibration), "--vision", arguments.vision]
-    fly += ["--pilot", arguments.pilot, "--out", str(folder), "--video" if arguments.video else "--no-video"]
+    fly += ["--pilot", arguments.pilot, "--out", str(folder), *(() if arguments.video else ("--no-video",))]
     config = arguments.vehicle_config
     if config is None and arguments.autopilot != "stand-in":
         config = ROOT / "examples" / f"{arguments.autopilot}.toml"

@@ -155,7 +155,7 @@ class Camera:
         if abs(width_px * self.height_px / self.width_px - height_px) > 1.0:
             raise DataError(
                 f"{name} is {width_px} × {height_px} px, the calibration is for {self.width_px} × {self.height_px} px; "
-                "expected that size or the same aspect: give its own with --camera (`shipland calibrate` makes one)"
+                "expected that size or the same aspect; give its own with --calibration (see `shipland calibrate`)"
             )
         return self.scaled(width_px, height_px)
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
+import itertools
 import os
 import sys
+import textwrap
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Annotated, Any, Protocol, Union, get_type_hints
 
@@ -35,8 +39,9 @@ from shipland.commands.suites import Suites
 from shipland.commands.synth import Synth
 from shipland.commands.train import Train
 from shipland.commands.version import Version
-from shipland.errors import ShiplandError
+from shipland.errors import ConfigError, ShiplandError
 from shipland.extras import extra_of
+from shipland.former import FORMER_OPTIONS
 from shipland.stopping import signals_interrupt
 
 COMMANDS: tuple[type[Command], ...] = (
@@ -83,17 +88,32 @@ def name_of(command: type[Command]) -> str:
 
 def subcommand(command: type[Command], *, brief: bool) -> Any:  # noqa: ANN401 - tyro reads annotations of any form
     """What tyro makes a subcommand of; `brief` shows the first sentence of its help alone."""
-    _leave_out_empty_defaults(command)
+    if not brief:
+        _polish(command)
     text = inspect.cleandoc(command.__doc__ or "").partition("\n\n")[0] if brief else None
     return Annotated[command, tyro.conf.subcommand(name_of(command), description=text)]
 
 
-def _leave_out_empty_defaults(command: type[Command]) -> None:
-    """A default that says nothing (None, an empty text, no values) is not in the help; the option's words say it."""
-    unsaid = tyro.conf.arg(help_behavior_hint="")
+def _polish(command: type[Command]) -> None:
+    """Options' words flow over their lines; a default that says nothing (None, an empty text, a flag's) is left out."""
+    words = _words_of_fields(command)
     for name, hint in get_type_hints(command, include_extras=True).items():
-        if getattr(command, name, 0) in (None, "", ()):
-            command.__annotations__[name] = Annotated[hint, unsaid]
+        default = getattr(command, name, 0)
+        hidden = "" if default in (None, "", ()) or isinstance(default, bool) else None
+        shown: Any = tyro.conf.arg(help=words.get(name), help_behavior_hint=hidden)
+        command.__annotations__[name] = Annotated[hint, shown]
+
+
+def _words_of_fields(command: type[Command]) -> dict[str, str]:
+    """The docstring below each field, in one line; tyro breaks them where the source does."""
+    words = {}
+    for owner in command.__mro__[-2::-1]:
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+        for field, below in itertools.pairwise(getattr(tree, "body", [])):
+            match field, below:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
+                    words[name] = " ".join(text.split())
+    return words
 
 
 def main() -> None:
@@ -101,15 +121,15 @@ def main() -> None:
     # Matrices here are small: threads of their own would only spin. Before NumPy is imported; workers inherit it.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     words = ["version"] if sys.argv[1:] == ["--version"] else sys.argv[1:]
-    brief = not any(word in map(name_of, COMMANDS) for word in words[:1])  # the list of all commands
-    subcommands: Any = tuple(subcommand(it, brief=brief) for it in COMMANDS)
+    subcommands: Any = tuple(subcommand(it, brief=name_of(it) not in words[:1]) for it in COMMANDS)
     any_command: Any = Union[subcommands]  # noqa: UP007 - made at run time
     try:
+        _refuse_former(words)
         command: Command = tyro.cli(
             any_command,
             args=words,
             prog="shipland",
-            config=(tyro.conf.DisallowNone,),
+            config=(tyro.conf.DisallowNone, tyro.conf.FlagCreatePairsOff),
             description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.\n\n"
             "`shipland COMMAND --help` explains one command, with an example. A first flight: "
             "shipland demo",
@@ -136,6 +156,15 @@ def main() -> None:
         code = 2
     _let_go_of_broken_streams()
     raise SystemExit(code)
+
+
+def _refuse_former(words: Sequence[str]) -> None:
+    """ConfigError for an option's former name; it says the new one."""
+    for word in words[1:]:
+        option = word.partition("=")[0]
+        new = FORMER_OPTIONS.get((words[0], option))
+        if new is not None:
+            raise ConfigError(f"{option} of `shipland {words[0]}` is called {new} now")
 
 
 def _tell(words: str) -> None:

@@ -79,6 +79,13 @@ GONE = {
 }
 """What does a former key's work today, by the key with its table."""
 
+FORMER_OPTIONS = {
+    ("evaluate", "--scenes"): "--count",
+    ("replay", "--camera"): "--calibration",
+    ("see", "--camera"): "--calibration",
+}
+"""New name of a command's option; the former one is refused with it."""
+
 
 def todays(name: str) -> str:
     """A name, or several with dots between them, as they are called today."""

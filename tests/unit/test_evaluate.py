@@ -89,12 +89,12 @@ def weights(tmp_path_factory):
 
 def test_fresh_scenes_go_on_to_the_same_records(weights, tmp_path):
     """Two scenes, then three: as three in one go; a line that was cut off is made again."""
-    first = EvaluateArguments(weights, "ship", scenes=2, frames=2, out=tmp_path / "a", confidence=0.99, threads=1)
+    first = EvaluateArguments(weights, "ship", count=2, frames=2, out=tmp_path / "a", confidence=0.99, threads=1)
     evaluate(first)
     lines = tmp_path / "a" / "scenes.jsonl"
     lines.write_text(lines.read_text()[:-9])
-    result = evaluate(replace(first, scenes=3))
-    evaluate(replace(first, scenes=3, out=tmp_path / "b"))
+    result = evaluate(replace(first, count=3))
+    evaluate(replace(first, count=3, out=tmp_path / "b"))
     assert lines.read_text() == (tmp_path / "b" / "scenes.jsonl").read_text()
     assert result.pictures == 3
     assert {item.name for item in (tmp_path / "a").iterdir()} >= {"evaluation.json", "table.md", "recall.png"}

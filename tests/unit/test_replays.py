@@ -74,7 +74,7 @@ def test_a_film_is_seen_and_decided_on(tmp_path):
     assert replayed.pairs[0].after.frame.image is None  # a film is not kept in memory
 
 
-@pytest.mark.parametrize(("size", "words"), [((640, 360), ""), ((640, 480), "give its own with --camera")])
+@pytest.mark.parametrize(("size", "words"), [((640, 360), ""), ((640, 480), "give its own with --calibration")])
 def test_a_film_of_another_size_has_its_camera_scaled_or_is_told_how_to_get_one(size, words, tmp_path):
     path = tmp_path / "film.avi"
     film = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 10, size)

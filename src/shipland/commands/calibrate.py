@@ -14,7 +14,8 @@ import tyro
 class Calibrate:
     """Calibrate a camera from pictures of a chessboard or ChArUco board.
 
-    Writes an OpenCV calibration file for `shipland see --camera`, and beside it a picture of where the corners lay.
+    Writes an OpenCV calibration file, as every option --calibration takes it, and beside it a picture of where the
+    corners lay.
 
     Example: shipland calibrate board/ --board 9x6 --square-m 0.025 --out camera.yaml
     """

@@ -35,7 +35,7 @@ class Campaign:
         --set aircraft.loop.kind=attitude,velocity --runs 200 --time-limit-s 540 --out out/tables
     """
 
-    suite: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SUITE", help_behavior_hint="")] = ""
+    suite: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[SUITE]", help_behavior_hint="")] = ""
     """Name of a suite (see `shipland suites`), or the path of its TOML file; none with --scenario."""
     out: Path = Path("out/campaign")
     """Output folder; made when missing."""
@@ -49,7 +49,7 @@ class Campaign:
     """Values of a key, laid over every cell, as `--set wind.mean_mps=0,5,9`; may be given again."""
     config: Path | None = None
     """TOML file laid over every scenario."""
-    only: tuple[str, ...] = ()
+    only: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PATTERN …")] = ()
     """Shell patterns of cells to fly, as `--only 'rig-*mean_mps=5*'`."""
     runs: int = 20
     """Flights a cell."""

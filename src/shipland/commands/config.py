@@ -22,9 +22,9 @@ class Config:
     Example: shipland config near wind --set wind.mean_mps=5
     """
 
-    scenario: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SCENARIO")] = "near"
+    scenario: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[SCENARIO]")] = "near"
     """Packaged scenario (see `shipland scenarios`), or the path of a TOML file laid over the defaults."""
-    key: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="KEY")] = ""
+    key: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[KEY]")] = ""
     """Print only keys that begin with this, as `wind` or `guidance.horizon.path`."""
     config: Path | None = None
     """TOML file laid over the scenario, any section of the configuration."""

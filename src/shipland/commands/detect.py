@@ -23,8 +23,8 @@ class Detect(PictureOptions):
 
     kind: Literal["ship", "bar"] = "ship"
     """What to look for, with the packaged weights."""
-    weights: Path | None = None
-    """Another detector's ONNX file."""
+    weights: str = ""
+    """Packaged weights (ship, bar, frigate) or an ONNX file; those of --kind when left out."""
     confidence: float | None = None
     """Least confidence of a box."""
     config: Path | None = None
@@ -38,7 +38,7 @@ class Detect(PictureOptions):
         from shipland.vision.far.parameters import detector_parameters
 
         settings = detector_parameters(self.config)
-        detector = Detector.load(self.kind if self.weights is None else str(self.weights), settings)
+        detector = Detector.load(self.weights or self.kind, settings)
         confidence = settings.acquire_confidence if self.confidence is None else self.confidence
         with Results(self, COLUMNS) as results:
             for result in detect_paths(self.paths, detector, confidence, results.broken):

@@ -13,7 +13,7 @@ from shipland.learning.arguments import EvaluateArguments
 class Evaluate(EvaluateArguments):
     """Measure a detector on a labelled set, or on fresh scenes of the simulator over range.
 
-    Example: shipland evaluate --weights ship --kind ship --scenes 2000 --out out/evaluate
+    Example: shipland evaluate --weights ship --kind ship --count 2000 --out out/evaluate
 
     Example: shipland evaluate --scenario frigate-sea5 --config examples/frigate_pictures.toml --out out/frigate-eyes
     """

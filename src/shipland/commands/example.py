@@ -28,7 +28,7 @@ class Example:
     Example: shipland example own_pilot.py
     """
 
-    name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="NAME", help_behavior_hint="")] = ""
+    name: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[NAME]", help_behavior_hint="")] = ""
     """File name of the example."""
     out: Path | None = None
     """Write it there instead."""

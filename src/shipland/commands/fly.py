@@ -48,7 +48,7 @@ class Fly(ScenarioOptions):
     out: Path = Path("out/flight")
     """Output folder; made when missing. An earlier flight's files in it are written over."""
     video: bool = True
-    """Write flight.mp4 (costs a second picture a frame, for the chase view)."""
+    """Whether flight.mp4 is written; its view from outside costs a second picture a frame."""
     vehicle: str | None = None
     """What is flown, not the simulated aircraft: `mavlink://…`, `anafi://…`, `replay://…`; see "Fly a vehicle"."""
     calibration: Path | None = None

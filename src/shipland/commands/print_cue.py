@@ -25,7 +25,7 @@ class PrintCue:
     Example: shipland print-cue --board 9x6 --square-m 0.025 --out board.pdf
     """
 
-    cue: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="CUE", help_behavior_hint="")] = None
+    cue: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[CUE]", help_behavior_hint="")] = None
     """TOML file of a cue, as `shipland see --cue` takes it; the rig's bar when left out."""
     board: str = ""
     """Print a chessboard instead, with so many inner corners across x down."""

@@ -28,13 +28,13 @@ class Replay(ScenarioOptions):
     Example: shipland replay out/flight/flight.mcap --pilot horizon
     """
 
-    recording: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")] = Path("out/flight/flight.mcap")
+    recording: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="[FILE]")] = Path("out/flight/flight.mcap")
     """A flight log, or a video."""
     pilot: str = ""
     """Who flies; not given: of a log who flew, of a video paper."""
     vision: str = ""
     """Who sees; not given: of a log who saw, of a video rendered."""
-    camera: Path | None = None
+    calibration: Path | None = None
     """OpenCV calibration YAML of a video's camera; without one it is the scenario's."""
     pitch_deg: float = 0.0
     """Pitch of a video's camera against the horizon."""
@@ -80,8 +80,8 @@ class Replay(ScenarioOptions):
 
         if is_video(self.recording):
             pilot, vision = self.pilot or "paper", self.vision or "rendered"
-            if self.camera is None:
-                print("camera: that of the scenario; --camera gives another", file=sys.stderr)
-            camera = None if self.camera is None else Camera.from_opencv_yaml(self.camera)
+            if self.calibration is None:
+                print("camera: that of the scenario; --calibration gives another", file=sys.stderr)
+            camera = None if self.calibration is None else Camera.from_opencv_yaml(self.calibration)
             return recorded_film(self.recording, self.load(), pilot, vision, self.pitch_deg, camera)
         return recorded_flight(self.recording, self.pilot, self.vision, self.changes)

@@ -23,7 +23,7 @@ class See(PictureOptions):
     What cannot be read is named on standard error and the rest is looked at; the exit code is then 1, and 2 when
     nothing could be read.
 
-    Example: shipland see film.mp4 --cue bar.toml --camera calibration.yaml --csv poses.csv --out out/drawn
+    Example: shipland see film.mp4 --cue bar.toml --calibration calibration.yaml --csv poses.csv --out out/drawn
     """
 
     cue: Path | None = None
@@ -32,7 +32,7 @@ class See(PictureOptions):
     from top-left. Default: the rig's bar, or that of --config."""
     config: Path | None = None
     """TOML with sections of the configuration, as a scenario has them: [vision], [camera], [rig]."""
-    camera: Path | None = None
+    calibration: Path | None = None
     """OpenCV calibration YAML; a line row_time_s in it tells a rolling shutter's time from row to row. Default: the
     camera in the log, else the rig's camera."""
 
@@ -59,12 +59,12 @@ class See(PictureOptions):
         from shipland.record.reader import read_log
         from shipland.vision.pictures import is_log
 
-        if self.camera is not None:
-            return Camera.from_opencv_yaml(self.camera), f"from {self.camera}"
+        if self.calibration is not None:
+            return Camera.from_opencv_yaml(self.calibration), f"from {self.calibration}"
         for path in self.paths:
             if is_log(path):
                 return read_log(path).header.camera, f"as {path} has it"
-        return Camera.from_parameters(configured), "that of the configuration; --camera gives another"
+        return Camera.from_parameters(configured), "that of the configuration; --calibration gives another"
 
 
 def _words(camera: Camera, picture: Picture) -> str:

@@ -15,7 +15,7 @@ class Suites:
     Example: shipland suites near
     """
 
-    suite: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SUITE", help_behavior_hint="")] = ""
+    suite: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[SUITE]", help_behavior_hint="")] = ""
     """Name of a suite, or the path of its TOML file; none lists the packaged ones."""
 
     def run(self) -> int:

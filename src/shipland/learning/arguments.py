@@ -98,10 +98,10 @@ class EvaluateArguments:
     """Measure a detector: on a labelled set, or on fresh scenes of the simulator over range.
 
     Attributes:
-        weights: packaged weights (ship, bar) or an ONNX file.
+        weights: packaged weights (ship, bar, frigate) or an ONNX file.
         kind: what is looked for, on fresh scenes.
         data: a labelled set; without one, fresh scenes are made.
-        scenes: number of fresh scenes.
+        count: number of fresh scenes.
         frames: consecutive frames a scene, for temporal confirmation.
         seed: of the scenes; keep it off those trained on.
         out: folder for the table (JSON) and the plot.
@@ -117,7 +117,7 @@ class EvaluateArguments:
     weights: str = "ship"
     kind: Kind = "ship"
     data: Path | None = None
-    scenes: int = 2000
+    count: int = 2000
     frames: int = 6
     seed: int = 2_000_000
     out: Path = Path("out/evaluate")
@@ -131,7 +131,7 @@ class EvaluateArguments:
 
     def __post_init__(self) -> None:
         _at_least(0, seed=self.seed, threads=self.threads)
-        _at_least(1, scenes=self.scenes, frames=self.frames, workers=self.workers)
+        _at_least(1, count=self.count, frames=self.frames, workers=self.workers)
 
 
 def _at_least(least: int, **options: int | None) -> None:

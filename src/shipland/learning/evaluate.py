@@ -236,14 +236,14 @@ def fresh_records(
     """Records of all fresh scenes: those already in `scenes.jsonl`, then new ones, written as they come."""
     made = _claim(arguments, drawn)
     yield from made.values()
-    missing = [number for number in range(arguments.scenes) if number not in made]
+    missing = [number for number in range(arguments.count) if number not in made]
     synth = fresh_scenes(parameters, arguments.config)
     blocks = [list(block) for _, block in itertools.groupby(missing, lambda n: n // synth.pictures_per_scene)]
     own = None if arguments.workers > 1 else detector
     work = partial(look_at_scenes, arguments=arguments, synth=synth, drawn=drawn, settings=settings, detector=own)
     with (arguments.out / "scenes.jsonl").open("a", encoding="utf-8") as stream:
         looks = itertools.chain.from_iterable(in_workers(work, blocks, arguments.workers, None))
-        for record in followed(looks, f"{arguments.kind} scenes", arguments.scenes, len(made)):
+        for record in followed(looks, f"{arguments.kind} scenes", arguments.count, len(made)):
             stream.write(record.to_json() + "\n")
             stream.flush()
             yield record
@@ -275,7 +275,7 @@ def _claim(arguments: EvaluateArguments, drawn: ShipAndCamera) -> dict[int, Scen
     if whole != text:
         write_atomically(lines, whole.encode())
     records = [SceneRecord.from_json(line, str(lines)) for line in whole.splitlines()]
-    return {record.number: record for record in records if record.number < arguments.scenes}
+    return {record.number: record for record in records if record.number < arguments.count}
 
 
 def look_at_scenes(
