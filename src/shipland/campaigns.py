@@ -11,7 +11,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
 import numpy.typing as npt
 
 from shipland.compiled import say_that_it_compiles
@@ -26,7 +25,7 @@ from shipland.evaluation.campaign import (
     rows_of,
     write_rows,
 )
-from shipland.evaluation.landing import Landing
+from shipland.evaluation.landing import Landing, column_of
 from shipland.evaluation.leaderboard import (
     OF_CAMPAIGNS,
     OF_PILOTS,
@@ -128,8 +127,12 @@ class Campaign:
         return list(rows_of(self.cells))
 
     def table(self) -> dict[str, npt.NDArray[Any]]:
-        """The same as arrays (n,) by name, as data frames take them."""
-        return {name: np.array([row[name] for row in self.rows]) for name in (self.rows or [{}])[0]}
+        """The same as arrays (n,) by name, as data frames take them.
+
+        A number that a flight does not have is NaN, a yes or no None in an array of objects; a setting's values are
+        numbers where all of them are.
+        """
+        return {name: column_of(name, [row[name] for row in self.rows]) for name in (self.rows or [{}])[0]}
 
     def tables(self, oracle_motions: int = 0) -> str:
         """`tables.md`: a line a cell, the rules of other publications, and pilots in pairs.

@@ -13,6 +13,7 @@ from test_campaign import GOOD, NOWHERE, seeded
 import shipland
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation import job
+from shipland.evaluation.landing import NAN, column_of
 from shipland.evaluation.statistics import share_interval
 from shipland.factories import name_of
 from shipland.guidance.pilots import horizon, paper
@@ -44,10 +45,23 @@ def test_rows_and_columns_name_cells_settings_and_landings(made_up):
     table = found.table()
     assert len(found.rows) == len(table["seed"]) == 16
     assert table["seed"][:4].tolist() == [3, 4, 5, 6]
-    assert dict(zip(table["wind.mean_mps"], table["pilot"], strict=True)) == {"0": "horizon", "5": "horizon"}
+    assert dict(zip(table["wind.mean_mps"], table["pilot"], strict=True)) == {0: "horizon", 5: "horizon"}
     assert table["success"][table["pilot"] == "horizon"].all()
     assert found.summary.count("\n") == 3
     assert {len(cell.landings) for cell in found.cells} == {4}
+
+
+def test_a_column_has_its_type_with_and_without_values():
+    assert column_of("seed", [1, 2]).dtype == int
+    assert column_of("error_m", [0.5, NAN]).dtype == float
+    assert column_of("sea_state", [6, ""]).tolist() == pytest.approx([6.0, NAN], nan_ok=True)
+    assert column_of("sea_state", ["", ""]).dtype == float
+    assert column_of("in_square", [True, False]).dtype == bool
+    assert column_of("oracle_in_square", [True, ""]).tolist() == [True, None]
+    assert column_of("cause", ["", "too fast"]).tolist() == ["", "too fast"]
+    assert column_of("wind.mean_mps", ["0", "2.5"]).tolist() == [0.0, 2.5]
+    assert column_of("aircraft.loop.kind", ["attitude", ""]).tolist() == ["attitude", ""]
+    assert column_of("suite", ["", ""]).tolist() == ["", ""]
 
 
 def test_a_folder_holds_the_same_rows_and_is_not_flown_again(made_up, tmp_path):

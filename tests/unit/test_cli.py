@@ -86,7 +86,15 @@ def test_version_and_scenarios(here):
 def test_help_says_nothing_that_helps_nobody(here):
     for command in map(name_of, COMMANDS):
         said = " ".join(here(command, "--help").stdout.split())
-        for noise in ("{None}", "(default: None)", "(default: '')", "(default: )", "PATH PATH", "[[PATH", "(default: False)"):
+        for noise in (
+            "{None}",
+            "(default: None)",
+            "(default: '')",
+            "(default: )",
+            "PATH PATH",
+            "[[PATH",
+            "(default: False)",
+        ):
             assert noise not in said, f"{command}: {noise}"
     assert "usage: shipland print-cue [-h] [CUE]" in here("print-cue", "--help").stdout
     assert "usage: shipland compare [-h] FIRST SECOND" in here("compare", "--help").stdout

@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from shipland.evaluation.oracle import take_apart
 from shipland.evaluation.recovery import recoveries
@@ -397,6 +398,31 @@ def row_of(landing: Landing) -> dict[str, Any]:
     return {name: "" if value is None else value for name, value in row.items()}
 
 
+def column_of(name: str, values: Sequence[Any]) -> npt.NDArray[Any]:
+    """Values (n,) of one column of rows, with the column's type; one of no landing, a setting's, by its values.
+
+    Args:
+        name: of the column.
+        values: of rows; an empty text is none.
+    """
+    kind = _KINDS.get(name) or _kind_of(values)
+    if kind not in ("int", "float", "bool"):
+        return np.array(values)
+    missing = "" in values
+    if kind == "bool":
+        return np.array([None if value == "" else value for value in values], dtype=object if missing else bool)
+    numbers = [NAN if value == "" else float(value) for value in values]
+    return np.array(numbers, dtype=int if kind == "int" and not missing else float)
+
+
+def _kind_of(values: Sequence[Any]) -> str:
+    try:
+        numbers = [float(value) for value in values if value != ""]
+    except ValueError:
+        return "str"
+    return "str" if not numbers else "int" if all(number.is_integer() for number in numbers) else "float"
+
+
 def landing_from(row: dict[str, str]) -> Landing:
     """A landing from the texts of a row; KeyError, TypeError or ValueError when it is none."""
     phases, conditions = Phases(**_parsed(Phases, row)), Conditions(**_parsed(Conditions, row))
@@ -413,6 +439,12 @@ def _parsed(cls: type, row: dict[str, str]) -> dict[str, Any]:
     return values
 
 
+_KINDS = {
+    one.name: str(one.type).partition(" | ")[0]
+    for part in (Landing, Phases, Conditions)
+    for one in dataclasses.fields(part)
+}
+"""Type of each column of a landing."""
 COLUMNS = [
     name
     for each in dataclasses.fields(Landing)
