@@ -29,6 +29,9 @@ _LEAST_TURN = 0.1
 _USUAL_WIDTH_M = (0.02, 10.0)
 """Widths of cues; others were given in another unit."""
 
+_DOUBTFUL_WIDTH_M = 2.5
+"""A cue of that many inches is one for a desk; of metres, one for a ship."""
+
 _INCH_M = 0.0254
 
 
@@ -155,6 +158,15 @@ class Cue:
         apart_m = np.linalg.norm(corners_m[:, None] - mirrored_m[None], axis=-1).min(axis=0)
         diagonal_m = float(np.linalg.norm(np.ptp(corners_m, axis=0)))
         return bool(apart_m.max() <= 3.0 * self.manufacturing_tolerance * diagonal_m)
+
+    @property
+    def size_words(self) -> str:
+        """How large it is, so that a wrong unit is noticed: a small cue in inches is within the usual widths."""
+        width_m, height_m = np.ptp(self.points_in_bar_m[:, 1:], axis=0)
+        said = f"{width_m:.3g} × {height_m:.3g} m"
+        if width_m >= _DOUBTFUL_WIDTH_M:
+            said += f"; corners_m are metres: were they inches, it is {width_m * _INCH_M:.2f} m wide"
+        return said
 
     @staticmethod
     def from_file(path: Path) -> Cue:

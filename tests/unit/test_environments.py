@@ -296,12 +296,19 @@ def short(tmp_path):
     return str(path)
 
 
-@pytest.mark.parametrize("algorithm", ["sac", "td3"])
-def test_the_example_with_stable_baselines_runs(example, short, tmp_path, algorithm):
+@pytest.mark.parametrize(("algorithm", "environments"), [("sac", 1), ("ppo", 1), ("ppo", 2)])
+def test_the_example_with_stable_baselines_runs(example, short, tmp_path, capsys, algorithm, environments):
     train = example("train_sb3", "stable_baselines3")
-    out = tmp_path / "policy.zip"
     found = train.main(
-        train.Arguments(steps=110, algorithm=algorithm, scenario=short, action="sticks", flights=1, out=out)
+        train.Arguments(
+            algorithm, steps=110, environments=environments, scenario=short, action="sticks", flights=1, out=tmp_path
+        )
     )
-    assert found == {"agent": 0, "zero action": 0}  # in two seconds nobody is down
-    assert out.is_file()
+    assert {who: score.landed for who, score in found.items()} == {
+        "zero action": 0,
+        "agent": 0,
+    }  # nobody is down in 2 s
+    assert {path.name for path in tmp_path.iterdir()} >= {"agent.zip", "normalise.pkl", "curve.csv", "curve.png"}
+    said = capsys.readouterr()
+    assert said.out.startswith("zero action: 0 of 1 landed in the square, mean return ")
+    assert "steps, " in said.err and "min left" in said.err

@@ -17,10 +17,10 @@ from fuzz_link import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
 from shipland.errors import ConfigError, VehicleError  # noqa: E402
 from shipland.vehicles.camera_stream import ExposureClock  # noqa: E402
 from shipland.vehicles.mavlink.control import Control  # noqa: E402
-from shipland.vehicles.mavlink.link import read_key  # noqa: E402
+from shipland.vehicles.mavlink.link import LinkCounts, read_key  # noqa: E402
 from shipland.vehicles.mavlink.parameters import VehicleLimits  # noqa: E402
 from shipland.vehicles.mavlink.ports import Place  # noqa: E402
-from shipland.vehicles.mavlink.session import Session  # noqa: E402
+from shipland.vehicles.mavlink.session import Session, advice_on_silence  # noqa: E402
 from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, MavlinkTarget, Wanted  # noqa: E402
 from shipland.vehicles.mavlink.state import ARDUPILOT, AutopilotState  # noqa: E402
 from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of  # noqa: E402
@@ -357,3 +357,15 @@ def test_ports_and_keys(tmp_path: Path) -> None:
     assert len(read_key(secret)) == 32
     with pytest.raises(ConfigError, match="cannot be read"):
         read_key(tmp_path / "none")
+
+
+@pytest.mark.parametrize(
+    ("counts", "advice"),
+    [
+        (LinkCounts(), "udp: listens, so the autopilot must send to this address"),
+        (LinkCounts(malformed=3), "check the baud rate"),
+        (LinkCounts(malformed=3, foreign=2), "2 messages came, none of an autopilot"),
+    ],
+)
+def test_silence_has_its_advice(counts, advice):
+    assert advice in advice_on_silence(counts)

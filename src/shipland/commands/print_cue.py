@@ -49,6 +49,7 @@ class PrintCue:
             rig = load_scenario({})
             cue = rig.rig.cue if self.cue is None else Cue.from_file(self.cue)
             drawing = cue_drawing(cue, rig.vision.hue)
+            print(f"cue: {cue.size_words}", file=sys.stderr)
             title = "the rig's bar" if self.cue is None else self.cue.name
         sheets = print_sheets(self.out, drawing, self.paper, title)
         print(f"{self.out}: {title}, {words_of(drawing, sheets, self.paper)}")

@@ -45,6 +45,7 @@ class See(PictureOptions):
 
         scenario = load_scenario(self.config or {})
         cue = scenario.rig.cue if self.cue is None else Cue.from_file(self.cue)
+        print(f"cue: {cue.size_words}", file=sys.stderr)
         camera, whose = self._camera(scenario.camera)
         with Results(self, COLUMNS) as results:
             for number, result in enumerate(see_paths(self.paths, cue, camera, results.broken, scenario.vision)):

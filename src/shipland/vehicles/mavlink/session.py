@@ -13,7 +13,7 @@ from shipland.errors import VehicleError
 from shipland.stopping import check_stop, sleep_or_stop
 from shipland.vehicles.mavlink.dialect import Codec, Message, dialect
 from shipland.vehicles.mavlink.guard import Orders
-from shipland.vehicles.mavlink.link import MavlinkLink, Port
+from shipland.vehicles.mavlink.link import LinkCounts, MavlinkLink, Port
 from shipland.vehicles.mavlink.modes import (
     ALT_HOLD,
     BRAKE,
@@ -134,7 +134,10 @@ class Session:
     def connect(self, timeout_s: float) -> None:
         """Wait for a heartbeat and request messages; VehicleError without a vehicle."""
         self.link.start()
-        self.wait(lambda state: math.isfinite(state.heartbeat_s), timeout_s, "no heartbeat from an autopilot")
+        try:
+            self.wait(lambda state: math.isfinite(state.heartbeat_s), timeout_s, "no heartbeat from an autopilot")
+        except VehicleError as error:
+            raise VehicleError(f"{error}; {advice_on_silence(self.link.counts)}") from None
         if self.state.autopilot not in (ARDUPILOT, PX4):
             raise VehicleError(
                 f"the autopilot says that it is of kind {self.state.autopilot} (MAV_AUTOPILOT); "
@@ -287,4 +290,20 @@ class Session:
 def _heartbeat() -> Message:
     return dialect.MAVLink_heartbeat_message(
         dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, 3
+    )
+
+
+def advice_on_silence(counts: LinkCounts) -> str:
+    """What to try when no autopilot was heard, by what was."""
+    if counts.foreign:
+        return (
+            f"{counts.foreign} messages came, none of an autopilot's heartbeat with the system id asked for: is it "
+            "?system= that excludes it, or was only a ground station heard?"
+        )
+    if counts.malformed:
+        return "bytes came, but no sound message: check the baud rate, and the signing key on both sides"
+    return (
+        "nothing came: udp: listens, so the autopilot must send to this address (ArduPilot's simulator: "
+        "--out HOST:PORT; a companion's mavlink-router: an endpoint in Normal mode); udpout: speaks first; another "
+        "program on this port, or a firewall, takes it away"
     )
