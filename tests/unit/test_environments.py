@@ -307,7 +307,7 @@ def test_the_example_with_stable_baselines_runs(example, short, tmp_path, capsys
     assert {who: score.landed for who, score in found.items()} == {
         "zero action": 0,
         "agent": 0,
-    }  # nobody is down in 2 s
+    }  # no time
     assert {path.name for path in tmp_path.iterdir()} >= {"agent.zip", "normalise.pkl", "curve.csv", "curve.png"}
     said = capsys.readouterr()
     assert said.out.startswith("zero action: 0 of 1 landed in the square, mean return ")
