@@ -10,6 +10,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 import shipland
 from shipland import version
@@ -45,6 +46,7 @@ def test_one_version_everywhere():
     newest = re.search(r"^## (\d\S*)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
     assert newest
     assert newest[1] == version.RELEASE
+    assert f"\nversion: {version.RELEASE}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert shipland.__version__ == version.code_version()
     assert "version" in PROJECT["dynamic"]
 
@@ -150,6 +152,16 @@ def test_the_console_script_is_the_command_line():
         entry for entry in importlib.metadata.entry_points(group="console_scripts") if entry.name == "shipland"
     ]
     assert script.value == "shipland.cli:main"
+
+
+def test_the_constraints_are_of_what_is_required():
+    pinned = dict(
+        re.findall(r"^([\w-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(encoding="utf-8"), re.MULTILINE)
+    )
+    extras = PROJECT["optional-dependencies"]
+    for wanted in (*PROJECT["dependencies"], *extras["plots"], *extras["film"], *extras["openvino"]):
+        requirement = Requirement(wanted)
+        assert pinned[requirement.name] in requirement.specifier, wanted
 
 
 def test_run_time_needs_no_torch():
