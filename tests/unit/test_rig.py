@@ -207,3 +207,9 @@ def test_a_cue_of_a_file_is_taken_for_hand_cut_unless_it_says(tmp_path):
 )
 def test_the_share_of_a_view_that_shows_a_box(ahead_m, right_m, share):
     assert view_share(ahead_m, right_m, 1.0, (-1.0, 1.0, -0.5, 0.5)) == pytest.approx(share, abs=1e-12)
+
+
+def test_the_size_of_a_cue_is_said_so_that_inches_are_noticed():
+    assert Cue((Polygon.rectangle((0.0, 0.0), 1.2, 0.15),)).size_words == "1.2 × 0.15 m"
+    wide = Cue((Polygon.rectangle((0.0, 0.0), 6.0, 4.0),)).size_words
+    assert wide == "6 × 4 m; corners_m are metres: were they inches, it is 0.15 m wide"

@@ -45,12 +45,12 @@ class See(PictureOptions):
 
         scenario = load_scenario(self.config or {})
         cue = scenario.rig.cue if self.cue is None else Cue.from_file(self.cue)
-        print(f"cue: {cue.size_words}", file=sys.stderr)
         camera, whose = self._camera(scenario.camera)
         with Results(self, COLUMNS) as results:
             for number, result in enumerate(see_paths(self.paths, cue, camera, results.broken, scenario.vision)):
                 if number == 0:
                     print(f"camera: {_words(camera, result.picture.image)}, {whose}", file=sys.stderr)
+                    print(f"cue: {cue.size_words}", file=sys.stderr)
                 results.add(result, lambda it=result: draw_observation(it.picture.image, it.observation))  # type: ignore[misc]
         return results.exit_code
 
