@@ -53,7 +53,7 @@ class Arguments:
     algorithm: Literal["ppo", "sac"] = "ppo"
     steps: int = 100_000
     environments: int = 1
-    scenario: str = "rig-sea6"
+    scenario: str = "near"
     action: Literal["residual", "sticks"] = "residual"
     pilot: str = "horizon"
     bound: float = 0.2
@@ -99,7 +99,7 @@ def make_agent(arguments: Arguments, envs: VecNormalize) -> BaseAlgorithm:
     """The algorithm, exploring little: a residual of zero already lands."""
     if arguments.algorithm == "sac":
         return SAC("MlpPolicy", envs, gamma=0.995, learning_starts=1000, seed=arguments.seed, device="cpu")
-    policy = {"log_std_init": -1.0}
+    policy = {"log_std_init": -2.0 if arguments.action == "residual" else -0.5}
     steps = max(64, min(2048, arguments.steps // 4) // arguments.environments)
     return PPO("MlpPolicy", envs, gamma=0.995, n_steps=steps, policy_kwargs=policy, seed=arguments.seed, device="cpu")
 
