@@ -30,7 +30,7 @@ from shipland.scenario.visions import needs_pictures
 from shipland.version import code_version
 
 _SOURCES = {".py", ".toml", ".frag", ".vert", ".glsl", ".npz"}
-_LIBRARIES = ("numpy", "scipy", "mujoco", "opencv-python-headless", "openvino")
+_LIBRARIES = ("numpy", "scipy", "mujoco", "opencv-python-headless", "onnxruntime", "openvino")
 _BOUND = {
     "source": "code (its files differ)",
     "configuration": "configuration",
