@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from shipland.cli import COMMANDS, main, name_of
+from shipland.commands.fly import Fly
 from shipland.evaluation import progress
 from shipland.record.reader import read_log
 
@@ -253,3 +254,25 @@ def test_a_connection_that_is_lost_ends_the_flight_in_order(tmp_path):
         "flight.mcap", "plots.png", "summary.json", "timing.json",
     ]  # fmt: skip
     assert read_log(tmp_path / "flight.mcap").complete
+
+
+def test_demo_is_the_demo_scenario_and_says_what_to_look_at(here, monkeypatch):
+    flown = []
+    monkeypatch.setattr(Fly, "run", lambda command: flown.append(command) or 1)
+    done = here("demo", "--seed", "3", "--out", "out/a b")
+    assert (done.returncode, flown) == (1, [Fly(scenario="demo", seed=3, out=Path("out/a b"))])
+    assert "look at 'out/a b/flight.mp4'" in done.stderr
+    makefile = (EXAMPLES.parent / "Makefile").read_text(encoding="utf-8")
+    assert "$(BIN)/shipland demo $(ARGS)" in makefile
+
+
+def test_what_needs_a_missing_module_says_what_to_install(here, monkeypatch):
+    def run(command):
+        raise ModuleNotFoundError("No module named 'matplotlib.figure'", name="matplotlib.figure")
+
+    monkeypatch.setattr(Fly, "run", run)
+    done = here("fly")
+    assert (done.returncode, done.stderr) == (
+        2,
+        "shipland: this needs matplotlib.figure; install it with: pip install 'shipland[plots]'\n",
+    )

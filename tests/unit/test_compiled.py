@@ -50,3 +50,16 @@ def test_the_machine_code_lies_in_that_folder(monkeypatch, tmp_path):
     assert compiled(thrice)(1.5) == 4.5
     assert list(tmp_path.rglob("*.nbi"))
     assert before == module.numba.config.CACHE_DIR
+
+
+def test_a_first_flight_says_that_it_compiles_and_a_second_does_not(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(module, "cache_folder", lambda _: tmp_path)
+    monkeypatch.setattr(module._SETTINGS, "DISABLE_JIT", 0)
+    module.say_that_it_compiles()
+    assert caplog.messages == ["compiling for this processor, once; takes about a minute"]
+    (tmp_path / "kernels.nbi").write_text("")
+    module.say_that_it_compiles()
+    assert len(caplog.messages) == 1
+    monkeypatch.setattr(module, "cache_folder", lambda _: None)
+    module.say_that_it_compiles()
+    assert "each time: no cache folder can be written" in caplog.messages[1]
