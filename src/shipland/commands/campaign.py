@@ -12,6 +12,7 @@ import tyro
 
 from shipland.commands.options import Changes, command_line, names_of
 from shipland.errors import ConfigError
+from shipland.extras import installed
 
 if TYPE_CHECKING:
     from shipland import campaigns
@@ -80,8 +81,9 @@ class Campaign:
         except KeyboardInterrupt:
             stopped, found = True, self._campaign(0)
         print((self.out / "tables.md").read_text(encoding="utf-8"), end="")
+        picture = "landings.png" if installed("plots") else "(no landings.png: pip install 'shipland[plots]')"
         print(
-            f"{self.out}: tables.md, flights.csv, and for each cell a folder with landings.csv, table.md, landings.png "
+            f"{self.out}: tables.md, flights.csv, and for each cell a folder with landings.csv, table.md, {picture} "
             f"and logs; one page of all: shipland report {shlex.quote(str(self.out))}",
             file=sys.stderr,
         )

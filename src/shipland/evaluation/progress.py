@@ -58,6 +58,7 @@ class ProgressBar:
         self._task = self._bar.add_task("flights")
         self._resumes = resumes
         self._begun_s = self._said_s = time.monotonic()
+        self._first_s = 0.0
         self._last: CampaignProgress | None = None
 
     def __enter__(self) -> ProgressBar:
@@ -77,9 +78,11 @@ class ProgressBar:
         words = f"{now.landed} of {now.flown} landed in the {now.area} ({100.0 * low:.0f}–{100.0 * high:.0f} %)"
         self._bar.update(self._task, completed=now.flown, description=words)
         now_s, left = time.monotonic(), now.to_fly - now.flown
-        if not self._live and now_s - self._said_s > _SAY_EVERY_S:
+        self._first_s = self._first_s or now_s
+        if not self._live and now.flown > 1 and now_s - self._said_s > _SAY_EVERY_S:
             self._said_s = now_s
-            minutes = left * (now_s - self._begun_s) / now.flown / 60.0
+            # the first flight is not counted: it may have compiled
+            minutes = left * (now_s - self._first_s) / max(1, now.flown - 1) / 60.0
             print(f"{words}, {left} to fly, {minutes:.1f} min to go", file=sys.stderr, flush=True)
 
     def __exit__(
