@@ -25,10 +25,24 @@ def executed(path: Path) -> nbformat.NotebookNode:
     for cell in notebook.cells:
         cell.metadata = {}
         if cell.cell_type == "code":
-            cell.outputs = [output for output in cell.outputs if output.get("name") != "stderr"]
-            for output in cell.outputs:
-                output.pop("metadata", None) if output.output_type == "stream" else output.update(metadata={})
+            cell.outputs = _whole([output for output in cell.outputs if output.get("name") != "stderr"])
     return notebook
+
+
+def _whole(outputs: list[nbformat.NotebookNode]) -> list[nbformat.NotebookNode]:
+    """Outputs with the pieces in which text arrived put together."""
+    kept: list[nbformat.NotebookNode] = []
+    for output in outputs:
+        if output.output_type != "stream":
+            output.metadata = {}
+        elif kept and kept[-1].output_type == "stream":
+            kept[-1].text += output.text
+            continue
+        kept.append(output)
+    for output in kept:
+        if output.output_type == "stream":
+            output.text = output.text.replace("\r\n", "\n")
+    return kept
 
 
 def main() -> None:
