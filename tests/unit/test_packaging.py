@@ -154,6 +154,12 @@ def test_the_console_script_is_the_command_line():
     assert script.value == "shipland.cli:main"
 
 
+def test_every_way_of_installing_names_the_same_system_packages():
+    wanted = re.search(r"graphics_packages=\((.*)\)", (ROOT / "tools" / "setup.sh").read_text(encoding="utf-8"))[1]
+    for place in ("Containerfile", ".devcontainer/devcontainer.json", ".github/workflows/release.yml"):
+        assert wanted in (ROOT / place).read_text(encoding="utf-8"), place
+
+
 def test_the_constraints_are_of_what_is_required():
     pinned = dict(
         re.findall(r"^([\w-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(encoding="utf-8"), re.MULTILINE)
