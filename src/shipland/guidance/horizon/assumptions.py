@@ -63,7 +63,8 @@ class Assumptions:
         disturbances = parameters.horizontal_servo_at if servo else parameters.horizontal_at
         noise = disturbances(self.gust_mps2)
         if self.ship_mps > 0.0:
-            noise = replace(noise, velocity_bias_mps=self.ship_mps, velocity_bias_time_s=parameters.course_time_s)
+            longer = math.sqrt(noise.velocity_bias_time_s / parameters.course_time_s)
+            noise = replace(noise, velocity_bias_mps=self.ship_mps * longer)
         shares = None  # a ship's sway is larger than its surge, and goes with its heave
         if self.wave.bar_moves and self.axis_rad is not None:
             shares = replace(parameters.wave.spread, along_rad=self.axis_rad)
