@@ -130,6 +130,7 @@ class Landing:
         over_slew_percent: the most that such a step was beyond the slew bound.
         recovery_s: longest time from the first clear sight of the bar after a fault until the pilot's place was true
             again; infinite where it never was; None where no fault can be judged so.
+        landing_probability: by the pilot, as the final descent began; None from a pilot that does not tell it.
         error_m: distance of the touchdown point from the deck's centre.
         reason: the verdict in words.
         phases: how the flight went before.
@@ -168,6 +169,7 @@ class Landing:
     step_percent: float = NAN
     over_slew_percent: float = NAN
     recovery_s: float | None = None
+    landing_probability: float | None = None
     error_m: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -247,6 +249,7 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
             step_percent=step_percent,
             over_slew_percent=over_percent,
             recovery_s=recovery_s,
+            landing_probability=_landing_probability(records, time_s),
         )
     )
 
@@ -301,6 +304,12 @@ def phases_of(records: Sequence[FlightRecord], end_s: float) -> Phases:
         go_around_s=spent_s[Mode.GO_AROUND],
         tries=tries,
     )
+
+
+def _landing_probability(records: Sequence[FlightRecord], contact_s: float) -> float | None:
+    """What the pilot said last before contact: it keeps to it once the final descent has begun."""
+    before = (record for record in reversed(records) if record.telemetry.t_s < contact_s)
+    return next((record.decision.landing_probability for record in before), None)
 
 
 def _fault_words(fault: Fault) -> str:
