@@ -51,7 +51,9 @@ class Conditions:
     """The conditions drawn for a flight.
 
     Attributes:
-        wind_mps: mean wind speed.
+        wind_mps: mean wind speed, `wind.mean_mps`.
+        wind_10m_mps: the same wind's mean at 10 m over the surface, as meteorologists say it.
+        wind_gust_mps: its strongest three seconds within ten minutes, at the height of the hover.
         wind_from_deg: compass direction that it comes from.
         wind_off_bow_deg: the same clockwise from the bow at the start, within ±180.
         surface: land or sea.
@@ -77,6 +79,8 @@ class Conditions:
     """
 
     wind_mps: float
+    wind_10m_mps: float
+    wind_gust_mps: float
     wind_from_deg: float
     wind_off_bow_deg: float
     surface: str
@@ -337,6 +341,7 @@ def conditions_of(scenario: Scenario, seed: int, ship: Ship, records: Sequence[F
     """The conditions drawn for the flight of `seed`; its start is taken from its first record."""
     wind, in_waves = drawn_wind_of(scenario, seed), scenario.ship.motion == "sea"
     start = ship.at(0.0).course
+    readings = wind.readings_at(scenario.rig.deck_height_m + scenario.guidance.approach.hover_height_m)
     distance_m = bearing_deg = height_m = error_deg = NAN
     if records and (truth := records[0].truth) is not None:
         ship_from_body = truth.ned_from_ship.inverse() @ truth.ned_from_body
@@ -347,6 +352,8 @@ def conditions_of(scenario: Scenario, seed: int, ship: Ship, records: Sequence[F
         error_deg = math.degrees(wrap_angle(yaw_rad - math.atan2(-y, -x)))
     return Conditions(
         wind_mps=wind.mean_mps,
+        wind_10m_mps=readings.mean_10m_mps,
+        wind_gust_mps=readings.gust_mps,
         wind_from_deg=wind.from_deg % 360.0,
         wind_off_bow_deg=math.degrees(wrap_angle(math.radians(wind.from_deg) - start.course_rad)),
         surface=wind.surface,

@@ -106,7 +106,7 @@ class Estimated:
 
     @cached_property
     def course_rad(self) -> float | None:
-        """Where the ship goes, in the axes of the flight: its heading while that is not seen; None while it is unsure."""
+        """Direction of the ship's velocity, in the axes of the flight; None while that is not known from zero."""
         north, east = self.across.of(VELOCITY_BIAS).tolist()
         variances = np.diagonal(self.across.covariance)[VELOCITY_BIAS::STATES].tolist()
         return math.atan2(east, north) if north**2 + east**2 > _COURSE_SIGMAS**2 * max(variances) else None
