@@ -52,8 +52,6 @@ class Conditions:
 
     Attributes:
         wind_mps: mean wind speed, `wind.mean_mps`.
-        wind_10m_mps: the same wind's mean at 10 m over the surface, as meteorologists say it.
-        wind_gust_mps: its strongest three seconds within ten minutes, at the height of the hover.
         wind_from_deg: compass direction that it comes from.
         wind_off_bow_deg: the same clockwise from the bow at the start, within ±180.
         surface: land or sea.
@@ -76,11 +74,11 @@ class Conditions:
         telemetry: profile of the link.
         visibility_m: of the scene's air; met by pictures only.
         faults: kinds and times of what was made to fail, in words; empty where nothing was.
+        wind_10m_mps: the wind's mean at 10 m over the surface, as meteorologists say it.
+        wind_gust_mps: its strongest three seconds within ten minutes, at the height of the hover.
     """
 
     wind_mps: float
-    wind_10m_mps: float
-    wind_gust_mps: float
     wind_from_deg: float
     wind_off_bow_deg: float
     surface: str
@@ -104,6 +102,8 @@ class Conditions:
     telemetry: str
     visibility_m: float
     faults: str
+    wind_10m_mps: float = NAN
+    wind_gust_mps: float = NAN
 
 
 @dataclass(frozen=True)
@@ -414,7 +414,11 @@ def row_of(landing: Landing) -> dict[str, Any]:
 
 
 def landing_from(row: dict[str, str]) -> Landing:
-    """A landing from the texts of a row; KeyError, TypeError or ValueError when it is none."""
+    """A landing from the texts of a row, which may lack columns that have a default.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is none.
+    """
     phases, conditions = Phases(**_parsed(Phases, row)), Conditions(**_parsed(Conditions, row))
     return Landing(**_parsed(Landing, row), phases=phases, conditions=conditions)
 
@@ -423,7 +427,7 @@ def _parsed(cls: type, row: dict[str, str]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for each in dataclasses.fields(cls):
         kind, _, optional = str(each.type).partition(" | ")
-        if each.init and kind in _PARSERS:
+        if each.init and kind in _PARSERS and (each.name in row or each.default is dataclasses.MISSING):
             text = row[each.name]
             values[each.name] = None if optional and text == "" else _PARSERS[kind](text)
     return values

@@ -100,7 +100,9 @@ def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]
 def _wind(landings: Sequence[Landing]) -> str:
     met = [it.conditions for it in landings]
     readings = zip(*((it.wind_mps, it.wind_10m_mps, it.wind_gust_mps) for it in met), strict=True)
-    return ", ".join(f"{np.median(values):.1f}" for values in readings)
+    return ", ".join(
+        f"{np.median(values):.1f}" for values in readings if np.isfinite(values).all()
+    )  # older rows lack some
 
 
 def _quantile(values: np.ndarray[tuple[int], np.dtype[np.float64]], share: float, rng: np.random.Generator) -> str:
