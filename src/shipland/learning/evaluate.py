@@ -122,21 +122,22 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -
     settings = detector_parameters(arguments.config)
     settings = replace(settings, runtime=arguments.runtime, precision=arguments.precision, threads=arguments.threads)
     parameters = build(EvaluateParameters, learning_table("evaluate", arguments.config), "evaluate")
-    detector = Detector.load(arguments.weights, settings)
     confidence = settings.acquire_confidence if arguments.confidence is None else arguments.confidence
     tally, strict = Tally(parameters.match_iou), [Tally(overlap) for overlap in COCO_IOUS]
     missed: list[str] = []
     if arguments.data is not None:
-        dataset = read_dataset(arguments.data)
+        dataset = read_dataset(arguments.data, arguments.classes)
+        detector = _detector_of_set(arguments, settings, dataset)
         records, missed = _labelled(detector, dataset, confidence, [tally, *strict])
     else:
         drawn = ShipAndCamera.packaged() if drawn is None else drawn
+        detector = _detector(arguments, settings)
         records = list(fresh_records(arguments, parameters, drawn, detector, settings))
         for record in records:
             _add([tally, *strict], record)
     tables = _tables(records, arguments, parameters, confidence)
     result = Evaluation(
-        f"{detector.engine.description}, {detector.engine.spec.note or 'no note'}",
+        detector.description,
         confidence,
         tally.pictures,
         tally.average_precision(),
@@ -182,31 +183,49 @@ def _tables(
     return {name: range_table(part, edges, confidence, parameters.match_iou) for name, part in parts.items() if part}
 
 
+def _weights(arguments: EvaluateArguments, settings: DetectorParameters) -> str:
+    return arguments.weights or (settings.ship_weights if arguments.kind == "ship" else settings.bar_weights)
+
+
+def _detector(arguments: EvaluateArguments, settings: DetectorParameters) -> Detector:
+    """As it flies."""
+    kind = settings.ship_class if arguments.kind == "ship" else settings.bar_class
+    return Detector.load(_weights(arguments, settings), settings, (kind,))
+
+
+def _detector_of_set(arguments: EvaluateArguments, settings: DetectorParameters, dataset: Dataset) -> Detector:
+    """Looks for the set's classes: by number where it has as many, else by name."""
+    weights = _weights(arguments, settings)
+    detector = Detector.load(weights, settings)
+    if len(detector.kinds) == len(dataset.classes):
+        return detector
+    why = f"the detector knows {', '.join(detector.reader.classes)}"
+    if len(detector.kinds) > len(dataset.classes):
+        try:
+            return Detector.load(weights, settings, dataset.classes)
+        except DataError as error:
+            why = str(error)
+    raise DataError(
+        f"{dataset.folder} has the classes {', '.join(dataset.classes)}; {why}; --classes names the set's classes as "
+        "the detector does, --weights gives another detector"
+    )
+
+
 def _labelled(
     detector: Detector, dataset: Dataset, confidence: float, tallies: Sequence[Tally]
 ) -> tuple[list[SceneRecord], list[str]]:
     """Records of the pictures whose range is known, and the names of those with a missed target."""
-    if len(dataset.classes) != len(detector.engine.spec.classes):
-        raise DataError(
-            f"{dataset.folder} has the classes {', '.join(dataset.classes)}; the detector was trained for "
-            f"{', '.join(detector.engine.spec.classes)}; --weights gives another detector"
-        )
     records, missed = [], []
     for number, sample in enumerate(followed(dataset.samples, "pictures", len(dataset.samples))):
         picture, targets = sample.load()
-        boxes = np.concatenate(
-            [
-                np.array(_rows(detector.detect(picture, LEAST_CONFIDENCE, kind)), np.float32).reshape(-1, 5)
-                for kind in range(len(dataset.classes))
-            ]
-        )
+        sure = tuple(_rows(detector.detect(picture, LEAST_CONFIDENCE)))
+        boxes = np.array(sure, np.float32).reshape(-1, 5)
         verdict, *_ = [tally.add(boxes[:, :4], boxes[:, 4], targets) for tally in tallies]
         if len(np.unique(verdict[(verdict >= 0) & (boxes[:, 4] >= confidence)])) < len(targets):
             missed.append(sample.path.name)
         if "range_m" in sample.scene and len(targets) < 2:
             target = tuple(targets[0, 1:5].tolist()) if len(targets) else None
             scene = sample.scene
-            sure = tuple(tuple(row) for row in boxes.tolist())
             seen = (scene["range_m"], scene["visibility_m"], scene["decoys"])
             records.append(SceneRecord(number, *seen, target, sure))
     return records, missed
@@ -253,7 +272,7 @@ def _claim(arguments: EvaluateArguments, drawn: ShipAndCamera) -> dict[int, Scen
     """Records that are there already; DataError when they come from other arguments."""
     out = arguments.out
     wanted = {
-        "weights": arguments.weights,
+        "weights": arguments.weights or arguments.kind,
         "kind": arguments.kind,
         "seed": arguments.seed,
         "frames": arguments.frames,
@@ -298,7 +317,7 @@ def look_at_scenes(
     """
     rig, camera = drawn.rig, Camera.from_parameters(drawn.camera)
     if detector is None:
-        detector = Detector.load(arguments.weights, settings)
+        detector = _detector(arguments, settings)
     scene_parameters, waves = draw_scene(numbers[0] // synth.pictures_per_scene, synth, arguments.seed)
     scene = Scene(rig, scene_parameters, np.random.default_rng(waves))
     try:
@@ -315,13 +334,13 @@ class _FirstLook(Detector):
     """A detector that keeps the boxes of the last whole picture: two who look at it cost one look."""
 
     def __init__(self, detector: Detector) -> None:
-        super().__init__(detector.engine, detector.max_iou)
+        super().__init__(detector.reader, detector.max_iou, detector.kinds, detector.tile_px)
         self._picture: Picture | None = None
         self._found: list[Box] = []
 
-    def detect(self, picture: Picture, min_confidence: float, kind: int = 0) -> list[Box]:
+    def detect(self, picture: Picture, min_confidence: float) -> list[Box]:
         if picture is not self._picture:
-            self._picture, self._found = picture, super().detect(picture, min(LEAST_CONFIDENCE, min_confidence), kind)
+            self._picture, self._found = picture, super().detect(picture, min(LEAST_CONFIDENCE, min_confidence))
         return [box for box in self._found if box.confidence >= min_confidence]
 
 
