@@ -8,6 +8,7 @@ average.
 from __future__ import annotations
 
 import os
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,6 +33,7 @@ from shipland.learning.progress import followed
 from shipland.learning.results import Trained, write_results
 from shipland.learning.run import BEST, LAST, Run, steps
 from shipland.learning.settings import TrainParameters, train_parameters
+from shipland.learning.split import split
 from shipland.learning.windows import DiskWindows, ResidentWindows, Windows, decoded_bytes
 from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, yolov3_layers
 from shipland.vision.far.decode import Decoding, DetectorSpec
@@ -59,8 +61,12 @@ def train(arguments: TrainArguments) -> Path:
     parameters = _parameters(arguments)
     torch.set_num_threads(max(1, arguments.threads))
     dataset = _datasets(arguments)
-    fitting, held_out = dataset.split(parameters.held_out, arguments.seed)
     arguments.out.mkdir(parents=True, exist_ok=True)
+    parts = split(dataset, parameters.held_out, arguments.seed)
+    fitting, held_out = parts.fitting, parts.held_out
+    print(f"{len(held_out.samples)} of {len(dataset.samples)} pictures held out: {parts.how}", file=sys.stderr)
+    if parts.warning:
+        print(f"WARNING: {parts.warning}. Trust `shipland evaluate --data` on another day's pictures.", file=sys.stderr)
     run = _start(arguments, parameters, fitting)
     windows = _windows(arguments, parameters, fitting, run.device)
     if isinstance(windows, DiskWindows):
