@@ -251,7 +251,7 @@ def test_windows_from_memory_lie_over_hard_places(squares):
 def test_a_run_from_memory_stops_when_its_time_is_up(squares, tmp_path):
     """A time of no steps still ends with a detector; hard rounds happen in a run of ten steps."""
     wanted = arguments(squares, tmp_path / "run", 1000, minutes=1e-3, memory="device")
-    assert load_reader(training.train(wanted), "onnxruntime", "fp32", 1).classes == ("ship",)
+    assert load_reader(training.train(wanted).detector, "onnxruntime", "fp32", 1).classes == ("ship",)
     _, _, progress = load_checkpoint(tmp_path / "run" / running.LAST)
     assert 1 <= progress.step < 1000
     training.train(arguments(squares, tmp_path / "hard", 10, memory="device"))
@@ -277,20 +277,21 @@ def test_resumed_run_equals_one_in_a_piece(squares, tmp_path, monkeypatch):
     """Cut off after five steps and resumed to ten: every tensor as in a run of ten, bit for bit."""
     training.train(arguments(squares, tmp_path / "whole", 10))
     cut = tmp_path / "cut"
-    evaluate = running._evaluate
+    write = running.write_detector
 
-    def stop(run, *rest):
-        evaluate(run, *rest)
-        if run.progress.step == 5:
-            raise KeyboardInterrupt
+    def stop(*rest):
+        write(*rest)
+        raise KeyboardInterrupt
 
-    monkeypatch.setattr(running, "_evaluate", stop)
+    monkeypatch.setattr(running, "write_detector", stop)
     with pytest.raises(KeyboardInterrupt):
         training.train(arguments(squares, cut, 10))
-    monkeypatch.setattr(running, "_evaluate", evaluate)
+    monkeypatch.setattr(running, "write_detector", write)
+    assert load_reader(cut / "detector.onnx", "onnxruntime", "fp32", 1).note.startswith("shipland train, step 5")
+    assert (cut / "curves.png").is_file()
     with pytest.raises(DataError, match="--resume"):
         training.train(arguments(squares, cut, 10))
-    detector = training.train(arguments(squares, cut, 10, resume=True))
+    detector = training.train(arguments(squares, cut, 10, resume=True)).detector
     one, _, _ = load_checkpoint(tmp_path / "whole" / training.LAST)
     two, _, _ = load_checkpoint(cut / training.LAST)
     assert one.keys() == two.keys()

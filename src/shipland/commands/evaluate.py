@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from shipland.commands.options import ship_and_camera_of
+from shipland.files import write_atomically
 from shipland.learning.arguments import EvaluateArguments
 
 
@@ -24,5 +25,13 @@ class Evaluate(EvaluateArguments):
         """Measure and print the tables."""
         from shipland.learning.evaluate import evaluate
 
-        print(evaluate(self, ship_and_camera_of(self.scenario)).text())
+        found = evaluate(self, ship_and_camera_of(self.scenario))
+        print(found.text())
+        if found.looks:
+            from shipland.report.looks_page import looks_page
+
+            title = f"{found.pictures} pictures of {self.data}"
+            page = looks_page(found.looks, found.confidence, title, found.text().splitlines()[0])
+            write_atomically(self.out / "looks.html", page.encode())
+            print(self.out / "looks.html")
         return 0

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,8 +31,8 @@ from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.loss import Anchors, fit_anchors
 from shipland.learning.network import Network, load_weights
 from shipland.learning.progress import followed
-from shipland.learning.results import Trained, write_results
-from shipland.learning.run import BEST, LAST, Run, steps
+from shipland.learning.results import CURVES, DETECTOR, Trained, plot_curves, write_results
+from shipland.learning.run import BEST, LAST, Run, steps, through
 from shipland.learning.settings import TrainParameters, train_parameters
 from shipland.learning.split import split
 from shipland.learning.windows import DiskWindows, ResidentWindows, Windows, decoded_bytes
@@ -47,8 +48,8 @@ MOST_OF_MEMORY = 0.6
 """How much of a GPU's free memory a set may take."""
 
 
-def train(arguments: TrainArguments) -> Path:
-    """Train, evaluate, export; the path of the detector's ONNX file.
+def train(arguments: TrainArguments) -> Trained:
+    """Train, evaluate, export; `detector.onnx` is the best so far from the first evaluation on.
 
     Raises:
         DataError: a data set, checkpoint or weights file is wrong.
@@ -73,8 +74,14 @@ def train(arguments: TrainArguments) -> Path:
         for _ in followed(dataset.check_pictures(), "checking pictures", len(dataset.samples)):
             pass
     work = steps(run, parameters, windows, (fitting, held_out), arguments.out, arguments.seed, arguments.minutes)
-    for _ in followed(work, "training step", parameters.steps, run.progress.step):
-        pass
+    share = partial(through, run.progress, parameters, arguments.minutes)
+    try:
+        for _ in followed(work, "training step", parameters.steps, run.progress.step, share):
+            pass
+    finally:
+        plot_curves(arguments.out / CURVES, run.progress, parameters.match_iou)
+        if (arguments.out / DETECTOR).is_file():
+            print(f"best so far: {arguments.out / DETECTOR}", file=sys.stderr)
     best = arguments.out / BEST
     if not best.is_file():
         run.save(best)
@@ -83,7 +90,9 @@ def train(arguments: TrainArguments) -> Path:
     average = with_prefix("average", tensors)
     network.load_state_dict(average)
     save_checkpoint(arguments.out / AVERAGE, prefixed("average", average), spec, Progress(run=progress.run))
-    return write_results(Trained(arguments, parameters, network, spec, progress, fitting, held_out))
+    trained = Trained(arguments, parameters, network, spec, progress, parts)
+    write_results(trained)
+    return trained
 
 
 def _parameters(arguments: TrainArguments) -> TrainParameters:
