@@ -103,7 +103,8 @@ class EvaluateArguments:
         data: a labelled set; without one, fresh scenes are made.
         classes: names of the set's classes, by which a detector of more classes is told which ones to look for
             (`--classes boat` for a set of ships and a detector of COCO's classes); default from the set.
-        scenes: number of fresh scenes.
+        scenes: number of fresh scenes; a second each on a free core, with six frames. 120 tell a recall to ±0.08, 2,000
+            to ±0.02.
         frames: consecutive frames a scene, for temporal confirmation.
         seed: of the scenes; keep it off those trained on.
         out: folder for the table (JSON) and the plot.
@@ -120,7 +121,7 @@ class EvaluateArguments:
     kind: Kind = "ship"
     data: Path | None = None
     classes: tuple[str, ...] = ()
-    scenes: int = 2000
+    scenes: int = 120
     frames: int = 6
     seed: int = 2_000_000
     out: Path = Path("out/evaluate")
