@@ -69,6 +69,19 @@ def test_days_are_told_by_name_or_folder(make, form):
     assert parts.warning == ""
 
 
+def test_folders_tell_days_where_names_do_not(make):
+    parts = split(make([f"{day}/{number * 7919 % 1000:03d}x.png" for day in "abc" for number in range(5)]), 0.3, 1)
+    assert len({sample.path.parent for sample in parts.held_out.samples}) == 1
+    assert (len(parts.held_out.samples), parts.how, parts.warning) == (5, "whole folders, of 3", "")
+
+
+def test_a_large_sequence_beside_a_small_one_gives_a_stretch(make):
+    """One odd picture is too few for a score: four of the long sequence are held out, with the warning."""
+    parts = split(make(["odd_1.png", *(f"film_{number}.png" for number in range(19))]), 0.2, 1)
+    assert {name[:4] for name in names_of(parts.held_out)} == {"film"}
+    assert (len(parts.held_out.samples), "flatters much" in parts.warning) == (4, True)
+
+
 def test_days_are_told_by_exif_data(make):
     dataset = make([f"a{number:02d}.jpg" for number in range(12)])
     for number, sample in enumerate(dataset.samples):

@@ -27,6 +27,8 @@ ALIKE_BITS = 8
 ships two differ in 10, none in fewer."""
 _MOST_OVER = 1.5
 """Largest ratio, up or down, of held-out pictures to the requested number, so that groups stay whole."""
+_MOST_NAMES = 0.5
+"""With more names than this share of the pictures they are names of pictures, not of sequences."""
 _MOST_HELD = 0.5
 """Largest share of a set that is held out so that one group stays whole."""
 _DAY = re.compile(r"(?<!\d)(20\d\d)[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12]\d|3[01])(?=\D|[0-2]\d[0-5]\d|$)")
@@ -61,16 +63,10 @@ def split(dataset: Dataset, fraction: float, seed: int) -> Split:
     rng = np.random.default_rng(seed)
     if all(sample.scene for sample in samples):
         return _parted(dataset, range(len(samples)), wanted, rng, "drawn situations")
-    days = [_day(sample) for sample in samples]
-    dated = len(set(days)) > 1
-    found: list[Hashable] = [
-        day if day and dated else (sample.path.parent, _stem(sample)) for day, sample in zip(days, samples, strict=True)
-    ]
-    tells = (dated and all(days)) or 1 < len(set(found)) <= 0.5 * len(samples)
-    groups = _joined(found if tells else range(len(samples)), signs(samples))
-    by = ("days" if all(days) else "days and sequences") if dated else "sequences"
-    parts = _parted(dataset, groups, wanted, rng, by if tells else "groups of like pictures")
-    if tells or parts.warning:
+    names, by = _named(samples)
+    groups = _joined(names or range(len(samples)), signs(samples))
+    parts = _parted(dataset, groups, wanted, rng, by)
+    if names or parts.warning:
         return parts
     return replace(
         parts,
@@ -79,8 +75,22 @@ def split(dataset: Dataset, fraction: float, seed: int) -> Split:
     )
 
 
+def _named(samples: Sequence[Sample]) -> tuple[list[Hashable], str]:
+    """What the name of each picture's day or sequence is, and of which of the two; no names where nothing tells."""
+    days, folders = [_day(sample) for sample in samples], [sample.path.parent for sample in samples]
+    dated = len(set(days)) > 1
+    named: list[Hashable] = [
+        day if day and dated else (sample.path.parent, _stem(sample)) for day, sample in zip(days, samples, strict=True)
+    ]
+    if dated and all(days):
+        return named, "days"
+    if 1 < len(set(named)) <= _MOST_NAMES * len(samples):
+        return named, "days and sequences" if dated else "sequences"
+    return ([*folders], "folders") if len(set(folders)) > 1 else ([], "groups of like pictures")
+
+
 def _parted(dataset: Dataset, groups: Sequence[int], wanted: int, rng: np.random.Generator, kind: str) -> Split:
-    """Whole groups, in random order, until there are enough; the smallest where each is too large."""
+    """Whole groups, in random order, until there are enough; one larger one where that does not give as many."""
     members: dict[int, list[int]] = {}
     for index, number in enumerate(groups):
         members.setdefault(number, []).append(index)
@@ -90,10 +100,10 @@ def _parted(dataset: Dataset, groups: Sequence[int], wanted: int, rng: np.random
         if len(held) < wanted and len(held) + len(group) <= _MOST_OVER * wanted:
             held += group
     if len(held) < wanted / _MOST_OVER:
-        smallest = min(order, key=len)
-        if len(smallest) > _MOST_HELD * len(groups) or len(smallest) == len(groups):
+        large = [group for group in order if wanted / _MOST_OVER <= len(group) <= _MOST_HELD * len(groups)]
+        if not large:
             return _stretch(dataset, max(order, key=len), wanted, rng)
-        held = smallest
+        held = min(large, key=len)
     return _of(dataset, held, f"whole {kind}, of {len(order)}")
 
 
@@ -105,8 +115,8 @@ def _stretch(dataset: Dataset, group: Sequence[int], wanted: int, rng: np.random
     parts = _of(dataset, order[start : start + wanted], "a stretch of one sequence")
     return replace(
         parts,
-        warning="all pictures are of one day or sequence, or too alike to tell: the held-out ones are neighbours of "
-        "those trained on, and their score flatters much",
+        warning="nearly all pictures are of one day or sequence, or too alike to tell: those held out are neighbours "
+        "of those trained on, and their score flatters much",
     )
 
 
