@@ -1,6 +1,7 @@
 """Detectors that others made: their outputs are recognised, read as boxes of the classes asked for, or refused."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -188,6 +189,27 @@ def test_a_network_of_one_size_finds_what_is_small_in_tiles(column, tmp_path):
     assert detector.detect_in_tile(picture, (column + 8.0, 104.0), 64, 1, 0.5) == [box]
     tile = replace(settings, tile_max_px=256)
     assert Detector.load(str(tmp_path / "cells.onnx"), tile).detect(picture, 0.5) == []
+
+
+def test_what_a_tile_cuts_or_is_too_small_for_is_left_to_the_whole():
+    """A network that always says the same: a large box in the middle, and a small one over its right edge.
+
+    Of the tiles, 64 px in five rows of five, the last column's edge is the picture's own: five small boxes are left.
+    """
+
+    def candidates(picture, least):
+        boxes = np.array([[32, 32, 40, 40], [62, 32, 8, 8]], np.float32)
+        return boxes, np.full(2, 0.9, np.float32), np.zeros(2, np.float32)
+
+    reader = SimpleNamespace(size_px=(64, 64), fit_px=0, classes=("ship",), candidates=candidates)
+    boxes = Detector(reader, 0.45, tile_px=64).detect(np.zeros((256, 256, 3), np.uint8), 0.5)
+    whole = [box for box in boxes if box.size_px[0] > 8.0]
+    assert sorted((box.centre_px, box.size_px) for box in whole) == [
+        ((127.5, 127.5), (160, 160)),
+        ((247.5, 127.5), (32, 32)),
+    ]
+    small = sorted(box.centre_px for box in boxes if box not in whole)
+    assert small == [(253.5, 31.5 + 48.0 * row) for row in range(5)]
 
 
 def test_a_block_that_fills_the_picture_is_found_in_the_whole(tmp_path):
