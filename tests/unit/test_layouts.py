@@ -1,13 +1,18 @@
 """Detectors that others made: their outputs are recognised, read as boxes of the classes asked for, or refused."""
 
+import json
 from dataclasses import replace
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
 from shipland.errors import DataError
+from shipland.learning.arguments import EvaluateArguments
+from shipland.learning.evaluate import evaluate
 from shipland.vision.far.detector import Detector
+from shipland.vision.far.far import FarVision
 from shipland.vision.far.layouts import COCO_CLASSES, load_reader
 from shipland.vision.far.parameters import detector_parameters
 
@@ -157,6 +162,29 @@ def test_classes_are_chosen_by_name_or_number(tmp_path):
     assert len(Detector.load(one, settings, ("ship",)).detect(picture, 0.1)) == 1
 
 
+def test_a_flight_takes_the_class_that_the_configuration_names(camera, tmp_path):
+    path = str(yolox(tmp_path / "coco.onnx"))
+    settings = replace(detector_parameters(), threads=1, ship_weights=path)
+    with pytest.raises(DataError, match="has no class 'ship'"):
+        FarVision.load(camera, settings)
+    assert FarVision.load(camera, replace(settings, ship_class="boat")).ship.kinds == {8: "boat"}
+
+
+def test_a_set_is_measured_by_the_classes_that_the_detector_knows(tmp_path):
+    """One picture of a ship where the network sees a boat; 80 classes, of which the set names one."""
+    path = str(yolox(tmp_path / "coco.onnx"))
+    for name in ("images", "labels"):
+        (tmp_path / "set" / name).mkdir(parents=True)
+    cv2.imwrite(str(tmp_path / "set" / "images" / "a.png"), np.full((ROWS, COLUMNS, 3), 200, np.uint8))
+    (tmp_path / "set" / "labels" / "a.txt").write_text(f"0 {56 / 96} {24 / 64} {20 / 96} {12 / 64}\n")
+    asked = EvaluateArguments(path, data=tmp_path / "set", classes=("boat",), out=tmp_path / "out", threads=1)
+    found = evaluate(asked)
+    assert (found.recall, found.precision, found.missed) == (1.0, 1.0, ())
+    assert json.loads((tmp_path / "out" / "evaluation.json").read_text())["pictures"] == 1
+    with pytest.raises(DataError, match=r"has the classes ship; .* has no class 'ship': .*; --classes names"):
+        evaluate(replace(asked, classes=("ship",)))
+
+
 def bright_cells(path):
     """A YOLOX of 64 × 64 px that sees a box in every bright cell of 8 px, and nothing else."""
     nodes = [
@@ -236,5 +264,9 @@ def test_other_layouts_are_refused_with_what_was_found(tmp_path):
     nodes = [helper.make_node("Identity", ["picture"], ["found"])]
     shape = [1, 64, 64, 3]
     save(path, nodes, [("picture", TensorProto.FLOAT, shape)], {"found": shape}, {})
+    save(tmp_path / "still.onnx", [helper.make_node("Constant", [], ["found"], value_float=1.0)], [], {"found": []}, {})
+    for runtime in ("openvino", "onnxruntime"):
+        with pytest.raises(DataError, match="it has no input; expected"):
+            load_reader(tmp_path / "still.onnx", runtime)
     with pytest.raises(DataError, match=r"it has the input picture \[1, 64, 64, 3\]"):
         load_reader(path)

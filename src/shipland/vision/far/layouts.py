@@ -111,7 +111,7 @@ def _rt_detr(outputs: Mapping[str, Float32], size: Size) -> Rows | None:  # noqa
 
 def _rt_detr_logits(outputs: Mapping[str, Float32], size: Size) -> Rows | None:
     """A row a query: the classes' log-odds; the box in fractions of the picture."""
-    if set(outputs) != {"logits", "pred_boxes"} or outputs["pred_boxes"].shape != (len(outputs["logits"]), 4):
+    if set(outputs) != {"logits", "pred_boxes"} or outputs["pred_boxes"].shape != (*outputs["logits"].shape[:1], 4):
         return None
     return _surest(outputs["pred_boxes"] * np.array([*size[::-1], *size[::-1]], np.float32), sigmoid(outputs["logits"]))
 
@@ -183,8 +183,8 @@ def load_reader(path: Path, runtime: Runtime = "auto", precision: Precision = "a
             lambda maps, _, least: decode(maps, spec, least),
         )
     shapes = list(network.inputs.values())
-    rows, columns = shapes[0][2:] if len(shapes[0]) == 4 else (0, 0)
-    if len(shapes) <= 2 and len(shapes[0]) == 4 and shapes[0][1] in (3, -1):
+    if 1 <= len(shapes) <= 2 and len(shapes[0]) == 4 and shapes[0][1] in (3, -1):
+        rows, columns = shapes[0][2:]
         fixed = (rows, columns) if rows > 0 and columns > 0 else None
         size = fixed or _BLANK
         outputs = network.run(np.full((*size, 3), 114, np.uint8))
@@ -196,7 +196,7 @@ def load_reader(path: Path, runtime: Runtime = "auto", precision: Precision = "a
                 return Reader(network, classes, f"layout {name}", fixed, 0, layout.rgb, layout.divisor, read)
         shown = ", ".join(f"{name} {[1, *item.shape]}" for name, item in zip(network.outputs, outputs, strict=True))
     else:
-        shown = ", ".join(f"the input {name} {list(shape)}" for name, shape in network.inputs.items())
+        shown = " and ".join(f"the input {name} {list(shape)}" for name, shape in network.inputs.items()) or "no input"
     known = "; ".join(f"{name}: {layout.outputs}" for name, layout in LAYOUTS.items())
     raise DataError(
         f"{path} is no detector that can be read: it has {shown}; expected a file of `shipland train`, or an input "
@@ -210,7 +210,7 @@ def _surer(
     def read(outputs: list[Float32], size: Size, least: float) -> tuple[Float32, Float32, Float32]:
         rows = layout.read(dict(zip(names, outputs, strict=True)), size)
         assert rows is not None  # as the blank picture's
-        kept = (rows.scores >= least) & np.isfinite(rows.boxes).all(axis=1)
+        kept = (rows.scores >= least) & np.isfinite(rows.boxes).all(axis=1) & (rows.boxes[:, 2:] > 0.0).all(axis=1)
         return rows.boxes[kept], rows.scores[kept], rows.kinds[kept]
 
     return read

@@ -104,14 +104,14 @@ class OpenVinoNetwork:
     def run(self, picture: Picture, divisor: float = 1.0) -> list[Float32]:
         """See `Network.run`."""
         key = (*picture.shape, divisor)
-        if key not in self._requests:
-            try:
-                self._requests[key] = self._compile(picture.shape, divisor)
-            except RuntimeError as error:
-                raise DataError(f"{self._path} cannot be run: {_last_line(error)}") from None
         feeds = {0: picture[None]} | ({1: _width_and_height(picture)} if len(self.inputs) > 1 else {})
-        results = self._requests[key].infer(feeds, share_inputs=True)
-        return [results[index][0] for index in range(len(self.outputs))]
+        try:
+            if key not in self._requests:
+                self._requests[key] = self._compile(picture.shape, divisor)
+            results = self._requests[key].infer(feeds, share_inputs=True)
+        except RuntimeError as error:
+            raise DataError(f"{self._path} cannot be run: {_last_line(error)}") from None
+        return [np.atleast_1d(results[index])[0] for index in range(len(self.outputs))]
 
     def _compile(self, shape: tuple[int, ...], divisor: float) -> Any:  # noqa: ANN401 - OpenVINO's request
         openvino = self._openvino
@@ -164,7 +164,7 @@ class OnnxRuntimeNetwork:
         planes = np.ascontiguousarray(picture.transpose(2, 0, 1)[None], dtype=np.float32)
         feeds = zip(self.inputs, (planes / np.float32(divisor), _width_and_height(picture)), strict=False)
         try:
-            return [item[0] for item in self._session.run(None, dict(feeds))]
+            return [np.atleast_1d(item)[0] for item in self._session.run(None, dict(feeds))]
         except self._failures as error:
             raise DataError(f"{self._path} cannot be run: {_last_line(error)}") from None
 
