@@ -19,9 +19,9 @@ from shipland.evaluation.landing import COLUMNS, Conditions, Landing, Phases, la
 from shipland.evaluation.rules import rules_table
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
 from shipland.evaluation.tables import causes_table, landings_table, modes_table, pair_up, summary_of
-from shipland.evaluation.workers import run_jobs
 from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario
+from shipland.workers import run_jobs
 
 PHASES = Phases(1.0, 0.0, 0.0, 20.0, 8.0, 0.5, 0.0, 0)
 CONDITIONS = Conditions(
