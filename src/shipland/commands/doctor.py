@@ -101,11 +101,11 @@ def _detectors() -> Iterator[Finding]:
 
     for kind in ("ship", "bar"):
         try:
-            engine = Detector.load(kind, DetectorParameters()).engine
+            network = Detector.load(kind, DetectorParameters()).reader.network
         except ShiplandError as error:
             yield Finding("FAIL", f"detector {kind}", str(error))
         else:
-            yield Finding("ok", f"detector {kind}", engine.description)
+            yield Finding("ok", f"detector {kind}", network.description)
 
 
 def _extras() -> Iterator[Finding]:

@@ -24,7 +24,7 @@ from shipland.rig import area_of
 
 _MOST_LISTED = 300
 """Failures listed on the page; all are in flights.csv."""
-_STYLE = """
+STYLE = """
 :root{--ink:#1d2430;--dim:#5b6675;--line:#d9dee5;--page:#fff;--band:#f5f7f9}
 @media(prefers-color-scheme:dark){:root{--ink:#e6e9ee;--dim:#9aa5b4;--line:#353d49;--page:#14181e;--band:#1c222b}}
 body{margin:0 auto;max-width:1240px;padding:24px;font:15px/1.5 system-ui,sans-serif;
@@ -96,7 +96,7 @@ def campaign_page(
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>Landings: {html.escape(suites)}</title><style>{_STYLE}</style></head><body>\n{body}\n</body></html>\n"
+        f"<title>Landings: {html.escape(suites)}</title><style>{STYLE}</style></head><body>\n{body}\n</body></html>\n"
     )
 
 
