@@ -11,7 +11,7 @@ import pytest
 from shipland.config import build, packaged_toml
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.response import Response
-from shipland.vehicles.mavlink.setpoints import pressed
+from shipland.vehicles.wanted import pressed
 from shipland.vehicles.touchdown import ContactSignals, GroundContact, TouchdownParameters, TouchdownWatch
 
 LIMITS = TouchdownParameters()

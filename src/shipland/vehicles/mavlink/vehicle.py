@@ -18,6 +18,7 @@ from shipland.messages import Frame, GroundTruth, Intent, PilotCommand, Telemetr
 from shipland.stopping import uninterrupted
 from shipland.vehicles.camera_stream import CameraStream, StreamedPicture
 from shipland.vehicles.checks import Check
+from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.control import MOTORS_STOPPED, Control
 from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, obeys_us
@@ -30,14 +31,15 @@ from shipland.vehicles.mavlink.parameters import (
     response_within,
 )
 from shipland.vehicles.mavlink.session import Session
-from shipland.vehicles.mavlink.setpoints import HOLD, AttitudeTarget, Wanted, pressed, velocity_message, wanted_of
+from shipland.vehicles.mavlink.setpoints import AttitudeTarget, velocity_message
 from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.taking import Taking
-from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of
+from shipland.vehicles.mavlink.telemetry import telemetry_of
 from shipland.vehicles.pace import Pace
 from shipland.vehicles.touchdown import GroundContact
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
+from shipland.vehicles.wanted import HOLD, Wanted, pressed, wanted_of
 
 _REMEMBERED = 64
 """Given frames whose truth is kept."""
