@@ -7,6 +7,7 @@ is NaN in both directions, and what is not finite counts as not known. Times are
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -325,7 +326,7 @@ def _detection(name: str, box: Box, t_s: float, frame: str) -> Any:  # noqa: ANN
     )
 
 
-def status(mode: str, reason: str, values: dict[str, str], t_s: float) -> Any:  # noqa: ANN401
+def status(mode: str, reason: str, values: Mapping[str, str], t_s: float) -> Any:  # noqa: ANN401
     """diagnostic_msgs/DiagnosticArray with one line: the mode, and why in words; a warning where there is no mode."""
     known = "diagnostic_msgs/msg"
     line = message(

@@ -165,14 +165,23 @@ class Node:
         while not self._closed.is_set():
             self._waiting.wait(_WOKEN_NS)
             for reader, kind, take in list(self._readers):
-                for sample in reader.take(_TAKEN):
-                    data = getattr(sample, "cdr", None)  # without: a writer has gone
-                    if data is None or self._closed.is_set():
-                        continue
+                for data in self._taken(reader):
+                    if self._closed.is_set():
+                        return
                     try:
                         take(message_of(data, kind))
                     except Exception:  # whatever a stranger's message does, the next one is received
                         self.malformed += 1
+
+    def _taken(self, reader: DataReader[Any]) -> list[bytes]:
+        """The bytes of what has come; the sample that says that a writer has gone has none."""
+        from cyclonedds.core import DDSException
+
+        try:
+            return [sample.cdr for sample in reader.take(_TAKEN) if hasattr(sample, "cdr")]
+        except DDSException:
+            self.malformed += 1
+            return []
 
 
 def _quality(kind: str, *, reliable: bool, latched: bool) -> Any:  # noqa: ANN401
@@ -209,6 +218,10 @@ def _raw(kind: str) -> Any:  # noqa: ANN401
         sample.cdr = cdr
         return sample
 
+    def nothing(_cls: Any, *_: object, **__: object) -> None:  # noqa: ANN401
+        """The sample that says that a writer has gone carries no message."""
+
+    data.deserialize_key = classmethod(nothing)  # type: ignore[arg-type]
     data.deserialize = classmethod(deserialize)  # type: ignore[arg-type]
     return data
 

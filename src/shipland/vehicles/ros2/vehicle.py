@@ -154,10 +154,10 @@ class Ros2Vehicle:
         heard, parameters, waits = self._heard, self._parameters, self._setup.wait
         try:
             while waits and not heard.land:
-                self._telling.state("", "waiting for /shipland/land", {})
+                self._telling.state("", "waiting for /shipland/land", time.monotonic())
                 heard.wait(lambda: heard.land, _LOOK_S)
                 check_stop()
-            self._telling.state("", "waiting for the vehicle to be armed and obey set-points", {})
+            self._telling.state("", "waiting for the vehicle to be armed and obey set-points", time.monotonic())
             state = self._setup.topics["state"]
             self._await(
                 lambda: heard.obeys,
@@ -225,7 +225,7 @@ class Ros2Vehicle:
             if self._heard.ours and not self._ended:
                 self._ended = "the flight was ended here; the vehicle holds"
                 self._velocity.send(velocity_message(HOLD, time.time()))
-            self._telling.state("", self.end_reason, {})
+            self._telling.state("", self.end_reason, time.monotonic())
             self._telling.ended(self.end_reason)
         self._stack.close()
 
@@ -248,19 +248,20 @@ class Ros2Vehicle:
         """Publish what was seen and decided in a cycle."""
         if self._telling is not None:
             self.tell(record.observation)
-            self._telling.decided(record.decision)
+            self._telling.decided(record.decision, record.telemetry.t_s)
 
     def tell(self, observation: Observation) -> None:
         """Publish an observation, and while nothing is flown why there is no pose."""
         if self._telling is not None:
             self._telling.seen(observation, self._topic.frame_id)
             if not self._opened:
-                self._telling.state("SEE", observation.reason or "the cue's pose is known", {})
+                words = observation.reason or "the cue's pose is known"
+                self._telling.state("SEE", words, time.monotonic())
 
     def inform_of(self, rig: Rig) -> None:
         """Publish where the deck lies from the cue."""
         if self._telling is not None:
-            self._telling.deck_lies(rig.deck_in_bar_m)
+            self._telling.deck_lies(rig.deck_in_bar_m, time.monotonic())
 
     # Within
 
