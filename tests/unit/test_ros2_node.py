@@ -13,7 +13,8 @@ from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight
 from shipland.errors import ConfigError
 from shipland.guidance.response import ANAFI_LIKE
 from shipland.messages import GimbalAttitude, Intent
-from shipland.record.writer import LogParameters, LogWriter
+from shipland.record.channels import LogParameters
+from shipland.record.writer import LogWriter
 from shipland.report.ros2_bag import write_bag
 from shipland.sitl.ros2_node import SetPoints
 from shipland.vehicles.ros2 import conversions as ros

@@ -98,7 +98,8 @@ def flight_log(
     path: Path, scenario: Scenario, pilot: str | Factory, vision: str | Factory, seed: int, command: str = ""
 ) -> LogWriter:
     """A log of one flight without pictures."""
-    from shipland.record.writer import LogParameters, LogWriter
+    from shipland.record.channels import LogParameters
+    from shipland.record.writer import LogWriter
 
     return LogWriter(
         path,
