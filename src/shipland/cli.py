@@ -10,6 +10,7 @@ from typing import Annotated, Any, Protocol, Union, get_type_hints
 
 import tyro
 
+from shipland.commands.again import Again
 from shipland.commands.bag import Bag
 from shipland.commands.calibrate import Calibrate
 from shipland.commands.campaign import Campaign
@@ -41,6 +42,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Campaign,
     Compare,
     Report,
+    Again,
     Replay,
     Bag,
     Paper,

@@ -17,7 +17,7 @@ from shipland.config import merge, settings
 from shipland.errors import ConfigError, DataError
 from shipland.flight import Autonomy, cycles, decide_or_degrade
 from shipland.messages import FlightRecord, Observation, PilotCommand
-from shipland.record.reader import read_log
+from shipland.record.reader import FlightLog, read_log
 from shipland.safety.input_gate import InputGate, without_repeated
 from shipland.scenario.autonomy import build_autonomy
 from shipland.scenario.real_vehicle import replayed_log
@@ -119,6 +119,19 @@ def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequ
             the user's, which a log does not get to run.
     """
     log = read_log(path)
+    scenario, pilot, vision = flown_setup(log, path, pilot, vision, changes)
+    vehicle = replayed_log(path)
+    return Recording(vehicle, scenario, pilot, vision, log.header.info.seed or 0, log.records)
+
+
+def flown_setup(
+    log: FlightLog, path: Path, pilot: str = "", vision: str = "", changes: Sequence[str] = ()
+) -> tuple[Scenario, str, str]:
+    """What a log was flown with: its scenario, with changes, its pilot and its vision, unless others are named.
+
+    Raises:
+        ConfigError: see `recorded_flight`.
+    """
     info = log.header.info
     for option, given, recorded in (("pilot", pilot, info.pilot), ("vision", vision, info.vision)):
         if not given and factories.is_own_code(recorded):
@@ -132,8 +145,7 @@ def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequ
             raise
         flown_by, here = info.code_version or info.software_version, code_version()
         raise ConfigError(f"{path} was flown by version {flown_by}, this is {here}: {error}") from None
-    vehicle = replayed_log(path)
-    return Recording(vehicle, scenario, pilot or info.pilot, vision or info.vision, info.seed or 0, log.records)
+    return scenario, pilot or info.pilot, vision or info.vision
 
 
 def recorded_film(
