@@ -14,6 +14,7 @@ from shipland.record.reader import read_log
 from shipland.record.writer import LogWriter
 from shipland.report.again import comparison, versions
 from shipland.scenario.scenario import load_scenario
+from shipland.version import code_version
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +55,9 @@ def test_a_flight_of_a_vehicle_outside_is_refused(tmp_path):
         Again(tmp_path / "f.mcap", out=tmp_path / "again").run()
 
 
-def test_another_version_is_named(tmp_path):
-    log = logged(tmp_path / "f.mcap", replace(INFO, code_version="0.0.7"))
-    assert versions(log).startswith("flown by version 0.0.7, again by ")
+def test_another_version_is_named():
+    assert versions("0.0.7").startswith("flown by version 0.0.7, again by ")
+    assert "perhaps" in versions(code_version()) or not versions(code_version())
 
 
 def test_a_shorter_flight_differs_at_its_end(tmp_path):

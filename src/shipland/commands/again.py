@@ -13,24 +13,29 @@ import tyro
 from shipland.commands.options import Changes, command_line
 
 if TYPE_CHECKING:
-    from shipland.record.reader import FlightLog
+    from shipland.evaluation.replays import Flown
 
 
 @dataclass(frozen=True)
 class Again:
     """Fly a logged flight of the simulator again, with its configuration and seed, and show the two side by side.
 
-    The same code flies the same flight, bit for bit; --set, --pilot and --vision change it. Says where the two part,
-    and when the log was flown by another version. Leaves what `shipland fly` leaves, and side-by-side.png. Exit code:
-    0 landed in the square, 1 not.
+    Of a campaign, give the folder of a cell and --seed; where the campaign kept no log of that flight there is nothing
+    to compare with. The same code flies the same flight, bit for bit; --set, --pilot and --vision change it. Says where
+    the two part, and when the log was flown by another version. Leaves what `shipland fly` leaves, and
+    side-by-side.png. Exit code: 0 landed in the square, 1 not.
 
     Example: shipland again out/flight/flight.mcap
 
     Example: shipland again out/flight/flight.mcap --set wind.mean_mps=7 --out out/windier
+
+    Example: shipland again out/near/near_horizon --seed 17 --video
     """
 
     log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
-    """flight.mcap of a simulated flight."""
+    """flight.mcap of a simulated flight, or the folder of a campaign's cell."""
+    seed: int | None = None
+    """Which flight of a cell."""
     changes: Changes = ()
     """One value laid over what was flown, as `--set wind.mean_mps=5`; may be given again and again."""
     pilot: str = ""
@@ -39,8 +44,9 @@ class Again:
     """Who sees; not given: who saw."""
     vehicle_config: Path | None = None
     """As `shipland fly` took it, where it did."""
-    out: Path = Path("out/again")
-    """Output folder; made when missing."""
+    out: Path | None = None
+    """Output folder; made when missing. Not given: out/again, of a cell flights/SEED in its folder, where
+    `shipland report` finds the film."""
     video: bool = False
     """Write flight.mp4."""
 
@@ -48,44 +54,64 @@ class Again:
         """Fly, compare, draw; 0 when landed in the square, 1 when not."""
         from shipland.api import fly
         from shipland.errors import ConfigError
-        from shipland.evaluation.replays import flown_setup
         from shipland.record.reader import read_log
         from shipland.report.again import comparison, plot_pair, versions
         from shipland.report.outputs import LOG_NAME
         from shipland.scenario.autonomy import response_of
         from shipland.scenario.real_vehicle import identified
 
-        if self.out.resolve() == self.log.resolve().parent:
-            raise ConfigError(f"--out {self.out} is where {self.log.name} lies, which would be written over")
-        before = read_log(self.log)
-        seed = self._seed(before)
-        scenario, pilot, vision = flown_setup(before, self.log, self.pilot, self.vision, self.changes)
+        known = self._of_a_cell() if self.log.is_dir() else self._of_a_log()
+        out = self.out or known.out
+        if known.log is not None and out.resolve() == known.log.resolve().parent:
+            raise ConfigError(f"--out {out} is where {known.log.name} lies, which would be written over")
         response = None
         if self.vehicle_config is not None:
-            response = identified(self.vehicle_config, response_of(scenario))
-        if words := versions(before):
+            response = identified(self.vehicle_config, response_of(known.scenario))
+        if words := versions(known.version):
             print(words, file=sys.stderr)
-        print(f"{scenario.name}, seed {seed}, pilot {pilot}, vision {vision}", file=sys.stderr, flush=True)
-        flight = fly(
-            scenario, pilot=pilot, vision=vision, seed=seed, out=self.out, video=self.video, command=command_line(),
-            response=response,
+        print(
+            f"{known.scenario.name}, seed {known.seed}, pilot {known.pilot}, vision {known.vision}",
+            file=sys.stderr, flush=True,
         )  # fmt: skip
-        after = read_log(self.out / LOG_NAME)
-        for line in comparison(before, after):
-            print(line)
-        if before.records and after.records:
-            plot_pair(self.out / "side-by-side.png", before, after)
-            print(f"{self.out / 'side-by-side.png'}", file=sys.stderr)
+        flight = fly(
+            known.scenario, pilot=known.pilot, vision=known.vision, seed=known.seed, out=out, video=self.video,
+            command=command_line(), response=response,
+        )  # fmt: skip
+        if known.log is None:
+            print(f"as it was flown: {known.result}\nagain:           {flight.reason}")
+        else:
+            before, after = read_log(known.log), read_log(out / LOG_NAME)
+            for line in comparison(before, after):
+                print(line)
+            if before.records and after.records:
+                plot_pair(out / "side-by-side.png", before, after)
+        print(f"{out}: {', '.join(sorted(path.name for path in out.iterdir() if path.is_file()))}", file=sys.stderr)
         return 0 if flight.success else 1
 
-    def _seed(self, before: FlightLog) -> int:
-        """The seed of a simulated flight; DataError for another."""
-        from shipland.errors import DataError
+    def _of_a_log(self) -> Flown:
+        """A simulated flight's log; DataError for another's."""
+        from shipland.errors import ConfigError, DataError
+        from shipland.evaluation.replays import Flown, flown_setup
+        from shipland.record.reader import read_log
 
+        if self.seed is not None:
+            raise ConfigError(f"--seed {self.seed}: {self.log} holds one flight; a seed is for the folder of a cell")
+        before = read_log(self.log)
         info = before.header.info
         words = [word.partition("=")[0] for word in shlex.split(info.command)]
         if info.seed is None or "--vehicle" in words:
             raise DataError(f"{self.log} is no flight of the simulator: only that can be flown again; see `replay`")
         if "--vehicle-config" in words and self.vehicle_config is None:
             print("it was flown with --vehicle-config, which the log does not hold: give it again", file=sys.stderr)
-        return info.seed
+        scenario, pilot, vision = flown_setup(before, self.log, self.pilot, self.vision, self.changes)
+        version = info.code_version or info.software_version
+        return Flown(scenario, pilot, vision, info.seed, version, Path("out/again"), self.log)
+
+    def _of_a_cell(self) -> Flown:
+        """One flight of a campaign's cell; ConfigError where no seed is given, or none that was flown."""
+        from shipland.errors import ConfigError
+        from shipland.evaluation.replays import flown_in_cell
+
+        if self.seed is None:
+            raise ConfigError(f"{self.log} is a folder: say which of its flights, as --seed 7")
+        return flown_in_cell(self.log, self.seed, self.pilot, self.vision, self.changes)

@@ -36,9 +36,9 @@ def comparison(before: FlightLog, after: FlightLog) -> Iterator[str]:
     yield _parting(before.columns(), after.columns())
 
 
-def versions(log: FlightLog) -> str:
-    """What to know of the code; empty where the version is the same."""
-    flown, here = log.header.info.code_version or log.header.info.software_version, code_version()
+def versions(flown: str) -> str:
+    """What to know of the code, by the version that flew; empty where it is the same."""
+    here = code_version()
     if flown == here and "dirty" not in here:
         return ""
     if flown == here:
