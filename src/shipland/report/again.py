@@ -33,6 +33,8 @@ def comparison(before: FlightLog, after: FlightLog) -> Iterator[str]:
     yield _line("tilt [°]", [_figure(it.verdict, lambda v: math.degrees(v.tilt_rad)) for it in flights])
     yield _line("first contact [s]", [_figure(it.verdict, lambda v: v.t_s) for it in flights])
     yield _line("cycles", [f"{len(log.records)}" for log in flights])
+    for name, log in zip(("as it was flown", "again"), flights, strict=True):
+        yield f"{name}: {'no touchdown' if log.verdict is None else log.verdict.reason}"
     yield _parting(before.columns(), after.columns())
 
 
