@@ -128,13 +128,23 @@ def test_every_channel_of_the_layout_is_in_the_log_with_its_field(tmp_path: Path
     write_layout(tmp_path / "layout.json")
     text = (tmp_path / "layout.json").read_text()
     topics, fields = _topics_and_fields(log)
-    named = set(_values(json.loads(text)))
+    layout = json.loads(text)
+    assert set(_panels(layout["layout"])) == layout["configById"].keys()
+    named = set(_values(layout["configById"]))
     asked = {value for value in named if value.startswith("/")}
     assert {value.partition(".")[0] for value in asked} <= topics
     rows = {value.partition(".")[2].partition("[")[0] for value in asked if value.startswith("/flight.")}
     assert len(rows) >= 8
     assert rows <= fields
     assert read_log(log).complete
+
+
+def _panels(node: object) -> Iterator[str]:
+    if isinstance(node, dict):
+        yield from _panels(node["first"])
+        yield from _panels(node["second"])
+    else:
+        yield str(node)
 
 
 def _values(node: object) -> Iterator[str]:

@@ -1,10 +1,13 @@
-"""A Foxglove layout for a flight's channels, to be imported in Foxglove beside the log or the live view."""
+"""A Foxglove layout for a flight's channels, in the form that Foxglove and Lichtblick export and import.
+
+The layouts of `foxglove.layouts` are another form, for its notebook widget.
+"""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
-
-from foxglove import layouts as fl
+from typing import Any
 
 from shipland.mcap_records import IMAGE_TOPIC
 from shipland.record.reader import FLIGHT_TOPIC
@@ -12,86 +15,83 @@ from shipland.record.reader import FLIGHT_TOPIC
 LAYOUT_NAME = "foxglove-layout.json"
 _BLUE, _ORANGE, _GREEN, _PINK = "#0072b2", "#d55e00", "#009e73", "#cc79a7"
 
+_SCENE = {
+    "followTf": "ship",
+    "followMode": "follow-position",
+    "cameraState": {
+        "perspective": True, "distance": 9.0, "phi": 65.0, "thetaOffset": 115.0, "targetOffset": [-2.0, 0.0, 0.5],
+        "target": [0, 0, 0], "targetOrientation": [0, 0, 0, 1], "fovy": 45, "near": 0.1, "far": 1000,
+    },
+    "scene": {},
+    "transforms": {},
+    "layers": {},
+    "topics": {
+        "/scene": {"visible": True},
+        "/pose/aircraft": {"visible": True, "type": "axis", "axisScale": 0.4},
+    },
+}  # fmt: skip
+"""Ship and aircraft, from astern and above."""
+_PICTURE = {
+    "imageMode": {
+        "imageTopic": IMAGE_TOPIC,
+        "calibrationTopic": "/camera/calibration",
+        "annotations": {"/camera/annotations": {"visible": True}},
+    }
+}
+
 
 def write_layout(path: Path) -> None:
     """Write the layout; OSError when that fails."""
-    path.write_text(_layout().to_json() + "\n", encoding="utf-8")
+    path.write_text(json.dumps(_layout(), indent=1) + "\n", encoding="utf-8")
 
 
-def _layout() -> fl.Layout:
-    """Ship and aircraft, the picture with what was seen, modes, path, sticks, and the reasons."""
-    left = [(3.0, _scene()), (1.0, _modes()), (1.5, _log())]
-    right = [(2.0, _picture()), (1.2, _place()), (1.2, _sticks())]
-    return fl.Layout(
-        content=fl.SplitContainer(
-            direction="row",
-            items=[fl.SplitItem(proportion=1.0, content=_column(side)) for side in (left, right)],
-        )
-    )
-
-
-def _column(panels: list[tuple[float, fl.BasePanel]]) -> fl.SplitContainer:
-    items = [fl.SplitItem(proportion=share, content=panel) for share, panel in panels]
-    return fl.SplitContainer(direction="column", items=items)
-
-
-def _scene() -> fl.BasePanel:
-    return fl.ThreeDeePanel(
-        title="Ship and aircraft",
-        config=fl.ThreeDeeConfig(
-            follow_tf="ship",
-            follow_mode="follow-position",
-            camera_state=fl.ThreeDeeCameraState(
-                perspective=True, distance=9.0, phi=65.0, theta_offset=115.0, target_offset=(-2.0, 0.0, 0.5)
-            ),
-            topics={
-                "/scene": fl.BaseRendererSceneUpdateTopicSettings(visible=True),
-                "/pose/aircraft": fl.BaseRendererPoseTopicSettings(visible=True, type="axis", axis_scale=0.4),
-            },
-        ),
-    )
-
-
-def _picture() -> fl.BasePanel:
-    mode = fl.ImageModeConfig(
-        image_topic=IMAGE_TOPIC,
-        calibration_topic="/camera/calibration",
-        annotations={"/camera/annotations": fl.ImageAnnotationSettings(visible=True)},
-    )
-    return fl.ImagePanel(title="On board", config=fl.ImageConfig(image_mode=mode))
-
-
-def _modes() -> fl.BasePanel:
-    series = [("mode", "decision_mode"), ("intent", "decision_command_intent")]
-    return fl.StateTransitionsPanel(
-        title="Mode",
-        config=fl.StateTransitionsConfig(
-            paths=[fl.StateTransitionsSeries(label=label, value=f"{FLIGHT_TOPIC}.{name}") for label, name in series]
-        ),
-    )
-
-
-def _place() -> fl.BasePanel:
-    """Truth where there is one, else the estimate: from the landing point, down positive."""
-    shown = [("forward", 0, _BLUE), ("starboard", 1, _ORANGE), ("down", 2, _GREEN)]
-    return _plot("From the landing point [m]", [
+def _layout() -> dict[str, Any]:
+    """Ship and aircraft, the picture with what was seen, modes, place, sticks, and the reasons."""
+    axes = (("forward", 0, _BLUE), ("starboard", 1, _ORANGE), ("down", 2, _GREEN))
+    place = [
         (f"{label} ({name})", f"derived_{name}_in_pad_m[{axis}]", colour)
-        for name in ("estimate", "truth") for label, axis, colour in shown
-    ])  # fmt: skip
+        for name in ("estimate", "truth") for label, axis, colour in axes
+    ]  # fmt: skip
+    colours = (("pitch", _BLUE), ("roll", _ORANGE), ("heave", _GREEN), ("yaw", _PINK))
+    sticks = [(name, f"decision_command_{name}_percent", colour) for name, colour in colours]
+    return {
+        "configById": {
+            "3D!scene": _SCENE,
+            "Image!onboard": _PICTURE,
+            "StateTransitions!mode": {"isSynced": True, "paths": [_series("mode", "decision_mode")]},
+            "Plot!place": _plot("From the landing point [m]", place),
+            "Plot!sticks": _plot("Sticks [%]", sticks),
+            "RosOut!log": {"searchTerms": [], "minLogLevel": 1, "topicToRender": "/log"},
+        },
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": _split(
+            "row", 50,
+            _split("column", 55, "3D!scene", _split("column", 40, "StateTransitions!mode", "RosOut!log")),
+            _split("column", 45, "Image!onboard", _split("column", 50, "Plot!place", "Plot!sticks")),
+        ),
+    }  # fmt: skip
 
 
-def _sticks() -> fl.BasePanel:
-    sticks = [("pitch", _BLUE), ("roll", _ORANGE), ("heave", _GREEN), ("yaw", _PINK)]
-    return _plot("Sticks [%]", [(name, f"decision_command_{name}_percent", colour) for name, colour in sticks])
+def _split(direction: str, percent: int, first: object, second: object) -> dict[str, Any]:
+    return {"direction": direction, "splitPercentage": percent, "first": first, "second": second}
 
 
-def _plot(title: str, series: list[tuple[str, str, str]]) -> fl.BasePanel:
-    paths = [
-        fl.PlotSeries(label=label, value=f"{FLIGHT_TOPIC}.{name}", color=colour, enabled=True)
-        for label, name, colour in series
-    ]
-    return fl.PlotPanel(title=title, config=fl.PlotConfig(paths=paths, show_legend=True, is_synced=True))
+def _series(label: str, name: str, **look: object) -> dict[str, Any]:
+    return {"label": label, "value": f"{FLIGHT_TOPIC}.{name}", "timestampMethod": "receiveTime", "enabled": True} | look
 
 
-def _log() -> fl.BasePanel:
-    return fl.LogPanel(title="Why", config=fl.LogConfig(topic_to_render="/log"))
+def _plot(title: str, series: list[tuple[str, str, str]]) -> dict[str, Any]:
+    return {
+        "foxglovePanelTitle": title,
+        "paths": [_series(label, name, color=colour) for label, name, colour in series],
+        "xAxisVal": "timestamp",
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+        "showLegend": True,
+        "legendDisplay": "floating",
+        "showPlotValuesInLegend": False,
+        "isSynced": True,
+        "sidebarDimension": 240,
+    }
