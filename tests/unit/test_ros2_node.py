@@ -2,7 +2,10 @@
 
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -16,8 +19,9 @@ from shipland.messages import GimbalAttitude, Intent
 from shipland.record.channels import LogParameters
 from shipland.record.writer import LogWriter
 from shipland.report.ros2_bag import write_bag
-from shipland.sitl.ros2_node import SetPoints
+from shipland.sitl.ros2_node import SetPoints, VehicleTopics
 from shipland.vehicles.ros2 import conversions as ros
+from shipland.vehicles.ros2.setup import vehicle_topics
 from shipland.vehicles.ros2.types import message
 from shipland.vehicles.wanted import HOLD, Wanted, wanted_of
 
@@ -77,3 +81,27 @@ def test_a_log_becomes_a_bag_that_rosbags_reads(tmp_path: Path) -> None:
     assert heard["/shipland/diagnostics"][0].status[0].name == "shipland"  # type: ignore[attr-defined]
     with pytest.raises(ConfigError, match="is there already"):
         write_bag(log, tmp_path / "bag")
+
+
+class Kept:
+    """Outlets that keep what is sent."""
+
+    def __init__(self) -> None:
+        self.sent: dict[str, list[Any]] = {}
+
+    def publisher(self, topic: str, kind: str, *, latched: bool = False) -> SimpleNamespace:
+        return SimpleNamespace(heard=True, send=self.sent.setdefault(topic, []).append)
+
+
+def test_what_the_simulated_vehicle_tells_is_stamped_with_when_it_was_true() -> None:
+    kept, topics = Kept(), vehicle_topics("drone", {})
+    told = VehicleTopics(kept, topics, SimpleNamespace(camera=CAMERA))
+    (record,) = list(flight(from_s=20.0, to_s=20.03))[:1]
+    late = replace(record.telemetry, attitude_t_s=record.telemetry.t_s - 0.19)
+    told.tell(record.frame, late, exposed_s=999.7, now_s=1000.0)
+    (odometry,) = kept.sent["drone/odom"]
+    assert ros.seconds(odometry.header.stamp) == pytest.approx(999.81, abs=1e-6)
+    (picture,) = kept.sent["drone/camera/image_raw"]
+    assert ros.seconds(picture.header.stamp) == pytest.approx(999.7, abs=1e-6)
+    assert (ros.image_of(picture) == record.frame.image).all()
+    assert ros.image_of(kept.sent["drone/camera/image_raw/compressed"][0]).shape == record.frame.image.shape

@@ -83,7 +83,7 @@ def write_bag(log_path: Path, folder: Path, namespace: str = "drone", epoch_s: f
             exposed_s, now_s = epoch_s + record.frame.t_s, epoch_s + record.telemetry.t_s
             bag.time_ns = round(1e9 * now_s)
             mount.send(gimbal_message(record.frame.gimbal, exposed_s))
-            odom.send(odometry_of(record.telemetry, now_s))
+            odom.send(odometry_of(record.telemetry, epoch_s + record.telemetry.newest_s))
             while time_ns < round(1e9 * record.frame.t_s):
                 time_ns, picture = next(pictures, _NO_PICTURE)
             if picture is not None and time_ns == round(1e9 * record.frame.t_s):

@@ -144,12 +144,13 @@ class VehicleTopics:
             exposed_s: of the frame, since the epoch.
             now_s: of the telemetry, likewise.
         """
-        self._odom.send(odometry_of(telemetry, now_s))
+        true_s = now_s - (telemetry.t_s - telemetry.newest_s)
+        self._odom.send(odometry_of(telemetry, true_s))
         self._mount.send(gimbal_message(frame.gimbal, exposed_s))
         self.state(telemetry.flying, now_s)
         battery = -1.0 if telemetry.battery_percent is None else 0.01 * telemetry.battery_percent
         self._battery.send(message("sensor_msgs/msg/BatteryState", header=header(now_s, ""), percentage=battery))
-        self._send_tf(frame, telemetry, now_s)
+        self._send_tf(frame, telemetry, true_s)
         self._info.send(camera_info(self._camera, exposed_s, _OPTICAL))
         if frame.image is None:
             return
@@ -167,13 +168,13 @@ class VehicleTopics:
             )
         )  # fmt: skip
 
-    def _send_tf(self, frame: Frame, telemetry: Telemetry, now_s: float) -> None:
+    def _send_tf(self, frame: Frame, telemetry: Telemetry, true_s: float) -> None:
         roll, pitch, heading = telemetry.roll_rad or 0.0, telemetry.pitch_rad or 0.0, telemetry.heading_rad or 0.0
         turned = ENU_FROM_NED @ rotation_from_euler(roll, pitch, heading) @ FLU_FROM_FRD
         body = Pose(turned, np.array([0.0, 0.0, telemetry.height_m or 0.0]))
         optical = FLU_FROM_FRD @ rotation_from_euler(roll, pitch, 0.0).T @ level_from_camera(frame.gimbal)
         edges = [(ODOM, BASE_LINK, body), (BASE_LINK, _OPTICAL, Pose(optical, np.zeros(3)))]
-        placed = [transform(now_s, parent, child, pose) for parent, child, pose in edges]
+        placed = [transform(true_s, parent, child, pose) for parent, child, pose in edges]
         self._tf.send(message("tf2_msgs/msg/TFMessage", transforms=placed))
 
 
