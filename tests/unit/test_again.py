@@ -9,10 +9,12 @@ from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight
 from shipland.api import fly
 from shipland.commands.again import Again
 from shipland.errors import ConfigError, DataError
+from shipland.flight import FlightResult
 from shipland.record.channels import LogParameters
 from shipland.record.reader import read_log
 from shipland.record.writer import LogWriter
 from shipland.report.again import comparison, versions
+from shipland.scenario.fly import Flown
 from shipland.scenario.scenario import load_scenario
 from shipland.version import code_version
 
@@ -64,3 +66,14 @@ def test_a_shorter_flight_differs_at_its_end(tmp_path):
     whole, short = (logged(tmp_path / f"{count}.mcap", INFO, count) for count in (20, 12))
     assert list(comparison(whole, whole))[-1] == "the same flight, bit for bit"
     assert list(comparison(whole, short))[-1].startswith("they differ from 20.3")
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        ("landed: the motors have stopped", "landed: the motors have stopped; where, nothing here knows"),
+        ("time limit of 120 s", "no touchdown: time limit of 120 s"),
+    ],
+)
+def test_a_landing_that_nobody_judged_is_not_called_none(end, words):
+    assert Flown(FlightResult(end, 100, 16.0, {}), None).reason == words

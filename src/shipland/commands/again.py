@@ -18,12 +18,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Again:
-    """Fly a logged flight of the simulator again, with its configuration and seed, and show the two side by side.
+    """Fly a logged flight anew, and show the two side by side.
 
-    Of a campaign, give the folder of a cell and --seed; where the campaign kept no log of that flight there is nothing
-    to compare with. The same code flies the same flight, bit for bit; --set, --pilot and --vision change it. Says where
-    the two part, and when the log was flown by another version. Leaves what `shipland fly` leaves, and
-    side-by-side.png. Exit code: 0 landed in the square, 1 not.
+    Configuration, seed, pilot and vision are those of the log, which is one of the simulator. Of a campaign, give the
+    folder of a cell and --seed; where the campaign kept no log of that flight there is nothing to compare with. The
+    same code flies the same flight, bit for bit; --set, --pilot and --vision change it. Says where the two part, and
+    when the log was flown by another version. Leaves what `shipland fly` leaves, and side-by-side.png. Exit code: 0
+    landed in the square, 1 not.
 
     Example: shipland again out/flight/flight.mcap
 
@@ -45,8 +46,8 @@ class Again:
     vehicle_config: Path | None = None
     """As `shipland fly` took it, where it did."""
     out: Path | None = None
-    """Output folder; made when missing. Not given: out/again, of a cell flights/SEED in its folder, where
-    `shipland report` finds the film."""
+    """Output folder; made when missing. Not given: out/again; of a cell flights/SEED in its folder, whose film
+    `shipland report` links."""
     video: bool = False
     """Write flight.mp4."""
 

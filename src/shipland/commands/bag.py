@@ -11,10 +11,11 @@ import tyro
 
 @dataclass(frozen=True)
 class Bag:
-    """Write a flight log as a ROS 2 bag, which `ros2 bag`, rosbags and Foxglove open (extra `ros2`; no ROS needed).
+    """Write a flight log as a ROS 2 bag.
 
-    Holds the topics of `ros2://`: odometry, the camera's attitude, the pictures that the log keeps, the cue's pose,
-    boxes, mode and reason, TF. Times are those of the log.
+    No ROS is needed, but the extra `ros2`. The bag is a rosbag2 with storage MCAP and holds the topics of `ros2://`:
+    odometry, the camera's attitude, the pictures that the log keeps, the cue's pose, boxes, mode and reason, TF. Times
+    are those of the log.
 
     Example: shipland bag out/flight/flight.mcap --out out/bag
     """
