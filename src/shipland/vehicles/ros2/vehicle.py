@@ -28,7 +28,7 @@ from shipland.messages import (
 )
 from shipland.rig import Rig
 from shipland.stopping import check_stop, uninterrupted
-from shipland.vehicles.camera_stream import CameraStream, PictureSource, StreamedPicture
+from shipland.vehicles.camera_stream import CameraStream, PictureSource
 from shipland.vehicles.checks import Check
 from shipland.vehicles.pace import Pace
 from shipland.vehicles.ros2.checks import ros2_checks
@@ -44,13 +44,10 @@ from shipland.vehicles.ros2.setup import Ros2Setup, our_topics
 from shipland.vehicles.ros2.state import Heard
 from shipland.vehicles.ros2.telling import Telling
 from shipland.vehicles.ros2.types import message
-from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
+from shipland.vehicles.stream_reader import StreamReader
+from shipland.vehicles.vehicle import unless_late
 from shipland.vehicles.wanted import HOLD, HeadingSetPoint, Wanted, wanted_of
 
-_REMEMBERED = 64
-"""Given frames whose truth is kept."""
-_VERDICT_S = 5.0
-"""How long a simulated touchdown's verdict is waited for."""
 _LOOK_S = 0.2
 """How often a stop is looked for while waiting."""
 
@@ -79,8 +76,8 @@ class Ros2Vehicle:
         self._command: tuple[PilotCommand, float] | None = None
         self._opened = self._closed = False
         self._ended = ""
-        self._last_exposed_s = self._pictured_s = self._gimbal_s = -math.inf
-        self._truths: dict[float, GroundTruth] = {}
+        self._gimbal_s = -math.inf
+        self._reader: StreamReader | None = None
 
     # What the loop sees
 
@@ -141,6 +138,10 @@ class Ros2Vehicle:
             if stream.newest(-math.inf, setup.open_timeout_s) is None:
                 words = stream.problem or f"/{topics['image']} has not come"
                 raise VehicleError(f"no picture from the camera: {words}; `ros2 topic list` shows what there is")
+            fixed_rad = setup.fixed_pitch_rad
+            self._reader = StreamReader(
+                stream, lambda t_s: heard.gimbal_at(t_s, fixed_rad), self._parameters.video_timeout_s
+            )
         except BaseException:
             self._stack.close()
             raise
@@ -165,7 +166,8 @@ class Ros2Vehicle:
                 parameters.engage_timeout_s,
             )
             heard.begin()
-            self._pictured_s = time.monotonic()
+            assert self._reader is not None  # connected
+            self._reader.begin()
             pace = self._pace = Pace(self._tick, parameters.setpoint_hz, "ros2-set-points")
             self._stack.callback(pace.stop)
             self._opened = True
@@ -176,32 +178,13 @@ class Ros2Vehicle:
 
     def read(self) -> tuple[Frame | None, Telemetry] | None:
         """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""
-        stream = self._stream
-        if stream is None or self._closed or not self._opened:
+        if self._reader is None or self._closed or not self._opened:
             return None
-        if not self.end_reason:
-            until_s = time.monotonic() + LONGEST_WAIT_S
-            shot = stream.newest(self._last_exposed_s, LONGEST_WAIT_S)
-            if shot is not None:
-                self._pictured_s = time.monotonic()
-                return self._frame(shot), self.telemetry_at(self._pictured_s)
-            judged = bool(stream.problem) and stream.verdict() is not None
-            lost = time.monotonic() - self._pictured_s > self._parameters.video_timeout_s
-            if not judged and not lost:
-                time.sleep(max(0.0, until_s - time.monotonic()))  # a stream that has ended does not wait
-                return None, self.telemetry_at(time.monotonic())
-            words = stream.problem or f"no picture for {self._parameters.video_timeout_s:g} s"
-            self._ended = f"video lost: {words}; the vehicle holds"
-        if self._truths:  # a simulator's camera; it gives its verdict when the aircraft has come to rest
-            until_s = time.monotonic() + _VERDICT_S
-            while stream.verdict() is None and not stream.problem and time.monotonic() < until_s:
-                time.sleep(0.05)
-        return None
+        return self._reader.read(lambda: self.end_reason, self._video_lost, self.telemetry_at)
 
     def look(self, timeout_s: float) -> Frame | None:
         """The newest picture not given, without flying: only connected. None when none comes in time."""
-        shot = None if self._stream is None else self._stream.newest(self._last_exposed_s, timeout_s)
-        return None if shot is None else self._frame(shot)
+        return None if self._reader is None else self._reader.look(timeout_s)
 
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest that has come, stamped with `t_s`."""
@@ -231,11 +214,11 @@ class Ros2Vehicle:
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
         """The truth of a frame that `read` gave, from a simulator's socket."""
-        return self._truths.get(t_s)
+        return None if self._reader is None else self._reader.truth_at(t_s)
 
     def verdict(self) -> TouchdownVerdict | None:
         """The touchdown, from a simulator's socket."""
-        return None if self._stream is None else self._stream.verdict()
+        return None if self._reader is None else self._reader.verdict()
 
     def checks(self) -> list[Check]:
         """What of topics and camera is fit to fly; once connected."""
@@ -264,6 +247,9 @@ class Ros2Vehicle:
             self._telling.deck_lies(rig.deck_in_bar_m, time.monotonic())
 
     # Within
+
+    def _video_lost(self, words: str) -> None:
+        self._ended = f"video lost: {words}; the vehicle holds"
 
     def _await(self, until: Callable[[], bool], otherwise: str, timeout_s: float | None = None) -> None:
         """Wait for something heard; VehicleError when it does not come."""
@@ -312,14 +298,3 @@ class Ros2Vehicle:
             return
         to_rad = self._heading.next_rad(wanted.turn_rad_s, heading_rad, step_s)
         self._attitude.send(attitude_message(wanted, to_rad, response.max_climb_mps, time.time()))
-
-    def _frame(self, shot: StreamedPicture) -> Frame:
-        self._last_exposed_s = shot.exposed_s
-        if shot.truth is not None:
-            self._truths[shot.exposed_s] = shot.truth
-            for stamp_s in list(self._truths)[:-_REMEMBERED]:
-                del self._truths[stamp_s]
-        gimbal, age_s = shot.gimbal, 0.0
-        if gimbal is None:
-            gimbal, age_s = self._heard.gimbal_at(shot.exposed_s, self._setup.fixed_pitch_rad)
-        return Frame(shot.exposed_s, shot.image, gimbal, gimbal_age_s=age_s)
