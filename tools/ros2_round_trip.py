@@ -74,15 +74,17 @@ def own_echo() -> None:
 def example(kind: str) -> Any:  # noqa: ANN401
     """A message with numbers in it."""
     from shipland.vehicles.ros2 import conversions as ros
+    from shipland.vehicles.ros2 import image_messages as images
+    from shipland.vehicles.ros2 import sight_messages as sights
     from shipland.vehicles.ros2.types import message
 
     picture = np.random.default_rng(1).integers(0, 255, (90, 160, 3), dtype=np.uint8).repeat(8, 0).repeat(8, 1)
     if kind.endswith("/Image"):
-        return ros.image_message(picture, 1.5, "camera")
+        return images.image_message(picture, 1.5, "camera")
     if kind.endswith("/CompressedImage"):
-        return ros.jpeg_message(picture, 1.5, "camera")
+        return images.jpeg_message(picture, 1.5, "camera")
     if kind.endswith("/DiagnosticArray"):
-        return ros.status("APPROACH", "the bar's corners seen for 0.2 s", {"distance_m": "4.20"}, 1.5)
+        return sights.status("APPROACH", "the bar's corners seen for 0.2 s", {"distance_m": "4.20"}, 1.5)
     if kind.endswith("/PoseWithCovarianceStamped"):
         made = message(kind, header=ros.header(1.5, "cue"))
         made.pose.covariance[:] = np.arange(36.0)

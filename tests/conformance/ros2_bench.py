@@ -18,6 +18,7 @@ from shipland.frames import wrap_angle
 from shipland.messages import GimbalAttitude, Telemetry
 from shipland.vehicles.address import Address, VehicleSetup
 from shipland.vehicles.ros2 import conversions as ros
+from shipland.vehicles.ros2 import image_messages as images
 from shipland.vehicles.ros2.dds import Node
 from shipland.vehicles.ros2.setup import Ros2Setup, vehicle_topics
 from shipland.vehicles.ros2.types import message
@@ -101,10 +102,10 @@ class Drone:
         )
         self._gimbal.send(ros.gimbal_message(GimbalAttitude(0.0, -0.1), now_s))
         self._battery.send(message("sensor_msgs/msg/BatteryState", percentage=0.8))
-        self._info.send(ros.camera_info(CAMERA, now_s, "camera_optical"))
+        self._info.send(images.camera_info(CAMERA, now_s, "camera_optical"))
         if not self.frozen:
             picture = np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8)
-            self._image.send(ros.image_message(picture, now_s - 0.02, "camera_optical"))
+            self._image.send(images.image_message(picture, now_s - 0.02, "camera_optical"))
 
 
 @contextmanager

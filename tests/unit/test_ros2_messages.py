@@ -14,6 +14,8 @@ from shipland.errors import ConfigError, DataError
 from shipland.frames import Pose, rotation_from_euler
 from shipland.messages import BarPose, Box, GimbalAttitude, Observation, Telemetry
 from shipland.vehicles.ros2 import conversions as ros
+from shipland.vehicles.ros2 import image_messages as images
+from shipland.vehicles.ros2 import sight_messages as sights
 from shipland.vehicles.ros2.dds import domain_id, settings
 from shipland.vehicles.ros2.setup import vehicle_topics
 from shipland.vehicles.ros2.types import cdr_of, message, message_of, store, type_hash
@@ -92,7 +94,7 @@ def test_set_points_that_are_no_numbers_are_none(value: float) -> None:
 
 
 def test_the_cues_pose_is_the_cameras_in_the_cue_and_left_of_it_is_plus() -> None:
-    sent = ros.cue_pose(POSE, 1.0)
+    sent = sights.cue_pose(POSE, 1.0)
     at = sent.pose.pose.position
     assert sent.header.frame_id == "cue"
     assert [at.x, at.y, at.z] == [-3.0, -0.5, 0.2]
@@ -103,7 +105,7 @@ def test_the_cues_pose_is_the_cameras_in_the_cue_and_left_of_it_is_plus() -> Non
 
 def test_correlations_change_their_sign_with_the_axes() -> None:
     full = np.array([[4.0, 1.0, 2.0, 0.5], [1.0, 4.0, 1.5, 0.6], [2.0, 1.5, 4.0, 0.7], [0.5, 0.6, 0.7, 1.0]])
-    sent = ros.cue_pose(BarPose(POSE.position_in_bar_m, 0.1, full, 0.2, np.zeros((8, 2))), 1.0)
+    sent = sights.cue_pose(BarPose(POSE.position_in_bar_m, 0.1, full, 0.2, np.zeros((8, 2))), 1.0)
     covariance = sent.pose.covariance.reshape(6, 6)
     assert covariance[0, 1] == -1.0  # forward with left
     assert covariance[1, 2] == 1.5  # left with up
@@ -113,7 +115,7 @@ def test_correlations_change_their_sign_with_the_axes() -> None:
 
 def test_tf_places_the_cue_where_the_camera_sees_it() -> None:
     gimbal = GimbalAttitude(0.02, -0.3)
-    cue = ros.optical_from_cue(POSE, gimbal)
+    cue = sights.optical_from_cue(POSE, gimbal)
     in_cue_m = np.array([0.2, -0.6, 0.1])  # forward, left, up
     bar_from_camera = Pose(
         rotation_from_euler(0.0, 0.0, POSE.yaw_rad) @ level_from_camera(gimbal), POSE.position_in_bar_m
@@ -122,18 +124,18 @@ def test_tf_places_the_cue_where_the_camera_sees_it() -> None:
 
 
 def test_a_covariance_that_is_not_finite_is_sent_finite() -> None:
-    sent = ros.cue_pose(BarPose(POSE.position_in_bar_m, 0.1, np.full((4, 4), math.nan), 0.2, np.zeros((8, 2))), 1.0)
+    sent = sights.cue_pose(BarPose(POSE.position_in_bar_m, 0.1, np.full((4, 4), math.nan), 0.2, np.zeros((8, 2))), 1.0)
     assert np.isfinite(sent.pose.covariance).all()
 
 
 def test_boxes_carry_their_names() -> None:
     box = Box((640.0, 360.0), (40.0, 20.0), 0.9)
     seen = Observation(1.0, GimbalAttitude(0.0, 0.0), ship_box=box)
-    sent = message_of(cdr_of(ros.detections(seen, 1.0, "camera")), "vision_msgs/msg/Detection2DArray")
+    sent = message_of(cdr_of(sights.detections(seen, 1.0, "camera")), "vision_msgs/msg/Detection2DArray")
     (found,) = sent.detections
     assert found.results[0].hypothesis.class_id == "ship"
     assert [found.bbox.center.position.x, found.bbox.size_x, found.bbox.size_y] == [640.0, 40.0, 20.0]
-    assert not ros.detections(Observation(1.0, GimbalAttitude(0.0, 0.0)), 1.0, "camera").detections
+    assert not sights.detections(Observation(1.0, GimbalAttitude(0.0, 0.0)), 1.0, "camera").detections
 
 
 PICTURE = np.arange(24, dtype=np.uint8).reshape(2, 4, 3)
@@ -150,35 +152,35 @@ def test_pictures_of_any_common_encoding_and_step(encoding, channels, order) -> 
     )
     pixels = raw[:, : 4 * channels].reshape(2, 4, channels)
     wanted = pixels.repeat(3, axis=2) if order is None else pixels[:, :, order]
-    assert (ros.image_of(picture) == wanted).all()
+    assert (images.image_of(picture) == wanted).all()
 
 
 def test_pictures_that_cannot_be_read_say_why() -> None:
-    whole = ros.image_message(PICTURE, 1.0, "camera")
-    assert (ros.image_of(whole) == PICTURE).all()
+    whole = images.image_message(PICTURE, 1.0, "camera")
+    assert (images.image_of(whole) == PICTURE).all()
     with pytest.raises(DataError, match="expected one of bgr8"):
-        ros.image_of(message("sensor_msgs/msg/Image", encoding="16UC1"))
+        images.image_of(message("sensor_msgs/msg/Image", encoding="16UC1"))
     whole.data = whole.data[:-1]
     with pytest.raises(DataError, match="23 bytes"):
-        ros.image_of(whole)
+        images.image_of(whole)
     with pytest.raises(DataError, match="cannot be decoded"):
-        ros.image_of(message("sensor_msgs/msg/CompressedImage", format="jpeg", data=np.ones(9, np.uint8)))
+        images.image_of(message("sensor_msgs/msg/CompressedImage", format="jpeg", data=np.ones(9, np.uint8)))
 
 
 @pytest.mark.parametrize("distortion", [np.zeros(5), np.array([-0.1, 0.02, 1e-3, 0.0]), np.arange(8) * 1e-3])
 def test_intrinsics_come_back(distortion: np.ndarray) -> None:
     camera = Camera(640, 360, np.array([[500.0, 0.0, 320.0], [0.0, 501.0, 180.0], [0.0, 0.0, 1.0]]), distortion)
-    sent = message_of(cdr_of(ros.camera_info(camera, 1.0, "camera")), "sensor_msgs/msg/CameraInfo")
-    back = ros.camera_of(sent)
+    sent = message_of(cdr_of(images.camera_info(camera, 1.0, "camera")), "sensor_msgs/msg/CameraInfo")
+    back = images.camera_of(sent)
     rays = np.array([[100.0, 50.0], [600.0, 300.0]])
     assert back.back_project(rays) == pytest.approx(camera.back_project(rays), abs=1e-9)
 
 
 def test_intrinsics_that_are_none_say_so() -> None:
     with pytest.raises(DataError, match="K is zero"):
-        ros.camera_of(message("sensor_msgs/msg/CameraInfo", width=640, height=360))
+        images.camera_of(message("sensor_msgs/msg/CameraInfo", width=640, height=360))
     with pytest.raises(DataError, match="equidistant"):
-        ros.camera_of(message("sensor_msgs/msg/CameraInfo", distortion_model="equidistant"))
+        images.camera_of(message("sensor_msgs/msg/CameraInfo", distortion_model="equidistant"))
 
 
 @given(st.floats(0.0, 2e9))

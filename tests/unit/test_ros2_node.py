@@ -21,6 +21,7 @@ from shipland.record.writer import LogWriter
 from shipland.report.ros2_bag import write_bag
 from shipland.sitl.ros2_node import SetPoints, VehicleTopics
 from shipland.vehicles.ros2 import conversions as ros
+from shipland.vehicles.ros2 import image_messages as images
 from shipland.vehicles.ros2.setup import vehicle_topics
 from shipland.vehicles.ros2.types import message
 from shipland.vehicles.wanted import HOLD, Wanted, wanted_of
@@ -103,5 +104,5 @@ def test_what_the_simulated_vehicle_tells_is_stamped_with_when_it_was_true() -> 
     assert ros.seconds(odometry.header.stamp) == pytest.approx(999.81, abs=1e-6)
     (picture,) = kept.sent["drone/camera/image_raw"]
     assert ros.seconds(picture.header.stamp) == pytest.approx(999.7, abs=1e-6)
-    assert (ros.image_of(picture) == record.frame.image).all()
-    assert ros.image_of(kept.sent["drone/camera/image_raw/compressed"][0]).shape == record.frame.image.shape
+    assert (images.image_of(picture) == record.frame.image).all()
+    assert images.image_of(kept.sent["drone/camera/image_raw/compressed"][0]).shape == record.frame.image.shape

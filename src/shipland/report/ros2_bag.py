@@ -7,7 +7,8 @@ from typing import Any
 
 from shipland.errors import ConfigError, DataError
 from shipland.record.reader import read_log
-from shipland.vehicles.ros2.conversions import camera_info, gimbal_message, jpeg_message, odometry_of
+from shipland.vehicles.ros2.conversions import gimbal_message, odometry_of
+from shipland.vehicles.ros2.image_messages import camera_info, jpeg_message
 from shipland.vehicles.ros2.setup import our_topics, vehicle_topics
 from shipland.vehicles.ros2.telling import Outlet, Telling
 from shipland.vehicles.ros2.types import cdr_of, store

@@ -22,18 +22,16 @@ from shipland.sitl.physics import RealTimeFactor
 from shipland.vehicles.ros2.conversions import (
     BASE_LINK,
     ODOM,
-    camera_info,
     gimbal_message,
     gimbal_of,
     header,
-    image_message,
-    jpeg_message,
     odometry_of,
     transform,
     wanted_attitude,
     wanted_velocity,
 )
 from shipland.vehicles.ros2.dds import Node
+from shipland.vehicles.ros2.image_messages import camera_info, image_message, jpeg_message
 from shipland.vehicles.ros2.setup import vehicle_topics
 from shipland.vehicles.ros2.types import message
 from shipland.vehicles.simulated import SimulatedVehicle

@@ -7,16 +7,11 @@ is NaN in both directions, and what is not finite counts as not known. Times are
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import cv2
 import numpy as np
-import numpy.typing as npt
 
-from shipland.camera import Camera, level_from_camera
-from shipland.errors import DataError
 from shipland.frames import (
     ENU_FROM_NED,
     FLU_FROM_FRD,
@@ -29,17 +24,13 @@ from shipland.frames import (
     rotation_from_euler,
     rotation_from_quaternion,
 )
-from shipland.messages import BarPose, Box, GimbalAttitude, Observation, Telemetry
+from shipland.messages import GimbalAttitude, Telemetry
 from shipland.vehicles.ros2.types import message
 from shipland.vehicles.wanted import Wanted
 
 ODOM, BASE_LINK, BASE_LEVEL, CUE, DECK = "odom", "base_link", "base_level", "cue", "deck"
 """Frame ids: REP-105's two; `level`, `bar` and `deck` with ROS's axes."""
 
-_LEAST_STD_M, _LEAST_STD_RAD = 0.02, 0.01
-"""Least standard deviations that are sent: an outlier that is believed costs more than a wait."""
-_LEVEL_STD_RAD = 0.02
-"""Standard deviation of roll and pitch, which are the gimbal's."""
 _UNKNOWN = 1e6
 """Variance of what is not measured."""
 
@@ -85,7 +76,8 @@ def _rotation(quaternion: Any) -> Array | None:  # noqa: ANN401
     return rotation_from_quaternion(values)
 
 
-def _pose(pose: Pose) -> Any:  # noqa: ANN401
+def pose_message(pose: Pose) -> Any:  # noqa: ANN401
+    """geometry_msgs/Pose of a pose in ROS's axes."""
     return message(
         "geometry_msgs/msg/Pose",
         position=_vector("geometry_msgs/msg/Point", pose.translation_m),
@@ -139,7 +131,7 @@ def odometry_of(telemetry: Telemetry, t_s: float) -> Any:  # noqa: ANN401
         child_frame_id=BASE_LINK,
         pose=message(
             "geometry_msgs/msg/PoseWithCovariance",
-            pose=_pose(Pose(ENU_FROM_NED @ ned_from_body @ FLU_FROM_FRD, np.array([0.0, 0.0, height_m]))),
+            pose=pose_message(Pose(ENU_FROM_NED @ ned_from_body @ FLU_FROM_FRD, np.array([0.0, 0.0, height_m]))),
             covariance=unknown.ravel(),
         ),
         twist=message(
@@ -191,153 +183,6 @@ def gimbal_of(attitude: Any) -> GimbalAttitude | None:  # noqa: ANN401
     if rotation is None:
         return None
     return GimbalAttitude(*euler_from_rotation(FLU_FROM_FRD @ rotation @ FLU_FROM_FRD))
-
-
-# Pictures
-
-
-def camera_info(camera: Camera, t_s: float, frame: str) -> Any:  # noqa: ANN401
-    """sensor_msgs/CameraInfo; coefficients past the eighth (thin prism, tilt) have no place there."""
-    k = camera.distortion.tolist()
-    model = "plumb_bob" if len(k) <= 5 else "rational_polynomial"
-    return message(
-        "sensor_msgs/msg/CameraInfo",
-        header=header(t_s, frame),
-        width=camera.width_px,
-        height=camera.height_px,
-        distortion_model=model,
-        d=np.array([*k, 0.0][:5] if len(k) <= 5 else k[:8]),
-        k=camera.matrix.ravel(),
-        r=np.eye(3).ravel(),
-        p=np.column_stack([camera.matrix, np.zeros(3)]).ravel(),
-    )
-
-
-def camera_of(info: Any) -> Camera:  # noqa: ANN401
-    """Intrinsics of a CameraInfo; DataError when it is not calibrated or of a model that OpenCV's pinhole has not."""
-    if info.distortion_model not in ("", "plumb_bob", "rational_polynomial"):
-        raise DataError(f"camera_info: distortion model {info.distortion_model!r}; expected plumb_bob")
-    matrix = np.array(info.k, dtype=float).reshape(3, 3)
-    if not matrix.any():
-        raise DataError("camera_info says that the camera is not calibrated: K is zero; give --calibration FILE")
-    distortion = np.array(info.d, dtype=float)
-    try:
-        return Camera(int(info.width), int(info.height), matrix, distortion if distortion.size else np.zeros(5))
-    except ValueError as error:
-        raise DataError(f"camera_info: {error}") from None
-
-
-def image_message(image: npt.NDArray[np.uint8], t_s: float, frame: str) -> Any:  # noqa: ANN401
-    """sensor_msgs/Image, bgr8."""
-    height_px, width_px, _ = image.shape
-    return message(
-        "sensor_msgs/msg/Image",
-        header=header(t_s, frame),
-        height=height_px,
-        width=width_px,
-        encoding="bgr8",
-        step=3 * width_px,
-        data=np.ascontiguousarray(image).ravel(),
-    )
-
-
-def jpeg_message(image: npt.NDArray[np.uint8], t_s: float, frame: str) -> Any:  # noqa: ANN401
-    """sensor_msgs/CompressedImage, as image_transport's `compressed` with its default quality."""
-    _, data = cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, 95))
-    return message(
-        "sensor_msgs/msg/CompressedImage", header=header(t_s, frame), format="bgr8; jpeg compressed bgr8", data=data
-    )
-
-
-_CHANNELS = {"bgr8": (3, None), "rgb8": (3, cv2.COLOR_RGB2BGR), "mono8": (1, cv2.COLOR_GRAY2BGR),
-             "8UC3": (3, None), "bgra8": (4, cv2.COLOR_BGRA2BGR), "rgba8": (4, cv2.COLOR_RGBA2BGR)}  # fmt: skip
-"""Channels of an encoding, and how they become BGR."""
-
-
-def image_of(picture: Any) -> npt.NDArray[np.uint8]:  # noqa: ANN401
-    """(H,W,3) BGR of an Image or a CompressedImage; DataError when it is neither whole nor of a known encoding."""
-    if picture.__msgtype__ == "sensor_msgs/msg/CompressedImage":
-        decoded = cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_COLOR)
-        if decoded is None:
-            raise DataError(f"a compressed picture ({picture.format!r}) cannot be decoded")
-        return np.asarray(decoded, np.uint8)
-    if picture.encoding not in _CHANNELS:
-        raise DataError(f"pictures are {picture.encoding!r}; expected one of {', '.join(_CHANNELS)}")
-    channels, conversion = _CHANNELS[picture.encoding]
-    if picture.step < picture.width * channels or len(picture.data) < picture.step * picture.height:
-        raise DataError(f"a picture of {picture.width} × {picture.height} px came with {len(picture.data)} bytes")
-    rows = np.asarray(picture.data, np.uint8)[: picture.step * picture.height].reshape(picture.height, picture.step)
-    pixels = rows[:, : picture.width * channels].reshape(picture.height, picture.width, channels)
-    return (
-        np.ascontiguousarray(pixels) if conversion is None else np.asarray(cv2.cvtColor(pixels, conversion), np.uint8)
-    )
-
-
-# What is seen
-
-
-def cue_pose(pose: BarPose, t_s: float) -> Any:  # noqa: ANN401
-    """geometry_msgs/PoseWithCovarianceStamped: the camera's place in `cue`, and its heading; level."""
-    level = Pose(rotation_from_euler(0.0, 0.0, pose.yaw_rad), pose.position_in_bar_m)
-    covariance = np.where(np.isfinite(pose.covariance), pose.covariance, 0.0)
-    full, axes = np.zeros((6, 6)), (0, 1, 2, 5)
-    turned = np.diag([1.0, -1.0, -1.0, -1.0])  # forward, left, up, counterclockwise
-    full[np.ix_(axes, axes)] = turned @ covariance @ turned
-    full += np.diag([_LEAST_STD_M**2] * 3 + [_LEVEL_STD_RAD**2] * 2 + [_LEAST_STD_RAD**2])
-    return message(
-        "geometry_msgs/msg/PoseWithCovarianceStamped",
-        header=header(t_s, CUE),
-        pose=message("geometry_msgs/msg/PoseWithCovariance", pose=_pose(flu(level)), covariance=full.ravel()),
-    )
-
-
-def optical_from_cue(pose: BarPose, gimbal: GimbalAttitude) -> Pose:
-    """The cue (forward-left-up) in the camera's optical frame, for TF."""
-    bar_from_camera = Pose(
-        rotation_from_euler(0.0, 0.0, pose.yaw_rad - gimbal.yaw_rad) @ level_from_camera(gimbal), pose.position_in_bar_m
-    )
-    camera_from_bar = bar_from_camera.inverse()
-    return Pose(camera_from_bar.rotation @ FLU_FROM_FRD, camera_from_bar.translation_m)
-
-
-def detections(observation: Observation, t_s: float, frame: str) -> Any:  # noqa: ANN401
-    """vision_msgs/Detection2DArray of the boxes, class ids `ship` and `bar`; empty where neither is seen."""
-    seen = (("ship", observation.ship_box), ("bar", observation.bar_box))
-    return message(
-        "vision_msgs/msg/Detection2DArray",
-        header=header(t_s, frame),
-        detections=[_detection(name, box, t_s, frame) for name, box in seen if box is not None],
-    )
-
-
-def _detection(name: str, box: Box, t_s: float, frame: str) -> Any:  # noqa: ANN401
-    centre = message("vision_msgs/msg/Point2D", x=float(box.centre_px[0]), y=float(box.centre_px[1]))
-    hypothesis = message("vision_msgs/msg/ObjectHypothesis", class_id=name, score=float(box.confidence))
-    return message(
-        "vision_msgs/msg/Detection2D",
-        header=header(t_s, frame),
-        results=[message("vision_msgs/msg/ObjectHypothesisWithPose", hypothesis=hypothesis)],
-        bbox=message(
-            "vision_msgs/msg/BoundingBox2D",
-            center=message("vision_msgs/msg/Pose2D", position=centre),
-            size_x=float(box.size_px[0]),
-            size_y=float(box.size_px[1]),
-        ),
-    )
-
-
-def status(mode: str, reason: str, values: Mapping[str, str], t_s: float) -> Any:  # noqa: ANN401
-    """diagnostic_msgs/DiagnosticArray with one line: the mode, and why in words; a warning where there is no mode."""
-    known = "diagnostic_msgs/msg"
-    line = message(
-        f"{known}/DiagnosticStatus",
-        level=0 if mode else 1,
-        name="shipland",
-        message=f"{mode}: {reason}" if mode else reason,
-        hardware_id="",
-        values=[message(f"{known}/KeyValue", key=key, value=value) for key, value in values.items()],
-    )
-    return message(f"{known}/DiagnosticArray", header=header(t_s, ""), status=[line])
 
 
 # Set-points

@@ -11,7 +11,8 @@ from shipland.camera import Camera
 from shipland.errors import DataError, VehicleError
 from shipland.messages import TouchdownVerdict
 from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture
-from shipland.vehicles.ros2.conversions import image_of, seconds
+from shipland.vehicles.ros2.conversions import seconds
+from shipland.vehicles.ros2.image_messages import image_of
 
 _OLDEST_S, _AHEAD_S = 1.0, 0.05
 """A stamp that is older, or further ahead, is of another clock than ours."""

@@ -11,16 +11,8 @@ import numpy as np
 
 from shipland.frames import Array, Pose
 from shipland.messages import Decision, Observation
-from shipland.vehicles.ros2.conversions import (
-    CUE,
-    DECK,
-    cue_pose,
-    detections,
-    flu,
-    optical_from_cue,
-    status,
-    transform,
-)
+from shipland.vehicles.ros2.conversions import CUE, DECK, flu, transform
+from shipland.vehicles.ros2.sight_messages import cue_pose, detections, optical_from_cue, status
 from shipland.vehicles.ros2.types import message
 
 _STATUS_S = 0.5

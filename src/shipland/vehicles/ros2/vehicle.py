@@ -32,13 +32,9 @@ from shipland.vehicles.camera_stream import CameraStream, PictureSource
 from shipland.vehicles.checks import Check
 from shipland.vehicles.pace import Pace
 from shipland.vehicles.ros2.checks import ros2_checks
-from shipland.vehicles.ros2.conversions import (
-    attitude_message,
-    camera_of,
-    gimbal_message,
-    velocity_message,
-)
+from shipland.vehicles.ros2.conversions import attitude_message, gimbal_message, velocity_message
 from shipland.vehicles.ros2.dds import Node
+from shipland.vehicles.ros2.image_messages import camera_of
 from shipland.vehicles.ros2.pictures import TopicPictures, image_kind
 from shipland.vehicles.ros2.setup import Ros2Setup, our_topics
 from shipland.vehicles.ros2.state import Heard
