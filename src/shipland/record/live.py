@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import foxglove
 from foxglove import Context
@@ -19,6 +20,8 @@ from shipland.rig import Rig
 _MOST_WAITING = 30
 """Cycles that wait to be shown; what comes beyond them is left out: the flight does not wait for a viewer."""
 _CLOSING_S = 2.0
+_LAST_S = 0.5
+"""In which what was told last leaves: the server does not say when it has."""
 
 
 class LiveView:
@@ -70,6 +73,8 @@ class LiveView:
         """Show how it ended."""
         if self._aside.close(_CLOSING_S):
             self._channels.finish(verdict, end)
+            if self._listener.came.is_set():
+                time.sleep(_LAST_S)
 
     def close(self) -> None:
         """Let go of the viewers."""
