@@ -45,7 +45,7 @@ class KeptBoxes(Detector):
     def __init__(self) -> None:
         self.boxes: list[Box] = []
 
-    def detect(self, picture: Picture, min_confidence: float, kind: int = 0) -> list[Box]:  # noqa: ARG002
+    def detect(self, picture: Picture, min_confidence: float) -> list[Box]:  # noqa: ARG002
         """See `Detector.detect`."""
         return [box for box in self.boxes if box.confidence >= min_confidence]
 
@@ -56,7 +56,6 @@ class KeptBoxes(Detector):
         tile_px: int,
         reduction: int,
         min_confidence: float,
-        kind: int = 0,  # noqa: ARG002
     ) -> list[Box]:
         """See `Detector.detect_in_tile`."""
         reach = 0.5 * tile_px * reduction

@@ -19,7 +19,8 @@ from shipland.learning.export import write_int8, write_onnx
 from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, random_weights, yolov3_layers
 from shipland.vision.far.decode import Decoding, DetectorSpec
 from shipland.vision.far.detector import Detector
-from shipland.vision.far.runtime import Precision, Runtime, load_engine
+from shipland.vision.far.layouts import load_reader
+from shipland.vision.far.parameters import Precision, Runtime
 from studies.harness import Case, Column, Row, Study
 
 SIZES = {"tile 224 × 224": (224, 224), "tile 416 × 416": (416, 416), "frame 1280 × 720": (720, 1280)}
@@ -52,7 +53,7 @@ def detectors(folder: Path, width: float, threads: int) -> dict[str, Detector]:
     files = {"OpenVINO int8": small, "ONNX Runtime fp32": full}
     found = {}
     for name, runtime, precision in RUNTIMES:
-        found[name] = Detector(load_engine(files.get(name, half), runtime, precision, threads), 0.45)
+        found[name] = Detector(load_reader(files.get(name, half), runtime, precision, threads), 0.45)
     darknet_spec = DetectorSpec(("ship",), anchors, Decoding.DARKNET, width)
     write_cfg(folder / "net.cfg", layers, darknet_spec, 416, 416)
     write_weights(folder / "net.weights", weights)

@@ -41,7 +41,7 @@ from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.checks import PreflightParameters
 from shipland.vehicles.mavlink.parameters import MavlinkParameters
 from shipland.vehicles.touchdown import TouchdownParameters
-from shipland.vision.far.runtime import load_engine
+from shipland.vision.far.layouts import load_reader
 from shipland.vision.log_pictures import read_pictures
 from shipland.vision.near.deck import DeckVision
 from shipland.vision.near.pipeline import NearVision
@@ -246,7 +246,7 @@ def networks(rng: np.random.Generator) -> None:
     sources = sorted(WEIGHTS.glob("policies/*.onnx")) if rng.random() < 0.9 else sorted(WEIGHTS.glob("*.onnx"))
     source = sources[rng.integers(len(sources))]
     policy = source.parent.name == "policies"
-    load: Callable[[Path], Any] = load_engine
+    load: Callable[[Path], Any] = load_reader
     if policy:
         kind = "direct" if source.stem == "direct" else "residual"
         load = lambda path: LearnedSteering(str(path), kind, ANAFI_LIKE)  # noqa: E731
@@ -268,7 +268,7 @@ def networks(rng: np.random.Generator) -> None:
         if policy:
             flown_by(network, rng)
         else:
-            network.maps(rng.integers(0, 256, (64, 96, 3), np.uint8))
+            network.candidates(rng.integers(0, 256, (64, 96, 3), np.uint8), 0.05)
 
 
 def flown_by(policy: LearnedSteering, rng: np.random.Generator) -> None:

@@ -35,7 +35,7 @@ pictures() { # NAME COUNT SEED CROP CONFIG
 
 pictures ship-near 4000 61 416 examples/frigate_pictures.toml
 pictures ship-wide 1200 62 704 tools/frigate_decoys.toml
-if [[ ! -f $out/ship/detector.onnx ]]; then
+if [[ ! -f $out/ship/model-card.md ]]; then # written last
     more=()
     [[ -f $out/ship/last.safetensors ]] && more+=(--resume)
     $shipland train --data "$out/ship-near" "$out/ship-wide" --out "$out/ship" --steps 1200 --window-px 288 --seed 1 \

@@ -26,7 +26,7 @@ pictures() { # NAME KIND COUNT SEED [OPTION...]
     "$shipland" synth --out "$out/$1" --kind "$2" --count "$3" --seed "$4" --workers "$workers" "${@:5}"
 }
 train() { # KIND STEPS START|-
-    [[ -f $out/$1/detector.onnx ]] && return
+    [[ -f $out/$1/model-card.md ]] && return # written last
     local more=()
     [[ $3 == - ]] || more+=(--weights "$3")
     [[ -f $out/$1/last.safetensors ]] && more+=(--resume)

@@ -292,12 +292,15 @@ class Decision:
         mode: flight mode; None from a pilot that has no modes.
         reason: why, in words.
         estimate: the pilot's estimate with its time, or None.
+        landing_probability: that a final descent begun now, or the one that is flown, ends as a landing in the area;
+            None while there is no landing, or from a pilot that does not tell it.
     """
 
     command: PilotCommand
     mode: Mode | None
     reason: str
     estimate: Estimate | None = None
+    landing_probability: float | None = None
 
 
 @dataclass(frozen=True)

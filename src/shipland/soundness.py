@@ -60,7 +60,10 @@ def sound_decision(given: object) -> Decision:
     intent = _of(command.intent, Intent, "its intent")
     sound = PilotCommand(_number(command.t_s, "t_s"), pitch, roll, heave, yaw, gimbal_rad, intent)
     mode = decision.mode if decision.mode is None else _of(decision.mode, Mode, "its mode")
-    return Decision(sound, mode, _words(decision.reason), _estimate(decision.estimate))
+    probability = decision.landing_probability
+    if probability is not None and not 0.0 <= _number(probability, "landing_probability") <= 1.0:
+        raise ValueError(f"a landing_probability of {probability:g}")
+    return Decision(sound, mode, _words(decision.reason), _estimate(decision.estimate), probability)
 
 
 def sound_observation(given: object) -> Observation:

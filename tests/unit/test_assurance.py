@@ -149,6 +149,20 @@ def test_a_flow_that_begins_to_lie_breaks_the_landing_off_in_words():
     assert flight.decisions[-1].command.intent is Intent.GO_AROUND
 
 
+def test_a_flow_that_lied_is_no_news_once_the_bar_is_out_of_sight():
+    """A recovery is over when nothing is found any more; what poses contradicted can only be found with poses."""
+
+    def lie(telemetry):
+        off = np.array([0.0, 2.5, 0.0]) if telemetry.t_s > 104.0 else np.zeros(3)
+        return replace(telemetry, velocity_in_level_mps=telemetry.velocity_in_level_mps + off)
+
+    flight = Flight(over_deck(1.2), tell=lie).fly(3.5, {}).fly(2.5, {**LANDING, "heave_percent": -5.0})
+    flight.seen = False
+    flight.fly(40.0, {})
+    assert "refused" not in flight.said
+    assert flight.decisions[-1].mode is Mode.LAND  # the pilot's own again
+
+
 @pytest.mark.parametrize("over_deck_m", [0.35, 1.2])
 def test_a_bar_that_contradicts_the_gimbal_is_not_flown_on(over_deck_m):
     flight = Flight(over_deck(1.2)).fly(2.0, {})

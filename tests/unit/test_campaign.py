@@ -19,14 +19,14 @@ from shipland.evaluation.landing import COLUMNS, Conditions, Landing, Phases, la
 from shipland.evaluation.rules import rules_table
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
 from shipland.evaluation.tables import causes_table, landings_table, modes_table, pair_up, summary_of
-from shipland.evaluation.workers import run_jobs
 from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario
+from shipland.workers import run_jobs
 
 PHASES = Phases(1.0, 0.0, 0.0, 20.0, 8.0, 0.5, 0.0, 0)
 CONDITIONS = Conditions(
     5.0, 10.0, 10.0, "land", 12.0, 3.0, 1.5, -2.0, "still", 0.0, "natops", False, None, None, 1, 0.0, 0.28, 0.025,
-    "paper", 15.0, "attitude", "anafi", 40000.0, "",
+    "paper", 15.0, "attitude", "anafi", 40000.0, "", 6.5, 8.0,
 )  # fmt: skip
 GOOD = Landing(
     1, True, True, "", 29.5, PHASES, CONDITIONS, "landed", forward_m=0.03, starboard_m=-0.04, control_forward_m=0.03,

@@ -175,9 +175,9 @@ def test_tables_say_what_was_flown(plan):
     assert swept_keys(cells) == ["wind.mean_mps"]
     lines = list(leaderboard(cells, oracle_rates_of(cells[:1], 2, plan.out / "oracle_rates.json")))
     assert len(lines) >= 2 + 8
-    assert "| rig-natops | 0 | paper | 3 | 2 (66.7 %)" in lines[2]
+    assert "| rig-natops | 0 | paper | 5.0, 6.5, 8.0 | 3 | 2 (66.7 %)" in lines[2]
     assert "1 never steady over the deck" in lines[2]
-    assert "%" in lines[2].split("|")[7]
+    assert "%" in lines[2].split("|")[8]
     assert "nan" not in " ".join([*lines, *pairs(cells), *rivals(cells)])
     assert any("| paper, horizon | 3 | 0 | 1 | 1 |" in line for line in pairs(cells))
     assert any("| 3 | 0 | 0 | 1 |" in line for line in paired(cells, cells))

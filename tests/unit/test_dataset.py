@@ -1,14 +1,12 @@
 """Labelled pictures: what is read, what is refused by name, how sets are split and exported."""
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 import pytest
 
 from shipland.errors import DataError
 from shipland.learning.augment import clip_targets, training_window, window
-from shipland.learning.dataset import IGNORED, Dataset, coco_table, read_dataset, sequences
+from shipland.learning.dataset import IGNORED, coco_table, read_dataset
 from shipland.learning.settings import AugmentParameters
 
 LATIN = "Brücke\n".encode("latin-1")
@@ -62,16 +60,6 @@ def test_targets_come_in_pixels(folder):
     assert picture.shape == (48, 64, 3)
     np.testing.assert_allclose(targets, [[0, 16, 13, 8, 8]], atol=1e-4)  # float32 of the fractions
     assert dataset.samples[9].load()[1].shape == (0, 5)
-
-
-def test_split_is_a_partition_that_the_seed_decides(folder):
-    dataset = read_dataset(folder)
-    rest, held = dataset.split(0.2, 5)
-    names = [sample.path.name for sample in rest.samples + held.samples]
-    assert len(held.samples) == 2
-    assert sorted(names) == [f"p{number}.jpg" for number in range(10)]
-    again = dataset.split(0.2, 5)[1]
-    assert [sample.path for sample in held.samples] == [sample.path for sample in again.samples]
 
 
 def test_coco_boxes_are_corner_and_size(folder):
@@ -196,6 +184,13 @@ def test_classes_come_from_the_sets_own_file(folder, text):
     assert read_dataset(folder, ["a", "b"]).classes == ("a", "b")
 
 
+def test_classes_may_be_named_above_the_set(folder, tmp_path_factory):
+    above = tmp_path_factory.mktemp("above")
+    (above / "classes.txt").write_text("ship\n")
+    (folder / "classes.txt").unlink()
+    assert read_dataset(folder.rename(above / "set")).classes == ("ship",)
+
+
 def test_a_set_that_does_not_name_its_classes_is_refused(folder):
     (folder / "classes.txt").unlink(missing_ok=True)
     with pytest.raises(DataError, match=r"write classes.txt there, one name a line, number 0 first"):
@@ -207,21 +202,6 @@ def test_polygons_become_their_upright_boxes(folder):
     label.write_text("0 0.2 0.3 0.6 0.3 0.5 0.7 0.2 0.6\n")
     boxes = read_dataset(folder, ["ship"]).samples[0].boxes
     np.testing.assert_allclose(boxes, [[0.0, 0.4, 0.5, 0.4, 0.4]], atol=1e-6)
-
-
-def test_frames_of_one_burst_are_held_out_together(folder):
-    """Forty frames of four bursts, ten held out: one burst, which no other picture is of."""
-    sample = read_dataset(folder, ["ship"]).samples[0]
-    names = [f"{burst}_{number}.jpg" for burst in "abcd" for number in range(1, 11)]
-    assert len(sequences([folder / name for name in names])) == 4
-    dataset = Dataset(folder, ("ship",), tuple(replace(sample, path=folder / name) for name in names))
-    rest, held = dataset.split(0.25, 3)
-    assert (len(rest.samples), len(held.samples)) == (30, 10)
-    assert len({item.path.name[0] for item in held.samples}) == 1
-    # Of one long sequence a stretch is held out, whose ends alone have neighbours among the rest.
-    alone = replace(dataset, samples=dataset.samples[:10])
-    numbers = sorted(int(item.path.stem[2:]) for item in alone.split(0.3, 3)[1].samples)
-    assert numbers == list(range(numbers[0], numbers[0] + 3))
 
 
 @pytest.mark.parametrize("name", ["classes.txt", "data.yaml", "scenes.jsonl"])

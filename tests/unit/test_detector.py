@@ -15,8 +15,8 @@ from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode, iou, suppress, to_boxes
 from shipland.vision.far.detector import Detector, cut_tile, padded, weights_path
 from shipland.vision.far.far import FarVision
+from shipland.vision.far.layouts import load_reader
 from shipland.vision.far.parameters import detector_parameters
-from shipland.vision.far.runtime import load_engine
 from shipland.vision.far.track import log_odds
 
 ANCHORS = (((6.0, 5.0), (9.0, 7.0), (12.0, 12.0)), ((20.0, 14.0), (30.0, 20.0), (40.0, 36.0)), ((60.0, 50.0),) * 3)
@@ -138,9 +138,9 @@ def test_runtimes_agree_with_torch(weights_file, runtime):
     picture = np.random.default_rng(6).integers(0, 256, (64, 96, 3), dtype=np.uint8)
     with torch.no_grad():
         wanted = network(torch.from_numpy(picture.transpose(2, 0, 1)[None].astype(np.float32) / 255.0))
-    engine = load_engine(weights_file, runtime, "fp32", 1)
-    assert engine.spec == SPEC
-    for mine, theirs in zip(engine.maps(picture), wanted, strict=True):
+    reader = load_reader(weights_file, runtime, "fp32", 1)
+    assert reader.classes == SPEC.classes
+    for mine, theirs in zip(reader.network.run(picture), wanted, strict=True):
         np.testing.assert_allclose(mine, theirs[0].numpy(), atol=1e-3 * float(theirs.std()))
 
 
@@ -154,28 +154,28 @@ def test_half_and_int8_files_are_near_the_full_one(weights_file, tmp_path):
     write_int8(tmp_path / "int8.onnx", layers, weights, SPEC, lambda: iter(pictures))
     assert (tmp_path / "half.onnx").stat().st_size < 0.55 * weights_file.stat().st_size
     assert (tmp_path / "int8.onnx").stat().st_size < 0.45 * weights_file.stat().st_size
-    wanted = load_engine(weights_file, "openvino", "fp32", 1).maps(pictures[0])
+    wanted = load_reader(weights_file, "openvino", "fp32", 1).network.run(pictures[0])
     for name, share in (("half", 0.02), ("int8", 0.5)):
-        maps = load_engine(tmp_path / f"{name}.onnx", "openvino", "fp32", 1).maps(pictures[0])
+        maps = load_reader(tmp_path / f"{name}.onnx", "openvino", "fp32", 1).network.run(pictures[0])
         for mine, full in zip(maps, wanted, strict=True):
             assert np.sqrt(np.mean((mine - full) ** 2)) < share * full.std(), name
 
 
 def test_foreign_weights_are_refused_by_name(weights_file, tmp_path):
     with pytest.raises(DataError, match="do not exist"):
-        load_engine(tmp_path / "none.onnx")
+        load_reader(tmp_path / "none.onnx")
     text = tmp_path / "text.onnx"
     text.write_text("hello")
     with pytest.raises(DataError, match=r"text\.onnx is no ONNX network"):
-        load_engine(text)
+        load_reader(text)
     cut = tmp_path / "cut.onnx"
     cut.write_bytes(weights_file.read_bytes()[:5000])
     for runtime in ("openvino", "onnxruntime"):
         with pytest.raises(DataError, match=r"cut\.onnx is no ONNX network"):
-            load_engine(cut, runtime)
+            load_reader(cut, runtime)
 
 
-def test_network_without_our_metadata_is_refused(tmp_path):
+def test_maps_without_our_metadata_are_refused(tmp_path):
     onnx = pytest.importorskip("onnx")
     layers = yolov3_layers(1, 0.125)
     model = onnx.load_from_string(
@@ -185,8 +185,8 @@ def test_network_without_our_metadata_is_refused(tmp_path):
     path = tmp_path / "foreign.onnx"
     path.write_bytes(model.SerializeToString())
     for runtime in ("openvino", "onnxruntime"):
-        with pytest.raises(DataError, match="is no shipland detector"):
-            load_engine(path, runtime)
+        with pytest.raises(DataError, match=r"scale0 \[1, 18, .*expected a file of `shipland train`"):
+            load_reader(path, runtime)
 
 
 def test_unknown_weights_name_the_packaged_ones():
@@ -201,11 +201,11 @@ class Scripted:
         self.boxes = []
         self.whole_frames = 0
 
-    def detect(self, picture, min_confidence, kind=0):
+    def detect(self, picture, min_confidence):
         self.whole_frames += 1
         return [box for box in self.boxes if box.confidence >= min_confidence]
 
-    def detect_in_tile(self, picture, centre_px, tile_px, reduction, min_confidence, kind=0):
+    def detect_in_tile(self, picture, centre_px, tile_px, reduction, min_confidence):
         _, corner = cut_tile(picture, centre_px, tile_px * reduction)
         reach = tile_px * reduction
         return [
@@ -412,7 +412,7 @@ def test_a_frame_without_picture_is_no_error(camera):
 
 def test_detector_pads_and_maps_back(weights_file, rng):
     """A tile's box lies where the whole picture's does when both hold the same pixels."""
-    detector = Detector(load_engine(weights_file, "openvino", "fp32", 1), 0.45)
+    detector = Detector(load_reader(weights_file, "openvino", "fp32", 1), 0.45)
     picture = rng.integers(0, 256, (96, 96, 3), dtype=np.uint8)
     whole = detector.detect(picture, 0.05)
     tile = detector.detect_in_tile(picture, (48.0, 48.0), 96, 1, 0.05)
@@ -422,10 +422,10 @@ def test_detector_pads_and_maps_back(weights_file, rng):
 
 def test_weights_of_scaled_pictures_scale_what_they_see(weights_file, rng):
     """Every pixel doubled, and halved again by the detector: the same boxes, twice as far and as large."""
-    detector = Detector(load_engine(weights_file, "onnxruntime", "fp32", 1), 0.45)
+    detector = Detector(load_reader(weights_file, "onnxruntime", "fp32", 1), 0.45)
     picture = rng.integers(0, 256, (96, 96, 3), dtype=np.uint8)
     whole = detector.detect(picture, 0.05)
-    detector.engine.spec = replace(detector.engine.spec, fit_px=96)
+    detector.reader = replace(detector.reader, fit_px=96)
     twice = detector.detect(picture.repeat(2, axis=0).repeat(2, axis=1), 0.05)
     assert len(whole) == len(twice) > 0
     for one, two in zip(whole, twice, strict=True):

@@ -111,5 +111,5 @@ def test_labelled_set_with_ranges(weights, tmp_path):
     assert np.isnan(result.tables["all"].false_believed_per_1000)
     assert len(result.missed) <= 4
     (folder / "classes.txt").write_text("ship\nbuoy\n")
-    with pytest.raises(DataError, match=r"ship, buoy; .*--weights gives another"):
+    with pytest.raises(DataError, match=r"ship, buoy; .*--classes names the set's classes"):
         evaluate(EvaluateArguments(weights, "ship", data=folder, out=tmp_path / "out", threads=1))

@@ -12,7 +12,7 @@ from shipland.errors import DataError
 from shipland.files import DIGESTS, check_digest, json_of, read_text, write_with_digest
 from shipland.guidance.horizon.learned import LearnedSteering
 from shipland.guidance.response import ANAFI_LIKE
-from shipland.vision.far.runtime import load_engine
+from shipland.vision.far.layouts import load_reader
 
 WEIGHTS = Path(shipland.__file__).parent / "weights"
 SHIPPED = sorted(WEIGHTS.rglob("*.onnx"))
@@ -22,7 +22,7 @@ def load(path):
     """As a flight does."""
     if path.parent.name == "policies":
         return LearnedSteering(str(path), "direct" if path.stem == "direct" else "residual", ANAFI_LIKE)
-    return load_engine(path)
+    return load_reader(path)
 
 
 def test_every_shipped_network_is_listed_with_its_digest():

@@ -8,7 +8,7 @@ import pytest
 
 from shipland.camera import Camera
 from shipland.estimation.relative_state import GUST, POSITION, STATES, WAVE, WIND
-from shipland.frames import GRAVITY_MPS2
+from shipland.frames import GRAVITY_MPS2, rotated
 from shipland.guidance.horizon.estimator import Estimator
 from shipland.guidance.horizon.goals import Goals
 from shipland.guidance.parameters import GuidanceParameters
@@ -253,3 +253,35 @@ def test_who_waits_for_corners_keeps_the_stand_off_also_from_a_ship_that_comes(a
     estimate = _boxed(estimator, 0.0, 0.2, lambda _: (away_m, 0.0), (0.0, 0.0))
     goal_m, _ = Goals(PARAMETERS.horizon, approach, RIG, view).of(Mode.TRACK_BAR, estimate)
     assert goal_m == pytest.approx([-PARAMETERS.horizon.path.stand_off_m, 0.0], abs=0.2)
+
+
+def test_a_ship_that_turns_far_away_is_followed_within_seconds():
+    """It goes ahead at 3 m/s, then to starboard; the aircraft flies along with it all the time."""
+    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    _boxed(estimator, 0.0, 15.0, lambda _: (40.0, 0.0), (3.0, 0.0))
+    estimate = _boxed(estimator, 15.0, 25.0, lambda _: (40.0, 0.0), (0.0, 3.0))
+    assert estimate.course_rad == pytest.approx(0.5 * math.pi, abs=0.25)
+    assert estimate.speed_mps == pytest.approx([0.0, 0.0], abs=1.0)
+
+
+def test_who_flies_abeam_of_a_ship_under_way_is_led_astern_of_its_course():
+    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    estimate = _boxed(estimator, 0.0, 20.0, lambda _: (40.0, 0.0), (0.0, 3.0))
+    goal_m, _ = Goals(PARAMETERS.horizon, PARAMETERS.approach, RIG, View.of(CAMERA)).of(Mode.TRACK_BAR, estimate)
+    ahead_m, right_m = rotated(goal_m, -estimate.course_rad).tolist()
+    lead_deg = PARAMETERS.horizon.path.round_lead_deg
+    assert math.degrees(math.atan2(abs(right_m), -ahead_m)) == pytest.approx(90.0 - lead_deg, abs=10.0)  # from abeam
+
+
+@pytest.mark.parametrize(("ship_mps", "known"), [(0.0, True), (3.0, False)])
+def test_the_heading_of_a_ship_under_way_is_not_known_for_ever(ship_mps, known):
+    """Poses of the bar, then ten seconds of boxes alone."""
+    estimator = Estimator(PARAMETERS.horizon, ANAFI_LIKE, RIG, CAMERA, CAMERA_IN_BODY_M)
+    for index in range(300):
+        t_s, velocity = index / 30.0, np.array([ship_mps, 0.0, 0.0]) if index % 6 == 0 else None
+        pose = BarPose(np.array([-12.0, 0.0, 0.0]), 0.0, np.eye(4) * 1e-4, 0.1, np.zeros((8, 2)))
+        telemetry = Telemetry(t_s + 0.3, 0.0, 0.0, 0.0, 3.0, velocity, 90.0, 90.0, True)
+        estimator.take(Observation(t_s, GimbalAttitude(0.0, 0.0), pose), telemetry)
+        estimator.sent(PilotCommand(t_s + 0.33, 0.0, 0.0, 0.0, 0.0, 0.0))
+    assert estimator.estimate(10.0).bar_known
+    assert _boxed(estimator, 10.0, 20.0, lambda _: (12.0, 0.0), (ship_mps, 0.0)).bar_known is known

@@ -11,8 +11,8 @@ import pytest
 
 from interrupts import receive
 from shipland import stopping
-from shipland.evaluation.workers import run_jobs
 from shipland.stopping import ENDING, check_stop, signals_interrupt, sleep_or_stop, stop_requests, uninterrupted
+from shipland.workers import run_jobs
 
 
 class Dying:
@@ -156,7 +156,7 @@ def test_a_request_ends_the_jobs_and_keeps_what_is_finished(workers):
 def test_workers_die_with_their_parent(tmp_path):
     (tmp_path / "idle.py").write_text(
         "import os, pathlib, time\n"
-        "from shipland.evaluation.workers import run_jobs\n"
+        "from shipland.workers import run_jobs\n"
         "def idle(path):\n"
         "    pathlib.Path(path).write_text(str(os.getpid()))\n"
         "    time.sleep(600)\n"

@@ -28,7 +28,7 @@ from shipland.learning.settings import train_parameters  # noqa: E402
 from shipland.learning.windows import DiskWindows, ResidentWindows  # noqa: E402
 from shipland.learning.yolov3 import random_weights, yolov3_layers  # noqa: E402
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode  # noqa: E402
-from shipland.vision.far.runtime import load_engine  # noqa: E402
+from shipland.vision.far.layouts import load_reader  # noqa: E402
 
 ANCHORS = (((8.0, 8.0), (12.0, 8.0), (8.0, 12.0)), ((24.0, 24.0), (36.0, 24.0), (24.0, 36.0)), ((80.0, 80.0),) * 3)
 WIDE = DetectorSpec(("ship",), ANCHORS, Decoding.WIDE, 0.125)
@@ -251,7 +251,7 @@ def test_windows_from_memory_lie_over_hard_places(squares):
 def test_a_run_from_memory_stops_when_its_time_is_up(squares, tmp_path):
     """A time of no steps still ends with a detector; hard rounds happen in a run of ten steps."""
     wanted = arguments(squares, tmp_path / "run", 1000, minutes=1e-3, memory="device")
-    assert load_engine(training.train(wanted), "onnxruntime", "fp32", 1).spec.width == 0.125
+    assert load_reader(training.train(wanted).detector, "onnxruntime", "fp32", 1).classes == ("ship",)
     _, _, progress = load_checkpoint(tmp_path / "run" / running.LAST)
     assert 1 <= progress.step < 1000
     training.train(arguments(squares, tmp_path / "hard", 10, memory="device"))
@@ -277,25 +277,26 @@ def test_resumed_run_equals_one_in_a_piece(squares, tmp_path, monkeypatch):
     """Cut off after five steps and resumed to ten: every tensor as in a run of ten, bit for bit."""
     training.train(arguments(squares, tmp_path / "whole", 10))
     cut = tmp_path / "cut"
-    evaluate = running._evaluate
+    write = running.write_detector
 
-    def stop(run, *rest):
-        evaluate(run, *rest)
-        if run.progress.step == 5:
-            raise KeyboardInterrupt
+    def stop(*rest):
+        write(*rest)
+        raise KeyboardInterrupt
 
-    monkeypatch.setattr(running, "_evaluate", stop)
+    monkeypatch.setattr(running, "write_detector", stop)
     with pytest.raises(KeyboardInterrupt):
         training.train(arguments(squares, cut, 10))
-    monkeypatch.setattr(running, "_evaluate", evaluate)
+    monkeypatch.setattr(running, "write_detector", write)
+    assert load_reader(cut / "detector.onnx", "onnxruntime", "fp32", 1).note.startswith("shipland train, step 5")
+    assert (cut / "curves.png").is_file()
     with pytest.raises(DataError, match="--resume"):
         training.train(arguments(squares, cut, 10))
-    detector = training.train(arguments(squares, cut, 10, resume=True))
+    detector = training.train(arguments(squares, cut, 10, resume=True)).detector
     one, _, _ = load_checkpoint(tmp_path / "whole" / training.LAST)
     two, _, _ = load_checkpoint(cut / training.LAST)
     assert one.keys() == two.keys()
     assert all(torch.equal(one[name], two[name]) for name in one)
-    assert load_engine(detector, "onnxruntime", "fp32", 1).spec.classes == ("ship",)
+    assert load_reader(detector, "onnxruntime", "fp32", 1).classes == ("ship",)
     assert {item.name for item in cut.iterdir()} >= {"detector-int8.onnx", "curves.png", "model-card.md"}
 
 
@@ -341,7 +342,7 @@ def test_a_detectors_file_is_a_start(squares, tmp_path):
     run = training._start(wanted, parameters, dataset)
     picture = np.random.default_rng(4).integers(0, 256, (64, 64, 3), dtype=np.uint8)
     ours = running.TorchEngine(run.average, run.spec, run.device, bf16=False).maps(picture)
-    for mine, theirs in zip(ours, load_engine(file, "onnxruntime", "fp32", 1).maps(picture), strict=True):
+    for mine, theirs in zip(ours, load_reader(file, "onnxruntime", "fp32", 1).network.run(picture), strict=True):
         np.testing.assert_allclose(mine, theirs, atol=2e-3 * np.abs(theirs).max())
     before = [norm.running_mean.clone() for norm in run.network.modules() if isinstance(norm, torch.nn.BatchNorm2d)]
     windows = DiskWindows(dataset, parameters, run.device)

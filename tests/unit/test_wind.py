@@ -8,7 +8,7 @@ from shipland.config import build
 from shipland.errors import ConfigError
 from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake
-from shipland.sim.air.turbulence import Dryden, land_scales, sea_roughness_m, step_covariance
+from shipland.sim.air.turbulence import Dryden, TurbulenceParameters, land_scales, sea_roughness_m, step_covariance
 from shipland.sim.air.wind import ShipPlace, SteadyWind, Wind, WindParameters, build_wind
 
 RIG = Rig()
@@ -44,6 +44,21 @@ def test_a_log_profile_meets_the_mean_at_its_reference_height() -> None:
     assert speeds[0] < speeds[1] < speeds[2]
     # u(1) / u(6.096) = ln(1/0.0002) / ln(6.096/0.0002)
     assert speeds[0] / speeds[1] == pytest.approx(8.517 / 10.325, abs=1e-3)
+
+
+def test_one_wind_is_read_in_three_ways() -> None:
+    """Over mown grass 9 m/s in gusts are a mean of 5.6 at 2.1 m; 9 m/s at 10 m are 7.0 there."""
+    over_land = WindParameters(mean_mps=5.6).readings_at(2.1)
+    assert over_land.gust_mps == pytest.approx(9.0, abs=0.1)
+    assert WindParameters(mean_mps=7.0).readings_at(2.1).mean_10m_mps == pytest.approx(9.0, abs=0.1)
+    at_10_m = WindParameters(mean_mps=7.0, profile="log", reference_height_m=10.0).readings_at(2.1)
+    assert at_10_m.mean_10m_mps == pytest.approx(7.0)
+    assert at_10_m.mean_mps < 7.0
+
+
+def test_a_steady_wind_has_no_gusts() -> None:
+    steady = WindParameters(mean_mps=5.0, turbulence=TurbulenceParameters(enabled=False)).readings_at(2.1)
+    assert steady.gust_mps == steady.mean_mps
 
 
 def test_a_gust_rises_and_falls_as_a_cosine() -> None:

@@ -15,16 +15,21 @@ class Detect(PictureOptions):
 
     One JSON line a picture: file, t_s (time in its video), boxes: [{x, y, w, h, confidence}] in pixels, x and y
     the left and top edge.
+    Any detector's file will do whose outputs are laid out as YOLOX's, RT-DETR's or YOLOv8's.
     What cannot be read is named on standard error and the rest is looked at; the exit code is then 1, and 2 when
     nothing could be read.
 
     Example: shipland detect harbour.jpg film.mp4 --kind ship --json --out out/drawn
+
+    Example: shipland detect harbour.jpg --weights yolox_nano.onnx --classes boat
     """
 
     kind: Literal["ship", "bar"] = "ship"
     """What to look for, with the packaged weights."""
     weights: Path | None = None
-    """Another detector's ONNX file."""
+    """Another detector's ONNX file: of `shipland train`, or YOLOX, RT-DETR, YOLOv8."""
+    classes: tuple[str, ...] = ()
+    """Names or numbers of the classes to look for, as `--classes boat` for COCO's; default all of the detector's."""
     confidence: float | None = None
     """Least confidence of a box."""
     config: Path | None = None
@@ -38,7 +43,7 @@ class Detect(PictureOptions):
         from shipland.vision.far.parameters import detector_parameters
 
         settings = detector_parameters(self.config)
-        detector = Detector.load(self.kind if self.weights is None else str(self.weights), settings)
+        detector = Detector.load(str(self.weights or self.kind), settings, self.classes)
         confidence = settings.acquire_confidence if self.confidence is None else self.confidence
         with Results(self, COLUMNS) as results:
             for result in detect_paths(self.paths, detector, confidence, results.broken):

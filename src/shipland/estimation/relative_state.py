@@ -241,7 +241,7 @@ class Model:
         """
         noise = self.noise
         deviations = [0.0, math.hypot(speed_mps, ship_std_mps), 0.5, noise.gust_mps2, noise.wind_mps2]
-        deviations.append(max(noise.velocity_bias_mps, ship_std_mps))
+        deviations.append(ship_std_mps or noise.velocity_bias_mps)
         deviation = np.array([*deviations, *[0.0] * (STATES - WAVE)] * self.axes)
         mean, covariance = np.zeros(len(deviation)), np.diag(deviation**2) + self._wave_shares()
         mean[POSITION::STATES] = place_m

@@ -18,12 +18,12 @@ from shipland.evaluation.folder import CampaignFolder, campaign_key, claimed, fo
 from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import COLUMNS, Landing, row_of
 from shipland.evaluation.suite import Cell
-from shipland.evaluation.workers import run_jobs
 from shipland.factories import name_of
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import AirframeParameters
 from shipland.sim.ship.ship import ShipParameters
 from shipland.stopping import stop_requests
+from shipland.workers import run_jobs
 
 
 class LostFlight(NamedTuple):

@@ -13,8 +13,8 @@ from shipland.evaluation.campaign import Executor, Keep, Lose
 from shipland.evaluation.folder import source_digest
 from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import Landing
-from shipland.evaluation.workers import POLL_S
 from shipland.stopping import check_stop
+from shipland.workers import POLL_S
 
 _RETRIES = 3
 """Of a flight whose process or machine died; its result counts once."""

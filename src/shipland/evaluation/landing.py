@@ -51,7 +51,7 @@ class Conditions:
     """The conditions drawn for a flight.
 
     Attributes:
-        wind_mps: mean wind speed.
+        wind_mps: mean wind speed, `wind.mean_mps`.
         wind_from_deg: compass direction that it comes from.
         wind_off_bow_deg: the same clockwise from the bow at the start, within ±180.
         surface: land or sea.
@@ -74,6 +74,8 @@ class Conditions:
         telemetry: profile of the link.
         visibility_m: of the scene's air; met by pictures only.
         faults: kinds and times of what was made to fail, in words; empty where nothing was.
+        wind_10m_mps: the wind's mean at 10 m over the surface, as meteorologists say it.
+        wind_gust_mps: its strongest three seconds within ten minutes, at the height of the hover.
     """
 
     wind_mps: float
@@ -100,6 +102,8 @@ class Conditions:
     telemetry: str
     visibility_m: float
     faults: str
+    wind_10m_mps: float = NAN
+    wind_gust_mps: float = NAN
 
 
 @dataclass(frozen=True)
@@ -130,6 +134,7 @@ class Landing:
         over_slew_percent: the most that such a step was beyond the slew bound.
         recovery_s: longest time from the first clear sight of the bar after a fault until the pilot's place was true
             again; infinite where it never was; None where no fault can be judged so.
+        landing_probability: by the pilot, as the final descent began; None from a pilot that does not tell it.
         error_m: distance of the touchdown point from the deck's centre.
         reason: the verdict in words.
         phases: how the flight went before.
@@ -168,6 +173,7 @@ class Landing:
     step_percent: float = NAN
     over_slew_percent: float = NAN
     recovery_s: float | None = None
+    landing_probability: float | None = None
     error_m: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -247,6 +253,7 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
             step_percent=step_percent,
             over_slew_percent=over_percent,
             recovery_s=recovery_s,
+            landing_probability=_landing_probability(records, time_s),
         )
     )
 
@@ -303,6 +310,12 @@ def phases_of(records: Sequence[FlightRecord], end_s: float) -> Phases:
     )
 
 
+def _landing_probability(records: Sequence[FlightRecord], contact_s: float) -> float | None:
+    """What the pilot said last before contact: it keeps to it once the final descent has begun."""
+    before = (record for record in reversed(records) if record.telemetry.t_s < contact_s)
+    return next((record.decision.landing_probability for record in before), None)
+
+
 def _fault_words(fault: Fault) -> str:
     return f"{fault.kind.value} {fault.start_s:.2f}+{fault.duration_s:.2f} s {fault.amount:.3g}"
 
@@ -328,6 +341,7 @@ def conditions_of(scenario: Scenario, seed: int, ship: Ship, records: Sequence[F
     """The conditions drawn for the flight of `seed`; its start is taken from its first record."""
     wind, in_waves = drawn_wind_of(scenario, seed), scenario.ship.motion == "sea"
     start = ship.at(0.0).course
+    readings = wind.readings_at(scenario.rig.deck_height_m + scenario.guidance.approach.hover_height_m)
     distance_m = bearing_deg = height_m = error_deg = NAN
     if records and (truth := records[0].truth) is not None:
         ship_from_body = truth.ned_from_ship.inverse() @ truth.ned_from_body
@@ -338,6 +352,8 @@ def conditions_of(scenario: Scenario, seed: int, ship: Ship, records: Sequence[F
         error_deg = math.degrees(wrap_angle(yaw_rad - math.atan2(-y, -x)))
     return Conditions(
         wind_mps=wind.mean_mps,
+        wind_10m_mps=readings.mean_10m_mps,
+        wind_gust_mps=readings.gust_mps,
         wind_from_deg=wind.from_deg % 360.0,
         wind_off_bow_deg=math.degrees(wrap_angle(math.radians(wind.from_deg) - start.course_rad)),
         surface=wind.surface,
@@ -398,7 +414,11 @@ def row_of(landing: Landing) -> dict[str, Any]:
 
 
 def landing_from(row: dict[str, str]) -> Landing:
-    """A landing from the texts of a row; KeyError, TypeError or ValueError when it is none."""
+    """A landing from the texts of a row, which may lack columns that have a default.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is none.
+    """
     phases, conditions = Phases(**_parsed(Phases, row)), Conditions(**_parsed(Conditions, row))
     return Landing(**_parsed(Landing, row), phases=phases, conditions=conditions)
 
@@ -407,7 +427,7 @@ def _parsed(cls: type, row: dict[str, str]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for each in dataclasses.fields(cls):
         kind, _, optional = str(each.type).partition(" | ")
-        if each.init and kind in _PARSERS:
+        if each.init and kind in _PARSERS and (each.name in row or each.default is dataclasses.MISSING):
             text = row[each.name]
             values[each.name] = None if optional and text == "" else _PARSERS[kind](text)
     return values

@@ -43,12 +43,13 @@ def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]
     keys = swept_keys(cells)
     names, area = [key.split(".")[-1] for key in keys], area_of(cell.rig for cell in cells)
     yield " | ".join(
-        ["| scenario", *names, "pilot", "flights", f"landed in the {area}", "95 % interval", "oracle rate",
+        ["| scenario", *names, "pilot", "wind, at 10 m, gust [m/s]", "flights",
+         f"landed in the {area}", "95 % interval", "oracle rate",
          f"rest in the {area}", "landed", "oracle at its instants", "error median [cm]",
          "error 90 % [cm]", "control error median [cm]",
          "sink median [m/s]", "time median [s]", "causes |"]
     )  # fmt: skip
-    yield "|" + "---|" * (len(keys) + 2) + "---:|" * 12 + "---|"
+    yield "|" + "---|" * (len(keys) + 3) + "---:|" * 12 + "---|"
     rng = np.random.default_rng(1)
     for cell in cells:
         landings, touched = cell.landings, [it for it in cell.landings if it.touched]
@@ -65,6 +66,7 @@ def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]
                 f"| {cell.scenario}",
                 *(dict(cell.settings).get(key, "") for key in keys),
                 cell.pilot,
+                _wind(landings),
                 str(n),
                 f"{good} ({100.0 * good / n:.1f} %)",
                 f"{100.0 * low:.1f}–{100.0 * high:.1f} %",
@@ -86,11 +88,21 @@ def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]
         yield f"All cells: {', '.join(f'`{key}={value}`' for key, value in sorted(fixed))}."
         yield ""
     yield (
-        f"Landed: at rest on its feet, within every limit; landed in the {area}: and first contact in the {area}; rest "
-        f"in the {area}: landed, and at rest in the {area}, wherever it touched. Interval: Clopper and Pearson; takes "
-        "flights for independent, each with its own motion, wind and start. Oracle: an aircraft without control error; "
-        "oracle rate: over all instants of other motions. Ranges behind medians and quantiles: 95 %, bootstrap."
+        "Wind: the mean that was set, the same wind's mean at 10 m over the surface, and its strongest three seconds "
+        f"in ten minutes, medians. Landed: at rest on its feet, within every limit; landed in the {area}: and first "
+        f"contact in the {area}; rest in the {area}: landed, and at rest in the {area}, wherever it touched. Interval: "
+        "Clopper and Pearson; takes flights for independent, each with its own motion, wind and start. Oracle: an "
+        "aircraft without control error; oracle rate: over all instants of other motions. Ranges behind medians and "
+        "quantiles: 95 %, bootstrap."
     )
+
+
+def _wind(landings: Sequence[Landing]) -> str:
+    met = [it.conditions for it in landings]
+    readings = zip(*((it.wind_mps, it.wind_10m_mps, it.wind_gust_mps) for it in met), strict=True)
+    return ", ".join(
+        f"{np.median(values):.1f}" for values in readings if np.isfinite(values).all()
+    )  # older rows lack some
 
 
 def _quantile(values: np.ndarray[tuple[int], np.dtype[np.float64]], share: float, rng: np.random.Generator) -> str:

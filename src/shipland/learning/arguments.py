@@ -98,10 +98,13 @@ class EvaluateArguments:
     """Measure a detector: on a labelled set, or on fresh scenes of the simulator over range.
 
     Attributes:
-        weights: packaged weights (ship, bar) or an ONNX file.
+        weights: packaged weights (ship, bar) or an ONNX file; default those that fly, by kind.
         kind: what is looked for, on fresh scenes.
         data: a labelled set; without one, fresh scenes are made.
-        scenes: number of fresh scenes.
+        classes: names of the set's classes, by which a detector of more classes is told which ones to look for
+            (`--classes boat` for a set of ships and a detector of COCO's classes); default from the set.
+        scenes: number of fresh scenes; a second each on a free core, with six frames. 120 tell a recall of 0.9 to
+            ±0.06, 2,000 to ±0.015.
         frames: consecutive frames a scene, for temporal confirmation.
         seed: of the scenes; keep it off those trained on.
         out: folder for the table (JSON) and the plot.
@@ -114,10 +117,11 @@ class EvaluateArguments:
         config: TOML laid over the packaged settings.
     """
 
-    weights: str = "ship"
+    weights: str | None = None
     kind: Kind = "ship"
     data: Path | None = None
-    scenes: int = 2000
+    classes: tuple[str, ...] = ()
+    scenes: int = 120
     frames: int = 6
     seed: int = 2_000_000
     out: Path = Path("out/evaluate")

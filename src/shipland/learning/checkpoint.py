@@ -27,6 +27,7 @@ class Progress:
         since_best: evaluations since then.
         hard: places that fooled the detector in the last round: number of the picture, column and row [px].
         history: one row an evaluation.
+        losses: step and running means of the loss's parts (box, objectness, class), every few steps.
         seconds: time spent on training.
         run: what must stay the same when it is resumed, by name.
     """
@@ -36,6 +37,7 @@ class Progress:
     since_best: int = 0
     hard: list[tuple[int, float, float]] = field(default_factory=list)
     history: list[dict[str, float]] = field(default_factory=list)
+    losses: list[tuple[float, float, float, float]] = field(default_factory=list)
     seconds: float = 0.0
     run: dict[str, str] = field(default_factory=dict)
 

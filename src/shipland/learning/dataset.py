@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +29,6 @@ EDGE_TOLERANCE = 2e-3
 POLYGON_TOLERANCE = 0.1
 """The same for a polygon's points: those of a target that the picture's edge cuts may lie beyond, and are cut off."""
 IGNORED = -1.0
-_MOST_OVER = 1.5
-"""Largest ratio, up or down, of held-out pictures to the requested number, so that sequences stay whole."""
 
 
 @dataclass(frozen=True)
@@ -71,50 +69,11 @@ class Dataset:
     classes: tuple[str, ...]
     samples: tuple[Sample, ...]
 
-    def split(self, fraction: float, seed: int) -> tuple[Dataset, Dataset]:
-        """(rest, held out): about `fraction` of the pictures, at least one, drawn by `seed`; both in the set's order.
-
-        Whole sequences are held out, not single pictures: frames of one burst look alike, and a detector that has seen
-        one knows the others. Only where every sequence is too long is a stretch of one held out.
-        """
-        if len(self.samples) < 2:
-            raise DataError(f"{self.folder} holds {len(self.samples)} picture; splitting off a part needs two")
-        wanted = min(max(1, round(fraction * len(self.samples))), len(self.samples) - 1)
-        rng = np.random.default_rng(seed)
-        found = sequences([sample.path for sample in self.samples])
-        held: set[int] = set()
-        too_long: list[list[int]] = []
-        for number in rng.permutation(len(found)):
-            if len(held) >= wanted:
-                break
-            fits = len(held) + len(found[number]) <= _MOST_OVER * wanted
-            if fits and len(held) + len(found[number]) < len(self.samples):
-                held.update(found[number])
-            else:
-                too_long.append(found[number])
-        if len(held) < wanted / _MOST_OVER and too_long:
-            missing = wanted - len(held)
-            start = int(rng.integers(0, len(too_long[0]) - missing + 1))
-            held.update(too_long[0][start : start + missing])
-        rest = tuple(sample for index, sample in enumerate(self.samples) if index not in held)
-        return replace(self, samples=rest), replace(self, samples=tuple(self.samples[index] for index in sorted(held)))
-
     def check_pictures(self) -> Iterator[Path]:
         """Decode every picture, one a step; DataError names the first broken one."""
         for sample in self.samples:
             read_picture(sample.path)
             yield sample.path
-
-
-def sequences(paths: Sequence[Path]) -> list[list[int]]:
-    """Indices of the pictures that belong together, in their order: one folder, one name but for its last number."""
-    found: dict[tuple[str, str], list[tuple[int, int]]] = {}
-    for index, path in enumerate(paths):
-        stem = re.sub(r"[_.](jpe?g|png)\.rf\.\w+$", "", path.stem)  # what Roboflow's exports add
-        match = re.fullmatch(r"(.*?)(\d*)", stem)
-        assert match is not None
-        found.setdefault((str(path.parent), match[1]), []).append((int(match[2] or 0), index))
-    return [[index for _, index in sorted(rows)] for _, rows in sorted(found.items())]
 
 
 def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
@@ -156,20 +115,23 @@ def read_dataset(folder: Path, classes: Sequence[str] | None = None) -> Dataset:
 
 
 def _class_names(folder: Path, classes: Sequence[str] | None) -> tuple[str, ...]:
-    """The names given, else those of classes.txt, else those of data.yaml beside the set or above it."""
+    """The names given, else those of classes.txt or data.yaml, in the set's folder or above it."""
     if classes:
         return tuple(classes)
-    listed = folder / "classes.txt"
-    if listed.is_file():
-        names = tuple(line.strip() for line in read_text(listed).splitlines() if line.strip())
-        if not names:
-            raise DataError(f"{listed} names no class")
-        return names
     for place in (folder, folder.resolve().parent):
+        listed = place / "classes.txt"
+        if listed.is_file():
+            names = tuple(line.strip() for line in read_text(listed).splitlines() if line.strip())
+            if not names:
+                raise DataError(f"{listed} names no class")
+            return names
         for table in (place / "data.yaml", place / "data.yml"):
             if table.is_file():
                 return yaml_names(table)
-    raise DataError(f"{folder} does not name its classes: write classes.txt there, one name a line, number 0 first")
+    raise DataError(
+        f"{folder} does not name its classes: write classes.txt there, one name a line, number 0 first, "
+        "or give --classes"
+    )
 
 
 def yaml_names(path: Path) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from shipland.errors import DataError
 from shipland.files import json_of, read_text, write_atomically
 from shipland.learning.arguments import EvaluateArguments
 from shipland.learning.dataset import Dataset, read_dataset
+from shipland.learning.looks import LEAST_CONFIDENCE, Look, edges_of, looks_at
 from shipland.learning.metrics import COCO_IOUS, Tally
 from shipland.learning.progress import followed
 from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
@@ -34,13 +35,12 @@ from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
 from shipland.sim.target_box import NearestBox, target_box
-from shipland.vision.far.decode import PIXEL_CENTRE, iou
+from shipland.vision.far.decode import iou
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.far import FarVision
 from shipland.vision.far.parameters import DetectorParameters, detector_parameters, learning_table
 
 Picture = npt.NDArray[np.uint8]
-LEAST_CONFIDENCE = 0.05
 BAROMETER_M = 0.7
 """Error of the camera's height, of one scene: drift, and a take-off point above the water. Chosen."""
 _LEAST_SEEN = 0.01
@@ -79,6 +79,7 @@ class Evaluation:
         match_iou: overlap from which a box is a hit, in all figures that do not say another.
         tables: over range, by name (all, clear, haze, no decoys); empty where ranges are not known.
         missed: pictures of a labelled set with a target that was not found.
+        looks: every picture of a labelled set.
     """
 
     detector: str
@@ -92,6 +93,7 @@ class Evaluation:
     match_iou: float
     tables: dict[str, RangeTable]
     missed: tuple[str, ...]
+    looks: tuple[Look, ...] = ()
 
     def text(self) -> str:
         """For people: Markdown."""
@@ -122,21 +124,24 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -
     settings = detector_parameters(arguments.config)
     settings = replace(settings, runtime=arguments.runtime, precision=arguments.precision, threads=arguments.threads)
     parameters = build(EvaluateParameters, learning_table("evaluate", arguments.config), "evaluate")
-    detector = Detector.load(arguments.weights, settings)
     confidence = settings.acquire_confidence if arguments.confidence is None else arguments.confidence
     tally, strict = Tally(parameters.match_iou), [Tally(overlap) for overlap in COCO_IOUS]
-    missed: list[str] = []
+    looks: tuple[Look, ...] = ()
     if arguments.data is not None:
-        dataset = read_dataset(arguments.data)
-        records, missed = _labelled(detector, dataset, confidence, [tally, *strict])
+        dataset = read_dataset(arguments.data, arguments.classes)
+        detector = _detector_of_set(arguments, settings, dataset)
+        looks = tuple(looks_at(detector, dataset, [tally, *strict]))
+        found = [_record(number, look) for number, look in enumerate(looks)]
+        records = [record for record in found if record is not None]
     else:
         drawn = ShipAndCamera.packaged() if drawn is None else drawn
+        detector = _detector(arguments, settings)
         records = list(fresh_records(arguments, parameters, drawn, detector, settings))
         for record in records:
             _add([tally, *strict], record)
     tables = _tables(records, arguments, parameters, confidence)
     result = Evaluation(
-        f"{detector.engine.description}, {detector.engine.spec.note or 'no note'}",
+        detector.description,
         confidence,
         tally.pictures,
         tally.average_precision(),
@@ -146,9 +151,11 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -
         float(np.mean([item.average_precision() for item in strict])),
         parameters.match_iou,
         tables,
-        tuple(missed),
+        tuple(look.path.name for look in looks if look.above(confidence).missed),
+        looks,
     )
-    write_atomically(arguments.out / "evaluation.json", json.dumps(asdict(result), indent=1).encode())
+    kept = {name: value for name, value in asdict(replace(result, looks=())).items() if name != "looks"}
+    write_atomically(arguments.out / "evaluation.json", json.dumps(kept, indent=1).encode())
     write_atomically(arguments.out / "table.md", result.text().encode())
     if tables:
         plot_recall(arguments.out / "recall.png", tables, arguments.kind)
@@ -182,34 +189,42 @@ def _tables(
     return {name: range_table(part, edges, confidence, parameters.match_iou) for name, part in parts.items() if part}
 
 
-def _labelled(
-    detector: Detector, dataset: Dataset, confidence: float, tallies: Sequence[Tally]
-) -> tuple[list[SceneRecord], list[str]]:
-    """Records of the pictures whose range is known, and the names of those with a missed target."""
-    if len(dataset.classes) != len(detector.engine.spec.classes):
-        raise DataError(
-            f"{dataset.folder} has the classes {', '.join(dataset.classes)}; the detector was trained for "
-            f"{', '.join(detector.engine.spec.classes)}; --weights gives another detector"
-        )
-    records, missed = [], []
-    for number, sample in enumerate(followed(dataset.samples, "pictures", len(dataset.samples))):
-        picture, targets = sample.load()
-        boxes = np.concatenate(
-            [
-                np.array(_rows(detector.detect(picture, LEAST_CONFIDENCE, kind)), np.float32).reshape(-1, 5)
-                for kind in range(len(dataset.classes))
-            ]
-        )
-        verdict, *_ = [tally.add(boxes[:, :4], boxes[:, 4], targets) for tally in tallies]
-        if len(np.unique(verdict[(verdict >= 0) & (boxes[:, 4] >= confidence)])) < len(targets):
-            missed.append(sample.path.name)
-        if "range_m" in sample.scene and len(targets) < 2:
-            target = tuple(targets[0, 1:5].tolist()) if len(targets) else None
-            scene = sample.scene
-            sure = tuple(tuple(row) for row in boxes.tolist())
-            seen = (scene["range_m"], scene["visibility_m"], scene["decoys"])
-            records.append(SceneRecord(number, *seen, target, sure))
-    return records, missed
+def _weights(arguments: EvaluateArguments, settings: DetectorParameters) -> str:
+    return arguments.weights or (settings.ship_weights if arguments.kind == "ship" else settings.bar_weights)
+
+
+def _detector(arguments: EvaluateArguments, settings: DetectorParameters) -> Detector:
+    """As it flies."""
+    kind = settings.ship_class if arguments.kind == "ship" else settings.bar_class
+    return Detector.load(_weights(arguments, settings), settings, (kind,))
+
+
+def _detector_of_set(arguments: EvaluateArguments, settings: DetectorParameters, dataset: Dataset) -> Detector:
+    """Looks for the set's classes: by number where it has as many, else by name."""
+    weights = _weights(arguments, settings)
+    detector = Detector.load(weights, settings)
+    if len(detector.kinds) == len(dataset.classes):
+        return detector
+    why = f"the detector knows {', '.join(detector.reader.classes)}"
+    if len(detector.kinds) > len(dataset.classes):
+        try:
+            return Detector.load(weights, settings, dataset.classes)
+        except DataError as error:
+            why = str(error)
+    raise DataError(
+        f"{dataset.folder} has the classes {', '.join(dataset.classes)}; {why}; --classes names the set's classes as "
+        "the detector does, --weights gives another detector"
+    )
+
+
+def _record(number: int, look: Look) -> SceneRecord | None:
+    """Of a picture whose range is known, and that holds one target at most."""
+    if "range_m" not in look.scene or len(look.targets) > 1:
+        return None
+    target: BoxRow | None = tuple(look.targets[0, 1:5].tolist()) if len(look.targets) else None
+    sure = tuple((*row, score) for row, score in zip(look.boxes.tolist(), look.scores.tolist(), strict=True))
+    scene = look.scene
+    return SceneRecord(number, scene["range_m"], scene["visibility_m"], scene["decoys"], target, sure)
 
 
 def fresh_scenes(parameters: EvaluateParameters, config: Path | None = None) -> SynthParameters:
@@ -253,7 +268,7 @@ def _claim(arguments: EvaluateArguments, drawn: ShipAndCamera) -> dict[int, Scen
     """Records that are there already; DataError when they come from other arguments."""
     out = arguments.out
     wanted = {
-        "weights": arguments.weights,
+        "weights": arguments.weights or arguments.kind,
         "kind": arguments.kind,
         "seed": arguments.seed,
         "frames": arguments.frames,
@@ -298,7 +313,7 @@ def look_at_scenes(
     """
     rig, camera = drawn.rig, Camera.from_parameters(drawn.camera)
     if detector is None:
-        detector = Detector.load(arguments.weights, settings)
+        detector = _detector(arguments, settings)
     scene_parameters, waves = draw_scene(numbers[0] // synth.pictures_per_scene, synth, arguments.seed)
     scene = Scene(rig, scene_parameters, np.random.default_rng(waves))
     try:
@@ -315,13 +330,13 @@ class _FirstLook(Detector):
     """A detector that keeps the boxes of the last whole picture: two who look at it cost one look."""
 
     def __init__(self, detector: Detector) -> None:
-        super().__init__(detector.engine, detector.max_iou)
+        super().__init__(detector.reader, detector.max_iou, detector.kinds, detector.tile_px)
         self._picture: Picture | None = None
         self._found: list[Box] = []
 
-    def detect(self, picture: Picture, min_confidence: float, kind: int = 0) -> list[Box]:
+    def detect(self, picture: Picture, min_confidence: float) -> list[Box]:
         if picture is not self._picture:
-            self._picture, self._found = picture, super().detect(picture, min(LEAST_CONFIDENCE, min_confidence), kind)
+            self._picture, self._found = picture, super().detect(picture, min(LEAST_CONFIDENCE, min_confidence))
         return [box for box in self._found if box.confidence >= min_confidence]
 
 
@@ -394,17 +409,7 @@ def _row(edges: NearestBox) -> BoxRow:
 
 
 def _rows(boxes: Sequence[Box]) -> list[SureBox]:
-    """Boxes with pixel edges at whole numbers, as labels have them."""
-    return [
-        (
-            round(box.centre_px[0] + PIXEL_CENTRE, 3),
-            round(box.centre_px[1] + PIXEL_CENTRE, 3),
-            round(box.size_px[0], 3),
-            round(box.size_px[1], 3),
-            round(box.confidence, 4),
-        )
-        for box in boxes
-    ]
+    return [edges_of(box) for box in boxes]
 
 
 def _over(box: SureBox, edges: NearestBox | None) -> bool:

@@ -16,6 +16,7 @@ from shipland.learning.dataset import Dataset
 from shipland.learning.export import write_int8, write_onnx
 from shipland.learning.network import Network, weights_of
 from shipland.learning.settings import TrainParameters
+from shipland.learning.split import Split
 from shipland.learning.yolov3 import flop_count, parameter_count
 from shipland.vision.far.decode import DetectorSpec
 from shipland.vision.pictures import Picture
@@ -30,7 +31,7 @@ class Trained:
         network: with the best weights.
         spec: of the detector.
         progress: figures over the steps.
-        fitting, held_out: pictures for training and for validation.
+        parts: pictures for training and for validation.
     """
 
     arguments: TrainArguments
@@ -38,30 +39,38 @@ class Trained:
     network: Network
     spec: DetectorSpec
     progress: Progress
-    fitting: Dataset
-    held_out: Dataset
+    parts: Split
+
+    @property
+    def detector(self) -> Path:
+        """The detector's file."""
+        return self.arguments.out / DETECTOR
 
 
-def write_results(trained: Trained) -> Path:
-    """Write `detector.onnx`, `detector-int8.onnx`, `curves.png` and `model-card.md`; the first one's path."""
+DETECTOR, CURVES, CARD = "detector.onnx", "curves.png", "model-card.md"
+
+
+def write_detector(out: Path, network: Network, spec: DetectorSpec, step: int, pictures: int) -> DetectorSpec:
+    """Write `detector.onnx` of a network trained for so many steps on so many pictures; its spec, which notes that."""
+    noted = replace(spec, note=f"shipland train, step {step}, {pictures} pictures")
+    write_onnx(out / DETECTOR, network.layers, weights_of(network), noted, half=True)
+    return noted
+
+
+def write_results(trained: Trained) -> None:
+    """Write `detector.onnx`, `detector-int8.onnx` and `model-card.md`, the last one last."""
     arguments, parameters, network = trained.arguments, trained.parameters, trained.network
-    progress, fitting = trained.progress, trained.fitting
-    out = arguments.out
-    weights = weights_of(network)
-    noted = replace(trained.spec, note=f"shipland train, step {progress.step}, {len(fitting.samples)} pictures")
-    detector = out / "detector.onnx"
-    write_onnx(detector, network.layers, weights, noted, half=True)
+    fitting, out = trained.parts.fitting, arguments.out
+    noted = write_detector(out, network, trained.spec, trained.progress.step, len(fitting.samples))
     if parameters.calibration_pictures:
         write_int8(
             out / "detector-int8.onnx",
             network.layers,
-            weights,
+            weights_of(network),
             noted,
             lambda: calibration_windows(fitting, parameters, arguments.seed),
         )
-    plot_curves(out / "curves.png", progress, parameters.match_iou)
-    write_atomically(out / "model-card.md", model_card(trained).encode())
-    return detector
+    write_atomically(out / CARD, model_card(trained).encode())
 
 
 def calibration_windows(dataset: Dataset, parameters: TrainParameters, seed: int) -> Iterator[Picture]:
@@ -83,13 +92,16 @@ def plot_curves(path: Path, progress: Progress, match_iou: float) -> None:
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2)
-    step = [row["step"] for row in progress.history]
-    for name, label in (("box_loss", "box"), ("objectness_loss", "objectness"), ("class_loss", "class")):
-        left.plot(step, [row[name] for row in progress.history], label=label)
+    step = [row[0] for row in progress.losses]
+    for column, label in enumerate(("box", "objectness", "class"), 1):
+        left.plot(step, [row[column] for row in progress.losses], ".-", label=label, markersize=3)
     left.set(xlabel="step", ylabel="loss (running mean)", yscale="log")
+    evaluated = [row["step"] for row in progress.history]
     for name, label in (("average_precision", "average precision"), ("recall", "recall at confidence 0.5")):
-        right.plot(step, [row[name] for row in progress.history], label=label)
+        right.plot(evaluated, [row[name] for row in progress.history], "o-", label=label, markersize=4)
     right.set(xlabel="step", ylabel=f"held-out pictures, IoU {match_iou:g}", ylim=(0.0, 1.02))
+    if not progress.history:
+        right.text(0.5, 0.5, "not evaluated yet", ha="center", transform=right.transAxes)
     for axes in (left, right):
         axes.grid(alpha=0.3)
         axes.legend(frameon=False)
@@ -101,7 +113,7 @@ def plot_curves(path: Path, progress: Progress, match_iou: float) -> None:
 def model_card(trained: Trained) -> str:
     """Markdown: data, seed, command, figures, limits."""
     arguments, parameters, network, spec = trained.arguments, trained.parameters, trained.network, trained.spec
-    progress, fitting, held_out = trained.progress, trained.fitting, trained.held_out
+    progress, fitting, held_out = trained.progress, trained.parts.fitting, trained.parts.held_out
     best = max(progress.history, key=lambda row: row["average_precision"], default=None)
     folders = " ".join(path.name for path in arguments.data)
     lines = [
@@ -110,7 +122,8 @@ def model_card(trained: Trained) -> str:
         f"- Network: YOLOv3, width ×{spec.width:g}, {parameter_count(network.layers) / 1e6:.2f} M parameters, "
         f"{flop_count(network.layers, 416, 416) / 1e9:.2f} GFLOP at 416 × 416; {spec.decoding.value} decoding",
         f"- Anchors [px]: {', '.join(f'{w:g} × {h:g}' for scale in spec.anchors_px for w, h in scale)}",
-        f"- Data: {folders}: {len(fitting.samples)} pictures to train on, {len(held_out.samples)} held out",
+        f"- Data: {folders}: {len(fitting.samples)} pictures to train on, {len(held_out.samples)} held out "
+        f"({trained.parts.how})",
         f"- Training: profile {arguments.profile}, seed {arguments.seed}, batch {parameters.batch}, "
         f"window {parameters.window_px} px, best after {progress.step} of {parameters.steps} steps",
     ]
@@ -119,6 +132,8 @@ def model_card(trained: Trained) -> str:
             f"- Held out: average precision {best['average_precision']:.3f} at IoU {parameters.match_iou:g}, "
             f"recall {best['recall']:.3f} at that IoU and confidence 0.5"
         )
+    if trained.parts.warning:
+        lines.append(f"- WARNING: {trained.parts.warning}")
     lines += [
         "- Files: `detector.onnx` (16-bit weights)"
         + (", `detector-int8.onnx` (8-bit, static, per channel)" if parameters.calibration_pictures else ""),

@@ -21,6 +21,7 @@ from shipland.learning.dataset import Dataset, Targets
 from shipland.learning.loss import detection_loss
 from shipland.learning.metrics import Tally
 from shipland.learning.network import Network
+from shipland.learning.results import write_detector
 from shipland.learning.settings import TrainParameters
 from shipland.learning.windows import HardPoint, Windows, to_batch
 from shipland.vision.far.decode import DetectorSpec, Float32, decode, suppress
@@ -29,6 +30,8 @@ from shipland.vision.pictures import Picture
 
 Floats = npt.NDArray[np.float64]
 LAST, BEST = "last.safetensors", "best.safetensors"
+LOSS_EVERY = 10
+"""Steps between points of the loss's curve."""
 LEAST_CONFIDENCE = 0.05
 MAX_IOU = 0.45
 LOOK_PIXELS = 8 * 1280 * 736
@@ -123,6 +126,8 @@ def steps(
             raise DataError(f"training diverged at step {progress.step}: lower learning_rate; {out / LAST} is whole")
         recent = parts if recent is None else 0.98 * recent + 0.02 * parts
         progress.step += 1
+        if progress.step % LOSS_EVERY == 0 or through(progress, parameters, minutes) >= 1.0:
+            progress.losses.append((float(progress.step), *recent.tolist()))
         progress.seconds += time.monotonic() - began
         if _round(run, parameters, minutes) > rounds and through(progress, parameters, minutes) < 1.0:
             began = time.monotonic()
@@ -132,7 +137,8 @@ def steps(
             progress.seconds += time.monotonic() - began
         if progress.step % parameters.evaluate_every == 0 or through(progress, parameters, minutes) >= 1.0:
             began = time.monotonic()
-            _evaluate(run, parameters, held_out, recent, done, out)
+            if _evaluate(run, parameters, held_out, recent, done, out):
+                write_detector(out, run.average, run.spec, progress.step, len(fitting.samples))
             if progress.since_best >= parameters.patience:
                 yield "stopped early"
                 return
@@ -237,7 +243,8 @@ def validate(engine: TorchEngine, parameters: TrainParameters, held_out: Dataset
     return tally
 
 
-def _evaluate(run: Run, parameters: TrainParameters, held_out: Dataset, recent: Floats, done: float, out: Path) -> None:
+def _evaluate(run: Run, parameters: TrainParameters, held_out: Dataset, recent: Floats, done: float, out: Path) -> bool:
+    """Validate and save; whether this is the best so far."""
     tally = validate(TorchEngine(run.average, run.spec, run.device, parameters.bf16), parameters, held_out)
     score = tally.average_precision()
     progress = run.progress
@@ -258,3 +265,4 @@ def _evaluate(run: Run, parameters: TrainParameters, held_out: Dataset, recent: 
     run.save(out / LAST)
     if better:
         run.save(out / BEST)
+    return better

@@ -9,10 +9,8 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import multiprocessing
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -38,6 +36,7 @@ from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
 from shipland.sim.target_box import NearestBox, target_box
 from shipland.vision.far.parameters import learning_table
+from shipland.workers import run_jobs
 
 T = TypeVar("T")
 Picture = npt.NDArray[np.uint8]
@@ -93,23 +92,16 @@ def in_workers(
 ) -> Iterator[T]:
     """What `make` gives for each block, in any order, from so many processes; no new block once the time is up."""
     end_s = math.inf if minutes is None else time.monotonic() + 60.0 * minutes
-    if workers <= 1:
-        for block in blocks:
-            if time.monotonic() < end_s:
-                yield make(block)
+    in_time = itertools.takewhile(lambda _: time.monotonic() < end_s, blocks)
+    if workers == 1:
+        yield from map(make, in_time)
         return
-    remaining = iter(blocks)
-    # Fresh interpreters: an OpenGL context does not survive a fork.
-    with ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool:
-        working = {pool.submit(make, block) for block in itertools.islice(remaining, 2 * workers)}
-        while working:
-            done, working = wait(working, return_when=FIRST_COMPLETED)
-            for future in done:
-                if time.monotonic() < end_s:
-                    working |= {pool.submit(make, block) for block in itertools.islice(remaining, 1)}
-                yield future.result()
-            if time.monotonic() >= end_s:
-                working = {future for future in working if not future.cancel()}
+    for _, made in run_jobs(make, in_time, workers, keep=lambda *_: None, lose=_fail):
+        yield made
+
+
+def _fail(_: list[int], why: str) -> None:
+    raise DataError(why)
 
 
 def make_files(

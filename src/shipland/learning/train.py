@@ -8,7 +8,9 @@ average.
 from __future__ import annotations
 
 import os
+import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,9 +31,10 @@ from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.loss import Anchors, fit_anchors
 from shipland.learning.network import Network, load_weights
 from shipland.learning.progress import followed
-from shipland.learning.results import Trained, write_results
-from shipland.learning.run import BEST, LAST, Run, steps
+from shipland.learning.results import CURVES, DETECTOR, Trained, plot_curves, write_results
+from shipland.learning.run import BEST, LAST, Run, steps, through
 from shipland.learning.settings import TrainParameters, train_parameters
+from shipland.learning.split import split
 from shipland.learning.windows import DiskWindows, ResidentWindows, Windows, decoded_bytes
 from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, yolov3_layers
 from shipland.vision.far.decode import Decoding, DetectorSpec
@@ -45,8 +48,8 @@ MOST_OF_MEMORY = 0.6
 """How much of a GPU's free memory a set may take."""
 
 
-def train(arguments: TrainArguments) -> Path:
-    """Train, evaluate, export; the path of the detector's ONNX file.
+def train(arguments: TrainArguments) -> Trained:
+    """Train, evaluate, export; `detector.onnx` is the best so far from the first evaluation on.
 
     Raises:
         DataError: a data set, checkpoint or weights file is wrong.
@@ -59,16 +62,26 @@ def train(arguments: TrainArguments) -> Path:
     parameters = _parameters(arguments)
     torch.set_num_threads(max(1, arguments.threads))
     dataset = _datasets(arguments)
-    fitting, held_out = dataset.split(parameters.held_out, arguments.seed)
     arguments.out.mkdir(parents=True, exist_ok=True)
+    parts = split(dataset, parameters.held_out, arguments.seed)
+    fitting, held_out = parts.fitting, parts.held_out
+    print(f"{len(held_out.samples)} of {len(dataset.samples)} pictures held out: {parts.how}", file=sys.stderr)
+    if parts.warning:
+        print(f"WARNING: {parts.warning}. Trust `shipland evaluate --data` on another day's pictures.", file=sys.stderr)
     run = _start(arguments, parameters, fitting)
     windows = _windows(arguments, parameters, fitting, run.device)
     if isinstance(windows, DiskWindows):
         for _ in followed(dataset.check_pictures(), "checking pictures", len(dataset.samples)):
             pass
     work = steps(run, parameters, windows, (fitting, held_out), arguments.out, arguments.seed, arguments.minutes)
-    for _ in followed(work, "training step", parameters.steps, run.progress.step):
-        pass
+    share = partial(through, run.progress, parameters, arguments.minutes)
+    try:
+        for _ in followed(work, "training step", parameters.steps, run.progress.step, share):
+            pass
+    finally:
+        plot_curves(arguments.out / CURVES, run.progress, parameters.match_iou)
+        if (arguments.out / DETECTOR).is_file():
+            print(f"best so far: {arguments.out / DETECTOR}", file=sys.stderr)
     best = arguments.out / BEST
     if not best.is_file():
         run.save(best)
@@ -77,7 +90,9 @@ def train(arguments: TrainArguments) -> Path:
     average = with_prefix("average", tensors)
     network.load_state_dict(average)
     save_checkpoint(arguments.out / AVERAGE, prefixed("average", average), spec, Progress(run=progress.run))
-    return write_results(Trained(arguments, parameters, network, spec, progress, fitting, held_out))
+    trained = Trained(arguments, parameters, network, spec, progress, parts)
+    write_results(trained)
+    return trained
 
 
 def _parameters(arguments: TrainArguments) -> TrainParameters:

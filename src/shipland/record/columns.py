@@ -107,6 +107,7 @@ class FlightColumns:
         t_s: (n,) exposure times.
         sticks_percent: (n, 4) pitch, roll, heave, yaw.
         reprojection_px: (n,) of the vision's pose.
+        landing_probability: (n,) that the pilot gives.
         telemetry_tilt_rad: (n,) angle of the aircraft's vertical as the vehicle tells it.
         mode_number … vision_error_yaw_rad: (n,) or (n, 3), stacked from `Derived`.
     """
@@ -114,6 +115,7 @@ class FlightColumns:
     t_s: Array
     sticks_percent: Array
     reprojection_px: Array
+    landing_probability: Array
     telemetry_tilt_rad: Array
     mode_number: npt.NDArray[np.int64]
     estimate_t_s: Array
@@ -147,6 +149,7 @@ class FlightColumns:
                 [[c.pitch_percent, c.roll_percent, c.heave_percent, c.yaw_percent] for c in commands], dtype=float
             ).reshape(-1, 4),
             reprojection_px=np.array([math.nan if pose is None else pose.reprojection_px for pose in poses], float),
+            landing_probability=np.array([record.decision.landing_probability for record in records], dtype=float),
             telemetry_tilt_rad=np.array([_tilt_rad(record.telemetry) for record in records], dtype=float),
             **stacked,
         )

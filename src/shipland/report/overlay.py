@@ -191,6 +191,8 @@ class Instruments:
         name = mode_name(decision.mode).upper()
         put_text(strip, name, (24, 33), 16, (20, 20, 20) if light else (255, 255, 255), bold=True)
         put_text(strip, f"{t_s:.1f} s", (190, 33), 16, _INK)
+        if decision.landing_probability is not None:
+            put_text(strip, f"{100.0 * decision.landing_probability:.0f} %", (270, 33), 16, _INK)
         for index, line in enumerate(wrap_text(decision.reason, 14, 330, lines=2)):
             put_text(strip, line, (14, 64 + 20 * index), 14, _INK)
 

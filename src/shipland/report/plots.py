@@ -211,6 +211,11 @@ def draw_up(axes: Axes, columns: FlightColumns) -> None:
     """Height over the neutral deck, and the deck's own."""
     _draw_place(axes, columns, 2, "height over the neutral deck [m]")
     axes.plot(*smooth(columns.t_s, columns.deck_shift_m[:, 2]), color=unit(GREY), label="deck's centre")
+    if np.isfinite(columns.landing_probability).any():
+        shares = axes.twinx()
+        shares.plot(columns.t_s, 100.0 * columns.landing_probability, color=unit(VERMILION), linewidth=0.8)
+        shares.set_ylim(0.0, 100.0)
+        shares.set_ylabel("P(landing) [%]", color=unit(VERMILION))
 
 
 def _draw_place(axes: Axes, columns: FlightColumns, axis: int, title: str) -> None:

@@ -144,6 +144,11 @@ class Look:
         """A landing is commanded."""
         return self.command.intent is Intent.LAND
 
+    @property
+    def blind(self) -> bool:
+        """No pose for so long that what the last ones contradicted is no longer news."""
+        return self.t_s - self.estimate.pose_s > self.limits.blind_s
+
 
 Rule = Callable[[Look], Finding | None]
 
@@ -250,7 +255,7 @@ def blind_near(look: Look) -> Finding | None:
     distance_m, blind_s = look.estimate.bar_in_level()[0], look.t_s - look.estimate.pose_s
     near = look.command.intent is Intent.FLY and distance_m < look.limits.near_m
     known = blind_s < _POSED_S or look.t_s - look.estimate.bar_box_s < look.limits.blind_s
-    if not near or not known or not look.limits.blind_s < blind_s < math.inf:
+    if not (near and known and look.blind and blind_s < math.inf):
         return None
     return Finding(Action.GO_AROUND, f"no pose for {blind_s:.1f} s, {distance_m:.1f} m from the bar")
 
@@ -271,7 +276,7 @@ def wind_too_strong(look: Look) -> Finding | None:
 def velocity_contradicts(look: Look) -> Finding | None:
     """The vehicle's own velocity and the poses part: a flow that lies, or pictures that are late."""
     leap_mps = look.estimate.velocity_bias_leap_mps()
-    if leap_mps <= look.limits.leap_mps:
+    if look.blind or leap_mps <= look.limits.leap_mps:
         return None
     return Finding(Action.NO_GO, f"the vehicle's velocity and the poses differ by {leap_mps:.1f} m/s more than of late")
 
@@ -279,7 +284,7 @@ def velocity_contradicts(look: Look) -> Finding | None:
 def height_contradicts(look: Look) -> Finding | None:
     """Barometer and poses part: a pose that lies in height, or a barometer that does."""
     leap_m = look.estimate.deck_leap_m
-    if abs(leap_m) <= look.limits.height_leap_m:
+    if look.blind or abs(leap_m) <= look.limits.height_leap_m:
         return None
     return Finding(Action.NO_GO, f"barometer and poses differ by {abs(leap_m):.1f} m more than of late")
 

@@ -19,6 +19,8 @@ _VIEW_STEP = 0.25
 """Step of the share of ship in view from model to model."""
 _GUST_STEPS, _LULL_STEPS = 0.6, 2.5
 """Levels by which the wind must exceed, or fall short of, that in use: a lull is no calm."""
+_SLOWEST_SHIP_MPS = 0.75
+"""A ship that seems slower lies still: the vehicle's own velocity errs by as much."""
 _FLOW_SLOPE = math.tan(math.radians(30.0))
 """Half the view of an optical-flow camera, as a slope."""
 _CLIMB_ACTUATOR_LAG_S = 0.05
@@ -46,21 +48,27 @@ class Assumptions:
         wave: wave motion of deck and bar.
         gust_mps2: standard deviation of the acceleration by gusts; one of `gust_levels_mps2`.
         axis_rad: direction of the ship's axis in the axes of the flight; None while it is not known.
+        ship_mps: speed of a ship whose heading is not seen, and which may turn; a power of two, or 0.
     """
 
     motion: AxisModel
     wave: WaveMotion
     gust_mps2: float
     axis_rad: float | None = None
+    ship_mps: float = 0.0
 
     def across_model(self, parameters: HorizonParameters, gain: float) -> Model:
         """The horizontal model, for a gain of the sticks."""
         servo = self.motion.servo_per_s > 0.0
-        noise = parameters.horizontal_servo_at if servo else parameters.horizontal_at
+        disturbances = parameters.horizontal_servo_at if servo else parameters.horizontal_at
+        noise = disturbances(self.gust_mps2)
+        if self.ship_mps > 0.0:
+            longer = math.sqrt(noise.velocity_bias_time_s / parameters.course_time_s)
+            noise = replace(noise, velocity_bias_mps=self.ship_mps * longer)
         shares = None  # a ship's sway is larger than its surge, and goes with its heave
         if self.wave.bar_moves and self.axis_rad is not None:
             shares = replace(parameters.wave.spread, along_rad=self.axis_rad)
-        return _model(2, replace(self.motion, gain=gain), noise(self.gust_mps2), self.wave, shares)
+        return _model(2, replace(self.motion, gain=gain), noise, self.wave, shares)
 
     def down_model(self, parameters: HorizonParameters, response: Response) -> Model:
         """The vertical model."""
@@ -88,6 +96,13 @@ class Assumptions:
         wanted = min(levels, key=lambda level: abs(math.log(level / gust_mps2)))
         steps = math.log(gust_mps2 / self.gust_mps2) / math.log(levels[1] / levels[0])
         return self if -_LULL_STEPS <= steps <= _GUST_STEPS else replace(self, gust_mps2=wanted)
+
+    def with_ship(self, ship_mps: float) -> Assumptions:
+        """With the speed of a ship whose heading is not seen; 0 where it is, or the ship lies still."""
+        if 0.5 * self.ship_mps < ship_mps < 2.0 * self.ship_mps:
+            return self
+        level_mps = 2.0 ** round(math.log2(ship_mps)) if ship_mps >= _SLOWEST_SHIP_MPS else 0.0
+        return self if level_mps == self.ship_mps else replace(self, ship_mps=level_mps)
 
     def with_view(self, over_ship: float, settle_s: float) -> Assumptions:
         """With the share of ship in view: a servo on optical flow follows the motion of the ship below it."""

@@ -13,6 +13,7 @@ from shipland.estimation.relative_state import (
     ACTUATION,
     POSITION,
     STATES,
+    VELOCITY_BIAS,
     WAVE,
     AxisModel,
     GaussianState,
@@ -25,6 +26,8 @@ from shipland.messages import Estimate
 
 _STEP_MS = 20
 """To which times are rounded in predictions: a model keeps a matrix for each."""
+_COURSE_SIGMAS = 2.0
+"""Standard deviations of a velocity by which a ship must move for it to have a course."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,7 @@ class Estimated:
         yaw_variance: of the difference of the two headings [rad²].
         to_bar_rad: heading of the bar from the aircraft; by the newest box, where that was seen last: the filter lags
             behind a ship that turns.
+        to_bar_rad_s: its rate.
         deck_in_bar_m: (3,) the deck's neutral point.
         deck_s: exposure of the newest picture of the deck.
         actuation: what the sticks have made of the vehicle.
@@ -90,6 +94,7 @@ class Estimated:
     bar_known: bool
     yaw_variance: float
     to_bar_rad: float
+    to_bar_rad_s: float
     deck_in_bar_m: Array
     deck_s: float
     actuation: Actuation
@@ -98,6 +103,13 @@ class Estimated:
     def offset_m(self) -> Array:
         """(2,) from the landing point, in the axes of the flight."""
         return self.followed_m - rotated(self.deck_in_bar_m[:2], self.bar_rad)
+
+    @cached_property
+    def course_rad(self) -> float | None:
+        """Direction of the ship's velocity, in the axes of the flight; None while that is not known from zero."""
+        north, east = self.across.of(VELOCITY_BIAS).tolist()
+        variances = np.diagonal(self.across.covariance)[VELOCITY_BIAS::STATES].tolist()
+        return math.atan2(east, north) if north**2 + east**2 > _COURSE_SIGMAS**2 * max(variances) else None
 
     @property
     def observed_offset_m(self) -> Array:

@@ -16,7 +16,7 @@ from shipland.estimation.delayed import DelayedFilter
 from shipland.estimation.gain import GainBank
 from shipland.estimation.heading import Headings
 from shipland.estimation.latency import LatencyBank
-from shipland.estimation.relative_state import GUST, POSITION, VELOCITY, WIND, Model, less_wave
+from shipland.estimation.relative_state import GUST, POSITION, VELOCITY, VELOCITY_BIAS, WIND, Model, less_wave
 from shipland.frames import Array, all_finite, rotated, wrap_angle
 from shipland.guidance.horizon.assumptions import Assumptions, motion_of, ship_in_view
 from shipland.guidance.horizon.estimated import Actuation, Estimated
@@ -72,8 +72,8 @@ class Estimator:
         self._gain_models = self._models_by_gain()
         self._landing = False
         self._velocity_s = self._deck_s = self._showed_s = self._posed_s = -math.inf
-        self._line_of_sight_rad: float | None = None
-        """Heading of the newest box; None where a pose came after it."""
+        self._line_of_sight: tuple[float, float] | None = None
+        """Time and heading of the newest box; None where a pose came after it."""
         self.seen_s = -math.inf
         """Exposure of the newest picture that gave a position."""
         self.rejected = ""
@@ -125,6 +125,7 @@ class Estimator:
         held_mps2 = self._held_mps2()
         if held_mps2 is not None:
             self._assume(self._assumed.with_gusts(held_mps2, self._parameters))
+        self._assume(self._assumed.with_ship(self._unseen_ship_mps(t_s, headings)))
         if self._assumed.motion.servo_per_s > 0.0:
             self._assume(self._assumed.with_view(self._over_ship(), self._parameters.delayed.flow_settle_s))
         self._across.follow(telemetry.t_s, self._sticks.across, self._headings.turn_rad_s)
@@ -160,7 +161,7 @@ class Estimator:
                 self._take_box(t_s, place)
 
     def _take_pose(self, t_s: float, place: SeenPlace) -> None:
-        self._line_of_sight_rad = None
+        self._line_of_sight = None
         if t_s - self._showed_s > _POSE_GAP_S:
             self._posed_s = -math.inf
         self._showed_s = t_s
@@ -187,7 +188,7 @@ class Estimator:
         if t_s - self.seen_s > self._parameters.measured.lost_s:  # the ship has moved on meanwhile
             self.forget_place()
         north, east = (-place.across_m).tolist()
-        self._line_of_sight_rad = math.atan2(east, north)
+        self._line_of_sight = t_s, math.atan2(east, north)
         self._update(t_s, place, self._parameters.measured.first_way_mps)
 
     def _update(self, t_s: float, place: SeenPlace, ship_std_mps: float = 0.0) -> None:
@@ -238,6 +239,13 @@ class Estimator:
             self._across.model, self._gain_models = self._across_model(), self._models_by_gain()
             self._down.model = self._assumed.down_model(self._parameters, self._response)
 
+    def _unseen_ship_mps(self, t_s: float, headings: Headings) -> float:
+        """Speed of the ship while its heading is not seen; 0 where it is."""
+        across = self._across.estimate
+        if across is None or t_s - headings.posed_s < self._parameters.measured.lost_s:
+            return 0.0
+        return math.hypot(*across.of(VELOCITY_BIAS).tolist())
+
     def _held_mps2(self) -> Array | None:
         """(2,) acceleration against the wind; None before the first position."""
         across = self._across.estimate
@@ -278,10 +286,12 @@ class Estimator:
         place_m, speed_mps = less_wave(across.mean, wave.observed_share)
         tracked_near = self._wave_parameters.followed_at(math.hypot(*place_m.tolist()))
         followed_m, followed_mps = less_wave(across.mean, tracked_near * wave.tracked_share)
-        to_bar_rad = self._line_of_sight_rad
-        if to_bar_rad is None:
-            north, east = (-place_m).tolist()
-            to_bar_rad = math.atan2(east, north)
+        (north_m, east_m), (north_mps, east_mps) = place_m.tolist(), speed_mps.tolist()
+        to_bar_rad_s = (north_m * east_mps - east_m * north_mps) / max(north_m**2 + east_m**2, 1.0)
+        to_bar_rad = math.atan2(-east_m, -north_m)
+        if self._line_of_sight is not None:
+            boxed_s, to_box_rad = self._line_of_sight
+            to_bar_rad = to_box_rad + to_bar_rad_s * (t_s - boxed_s)
         return Estimated(
             t_s=t_s,
             across=across,
@@ -298,9 +308,10 @@ class Estimator:
             nose_rad=self._headings.nose_at(t_s),
             bar_rad=wrap_angle(headings.bar_rad + turn_rad_s * (t_s - headings.t_s)),
             turn_rad_s=turn_rad_s,
-            bar_known=headings.bar_known,
+            bar_known=headings.bar_known and self._assumed.ship_mps == 0.0,
             yaw_variance=nose + bar - 2.0 * both,
             to_bar_rad=to_bar_rad,
+            to_bar_rad_s=to_bar_rad_s,
             deck_in_bar_m=self._deck_in_bar_m,
             deck_s=self._deck_s,
             actuation=Actuation(

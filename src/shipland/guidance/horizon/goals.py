@@ -47,7 +47,13 @@ class Goals:
             distance_m = math.hypot(*estimate.place_m.tolist())
             too_high_m = (-estimate.down_m - path.far_above_m) / math.tan(math.radians(path.glide_path_deg))
             # From nearer it backs off: a least distance alone would spiral in, or meet an approaching ship.
-            goal_m = estimate.place_m * (max(path.stand_off_m, too_high_m) / max(distance_m, 1.0))
+            stand_off_m = max(path.stand_off_m, too_high_m)
+            if estimate.course_rad is not None:  # astern of a ship under way
+                goal_in_bar_m = self._past_ship(
+                    rotated(estimate.place_m, -estimate.course_rad), np.array([-stand_off_m, 0.0])
+                )
+                return rotated(goal_in_bar_m, estimate.course_rad), np.zeros(2)
+            goal_m = estimate.place_m * (stand_off_m / max(distance_m, 1.0))
             return rotated(goal_m, self._round_rad(estimate.t_s, distance_m)), np.zeros(2)
         ahead_m = float(self._deck_in_bar_m[0])
         if mode is Mode.GO_AROUND:
@@ -60,7 +66,7 @@ class Goals:
                 above_m / math.tan(math.radians(path.glide_path_deg)),
             )
             ahead_m -= short_m if mode is not Mode.LAND else 0.0
-        goal_in_bar_m = self._past_ship(estimate, np.array([ahead_m, 0.0]))
+        goal_in_bar_m = self._past_ship(estimate.aircraft_in_bar_m[:2], np.array([ahead_m, 0.0]))
         goal_m = rotated(goal_in_bar_m, estimate.bar_rad)
         return goal_m, estimate.turn_rad_s * np.array([-goal_m[1], goal_m[0]])
 
@@ -102,9 +108,9 @@ class Goals:
         off_rad = wrap_angle(estimate.to_bar_rad - estimate.bar_rad)
         return estimate.bar_rad + off_rad - clamp(off_rad, widest_rad)
 
-    def _past_ship(self, estimate: Estimated, goal_in_bar_m: Array) -> Array:
+    def _past_ship(self, aircraft_in_bar_m: Array, goal_in_bar_m: Array) -> Array:
         """The goal (2,), or, from ahead of the ship, a point on the way around it."""
-        ahead_m, right_m, _ = estimate.aircraft_in_bar_m.tolist()
+        ahead_m, right_m = aircraft_in_bar_m.tolist()
         off_astern_rad, distance_m = math.atan2(right_m, -ahead_m), math.hypot(ahead_m, right_m)
         if abs(off_astern_rad) < _AHEAD_RAD or distance_m < self._margins.overhead_m + self._half_cue_m:
             return goal_in_bar_m

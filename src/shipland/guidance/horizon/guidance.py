@@ -114,7 +114,7 @@ class Guidance:
         return clamp(path.climb_per_s * (height_m - estimate.height_m), path.climb_mps)
 
     def _turn_rad_s(self, estimate: Estimated) -> float:
-        """Yaw rate to the heading wanted, with the bar's own."""
+        """Yaw rate to the heading wanted, with that heading's own rate."""
         off_rad = wrap_angle(self._goals.nose_rad(estimate) - estimate.nose_rad)
         turn_rad_s = self._parameters.path.turn_per_s * off_rad
-        return turn_rad_s + estimate.turn_rad_s if estimate.bar_known else turn_rad_s
+        return turn_rad_s + (estimate.turn_rad_s if estimate.bar_known else estimate.to_bar_rad_s)

@@ -131,7 +131,9 @@ class HorizonPilot:
         note = "" if self._steering is None else self._steering.note
         reason = "; ".join(filter(None, (state.modes.reason, note)))
         at_picture = None if planned.at_picture is None else planned.at_picture.as_message()
-        return Decision(command, mode, reason, at_picture)
+        descent = None if plan is None else plan.descent
+        probability = None if descent is None or descent.odds is None else descent.odds.now
+        return Decision(command, mode, reason, at_picture, probability)
 
     def steered(self, planned: Planned) -> Steered | None:
         """What a policy sees of a plan; None where it cannot change the input."""

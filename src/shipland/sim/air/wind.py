@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, NamedTuple, Protocol
 
@@ -77,6 +77,27 @@ class GustParameters:
         return 0.5 * (1.0 - math.cos(2.0 * math.pi * share)) if 0.0 < share < 1.0 else 0.0
 
 
+@dataclass(frozen=True)
+class WindReadings:
+    """One wind as it is measured in several ways.
+
+    Attributes:
+        mean_mps: at the height asked for.
+        mean_10m_mps: at 10 m over the same surface, as meteorologists say it (WMO-No. 8), by the logarithmic profile.
+        gust_mps: strongest mean of three seconds within ten minutes, at the height asked for.
+    """
+
+    mean_mps: float
+    mean_10m_mps: float
+    gust_mps: float
+
+
+WMO_HEIGHT_M = 10.0
+GUST_PEAK = 3.1
+"""Standard deviations of the turbulence that the gust exceeds the mean by: the highest of about 200 three-second means
+(Davenport 1964)."""
+
+
 @parameters
 class WindParameters:
     """What the configuration says of the wind in section `[wind]`."""
@@ -132,6 +153,19 @@ class WindParameters:
         if self.surface == "land":
             return scales
         return sea_scales(self.sea, scales, self.surface_roughness_m, self.mean_at(height_m), height_m)
+
+    def readings_at(self, height_m: float) -> WindReadings:
+        """What anemometers would read of the wind that is flown at a height, without the ship."""
+        rough_m = self.surface_roughness_m
+        above_m = max(height_m, 10.0 * rough_m)
+        mean_mps, deviation_mps = self.mean_at(height_m), 0.0
+        if self.turbulence.enabled and mean_mps > 0.0:
+            deviation_mps = self.turbulence_at(height_m).deviations_mps[0]
+        return WindReadings(
+            mean_mps,
+            mean_mps * math.log(WMO_HEIGHT_M / rough_m) / math.log(above_m / rough_m),
+            mean_mps + GUST_PEAK * deviation_mps,
+        )
 
 
 class NaturalWind:

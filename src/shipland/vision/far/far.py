@@ -74,8 +74,8 @@ class FarVision:
     def load(camera: Camera, parameters: DetectorParameters, rig: Rig | None = None) -> FarVision:
         """Both detectors that the parameters name; DataError when one cannot be used."""
         return FarVision(
-            Detector.load(parameters.ship_weights, parameters),
-            Detector.load(parameters.bar_weights, parameters),
+            Detector.load(parameters.ship_weights, parameters, (parameters.ship_class,)),
+            Detector.load(parameters.bar_weights, parameters, (parameters.bar_class,)),
             camera,
             parameters,
             rig,

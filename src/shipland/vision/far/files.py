@@ -90,9 +90,4 @@ def detect_paths(
     if not 0.0 < confidence < 1.0:
         raise DataError(f"the least confidence must lie between 0 and 1, got {confidence:g}")
     for picture in pictures_of(paths, broken):
-        found = [
-            (box, name)
-            for kind, name in enumerate(detector.engine.spec.classes)
-            for box in detector.detect(picture.image, confidence, kind)
-        ]
-        yield DetectResult(picture, tuple(sorted(found, key=lambda item: -item[0].confidence)))
+        yield DetectResult(picture, tuple(detector.detect_named(picture.image, confidence)))

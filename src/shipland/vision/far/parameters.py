@@ -41,6 +41,8 @@ class DetectorParameters:
 
     ship_weights: str = key("ship", "name of packaged weights or path of an ONNX file")
     bar_weights: str = key("bar", "name of packaged weights or path of an ONNX file")
+    ship_class: str = key("ship", "name or number of the class that is the ship, in weights of several classes")
+    bar_class: str = key("bar", "name or number of the class that is the bar, in weights of several classes")
     runtime: Runtime = key("auto", "auto, openvino or onnxruntime")
     precision: Precision = key("auto", "auto, bf16 or fp32")
     threads: int = key(0, "CPU threads; 0 leaves it to the runtime", "0: the runtime's choice", ge=0, le=256)
@@ -68,7 +70,11 @@ class DetectorParameters:
     tile_min_px: int = key(
         224, "least side of the square tile around a track", "chosen: seven network cells about a small target", gt=0
     )
-    tile_max_px: int = key(416, "largest side of that tile", "chosen: YOLOv3's usual input; [Lee2022] gives none")
+    tile_max_px: int = key(
+        416,
+        "largest side of that tile; a network of one picture size searches whole frames in tiles of this side as well",
+        "chosen: YOLOv3's usual input; [Lee2022] gives none",
+    )
     tile_per_target: float = key(2.5, "the tile's side over the target's longer side, at least", gt=1)
     gate_px: float = key(24.0, "a track takes a box whose centre is within this, and the two below")
     gate_px_s: float = key(160.0, "times the time since the track's last box", "10 deg/s of yaw rate at 931 px")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -10,7 +11,7 @@ import numpy.typing as npt
 
 from shipland.errors import DataError, SystemLibraryError
 from shipland.files import check_digest
-from shipland.vision.far.decode import STRIDES, DetectorSpec, Float32
+from shipland.vision.far.decode import Float32
 from shipland.vision.far.parameters import Precision, Runtime
 
 INPUT_NAME = "picture"
@@ -18,34 +19,42 @@ METADATA_KEY = "shipland_detector"
 FIRST_BYTE = b"\x08"
 """ONNX files start with field 1 of their protobuf, the version."""
 Picture = npt.NDArray[np.uint8]
+Shape = tuple[int, ...]
 
 
-class Engine(Protocol):
-    """A loaded network."""
+class Network(Protocol):
+    """A loaded network: a picture in, its outputs out, in the order of the file.
 
-    @property
-    def spec(self) -> DetectorSpec:
-        """What the weights file says of itself."""
+    Attributes:
+        inputs, outputs: their shapes by name, in the file's order; −1 where a size is not fixed.
+        description: runtime and arithmetic, in a few words.
+    """
 
-    @property
-    def description(self) -> str:
-        """Runtime and arithmetic, in a few words."""
+    inputs: dict[str, Shape]
+    outputs: dict[str, Shape]
+    description: str
 
-    def maps(self, picture: Picture) -> list[Float32]:
-        """Raw maps, finest scale first, of a picture (h,w,3) BGR whose sides are multiples of 32."""
+    def metadata(self, name: str) -> str | None:
+        """What the file says under this name."""
+
+    def run(self, picture: Picture, divisor: float = 1.0) -> list[Float32]:
+        """The outputs, without the axis of the batch, for a picture (h,w,3).
+
+        The first input takes the picture, planes of 0 … 255 over `divisor`; a second one its width and height [px].
+        """
 
 
-def load_engine(path: Path, runtime: Runtime = "auto", precision: Precision = "auto", threads: int = 0) -> Engine:
-    """Load a detector's ONNX file.
+def load_network(path: Path, runtime: Runtime = "auto", precision: Precision = "auto", threads: int = 0) -> Network:
+    """Load an ONNX file.
 
     Args:
-        path: the file, as `shipland train` writes it.
+        path: the file.
         runtime: auto takes OpenVINO where it is installed.
         precision: arithmetic of layers that are not 8-bit; auto takes bf16 where the CPU has it. OpenVINO only.
         threads: 0 leaves the number to the runtime.
 
     Raises:
-        DataError: the file is missing, damaged (`check_digest`), broken or no detector of this project.
+        DataError: the file is missing, damaged (`check_digest`) or no ONNX network.
         SystemLibraryError: the runtime asked for, or any, is not installed.
     """
     if not path.is_file():
@@ -56,60 +65,63 @@ def load_engine(path: Path, runtime: Runtime = "auto", precision: Precision = "a
             raise DataError(f"{path} is no ONNX network")
     if runtime in ("auto", "openvino"):
         try:
-            return OpenVinoEngine(path, precision, threads)
+            return OpenVinoNetwork(path, precision, threads)
         except ImportError:
             if runtime == "openvino":
                 raise SystemLibraryError("the runtime openvino is not installed: pip install openvino") from None
     try:
-        return OnnxRuntimeEngine(path, threads)
+        return OnnxRuntimeNetwork(path, threads)
     except ImportError:
         raise SystemLibraryError("no runtime for detectors: pip install openvino (or onnxruntime)") from None
 
 
-def _check_picture(picture: Picture) -> None:
-    if picture.ndim != 3 or picture.shape[2] != 3 or any(side % STRIDES[-1] for side in picture.shape[:2]):
-        raise ValueError(f"a detector wants (h, w, 3) with sides in multiples of {STRIDES[-1]}, got {picture.shape}")
-
-
-class OpenVinoEngine:
+class OpenVinoNetwork:
     """OpenVINO on the CPU; one compiled network for each picture size, made when it is first met."""
 
     def __init__(self, path: Path, precision: Precision, threads: int) -> None:
         import openvino
 
-        self._openvino = openvino
+        self._openvino, self._path = openvino, path
         self._core = openvino.Core()
         try:
             self._model = self._core.read_model(path)
         except RuntimeError as error:
-            raise DataError(f"{path} is no ONNX network: {str(error).strip().splitlines()[-1]}") from None
-        try:
-            text = self._model.get_rt_info(["framework", METADATA_KEY]).astype(str)
-        except RuntimeError:
-            raise DataError(f"{path} is no shipland detector: it lacks the metadata {METADATA_KEY!r}") from None
-        self.spec = DetectorSpec.from_json(text, str(path))
+            raise DataError(f"{path} is no ONNX network: {_last_line(error)}") from None
+        self.inputs, self.outputs = (_ports(ports) for ports in (self._model.inputs, self._model.outputs))
         capable = "BF16" in self._core.get_property("CPU", "OPTIMIZATION_CAPABILITIES")
         self._precision = {"auto": "bf16" if capable else "f32", "bf16": "bf16", "fp32": "f32"}[precision]
         self._threads = threads
-        self._requests: dict[tuple[int, ...], Any] = {}
+        self._requests: dict[tuple[object, ...], Any] = {}
         self.description = f"OpenVINO {self._precision}"
 
-    def maps(self, picture: Picture) -> list[Float32]:
-        """See `Engine.maps`."""
-        _check_picture(picture)
-        request = self._requests.get(picture.shape)
-        if request is None:
-            request = self._requests[picture.shape] = self._compile(picture.shape)
-        results = request.infer({0: picture[None]}, share_inputs=True)
-        return [results[index][0] for index in range(len(STRIDES))]
+    def metadata(self, name: str) -> str | None:
+        """See `Network.metadata`."""
+        try:
+            return str(self._model.get_rt_info(["framework", name]).astype(str))
+        except RuntimeError:
+            return None
 
-    def _compile(self, shape: tuple[int, ...]) -> Any:  # noqa: ANN401 - OpenVINO's request
+    def run(self, picture: Picture, divisor: float = 1.0) -> list[Float32]:
+        """See `Network.run`."""
+        key = (*picture.shape, divisor)
+        feeds = {0: picture[None]} | ({1: _width_and_height(picture)} if len(self.inputs) > 1 else {})
+        try:
+            if key not in self._requests:
+                self._requests[key] = self._compile(picture.shape, divisor)
+            results = self._requests[key].infer(feeds, share_inputs=True)
+        except RuntimeError as error:
+            raise DataError(f"{self._path} cannot be run: {_last_line(error)}") from None
+        return [np.atleast_1d(results[index])[0] for index in range(len(self.outputs))]
+
+    def _compile(self, shape: tuple[int, ...], divisor: float) -> Any:  # noqa: ANN401 - OpenVINO's request
         openvino = self._openvino
         steps = openvino.preprocess.PrePostProcessor(self._model.clone())
-        steps.input().tensor().set_element_type(openvino.Type.u8).set_layout(openvino.Layout("NHWC"))
-        steps.input().model().set_layout(openvino.Layout("NCHW"))
+        steps.input(0).tensor().set_element_type(openvino.Type.u8).set_layout(openvino.Layout("NHWC"))
+        steps.input(0).model().set_layout(openvino.Layout("NCHW"))
+        if divisor != 1.0:
+            steps.input(0).preprocess().convert_element_type(openvino.Type.f32).scale(divisor)
         model = steps.build()
-        model.reshape([1, *shape])
+        model.reshape({0: [1, *shape]} | ({1: [1, 2]} if len(self.inputs) > 1 else {}))
         settings: dict[str, Any] = {
             "NUM_STREAMS": 1,
             "PERFORMANCE_HINT": "LATENCY",
@@ -120,7 +132,7 @@ class OpenVinoEngine:
         return self._core.compile_model(model, "CPU", settings).create_infer_request()
 
 
-class OnnxRuntimeEngine:
+class OnnxRuntimeNetwork:
     """ONNX Runtime on the CPU: the fallback."""
 
     def __init__(self, path: Path, threads: int) -> None:
@@ -134,18 +146,43 @@ class OnnxRuntimeEngine:
         try:
             self._session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
         except (state.Fail, state.InvalidGraph, state.InvalidProtobuf, state.NotImplemented) as error:
-            raise DataError(f"{path} is no ONNX network: {str(error).strip().splitlines()[-1]}") from None
-        text = self._session.get_modelmeta().custom_metadata_map.get(METADATA_KEY)
-        if text is None:
-            raise DataError(f"{path} is no shipland detector: it lacks the metadata {METADATA_KEY!r}")
-        self.spec = DetectorSpec.from_json(text, str(path))
+            raise DataError(f"{path} is no ONNX network: {_last_line(error)}") from None
+        self._path, self._failures = path, (state.Fail, state.InvalidArgument, state.RuntimeException)
+        self.inputs, self.outputs = (
+            {port.name: tuple(size if isinstance(size, int) else -1 for size in port.shape) for port in ports}
+            for ports in (self._session.get_inputs(), self._session.get_outputs())
+        )
         self.description = "ONNX Runtime"
 
-    def maps(self, picture: Picture) -> list[Float32]:
-        """See `Engine.maps`."""
-        _check_picture(picture)
+    def metadata(self, name: str) -> str | None:
+        """See `Network.metadata`."""
+        found: str | None = self._session.get_modelmeta().custom_metadata_map.get(name)
+        return found
+
+    def run(self, picture: Picture, divisor: float = 1.0) -> list[Float32]:
+        """See `Network.run`."""
         planes = np.ascontiguousarray(picture.transpose(2, 0, 1)[None], dtype=np.float32)
-        return [item[0] for item in self._session.run(None, {INPUT_NAME: planes})]
+        feeds = zip(self.inputs, (planes / np.float32(divisor), _width_and_height(picture)), strict=False)
+        try:
+            return [np.atleast_1d(item)[0] for item in self._session.run(None, dict(feeds))]
+        except self._failures as error:
+            raise DataError(f"{self._path} cannot be run: {_last_line(error)}") from None
+
+
+def _ports(ports: Sequence[Any]) -> dict[str, Shape]:
+    """Shapes of OpenVINO's ports, by name."""
+    return {
+        port.get_any_name(): tuple(size.get_length() if size.is_static else -1 for size in port.get_partial_shape())
+        for port in ports
+    }
+
+
+def _width_and_height(picture: Picture) -> npt.NDArray[np.int64]:
+    return np.array([picture.shape[1::-1]], dtype=np.int64)
+
+
+def _last_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[-1]
 
 
 def native_bf16() -> bool:

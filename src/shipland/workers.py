@@ -1,4 +1,4 @@
-"""Flights on several cores: processes that are stopped when asked, and whose finished flights are kept.
+"""Work on several cores: processes that are stopped when asked, and whose finished jobs are kept.
 
 A worker is an interpreter of its own that gets jobs over a socket. It does not run the caller's script again, as
 multiprocessing's does, so that a script needs no guard and a notebook works too; what the script or the notebook itself
@@ -104,7 +104,7 @@ def run_jobs(
     finally:
         for worker in hired:
             if worker.job is not None and worker.link.poll():
-                with suppress(Exception):  # one that failed or died is flown again
+                with suppress(Exception):  # one that failed or died is done again
                     good, done = _received(worker)
                     if good:
                         keep(worker.job, done)
@@ -116,7 +116,7 @@ def run_jobs(
 POLL_S = 0.2
 """How often a loop that waits for results looks for a request to stop."""
 _DEATHS = 5
-"""Worker processes that die one after another: it is not the flights."""
+"""Worker processes that die one after another: it is not the jobs."""
 
 
 class _DeadError(DataError):
