@@ -81,6 +81,8 @@ class Telling:
         values = {"intent": decision.command.intent.value}
         if decision.estimate is not None:
             values["distance_m"] = f"{math.hypot(*decision.estimate.aircraft_in_bar_m):.2f}"
+        if decision.landing_probability is not None:
+            values["landing_probability"] = f"{decision.landing_probability:.3f}"
         self.state(mode, decision.reason, t_s, values)
 
     def state(self, mode: str, reason: str, t_s: float, values: Mapping[str, str] | None = None) -> None:
