@@ -10,6 +10,8 @@ from typing import Annotated, Any, Protocol, Union, get_type_hints
 
 import tyro
 
+from shipland.commands.again import Again
+from shipland.commands.bag import Bag
 from shipland.commands.calibrate import Calibrate
 from shipland.commands.campaign import Campaign
 from shipland.commands.compare import Compare
@@ -40,7 +42,9 @@ COMMANDS: tuple[type[Command], ...] = (
     Campaign,
     Compare,
     Report,
+    Again,
     Replay,
+    Bag,
     Paper,
     Motion,
     See,

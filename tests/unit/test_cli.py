@@ -181,7 +181,9 @@ def test_a_full_disk_is_one_line_after_the_flight(tmp_path, here):
     assert last.startswith("shipland: the flight is not on record as asked: log given up:")
     assert "No space left on device" in last
     assert done.stderr.count("No space left") == 1
-    assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == ["timing.json"]
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == [
+        "foxglove-layout.json", "timing.json",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGQUIT])
@@ -197,7 +199,7 @@ def test_other_signals_leave_what_ctrl_c_leaves(how, tmp_path):
             process.kill()
     assert "interrupted" in said and "Traceback" not in said
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "flight.mcap", "plots.png", "summary.json", "timing.json",
+        "flight.mcap", "foxglove-layout.json", "plots.png", "summary.json", "timing.json",
     ]  # fmt: skip
     assert read_log(tmp_path / "flight.mcap").complete
 
@@ -238,6 +240,6 @@ def test_a_connection_that_is_lost_ends_the_flight_in_order(tmp_path):
         finally:
             process.kill()
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "flight.mcap", "plots.png", "summary.json", "timing.json",
+        "flight.mcap", "foxglove-layout.json", "plots.png", "summary.json", "timing.json",
     ]  # fmt: skip
     assert read_log(tmp_path / "flight.mcap").complete

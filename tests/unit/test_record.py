@@ -31,12 +31,13 @@ from shipland.messages import (
     PilotCommand,
     TouchdownVerdict,
 )
+from shipland.record.channels import LogParameters
 from shipland.record.columns import Derived, FlightColumns, derive
 from shipland.record.foxglove_scene import nanoseconds, timestamp
 from shipland.record.info import FORMAT_VERSION, FlightInfo, LogHeader, config_digest
 from shipland.record.reader import read_log
 from shipland.record.rows import from_row, json_schema, to_row
-from shipland.record.writer import LogParameters, LogWriter
+from shipland.record.writer import LogWriter
 from shipland.report.outputs import load_outputs
 from shipland.report.plots import plot_flight
 from shipland.vision.log_pictures import read_pictures

@@ -15,8 +15,9 @@ from shipland.commands.see import See
 from shipland.cue import Cue
 from shipland.errors import ConfigError, DataError
 from shipland.messages import Decision, FlightRecord, Frame, GimbalAttitude, Observation, PilotCommand, Telemetry
+from shipland.record.channels import LogParameters
 from shipland.record.info import FlightInfo
-from shipland.record.writer import LogParameters, LogWriter
+from shipland.record.writer import LogWriter
 from shipland.rig import Rig
 from shipland.vision.near.files import COLUMNS, default_camera, see_paths
 from shipland.vision.pictures import pictures_of, read_picture, read_video
