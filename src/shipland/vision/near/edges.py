@@ -64,6 +64,10 @@ _MOST_MISFIT = 0.25
 _CODED_SIDE_PX = 20.0
 """Length of a side up to which coding moves it as a whole: about a block's."""
 
+_TILTED_SIDE_PX, _MOST_TILTED = 28.0, 1.6
+"""Length of a side from which coding moves one end against the middle as far as all of it, a shorter one moves as a
+whole; and how much more that is at most, as variances."""
+
 _BLOOM = 4.0
 """How much larger the common outward error of all sides may be where every colour clips."""
 
@@ -322,7 +326,8 @@ def _as_coded(fit: SideFit, parameters: VisionParameters) -> SideFit:
     if fit.clipped:  # which a side that crosses several rows of pixels (columns, if it is steep) averages out
         crossed = sides.length_px * np.abs(sides.along).min(axis=1) / np.abs(sides.along).max(axis=1)
         coded2 += (parameters.edge_clipped_px / np.maximum(crossed, 1.0)) ** 2
-    more = np.array([coded2, np.zeros_like(coded2), coded2 / sides.half_px() ** 2])
+    tilted2 = coded2 * np.minimum(sides.length_px / _TILTED_SIDE_PX, _MOST_TILTED) / sides.half_px() ** 2
+    more = np.array([coded2, np.zeros_like(coded2), tilted2])
     return replace(fit, variance=fit.variance + (more if sides.held is None else more * ~sides.held))
 
 
