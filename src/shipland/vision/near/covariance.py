@@ -35,14 +35,11 @@ _TAIL = 4.0
 coding errs much in some pictures."""
 
 _LEAST_WEIGHT = 1.6
-"""Sum of the poses' likelihoods, the best one's 1 included, from which they lie densely enough: those of a Gaussian have
-2. Where the fit is of fourth order, the Jacobian's deviation is far too large."""
+"""Sum of the poses' likelihoods, the best one's 1 included, from which they lie densely enough: a Gaussian's have 2.
+Where the fit is of fourth order, the Jacobian's deviation is far too large."""
 
 _NARROWER = 4
 """Times that the poses are taken, each at half the angles of the last."""
-
-_NARROW = 0.5
-"""Least share of the Jacobian's variance of that angle that the poses beside must have; with less they fit nothing."""
 
 
 def position_and_yaw(camera_from_plane: Pose) -> tuple[Array, float]:
@@ -129,9 +126,7 @@ def bar_pose_of(solutions: list[Solution], corners_px: Array, covariance: Array 
     return BarPose(here[:3], float(here[3]), covariance, taken.reprojection_px, corners_px.reshape(-1, 2))
 
 
-def covariance_over_tilts(
-    taken: Solution, corners: Corners, camera: Camera, prior: LevelPrior | None
-) -> Array | None:
+def covariance_over_tilts(taken: Solution, corners: Corners, camera: Camera, prior: LevelPrior | None) -> Array | None:
     """(4,4) covariance of (position in `bar` [m], yaw [rad]) over all angles at which the cue may stand to the camera.
 
     From afar the corners measure the angle about an axis in the cue's plane by a cosine: they fit over a wide range of
@@ -158,7 +153,6 @@ def covariance_over_tilts(
             std_rad *= 0.5
         along = known[:, :3] @ axis
         line = replace(taken, covariance=np.outer(along, along) / float(along[:3] @ axis))
-        linear = excess * covariance_in_bar(line)
         if not len(beside):
             continue
         more = square / weight if more is None else more + square / weight

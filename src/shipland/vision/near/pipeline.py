@@ -26,6 +26,7 @@ from shipland.vision.near.pose import Known, PoseCandidate, Setup, solve_pose
 from shipland.vision.near.refusal import Refusal, gimbal_off
 from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Image, QuadsOf, RegionsOf, Window, find_quads, segment
+from shipland.vision.near.strokes import measure_strokes, stroke_polygons
 from shipland.vision.near.track import Track
 from shipland.vision.near.validate import Screen, corners_are_sharp, jumps, validate
 
@@ -104,16 +105,18 @@ class NearVision:
     def _look(self, image: Image, window: Window, known: Known, *, parts: bool) -> PoseCandidate | Refusal:
         """The cue in a part of the picture; `parts` says whether a cue that is not whole will do."""
         steps, parameters = self._steps, self._setup.parameters
-        regions = (
-            []
-            if window.empty
-            else steps.regions_of(image, window, parameters, self._setup.hue, len(self._setup.plane_m))
-        )
-        if not regions:
+        if window.empty:
+            return Refusal.NOTHING_GREEN
+        regions = steps.regions_of(image, window, parameters, self._setup.hue, len(self._setup.plane_m))
+        if not (regions or self._setup.strokes):
             return Refusal.NOTHING_GREEN
         segments = segment(image, regions, parameters, self._setup.plane_m.shape[1], steps.quads_of)
         choice = Choice(partial(self._pose_of, image, known), self._setup, known.predicted_px, segments.cut)
         result = choice.cue_among(segments.quads, parts=parts)
+        if isinstance(result, Refusal) and self._setup.strokes:
+            strokes = stroke_polygons(image, window, parameters, self._setup.hue, self._setup.plane_m)
+            narrow = choice.cue_among(strokes, parts=False)
+            return narrow if isinstance(narrow, PoseCandidate) or result is Refusal.NO_QUADRILATERAL else result
         if isinstance(result, Refusal) and parts and segments.flush:
             flush = choice.cue_among(segments.quads + segments.flush, parts=parts)
             return flush if isinstance(flush, PoseCandidate) else result
@@ -124,7 +127,10 @@ class NearVision:
         setup, steps = self._setup, self._steps
         measured = steps.measure(image, match.quads_px, setup.camera, setup.parameters, known.blur_px)
         if measured is None or not corners_are_sharp(measured, setup.parameters):
-            return Refusal.CORNERS_UNSURE
+            plane_m = setup.plane_m[list(match.model)]
+            measured = measure_strokes(image, match.quads_px, plane_m, setup.camera, None) if setup.strokes else None
+            if measured is None:
+                return Refusal.CORNERS_UNSURE
         screened = steps.screen_corners(measured.corners_px)
         if screened is not None:
             return screened

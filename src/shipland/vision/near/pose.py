@@ -53,6 +53,11 @@ class Setup:
         """For one cue."""
         return Setup(cue.plane_m, cue.manufacturing_tolerance, camera, parameters, cue.hue or parameters.hue)
 
+    @property
+    def strokes(self) -> bool:
+        """Whether the cue's polygons are no quadrilaterals, and may be narrow."""
+        return self.plane_m.shape[1] != 4
+
     def projected_px(self, camera_from_plane: Pose) -> Array:
         """(n,4,2) all corners of the cue in the picture; NaN where they are not in front of the camera."""
         points = np.zeros((self.plane_m.size // 2, 3))

@@ -167,6 +167,12 @@ def quad_of_hull(region: Region, min_side_px: float) -> tuple[Array | None, bool
     return quad, not fills and bitten and _is_plain(region)
 
 
+def quad_around(region: Region, min_side_px: float) -> Array | None:
+    """Four corners (4,2) [px], clockwise, of a region's hull, however little of it the region fills; None for none."""
+    hull = cv2.convexHull(region.contour_px)
+    return _quad_of_hull(hull, max(cv2.contourArea(hull), 1e-9), min_side_px)
+
+
 def quad_in_outline(region: Region, quad: Array | None, min_side_px: float) -> Array | None:
     """Four corners (4,2) [px] in a region's outline, where that supports them better than those of its hull."""
     lines = polygon_in_outline(region.contour_px, region.area_px2, 4)
