@@ -104,7 +104,6 @@ class MeasuredCorners:
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
         held: a side lies along the picture's edge.
         hidden: (n,4) sides that something hides, which were not measured; None for none.
-        whole: the cue was fitted as a whole, whose misfit was judged.
     """
 
     corners_px: Array
@@ -114,7 +113,6 @@ class MeasuredCorners:
     blur_px: float | None = None
     held: bool = False
     hidden: npt.NDArray[np.bool_] | None = None
-    whole: bool = False
 
 
 @dataclass(frozen=True)

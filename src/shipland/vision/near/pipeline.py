@@ -128,7 +128,7 @@ class NearVision:
         measured = steps.measure(image, match.quads_px, setup.camera, setup.parameters, known.blur_px)
         if measured is None or not corners_are_sharp(measured, setup.parameters):
             plane_m = setup.plane_m[list(match.model)]
-            measured = measure_strokes(image, match.quads_px, plane_m, setup.camera, None) if setup.strokes else None
+            measured = measure_strokes(image, match.quads_px, plane_m, setup.camera) if setup.strokes else None
             if measured is None:
                 return Refusal.CORNERS_UNSURE
         screened = steps.screen_corners(measured.corners_px)

@@ -273,7 +273,8 @@ class _Refiner:
         self._across: Array | None = None
         if prior is not None:
             self._across = _perpendicular(prior.down_in_camera) / prior.noise_rad
-        self._freedom = self._size - 6 + (0 if prior is None else 2) - kinds
+        measured = int(np.count_nonzero(corners.whiten.any(axis=2)))
+        self._freedom = max(measured - 6 + (0 if prior is None else 2) - kinds, 0)
         # Rows for the prior stay zero without one.
         self._rows = np.zeros((self._size + 2, 7))
         self._partial = np.zeros((count, 2, 7))

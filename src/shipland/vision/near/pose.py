@@ -56,7 +56,7 @@ class Setup:
     @property
     def strokes(self) -> bool:
         """Whether the cue's polygons are no quadrilaterals, and may be narrow."""
-        return self.plane_m.shape[1] != 4
+        return bool(self.plane_m.shape[1] != 4)
 
     def projected_px(self, camera_from_plane: Pose) -> Array:
         """(n,4,2) all corners of the cue in the picture; NaN where they are not in front of the camera."""

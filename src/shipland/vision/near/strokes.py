@@ -8,7 +8,7 @@ a view of it, is compared with what it shows. A view is a homography of the cue'
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -41,7 +41,7 @@ _POINTS = 8
 """Points of a side that are drawn: a lens bends it."""
 
 _STEP_PX = 0.25
-"""Half the step of a difference by a corner of the view."""
+"""Of differences by a view's corners, and by the blur."""
 
 _STEPS = 6
 """Most Gauss–Newton steps."""
@@ -51,6 +51,15 @@ _SETTLED_PX = 0.02
 
 _BLUR_PX = (0.3, 3.0)
 """Range of the blur."""
+
+_FIRST_BLUR_PX = 0.7
+"""Where the fit starts."""
+
+_REACH = 0.15
+"""How far a view may go from where it starts, as a share of the cue's extent."""
+
+_LEAST_ALIKE_AT_FIRST = 0.5
+"""Least correlation of picture and rough corners."""
 
 _LEAST_ALIKE = 0.9
 """Least correlation of picture and fit: a sensor's noise and compression leave more, another shape less."""
@@ -63,6 +72,9 @@ _CORRELATED = 6.0
 
 _MOST_NOISE = 0.02
 """Largest error of a corner, as a share of the cue's diagonal."""
+
+_NO_VARIANCE = 1e-9
+"""Variance, against the largest, in directions that a view does not have."""
 
 
 def stroke_polygons(
@@ -140,9 +152,7 @@ def _directions(corners: Array) -> Array:
     return np.asarray(side / np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-9))
 
 
-def measure_strokes(
-    image: Image, polygons_px: Array, plane_m: Array, camera: Camera, blur_px: float | None
-) -> MeasuredCorners | None:
+def measure_strokes(image: Image, polygons_px: Array, plane_m: Array, camera: Camera) -> MeasuredCorners | None:
     """Corners of the view of a cue with which the picture agrees best; None when it does not agree.
 
     Picture = ground + slopes + contrast × (cue ⊗ blur): the first three are linear, the view and the blur are found by
@@ -153,40 +163,55 @@ def measure_strokes(
         polygons_px: (n,k,2) corners to within a few pixels, undistorted.
         plane_m: (n,k,2) the cue's.
         camera: its distortion is taken out.
-        blur_px: a guess of the picture's blur, or None.
     """
-    fit = _Fit.of(image, polygons_px, plane_m, camera)
-    if fit is None:
+    seen = _Seen.of(image, polygons_px, plane_m, camera)
+    if seen is None or seen.alike(seen.fit(seen.start)) < _LEAST_ALIKE_AT_FIRST:
         return None
-    view_px, blur = fit.start_px, min(max(blur_px or 0.7, _BLUR_PX[0]), _BLUR_PX[1])
+    state = seen.start
     for _ in range(_STEPS):
-        residual, jacobian, _ = fit.linearised(view_px, blur)
-        step, *_ = np.linalg.lstsq(jacobian, -residual, rcond=1e-6)
-        step = np.clip(step, -1.0, 1.0)
-        view_px = view_px + step[:8].reshape(4, 2)
-        blur = min(max(blur + 0.5 * float(step[8]), _BLUR_PX[0]), _BLUR_PX[1])
-        if not np.isfinite(view_px).all() or np.abs(view_px - fit.start_px).max() > fit.reach_px:
+        fit = seen.fit(state)
+        step = np.clip(np.linalg.lstsq(seen.jacobian(state, fit), -fit.residual, rcond=1e-6)[0], -1.0, 1.0)
+        state = state + step
+        state[8] = min(max(float(state[8]), _BLUR_PX[0]), _BLUR_PX[1])
+        if not np.abs(state - seen.start).max() <= seen.reach_px:
             return None
         if np.abs(step[:8]).max() < _SETTLED_PX:
             break
-    residual, jacobian, contrast = fit.linearised(view_px, blur)
-    if contrast < _LEAST_CONTRAST or fit.alike(residual) < _LEAST_ALIKE:
+    fit = seen.fit(state)
+    if fit.contrast < _LEAST_CONTRAST or seen.alike(fit) < _LEAST_ALIKE:
         return None
-    return fit.corners(view_px, blur, residual, jacobian)
+    return seen.corners(state, fit)
 
 
 @dataclass(frozen=True)
-class _Fit:
-    """What the picture shows around a cue.
+class _LinearFit:
+    """What is linear, fitted to the picture.
+
+    Attributes:
+        residual: (m,) what the fit lacks of the picture.
+        basis: (m,4) orthonormal, of ground, slopes and cue.
+        contrast: of the cue.
+        cover: (m,) how much of each pixel the cue covers.
+    """
+
+    residual: Array
+    basis: Array
+    contrast: float
+    cover: Array
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What the picture shows around a cue. A state (9,) is the view, as four corners (column, row), and the blur [px].
 
     Attributes:
         window: of the picture.
         shown: (m,) light of its pixels, in the direction of the cue's contrast.
         ground: (m,3) what is linear beside the contrast.
         plane_m, camera: of the cue and of the picture.
-        frame_m: (4,2) corners of the cue's box, which the view moves.
-        start_px: (4,2) where they are at first.
-        reach_px: how far they may go.
+        frame_m: (4,2) corners of the cue's box, which the view places.
+        start: (9,) the first state.
+        reach_px: how far from it a view may go.
     """
 
     window: Window
@@ -195,120 +220,104 @@ class _Fit:
     plane_m: Array
     camera: Camera
     frame_m: Array
-    start_px: Array
+    start: Array
     reach_px: float
 
     @staticmethod
-    def of(image: Image, polygons_px: Array, plane_m: Array, camera: Camera) -> _Fit | None:
+    def of(image: Image, polygons_px: Array, plane_m: Array, camera: Camera) -> _Seen | None:
+        """Around rough corners; None where there is no view of the cue, or one too large for narrow strokes."""
         points_m, points_px = plane_m.reshape(-1, 2), polygons_px.reshape(-1, 2)
-        view, _ = cv2.findHomography(points_m, points_px)
-        if view is None:
+        view = np.asarray(cv2.findHomography(points_m, points_px)[0])
+        window = Window.around(distort(points_px, camera), _MARGIN_PX, image.shape[1], image.shape[0])
+        size_px = (window.right - window.left, window.bottom - window.top)
+        if view.shape != (3, 3) or window.empty or max(size_px) > _MOST_CUT_PX + 4 * _MARGIN_PX:
             return None
         (left, top), (right, bottom) = points_m.min(axis=0), points_m.max(axis=0)
         frame_m = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
-        start_px = cv2.perspectiveTransform(frame_m[None], view)[0]
-        height_px, width_px = image.shape[:2]
-        window = Window.around(distort(points_px, camera), _MARGIN_PX, width_px, height_px)
-        if window.empty or max(window.right - window.left, window.bottom - window.top) > 2 * _MOST_CUT_PX:
-            return None
-        light = LIGHT[window.of(image)].reshape(-1, 3).astype(float)
-        rows, columns = np.mgrid[
-            -1.0 : 1.0 : 1j * (window.bottom - window.top), -1.0 : 1.0 : 1j * (window.right - window.left)
-        ]
+        start = np.append(cv2.perspectiveTransform(frame_m[None], view), _FIRST_BLUR_PX)
+        columns, rows = np.meshgrid(np.linspace(-1.0, 1.0, size_px[0]), np.linspace(-1.0, 1.0, size_px[1]))
         ground = np.column_stack([np.ones(rows.size), columns.ravel(), rows.ravel()])
-        fit = _Fit(
-            window,
-            light[:, 1],
-            ground,
-            plane_m,
-            camera,
-            frame_m,
-            start_px,
-            0.15 * float(np.ptp(points_px, axis=0).max()) + 2.0,
-        )
-        cover = fit.drawn(start_px, 0.7)
-        if cover is None or cover.max() <= 0.0:
+        light = LIGHT[window.of(image)].reshape(-1, 3).astype(float)
+        reach_px = _MARGIN_PX + _REACH * float(max(size_px))
+        seen = _Seen(window, light[:, 1], ground, plane_m, camera, frame_m, start, reach_px)
+        cover = seen.drawn(start)
+        inside, outside = cover >= 0.5 * cover.max(), cover < 0.05 * cover.max()
+        if not (cover.max() > 0.0 and outside.any()):
             return None
-        inside = cover >= 0.5 * cover.max()
-        towards = light[inside].mean(axis=0) - light[cover < 0.05 * cover.max()].mean(axis=0)
-        towards /= max(float(np.abs(towards).sum()), 1e-9)
-        return _Fit(window, light @ towards, ground, plane_m, camera, frame_m, start_px, fit.reach_px)
+        towards = light[inside].mean(axis=0) - light[outside].mean(axis=0)
+        return replace(seen, shown=light @ (towards / max(float(np.abs(towards).sum()), 1e-9)))
 
-    def points_px(self, view_px: Array, points_m: Array) -> Array:
-        """(…,2) undistorted places of points of the plane in a view."""
-        view = cv2.getPerspectiveTransform(self.frame_m.astype(np.float32), view_px.astype(np.float32))
+    def points_px(self, state: Array, points_m: Array) -> Array:
+        """(…,2) undistorted places of points of the plane (…,2)."""
+        corners_px = state[:8].reshape(4, 2).astype(np.float32)
+        view = cv2.getPerspectiveTransform(self.frame_m.astype(np.float32), corners_px)
         return np.asarray(cv2.perspectiveTransform(points_m.reshape(1, -1, 2), view)[0]).reshape(points_m.shape)
 
-    def drawn(self, view_px: Array, blur_px: float) -> Array:
-        """(m,) how much of each pixel the cue covers in a view, blurred."""
+    def drawn(self, state: Array) -> Array:
+        """(m,) how much of each pixel the cue covers, blurred."""
         share = (np.arange(_POINTS) / _POINTS)[:, None]
         after_m = np.roll(self.plane_m, -1, axis=1)
         outline_m = self.plane_m[:, :, None] * (1.0 - share) + after_m[:, :, None] * share
-        outline_px = self.points_px(view_px, outline_m.reshape(len(self.plane_m), -1, 2))
+        outline_px = self.points_px(state, outline_m.reshape(len(self.plane_m), -1, 2))
         shown_px = distort(outline_px.reshape(-1, 2), self.camera).reshape(outline_px.shape)
-        fine = (shown_px - [self.window.left - 0.5, self.window.top - 0.5]) * _FINE - 0.5
+        fine = (shown_px - np.array([self.window.left - 0.5, self.window.top - 0.5])) * _FINE - 0.5
         height, width = self.window.bottom - self.window.top, self.window.right - self.window.left
         canvas = np.zeros((height * _FINE, width * _FINE), np.uint8)
         corners = np.round(fine * 2**_FRACTION_BITS).astype(np.int32)
         cv2.fillPoly(canvas, list(corners), 255, shift=_FRACTION_BITS)
         small = cv2.resize(canvas.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
-        return np.asarray(cv2.GaussianBlur(small, (0, 0), blur_px), float).ravel() / 255.0
+        return np.asarray(cv2.GaussianBlur(small, (0, 0), float(state[8])), float).ravel() / 255.0
 
-    def linearised(self, view_px: Array, blur_px: float) -> tuple[Array, Array, float]:
-        """(m,) what the best fit lacks of the picture, (m,9) how that changes with view and blur, and the contrast.
+    def fit(self, state: Array) -> _LinearFit:
+        """Ground, slopes and contrast that fit best."""
+        cover = self.drawn(state)
+        basis, triangle = np.linalg.qr(np.column_stack([self.ground, cover]))
+        amounts = basis.T @ self.shown
+        contrast = float(amounts[3] / triangle[3, 3]) if abs(triangle[3, 3]) > 1e-9 else 0.0
+        return _LinearFit(self.shown - basis @ amounts, basis, contrast, cover)
 
-        What the linear part can make up is taken out of both.
-        """
-        basis = np.column_stack([self.ground, self.drawn(view_px, blur_px)])
-        orthogonal, triangle = np.linalg.qr(basis)
-        amount = orthogonal.T @ self.shown
-        contrast = float(amount[3] / triangle[3, 3]) if triangle[3, 3] != 0.0 else 0.0
-        residual = self.shown - orthogonal @ amount
-        columns = []
-        for index in range(8):
-            moved = np.zeros(8)
-            moved[index] = _STEP_PX
-            ahead, behind = (self.drawn(view_px + sign * moved.reshape(4, 2), blur_px) for sign in (1.0, -1.0))
-            columns.append((ahead - behind) * (-contrast / (2.0 * _STEP_PX)))
-        more = 0.1
-        columns.append((self.drawn(view_px, blur_px + more) - self.drawn(view_px, blur_px)) * (-contrast / more))
-        jacobian = np.column_stack(columns)
-        return residual, jacobian - orthogonal @ (orthogonal.T @ jacobian), contrast
+    def jacobian(self, state: Array, fit: _LinearFit) -> Array:
+        """(m,9) how the residual changes with a state, beside what the linear part makes up."""
+        by_state = np.empty((len(self.shown), 9))
+        for index in range(9):
+            moved = state.copy()
+            moved[index] += _STEP_PX
+            by_state[:, index] = (self.drawn(moved) - fit.cover) * (-fit.contrast / _STEP_PX)
+        return np.asarray(by_state - fit.basis @ (fit.basis.T @ by_state))
 
-    def alike(self, residual: Array) -> float:
+    def alike(self, fit: _LinearFit) -> float:
         """Correlation of picture and fit, the ground apart."""
         ground, _ = np.linalg.qr(self.ground)
         above = self.shown - ground @ (ground.T @ self.shown)
-        return math.sqrt(max(1.0 - float(residual @ residual) / max(float(above @ above), 1e-9), 0.0))
+        return math.sqrt(max(1.0 - float(fit.residual @ fit.residual) / max(float(above @ above), 1e-9), 0.0))
 
-    def corners(self, view_px: Array, blur_px: float, residual: Array, jacobian: Array) -> MeasuredCorners | None:
-        """The cue's corners in a view, with the covariance that the misfit leaves."""
-        noise2 = _CORRELATED * float(residual @ residual) / max(len(residual) - 13, 1)
-        information = jacobian.T @ jacobian / noise2
+    def corners(self, state: Array, fit: _LinearFit) -> MeasuredCorners | None:
+        """The cue's corners, with the covariance that the misfit leaves; None where that is too large."""
+        noise2 = _CORRELATED * float(fit.residual @ fit.residual) / max(len(fit.residual) - len(state), 1)
+        jacobian = self.jacobian(state, fit)
         try:
-            covariance = np.linalg.inv(information)[:8, :8]
+            of_view = noise2 * np.linalg.inv(jacobian.T @ jacobian)[:8, :8]
         except np.linalg.LinAlgError:
             return None
-        corners_px = self.points_px(view_px, self.plane_m)
+        corners_px = self.points_px(state, self.plane_m)
         moves = np.empty((corners_px.size, 8))
         for index in range(8):
-            moved = np.zeros(8)
-            moved[index] = _STEP_PX
-            moves[:, index] = (
-                self.points_px(view_px + moved.reshape(4, 2), self.plane_m) - corners_px
-            ).ravel() / _STEP_PX
-        of_corners = moves @ covariance @ moves.T
-        noise_px = math.sqrt(float(np.trace(of_corners)) / len(of_corners))
+            moved = state.copy()
+            moved[index] += _STEP_PX
+            moves[:, index] = (self.points_px(moved, self.plane_m) - corners_px).ravel() / _STEP_PX
+        covariance = moves @ of_view @ moves.T
+        noise_px = math.sqrt(max(float(np.trace(covariance)) / len(covariance), 0.0))
         if not noise_px <= _MOST_NOISE * math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0)):
             return None
-        wide = 2 * corners_px.shape[1]
-        blocks = of_corners.reshape(len(corners_px), wide, len(corners_px), wide)
-        whiten = np.stack([_whitening(len(corners_px) * blocks[i, :, i]) for i in range(len(corners_px))])
-        return MeasuredCorners(corners_px, whiten, noise_px, blur_px=blur_px, whole=True)
+        # The polygons' corners err together: each has as much of the view's information as one of so many.
+        count, wide = len(corners_px), 2 * corners_px.shape[1]
+        blocks = count * covariance.reshape(count, wide, count, wide)
+        whiten = np.stack([_whitening(blocks[index, :, index]) for index in range(count)])
+        return MeasuredCorners(corners_px, whiten, noise_px, blur_px=float(state[8]))
 
 
 def _whitening(covariance: Array) -> Array:
     """(w,w) what turns deviations into standard deviations; 0 in directions that a view does not have."""
     variance, axes = np.linalg.eigh(covariance)
-    weight = np.where(variance > 1e-9 * variance[-1], 1.0 / np.sqrt(np.maximum(variance, 1e-12)), 0.0)
+    weight = np.where(variance > _NO_VARIANCE * variance[-1], 1.0 / np.sqrt(np.maximum(variance, 1e-12)), 0.0)
     return np.asarray(weight[:, None] * axes.T)
