@@ -99,13 +99,19 @@ def _carry_covariance(rotation: Array, translation_m: Array, covariance: Array, 
                 carried[i, j] += half[i, k] * jacobian[j, k]
 
 
-def bar_pose_of(solutions: list[Solution], corners_px: Array, covariance: Array | None = None) -> BarPose:
+def bar_pose_of(
+    solutions: list[Solution],
+    corners_px: Array,
+    covariance: Array | None = None,
+    reprojection_px: float | None = None,
+) -> BarPose:
     """The first solution as a message; its covariance weighs the others by their likelihood.
 
     Args:
         solutions: of one picture, the one taken first.
         corners_px: (k,4,2) the corners they rest on.
         covariance: (4,4) of the first solution, where its Jacobian is not enough (`covariance_over_tilts`).
+        reprojection_px: of the sides that are seen, where not all are.
     """
     taken = solutions[0]
     here, excess = _joined(taken.camera_from_plane), taken.excess
@@ -123,7 +129,8 @@ def bar_pose_of(solutions: list[Solution], corners_px: Array, covariance: Array 
             continue
         other_covariance = excess * covariance_in_bar(other) + np.outer(apart, apart)
         covariance = (1.0 - share) * covariance + share * other_covariance
-    return BarPose(here[:3], float(here[3]), covariance, taken.reprojection_px, corners_px.reshape(-1, 2))
+    error_px = taken.reprojection_px if reprojection_px is None else reprojection_px
+    return BarPose(here[:3], float(here[3]), covariance, error_px, corners_px.reshape(-1, 2))
 
 
 def covariance_over_tilts(taken: Solution, corners: Corners, camera: Camera, prior: LevelPrior | None) -> Array | None:

@@ -102,7 +102,7 @@ class MeasuredCorners:
         edge_bias_px: (n,4,2) how the corners move when all sides err outward together, by one standard deviation; None
             when the method has no sides.
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
-        held: a side lies along the picture's edge.
+        held: (n,4) sides that lie along the picture's edge; None for none.
         hidden: (n,4) sides that something hides, which were not measured; None for none.
     """
 
@@ -111,7 +111,7 @@ class MeasuredCorners:
     noise_px: float
     edge_bias_px: Array | None = None
     blur_px: float | None = None
-    held: bool = False
+    held: npt.NDArray[np.bool_] | None = None
     hidden: npt.NDArray[np.bool_] | None = None
 
 
@@ -444,7 +444,7 @@ def _intersected(fit: SideFit, edge_bias_std_px: float) -> MeasuredCorners | Non
     edge_bias = (moved_px - cosine * moved_before_px) * normal + (moved_before_px - cosine * moved_px) * normal_before
     edge_bias /= 1.0 - cosine * cosine
     noise_px = math.sqrt(float(np.vdot(first, first)) / first.size)
-    held = fit.sides.held is not None
+    held = None if fit.sides.held is None else fit.sides.held.reshape(-1, corners)
     return MeasuredCorners(
         corners_px,
         whiten.reshape(-1, 2 * corners, 2 * corners),

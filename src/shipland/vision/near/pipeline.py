@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -19,13 +19,13 @@ from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.vision.near.associate import Match
 from shipland.vision.near.choice import Choice
 from shipland.vision.near.edges import MeasuredCorners, measure_corners
-from shipland.vision.near.hidden import hidden_sides, without
+from shipland.vision.near.hidden import cut_sides, hidden_sides, without
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import LevelPrior
 from shipland.vision.near.pose import Known, PoseCandidate, Setup, solve_pose
 from shipland.vision.near.refusal import Refusal, gimbal_off
 from shipland.vision.near.regions import find_regions
-from shipland.vision.near.segment import Image, QuadsOf, RegionsOf, Window, find_quads, segment
+from shipland.vision.near.segment import Image, QuadsOf, RegionsOf, Window, find_quads, joined_quads, segment
 from shipland.vision.near.strokes import measure_strokes, stroke_polygons
 from shipland.vision.near.track import Track
 from shipland.vision.near.validate import Screen, corners_are_sharp, jumps, validate
@@ -117,9 +117,13 @@ class NearVision:
             strokes = stroke_polygons(image, window, parameters, self._setup.hue, self._setup.plane_m)
             narrow = choice.cue_among(strokes, parts=False)
             return narrow if isinstance(narrow, PoseCandidate) or result is Refusal.NO_QUADRILATERAL else result
-        if isinstance(result, Refusal) and parts and segments.flush:
-            flush = choice.cue_among(segments.quads + segments.flush, parts=parts)
-            return flush if isinstance(flush, PoseCandidate) else result
+        if isinstance(result, Refusal) and parts:
+            joined = joined_quads(segments.quads, parameters.min_side_px) if not self._setup.strokes else []
+            for more in (segments.flush, joined):
+                other = choice.cue_among(segments.quads + more, parts=parts) if more else result
+                if isinstance(other, PoseCandidate):
+                    return other
+                choice = replace(choice, known={})
         return result
 
     def _pose_of(self, image: Image, known: Known, match: Match) -> PoseCandidate | Refusal:
@@ -138,7 +142,8 @@ class NearVision:
         if candidate is None:
             return Refusal.NO_SOLUTION
         refusal = validate(candidate, steps.screen)
-        for hidden in hidden_sides(candidate) if refusal in (Refusal.REPROJECTION, Refusal.BLOOM) else []:
+        some = hidden_sides(candidate) if refusal in (Refusal.REPROJECTION, Refusal.BLOOM) else []
+        for hidden in some + (cut_sides(candidate) if refusal is not None else []):
             rest = solve_pose(match, without(measured, hidden), setup, known)
             if rest is not None and validate(rest, steps.screen) is None:
                 return rest

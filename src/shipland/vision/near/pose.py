@@ -23,7 +23,7 @@ from shipland.vision.near.associate import Match
 from shipland.vision.near.covariance import bar_pose_of, covariance_over_tilts
 from shipland.vision.near.edge_pixels import distort
 from shipland.vision.near.edges import MeasuredCorners
-from shipland.vision.near.hidden import Hidden, alike
+from shipland.vision.near.hidden import Hidden, alike, seen_error_px
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import DISPROVED, Corners, LevelPrior, Solution, ordered, solve
 
@@ -151,7 +151,7 @@ class PoseCandidate:
     def bar_pose(self) -> BarPose:
         """What crosses to the pilot."""
         covariance = covariance_over_tilts(self.solutions[0], self.corners, self.setup.camera, self.level)
-        return bar_pose_of(self.solutions, self.corners_px, covariance)
+        return bar_pose_of(self.solutions, self.corners_px, covariance, seen_error_px(self))
 
 
 def solve_pose(match: Match, measured: MeasuredCorners, setup: Setup, known: Known) -> PoseCandidate | None:
