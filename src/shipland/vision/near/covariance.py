@@ -30,12 +30,12 @@ the corners measure it by its cosine, which is not linear there."""
 _FLAT_SIGMAS = np.array([-5.0, -3.0, -1.5, 1.5, 3.0, 5.0])
 """Where it is evaluated, in standard deviations of that angle."""
 
-_TAIL = 4.0
-"""Degrees of freedom of Student's distribution of the corners' errors: their deviation is itself an estimate, and
-coding errs much in some pictures."""
+GAUSSIAN_TAIL, CODED_TAIL = 12.0, 4.0
+"""Degrees of freedom of Student's distribution of the corners' errors: their deviation is an estimate, and coding errs
+by much more in some pictures than in most."""
 
 _LEAST_WEIGHT = 1.6
-"""Sum of the poses' likelihoods, the best one's 1 included, from which they lie densely enough: a Gaussian's have 2.
+"""Sum of the poses' likelihoods, the best one's 1 included, from which they lie densely enough: a Gaussian's have 1.7.
 Where the fit is of fourth order, the Jacobian's deviation is far too large."""
 
 _NARROWER = 4
@@ -104,6 +104,7 @@ def bar_pose_of(
     corners_px: Array,
     covariance: Array | None = None,
     reprojection_px: float | None = None,
+    tail: float = GAUSSIAN_TAIL,
 ) -> BarPose:
     """The first solution as a message; its covariance weighs the others by their likelihood.
 
@@ -112,6 +113,7 @@ def bar_pose_of(
         corners_px: (k,4,2) the corners they rest on.
         covariance: (4,4) of the first solution, where its Jacobian is not enough (`covariance_over_tilts`).
         reprojection_px: of the sides that are seen, where not all are.
+        tail: of the corners' errors.
     """
     taken = solutions[0]
     here, excess = _joined(taken.camera_from_plane), taken.excess
@@ -119,7 +121,7 @@ def bar_pose_of(
         covariance = excess * (covariance_in_bar(taken) + excess * _bend(taken, here))
     for other in solutions[1:]:
         better = (other.chi2 - taken.chi2) / excess
-        ratio = likelihood(abs(better))
+        ratio = likelihood(abs(better), tail)
         share = ratio / (1.0 + ratio) if better > 0.0 else 1.0 / (1.0 + ratio)
         if share < _LEAST_SHARE:
             continue
@@ -133,7 +135,9 @@ def bar_pose_of(
     return BarPose(here[:3], float(here[3]), covariance, error_px, corners_px.reshape(-1, 2))
 
 
-def covariance_over_tilts(taken: Solution, corners: Corners, camera: Camera, prior: LevelPrior | None) -> Array | None:
+def covariance_over_tilts(
+    taken: Solution, corners: Corners, camera: Camera, prior: LevelPrior | None, tail: float = GAUSSIAN_TAIL
+) -> Array | None:
     """(4,4) covariance of (position in `bar` [m], yaw [rad]) over all angles at which the cue may stand to the camera.
 
     From afar the corners measure the angle about an axis in the cue's plane by a cosine: they fit over a wide range of
@@ -153,7 +157,7 @@ def covariance_over_tilts(taken: Solution, corners: Corners, camera: Camera, pri
             beside = poses_turned(taken, std_rad * _FLAT_SIGMAS[:, None] * axis, corners, camera, prior)
             off = np.array([_joined(pose) for pose, _ in beside]).reshape(-1, 4) - here
             off[:, 3] = (off[:, 3] + math.pi) % math.tau - math.pi
-            share = np.array([likelihood(max(chi2 - taken.chi2, 0.0) / excess) for _, chi2 in beside])
+            share = np.array([likelihood(max(chi2 - taken.chi2, 0.0) / excess, tail) for _, chi2 in beside])
             square, weight = (share[:, None] * off).T @ off, 1.0 + float(share.sum())
             if weight >= _LEAST_WEIGHT:
                 break
@@ -167,9 +171,9 @@ def covariance_over_tilts(taken: Solution, corners: Corners, camera: Camera, pri
     return None if more is None else np.asarray(excess * covariance_in_bar(replace(taken, covariance=known)) + more)
 
 
-def likelihood(chi2: float) -> float:
-    """Of a pose, relative to the one that fits best, by how much larger its χ² is: Student's."""
-    return float((1.0 + chi2 / _TAIL) ** (-0.5 * (_TAIL + 1.0)))
+def likelihood(chi2: float, tail: float) -> float:
+    """Of a pose, relative to the one that fits best, by how much larger its χ² is: Student's, of `tail` degrees."""
+    return float((1.0 + chi2 / tail) ** (-0.5 * (tail + 1.0)))
 
 
 def _bend(solution: Solution, here: Array) -> Array:

@@ -104,6 +104,7 @@ class MeasuredCorners:
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
         held: (n,4) sides that lie along the picture's edge; None for none.
         hidden: (n,4) sides that something hides, which were not measured; None for none.
+        coded: the picture was compressed, by its misfit.
     """
 
     corners_px: Array
@@ -113,6 +114,7 @@ class MeasuredCorners:
     blur_px: float | None = None
     held: npt.NDArray[np.bool_] | None = None
     hidden: npt.NDArray[np.bool_] | None = None
+    coded: bool = False
 
 
 @dataclass(frozen=True)
@@ -452,6 +454,7 @@ def _intersected(fit: SideFit, edge_bias_std_px: float) -> MeasuredCorners | Non
         edge_bias_std_px * edge_bias,
         fit.blur_px,
         held,
+        coded=fit.noisy,
     )
 
 

@@ -20,7 +20,7 @@ from shipland.cue import Cue, Hue
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose
 from shipland.vision.near.associate import Match
-from shipland.vision.near.covariance import bar_pose_of, covariance_over_tilts
+from shipland.vision.near.covariance import CODED_TAIL, GAUSSIAN_TAIL, bar_pose_of, covariance_over_tilts
 from shipland.vision.near.edge_pixels import distort
 from shipland.vision.near.edges import MeasuredCorners
 from shipland.vision.near.hidden import Hidden, alike, seen_error_px
@@ -150,8 +150,9 @@ class PoseCandidate:
     @cached_property
     def bar_pose(self) -> BarPose:
         """What crosses to the pilot."""
-        covariance = covariance_over_tilts(self.solutions[0], self.corners, self.setup.camera, self.level)
-        return bar_pose_of(self.solutions, self.corners_px, covariance, seen_error_px(self))
+        tail = CODED_TAIL if self.measured.coded else GAUSSIAN_TAIL
+        covariance = covariance_over_tilts(self.solutions[0], self.corners, self.setup.camera, self.level, tail)
+        return bar_pose_of(self.solutions, self.corners_px, covariance, seen_error_px(self), tail)
 
 
 def solve_pose(match: Match, measured: MeasuredCorners, setup: Setup, known: Known) -> PoseCandidate | None:

@@ -313,7 +313,7 @@ class _Seen:
         count, wide = len(corners_px), 2 * corners_px.shape[1]
         blocks = count * covariance.reshape(count, wide, count, wide)
         whiten = np.stack([_whitening(blocks[index, :, index]) for index in range(count)])
-        return MeasuredCorners(corners_px, whiten, noise_px, blur_px=float(state[8]))
+        return MeasuredCorners(corners_px, whiten, noise_px, blur_px=float(state[8]), coded=True)
 
 
 def _whitening(covariance: Array) -> Array:
