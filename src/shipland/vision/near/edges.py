@@ -11,7 +11,15 @@ from scipy.special import ndtr
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.vision.near.edge_pixels import EdgePixels, Profile, Sides, contrasts, distort, edge_pixels
+from shipland.vision.near.edge_pixels import (
+    EdgePixels,
+    Profile,
+    Sides,
+    contrasts,
+    distort,
+    edge_pixels,
+    on_even_ground,
+)
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import Image, edge_distances, reaches_edge
 
@@ -43,6 +51,9 @@ _REACH_PER_BLUR = 3.0
 
 _BLUR_PX = (0.12, 8.0)
 """Range of the blur that is taken from the picture."""
+
+_SHARP = 0.2
+"""Blur, against the reach, up to which the outermost pixels show what is behind the cue and nothing of the edge."""
 
 _ROUNDING_BLUR_PX = 0.5
 """Blur from which rounded corners reach the pixels of a side, and the edge reaches the outermost of them."""
@@ -343,6 +354,9 @@ def _fit_to(
     ends = _coarse(values, pixels)
     if blur_px is None:
         blur_px = _blur_px(values, pixels, ends)
+    if blur_px <= _SHARP * float(sides.reach_px.min()):
+        values = on_even_ground(values, pixels.along[:, :, values.shape[2] // 2])
+        ends = _coarse(values, pixels)
     sides_count, stations, across = values.shape
     columns = np.empty((4, sides_count, stations, across))
     for _ in range(_STEPS):
