@@ -94,6 +94,7 @@ class Recording:
         pilot, vision: names, as `factories.resolve` takes them.
         seed: of visions and pilots that draw numbers.
         records: as flown; empty of a video.
+        complete: the log was closed in order.
     """
 
     vehicle: ReplayVehicle
@@ -102,6 +103,7 @@ class Recording:
     vision: str
     seed: int = 0
     records: Sequence[FlightRecord] = ()
+    complete: bool = True
 
 
 def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequence[str] = ()) -> Recording:
@@ -133,7 +135,9 @@ def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequ
         flown_by, here = info.code_version or info.software_version, code_version()
         raise ConfigError(f"{path} was flown by version {flown_by}, this is {here}: {error}") from None
     vehicle = replayed_log(path)
-    return Recording(vehicle, scenario, pilot or info.pilot, vision or info.vision, info.seed or 0, log.records)
+    return Recording(
+        vehicle, scenario, pilot or info.pilot, vision or info.vision, info.seed or 0, log.records, log.complete
+    )
 
 
 def recorded_film(
