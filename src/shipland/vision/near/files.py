@@ -195,7 +195,7 @@ class _VisionBySize:
         if size not in self._by_size:
             camera = self._camera.for_pictures(picture.name, *size[:2])
             parameters = replace(self._parameters, gimbal_noise_rad=std_rad)
-            self._by_size[size] = NearVision(self._cue, camera, parameters)
+            self._by_size[size] = NearVision(self._cue, camera, parameters, fuse=True)
         vision = self._by_size[size]
         if not picture.follows:
             vision.reset()

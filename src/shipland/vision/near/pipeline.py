@@ -26,6 +26,7 @@ from shipland.vision.near.pose import Known, PoseCandidate, Setup, solve_pose
 from shipland.vision.near.refusal import Refusal, gimbal_off
 from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Image, QuadsOf, RegionsOf, Window, find_quads, joined_quads, segment
+from shipland.vision.near.still import Still
 from shipland.vision.near.strokes import measure_strokes, stroke_polygons
 from shipland.vision.near.track import Track
 from shipland.vision.near.validate import Screen, corners_are_sharp, jumps, validate
@@ -56,15 +57,32 @@ class Steps:
 
 
 class NearVision:
-    """Sees one cue with one camera; holds the last pose to look near it first and to choose by continuity."""
+    """Sees one cue with one camera; holds the last pose to look near it first and to choose by continuity.
 
-    def __init__(self, cue: Cue, camera: Camera, parameters: VisionParameters, steps: Steps | None = None) -> None:
-        self._setup, self._steps = Setup.of(cue, camera, parameters), steps or Steps()
+    Args:
+        cue: what is looked for.
+        camera: of the pictures.
+        parameters: of the chain.
+        steps: of another chain.
+        fuse: pictures in which the cue does not move count together, as in a film that was made for measuring.
+    """
+
+    def __init__(
+        self,
+        cue: Cue,
+        camera: Camera,
+        parameters: VisionParameters,
+        steps: Steps | None = None,
+        *,
+        fuse: bool = False,
+    ) -> None:
+        self._setup, self._steps, self._fuse = Setup.of(cue, camera, parameters), steps or Steps(), fuse
         self._track: Track | None = None
+        self._still: Still | None = None
 
     def reset(self) -> None:
         """Forget the last pose: the next frame is searched whole."""
-        self._track = None
+        self._track = self._still = None
 
     def see(self, frame: Frame) -> Observation:
         """The cue's pose in one frame, or the reason why there is none (`Refusal`).
@@ -100,6 +118,9 @@ class NearVision:
         if track is not None and jumps(found.bar_pose, track.camera_from_plane, t_s - track.t_s, setup.parameters):
             return Refusal.JUMP
         self._track = Track.of(found, t_s, track)
+        if self._fuse:
+            self._still = Still.of(found, None if track is None else self._still)
+            return self._still.fused(found, known)
         return found
 
     def _look(self, image: Image, window: Window, known: Known, *, parts: bool) -> PoseCandidate | Refusal:
