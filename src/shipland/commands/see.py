@@ -28,8 +28,8 @@ class See(PictureOptions):
 
     One JSON line a picture: file, t_s (time in its video), found, reason, distance_m, position_in_bar_m, yaw_deg,
     covariance (4 × 4 of forward, right, down [m] and yaw [rad]), reprojection_px, corners_px.
-    What cannot be read is named on standard error and the rest is looked at; the exit code is then 1, and 2 when
-    nothing could be read.
+    What cannot be read, or breaks off, is named on standard error and the rest is looked at; the exit code is then 1,
+    and 2 when nothing could be read. Pictures of a film in which nothing moves count together.
 
     Example: shipland see film.mp4 --cue bar.toml --camera calibration.yaml --csv poses.csv --out out/drawn
     """
@@ -45,9 +45,9 @@ class See(PictureOptions):
     camera in the log, else the rig's camera."""
     attitude: Path | None = None
     """Roll and pitch of a film's camera against the horizon: CSV with the columns t_s (the film's time), roll_deg
-    (right side down positive), pitch_deg (upward positive); a flight log (.mcap); ArduPilot's log (.bin, .tlog) or
-    PX4's (.ulg), both with the extra mavlink. A flight log's pictures have the log's. Without one a pose may lean
-    either way, and its covariance says so."""
+    (right side down positive) and pitch_deg (upward positive), one row for a camera that stands; a flight log (.mcap);
+    ArduPilot's log (.bin, .tlog) or PX4's (.ulg), both with the extra mavlink. A flight log's own pictures have the
+    log's. Without one a pose may lean either way, and its covariance says so."""
     attitude_start_s: float | None = None
     """What the clock of --attitude says at the film's start; a CSV may go without."""
     attitude_std_deg: float = 0.5

@@ -78,7 +78,12 @@ class AttitudeTrack:
         return replace(self, roll_rad=roll_rad, pitch_rad=pitch_rad)
 
     def at(self, t_s: float) -> GimbalAttitude:
-        """Attitude at a time, interpolated; NaN where the readings on either side are too far apart."""
+        """Attitude at a time, interpolated; NaN where the readings on either side are too far apart.
+
+        A single reading is that of a camera which does not move.
+        """
+        if len(self.t_s) == 1:
+            return GimbalAttitude(float(self.roll_rad[0]), float(self.pitch_rad[0]))
         after = int(np.searchsorted(self.t_s, t_s))
         near_s = self.t_s[max(after - 1, 0) : after + 1]
         apart_s = near_s[1] - near_s[0] if len(near_s) == 2 else abs(near_s[0] - t_s)
