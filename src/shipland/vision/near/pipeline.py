@@ -138,13 +138,15 @@ class NearVision:
             strokes = stroke_polygons(image, window, parameters, self._setup.hue, self._setup.plane_m)
             narrow = choice.cue_among(strokes, parts=False)
             return narrow if isinstance(narrow, PoseCandidate) or result is Refusal.NO_QUADRILATERAL else result
-        if isinstance(result, Refusal) and parts:
-            joined = joined_quads(segments.quads, parameters.min_side_px) if not self._setup.strokes else []
-            for more in (segments.flush, joined):
-                other = choice.cue_among(segments.quads + more, parts=parts) if more else result
+        if not (isinstance(result, Refusal) and parts):
+            return result
+        joined = [] if self._setup.strokes else joined_quads(segments.quads, parameters.min_side_px)
+        for more in (segments.flush, joined):
+            if more:
+                choice = replace(choice, known={})
+                other = choice.cue_among(segments.quads + more, parts=parts)
                 if isinstance(other, PoseCandidate):
                     return other
-                choice = replace(choice, known={})
         return result
 
     def _pose_of(self, image: Image, known: Known, match: Match) -> PoseCandidate | Refusal:

@@ -134,8 +134,8 @@ _MOST_DOUBTFUL = 2
 _MOST_OUTLINES = 10
 """The same where the cue's polygons are no quadrilaterals."""
 
-_MOST_JOINED = 10
-"""Quadrilaterals that are looked at in pairs, the largest."""
+_MOST_JOINED = 12
+"""Quadrilaterals of a picture up to which pairs of them are looked at; with more, it is not the cue that is cut."""
 
 _LEAST_JOINED = 0.6
 """Least share of the hull of two quadrilaterals that these fill, where they are parts of one."""
@@ -255,9 +255,11 @@ def joined_quads(quads: list[Array], min_side_px: float) -> list[Array]:
 
     Both ends of one continue those of the other: together they fill most of their hull.
     """
-    joined = []
-    areas_px2 = [cv2.contourArea(quad.astype(np.float32)) for quad in quads[:_MOST_JOINED]]
-    for (one, one_px2), (other, other_px2) in itertools.combinations(zip(quads, areas_px2, strict=False), 2):
+    joined: list[Array] = []
+    if len(quads) > _MOST_JOINED:
+        return joined
+    areas_px2 = [cv2.contourArea(quad.astype(np.float32)) for quad in quads]
+    for (one, one_px2), (other, other_px2) in itertools.combinations(zip(quads, areas_px2, strict=True), 2):
         hull = cv2.convexHull(np.round(_SUBPIXEL * np.concatenate([one, other])).astype(np.int32)[:, None])
         hull_px2 = cv2.contourArea(hull) / _SUBPIXEL**2
         if not _LEAST_JOINED * hull_px2 <= one_px2 + other_px2 <= hull_px2:

@@ -25,8 +25,11 @@ from shipland.vision.near.segment import Image, Window, quad_around
 _ENLARGED = 3
 """Times that a cut of the picture is enlarged in which strokes are looked for."""
 
-_MOST_CUTS, _MOST_CUT_PX = 6, 240
+_MOST_CUTS, _MOST_CUT_PX = 4, 160
 """Cuts in one picture, those with most light, and their longest side; larger ones need no enlarging."""
+
+_SPARSE_PX2 = 400_000
+"""Least size of a picture in which lit parts are looked for on every second pixel of every second row."""
 
 _MARGIN_PX = 5
 """Around a cut, and around the cue where it is fitted."""
@@ -104,19 +107,21 @@ def stroke_polygons(
 
 
 def _cuts(image: Image, window: Window, parameters: VisionParameters, hue: Hue) -> list[Window]:
-    """The boxes of small lit parts, brightest first."""
-    lit = cv2.inRange(cue_light(window.of(image), hue), FLOOR, 254)
+    """The boxes of small lit parts, the largest first."""
+    seen = window.of(image)
+    step = 2 if seen.shape[0] * seen.shape[1] >= _SPARSE_PX2 else 1
+    lit = cv2.inRange(cue_light(np.ascontiguousarray(seen[::step, ::step]), hue), FLOOR, 254)
     joined = cv2.morphologyEx(lit, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     count, _, boxes, _ = cv2.connectedComponentsWithStats(joined)
-    sides_px = boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
+    sides_px = step * boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
     small = (sides_px.max(axis=1) <= _MOST_CUT_PX) & (sides_px.min(axis=1) >= 2.0 * parameters.min_side_px)
     some = [index for index in range(1, count) if small[index]]
     some.sort(key=lambda index: -int(boxes[index, cv2.CC_STAT_AREA]))
     height_px, width_px = image.shape[:2]
     cuts = []
     for left, top, width, height, _ in boxes[some[:_MOST_CUTS]].tolist():
-        corners = np.array([[left, top], [left + width - 1, top + height - 1]]) + np.array([window.left, window.top])
-        cuts.append(Window.around(corners, _MARGIN_PX, width_px, height_px))
+        corners = step * np.array([[left, top], [left + width - 1, top + height - 1]])
+        cuts.append(Window.around(corners + np.array([window.left, window.top]), _MARGIN_PX, width_px, height_px))
     return cuts
 
 
