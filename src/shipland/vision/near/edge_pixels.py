@@ -334,6 +334,7 @@ def on_even_ground(values: Array, along: Array) -> Array:
     outer = 0.5 * (values[:, :, -1] + values[:, :, -2])
     apart = along - along.mean(axis=1, keepdims=True)
     slope = (apart * outer).sum(axis=1) / np.maximum((apart * apart).sum(axis=1), 1e-9)
+    slope[outer.std(axis=1) > _UNEVEN] = 0.0  # whose stations have levels of their own
     ground = (slope[:, None] * apart)[..., None]
     return np.asarray((values - ground) / (1.0 - ground))
 

@@ -52,7 +52,7 @@ _REACH_PER_BLUR = 3.0
 _BLUR_PX = (0.12, 8.0)
 """Range of the blur that is taken from the picture."""
 
-_SHARP = 0.2
+_SHARP = 0.12
 """Blur, against the reach, up to which the outermost pixels show what is behind the cue and nothing of the edge."""
 
 _ROUNDING_BLUR_PX = 0.5
