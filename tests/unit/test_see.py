@@ -257,6 +257,22 @@ def test_a_video_that_breaks_off(tmp_path, bar_image):
         see(path)
 
 
+def test_a_video_that_ends_too_early_says_how_much_was_read(tmp_path, bar_image, capsys):
+    import av
+
+    path = make_video(tmp_path / "whole.mp4", [bar_image] * 12)
+    cut = tmp_path / "cut.mp4"
+    with av.open(str(path)) as whole, av.open(str(cut), "w", options={"movflags": "faststart"}) as container:
+        stream = container.add_stream_from_template(whole.streams.video[0])
+        for packet in whole.demux(video=0):
+            if packet.dts is not None:
+                packet.stream = stream
+                container.mux(packet)
+    cut.write_bytes(cut.read_bytes()[:-200])
+    assert See((cut,)).run() == 1
+    assert "cut.mp4 breaks off after picture" in capsys.readouterr().err
+
+
 def test_sizes_that_do_not_fit_the_calibration(tmp_path, bar_image):
     with pytest.raises(DataError, match=r"is 720 × 720 px, the calibration is for 1280 × 720 px") as caught:
         see(write(tmp_path / "square.png", bar_image[:, :720]))

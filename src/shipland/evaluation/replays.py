@@ -98,6 +98,7 @@ class Recording:
         pilot, vision: names, as `factories.resolve` takes them.
         seed: of visions and pilots that draw numbers.
         records: as flown; empty of a video.
+        complete: the log was closed in order.
     """
 
     vehicle: ReplayVehicle
@@ -106,6 +107,7 @@ class Recording:
     vision: str
     seed: int = 0
     records: Sequence[FlightRecord] = ()
+    complete: bool = True
 
 
 def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequence[str] = ()) -> Recording:
@@ -125,7 +127,7 @@ def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequ
     log = read_log(path)
     scenario, pilot, vision = flown_setup(log, path, pilot, vision, changes)
     vehicle = replayed_log(path)
-    return Recording(vehicle, scenario, pilot, vision, log.header.info.seed or 0, log.records)
+    return Recording(vehicle, scenario, pilot, vision, log.header.info.seed or 0, log.records, log.complete)
 
 
 def flown_setup(
