@@ -3,13 +3,15 @@
 Films of eight pictures at 30 Hz by a camera that moves, turns and shakes (`Motion`); light differs from scene to scene.
 Ranges are log-uniform in each bin, up to 40° off the bar's axis, sensor noise 1.5. The last picture of each film is
 judged: once followed through the last four, and, behind a rolling shutter, once alone, and once by a camera that is not
-told its row time.
+told its row time. Coded films are files that `shipland see` looks at, once with the camera's attitude and once without.
 """
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -19,9 +21,11 @@ from shipland.camera import Camera
 from shipland.frames import Array, Pose, rotation_from_euler
 from shipland.messages import Frame
 from shipland.sim.scene.scene import Scene
+from shipland.vision.attitude import AttitudeTrack
+from shipland.vision.near.files import see_paths
 from shipland.vision.near.pipeline import NearVision
 from studies.harness import Case, Column, Row, Study
-from studies.spoiling import FRAME_RATE_HZ, Picture, from_h264, noise, to_h264
+from studies.spoiling import FRAME_RATE_HZ, Picture, noise, to_h264
 from studies.views import COLUMNS, Setting, Trial, View, bins, error_of, figures, lit_scenes, view_at
 
 RANGES = bins((2.0, 4.0, 8.0, 15.0))
@@ -148,9 +152,6 @@ def ways(film: Film, setting: Setting, rng: np.random.Generator) -> Iterator[tup
                 replace(setting.camera, row_time_s=read_out_s / setting.camera.height_px),
             )
             yield f"{name}, row time not known", noisy, setting.camera
-    noisy = [noise(picture, rng, NOISE) for picture in film.pictures]
-    for rate in MEGABIT_S:
-        yield f"H.264, {rate:.0f} Mbit/s", from_h264(to_h264(noisy, rate))[-FOLLOWED:], setting.camera
 
 
 def judged(film: Film, pictures: Sequence[Picture], camera: Camera, setting: Setting) -> Trial:
@@ -161,6 +162,29 @@ def judged(film: Film, pictures: Sequence[Picture], camera: Camera, setting: Set
         observation = vision.see(Frame(1.0 + float(t_s), picture, view.gimbal))
     pose = observation.bar_pose
     return Trial(view, observation.reason) if pose is None else Trial(view, "", error_of(pose, view), pose.covariance)
+
+
+def seen(film: Film, setting: Setting, rng: np.random.Generator) -> Iterator[tuple[str, Trial]]:
+    """The last picture of the film as a coded file, as `shipland see` has it."""
+    noisy = [noise(picture, rng, NOISE) for picture in film.pictures]
+    times_s = np.arange(FILM) / FRAME_RATE_HZ
+    gimbals = [film.motion.view(film.at_rest, float(t_s)).gimbal for t_s in film.times_s]
+    rows = [(float(t), gimbal.roll_rad, gimbal.pitch_rad) for t, gimbal in zip(times_s, gimbals, strict=True)]
+    track = AttitudeTrack.of(rows, setting.vision.gimbal_noise_rad, "the gimbal's")
+    view = film.motion.view(film.at_rest, 0.0)
+    with tempfile.TemporaryDirectory() as folder:
+        for rate in MEGABIT_S:
+            path = Path(folder) / f"{rate:g}.mp4"
+            path.write_bytes(to_h264(noisy, rate, "mp4"))
+            for words, attitude in (("", track), (", no attitude", None)):
+                *_, last = see_paths([path], setting.rig.cue, setting.camera, None, None, lambda _, it=attitude: it)
+                pose = last.observation.bar_pose
+                trial = (
+                    Trial(view, last.observation.reason)
+                    if pose is None
+                    else Trial(view, "", error_of(pose, view), pose.covariance)
+                )
+                yield f"H.264, {rate:.0f} Mbit/s{words}", trial
 
 
 def cases() -> Sequence[Case]:
@@ -180,6 +204,8 @@ def measure(case: Case, runs: int) -> list[Row]:
         film = Film(at_rest, motion, times_s, rendered(scene, at_rest, motion, times_s, setting))
         for way, pictures, camera in ways(film, setting, rng):
             trials.setdefault(way, []).append(judged(film, pictures, camera, setting))
+        for way, trial in seen(film, setting, rng):
+            trials.setdefault(way, []).append(trial)
     return [{"film": way, **row_of(some)} for way, some in trials.items()]
 
 

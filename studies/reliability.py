@@ -86,9 +86,9 @@ STUDY = Study(
     },
     cases=cases,
     measure=measure,
-    runs=200,
+    runs=100,
     measured=MEASURED,
-    minutes=30,
+    minutes=12,
     picture=picture,
     helpers=("studies/landings.py",),
 )

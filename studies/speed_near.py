@@ -142,7 +142,7 @@ STAGES: dict[str, tuple[object, str]] = {
     "associate with the last pose": (choice, "match_by_prediction"),
     "pose": (pipeline, "solve_pose"),
     "validate": (pipeline, "validate"),
-    "covariance from afar": (pose, "covariance_over_heading"),
+    "covariance from afar": (pose, "covariance_over_tilts"),
     "covariance": (pose, "bar_pose_of"),
 }
 """Where the parts of a followed picture are called, by module and name; the edges are a step of the vision's own."""

@@ -130,13 +130,13 @@ def through_h264(film: Sequence[Picture], megabit_s: float) -> list[Picture]:
     return from_h264(to_h264(film, megabit_s))
 
 
-def to_h264(film: Sequence[Picture], megabit_s: float) -> bytes:
-    """A film's stream."""
+def to_h264(film: Sequence[Picture], megabit_s: float, container_format: str = "h264") -> bytes:
+    """A film's stream, or a file of it."""
     import av
 
     rate = round(1e6 * megabit_s)
     packed = io.BytesIO()
-    with av.open(packed, "w", format="h264") as container:
+    with av.open(packed, "w", format=container_format) as container:
         stream = container.add_stream("libx264", rate=FRAME_RATE_HZ)
         stream.height, stream.width = film[0].shape[:2]
         stream.pix_fmt, stream.bit_rate, stream.thread_count = "yuv420p", rate, 1

@@ -26,7 +26,7 @@ from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.scenario.visions import needs_pictures, without_pictures
 from shipland.stopping import check_stop, stop_requests
 from shipland.vehicles.simulated import SimulatedVehicle
-from shipland.vehicles.vehicle import GroundTruthSource, Real, Vehicle
+from shipland.vehicles.vehicle import GroundTruthSource, Informed, Real, Vehicle
 
 if TYPE_CHECKING:  # one flight that leaves nothing imports neither records nor reports
     from shipland.record.columns import FlightColumns
@@ -143,7 +143,13 @@ def fly(
             info = flight_info(scenario, pilot, vision, seed, command)
             recorder = stack.enter_context(_recorder(Path(out), info, scenario, flown, scene, video))
 
+        informed = flown if isinstance(flown, Informed) else None
+        if informed is not None:
+            informed.inform_of(scenario.rig)
+
         def remember(record: FlightRecord) -> None:
+            if informed is not None:
+                informed.inform(record)
             if recorder is not None:
                 recorder.append(record)
             records.append(replace(record, frame=replace(record.frame, image=None)))

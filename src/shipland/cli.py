@@ -14,6 +14,8 @@ from typing import Annotated, Any, Protocol, Union, get_type_hints
 
 import tyro
 
+from shipland.commands.again import Again
+from shipland.commands.bag import Bag
 from shipland.commands.calibrate import Calibrate
 from shipland.commands.campaign import Campaign
 from shipland.commands.compare import Compare
@@ -50,7 +52,9 @@ COMMANDS: tuple[type[Command], ...] = (
     Campaign,
     Compare,
     Report,
+    Again,
     Replay,
+    Bag,
     Paper,
     Motion,
     See,

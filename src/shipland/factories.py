@@ -39,6 +39,7 @@ PACKAGED: dict[str, dict[str, str]] = {
         "anafi": "shipland.vehicles.anafi.factory:anafi",
         "mavlink": "shipland.vehicles.mavlink.factory:mavlink",
         "replay": "shipland.scenario.real_vehicle:replay",
+        "ros2": "shipland.vehicles.ros2.factory:ros2",
     },
     "aircraft": {
         "quadrotor": "shipland.sim.aircraft.aircraft:Quadrotor",

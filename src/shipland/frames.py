@@ -11,6 +11,8 @@
 | `mount`  | camera's optical centre         | forward (optical axis), right, down        | gimbal                     |
 | `camera` | camera's optical centre         | right, down, forward (OpenCV)              | gimbal                     |
 | `mujoco` | as `ned`                        | north, west, up                            | nothing                    |
+| `enu`    | as `ned`                        | east, north, up (ROS, REP-103)             | nothing                    |
+| `…_flu`  | as the frame it is named for    | forward, left, up (ROS, REP-103)           | that frame                 |
 
 All frames are right-handed; lengths in metres, angles in radians. `a_from_b` maps coordinates in `b` to
 coordinates in `a`. Euler angles are yaw-pitch-roll (z, then y, then x, about moving axes).
@@ -44,7 +46,13 @@ CAMERA_FROM_MOUNT: Array = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0
 MUJOCO_FROM_NED: Array = np.diag([1.0, -1.0, -1.0])
 """North-east-down to MuJoCo's z-up north-west-up; its own inverse."""
 
-for _constant in (CAMERA_FROM_MOUNT, MUJOCO_FROM_NED):
+ENU_FROM_NED: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""North-east-down to ROS's east-north-up; its own inverse."""
+
+FLU_FROM_FRD: Array = np.diag([1.0, -1.0, -1.0])
+"""Forward-right-down (`body`, `level`, `bar`, `deck`, `mount`) to ROS's forward-left-up; its own inverse."""
+
+for _constant in (CAMERA_FROM_MOUNT, MUJOCO_FROM_NED, ENU_FROM_NED, FLU_FROM_FRD):
     _constant.setflags(write=False)
 
 
@@ -125,6 +133,11 @@ def rotation_from_quaternion(quaternion_wxyz: Array) -> Array:
     quaternion = np.asarray(quaternion_wxyz, dtype=float)
     w, x, y, z = (quaternion / math.sqrt(quaternion.dot(quaternion))).tolist()
     return np.array(rows_from_quaternion(w, x, y, z)).reshape(3, 3)
+
+
+def quaternion_from_rotation(parent_from_child: Array) -> Quaternion:
+    """Unit quaternion of a rotation (3,3)."""
+    return quaternion_from_euler(*euler_from_rotation(parent_from_child))
 
 
 def rotated(vector: Array, angle_rad: float) -> Array:

@@ -71,6 +71,18 @@ def over_olympe(seed: int) -> Vehicle:
     return _benches.enter_context(bench())[0]
 
 
+def over_ros2(options: str = "") -> Made:
+    """Before a stand-in drone on ROS 2 topics, in real time."""
+
+    def make(seed: int) -> Vehicle:
+        pytest.importorskip("cyclonedds", reason="the extra ros2")
+        from ros2_bench import bench
+
+        return _benches.enter_context(bench(options))[0]
+
+    return make
+
+
 VEHICLES: dict[str, Made] = {
     "simulated": simulated,
     "replay": replayed,
@@ -79,6 +91,8 @@ VEHICLES: dict[str, Made] = {
     "ardupilot-by-mavsdk": over_mavlink("ardupilot-by-mavsdk"),
     "px4-by-mavsdk": over_mavlink("px4-by-mavsdk"),
     "anafi": over_olympe,
+    "ros2": over_ros2(),
+    "ros2-attitude": over_ros2("&kind=attitude"),
 }
 """Everything that can be flown."""
 
@@ -257,6 +271,18 @@ def anafi_and_its_aircraft() -> Iterator[tuple[Vehicle, Arrived]]:
         yield vehicle, arrived
 
 
+def ros2_and_its_drone(options: str) -> Callable[[], AbstractContextManager[tuple[Vehicle, Arrived]]]:
+    @contextmanager
+    def both() -> Iterator[tuple[Vehicle, Arrived]]:
+        pytest.importorskip("cyclonedds", reason="the extra ros2")
+        from ros2_bench import bench
+
+        with bench(options) as (vehicle, drone):
+            yield vehicle, drone.arrived
+
+    return both
+
+
 @pytest.mark.parametrize(
     "both",
     [
@@ -264,8 +290,10 @@ def anafi_and_its_aircraft() -> Iterator[tuple[Vehicle, Arrived]]:
         mavlink_and_its_autopilot("ardupilot"),
         mavlink_and_its_autopilot("px4"),
         anafi_and_its_aircraft,
+        ros2_and_its_drone(""),
+        ros2_and_its_drone("&kind=attitude"),
     ],
-    ids=["simulated", "ardupilot", "px4", "anafi"],
+    ids=["simulated", "ardupilot", "px4", "anafi", "ros2", "ros2-attitude"],
 )
 def test_every_modes_sticks_leave_and_those_of_a_hold_do_not(
     both: Callable[[], AbstractContextManager[tuple[Vehicle, Arrived]]],

@@ -1,5 +1,6 @@
 """The bench's page: stands alone, says what the tables say, and draws in a browser without a network."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -65,16 +66,46 @@ def page(tmp_path):
 def test_the_page_stands_alone(page):
     text = page.read_text()
     assert not re.findall(r"(?:src|href)=.?(?:https?:)?//", text)
-    assert "<script" not in text
+    assert "<script src" not in text
     assert "@import" not in text
-    assert "nan" not in re.sub(r"<style>.*?</style>", "", text, flags=re.DOTALL)
+    body = re.sub(r"<(style|script)\b.*?</\1>", "", text, flags=re.DOTALL)
+    assert "nan" not in body
+    assert "NaN" not in data_of(text)
 
 
-def test_failures_link_to_their_logs(page):
+def data_of(text):
+    return re.search(r'<script type="application/json" id="flights">(.*?)</script>', text, flags=re.DOTALL)[1]
+
+
+def test_failures_link_to_their_logs_and_say_what_flies_them_again(page):
     text = page.read_text()
     links = re.findall(r'<a href="([^"]+)">log</a>', text)
     assert links == ["rig-natops_mean_mps=0_paper/flights/17.mcap"]
     assert (page.parent / links[0]).is_file()
+    cell = page.parent / "rig-natops_mean_mps=0_paper"
+    assert f"<code>shipland again {cell} --video --seed 17</code>" in text
+
+
+def test_every_landing_in_a_chart_is_a_flight_of_the_page(page):
+    text = page.read_text()
+    told = json.loads(data_of(text))
+    assert len(told["flights"]) == 2 * 2 * 3 * 40
+    touched = sum(flight[3] is not None for flight in told["flights"])
+    charts = [re.findall(r"(\d+) ([\d.]+) ([\d.]+) (\d) (\d)", one) for one in re.findall(r'data-points="(.*?)"', text)]
+    assert [len(chart) for chart in charts] == [touched // 2, touched // 2, touched, touched]
+    for chart in charts:
+        for flight, _, _, series, good in chart:
+            cell, _, outcome, *_ = told["flights"][int(flight)]
+            assert (outcome == 0) is (good == "1")
+            assert told["cells"][cell]["pilot"] == ("paper", "horizon")[int(series)]
+
+
+def test_a_reason_cannot_end_the_script(tmp_path):
+    cell = made_up(tmp_path)[0]
+    bad = replace(cell.landings[16], reason="</script><b>x")
+    text = campaign_page([replace(cell, landings=(bad,))], ABOUT, {}, tmp_path)
+    assert "</script><b>" not in text
+    assert json.loads(data_of(text))["flights"][0][7] == "</script><b>x"
 
 
 def test_charts_hold_what_was_flown(page):
@@ -107,3 +138,38 @@ def test_a_browser_draws_it(page):
     vermilion = (np.abs(picture.astype(int) - (0, 94, 213)) < 12).all(axis=2)
     assert blue.sum() > 1000
     assert vermilion.sum() > 1000
+
+
+_ASKED = """
+<script>
+const svg = document.querySelector("svg[data-points]");
+const [flight, x, y] = svg.dataset.points.split("|").map((it) => it.split(" ").map(Number)).find((it) => it[4] === 0);
+const at = new DOMPoint(x, y).matrixTransform(svg.getScreenCTM()), where = { clientX: at.x + 2, clientY: at.y + 1 };
+svg.dispatchEvent(new PointerEvent("pointermove", where));
+svg.dispatchEvent(new MouseEvent("click", where));
+const landed = document.querySelector("#outcomes input");
+landed.checked = false;
+landed.dispatchEvent(new Event("change"));
+document.body.dataset.flight = flight;
+</script>
+"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="wants Chromium to open the page")
+def test_a_landing_that_is_pointed_at_says_which_it_is_and_how_to_fly_it_again(page):
+    text = page.read_text()
+    asked = page.with_name("asked.html")
+    asked.write_text(text.replace("</body>", f"{_ASKED}</body>"))
+    command = [
+        CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", "--enable-logging=stderr",
+        f"--user-data-dir={page.parent / 'browser'}", "--host-resolver-rules=MAP * ~NOTFOUND", asked.as_uri(),
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=180)
+    assert "CONSOLE" not in done.stderr
+    dom, told = done.stdout, json.loads(data_of(text))
+    flight = told["flights"][int(re.search(r'data-flight="(\d+)"', dom)[1])]
+    cell = told["cells"][flight[0]]
+    assert f"<b>seed {flight[1]}, {cell['pilot']}</b>" in dom
+    assert f"{100 * flight[3]:.1f} cm from the centre" in dom
+    assert f"<pre>{cell['again']}{flight[1]}</pre>" in dom
+    assert 'class="sifted"' in dom

@@ -11,8 +11,8 @@ import pytest
 from shipland.config import build, packaged_toml
 from shipland.frames import GRAVITY_MPS2
 from shipland.guidance.response import Response
-from shipland.vehicles.mavlink.setpoints import pressed
 from shipland.vehicles.touchdown import ContactSignals, GroundContact, TouchdownParameters, TouchdownWatch
+from shipland.vehicles.wanted import pressed
 
 LIMITS = TouchdownParameters()
 HOVER = 0.45

@@ -12,12 +12,15 @@ from shipland import frames
 from shipland.camera import camera_pose, level_from_camera
 from shipland.frames import (
     CAMERA_FROM_MOUNT,
+    ENU_FROM_NED,
+    FLU_FROM_FRD,
     MUJOCO_FROM_NED,
     Pose,
     all_finite,
     euler_from_quaternion,
     euler_from_rotation,
     quaternion_from_euler,
+    quaternion_from_rotation,
     rotation_from_euler,
     rotation_from_quaternion,
     rows_from_euler,
@@ -218,7 +221,20 @@ class TestByHand:
         np.testing.assert_array_equal(MUJOCO_FROM_NED @ [1.0, 2.0, 3.0], [1.0, -2.0, -3.0])
         np.testing.assert_array_equal(MUJOCO_FROM_NED @ MUJOCO_FROM_NED, np.eye(3))
 
-    @pytest.mark.parametrize("constant", [CAMERA_FROM_MOUNT, MUJOCO_FROM_NED])
+    def test_frame_enu(self):
+        # 1 m north, 2 m east, 3 m down is 2 m east, 1 m north, 3 m below; and the way back is the same.
+        np.testing.assert_array_equal(ENU_FROM_NED @ [1.0, 2.0, 3.0], [2.0, 1.0, -3.0])
+        np.testing.assert_array_equal(ENU_FROM_NED @ ENU_FROM_NED, np.eye(3))
+
+    def test_forward_right_down_is_forward_minus_left_minus_up(self):
+        np.testing.assert_array_equal(FLU_FROM_FRD @ [1.0, 2.0, 3.0], [1.0, -2.0, -3.0])
+
+    @given(rotations)
+    def test_a_rotations_quaternion_is_that_rotation(self, rotation):
+        back = rotation_from_quaternion(np.array(quaternion_from_rotation(rotation)))
+        np.testing.assert_allclose(back, rotation, atol=1e-8)
+
+    @pytest.mark.parametrize("constant", [CAMERA_FROM_MOUNT, MUJOCO_FROM_NED, ENU_FROM_NED, FLU_FROM_FRD])
     def test_constants_are_right_handed_and_cannot_be_written(self, constant):
         assert np.linalg.det(constant) == pytest.approx(1.0, abs=EXACT_RAD)
         with pytest.raises(ValueError, match="read-only"):

@@ -16,14 +16,16 @@ from fuzz_link import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
 
 from shipland.errors import ConfigError, VehicleError  # noqa: E402
 from shipland.vehicles.camera_stream import ExposureClock  # noqa: E402
+from shipland.vehicles.gimbal import gimbal_at  # noqa: E402
 from shipland.vehicles.mavlink.control import Control  # noqa: E402
 from shipland.vehicles.mavlink.link import LinkCounts, read_key  # noqa: E402
 from shipland.vehicles.mavlink.parameters import VehicleLimits  # noqa: E402
 from shipland.vehicles.mavlink.ports import Place  # noqa: E402
 from shipland.vehicles.mavlink.session import Session, advice_on_silence  # noqa: E402
-from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, MavlinkTarget, Wanted  # noqa: E402
+from shipland.vehicles.mavlink.setpoints import AttitudeTarget, ClimbScale, MavlinkTarget  # noqa: E402
 from shipland.vehicles.mavlink.state import ARDUPILOT, AutopilotState  # noqa: E402
-from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of  # noqa: E402
+from shipland.vehicles.mavlink.telemetry import telemetry_of  # noqa: E402
+from shipland.vehicles.wanted import Wanted  # noqa: E402
 
 
 def session(key: bytes | None = None) -> tuple[Session, Nowhere, object]:

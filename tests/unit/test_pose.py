@@ -10,7 +10,7 @@ from shipland.camera import Camera, level_from_camera
 from shipland.frames import CAMERA_FROM_MOUNT, Pose, rotation_from_euler
 from shipland.messages import GimbalAttitude
 from shipland.rig import Rig
-from shipland.vision.near.covariance import bar_pose_of, covariance_in_bar, covariance_over_heading, position_and_yaw
+from shipland.vision.near.covariance import bar_pose_of, covariance_in_bar, covariance_over_tilts, position_and_yaw
 from shipland.vision.near.planar_pose import Corners, LevelPrior, bound, ordered, solve
 
 CAMERA = Camera.from_fov(1280, 720, 69.0)
@@ -133,7 +133,7 @@ def test_from_afar_the_covariance_is_true_where_the_jacobian_is_not(azimuth):
         prior = prior_at(rng.normal(0.0, 0.001), roll_rad=rng.normal(0.0, 0.001))
         corners = corners_at(pose, noise_px=0.12, error_px=0.12 * rng.standard_normal(PLANE.shape))
         solutions = solve(corners, CAMERA, prior, from_plane(pose))
-        spread = covariance_over_heading(solutions[0], corners, CAMERA, prior)
+        spread = covariance_over_tilts(solutions[0], corners, CAMERA, prior)
         assert spread is not None
         for nees, covariance in ((with_spread, spread), (without, None)):
             found = bar_pose_of(solutions, corners.undistorted_px, covariance)
@@ -147,16 +147,16 @@ def test_from_afar_the_covariance_is_true_where_the_jacobian_is_not(azimuth):
 def test_near_by_the_jacobian_tells_all():
     corners = corners_at(camera_from_bar(np.array([-4.0, -0.5, 0.1]), 0.1))
     prior = prior_at(0.0)
-    assert covariance_over_heading(solve(corners, CAMERA, prior)[0], corners, CAMERA, prior) is None
+    assert covariance_over_tilts(solve(corners, CAMERA, prior)[0], corners, CAMERA, prior) is None
 
 
 def test_a_covariance_never_loses_the_angle(monkeypatch):
     """When no pose beside the solution fits, the Jacobian's covariance stays."""
     corners, prior = corners_at(camera_from_bar(np.array([-14.0, -0.5, 0.1]), 0.04), noise_px=0.12), prior_at(0.0)
     solution = solve(corners, CAMERA, prior)[0]
-    assert covariance_over_heading(solution, corners, CAMERA, prior) is not None
-    monkeypatch.setattr("shipland.vision.near.covariance.poses_about_vertical", lambda *_: [])
-    assert covariance_over_heading(solution, corners, CAMERA, prior) is None
+    assert covariance_over_tilts(solution, corners, CAMERA, prior) is not None
+    monkeypatch.setattr("shipland.vision.near.covariance.poses_turned", lambda *_: [])
+    assert covariance_over_tilts(solution, corners, CAMERA, prior) is None
 
 
 def test_gimbal_makes_the_height_known():

@@ -31,12 +31,13 @@ from shipland.messages import (
     PilotCommand,
     TouchdownVerdict,
 )
+from shipland.record.channels import LogParameters
 from shipland.record.columns import Derived, FlightColumns, derive
 from shipland.record.foxglove_scene import nanoseconds, timestamp
 from shipland.record.info import FORMAT_VERSION, FlightInfo, LogHeader, config_digest
 from shipland.record.reader import read_log
 from shipland.record.rows import from_row, json_schema, to_row
-from shipland.record.writer import LogParameters, LogWriter
+from shipland.record.writer import LogWriter
 from shipland.report.outputs import load_outputs
 from shipland.report.plots import plot_flight
 from shipland.vision.log_pictures import read_pictures
@@ -114,8 +115,8 @@ def test_columns_of_numbers_carry_their_unit():
     without = {
         name for name, what in described.items() if what["type"] in ("number", "array") and not unit.search(name)
     }
-    # A rotation and a confidence have no unit; the covariance has four, said in BarPose.
-    assert all(name.endswith(("_rotation", "_confidence", "_covariance")) for name in without), without
+    # A rotation, a confidence and a probability have no unit; the covariance has four, said in BarPose.
+    assert all(name.endswith(("_rotation", "_confidence", "_covariance", "_probability")) for name in without), without
 
 
 @pytest.mark.parametrize("cls", [FlightRecord, TouchdownVerdict, Derived, LogHeader])

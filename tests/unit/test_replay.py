@@ -10,7 +10,8 @@ from made_up_flight import CAMERA, INFO, RIG, flight
 from shipland.camera import Camera
 from shipland.errors import ConfigError, DataError
 from shipland.messages import Intent, PilotCommand
-from shipland.record.writer import LogParameters, LogWriter
+from shipland.record.channels import LogParameters
+from shipland.record.writer import LogWriter
 from shipland.scenario.real_vehicle import make_vehicle
 from shipland.scenario.scenario import load_scenario
 from shipland.vehicles.address import Address

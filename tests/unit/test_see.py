@@ -15,8 +15,9 @@ from shipland.commands.see import See
 from shipland.cue import Cue
 from shipland.errors import ConfigError, DataError
 from shipland.messages import Decision, FlightRecord, Frame, GimbalAttitude, Observation, PilotCommand, Telemetry
+from shipland.record.channels import LogParameters
 from shipland.record.info import FlightInfo
-from shipland.record.writer import LogParameters, LogWriter
+from shipland.record.writer import LogWriter
 from shipland.rig import Rig
 from shipland.vision.near.files import COLUMNS, default_camera, see_paths
 from shipland.vision.pictures import pictures_of, read_picture, read_video
@@ -254,6 +255,22 @@ def test_a_video_that_breaks_off(tmp_path, bar_image):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(DataError, match=r"whole\.mp4"):
         see(path)
+
+
+def test_a_video_that_ends_too_early_says_how_much_was_read(tmp_path, bar_image, capsys):
+    import av
+
+    path = make_video(tmp_path / "whole.mp4", [bar_image] * 12)
+    cut = tmp_path / "cut.mp4"
+    with av.open(str(path)) as whole, av.open(str(cut), "w", options={"movflags": "faststart"}) as container:
+        stream = container.add_stream_from_template(whole.streams.video[0])
+        for packet in whole.demux(video=0):
+            if packet.dts is not None:
+                packet.stream = stream
+                container.mux(packet)
+    cut.write_bytes(cut.read_bytes()[:-200])
+    assert See((cut,)).run() == 1
+    assert "cut.mp4 breaks off after picture" in capsys.readouterr().err
 
 
 def test_sizes_that_do_not_fit_the_calibration(tmp_path, bar_image):

@@ -116,7 +116,7 @@ def test_a_flight_leaves_its_folder(tmp_path):
             recorder.append(record)
         summary = recorder.finish(VERDICT, "on the deck", {"see": 0.25})
     assert recorder.problems == []
-    names = {"flight.mcap", "flight.mp4", "plots.png", "summary.json", "timing.json"}
+    names = {"flight.mcap", "flight.mp4", "foxglove-layout.json", "plots.png", "summary.json", "timing.json"}
     assert {path.name for path in (tmp_path / "out").iterdir()} == names
     told = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert told["touchdown"]["reason"] == VERDICT.reason
@@ -196,7 +196,9 @@ def test_a_flight_without_a_cycle_leaves_no_picture(tmp_path):
         summary = recorder.finish(None, "the vehicle gave no frame")
     assert recorder.problems == []
     assert summary.cycles == 0
-    assert {path.name for path in tmp_path.iterdir()} == {"flight.mcap", "summary.json", "timing.json"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "flight.mcap", "foxglove-layout.json", "summary.json", "timing.json",
+    }  # fmt: skip
 
 
 def test_a_folder_that_cannot_be_written_is_said_before_the_flight(tmp_path):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import threading
-from contextlib import suppress
+import time
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from shipland.api import Flight
     from shipland.commands.terminal import Terminal
     from shipland.messages import FlightRecord, Mode
+    from shipland.record.live import LiveView
     from shipland.scenario.scenario import Scenario
     from shipland.vehicles.vehicle import Vehicle
 
@@ -25,7 +27,8 @@ if TYPE_CHECKING:
 class Fly(ScenarioOptions):
     """Fly one landing, in the simulator or on a vehicle, and judge the touchdown where the truth is known.
 
-    Leaves flight.mcap (opens in Foxglove), flight.mp4, plots.png, summary.json and timing.json in the output folder.
+    Leaves flight.mcap (opens in Foxglove, with foxglove-layout.json), flight.mp4, plots.png, summary.json and
+    timing.json in the output folder. --live shows the flight in Foxglove as it happens.
     Exit code: 0 landed in the square, 1 not, 2 bad input or an output that could not be written.
 
     A vehicle outside is checked first: every line of the checklist is printed, and one that is not in order ends the
@@ -57,6 +60,11 @@ class Fly(ScenarioOptions):
     """TOML file laid over the settings of vehicles, such as what `shipland identify` writes."""
     wind_mps: float = 5.0
     """Wind that a vehicle outside is to expect, gusts included."""
+    live: bool = False
+    """Show the flight in Foxglove as it happens, on this machine alone; a simulated one waits a minute for a viewer and
+    then keeps the clock's pace."""
+    live_port: int = 8765
+    """Port of --live, on loopback."""
     check: bool = False
     """Only connect to the vehicle and print its checklist."""
 
@@ -81,7 +89,18 @@ class Fly(ScenarioOptions):
             if self.check:
                 vehicle.close()
                 return 0
-        with ProgressLine(terminal, vehicle) as progress:
+        with ExitStack() as stack:
+            live = self._live(scenario, vehicle, terminal, stack) if self.live else None
+            progress = stack.enter_context(ProgressLine(terminal, vehicle))
+            clock = RealTime() if live is not None and vehicle is None else None
+
+            def on_cycle(record: FlightRecord) -> None:
+                progress.show(record)
+                if live is not None:
+                    live.append(record)
+                if clock is not None:
+                    clock.keep(record.telemetry.t_s)
+
             flight = fly(
                 scenario,
                 pilot=self.pilot,
@@ -89,21 +108,46 @@ class Fly(ScenarioOptions):
                 seed=checked_seed(self.seed),
                 out=self.out,
                 video=self.video,
-                on_cycle=progress.show,
+                on_cycle=on_cycle,
                 command=command_line(),
                 vehicle=vehicle,
                 keys=None if vehicle is None else Keys(),
                 response=response,
             )
+            if live is not None:
+                live.finish(flight.verdict, flight.result.reason)
         _report(terminal, self, flight)
         if flight.problems:
             raise DataError(f"the flight is not on record as asked: {'; '.join(flight.problems)}")
         return 0 if flight.success else 1
 
+    def _live(self, scenario: Scenario, vehicle: Vehicle | None, terminal: Terminal, stack: ExitStack) -> LiveView:
+        """The live view, which the stack closes; for a simulated flight once somebody looks, or a minute has gone."""
+        from shipland.camera import Camera
+        from shipland.record.layout import LAYOUT_NAME, write_layout
+        from shipland.record.live import LiveView
+        from shipland.scenario.fly import flight_info
+
+        camera = Camera.from_parameters(scenario.camera) if vehicle is None else vehicle.camera
+        info = flight_info(scenario, self.pilot, self.vision, checked_seed(self.seed), command_line())
+        try:
+            live = stack.enter_context(LiveView(info, scenario.rig, camera, self.live_port))
+            self.out.mkdir(parents=True, exist_ok=True)
+            write_layout(self.out / LAYOUT_NAME)
+        except BaseException:
+            if vehicle is not None:
+                vehicle.close()
+            raise
+        terminal.say(f"live on {live.address}: open it in Foxglove; layout: {self.out / LAYOUT_NAME}")
+        if vehicle is None:
+            terminal.status("waiting for a viewer, a minute at most")
+            until_s = time.monotonic() + _VIEWER_S
+            while time.monotonic() < until_s and not live.wait(0.2):
+                pass
+        return live
+
     def _outside(self, address: str, scenario: Scenario, terminal: Terminal) -> Vehicle:
         """The vehicle, connected where it is a real one, and fit to fly; VehicleError when it is not."""
-        import time
-
         from shipland.scenario.fly import fly_quietly
         from shipland.scenario.real_vehicle import checklist, make_vehicle, require_passed
         from shipland.stopping import check_stop, stop_requests
@@ -138,6 +182,8 @@ class Fly(ScenarioOptions):
         return vehicle
 
 
+_VIEWER_S = 60.0
+"""How long a simulated flight waits for somebody to look at it."""
 _LISTENING_S = 3.0
 """In which a vehicle's rates are counted."""
 
@@ -167,6 +213,19 @@ def lacking_outputs(video: bool) -> list[str]:
     if video and not installed("film"):
         lines.append("flight.mp4 is MPEG-4, which browsers do not play; H.264: pip install 'shipland[film]'")
     return lines
+
+
+class RealTime:
+    """Keeps a simulated flight from running ahead of the clock."""
+
+    def __init__(self) -> None:
+        self._begun: tuple[float, float] | None = None
+
+    def keep(self, t_s: float) -> None:
+        """Wait until the clock has come as far as the flight's time."""
+        if self._begun is None:
+            self._begun = t_s, time.monotonic()
+        time.sleep(max(0.0, self._begun[1] + t_s - self._begun[0] - time.monotonic()))
 
 
 class ProgressLine:

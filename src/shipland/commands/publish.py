@@ -1,21 +1,30 @@
-"""`shipland publish`: our vision for an autopilot's own precision landing and estimator."""
+"""`shipland publish`: our vision for an autopilot's own precision landing and estimator, or for ROS 2."""
 
 from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from shipland.commands.options import ScenarioOptions
+
+if TYPE_CHECKING:
+    from shipland.scenario.scenario import Scenario
+    from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
+    from shipland.vehicles.ros2.vehicle import Ros2Vehicle
 
 
 @dataclass(frozen=True)
 class Publish(ScenarioOptions):
-    """Look for the cue and tell an autopilot where the deck is; it is never commanded.
+    """Look for the cue and tell an autopilot or ROS 2 where the deck is; nothing is commanded.
 
-    Sends LANDING_TARGET (BODY_FRD to an ArduPilot, LOCAL_NED to a PX4) and, with --position, VISION_POSITION_ESTIMATE.
+    An autopilot gets LANDING_TARGET (BODY_FRD an ArduPilot, LOCAL_NED a PX4) and, with --position,
+    VISION_POSITION_ESTIMATE. ROS 2 gets /shipland/cue_pose, /shipland/detections, /shipland/diagnostics and TF.
 
     Example: shipland publish --vehicle "mavlink://udp:127.0.0.1:14550?camera=/dev/video0" --calibration camera.yaml
+
+    Example: shipland publish --vehicle "ros2://drone?image=/camera/image_raw&mount_deg=-10"
     """
 
     vehicle: str = "mavlink://udp:127.0.0.1:14550"
@@ -29,25 +38,52 @@ class Publish(ScenarioOptions):
 
     def run(self) -> int:
         """Publish until the camera ends or Ctrl-C."""
-        import numpy as np
-
         from shipland.errors import ConfigError
         from shipland.scenario.real_vehicle import make_vehicle
-        from shipland.vehicles.mavlink.publish import Mounting, publish
         from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
-        from shipland.vision.near.pipeline import NearVision
+        from shipland.vehicles.ros2.vehicle import Ros2Vehicle
 
         scenario = self.load()
         vehicle = make_vehicle(self.vehicle, scenario, self.calibration, self.vehicle_config)
-        if not isinstance(vehicle, MavlinkVehicle):
-            raise ConfigError(f"--vehicle {self.vehicle}: only a mavlink:// vehicle takes these messages")
+        if not isinstance(vehicle, MavlinkVehicle | Ros2Vehicle):
+            raise ConfigError(f"--vehicle {self.vehicle}: only mavlink:// and ros2:// vehicles take these messages")
         print(f"connecting to {self.vehicle}", file=sys.stderr, flush=True)
         vehicle.connect()
         try:
-            vision = NearVision(scenario.rig.cue, vehicle.camera, scenario.vision)
-            mounting = Mounting(np.array(scenario.camera.position_in_body_m), scenario.rig.deck_in_bar_m)
-            count = publish(vehicle, vision, mounting, self.position, lambda _: None)
+            if isinstance(vehicle, Ros2Vehicle):
+                count = _tell(vehicle, scenario)
+            else:
+                count = _send(vehicle, scenario, self.position)
         finally:
             vehicle.close()
         print(f"{count} poses published; the camera has ended")
         return 0
+
+
+def _send(vehicle: MavlinkVehicle, scenario: Scenario, with_position: bool) -> int:
+    import numpy as np
+
+    from shipland.vehicles.mavlink.publish import Mounting, publish
+    from shipland.vision.near.pipeline import NearVision
+
+    vision = NearVision(scenario.rig.cue, vehicle.camera, scenario.vision)
+    mounting = Mounting(np.array(scenario.camera.position_in_body_m), scenario.rig.deck_in_bar_m)
+    return publish(vehicle, vision, mounting, with_position, lambda _: None)
+
+
+def _tell(vehicle: Ros2Vehicle, scenario: Scenario) -> int:
+    """Corners, the bar's box and the ship's: what a flight looks at."""
+    import numpy as np
+
+    from shipland.scenario.visions import VisionSetup, rendered
+    from shipland.vision.vision import see_or_degrade
+
+    rng = np.random.default_rng(0)  # this vision draws no numbers
+    vision = rendered(VisionSetup(scenario, vehicle.camera, vehicle, rng, rng))
+    vehicle.inform_of(scenario.rig)
+    count = 0
+    while (frame := vehicle.look(2.0)) is not None:
+        seen = see_or_degrade(vision, frame)
+        vehicle.tell(seen)
+        count += seen.bar_pose is not None
+    return count

@@ -46,20 +46,25 @@ class Replay(ScenarioOptions):
     """Write rerun's recording (.rrd) instead of opening its window."""
 
     def run(self) -> int:
-        """Replay and print what differs."""
-        for line in self._replayed().words():
+        """Replay and print what differs; 1 where the log breaks off."""
+        recording = self._recording()
+        for line in self._replayed(recording).words():
             print(line)
         written = [str(path) for path in (self.out, self.viewer_file) if path is not None]
         if written:
             print(f"written: {', '.join(written)}", file=sys.stderr)
-        return 0
+        if not recording.complete:
+            cycles = len(recording.records)
+            print(
+                f"shipland: {self.recording} breaks off: {cycles} cycles read, the log was not closed", file=sys.stderr
+            )
+        return 0 if recording.complete else 1
 
-    def _replayed(self) -> Replayed:
+    def _replayed(self, recording: Recording) -> Replayed:
         from shipland.evaluation.replays import replay
         from shipland.report.viewer import Viewer
         from shipland.scenario.fly import flight_log
 
-        recording = self._recording()
         scenario = recording.scenario
         with ExitStack() as stack:
             sinks = []

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import sys
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +14,11 @@ from shipland.commands.pictures import PictureOptions, Results
 
 if TYPE_CHECKING:
     from shipland.camera import Camera, CameraParameters
+    from shipland.cue import Cue
+    from shipland.errors import DataError
+    from shipland.record.reader import FlightLog
+    from shipland.vision.attitude import AttitudeTrack
+    from shipland.vision.near.files import SeeResult
     from shipland.vision.pictures import Picture
 
 
@@ -20,8 +28,8 @@ class See(PictureOptions):
 
     One JSON line a picture: file, t_s (time in its video), found, reason, distance_m, position_in_bar_m, yaw_deg,
     covariance (4 × 4 of forward, right, down [m] and yaw [rad]), reprojection_px, corners_px.
-    What cannot be read is named on standard error and the rest is looked at; the exit code is then 1, and 2 when
-    nothing could be read.
+    What cannot be read, or breaks off, is named on standard error and the rest is looked at; the exit code is then 1,
+    and 2 when nothing could be read. Pictures of a film in which nothing moves count together.
 
     Example: shipland see film.mp4 --cue bar.toml --calibration calibration.yaml --csv poses.csv --out out/drawn
     """
@@ -35,37 +43,126 @@ class See(PictureOptions):
     calibration: Path | None = None
     """OpenCV calibration YAML; a line row_time_s in it tells a rolling shutter's time from row to row. Default: the
     camera in the log, else the rig's camera."""
+    attitude: Path | None = None
+    """Roll and pitch of a film's camera against the horizon: CSV with the columns t_s (the film's time), roll_deg
+    (right side down positive) and pitch_deg (upward positive), one row for a camera that stands; a flight log (.mcap);
+    ArduPilot's log (.bin, .tlog) or PX4's (.ulg), both with the extra mavlink. A flight log's own pictures have the
+    log's. Without one a pose may lean either way, and its covariance says so."""
+    attitude_start_s: float | None = None
+    """What the clock of --attitude says at the film's start; a CSV may go without."""
+    attitude_std_deg: float = 0.5
+    """Standard deviation of the attitude of --attitude, its mounting included."""
+    mount_pitch_deg: float | None = None
+    """Of a camera that is fixed to the body, its pitch against it: the body's attitude is read from the log. Not given:
+    the gimbal's is."""
 
     def run(self) -> int:
         """Look at every picture and say what is in it."""
-        from shipland.cue import Cue
         from shipland.report.drawings import draw_observation
         from shipland.scenario.scenario import load_scenario
         from shipland.vision.near.files import COLUMNS, see_paths
+        from shipland.vision.pictures import is_film
 
         scenario = load_scenario(self.config or {})
-        cue = scenario.rig.cue if self.cue is None else Cue.from_file(self.cue)
-        camera, whose = self._camera(scenario.camera)
+        logs = self._logs()
+        cue, (camera, whose) = self._cue(scenario.rig.cue, logs), self._camera(scenario.camera, logs)
+        attitudes = self._attitudes(logs)
+        noted = _Attitudes(attitudes)
         with Results(self, COLUMNS) as results:
-            for number, result in enumerate(see_paths(self.paths, cue, camera, results.broken, scenario.vision)):
+            found = see_paths(self.paths, cue, camera, results.broken, scenario.vision, attitudes.get)
+            for number, result in enumerate(found):
                 if number == 0:
                     print(f"camera: {_words(camera, result.picture.image)}, {whose}", file=sys.stderr)
                     print(f"cue: {cue.size_words}", file=sys.stderr)
+                if is_film(result.picture.source):
+                    noted.note(result)
                 results.add(result, lambda it=result: draw_observation(it.picture.image, it.observation))  # type: ignore[misc]
+            for film, error in noted.missing():
+                results.broken(film, error)
         return results.exit_code
 
-    def _camera(self, configured: CameraParameters) -> tuple[Camera, str]:
-        """The camera that is assumed, and where it comes from."""
-        from shipland.camera import Camera
+    def _logs(self) -> dict[Path, FlightLog]:
+        """The flight logs among the paths."""
         from shipland.record.reader import read_log
         from shipland.vision.pictures import is_log
 
+        return {path: read_log(path) for path in self.paths if is_log(path)}
+
+    def _cue(self, configured: Cue, logs: Mapping[Path, FlightLog]) -> Cue:
+        """The cue that is looked for."""
+        from shipland.cue import Cue
+
+        if self.cue is not None:
+            return Cue.from_file(self.cue)
+        if self.config is None and logs:
+            return next(iter(logs.values())).header.rig.cue
+        return configured
+
+    def _camera(self, configured: CameraParameters, logs: Mapping[Path, FlightLog]) -> tuple[Camera, str]:
+        """The camera that is assumed, and where it comes from."""
+        from shipland.camera import Camera
+
         if self.calibration is not None:
             return Camera.from_opencv_yaml(self.calibration), f"from {self.calibration}"
-        for path in self.paths:
-            if is_log(path):
-                return read_log(path).header.camera, f"as {path} has it"
+        for path, log in logs.items():
+            return log.header.camera, f"as {path} has it"
         return Camera.from_parameters(configured), "that of the configuration; --calibration gives another"
+
+    def _attitudes(self, logs: Mapping[Path, FlightLog]) -> dict[Path, AttitudeTrack]:
+        """Of each film whose camera's attitude is known."""
+        from shipland.errors import DataError
+        from shipland.record.attitude import logged_attitude
+        from shipland.record.reader import read_log
+        from shipland.vision.attitude import placed, read_attitude
+        from shipland.vision.pictures import is_film, is_log
+
+        body = self.mount_pitch_deg is not None
+        mount_rad = None if self.mount_pitch_deg is None else math.radians(self.mount_pitch_deg)
+        own = {}
+        for path, log in logs.items():
+            with suppress(DataError):  # the log holds none
+                own[path] = placed(logged_attitude(log, path, body=body), 0.0, mount_rad)
+        films = [path for path in self.paths if is_film(path) and path not in own]
+        if self.attitude is None:
+            return own
+        if not films:
+            raise DataError(f"--attitude {self.attitude}: none of the paths is a film")
+        std_rad = math.radians(self.attitude_std_deg)
+        if is_log(self.attitude):
+            logged = replace(logged_attitude(read_log(self.attitude), self.attitude, body=body), std_rad=std_rad)
+            track = placed(logged, self.attitude_start_s, mount_rad)
+        else:
+            track = read_attitude(self.attitude, std_rad, self.attitude_start_s, mount_rad)
+        return own | dict.fromkeys(films, track)
+
+
+class _Attitudes:
+    """Says which attitude each film's pictures have, and counts those without."""
+
+    def __init__(self, tracks: Mapping[Path, AttitudeTrack]) -> None:
+        self._tracks = tracks
+        self._pictures: dict[Path, list[bool]] = {}
+
+    def note(self, result: SeeResult) -> None:
+        """Take a film's picture; the first one says what is known."""
+        film = result.picture.source
+        if film not in self._pictures:
+            track = self._tracks.get(film)
+            words = "none, a pose may lean either way; --attitude gives it" if track is None else track.words
+            print(f"attitude: {words}", file=sys.stderr)
+        self._pictures.setdefault(film, []).append(math.isfinite(result.observation.gimbal.pitch_rad))
+
+    def missing(self) -> Iterator[tuple[Path, DataError]]:
+        """The films that have an attitude, but not for all of their pictures."""
+        from shipland.errors import DataError
+
+        for film, known in self._pictures.items():
+            if film in self._tracks and not all(known):
+                where = f"{self._tracks[film].words} on the film's clock (--attitude-start-s)"
+                yield (
+                    film,
+                    DataError(f"{film}: {len(known) - sum(known)} of {len(known)} pictures lie outside of {where}"),
+                )
 
 
 def _words(camera: Camera, picture: Picture) -> str:

@@ -3,26 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from shipland.commands.options import ScenarioOptions, checked_seed
+
+if TYPE_CHECKING:
+    from shipland.messages import TouchdownVerdict
 
 
 @dataclass(frozen=True)
 class ServePhysics(ScenarioOptions):
-    """Serve one flight's ship, wind, deck and camera to a flight controller: ArduCopter's `--model JSON`, or a PX4.
+    """Serve one flight's ship, wind, deck and camera to a flight controller: ArduCopter's `--model JSON`, a PX4, ROS 2.
 
-    The aircraft is held below its start until its rotors carry it, so that the flight controller can boot; then the
-    flight begins, and `shipland fly --vehicle mavlink://…?camera=frames:127.0.0.1:9003` lands it. Parameters for the
-    simulated airframe: examples/arducopter.parm and examples/px4.parm. Exit code: 0 landed in the square, 1 not.
+    To a flight controller that flies motors the aircraft is held below its start until its rotors carry it, so that
+    it can boot; then the flight begins, and `shipland fly --vehicle mavlink://…?camera=frames:127.0.0.1:9003` lands
+    it. Parameters for the simulated airframe: examples/arducopter.parm and examples/px4.parm.
+
+    To ROS 2 it is a vehicle with topics of its own, which flies the set-points that come; the world waits for the
+    first, and `shipland fly --vehicle ros2://drone` lands it. Exit code: 0 landed in the square, 1 not.
 
     Example: shipland serve-physics --scenario rig-natops --seed 3
+
+    Example: shipland serve-physics --interface ros2 --pictures --set aircraft.loop.kind=velocity
     """
 
     seed: int = 1
     """Seed of everything random."""
-    interface: Literal["json", "px4"] = "json"
-    """What the flight controller speaks: ArduCopter's JSON over UDP, or PX4's simulator messages over TCP."""
+    interface: Literal["json", "px4", "ros2"] = "json"
+    """What the flight controller speaks: ArduCopter's JSON over UDP, PX4's simulator messages over TCP, or the
+    set-points of ROS 2 (extra `ros2`)."""
     host: str = "127.0.0.1"
     """Address that is bound; the flight controller and whoever looks must reach it."""
     port: int | None = None
@@ -33,6 +42,8 @@ class ServePhysics(ScenarioOptions):
     """Draw pictures; without them the frames carry the truth only, for `--vision geometric`."""
     climb_m: float = 0.9
     """How far below its start the aircraft waits."""
+    namespace: str = "drone"
+    """Of the topics of ros2."""
 
     def run(self) -> int:
         """Serve until the flight is over; Ctrl-C ends it before."""
@@ -40,8 +51,27 @@ class ServePhysics(ScenarioOptions):
 
         from shipland.sitl.serving import PhysicsOptions, serve
 
+        if self.interface == "ros2":
+            return self._over_ros2()
         port = {"json": 9002, "px4": 4560}[self.interface] if self.port is None else self.port
         options = PhysicsOptions(self.interface, self.host, port, self.frames_port, self.pictures, self.climb_m)
         verdict = serve(self.load(), checked_seed(self.seed), options, lambda line: print(line, file=sys.stderr))
-        print("no touchdown" if verdict is None else verdict.reason)
-        return 0 if verdict is not None and verdict.success else 1
+        return _told(verdict)
+
+    def _over_ros2(self) -> int:
+        import sys
+
+        from shipland.sitl.frame_server import FrameServer
+        from shipland.sitl.ros2_node import RosOptions, serve_ros2
+        from shipland.vehicles.ros2.dds import domain_id, only_this_machine
+
+        scenario, seed = self.load(), checked_seed(self.seed)
+        options = RosOptions(self.namespace, domain_id(None), only_this_machine(), self.pictures)
+        with FrameServer(scenario, seed, self.host, self.frames_port, pictures=False) as frames:
+            verdict = serve_ros2(scenario, seed, options, frames, lambda line: print(line, file=sys.stderr))
+        return _told(verdict)
+
+
+def _told(verdict: TouchdownVerdict | None) -> int:
+    print("no touchdown" if verdict is None else verdict.reason)
+    return 0 if verdict is not None and verdict.success else 1

@@ -215,6 +215,7 @@ class CellResult:
         rig, ship, airframe: what a landing is judged by, read back from what was flown.
         landings: in order of their seeds.
         logs: the folder with the logs of failures, for links; None without one.
+        version: of the code that flew it; empty where that is not known.
     """
 
     name: str
@@ -229,6 +230,7 @@ class CellResult:
     airframe: AirframeParameters
     landings: tuple[Landing, ...]
     logs: Path | None
+    version: str = ""
 
 
 def _result(cell: Cell, suite: str, done: Mapping[int, Landing]) -> CellResult:
@@ -280,6 +282,7 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
                 airframe=build(AirframeParameters, flown["aircraft"]["airframe"], "aircraft.airframe"),
                 landings=tuple(landings[seed] for seed in sorted(landings)),
                 logs=folder / name / "flights",
+                version=str(key.get("version", "")),
             )
     return list(found.values())
 

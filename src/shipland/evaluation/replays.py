@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +16,12 @@ from shipland import factories
 from shipland.camera import Camera
 from shipland.config import merge, settings
 from shipland.errors import ConfigError, DataError
+from shipland.evaluation.folder import read_campaign
+from shipland.files import json_of, read_text
 from shipland.flight import Autonomy, cycles, decide_or_degrade
+from shipland.former import renamed
 from shipland.messages import FlightRecord, Observation, PilotCommand
-from shipland.record.reader import read_log
+from shipland.record.reader import FlightLog, read_log
 from shipland.safety.input_gate import InputGate, without_repeated
 from shipland.scenario.autonomy import build_autonomy
 from shipland.scenario.real_vehicle import replayed_log
@@ -94,6 +98,7 @@ class Recording:
         pilot, vision: names, as `factories.resolve` takes them.
         seed: of visions and pilots that draw numbers.
         records: as flown; empty of a video.
+        complete: the log was closed in order.
     """
 
     vehicle: ReplayVehicle
@@ -102,6 +107,7 @@ class Recording:
     vision: str
     seed: int = 0
     records: Sequence[FlightRecord] = ()
+    complete: bool = True
 
 
 def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequence[str] = ()) -> Recording:
@@ -119,21 +125,89 @@ def recorded_flight(path: Path, pilot: str = "", vision: str = "", changes: Sequ
             the user's, which a log does not get to run.
     """
     log = read_log(path)
+    scenario, pilot, vision = flown_setup(log, path, pilot, vision, changes)
+    vehicle = replayed_log(path)
+    return Recording(vehicle, scenario, pilot, vision, log.header.info.seed or 0, log.records, log.complete)
+
+
+def flown_setup(
+    log: FlightLog, path: Path, pilot: str = "", vision: str = "", changes: Sequence[str] = ()
+) -> tuple[Scenario, str, str]:
+    """What a log was flown with: its scenario, with changes, its pilot and its vision, unless others are named.
+
+    Raises:
+        ConfigError: see `recorded_flight`.
+    """
     info = log.header.info
-    for option, given, recorded in (("pilot", pilot, info.pilot), ("vision", vision, info.vision)):
+    version = info.code_version or info.software_version
+    return _setup(path, (info.table(), info.pilot, info.vision, version), (pilot, vision, changes))
+
+
+def _setup(
+    path: Path, flown: tuple[Mapping[str, Any], str, str, str], asked: tuple[str, str, Sequence[str]]
+) -> tuple[Scenario, str, str]:
+    """Scenario, pilot and vision of what stands in a file.
+
+    Args:
+        path: for messages.
+        flown: configuration, pilot, vision and version, as written.
+        asked: pilot and vision in their place, or empty; changes of the configuration.
+    """
+    table, flew, saw, version = flown
+    pilot, vision, changes = asked
+    for option, given, recorded in (("pilot", pilot, flew), ("vision", vision, saw)):
         if not given and factories.is_own_code(recorded):
             raise ConfigError(
                 f"{path} names code as its {option}, which a log does not get run: give --{option} {recorded} to run it"
             )
     try:
-        scenario = load_scenario(merge(info.table(), settings(changes)))  # a younger key has today's default
+        scenario = load_scenario(merge(table, settings(changes)))  # a younger key has today's default
     except ConfigError as error:
-        if info.code_version == code_version():
+        here = code_version()
+        if version == here:
             raise
-        flown_by, here = info.code_version or info.software_version, code_version()
-        raise ConfigError(f"{path} was flown by version {flown_by}, this is {here}: {error}") from None
-    vehicle = replayed_log(path)
-    return Recording(vehicle, scenario, pilot or info.pilot, vision or info.vision, info.seed or 0, log.records)
+        raise ConfigError(f"{path} was flown by version {version}, this is {here}: {error}") from None
+    return scenario, pilot or flew, vision or saw
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A flight of the simulator that can be flown again.
+
+    Attributes:
+        scenario, pilot, vision, seed: what it was flown with, changes laid over.
+        version: of the code that flew it.
+        out: where to, unless another folder is asked for.
+        log: of that flight; None where it was not kept.
+        result: its verdict in words.
+    """
+
+    scenario: Scenario
+    pilot: str
+    vision: str
+    seed: int
+    version: str
+    out: Path
+    log: Path | None
+    result: str = ""
+
+
+def flown_in_cell(folder: Path, seed: int, pilot: str = "", vision: str = "", changes: Sequence[str] = ()) -> Flown:
+    """A flight of a campaign's cell.
+
+    Raises:
+        DataError: the folder holds no campaign.
+        ConfigError: that seed was not flown; see `recorded_flight`.
+    """
+    results = {landing.seed: landing.reason for landing in read_campaign(folder)}
+    if seed not in results:
+        listed = f"{min(results)} to {max(results)}" if results else "none"
+        raise ConfigError(f"{folder} holds no flight of seed {seed}; seeds flown: {listed}")
+    key = json_of(read_text(folder / "campaign.json"))
+    version = str(key.get("version", ""))
+    setup = _setup(folder, (renamed(key["scenario"]), key["pilot"], key["vision"], version), (pilot, vision, changes))
+    log, out = folder / "flights" / f"{seed}.mcap", folder / "flights" / f"{seed}"
+    return Flown(*setup, seed, version, out, log if log.is_file() else None, results[seed])
 
 
 def recorded_film(

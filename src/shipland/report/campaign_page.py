@@ -1,10 +1,12 @@
-"""A campaign as one HTML page that stands alone: no script, no font, no picture from elsewhere."""
+"""A campaign as one HTML page that stands alone: no script, no font, no picture from elsewhere.
+
+It says everything without its script too, which adds what a pointer can ask (`page_flights`).
+"""
 
 from __future__ import annotations
 
 import html
 import math
-import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -19,31 +21,12 @@ from shipland.evaluation.landing import Landing
 from shipland.evaluation.leaderboard import leaderboard, pairs, rests_in_area, rivals, swept_keys
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.statistics import share_interval
+from shipland.report.page_flights import PageFlights, page_file
 from shipland.report.svg import Column, Points, Share, colour_of, point_chart, share_chart
 from shipland.rig import area_of
 
 _MOST_LISTED = 300
 """Failures listed on the page; all are in flights.csv."""
-STYLE = """
-:root{--ink:#1d2430;--dim:#5b6675;--line:#d9dee5;--page:#fff;--band:#f5f7f9}
-@media(prefers-color-scheme:dark){:root{--ink:#e6e9ee;--dim:#9aa5b4;--line:#353d49;--page:#14181e;--band:#1c222b}}
-body{margin:0 auto;max-width:1240px;padding:24px;font:15px/1.5 system-ui,sans-serif;
-color:var(--ink);background:var(--page)}
-h1{font-size:26px;margin:0 0 4px}h2{font-size:19px;margin:36px 0 8px;border-top:1px solid var(--line);padding-top:20px}
-p,li{max-width:90ch}.dim{color:var(--dim)}.charts{display:flex;flex-wrap:wrap;gap:20px;align-items:flex-start}
-.wide{overflow-x:auto}table{border-collapse:collapse;font-size:13px;font-variant-numeric:tabular-nums}
-th,td{padding:4px 9px;border-bottom:1px solid var(--line);text-align:left;vertical-align:top}
-th{color:var(--dim);font-weight:600}td.number,th.number{text-align:right;white-space:nowrap}
-td{white-space:nowrap}td:last-child{white-space:normal;min-width:12em}td.number{min-width:0}
-tbody tr:nth-child(even){background:var(--band)}code{font-size:12.5px}
-.key{display:inline-flex;align-items:center;gap:6px;margin-right:18px}.key i{width:12px;height:12px;border-radius:50%}
-svg{max-width:100%;height:auto}svg text{fill:var(--ink);font:12px system-ui,sans-serif}
-svg .title{font-size:13px;font-weight:600}
-svg .tick{fill:var(--dim)}svg .middle{text-anchor:middle}svg .end{text-anchor:end}
-svg .grid{stroke:var(--line)}svg .frame{fill:none;stroke:var(--line)}svg .dot{stroke:var(--page);stroke-width:1.5}
-svg .outline{fill:none;stroke:var(--dim);stroke-dasharray:4 3}
-svg .oracle{stroke:var(--dim);stroke-width:2;stroke-dasharray:2 3}
-"""
 
 
 def campaign_page(
@@ -61,7 +44,7 @@ def campaign_page(
     pilots = list(dict.fromkeys(cell.pilot for cell in cells))
     suites = ", ".join(dict.fromkeys(cell.suite for cell in cells if cell.suite)) or "a grid of the command line"
     flights, machine = sum(len(cell.landings) for cell in cells), about["machine"]
-    area = area_of(cell.rig for cell in cells)
+    area, page = area_of(cell.rig for cell in cells), PageFlights(cells, folder)
     keys = "".join(
         f'<span class="key"><i style="background:{colour_of(index)}"></i>{html.escape(pilot)}</span>'
         for index, pilot in enumerate(pilots)
@@ -81,10 +64,11 @@ def campaign_page(
         f'<div class="charts">{"".join(_against(cells, pilots)) or "<p>One value of everything.</p>"}</div>',
         "<h2>Touchdowns</h2>",
         f'<p class="dim">Lines: {area} and deck. Dots landed in the {area}, crosses did not.</p>',
+        page.filters(area),
         f'<div class="charts">{"".join(_touchdowns(cells, pilots))}</div>',
         "<h2>Failures</h2>",
         _causes(cells, pilots),
-        _failures(cells, folder),
+        _failures(page, area),
         "<h2>Leaderboard</h2>",
         tables[0],
         "<h2>Everybody's rules, on the same flights</h2>",
@@ -92,11 +76,12 @@ def campaign_page(
     ]
     if len(pilots) > 1:
         parts += ["<h2>Pilots in pairs</h2>", _table(pairs(cells))]
-    body = "\n".join(parts)
+    parts.append(page.data_and_script())
+    body, style = "\n".join(parts), page_file("page.css")
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>Landings: {html.escape(suites)}</title><style>{STYLE}</style></head><body>\n{body}\n</body></html>\n"
+        f"<title>Landings: {html.escape(suites)}</title><style>{style}</style></head><body>\n{body}\n</body></html>\n"
     )
 
 
@@ -217,11 +202,15 @@ def _bin(low: float, high: float) -> str:
 
 def _touchdowns(cells: Sequence[CellResult], pilots: Sequence[str]) -> Iterator[str]:
     rig = cells[0].rig
-    by_pilot = {pilot: [it for cell in cells if cell.pilot == pilot for it in cell.landings] for pilot in pilots}
+    numbered = list(enumerate((cell.pilot, it) for cell in cells for it in cell.landings))
+    by_pilot = {pilot: [(at, it) for at, (who, it) in numbered if who == pilot and it.touched] for pilot in pilots}
 
     def points(series: int, place: Callable[[Landing], tuple[float, float]]) -> list[Points]:
-        touched = [it for it in by_pilot[pilots[series]] if it.touched]
-        return [Points(series, good, [place(it) for it in touched if it.success is good]) for good in (True, False)]
+        kinds = [[(at, it) for at, it in by_pilot[pilots[series]] if it.success is good] for good in (True, False)]
+        return [
+            Points(series, good, [place(it) for _, it in kind], [at for at, _ in kind])
+            for good, kind in zip((True, False), kinds, strict=True)
+        ]
 
     half_m = math.ceil(6.5 * rig.deck_size_m) / 10.0
     for series, pilot in enumerate(pilots):
@@ -262,27 +251,24 @@ def _causes(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
     return _html_table(["cause", *pilots], rows, first_number=1)
 
 
-def _failures(cells: Sequence[CellResult], folder: Path) -> str:
-    failed = [(cell, it) for cell in cells for it in cell.landings if not it.success]
+def _failures(page: PageFlights, area: str) -> str:
+    failed = [at for at, (_, it) in enumerate(page.flights) if not it.success]
     if not failed:
         return ""
     rows = []
-    for cell, it in failed[:_MOST_LISTED]:
-        log = None if cell.logs is None else cell.logs / f"{it.seed}.mcap"
-        link = "no log"
-        if log is not None and log.is_file():
-            path = html.escape(Path(os.path.relpath(log, folder)).as_posix(), quote=True)
-            link = f'<a href="{path}">log</a> <code>shipland replay {path}</code>'
+    for at in failed[:_MOST_LISTED]:
+        cell, it = page.flights[at]
         texts = [cell.name, str(it.seed), it.cause, it.reason, it.conditions.faults]
-        rows.append("".join(f"<td>{html.escape(text)}</td>" for text in texts) + f"<td>{link}</td>")
+        words = "".join(f"<td>{html.escape(text)}</td>" for text in texts)
+        rows.append(f'<tr data-outcome="{page.outcome(it)}">{words}<td>{page.again(at)}</td></tr>')
     head = "".join(
         f"<th>{name}</th>" for name in ("cell", "seed", "cause", "in words", "what was made to fail", "again")
     )
     more = f"<p>{len(failed) - _MOST_LISTED} more in flights.csv.</p>" if len(failed) > _MOST_LISTED else ""
-    body, area = "".join(f"<tr>{row}</tr>" for row in rows), area_of(cell.rig for cell in cells)
     return (
         f"<details><summary>{len(failed)} flights that did not land in the {area}</summary>"
-        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>{more}</details>'
+        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>{more}'
+        "</details>"
     )
 
 

@@ -144,6 +144,7 @@ def page_tables(module: str) -> str:
     from shipland.vehicles.camera_stream import StreamParameters
     from shipland.vehicles.checks import PreflightParameters
     from shipland.vehicles.mavlink.parameters import MavlinkParameters
+    from shipland.vehicles.ros2.parameters import Ros2Parameters
     from shipland.vehicles.touchdown import TouchdownParameters
 
     training = {f"train.{name}": profile for name, profile in PROFILES.items()}
@@ -153,6 +154,7 @@ def page_tables(module: str) -> str:
         "settings.py": {**training, "synth": SynthParameters(), "evaluate": EvaluateParameters()},
         "address.py": {
             "mavlink": MavlinkParameters(),
+            "ros2": Ros2Parameters(),
             "anafi": AnafiParameters(),
             "touchdown": TouchdownParameters(),
             "camera": StreamParameters(),

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from shipland.learning.looks import Look
-from shipland.report.campaign_page import STYLE
+from shipland.report.page_flights import page_file
 from shipland.vision.pictures import Picture, read_picture
 
 _MOST_SHOWN = 24
@@ -63,10 +63,11 @@ def looks_page(looks: Sequence[Look], confidence: float, title: str, summary: st
         figures = "".join(_figure(look, np.asarray(box, float), words) for _, look, box, words in shown)
         parts.append(f'<div class="looks">{figures}</div>')
     body = "\n".join(parts)
+    style = page_file("page.css") + _FIGURES
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>{html.escape(title)}</title><style>{STYLE}{_FIGURES}</style></head><body>\n{body}\n</body></html>\n"
+        f"<title>{html.escape(title)}</title><style>{style}</style></head><body>\n{body}\n</body></html>\n"
     )
 
 

@@ -16,9 +16,11 @@ from shipland.config import build, parameters, read_toml
 from shipland.errors import DataError
 from shipland.extras import installed
 from shipland.messages import FlightRecord, GroundTruth, TouchdownVerdict
+from shipland.record.channels import LogParameters
 from shipland.record.info import FlightInfo
+from shipland.record.layout import LAYOUT_NAME, write_layout
 from shipland.record.reader import FlightLog, read_log
-from shipland.record.writer import LogParameters, LogWriter
+from shipland.record.writer import LogWriter
 from shipland.report.lettering import Image
 from shipland.report.plots import PlotParameters, plot_flight
 from shipland.report.summary import FlightSummary, summarise, write_json
@@ -106,12 +108,13 @@ class Recorder:
         self._cycles = 0
         self._log = LogWriter(folder / LOG_NAME, info, rig, camera, parameters.log)
         try:
-            for name in (VIDEO_NAME, PLOTS_NAME, SUMMARY_NAME, TIMING_NAME):
+            for name in (VIDEO_NAME, PLOTS_NAME, SUMMARY_NAME, TIMING_NAME, LAYOUT_NAME):
                 (folder / name).unlink(missing_ok=True)
         except OSError as error:
             raise DataError(f"output folder {folder} cannot be written: {error.strerror}") from None
-        timed_chase = None if chase is None else self._timed_chase(chase)
         self._outputs: dict[str, LogWriter | FlightVideo] = {"log": self._log}
+        self._attempt("layout", partial(write_layout, folder / LAYOUT_NAME))
+        timed_chase = None if chase is None else self._timed_chase(chase)
         if video:
             self._outputs["video"] = FlightVideo(folder / VIDEO_NAME, rig, camera, parameters.video, timed_chase)
         self._aside = Aside(self._write, _MOST_ROWS, "recorder") if aside else None

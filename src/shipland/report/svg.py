@@ -6,6 +6,7 @@ import html
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 
 from shipland.report.palette import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Rgb
 
@@ -108,11 +109,13 @@ class Points:
         series: index of their colour.
         good: drawn full; else as crosses.
         places: (x, y), finite.
+        flights: of each place, its number on the page; empty where nobody asks.
     """
 
     series: int
     good: bool
     places: Sequence[tuple[float, float]] = field(default_factory=tuple)
+    flights: Sequence[int] = ()
 
 
 def point_chart(
@@ -150,12 +153,15 @@ def point_chart(
         parts.append(f'<line class="grid" x1="{left}" x2="{left + size}" y1="{up:.1f}" y2="{up:.1f}"/>')
         parts.append(_text(across, top + size + 15, f"{tick * half[0]:g}", "tick middle"))
         parts.append(_text(left - 6, up + 4, f"{upward * half[1]:g}", "tick end"))
+    shown = []
+    parts.append('<g class="marks">')
     for kind in points:
         colour = colour_of(kind.series)
         marks = []
-        for across, up in kind.places:
+        for (across, up), flight in zip_longest(kind.places, kind.flights):
             if math.isfinite(across) and math.isfinite(up):
                 a, b = x(across), y(up)
+                shown.append(f"{flight} {a:.1f} {b:.1f} {kind.series} {int(kind.good)}")
                 if kind.good:
                     marks.append(f"M{a:.1f} {b:.1f}h0")
                 else:
@@ -164,7 +170,9 @@ def point_chart(
             stroke = (
                 'stroke-width="6" stroke-linecap="round" stroke-opacity="0.55"' if kind.good else 'stroke-width="2"'
             )
-            parts.append(f'<path fill="none" stroke="{colour}" {stroke} d="{"".join(marks)}"/>')
+            asked = f' data-series="{kind.series}"' if kind.flights else ""
+            parts.append(f'<path fill="none" stroke="{colour}" {stroke}{asked} d="{"".join(marks)}"/>')
+    parts.append("</g>")
     for shape, side in outlines:
         corner = (x(-0.5 * side), y(0.5 * side))
         wide, high = x(0.5 * side) - corner[0], y(-0.5 * side) - corner[1]
@@ -174,13 +182,14 @@ def point_chart(
     parts.append(_text(left + 0.5 * size, height - 6, axes[0], "tick middle"))
     turned = f'transform="rotate(-90 12 {top + 0.5 * size:.0f})"'
     parts.append(f'<text class="tick middle" x="12" y="{top + 0.5 * size:.0f}" {turned}>{html.escape(axes[1])}</text>')
-    return _svg(width, height, title, parts)
+    numbered = any(kind.flights for kind in points)
+    return _svg(width, height, title, parts, f' data-points="{"|".join(shown)}"' if numbered else "")
 
 
 def _text(x: float, y: float, words: str, classes: str) -> str:
     return f'<text class="{classes}" x="{x:.1f}" y="{y:.1f}">{html.escape(words)}</text>'
 
 
-def _svg(width: float, height: float, title: str, parts: Sequence[str]) -> str:
+def _svg(width: float, height: float, title: str, parts: Sequence[str], data: str = "") -> str:
     head = f'<svg viewBox="0 0 {width:.0f} {height:.0f}" width="{width:.0f}" height="{height:.0f}" role="img"'
-    return f'{head} aria-label="{html.escape(title, quote=True)}">{"".join(parts)}</svg>'
+    return f'{head} aria-label="{html.escape(title, quote=True)}"{data}>{"".join(parts)}</svg>'

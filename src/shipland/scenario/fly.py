@@ -36,7 +36,10 @@ class Flown:
     @property
     def reason(self) -> str:
         """The flight's result in words."""
-        return self.verdict.reason if self.verdict is not None else f"no touchdown: {self.result.reason}"
+        words = self.result.reason
+        if self.verdict is not None:
+            return self.verdict.reason
+        return f"{words}; where, nothing here knows" if words.startswith("landed") else f"no touchdown: {words}"
 
     @property
     def success(self) -> bool:
@@ -98,7 +101,8 @@ def flight_log(
     path: Path, scenario: Scenario, pilot: str | Factory, vision: str | Factory, seed: int, command: str = ""
 ) -> LogWriter:
     """A log of one flight without pictures."""
-    from shipland.record.writer import LogParameters, LogWriter
+    from shipland.record.channels import LogParameters
+    from shipland.record.writer import LogWriter
 
     return LogWriter(
         path,

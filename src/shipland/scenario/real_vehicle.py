@@ -50,7 +50,7 @@ def make_vehicle(
     """
     where = Address.parse(address)
     camera = Camera.from_parameters(scenario.camera) if calibration is None else Camera.from_opencv_yaml(calibration)
-    setup = VehicleSetup(where, camera, vehicle_table(config), log)
+    setup = VehicleSetup(where, camera, vehicle_table(config), log, calibration is not None)
     vehicle: Vehicle = factories.resolve("vehicles", where.scheme)(setup)
     return vehicle
 
@@ -132,10 +132,12 @@ def checklist(
     points_m = target.points_in_bar_m
     wide_m, tall_m = np.ptp(points_m[:, 1]), np.ptp(points_m[:, 2])
     words = str(calibration) if calibration is not None else "none: --calibration FILE (`shipland calibrate` makes it)"
+    own = vehicle.checks()
+    calibrated = [] if any(check.name == "calibration" for check in own) else [("calibration", calibration is not None)]
     return [
-        Check("calibration", calibration is not None, words),
+        *(Check(name, ok, words) for name, ok in calibrated),
         Check("cue", True, f"{target.count} quadrilaterals, {wide_m:.3f} × {tall_m:.3f} m: measure the real one"),
-        *vehicle.checks(),
+        *own,
         wind_check(wind_mps, response, limits.wind_share),
         Check(
             "own fence", True,

@@ -89,17 +89,19 @@ class VehicleSetup:
         camera: intrinsics of its pictures, where the vehicle does not bring its own.
         table: see `vehicle_table`.
         log: file for what link and vehicle say to each other, where somebody wants it.
+        calibrated: whether `camera` is a calibration that the user gave.
     """
 
     address: Address
     camera: Camera
     table: Mapping[str, Mapping[str, object]]
     log: Path | None = None
+    calibrated: bool = False
 
 
 def vehicle_table(path: Path | None) -> Mapping[str, Mapping[str, object]]:
     """The user's file over what is assumed of vehicles, a table for each section; ConfigError when it is wrong."""
-    known = ("mavlink", "anafi", "touchdown", "camera", "preflight", "response")
+    known = ("mavlink", "anafi", "ros2", "touchdown", "camera", "preflight", "response")
     assumed: Mapping[str, Mapping[str, object]] = {name: {} for name in known} | packaged_toml("vehicles")
     return merge(assumed, sections(path, known))
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from shipland.config import key, parameters
+from shipland.guidance.response import Response
 
 
 @dataclass(frozen=True)
@@ -38,3 +40,12 @@ class PreflightParameters:
     )
     battery_percent: float = key(40.0, "least charge", ge=1, le=100)
     wind_share: float = key(0.6, "largest wind, as a share of what full tilt holds against", ge=0.01, le=1)
+
+
+def limits_text(response: Response) -> str:
+    """What full sticks mean, for people."""
+    level = f"{math.degrees(response.max_tilt_rad):.0f}°"
+    if response.kind == "velocity":
+        level = f"{response.max_speed_mps:g} m/s"
+    turn_deg_s = math.degrees(response.max_turn_rad_s)
+    return f"full sticks: {level}, {response.max_climb_mps:g} m/s up and down, {turn_deg_s:.0f} °/s"

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from shipland.camera import Camera
-from shipland.messages import Frame, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.messages import FlightRecord, Frame, GroundTruth, PilotCommand, Telemetry, TouchdownVerdict
 
 if TYPE_CHECKING:
     from shipland.guidance.response import Response
+    from shipland.rig import Rig
     from shipland.vehicles.checks import Check
 
 LONGEST_WAIT_S = 0.2
@@ -106,3 +107,14 @@ class Commanded(Protocol):
     @property
     def in_command(self) -> str:
         """Who flies it now, in words, as soon as that is known; empty before."""
+
+
+@runtime_checkable
+class Informed(Protocol):
+    """A vehicle that passes on what is seen and decided, to whoever listens beside it."""
+
+    def inform_of(self, rig: Rig) -> None:
+        """What is landed on, once before the flight."""
+
+    def inform(self, record: FlightRecord) -> None:
+        """A cycle; never waits, never raises in flight."""

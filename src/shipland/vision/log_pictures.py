@@ -9,22 +9,28 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from shipland.errors import DataError
 from shipland.mcap_records import IMAGE_TOPIC, mcap_records
 
 _DATA_FIELD = 2
 """Number of `data` in foxglove.CompressedImage."""
 
 
-def read_pictures(path: Path) -> Iterator[tuple[int, npt.NDArray[np.uint8]]]:
+def read_pictures(path: Path, *, whole: bool = False) -> Iterator[tuple[int, npt.NDArray[np.uint8]]]:
     """Exposure time [ns] and (H,W,3) BGR of each picture, in order; of a broken-off file, those there are.
 
-    Raises:
-        DataError: the file cannot be read.
-    """
-    from mcap.records import Channel, Message
+    Args:
+        path: of the log.
+        whole: a file that breaks off is an error, after its last picture.
 
-    channel_id = None
+    Raises:
+        DataError: the file cannot be read, or breaks off.
+    """
+    from mcap.records import Channel, Footer, Message
+
+    channel_id, count, complete = None, 0, False
     for item in mcap_records(path):
+        complete |= isinstance(item, Footer)
         if isinstance(item, Channel) and item.topic == IMAGE_TOPIC:
             channel_id = item.id
         elif isinstance(item, Message) and item.channel_id == channel_id:
@@ -35,6 +41,9 @@ def read_pictures(path: Path) -> Iterator[tuple[int, npt.NDArray[np.uint8]]]:
                 image = None
             if image is not None:
                 yield item.log_time, np.asarray(image, np.uint8)
+                count += 1
+    if whole and not complete:
+        raise DataError(f"{path} breaks off: {count} pictures read, the log was not closed")
 
 
 def _bytes_field(message: bytes, number: int) -> bytes:

@@ -30,6 +30,11 @@ VIDEO_SUFFIXES = frozenset({".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".m
 """What is read as a video; every other file is read as a picture."""
 
 
+_MISSED, _MISSED_SHARE = 2, 0.02
+"""Pictures that a video may have fewer than it says, and as a share of them: editors leave some out, and durations are
+of the longest stream."""
+
+
 @dataclass(frozen=True)
 class FilePicture:
     """One picture of a file.
@@ -148,7 +153,7 @@ def read_picture(path: Path) -> Picture:
 def _read_log(path: Path) -> Iterator[tuple[float, Picture]]:
     """Time [s] and picture of each that a flight log keeps; DataError when there is none."""
     count = 0
-    for time_ns, image in read_pictures(path):
+    for time_ns, image in read_pictures(path, whole=True):
         yield 1e-9 * time_ns, image
         count += 1
     if count == 0:
@@ -204,6 +209,7 @@ def read_video(path: Path) -> Generator[tuple[float, Picture], None, None]:
                 raise DataError(f"{path} holds no video stream")
             stream = container.streams.video[0]
             step_s = float(1 / stream.average_rate) if stream.average_rate else 1.0 / 30.0
+            expected = stream.frames or round((container.duration or 0) * 1e-6 / step_s)
             for picture in container.decode(stream):
                 t_s = picture.time if picture.time is not None else count * step_s
                 yield float(t_s), np.asarray(picture.to_ndarray(format="bgr24"), np.uint8)
@@ -213,3 +219,5 @@ def read_video(path: Path) -> Generator[tuple[float, Picture], None, None]:
         raise DataError(f"{path} {place}: {error.strerror or error}") from None
     if count == 0:
         raise DataError(f"video {path} holds no pictures")
+    if count < expected - max(_MISSED, _MISSED_SHARE * expected):
+        raise DataError(f"{path} breaks off after picture {count - 1}: {count} of {expected} pictures read")

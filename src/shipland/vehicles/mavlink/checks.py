@@ -7,7 +7,7 @@ import time
 
 from shipland.guidance.response import Response
 from shipland.vehicles.camera_stream import CameraStream
-from shipland.vehicles.checks import Check
+from shipland.vehicles.checks import Check, limits_text
 from shipland.vehicles.mavlink.modes import mode_name
 from shipland.vehicles.mavlink.parameters import VehicleLimits
 from shipland.vehicles.mavlink.session import Session
@@ -117,12 +117,3 @@ def _own_hold_words(limits: VehicleLimits) -> str:
     if math.isnan(limits.hold_after_s):
         return "it does not tell GUID_TIMEOUT (ArduPilot) or COM_OF_LOSS_T (PX4): when it holds by itself is unknown"
     return f"{limits.hold_after_s:g} s after the last set-point, at most {_LONGEST_OWN_HOLD_S:g}"
-
-
-def limits_text(response: Response) -> str:
-    """What full sticks mean, for people."""
-    level = f"{math.degrees(response.max_tilt_rad):.0f}°"
-    if response.kind == "velocity":
-        level = f"{response.max_speed_mps:g} m/s"
-    turn_deg_s = math.degrees(response.max_turn_rad_s)
-    return f"full sticks: {level}, {response.max_climb_mps:g} m/s up and down, {turn_deg_s:.0f} °/s"

@@ -27,8 +27,9 @@ from shipland.vehicles.mavlink.modes import (
     PX4_POSITION,
     obeys_us,
 )
-from shipland.vehicles.mavlink.setpoints import HOLD, MavlinkTarget, level_message, velocity_message
+from shipland.vehicles.mavlink.setpoints import MavlinkTarget, level_message, velocity_message
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4, AutopilotState, RefusedError, absorb
+from shipland.vehicles.wanted import HOLD
 
 FORCE = 21196
 """Second parameter of a disarm command that is obeyed in the air."""

@@ -14,10 +14,11 @@ from contextlib import ExitStack
 from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
-from shipland.messages import Frame, GroundTruth, Intent, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.messages import Frame, GimbalAttitude, GroundTruth, Intent, PilotCommand, Telemetry, TouchdownVerdict
 from shipland.stopping import uninterrupted
-from shipland.vehicles.camera_stream import CameraStream, StreamedPicture
+from shipland.vehicles.camera_stream import CameraStream
 from shipland.vehicles.checks import Check
+from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.control import MOTORS_STOPPED, Control
 from shipland.vehicles.mavlink.dialect import dialect
 from shipland.vehicles.mavlink.modes import GUIDED_NOGPS, obeys_us
@@ -30,19 +31,17 @@ from shipland.vehicles.mavlink.parameters import (
     response_within,
 )
 from shipland.vehicles.mavlink.session import Session
-from shipland.vehicles.mavlink.setpoints import HOLD, AttitudeTarget, Wanted, pressed, velocity_message, wanted_of
+from shipland.vehicles.mavlink.setpoints import AttitudeTarget, velocity_message
 from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.taking import Taking
-from shipland.vehicles.mavlink.telemetry import gimbal_at, telemetry_of
+from shipland.vehicles.mavlink.telemetry import telemetry_of
 from shipland.vehicles.pace import Pace
+from shipland.vehicles.stream_reader import StreamReader
 from shipland.vehicles.touchdown import GroundContact
-from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
+from shipland.vehicles.vehicle import unless_late
+from shipland.vehicles.wanted import HOLD, Wanted, pressed, wanted_of
 
-_REMEMBERED = 64
-"""Given frames whose truth is kept."""
-_VERDICT_S = 5.0
-"""How long a simulated touchdown's verdict is waited for."""
 _HEIGHT_S = 1.0
 """A take-off of ours does not climb on a height older than this."""
 _HAND_OVER_S = 0.5
@@ -68,8 +67,7 @@ class MavlinkVehicle:
         self._engaged = self._opening = self._closed = False
         self._end_reason = ""
         self._hand_overs, self._handed_s = 0, -math.inf
-        self._last_exposed_s = self._pictured_s = -math.inf
-        self._truths: dict[float, GroundTruth] = {}
+        self._reader: StreamReader | None = None
         self._beat_s = self._gimbal_s = self._awake_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
@@ -143,6 +141,7 @@ class MavlinkVehicle:
             stream.start()
             if stream.newest(-math.inf, self._setup.open_timeout_s) is None:
                 raise VehicleError(f"no picture from the camera: {stream.problem or 'it keeps silent'}")
+            self._reader = StreamReader(stream, self._gimbal_at, parameters.video_timeout_s)
             pace = self._pace = Pace(self._tick, parameters.setpoint_hz, "mavlink-set-points", parameters.goes_first)
             self._stack.callback(pace.stop)
             pace.start()
@@ -158,7 +157,8 @@ class MavlinkVehicle:
         self._opening = True
         try:
             self._taking.run(self._setup.engagement)
-            self._pictured_s = time.monotonic()
+            assert self._reader is not None  # connected
+            self._reader.begin()
             self._engaged = True
         except BaseException:
             self.close()
@@ -166,32 +166,13 @@ class MavlinkVehicle:
 
     def read(self) -> tuple[Frame | None, Telemetry] | None:
         """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""
-        stream = self._stream
-        if stream is None or self._closed or not self._engaged:
+        if self._reader is None or self._closed or not self._engaged:
             return None
-        if not self._end_reason:
-            until_s = time.monotonic() + LONGEST_WAIT_S
-            shot = stream.newest(self._last_exposed_s, LONGEST_WAIT_S)
-            if shot is not None:
-                self._pictured_s = time.monotonic()
-                return self._frame(shot), self.telemetry_at(self._pictured_s)
-            judged = bool(stream.problem) and stream.verdict() is not None
-            lost = time.monotonic() - self._pictured_s > self._parameters.video_timeout_s
-            if not judged and not lost:
-                time.sleep(max(0.0, until_s - time.monotonic()))  # a stream that has ended does not wait
-                return None, self.telemetry_at(time.monotonic())
-            words = stream.problem or f"no picture for {self._parameters.video_timeout_s:g} s"
-            self._end(f"video lost: {words}; the vehicle holds")
-        if self._truths:  # a simulator's camera; it gives its verdict when the aircraft has come to rest
-            until_s = time.monotonic() + _VERDICT_S
-            while stream.verdict() is None and not stream.problem and time.monotonic() < until_s:
-                time.sleep(0.05)
-        return None
+        return self._reader.read(lambda: self._end_reason, self._video_lost, self.telemetry_at)
 
     def look(self, timeout_s: float) -> Frame | None:
         """The newest picture not given, without flying: only connected. None when none comes in time."""
-        shot = None if self._stream is None else self._stream.newest(self._last_exposed_s, timeout_s)
-        return None if shot is None else self._frame(shot)
+        return None if self._reader is None else self._reader.look(timeout_s)
 
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest that has come, stamped with `t_s`."""
@@ -226,11 +207,11 @@ class MavlinkVehicle:
 
     def truth_at(self, t_s: float) -> GroundTruth | None:
         """The truth of a frame that `read` gave, from a simulator's camera."""
-        return self._truths.get(t_s)
+        return None if self._reader is None else self._reader.truth_at(t_s)
 
     def verdict(self) -> TouchdownVerdict | None:
         """The touchdown, from a simulator's camera."""
-        return None if self._stream is None else self._stream.verdict()
+        return None if self._reader is None else self._reader.verdict()
 
     def checks(self) -> list[Check]:
         """What of link, camera and vehicle is fit to fly; once connected."""
@@ -249,6 +230,13 @@ class MavlinkVehicle:
         return words if self._pace.preferred else f"{words}; among other processes: CAP_SYS_NICE puts them first"
 
     # Taking and losing the vehicle
+
+    def _video_lost(self, words: str) -> None:
+        self._end(f"video lost: {words}; the vehicle holds")
+
+    def _gimbal_at(self, t_s: float) -> tuple[GimbalAttitude, float]:
+        session = self.session
+        return gimbal_at(t_s, session.attitudes, session.mounts, self._setup.fixed_pitch_rad)
 
     def _end(self, reason: str) -> None:
         """No more frames; the first reason stands. Where control is still ours, set-points to hold go on."""
@@ -341,16 +329,3 @@ class MavlinkVehicle:
                 target.system, target.component, 4 | 8, 0, pitch_rad, 0.0, nan, nan
             )
         )
-
-    def _frame(self, shot: StreamedPicture) -> Frame:
-        self._last_exposed_s = shot.exposed_s
-        if shot.truth is not None:
-            self._truths[shot.exposed_s] = shot.truth
-            for stamp_s in list(self._truths)[:-_REMEMBERED]:
-                del self._truths[stamp_s]
-        session = self.session
-        gimbal, age_s = shot.gimbal, 0.0
-        if gimbal is None:
-            pitch_rad = self._setup.fixed_pitch_rad
-            gimbal, age_s = gimbal_at(shot.exposed_s, session.attitudes, session.mounts, pitch_rad)
-        return Frame(shot.exposed_s, shot.image, gimbal, gimbal_age_s=age_s)

@@ -42,13 +42,14 @@ class Choice:
         setup: cue, camera, parameters.
         predicted_px: (n,4,2) the cue's corners by the last pose, or None.
         cut: regions that the picture's edge cuts.
+        known: the hypotheses that were measured, by their polygons.
     """
 
     pose_of: Callable[[Match], PoseCandidate | Refusal]
     setup: Setup
     predicted_px: Array | None
     cut: list[Region]
-    _known: dict[tuple[tuple[int, ...], tuple[int, ...]], PoseCandidate | Refusal] = field(default_factory=dict)
+    known: dict[tuple[tuple[int, ...], tuple[int, ...]], PoseCandidate | Refusal] = field(default_factory=dict)
 
     def cue_among(self, quads: list[Array], *, parts: bool) -> PoseCandidate | Refusal:
         """Whole cues first, where the last pose predicts them and then anywhere; then parts in the same order.
@@ -131,9 +132,9 @@ class Choice:
     def _measured(self, match: Match) -> PoseCandidate | Refusal:
         """A hypothesis's pose, or why it has none; each is measured once."""
         key = match.model, match.candidates
-        if key not in self._known:
-            self._known[key] = self.pose_of(match)
-        return self._known[key]
+        if key not in self.known:
+            self.known[key] = self.pose_of(match)
+        return self.known[key]
 
     def _may_be_cut(self, match: Match) -> bool:
         """Whether the picture's edge may explain what a hypothesis lacks."""

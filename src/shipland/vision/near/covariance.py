@@ -11,24 +11,35 @@ from shipland.camera import Camera
 from shipland.compiled import compiled
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose
-from shipland.vision.near.planar_pose import Corners, LevelPrior, Solution, poses_about_vertical
+from shipland.vision.near.planar_pose import Corners, LevelPrior, Solution, poses_turned
 
 _LEAST_SHARE = 1e-4
 """Probability of the other planar solution that still counts in the covariance."""
+
+_COVERED = 4.0
+"""Squared standard deviations up to which the other solution lies within the covariance of the one that is taken."""
 
 _BENT_RAD = 2e-3
 """Standard deviation of the angle about the cue's vertical from which the covariance allows for the arc; below, the arc
 is micrometres."""
 
 _FLAT_RAD = 0.01
-"""Standard deviation of that angle from which the corners' fit is evaluated beside the solution: the corners measure
-the angle by its cosine, which is not linear there."""
+"""Standard deviation of an angle between cue and camera from which the corners' fit is evaluated beside the solution:
+the corners measure it by its cosine, which is not linear there."""
 
-_FLAT_SIGMAS = np.array([-2.5, -1.25, 1.25, 2.5])
+_FLAT_SIGMAS = np.array([-5.0, -3.0, -1.5, 1.5, 3.0, 5.0])
 """Where it is evaluated, in standard deviations of that angle."""
 
-_NARROW = 0.5
-"""Least share of the Jacobian's yaw variance that the poses beside must have; with less they fit nothing."""
+GAUSSIAN_TAIL, CODED_TAIL = 12.0, 4.0
+"""Degrees of freedom of Student's distribution of the corners' errors: their deviation is an estimate, and coding errs
+by much more in some pictures than in most."""
+
+_LEAST_WEIGHT = 1.6
+"""Sum of the poses' likelihoods, the best one's 1 included, from which they lie densely enough: a Gaussian's have 1.7.
+Where the fit is of fourth order, the Jacobian's deviation is far too large."""
+
+_NARROWER = 4
+"""Times that the poses are taken, each at half the angles of the last."""
 
 
 def position_and_yaw(camera_from_plane: Pose) -> tuple[Array, float]:
@@ -88,57 +99,81 @@ def _carry_covariance(rotation: Array, translation_m: Array, covariance: Array, 
                 carried[i, j] += half[i, k] * jacobian[j, k]
 
 
-def bar_pose_of(solutions: list[Solution], corners_px: Array, covariance: Array | None = None) -> BarPose:
+def bar_pose_of(
+    solutions: list[Solution],
+    corners_px: Array,
+    covariance: Array | None = None,
+    reprojection_px: float | None = None,
+    tail: float = GAUSSIAN_TAIL,
+) -> BarPose:
     """The first solution as a message; its covariance weighs the others by their likelihood.
 
     Args:
         solutions: of one picture, the one taken first.
         corners_px: (k,4,2) the corners they rest on.
-        covariance: (4,4) of the first solution, where its Jacobian is not enough (`covariance_over_heading`).
+        covariance: (4,4) of the first solution, where its Jacobian is not enough (`covariance_over_tilts`).
+        reprojection_px: of the sides that are seen, where not all are.
+        tail: of the corners' errors.
     """
     taken = solutions[0]
     here, excess = _joined(taken.camera_from_plane), taken.excess
     if covariance is None:
         covariance = excess * (covariance_in_bar(taken) + excess * _bend(taken, here))
     for other in solutions[1:]:
-        share = 1.0 / (1.0 + math.exp(min(max(0.5 * (other.chi2 - taken.chi2) / excess, -50.0), 50.0)))
+        better = (other.chi2 - taken.chi2) / excess
+        ratio = likelihood(abs(better), tail)
+        share = ratio / (1.0 + ratio) if better > 0.0 else 1.0 / (1.0 + ratio)
         if share < _LEAST_SHARE:
             continue
         apart = _joined(other.camera_from_plane) - here
         apart[3] = math.remainder(apart[3], math.tau)
+        if apart @ np.linalg.solve(covariance, apart) < _COVERED:
+            continue
         other_covariance = excess * covariance_in_bar(other) + np.outer(apart, apart)
         covariance = (1.0 - share) * covariance + share * other_covariance
-    return BarPose(here[:3], float(here[3]), covariance, taken.reprojection_px, corners_px.reshape(-1, 2))
+    error_px = taken.reprojection_px if reprojection_px is None else reprojection_px
+    return BarPose(here[:3], float(here[3]), covariance, error_px, corners_px.reshape(-1, 2))
 
 
-def covariance_over_heading(
-    taken: Solution, corners: Corners, camera: Camera, prior: LevelPrior | None
+def covariance_over_tilts(
+    taken: Solution, corners: Corners, camera: Camera, prior: LevelPrior | None, tail: float = GAUSSIAN_TAIL
 ) -> Array | None:
-    """(4,4) covariance of (position in `bar` [m], yaw [rad]) over all angles about the cue's vertical.
+    """(4,4) covariance of (position in `bar` [m], yaw [rad]) over all angles at which the cue may stand to the camera.
 
-    From afar the corners measure that angle by a cosine: they fit over a wide range of it, unevenly to either side.
-    Poses over that range are weighted by how well they fit. None where the Jacobian is enough: the angle is well known,
-    or no pose beside fits.
+    From afar the corners measure the angle about an axis in the cue's plane by a cosine: they fit over a wide range of
+    it, unevenly to either side. About the cue's vertical that is its heading; about its horizontal axis it is the
+    camera's height, unless the gimbal's vertical is known. Poses over that range are weighted by how well they fit.
+    None where the Jacobian is enough: the angles are well known, or no pose beside fits.
     """
-    excess, down = taken.excess, taken.camera_from_plane.rotation[:, 1]
-    along = taken.covariance[:, :3] @ down
-    variance = max(float(along[:3] @ down), 0.0)
-    std_rad = math.sqrt(excess * variance)
-    if not std_rad > _FLAT_RAD:
-        return None
-    here = _joined(taken.camera_from_plane)
-    # What stays unknown when the angle is known.
-    known = replace(taken, covariance=taken.covariance - np.outer(along, along) / variance)
-    weight, square = 1.0, np.zeros((4, 4))
-    for beside, chi2 in poses_about_vertical(taken, _FLAT_SIGMAS * std_rad, corners, camera, prior):
-        off = _joined(beside) - here
-        off[3] = math.remainder(off[3], math.tau)
-        share = math.exp(min(0.5 * (taken.chi2 - chi2) / excess, 0.0))
-        square += share * np.outer(off, off)
-        weight += share
-    covariance = np.asarray(excess * covariance_in_bar(known) + square / weight)
-    narrow = covariance[3, 3] < _NARROW * excess * covariance_in_bar(taken)[3, 3]
-    return None if narrow else covariance
+    excess, in_plane = taken.excess, taken.camera_from_plane.rotation[:, :2]
+    variances, axes = np.linalg.eigh(in_plane.T @ taken.covariance[:3, :3] @ in_plane)
+    here, known = _joined(taken.camera_from_plane), taken.covariance
+    more: Array | None = None
+    for variance, axis in zip(variances.tolist(), (in_plane @ axes).T, strict=True):
+        std_rad = math.sqrt(excess * max(variance, 0.0))
+        if not std_rad > _FLAT_RAD:
+            continue
+        for _ in range(_NARROWER):
+            beside = poses_turned(taken, std_rad * _FLAT_SIGMAS[:, None] * axis, corners, camera, prior)
+            off = np.array([_joined(pose) for pose, _ in beside]).reshape(-1, 4) - here
+            off[:, 3] = (off[:, 3] + math.pi) % math.tau - math.pi
+            share = np.array([likelihood(max(chi2 - taken.chi2, 0.0) / excess, tail) for _, chi2 in beside])
+            square, weight = (share[:, None] * off).T @ off, 1.0 + float(share.sum())
+            if weight >= _LEAST_WEIGHT:
+                break
+            std_rad *= 0.5
+        along = known[:, :3] @ axis
+        line = replace(taken, covariance=np.outer(along, along) / float(along[:3] @ axis))
+        if not len(beside):
+            continue
+        more = square / weight if more is None else more + square / weight
+        known = known - line.covariance
+    return None if more is None else np.asarray(excess * covariance_in_bar(replace(taken, covariance=known)) + more)
+
+
+def likelihood(chi2: float, tail: float) -> float:
+    """Of a pose, relative to the one that fits best, by how much larger its χ² is: Student's, of `tail` degrees."""
+    return float((1.0 + chi2 / tail) ** (-0.5 * (tail + 1.0)))
 
 
 def _bend(solution: Solution, here: Array) -> Array:

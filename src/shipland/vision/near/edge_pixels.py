@@ -322,6 +322,23 @@ def _level_by_station(values: Array) -> None:
         values[own] = (values[own] - outer[own][:, None]) / span[own][:, None]
 
 
+def on_even_ground(values: Array, along: Array) -> Array:
+    """Light (s,station,across) from 0 outside to 1 inside, where what is outside changes evenly along a side.
+
+    A board's stains and shadows, a tenth of the contrast from one end to the other, would tilt a side by 0.05 px.
+
+    Args:
+        values: light of which 0 is what is outside on average over a side.
+        along: (s,station) places of the stations.
+    """
+    outer = 0.5 * (values[:, :, -1] + values[:, :, -2])
+    apart = along - along.mean(axis=1, keepdims=True)
+    slope = (apart * outer).sum(axis=1) / np.maximum((apart * apart).sum(axis=1), 1e-9)
+    slope[outer.std(axis=1) > _UNEVEN] = 0.0  # whose stations have levels of their own
+    ground = (slope[:, None] * apart)[..., None]
+    return np.asarray((values - ground) / (1.0 - ground))
+
+
 def _mixed_by_luma(levels: npt.NDArray[np.uint8], inside: Array, outside: Array) -> Array | None:
     """Share (…,) of the light inside in pixels (…,3), by their luma; None where the two have nearly the same luma.
 

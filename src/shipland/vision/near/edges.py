@@ -11,7 +11,15 @@ from scipy.special import ndtr
 
 from shipland.camera import Camera
 from shipland.frames import Array
-from shipland.vision.near.edge_pixels import EdgePixels, Profile, Sides, contrasts, distort, edge_pixels
+from shipland.vision.near.edge_pixels import (
+    EdgePixels,
+    Profile,
+    Sides,
+    contrasts,
+    distort,
+    edge_pixels,
+    on_even_ground,
+)
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import Image, edge_distances, reaches_edge
 
@@ -44,6 +52,9 @@ _REACH_PER_BLUR = 3.0
 _BLUR_PX = (0.12, 8.0)
 """Range of the blur that is taken from the picture."""
 
+_SHARP = 0.12
+"""Blur, against the reach, up to which the outermost pixels show what is behind the cue and nothing of the edge."""
+
 _ROUNDING_BLUR_PX = 0.5
 """Blur from which rounded corners reach the pixels of a side, and the edge reaches the outermost of them."""
 
@@ -63,6 +74,10 @@ _MOST_MISFIT = 0.25
 
 _CODED_SIDE_PX = 20.0
 """Length of a side up to which coding moves it as a whole: about a block's."""
+
+_TILTED_SIDE_PX, _MOST_TILTED = 28.0, 1.6
+"""Length of a side from which coding moves one end against the middle as far as all of it, a shorter one moves as a
+whole; and how much more that is at most, as variances."""
 
 _BLOOM = 4.0
 """How much larger the common outward error of all sides may be where every colour clips."""
@@ -98,8 +113,9 @@ class MeasuredCorners:
         edge_bias_px: (n,4,2) how the corners move when all sides err outward together, by one standard deviation; None
             when the method has no sides.
         blur_px: standard deviation of the picture's blur; None when the method does not measure it.
-        held: a side lies along the picture's edge.
+        held: (n,4) sides that lie along the picture's edge; None for none.
         hidden: (n,4) sides that something hides, which were not measured; None for none.
+        coded: the picture was compressed, by its misfit.
     """
 
     corners_px: Array
@@ -107,8 +123,9 @@ class MeasuredCorners:
     noise_px: float
     edge_bias_px: Array | None = None
     blur_px: float | None = None
-    held: bool = False
+    held: npt.NDArray[np.bool_] | None = None
     hidden: npt.NDArray[np.bool_] | None = None
+    coded: bool = False
 
 
 @dataclass(frozen=True)
@@ -322,7 +339,8 @@ def _as_coded(fit: SideFit, parameters: VisionParameters) -> SideFit:
     if fit.clipped:  # which a side that crosses several rows of pixels (columns, if it is steep) averages out
         crossed = sides.length_px * np.abs(sides.along).min(axis=1) / np.abs(sides.along).max(axis=1)
         coded2 += (parameters.edge_clipped_px / np.maximum(crossed, 1.0)) ** 2
-    more = np.array([coded2, np.zeros_like(coded2), coded2 / sides.half_px() ** 2])
+    tilted2 = coded2 * np.minimum(sides.length_px / _TILTED_SIDE_PX, _MOST_TILTED) / sides.half_px() ** 2
+    more = np.array([coded2, np.zeros_like(coded2), tilted2])
     return replace(fit, variance=fit.variance + (more if sides.held is None else more * ~sides.held))
 
 
@@ -336,6 +354,9 @@ def _fit_to(
     ends = _coarse(values, pixels)
     if blur_px is None:
         blur_px = _blur_px(values, pixels, ends)
+    if blur_px <= _SHARP * float(sides.reach_px.min()):
+        values = on_even_ground(values, pixels.along[:, :, values.shape[2] // 2])
+        ends = _coarse(values, pixels)
     sides_count, stations, across = values.shape
     columns = np.empty((4, sides_count, stations, across))
     for _ in range(_STEPS):
@@ -439,7 +460,7 @@ def _intersected(fit: SideFit, edge_bias_std_px: float) -> MeasuredCorners | Non
     edge_bias = (moved_px - cosine * moved_before_px) * normal + (moved_before_px - cosine * moved_px) * normal_before
     edge_bias /= 1.0 - cosine * cosine
     noise_px = math.sqrt(float(np.vdot(first, first)) / first.size)
-    held = fit.sides.held is not None
+    held = None if fit.sides.held is None else fit.sides.held.reshape(-1, corners)
     return MeasuredCorners(
         corners_px,
         whiten.reshape(-1, 2 * corners, 2 * corners),
@@ -447,6 +468,7 @@ def _intersected(fit: SideFit, edge_bias_std_px: float) -> MeasuredCorners | Non
         edge_bias_std_px * edge_bias,
         fit.blur_px,
         held,
+        coded=fit.noisy,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,12 +14,13 @@ from shipland.cue import Cue
 from shipland.errors import DataError
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.rig import Rig
+from shipland.vision.attitude import AttitudeTrack
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.pictures import FilePicture, Picture, is_film, pictures_of, read_picture
 
-_UNKNOWN_GIMBAL = GimbalAttitude(0.0, 0.0)
-"""A placeholder: a file does not hold the camera's attitude, and the near vision is set not to use it."""
+_UNKNOWN_GIMBAL = GimbalAttitude(math.nan, math.nan)
+"""Of a picture without attitude: the near vision then uses none."""
 
 _MAX_OBLIQUITY_DEG = 65.0
 """Largest angle between sight and the cue's normal: a flight comes from astern, a photograph from anywhere."""
@@ -36,7 +38,7 @@ class SeeResult:
 
     Attributes:
         picture: where.
-        observation: what the near vision says of it.
+        observation: what the near vision says of it; its `gimbal` is NaN where no attitude was known.
     """
 
     picture: FilePicture
@@ -130,6 +132,7 @@ def see_paths(
     camera: Camera,
     broken: Callable[[Path, DataError], None] | None = None,
     parameters: VisionParameters | None = None,
+    attitude_of: Callable[[Path], AttitudeTrack | None] = lambda _: None,
 ) -> Iterator[SeeResult]:
     """One result a picture, in the order of `pictures_of`.
 
@@ -139,13 +142,14 @@ def see_paths(
         camera: of pictures of its size, and of others of the same aspect.
         broken: called with a picture or video that is missing or broken or of another aspect than the camera's, before
             the rest follows; None raises.
-        parameters: of the near vision; None for the packaged ones. The gimbal's noise is left out, and so is what a
-            flight never sees obliquely.
+        parameters: of the near vision; None for the packaged ones. What a flight never sees obliquely is left out, and
+            so is the gimbal's noise: an attitude has its own.
+        attitude_of: the camera's attitude in a video or log; None where it is not known.
 
     Raises:
         DataError: without `broken`, what it would be called with.
     """
-    visions = _VisionBySize(cue, camera, parameters or VisionParameters())
+    visions = _VisionBySize(cue, camera, parameters or VisionParameters(), attitude_of)
     for some in [[path] for path in paths] or [[]]:
         for picture in pictures_of(some, broken):
             try:
@@ -166,22 +170,34 @@ def default_camera() -> Camera:
 
 
 class _VisionBySize:
-    """One near vision a picture size, made when it is first needed."""
+    """One near vision a picture size and attitude, made when it is first needed."""
 
-    def __init__(self, cue: Cue, camera: Camera, parameters: VisionParameters) -> None:
-        self._cue, self._camera = cue, camera
-        self._parameters = replace(
-            parameters, gimbal_noise_rad=0.0, max_obliquity_deg=max(parameters.max_obliquity_deg, _MAX_OBLIQUITY_DEG)
-        )
-        self._by_size: dict[tuple[int, int], NearVision] = {}
+    def __init__(
+        self,
+        cue: Cue,
+        camera: Camera,
+        parameters: VisionParameters,
+        attitude_of: Callable[[Path], AttitudeTrack | None] = lambda _: None,
+    ) -> None:
+        self._cue, self._camera, self._attitude_of = cue, camera, attitude_of
+        self._parameters = replace(parameters, max_obliquity_deg=max(parameters.max_obliquity_deg, _MAX_OBLIQUITY_DEG))
+        self._by_size: dict[tuple[int, int, float], NearVision] = {}
+        self._attitudes: dict[Path, AttitudeTrack | None] = {}
 
     def see(self, picture: FilePicture) -> SeeResult:
         """What is in one picture; a video's pictures are followed."""
-        size = (picture.image.shape[1], picture.image.shape[0])
+        source = picture.source
+        if source not in self._attitudes:
+            self._attitudes[source] = self._attitude_of(source) if is_film(source) else None
+        attitude = self._attitudes[source]
+        std_rad = 0.0 if attitude is None else attitude.std_rad
+        size = (picture.image.shape[1], picture.image.shape[0], std_rad)
         if size not in self._by_size:
-            camera = self._camera.for_pictures(picture.name, *size)
-            self._by_size[size] = NearVision(self._cue, camera, self._parameters)
+            camera = self._camera.for_pictures(picture.name, *size[:2])
+            parameters = replace(self._parameters, gimbal_noise_rad=std_rad)
+            self._by_size[size] = NearVision(self._cue, camera, parameters, fuse=True)
         vision = self._by_size[size]
         if not picture.follows:
             vision.reset()
-        return SeeResult(picture, vision.see(Frame(picture.t_s, picture.image, _UNKNOWN_GIMBAL)))
+        gimbal = _UNKNOWN_GIMBAL if attitude is None else attitude.at(picture.t_s)
+        return SeeResult(picture, vision.see(Frame(picture.t_s, picture.image, gimbal)))

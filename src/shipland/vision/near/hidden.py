@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.frames import Array
+from shipland.vision.near.segment import edge_distances
 
 if TYPE_CHECKING:
     from shipland.vision.near.edges import MeasuredCorners
@@ -48,7 +49,7 @@ def hidden_sides(candidate: PoseCandidate) -> list[Hidden]:
     """
     corners_px = candidate.freed_px
     polygons, sides = corners_px.shape[:2]
-    if polygons < 2 or candidate.measured.edge_bias_px is None or candidate.measured.held:
+    if polygons < 2 or candidate.measured.edge_bias_px is None or candidate.measured.held is not None:
         return []
     normal = _normals(corners_px)
     ends = np.stack([np.arange(sides), np.roll(np.arange(sides), -1)], axis=1)
@@ -76,6 +77,15 @@ def hidden_sides(candidate: PoseCandidate) -> list[Hidden]:
         hidden[some] = True
         found.append(hidden.reshape(polygons, sides))
     return found
+
+
+def cut_sides(candidate: PoseCandidate) -> list[Hidden]:
+    """The sides along the picture's edge, which may be the edge's instead of the cue's; none where too few are left.
+
+    Two polygons without one side each still settle the pose with sides to spare.
+    """
+    held = candidate.measured.held
+    return [] if held is None or len(held) < 2 or held.sum(axis=1).max() > 1 else [held]
 
 
 def without(measured: MeasuredCorners, hidden: Hidden) -> MeasuredCorners:
@@ -109,9 +119,11 @@ def seen_error_px(candidate: PoseCandidate) -> float:
 
 def may_be_hidden(candidate: PoseCandidate) -> bool:
     """Whether what the picture shows of each hidden side lies inside of the cue and runs otherwise than the side."""
-    hidden = candidate.measured.hidden
+    hidden, held = candidate.measured.hidden, candidate.measured.held
     if hidden is None:
         return True
+    if held is not None:
+        return _beyond_picture(candidate, held)
     seen_px = candidate.freed_px
     predicted_px = seen_px + candidate.solutions[0].residual_px
     normal = _normals(predicted_px)
@@ -120,6 +132,15 @@ def may_be_hidden(candidate: PoseCandidate) -> bool:
     turn = np.abs(np.einsum("nsa,nsa->ns", normal[..., ::-1] * [-1.0, 1.0], _normals(seen_px)))
     inside = 0.5 * (outside_px + outside_next_px) <= _INSIDE_PX
     return bool(np.all((inside & (turn >= _LEAST_TURN))[hidden]))
+
+
+def _beyond_picture(candidate: PoseCandidate, held: Hidden) -> bool:
+    """Whether sides that the picture's edge cuts off lie beyond it by the pose."""
+    camera = candidate.setup.camera
+    ends_px = candidate.corners_px  # where the pose has them
+    outside_px = -edge_distances(ends_px, camera.width_px, camera.height_px).min(axis=-1)
+    beside = held | np.roll(held, 1, axis=1)
+    return bool(np.all(outside_px[beside] >= -_INSIDE_PX))
 
 
 def _normals(corners_px: Array) -> Array:

@@ -74,7 +74,7 @@ class VisionParameters:
         0.15, "further error of a whole side where the cue saturates", "measured on rendered pictures that clip", ge=0
     )
     edge_coded_px: float = key(
-        2.0,
+        1.8,
         "standard deviation of a further error of a whole side of up to 20 px in pictures coded with colour at "
         "half resolution, as JPEG and H.264 are, per unit of misfit of the fitted edges (they have 0.02 to 0.1): "
         "coding moves blocks, and a side with them. A longer side lies in more blocks of independent errors",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -19,13 +19,15 @@ from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.vision.near.associate import Match
 from shipland.vision.near.choice import Choice
 from shipland.vision.near.edges import MeasuredCorners, measure_corners
-from shipland.vision.near.hidden import hidden_sides, without
+from shipland.vision.near.hidden import cut_sides, hidden_sides, without
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import LevelPrior
 from shipland.vision.near.pose import Known, PoseCandidate, Setup, solve_pose
 from shipland.vision.near.refusal import Refusal, gimbal_off
 from shipland.vision.near.regions import find_regions
-from shipland.vision.near.segment import Image, QuadsOf, RegionsOf, Window, find_quads, segment
+from shipland.vision.near.segment import Image, QuadsOf, RegionsOf, Window, find_quads, joined_quads, segment
+from shipland.vision.near.still import Still
+from shipland.vision.near.strokes import measure_strokes, stroke_polygons
 from shipland.vision.near.track import Track
 from shipland.vision.near.validate import Screen, corners_are_sharp, jumps, validate
 
@@ -55,15 +57,32 @@ class Steps:
 
 
 class NearVision:
-    """Sees one cue with one camera; holds the last pose to look near it first and to choose by continuity."""
+    """Sees one cue with one camera; holds the last pose to look near it first and to choose by continuity.
 
-    def __init__(self, cue: Cue, camera: Camera, parameters: VisionParameters, steps: Steps | None = None) -> None:
-        self._setup, self._steps = Setup.of(cue, camera, parameters), steps or Steps()
+    Args:
+        cue: what is looked for.
+        camera: of the pictures.
+        parameters: of the chain.
+        steps: of another chain.
+        fuse: pictures in which the cue does not move count together, as in a film that was made for measuring.
+    """
+
+    def __init__(
+        self,
+        cue: Cue,
+        camera: Camera,
+        parameters: VisionParameters,
+        steps: Steps | None = None,
+        *,
+        fuse: bool = False,
+    ) -> None:
+        self._setup, self._steps, self._fuse = Setup.of(cue, camera, parameters), steps or Steps(), fuse
         self._track: Track | None = None
+        self._still: Still | None = None
 
     def reset(self) -> None:
         """Forget the last pose: the next frame is searched whole."""
-        self._track = None
+        self._track = self._still = None
 
     def see(self, frame: Frame) -> Observation:
         """The cue's pose in one frame, or the reason why there is none (`Refusal`).
@@ -99,24 +118,35 @@ class NearVision:
         if track is not None and jumps(found.bar_pose, track.camera_from_plane, t_s - track.t_s, setup.parameters):
             return Refusal.JUMP
         self._track = Track.of(found, t_s, track)
+        if self._fuse:
+            self._still = Still.of(found, None if track is None else self._still)
+            return self._still.fused(found, known)
         return found
 
     def _look(self, image: Image, window: Window, known: Known, *, parts: bool) -> PoseCandidate | Refusal:
         """The cue in a part of the picture; `parts` says whether a cue that is not whole will do."""
         steps, parameters = self._steps, self._setup.parameters
-        regions = (
-            []
-            if window.empty
-            else steps.regions_of(image, window, parameters, self._setup.hue, len(self._setup.plane_m))
-        )
-        if not regions:
+        if window.empty:
+            return Refusal.NOTHING_GREEN
+        regions = steps.regions_of(image, window, parameters, self._setup.hue, len(self._setup.plane_m))
+        if not (regions or self._setup.strokes):
             return Refusal.NOTHING_GREEN
         segments = segment(image, regions, parameters, self._setup.plane_m.shape[1], steps.quads_of)
         choice = Choice(partial(self._pose_of, image, known), self._setup, known.predicted_px, segments.cut)
         result = choice.cue_among(segments.quads, parts=parts)
-        if isinstance(result, Refusal) and parts and segments.flush:
-            flush = choice.cue_among(segments.quads + segments.flush, parts=parts)
-            return flush if isinstance(flush, PoseCandidate) else result
+        if isinstance(result, Refusal) and self._setup.strokes:
+            strokes = stroke_polygons(image, window, parameters, self._setup.hue, self._setup.plane_m)
+            narrow = choice.cue_among(strokes, parts=False)
+            return narrow if isinstance(narrow, PoseCandidate) or result is Refusal.NO_QUADRILATERAL else result
+        if not (isinstance(result, Refusal) and parts):
+            return result
+        joined = [] if self._setup.strokes else joined_quads(segments.quads, parameters.min_side_px)
+        for more in (segments.flush, joined):
+            if more:
+                choice = replace(choice, known={})
+                other = choice.cue_among(segments.quads + more, parts=parts)
+                if isinstance(other, PoseCandidate):
+                    return other
         return result
 
     def _pose_of(self, image: Image, known: Known, match: Match) -> PoseCandidate | Refusal:
@@ -124,7 +154,10 @@ class NearVision:
         setup, steps = self._setup, self._steps
         measured = steps.measure(image, match.quads_px, setup.camera, setup.parameters, known.blur_px)
         if measured is None or not corners_are_sharp(measured, setup.parameters):
-            return Refusal.CORNERS_UNSURE
+            plane_m = setup.plane_m[list(match.model)]
+            measured = measure_strokes(image, match.quads_px, plane_m, setup.camera) if setup.strokes else None
+            if measured is None:
+                return Refusal.CORNERS_UNSURE
         screened = steps.screen_corners(measured.corners_px)
         if screened is not None:
             return screened
@@ -132,7 +165,8 @@ class NearVision:
         if candidate is None:
             return Refusal.NO_SOLUTION
         refusal = validate(candidate, steps.screen)
-        for hidden in hidden_sides(candidate) if refusal in (Refusal.REPROJECTION, Refusal.BLOOM) else []:
+        some = hidden_sides(candidate) if refusal in (Refusal.REPROJECTION, Refusal.BLOOM) else []
+        for hidden in some + (cut_sides(candidate) if refusal is not None else []):
             rest = solve_pose(match, without(measured, hidden), setup, known)
             if rest is not None and validate(rest, steps.screen) is None:
                 return rest

@@ -25,7 +25,7 @@ _DAMPING = 1e-3
 """Of the first Levenberg–Marquardt step from a closed-form start."""
 
 _HELD = 1e3
-"""Weight that holds the angle about the cue's vertical, as a multiple of all the information on the pose."""
+"""Weight that holds the angle about an axis, as a multiple of all the information on the pose."""
 
 _IDENTITY = np.eye(6)
 
@@ -192,15 +192,15 @@ def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: Leve
     return refiner.solution(camera_from_plane, refiner.linearise(camera_from_plane))
 
 
-def poses_about_vertical(
-    solution: Solution, angles_rad: Array, corners: Corners, camera: Camera, prior: LevelPrior | None
+def poses_turned(
+    solution: Solution, turns: Array, corners: Corners, camera: Camera, prior: LevelPrior | None
 ) -> list[tuple[Pose, float]]:
-    """Poses beside a solution, turned by angles about the cue's vertical and refined in all else, each with its χ².
+    """Poses beside a solution, turned by rotation vectors (m,3) [rad] in `camera` and refined in all else.
 
-    Angles at which nothing solves the corners are left out.
+    Each with its χ²; those at which nothing solves the corners are left out.
     """
     refiner = _Refiner(corners, camera, prior)
-    found = [refiner.pose_about_vertical(solution.camera_from_plane, float(angle_rad)) for angle_rad in angles_rad]
+    found = [refiner.turned(solution.camera_from_plane, turn) for turn in turns]
     return [pose for pose in found if pose is not None]
 
 
@@ -273,7 +273,8 @@ class _Refiner:
         self._across: Array | None = None
         if prior is not None:
             self._across = _perpendicular(prior.down_in_camera) / prior.noise_rad
-        self._freedom = self._size - 6 + (0 if prior is None else 2) - kinds
+        measured = int(np.count_nonzero(corners.whiten.any(axis=2)))
+        self._freedom = max(measured - 6 + (0 if prior is None else 2) - kinds, 0)
         # Rows for the prior stay zero without one.
         self._rows = np.zeros((self._size + 2, 7))
         self._partial = np.zeros((count, 2, 7))
@@ -332,17 +333,16 @@ class _Refiner:
         except np.linalg.LinAlgError:
             return None
 
-    def pose_about_vertical(self, pose: Pose, angle_rad: float) -> tuple[Pose, float] | None:
-        """A pose turned about the cue's vertical, refined in all else, and its χ²; None when it diverges."""
-        down = pose.rotation[:, 1]
-        turn = cv2.Rodrigues(angle_rad * down)[0]
-        translation = self._translation(turn @ pose.rotation)
+    def turned(self, pose: Pose, turn: Array) -> tuple[Pose, float] | None:
+        """A pose turned by a rotation vector (3,), refined in all else, and its χ²; None when it diverges."""
+        rotation = cv2.Rodrigues(turn)[0] @ pose.rotation
+        translation = self._translation(rotation)
         if translation is None:
             return None
-        pose = Pose(turn @ pose.rotation, translation)
+        pose, axis = Pose(rotation, translation), turn / np.linalg.norm(turn)
         gram = self.linearise(pose).gram
         normal = gram[:6, :6]
-        normal[:3, :3] += _HELD * float(normal.trace()) * np.outer(down, down)
+        normal[:3, :3] += _HELD * float(normal.trace()) * np.outer(axis, axis)
         _, step, failed = lapack.dposv(normal, -gram[:6, 6])
         if failed:
             return None

@@ -20,10 +20,10 @@ from shipland.cue import Cue, Hue
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose
 from shipland.vision.near.associate import Match
-from shipland.vision.near.covariance import bar_pose_of, covariance_over_heading
+from shipland.vision.near.covariance import CODED_TAIL, GAUSSIAN_TAIL, bar_pose_of, covariance_over_tilts
 from shipland.vision.near.edge_pixels import distort
 from shipland.vision.near.edges import MeasuredCorners
-from shipland.vision.near.hidden import Hidden, alike
+from shipland.vision.near.hidden import Hidden, alike, seen_error_px
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import DISPROVED, Corners, LevelPrior, Solution, ordered, solve
 
@@ -52,6 +52,11 @@ class Setup:
     def of(cue: Cue, camera: Camera, parameters: VisionParameters) -> Setup:
         """For one cue."""
         return Setup(cue.plane_m, cue.manufacturing_tolerance, camera, parameters, cue.hue or parameters.hue)
+
+    @property
+    def strokes(self) -> bool:
+        """Whether the cue's polygons are no quadrilaterals, and may be narrow."""
+        return bool(self.plane_m.shape[1] != 4)
 
     def projected_px(self, camera_from_plane: Pose) -> Array:
         """(n,4,2) all corners of the cue in the picture; NaN where they are not in front of the camera."""
@@ -145,8 +150,9 @@ class PoseCandidate:
     @cached_property
     def bar_pose(self) -> BarPose:
         """What crosses to the pilot."""
-        covariance = covariance_over_heading(self.solutions[0], self.corners, self.setup.camera, self.level)
-        return bar_pose_of(self.solutions, self.corners_px, covariance)
+        tail = CODED_TAIL if self.measured.coded else GAUSSIAN_TAIL
+        covariance = covariance_over_tilts(self.solutions[0], self.corners, self.setup.camera, self.level, tail)
+        return bar_pose_of(self.solutions, self.corners_px, covariance, seen_error_px(self), tail)
 
 
 def solve_pose(match: Match, measured: MeasuredCorners, setup: Setup, known: Known) -> PoseCandidate | None:

@@ -15,7 +15,7 @@ from shipland.cue import Hue
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import Contour, Image, Region, Window, opened_and_closed, outlines, region_of
 
-_FLOOR = 20
+FLOOR = 20
 """Least saturated light of a cue's pixel [grey levels]: above what JPEG leaves of grey."""
 
 _HALF = 0.5
@@ -94,8 +94,8 @@ def find_regions(
         size = (seen.shape[1] // step, seen.shape[0] // step)
         few = np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_NEAREST), np.uint8)
     light = cue_light(few, hue)
-    parts = outlines(cv2.inRange(light, _FLOOR, 254), (0, 0), parameters, step)
-    lit = [part for part in parts if _HALF * int(_of_box(light, part).max()) >= _FLOOR]
+    parts = outlines(cv2.inRange(light, FLOOR, 254), (0, 0), parameters, step)
+    lit = [part for part in parts if _HALF * int(_of_box(light, part).max()) >= FLOOR]
     lit = lit[: max(_MOST_PARTS, 2 * polygons)]
     boxes = [_box(part) for part in lit]
     # A crowded picture is cut as its parts were found, on every second pixel: a side is looked for within two.
@@ -158,11 +158,11 @@ def _cut(light: Image, inside: Image, parameters: VisionParameters) -> tuple[lis
     And the pixels that lie between floor and half, over those above.
     """
     counts = cv2.calcHist([light], [0], inside, [256], [0, 256]).ravel()
-    counts[:_FLOOR] = counts[255] = 0.0
+    counts[:FLOOR] = counts[255] = 0.0
     if counts.sum() < parameters.min_side_px**2:
         return [], 0.0
     half = round(_HALF * int(np.searchsorted(np.cumsum(counts), _PEAK * counts.sum())))
-    if half < _FLOOR:
+    if half < FLOOR:
         return [], 0.0
     left = float(counts[:half].sum() / counts[half:].sum())
     above = cv2.bitwise_and(cv2.threshold(light, half - 1, 255, cv2.THRESH_BINARY)[1], inside)
@@ -180,7 +180,7 @@ def _has_rim(light: Image, brighter: Image, contour: Contour) -> bool:
     columns, rows = contour[:, 0].T
     on = light[rows, columns]
     beside = cv2.dilate(brighter, _RIM, iterations=2)[rows, columns] if brighter.any() else np.zeros(1)
-    coloured = np.count_nonzero((on >= _FLOOR) & (on < 255)) >= _COLOURED * len(on)
+    coloured = np.count_nonzero((on >= FLOOR) & (on < 255)) >= _COLOURED * len(on)
     return bool(coloured and np.count_nonzero(beside) < _COLOURED * len(on))
 
 
@@ -201,5 +201,5 @@ def _has_halo(light: Image, contour: Contour) -> bool:
     core = np.zeros(seen.shape, np.uint8)
     cv2.drawContours(core, [contour], -1, 255, cv2.FILLED, offset=(-left, -top))
     ring = cv2.bitwise_and(cv2.dilate(core, _RIM, iterations=2), cv2.bitwise_not(core))
-    coloured = cv2.bitwise_and(ring, cv2.inRange(seen, _FLOOR, 254))
+    coloured = cv2.bitwise_and(ring, cv2.inRange(seen, FLOOR, 254))
     return bool(cv2.countNonZero(coloured) >= _COLOURED * max(cv2.countNonZero(ring), 1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -133,6 +134,12 @@ _MOST_DOUBTFUL = 2
 _MOST_OUTLINES = 10
 """The same where the cue's polygons are no quadrilaterals."""
 
+_MOST_JOINED = 12
+"""Quadrilaterals of a picture up to which pairs of them are looked at; with more, it is not the cue that is cut."""
+
+_LEAST_JOINED = 0.6
+"""Least share of the hull of two quadrilaterals that these fill, where they are parts of one."""
+
 _MORE_SUPPORT = 0.05
 """Share of its sides by which more of a quadrilateral must lie on the outline than of that of the hull."""
 
@@ -165,6 +172,12 @@ def quad_of_hull(region: Region, min_side_px: float) -> tuple[Array | None, bool
     fills = quad is not None and abs(cv2.contourArea(quad.astype(np.float32)) - region.area_px2) <= _FILLED * hull_px2
     bitten = region.area_px2 >= max(_LEAST_DOUBTFUL_PX2, _LEAST_BITTEN * hull_px2)
     return quad, not fills and bitten and _is_plain(region)
+
+
+def quad_around(region: Region, min_side_px: float) -> Array | None:
+    """Four corners (4,2) [px], clockwise, of a region's hull, however little of it the region fills; None for none."""
+    hull = cv2.convexHull(region.contour_px)
+    return _quad_of_hull(hull, max(cv2.contourArea(hull), 1e-9), min_side_px)
 
 
 def quad_in_outline(region: Region, quad: Array | None, min_side_px: float) -> Array | None:
@@ -235,6 +248,26 @@ def find_quads(_: Image, regions: list[Region], parameters: VisionParameters, co
         if quad is not None:
             quads.append(quad)
     return quads
+
+
+def joined_quads(quads: list[Array], min_side_px: float) -> list[Array]:
+    """Quadrilaterals around two of those found, as where something crosses one of the cue's and cuts it in two.
+
+    Both ends of one continue those of the other: together they fill most of their hull.
+    """
+    joined: list[Array] = []
+    if len(quads) > _MOST_JOINED:
+        return joined
+    areas_px2 = [cv2.contourArea(quad.astype(np.float32)) for quad in quads]
+    for (one, one_px2), (other, other_px2) in itertools.combinations(zip(quads, areas_px2, strict=True), 2):
+        hull = cv2.convexHull(np.round(_SUBPIXEL * np.concatenate([one, other])).astype(np.int32)[:, None])
+        hull_px2 = cv2.contourArea(hull) / _SUBPIXEL**2
+        if not _LEAST_JOINED * hull_px2 <= one_px2 + other_px2 <= hull_px2:
+            continue
+        quad = _quad_of_hull(np.round(hull / _SUBPIXEL).astype(np.int32), hull_px2, min_side_px)
+        if quad is not None:
+            joined.append(quad)
+    return joined
 
 
 def is_cut_quad(region: Region) -> bool:

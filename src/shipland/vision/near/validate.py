@@ -63,7 +63,7 @@ def validate(candidate: PoseCandidate, screen: Screen) -> Refusal | None:
         return Refusal.REPROJECTION
     if taken.common.size and not np.abs(taken.common).max() <= _MOST_COMMON:
         return Refusal.BLOOM
-    if measured.held and _beyond_edge(candidate):
+    if measured.held is not None and measured.hidden is None and _beyond_edge(candidate):
         return Refusal.CUT_BY_FRAME
     if not may_be_hidden(candidate):
         return Refusal.REPROJECTION

@@ -1,0 +1,118 @@
+"""`shipland again`: a logged flight flown anew, and the two side by side."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from shipland.commands.options import Changes, command_line
+
+if TYPE_CHECKING:
+    from shipland.evaluation.replays import Flown
+
+
+@dataclass(frozen=True)
+class Again:
+    """Fly a logged flight anew, and show the two side by side.
+
+    Configuration, seed, pilot and vision are those of the log, which is one of the simulator. Of a campaign, give the
+    folder of a cell and --seed; where the campaign kept no log of that flight there is nothing to compare with. The
+    same code flies the same flight, bit for bit; --set, --pilot and --vision change it. Says where the two part, and
+    when the log was flown by another version. Leaves what `shipland fly` leaves, and side-by-side.png. Exit code: 0
+    landed in the square, 1 not.
+
+    Example: shipland again out/flight/flight.mcap
+
+    Example: shipland again out/flight/flight.mcap --set wind.mean_mps=7 --out out/windier
+
+    Example: shipland again out/near/near_horizon --seed 17 --video
+    """
+
+    log: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="LOG")]
+    """flight.mcap of a simulated flight, or the folder of a campaign's cell."""
+    seed: int | None = None
+    """Which flight of a cell."""
+    changes: Changes = ()
+    """One value laid over what was flown, as `--set wind.mean_mps=5`; may be given again and again."""
+    pilot: str = ""
+    """Who flies; not given: who flew."""
+    vision: str = ""
+    """Who sees; not given: who saw."""
+    vehicle_config: Path | None = None
+    """As `shipland fly` took it, where it did."""
+    out: Path | None = None
+    """Output folder; made when missing. Not given: out/again; of a cell flights/SEED in its folder, whose film
+    `shipland report` links."""
+    video: bool = False
+    """Write flight.mp4."""
+
+    def run(self) -> int:
+        """Fly, compare, draw; 0 when landed in the square, 1 when not."""
+        from shipland.api import fly
+        from shipland.errors import ConfigError
+        from shipland.record.reader import read_log
+        from shipland.report.again import comparison, plot_pair, versions
+        from shipland.report.outputs import LOG_NAME
+        from shipland.scenario.autonomy import response_of
+        from shipland.scenario.real_vehicle import identified
+
+        known = self._of_a_cell() if self.log.is_dir() else self._of_a_log()
+        out = self.out or known.out
+        if known.log is not None and out.resolve() == known.log.resolve().parent:
+            raise ConfigError(f"--out {out} is where {known.log.name} lies, which would be written over")
+        response = None
+        if self.vehicle_config is not None:
+            response = identified(self.vehicle_config, response_of(known.scenario))
+        if words := versions(known.version):
+            print(words, file=sys.stderr)
+        print(
+            f"{known.scenario.name}, seed {known.seed}, pilot {known.pilot}, vision {known.vision}",
+            file=sys.stderr, flush=True,
+        )  # fmt: skip
+        flight = fly(
+            known.scenario, pilot=known.pilot, vision=known.vision, seed=known.seed, out=out, video=self.video,
+            command=command_line(), response=response,
+        )  # fmt: skip
+        if known.log is None:
+            print(f"as it was flown: {known.result}\nagain:           {flight.reason}")
+        else:
+            before, after = read_log(known.log), read_log(out / LOG_NAME)
+            for line in comparison(before, after):
+                print(line)
+            if before.records and after.records:
+                plot_pair(out / "side-by-side.png", before, after)
+        print(f"{out}: {', '.join(sorted(path.name for path in out.iterdir() if path.is_file()))}", file=sys.stderr)
+        return 0 if flight.success else 1
+
+    def _of_a_log(self) -> Flown:
+        """A simulated flight's log; DataError for another's."""
+        from shipland.errors import ConfigError, DataError
+        from shipland.evaluation.replays import Flown, flown_setup
+        from shipland.record.reader import read_log
+
+        if self.seed is not None:
+            raise ConfigError(f"--seed {self.seed}: {self.log} holds one flight; a seed is for the folder of a cell")
+        before = read_log(self.log)
+        info = before.header.info
+        words = [word.partition("=")[0] for word in shlex.split(info.command)]
+        if info.seed is None or "--vehicle" in words:
+            raise DataError(f"{self.log} is no flight of the simulator: only that can be flown again; see `replay`")
+        if "--vehicle-config" in words and self.vehicle_config is None:
+            print("it was flown with --vehicle-config, which the log does not hold: give it again", file=sys.stderr)
+        scenario, pilot, vision = flown_setup(before, self.log, self.pilot, self.vision, self.changes)
+        version = info.code_version or info.software_version
+        return Flown(scenario, pilot, vision, info.seed, version, Path("out/again"), self.log)
+
+    def _of_a_cell(self) -> Flown:
+        """One flight of a campaign's cell; ConfigError where no seed is given, or none that was flown."""
+        from shipland.errors import ConfigError
+        from shipland.evaluation.replays import flown_in_cell
+
+        if self.seed is None:
+            raise ConfigError(f"{self.log} is a folder: say which of its flights, as --seed 7")
+        return flown_in_cell(self.log, self.seed, self.pilot, self.vision, self.changes)

@@ -1,0 +1,117 @@
+"""Two flights of one seed side by side: verdicts, where they part, and one picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from shipland.frames import Array
+from shipland.messages import TouchdownVerdict
+from shipland.record.columns import FlightColumns
+from shipland.record.reader import FlightLog
+from shipland.report.palette import BLUE, VERMILION, unit
+from shipland.report.plots import PLOT_STYLE, draw_pad, finish_time_axes, new_figure, save_figure
+from shipland.version import code_version
+
+PART_M = 0.01
+"""Two aircraft that are further from each other have parted."""
+_COLOURS = (("as it was flown", BLUE), ("again", VERMILION))
+
+
+def comparison(before: FlightLog, after: FlightLog) -> Iterator[str]:
+    """A table of both, a line each, and where they part."""
+    yield f"{'':<22}{'as it was flown':>18}{'again':>18}"
+    flights = (before, after)
+    yield _line("landed in the square", [_yes(log.verdict) for log in flights])
+    yield _line("error [cm]", [_figure(log.verdict, _error_cm) for log in flights])
+    yield _line("ahead [cm]", [_figure(log.verdict, lambda it: 100.0 * it.touchdown_in_deck_m[0]) for log in flights])
+    yield _line("starboard [cm]", [_figure(it.verdict, lambda v: 100.0 * v.touchdown_in_deck_m[1]) for it in flights])
+    yield _line("sink [m/s]", [_figure(it.verdict, lambda v: v.relative_velocity_in_deck_mps[2]) for it in flights])
+    yield _line("tilt [°]", [_figure(it.verdict, lambda v: math.degrees(v.tilt_rad)) for it in flights])
+    yield _line("first contact [s]", [_figure(it.verdict, lambda v: v.t_s) for it in flights])
+    yield _line("cycles", [f"{len(log.records)}" for log in flights])
+    for name, log in zip(("as it was flown", "again"), flights, strict=True):
+        yield f"{name}: {'no touchdown' if log.verdict is None else log.verdict.reason}"
+    yield _parting(before.columns(), after.columns())
+
+
+def versions(flown: str) -> str:
+    """What to know of the code, by the version that flew; empty where it is the same."""
+    here = code_version()
+    if flown == here and "dirty" not in here:
+        return ""
+    if flown == here:
+        return f"both by {here}: files differ from that commit, perhaps not the same ones"
+    return f"flown by version {flown}, again by {here}: a difference may be the code's"
+
+
+def plot_pair(path: Path, before: FlightLog, after: FlightLog) -> None:
+    """Write both paths from above, their distance from the pad and their height; DataError when it cannot be."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(PLOT_STYLE):
+        figure = new_figure(10.4, 6.4)
+        info = before.header.info
+        figure.suptitle(f"{info.scenario}, seed {info.seed}: as it was flown, and again", fontweight="bold")
+        grid = figure.add_gridspec(3, 2, width_ratios=[1.5, 1.0])
+        rows = [figure.add_subplot(grid[row, 0]) for row in range(3)]
+        titles = ("ahead of the pad's centre [m]", "right of it [m]", "height over the neutral deck [m]")
+        above = figure.add_subplot(grid[:, 1])
+        draw_pad(above, before.header.rig)
+        above.set_title("over the deck, from above; touchdowns")
+        spans_s = [float(log.columns().t_s[-1]) for log in (before, after) if log.records]
+        for log, (name, colour) in zip((before, after), _COLOURS, strict=True):
+            columns = log.columns()
+            for axis, axes in enumerate(rows):
+                axes.plot(columns.t_s, columns.place_in_pad_m[:, axis], color=unit(colour), label=name)
+            track_m = columns.truth_in_deck_m
+            above.plot(track_m[:, 1], track_m[:, 0], color=unit(colour), linewidth=1.0, label=name)
+            if log.verdict is not None and log.verdict.touched:
+                forward_m, right_m = log.verdict.touchdown_in_deck_m
+                above.plot(right_m, forward_m, "o", color=unit(colour), markersize=7)
+        for axes, title in zip(rows, titles, strict=True):
+            axes.set_title(title)
+            finish_time_axes(axes, before.columns(), None, last=axes is rows[-1])
+            axes.set_xlim(0.0, max(spans_s))
+        save_figure(figure, path, 110)
+
+
+def _line(name: str, values: list[str]) -> str:
+    return f"{name:<22}" + "".join(f"{value:>18}" for value in values)
+
+
+def _yes(verdict: TouchdownVerdict | None) -> str:
+    return "no touchdown" if verdict is None else "yes" if verdict.success else "no"
+
+
+def _error_cm(verdict: TouchdownVerdict) -> float:
+    return 100.0 * float(np.hypot(*verdict.touchdown_in_deck_m))
+
+
+def _figure(verdict: TouchdownVerdict | None, of: Callable[[TouchdownVerdict], float]) -> str:
+    return "–" if verdict is None or not verdict.touched else f"{of(verdict):.2f}"
+
+
+def _parting(before: FlightColumns, after: FlightColumns) -> str:
+    """Where the two differ first, and where by a centimetre."""
+    count = min(len(before.t_s), len(after.t_s))
+    if not count:
+        return "one of the two has no cycle"
+    same = _same(before.t_s, after.t_s, count) & _same(before.sticks_percent, after.sticks_percent, count)
+    same &= _same(before.truth_in_pad_m, after.truth_in_pad_m, count)
+    if same.all() and len(before.t_s) == len(after.t_s):
+        return "the same flight, bit for bit"
+    first = int(np.argmin(same)) if not same.all() else count - 1
+    words = f"they differ from {before.t_s[first]:.2f} s on"
+    shared_s = before.t_s[:count]
+    again_m = np.column_stack([np.interp(shared_s, after.t_s, after.truth_in_pad_m[:, axis]) for axis in range(3)])
+    apart = np.linalg.norm(again_m - before.truth_in_pad_m[:count], axis=1) > PART_M
+    return f"{words}, by {100.0 * PART_M:g} cm from {shared_s[np.argmax(apart)]:.2f} s" if apart.any() else words
+
+
+def _same(before: Array, after: Array, count: int) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    equal = (before[:count] == after[:count]) | (np.isnan(before[:count]) & np.isnan(after[:count]))
+    return np.asarray(equal.reshape(count, -1).all(axis=1))

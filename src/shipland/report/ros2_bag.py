@@ -1,0 +1,97 @@
+"""A flight log as a ROS 2 bag: the topics of `ros2://`, as a node beside the flight would have recorded them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from shipland.errors import ConfigError, DataError
+from shipland.record.reader import read_log
+from shipland.vehicles.ros2.conversions import gimbal_message, odometry_of
+from shipland.vehicles.ros2.image_messages import camera_info, jpeg_message
+from shipland.vehicles.ros2.setup import our_topics, vehicle_topics
+from shipland.vehicles.ros2.telling import Outlet, Telling
+from shipland.vehicles.ros2.types import cdr_of, store
+from shipland.vision.log_pictures import read_pictures
+
+_OPTICAL = "camera_optical"
+_NO_PICTURE = (2**63, None)
+"""After a log's last picture."""
+
+
+class _Topic:
+    """One topic of a bag; what is sent is written at the bag's time."""
+
+    def __init__(self, bag: _Bag, connection: Any) -> None:  # noqa: ANN401
+        self._bag, self._connection = bag, connection
+
+    def send(self, sent: Any, /) -> None:  # noqa: ANN401
+        self._bag.writer.write(self._connection, self._bag.time_ns, cdr_of(sent))
+
+
+class _Bag:
+    """`Outlets` into rosbags' writer."""
+
+    def __init__(self, writer: Any) -> None:  # noqa: ANN401
+        self.writer = writer
+        self.time_ns = 0
+        self._topics: dict[str, _Topic] = {}
+
+    def publisher(self, topic: str, kind: str, *, latched: bool = False) -> Outlet:  # noqa: ARG002
+        if topic not in self._topics:
+            self._topics[topic] = _Topic(self, self.writer.add_connection(f"/{topic}", kind, typestore=store()))
+        return self._topics[topic]
+
+
+def write_bag(log_path: Path, folder: Path, namespace: str = "drone", epoch_s: float = 0.0) -> dict[str, int]:
+    """Write a flight log as a bag (rosbag2, version 8, storage MCAP), which `ros2 bag` and rosbags open.
+
+    Args:
+        log_path: flight.mcap.
+        folder: of the bag; must not be there yet.
+        namespace: of the vehicle's topics.
+        epoch_s: the log's time zero, since the epoch.
+
+    Returns:
+        Messages of each topic.
+
+    Raises:
+        DataError: the log cannot be read.
+        ConfigError: the folder is there, or cannot be made.
+        VehicleError: the extra `ros2` is missing.
+    """
+    store()
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    log = read_log(log_path)
+    if not log.records:
+        raise DataError(f"{log_path} holds no cycle to write")
+    if folder.exists():
+        raise ConfigError(f"{folder} is there already: name another folder for the bag, or remove it")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with Writer(folder, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        bag, topics = _Bag(writer), vehicle_topics(namespace, {})
+        odom = bag.publisher(topics["odom"], "nav_msgs/msg/Odometry")
+        mount = bag.publisher(topics["gimbal"], "geometry_msgs/msg/QuaternionStamped")
+        image = bag.publisher(f"{topics['image']}/compressed", "sensor_msgs/msg/CompressedImage")
+        info = bag.publisher(topics["camera_info"], "sensor_msgs/msg/CameraInfo")
+        telling = Telling(bag, our_topics(), lambda t_s: epoch_s + t_s)
+        pictures, first = read_pictures(log_path), log.records[0].frame.t_s
+        bag.time_ns = round(1e9 * (epoch_s + first))
+        telling.deck_lies(log.header.rig.deck_in_bar_m, first)
+        time_ns, picture = next(pictures, _NO_PICTURE)
+        for record in log.records:
+            exposed_s, now_s = epoch_s + record.frame.t_s, epoch_s + record.telemetry.t_s
+            bag.time_ns = round(1e9 * now_s)
+            mount.send(gimbal_message(record.frame.gimbal, exposed_s))
+            odom.send(odometry_of(record.telemetry, epoch_s + record.telemetry.newest_s))
+            while time_ns < round(1e9 * record.frame.t_s):
+                time_ns, picture = next(pictures, _NO_PICTURE)
+            if picture is not None and time_ns == round(1e9 * record.frame.t_s):
+                height_px, width_px, _ = picture.shape
+                info.send(camera_info(log.header.camera.scaled(width_px, height_px), exposed_s, _OPTICAL))
+                image.send(jpeg_message(picture, exposed_s, _OPTICAL))
+            telling.seen(record.observation, _OPTICAL)
+            telling.decided(record.decision, record.telemetry.t_s)
+        telling.ended(log.verdict.reason if log.verdict is not None else "no touchdown")
+        return {connection.topic: writer.counts[connection.id] for connection in writer.connections}

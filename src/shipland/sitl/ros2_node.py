@@ -1,0 +1,274 @@
+"""The simulated vehicle as a ROS 2 node: its topics out, set-points in, in real time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from shipland.camera import level_from_camera
+from shipland.frames import ENU_FROM_NED, FLU_FROM_FRD, Pose, rotation_from_euler
+from shipland.guidance.response import Response
+from shipland.messages import Frame, Intent, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.scenario.autonomy import build_scene, build_vehicle, response_of
+from shipland.scenario.scenario import Scenario
+from shipland.sitl.frame_server import FrameServer
+from shipland.sitl.physics import RealTimeFactor
+from shipland.vehicles.ros2.conversions import (
+    BASE_LINK,
+    ODOM,
+    gimbal_message,
+    gimbal_of,
+    header,
+    odometry_of,
+    transform,
+    wanted_attitude,
+    wanted_velocity,
+)
+from shipland.vehicles.ros2.dds import Node
+from shipland.vehicles.ros2.image_messages import camera_info, image_message, jpeg_message
+from shipland.vehicles.ros2.setup import vehicle_topics
+from shipland.vehicles.ros2.types import message
+from shipland.vehicles.simulated import SimulatedVehicle
+from shipland.vehicles.wanted import HOLD, Wanted, percents_of
+
+_STALE_S = 1.0
+"""Without a set-point for so long it holds."""
+_LINGER_S = 2.0
+"""For which the stopped motors are told of after the flight."""
+_OPTICAL = "camera_optical"
+
+
+class SetPoints:
+    """The newest set-point, taken on the node's thread.
+
+    Args:
+        response: of the vehicle that flies them.
+        gimbal_rad: pitch of its camera before anybody has turned it.
+    """
+
+    def __init__(self, response: Response, gimbal_rad: float) -> None:
+        self._response, self._gimbal_rad = response, gimbal_rad
+        self._newest: tuple[Wanted, float] | None = None
+        self._landing = False
+        self._lock = threading.Lock()
+        self.heard_s: list[float] = []
+        """When each came [s]."""
+        self.unfit = ""
+        """Why the last could not be flown, in words."""
+
+    def take_velocity(self, command: Any) -> None:  # noqa: ANN401
+        """geometry_msgs/TwistStamped; only a hold is flown by an aircraft that flies tilts."""
+        wanted = wanted_velocity(command)
+        if wanted is not None and self._response.kind == "attitude" and not wanted.hold:
+            self.unfit = "velocities come, and this aircraft flies tilts: --set aircraft.loop.kind=velocity"
+            wanted = HOLD
+        self._take(wanted)
+
+    def take_attitude(self, command: Any) -> None:  # noqa: ANN401
+        """mavros_msgs/AttitudeTarget."""
+        wanted = wanted_attitude(command, self._response.max_climb_mps)
+        if wanted is not None and self._response.kind == "velocity":
+            self.unfit = "attitudes come, and this aircraft flies velocities: ros2://…?kind=velocity"
+            wanted = HOLD
+        self._take(wanted)
+
+    def take_gimbal(self, command: Any) -> None:  # noqa: ANN401
+        """geometry_msgs/QuaternionStamped."""
+        gimbal = gimbal_of(command)
+        if gimbal is not None:
+            self._gimbal_rad = gimbal.pitch_rad
+
+    def take_landing(self, landing: Any) -> None:  # noqa: ANN401
+        """std_msgs/Bool: whether the descent that is flown ends on the deck, where the motors may be stopped."""
+        self._landing = bool(landing.data)
+
+    @property
+    def begun(self) -> bool:
+        """Whether any has come."""
+        return self._newest is not None
+
+    def command(self, t_s: float) -> PilotCommand:
+        """What is to be flown now, on the vehicle's clock."""
+        with self._lock:
+            newest = self._newest
+        fresh = newest is not None and time.monotonic() - newest[1] <= _STALE_S
+        wanted = newest[0] if newest is not None and fresh else HOLD
+        if wanted.hold:
+            return PilotCommand.hold(t_s, self._gimbal_rad)
+        intent = Intent.LAND if self._landing else Intent.FLY
+        return PilotCommand(t_s, *percents_of(wanted, self._response), self._gimbal_rad, intent)
+
+    def _take(self, wanted: Wanted | None) -> None:
+        if wanted is None:
+            return
+        now_s = time.monotonic()
+        self.heard_s.append(now_s)
+        with self._lock:
+            self._newest = wanted, now_s
+
+
+class VehicleTopics:
+    """What a vehicle tells, as topics.
+
+    Args:
+        node: see there.
+        topics: full names, by those of `VEHICLE_TOPICS`.
+        vehicle: whose camera it is.
+    """
+
+    def __init__(self, node: Node, topics: dict[str, str], vehicle: SimulatedVehicle) -> None:
+        self._camera = vehicle.camera
+        self._image = node.publisher(topics["image"], "sensor_msgs/msg/Image")
+        self._jpeg = node.publisher(f"{topics['image']}/compressed", "sensor_msgs/msg/CompressedImage")
+        self._info = node.publisher(topics["camera_info"], "sensor_msgs/msg/CameraInfo")
+        self._mount = node.publisher(topics["gimbal"], "geometry_msgs/msg/QuaternionStamped")
+        self._odom = node.publisher(topics["odom"], "nav_msgs/msg/Odometry")
+        self._battery = node.publisher(topics["battery"], "sensor_msgs/msg/BatteryState")
+        self._state = node.publisher(topics["state"], "mavros_msgs/msg/State")
+        self._tf = node.publisher("tf", "tf2_msgs/msg/TFMessage")
+
+    def tell(self, frame: Frame, telemetry: Telemetry, exposed_s: float, now_s: float) -> None:
+        """One cycle; pictures only where somebody listens.
+
+        Args:
+            frame: of the vehicle.
+            telemetry: of the vehicle.
+            exposed_s: of the frame, since the epoch.
+            now_s: of the telemetry, likewise.
+        """
+        true_s = now_s - (telemetry.t_s - telemetry.newest_s)
+        self._odom.send(odometry_of(telemetry, true_s))
+        self._mount.send(gimbal_message(frame.gimbal, exposed_s))
+        self.state(telemetry.flying, now_s)
+        battery = -1.0 if telemetry.battery_percent is None else 0.01 * telemetry.battery_percent
+        self._battery.send(message("sensor_msgs/msg/BatteryState", header=header(now_s, ""), percentage=battery))
+        self._send_tf(frame, telemetry, true_s)
+        self._info.send(camera_info(self._camera, exposed_s, _OPTICAL))
+        if frame.image is None:
+            return
+        if self._image.heard:
+            self._image.send(image_message(frame.image, exposed_s, _OPTICAL))
+        if self._jpeg.heard:
+            self._jpeg.send(jpeg_message(frame.image, exposed_s, _OPTICAL))
+
+    def state(self, armed: bool, now_s: float) -> None:
+        """Armed and obeying, or its motors stand."""
+        self._state.send(
+            message(
+                "mavros_msgs/msg/State", header=header(now_s, ""), connected=True, armed=armed, guided=armed,
+                mode="GUIDED" if armed else "STANDBY",
+            )
+        )  # fmt: skip
+
+    def _send_tf(self, frame: Frame, telemetry: Telemetry, true_s: float) -> None:
+        roll, pitch, heading = telemetry.roll_rad or 0.0, telemetry.pitch_rad or 0.0, telemetry.heading_rad or 0.0
+        turned = ENU_FROM_NED @ rotation_from_euler(roll, pitch, heading) @ FLU_FROM_FRD
+        body = Pose(turned, np.array([0.0, 0.0, telemetry.height_m or 0.0]))
+        optical = FLU_FROM_FRD @ rotation_from_euler(roll, pitch, 0.0).T @ level_from_camera(frame.gimbal)
+        edges = [(ODOM, BASE_LINK, body), (BASE_LINK, _OPTICAL, Pose(optical, np.zeros(3)))]
+        placed = [transform(true_s, parent, child, pose) for parent, child, pose in edges]
+        self._tf.send(message("tf2_msgs/msg/TFMessage", transforms=placed))
+
+
+@dataclass(frozen=True)
+class RosOptions:
+    """Where and how the vehicle stands in ROS 2.
+
+    Attributes:
+        namespace: of its topics.
+        domain, local: see `dds.Node`.
+        pictures: whether they are drawn.
+    """
+
+    namespace: str
+    domain: int
+    local: bool
+    pictures: bool
+
+
+def serve_ros2(
+    scenario: Scenario, seed: int, options: RosOptions, frames: FrameServer | None, say: Callable[[str], None]
+) -> TouchdownVerdict | None:
+    """Fly one flight of the simulated vehicle by the set-points that come; the world waits for the first.
+
+    Args:
+        scenario: what is flown.
+        seed: of everything random.
+        options: see there.
+        frames: takes exposures with their truth as well, for vision without pictures and for the verdict.
+        say: takes a line for people.
+
+    Returns:
+        The verdict; None where the flight was interrupted.
+    """
+    with ExitStack() as stack:
+        scene = build_scene(scenario, seed) if options.pictures else None
+        if scene is not None:
+            stack.callback(scene.close)
+        vehicle = build_vehicle(scenario, seed, scene)
+        node = Node(options.domain, options.local)
+        stack.callback(node.close)
+        topics, response = vehicle_topics(options.namespace, {}), response_of(scenario)
+        orders = SetPoints(response, 0.0)
+        node.subscribe(topics["command_velocity"], "geometry_msgs/msg/TwistStamped", orders.take_velocity)
+        node.subscribe(topics["command_attitude"], "mavros_msgs/msg/AttitudeTarget", orders.take_attitude)
+        node.subscribe(topics["command_gimbal"], "geometry_msgs/msg/QuaternionStamped", orders.take_gimbal)
+        node.subscribe(topics["landing"], "std_msgs/msg/Bool", orders.take_landing)
+        told = VehicleTopics(node, topics, vehicle)
+        say(f"waiting for set-points on /{topics['command_velocity']} or /{topics['command_attitude']}")
+        _fly(vehicle, orders, told, frames, say)
+        verdict = vehicle.verdict()
+        if verdict is not None and frames is not None:
+            frames.end(verdict)
+        until_s = time.monotonic() + _LINGER_S
+        while time.monotonic() < until_s:
+            told.state(armed=False, now_s=time.time())
+            time.sleep(0.05)
+        gaps_s = np.diff(orders.heard_s) if len(orders.heard_s) > 1 else np.zeros(1)
+        say(
+            f"{len(orders.heard_s)} set-points, {1e3 * np.median(gaps_s):.1f} ms apart, 99 % within "
+            f"{1e3 * np.percentile(gaps_s, 99):.1f} ms, at most {1e3 * gaps_s.max():.1f}"
+        )
+        return verdict
+
+
+def _fly(
+    vehicle: SimulatedVehicle,
+    orders: SetPoints,
+    told: VehicleTopics,
+    frames: FrameServer | None,
+    say: Callable[[str], None],
+) -> None:
+    vehicle.open()
+    pair = vehicle.read()
+    period_s = 1.0 / vehicle.world.frame_rate_hz
+    while pair is not None and not orders.begun:  # the world stands still; what it shows is new each time
+        frame, telemetry = pair
+        age_s = telemetry.t_s - frame.t_s
+        told.tell(frame, telemetry, time.time() - age_s, time.time())
+        if frames is not None:
+            frames.show(time.monotonic(), vehicle.world.snapshot())
+        time.sleep(period_s)
+    say("it flies")
+    factor, unfit = RealTimeFactor(), ""
+    begun_s = time.monotonic() - (0.0 if pair is None else pair[1].t_s)
+    epoch_s = time.time() - (time.monotonic() - begun_s)
+    while pair is not None:
+        frame, telemetry = pair
+        time.sleep(max(0.0, begun_s + telemetry.t_s - time.monotonic()))
+        factor.note(telemetry.t_s, time.monotonic())
+        told.tell(frame, telemetry, epoch_s + frame.t_s, epoch_s + telemetry.t_s)
+        if frames is not None:
+            frames.show(begun_s + vehicle.world.t_s, vehicle.world.snapshot())
+        if orders.unfit != unfit:
+            unfit = orders.unfit
+            say(unfit)
+        vehicle.send(orders.command(max(telemetry.t_s, time.monotonic() - begun_s)))
+        pair = vehicle.read()
+    say(factor.words())

@@ -1,0 +1,1 @@
+"""ROS 2 without a ROS installation: messages by rosbags, the wire by Cyclone DDS."""

@@ -1,0 +1,55 @@
+"""The checklist's lines about a ROS 2 vehicle."""
+
+from __future__ import annotations
+
+import time
+
+from shipland.vehicles.camera_stream import CameraStream
+from shipland.vehicles.checks import Check, limits_text
+from shipland.vehicles.ros2.setup import Ros2Setup
+from shipland.vehicles.ros2.state import Heard
+
+_RATE_S = 2.0
+"""Window in which a rate is counted."""
+
+
+def ros2_checks(heard: Heard, stream: CameraStream, setup: Ros2Setup) -> list[Check]:
+    """What is known after a few seconds of listening."""
+    wanted, topics, now_s = setup.preflight, setup.topics, time.monotonic()
+    rate_hz, telemetry = heard.attitude_hz(_RATE_S), heard.telemetry_at(now_s)
+    silent_s = now_s - heard.state_s
+    stated = "" if setup.latency_s is None else f", {setup.latency_s:g} s of it stated"
+    battery = telemetry.battery_percent
+    lines = [
+        Check(
+            "state", silent_s <= _RATE_S,
+            f"/{topics['state']}: mode {heard.mode}, {'armed' if telemetry.flying else 'not armed'}"
+            if silent_s <= _RATE_S else f"/{topics['state']} (mavros_msgs/State) has not come",
+        ),
+        Check(
+            "telemetry", rate_hz >= wanted.telemetry_hz,
+            f"/{topics['odom']}: attitude {rate_hz:.0f} Hz, at least {wanted.telemetry_hz:g}",
+        ),
+        Check(
+            "pictures", stream.rate_hz >= wanted.picture_hz,
+            f"/{topics['image']}: {stream.rate_hz:.1f} Hz, at least {wanted.picture_hz:g}"
+            + (f"; {stream.problem}" if stream.problem else ""),
+        ),
+        Check(
+            "picture's age", stream.age_s <= wanted.picture_age_s,
+            f"{stream.age_s:.3f} s at receipt{stated}, at most {wanted.picture_age_s:g}",
+        ),
+        Check("limits", True, limits_text(setup.response) + ", as configured: a ROS 2 vehicle does not tell them"),
+        Check(
+            "battery", battery is not None and battery >= wanted.battery_percent,
+            f"/{topics['battery']}: unknown" if battery is None
+            else f"{battery:.0f} %, at least {wanted.battery_percent:g}",
+        ),
+    ]  # fmt: skip
+    if setup.camera is None:
+        lines.insert(0, Check("calibration", True, f"/{topics['camera_info']}"))
+    tells = heard.tells_mount or setup.fixed_pitch_rad is not None or setup.frames is not None
+    if not tells:
+        words = f"/{topics['gimbal']} has not come; a camera fixed to the body is ?mount_deg=PITCH"
+        lines.append(Check("gimbal", False, words))
+    return lines

@@ -1,0 +1,91 @@
+"""Pictures and intrinsics as ROS 2 messages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from shipland.camera import Camera
+from shipland.errors import DataError
+from shipland.vehicles.ros2.conversions import header
+from shipland.vehicles.ros2.types import message
+
+
+def camera_info(camera: Camera, t_s: float, frame: str) -> Any:  # noqa: ANN401
+    """sensor_msgs/CameraInfo; coefficients past the eighth (thin prism, tilt) have no place there."""
+    k = camera.distortion.tolist()
+    model = "plumb_bob" if len(k) <= 5 else "rational_polynomial"
+    return message(
+        "sensor_msgs/msg/CameraInfo",
+        header=header(t_s, frame),
+        width=camera.width_px,
+        height=camera.height_px,
+        distortion_model=model,
+        d=np.array([*k, 0.0][:5] if len(k) <= 5 else k[:8]),
+        k=camera.matrix.ravel(),
+        r=np.eye(3).ravel(),
+        p=np.column_stack([camera.matrix, np.zeros(3)]).ravel(),
+    )
+
+
+def camera_of(info: Any) -> Camera:  # noqa: ANN401
+    """Intrinsics of a CameraInfo; DataError when it is not calibrated or of a model that OpenCV's pinhole has not."""
+    if info.distortion_model not in ("", "plumb_bob", "rational_polynomial"):
+        raise DataError(f"camera_info: distortion model {info.distortion_model!r}; expected plumb_bob")
+    matrix = np.array(info.k, dtype=float).reshape(3, 3)
+    if not matrix.any():
+        raise DataError("camera_info says that the camera is not calibrated: K is zero; give --calibration FILE")
+    distortion = np.array(info.d, dtype=float)
+    try:
+        return Camera(int(info.width), int(info.height), matrix, distortion if distortion.size else np.zeros(5))
+    except ValueError as error:
+        raise DataError(f"camera_info: {error}") from None
+
+
+def image_message(image: npt.NDArray[np.uint8], t_s: float, frame: str) -> Any:  # noqa: ANN401
+    """sensor_msgs/Image, bgr8."""
+    height_px, width_px, _ = image.shape
+    return message(
+        "sensor_msgs/msg/Image",
+        header=header(t_s, frame),
+        height=height_px,
+        width=width_px,
+        encoding="bgr8",
+        step=3 * width_px,
+        data=np.ascontiguousarray(image).ravel(),
+    )
+
+
+def jpeg_message(image: npt.NDArray[np.uint8], t_s: float, frame: str) -> Any:  # noqa: ANN401
+    """sensor_msgs/CompressedImage, as image_transport's `compressed` with its default quality."""
+    _, data = cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, 95))
+    return message(
+        "sensor_msgs/msg/CompressedImage", header=header(t_s, frame), format="bgr8; jpeg compressed bgr8", data=data
+    )
+
+
+_CHANNELS = {"bgr8": (3, None), "rgb8": (3, cv2.COLOR_RGB2BGR), "mono8": (1, cv2.COLOR_GRAY2BGR),
+             "8UC3": (3, None), "bgra8": (4, cv2.COLOR_BGRA2BGR), "rgba8": (4, cv2.COLOR_RGBA2BGR)}  # fmt: skip
+"""Channels of an encoding, and how they become BGR."""
+
+
+def image_of(picture: Any) -> npt.NDArray[np.uint8]:  # noqa: ANN401
+    """(H,W,3) BGR of an Image or a CompressedImage; DataError when it is neither whole nor of a known encoding."""
+    if picture.__msgtype__ == "sensor_msgs/msg/CompressedImage":
+        decoded = cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_COLOR)
+        if decoded is None:
+            raise DataError(f"a compressed picture ({picture.format!r}) cannot be decoded")
+        return np.asarray(decoded, np.uint8)
+    if picture.encoding not in _CHANNELS:
+        raise DataError(f"pictures are {picture.encoding!r}; expected one of {', '.join(_CHANNELS)}")
+    channels, conversion = _CHANNELS[picture.encoding]
+    if picture.step < picture.width * channels or len(picture.data) < picture.step * picture.height:
+        raise DataError(f"a picture of {picture.width} × {picture.height} px came with {len(picture.data)} bytes")
+    rows = np.asarray(picture.data, np.uint8)[: picture.step * picture.height].reshape(picture.height, picture.step)
+    pixels = rows[:, : picture.width * channels].reshape(picture.height, picture.width, channels)
+    return (
+        np.ascontiguousarray(pixels) if conversion is None else np.asarray(cv2.cvtColor(pixels, conversion), np.uint8)
+    )

@@ -1,0 +1,145 @@
+"""What a ROS 2 vehicle has said, and who commands it."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from shipland.messages import GimbalAttitude, Telemetry
+from shipland.vehicles.gimbal import gimbal_at
+from shipland.vehicles.ros2.conversions import gimbal_of, seconds, with_odometry
+from shipland.vehicles.ros2.pictures import ours_s
+
+_READINGS = 200
+"""Attitudes kept: four seconds at 50 Hz."""
+_SLOW_S = 10.0
+"""A battery that is reported less often is not known."""
+
+
+class Heard:
+    """The vehicle's messages, merged on the node's thread, read from any.
+
+    Control is ours while the vehicle says that it is armed and obeys set-points (`guided`); once it has been ours,
+    the first message that says otherwise ends it for good.
+    """
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._telemetry = Telemetry(0.0, None, None, None, None, None, None, None, flying=False)
+        self._attitudes: deque[tuple[float, float, float]] = deque(maxlen=_READINGS)
+        self._mounts: deque[tuple[float, float, float]] = deque(maxlen=_READINGS)
+        self._battery: tuple[float, float] | None = None
+        self._state: Any = None
+        self.state_s = -math.inf
+        """When the vehicle's state came last [s]."""
+        self.land: bool | None = None
+        """What `/shipland/land` said last."""
+        self._engaged = False
+        self.landing = False
+        """Whether the descent that is flown ends on the deck: motors that stop then have landed it."""
+        self.lost = ""
+        """Why control is gone for good, in words; empty while it is not."""
+
+    def take_odometry(self, odometry: Any) -> None:  # noqa: ANN401
+        """nav_msgs/Odometry; a stamp of another clock counts as now."""
+        true_s = ours_s(seconds(odometry.header.stamp)) or time.monotonic()
+        with self._changed:
+            told = self._telemetry = with_odometry(self._telemetry, odometry, true_s)
+            if told.roll_rad is not None and told.pitch_rad is not None and told.attitude_t_s == true_s:
+                self._attitudes.append((true_s, told.roll_rad, told.pitch_rad))
+            self._changed.notify_all()
+
+    def take_gimbal(self, attitude: Any) -> None:  # noqa: ANN401
+        """geometry_msgs/QuaternionStamped."""
+        gimbal = gimbal_of(attitude)
+        if gimbal is not None:
+            true_s = ours_s(seconds(attitude.header.stamp)) or time.monotonic()
+            self._mounts.append((true_s, gimbal.roll_rad, gimbal.pitch_rad))
+
+    def take_battery(self, battery: Any) -> None:  # noqa: ANN401
+        """sensor_msgs/BatteryState."""
+        share = float(battery.percentage)
+        if 0.0 <= share <= 1.0:
+            self._battery = 100.0 * share, time.monotonic()
+
+    def take_state(self, state: Any) -> None:  # noqa: ANN401
+        """mavros_msgs/State."""
+        with self._changed:
+            self._state, self.state_s = state, time.monotonic()
+            if self._engaged and not state.armed:
+                self._lose("landed: the motors have stopped" if self.landing else "the motors have stopped")
+            elif self._engaged and not state.guided:
+                self._lose(f"the pilot took over: {state.mode or 'no mode given'}")
+            self._changed.notify_all()
+
+    def take_land(self, asked: Any) -> None:  # noqa: ANN401
+        """std_msgs/Bool: true asks for a landing, false ends it."""
+        with self._changed:
+            self.land = bool(asked.data)
+            if self._engaged and not self.land:
+                self._lose("ended by /shipland/land")
+            self._changed.notify_all()
+
+    def watch_silence(self, timeout_s: float) -> None:
+        """Control is gone when the vehicle's state has not come for so long."""
+        if self._engaged and time.monotonic() - self.state_s > timeout_s:
+            with self._changed:
+                self._lose(f"link lost: the vehicle's state has not come for {timeout_s:g} s")
+
+    @property
+    def obeys(self) -> bool:
+        """Armed and obeying set-points, by its own word."""
+        return self._state is not None and bool(self._state.armed and self._state.guided)
+
+    @property
+    def ours(self) -> bool:
+        """Whether set-points may leave."""
+        return self._engaged and not self.lost
+
+    @property
+    def mode(self) -> str:
+        """As the vehicle names it."""
+        return "unknown" if self._state is None else str(self._state.mode) or "no mode given"
+
+    def begin(self) -> None:
+        """From now on it is ours, and what the vehicle says otherwise ends that."""
+        with self._changed:
+            self._engaged = True
+
+    def wait(self, until: Callable[[], object], timeout_s: float) -> bool:
+        """Wait for a condition on what was heard; whether it came true."""
+        with self._changed:
+            return bool(self._changed.wait_for(until, timeout_s))
+
+    def telemetry_at(self, t_s: float) -> Telemetry:
+        """The newest that has come, stamped with `t_s`."""
+        battery, now_s = self._battery, time.monotonic()
+        fresh = battery is not None and now_s - battery[1] <= _SLOW_S
+        return replace(
+            self._telemetry,
+            t_s=t_s if math.isfinite(t_s) else now_s,
+            battery_percent=battery[0] if battery is not None and fresh else None,
+            flying=self._state is not None and bool(self._state.armed),
+        )
+
+    def gimbal_at(self, t_s: float, fixed_pitch_rad: float | None) -> tuple[GimbalAttitude, float]:
+        """The camera's attitude at an exposure, and how old the nearest reading is."""
+        return gimbal_at(t_s, list(self._attitudes), list(self._mounts), fixed_pitch_rad)
+
+    @property
+    def tells_mount(self) -> bool:
+        """Whether the camera's mount has told its attitude."""
+        return bool(self._mounts)
+
+    def attitude_hz(self, window_s: float) -> float:
+        """Attitudes a second of late."""
+        since_s = time.monotonic() - window_s
+        return sum(1 for true_s, _, _ in list(self._attitudes) if true_s > since_s) / window_s
+
+    def _lose(self, reason: str) -> None:
+        self.lost = self.lost or reason

@@ -1,0 +1,270 @@
+"""What only a ROS 2 vehicle does: who may command it, whose stamps count, and what others are told."""
+
+import math
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("cyclonedds", reason="the extra ros2")
+
+from ros2_bench import CAMERA, bench, until
+
+from ports import free_port
+from shipland.errors import VehicleError
+from shipland.messages import (
+    BarPose,
+    Box,
+    Decision,
+    FlightRecord,
+    Frame,
+    GimbalAttitude,
+    Intent,
+    Mode,
+    Observation,
+    PilotCommand,
+)
+from shipland.rig import Rig
+from shipland.vehicles.ros2.dds import Node
+from shipland.vehicles.ros2.types import message
+from shipland.vehicles.vehicle import Commanded, Ending, Informed, Real
+
+
+def command(intent: Intent = Intent.FLY, pitch_percent: float = 20.0) -> PilotCommand:
+    return PilotCommand(time.monotonic(), pitch_percent, 0.0, 0.0, 0.0, -0.25, intent)
+
+
+def test_it_is_a_real_vehicle_that_says_who_commands_and_passes_on_what_is_seen() -> None:
+    with bench() as (vehicle, _):
+        assert all(isinstance(vehicle, kind) for kind in (Real, Ending, Commanded, Informed))
+
+
+def test_the_checklist_names_every_topic_and_finds_the_drone_fit() -> None:
+    with bench() as (vehicle, drone):
+        vehicle.connect()
+        assert until(lambda: all(check.ok for check in vehicle.checks()))
+        names = [check.name for check in vehicle.checks()]
+        assert names == ["calibration", "state", "telemetry", "pictures", "picture's age", "limits", "battery"]
+        assert vehicle.camera.matrix == pytest.approx(CAMERA.matrix)
+        drone.silent = True
+        assert until(lambda: not all(check.ok for check in vehicle.checks()))
+
+
+def test_nothing_is_commanded_before_the_drone_obeys_nor_after_it_does_not() -> None:
+    with bench() as (vehicle, drone):
+        drone.guided = False
+        vehicle.connect()
+        vehicle.send(command())
+        assert "pilot (OFFBOARD)" in vehicle.in_command or until(lambda: "OFFBOARD" in vehicle.in_command)
+        assert drone.wanted.hold
+        drone.guided = True
+        vehicle.open()
+        vehicle.send(command())
+        assert until(lambda: drone.wanted.forward > 0.0)
+        assert vehicle.in_command == "shipland"
+        drone.guided = False
+        assert until(lambda: bool(vehicle.end_reason))
+        assert vehicle.end_reason == "the pilot took over: OFFBOARD"
+        assert vehicle.read() is None
+        drone.guided = True  # it does not come back
+        assert vehicle.read() is None
+
+
+def test_a_drone_that_never_obeys_is_said_to() -> None:
+    with bench(engage_timeout_s=0.3) as (vehicle, drone):
+        drone.armed = False
+        with pytest.raises(VehicleError, match=r"armed and guided .mode OFFBOARD. within 0\.3 s"):
+            vehicle.open()
+
+
+@pytest.mark.parametrize(("intent", "words"), [(Intent.LAND, "landed: "), (Intent.FLY, "")])
+def test_motors_that_stop_have_landed_where_a_landing_was_flown(intent: Intent, words: str) -> None:
+    with bench() as (vehicle, drone):
+        vehicle.open()
+        vehicle.send(command(intent))
+        assert until(lambda: drone.landing is (intent is Intent.LAND) and drone.wanted.forward > 0.0)
+        assert drone.mount is not None
+        drone.armed = False
+        assert until(lambda: bool(vehicle.end_reason))
+        assert vehicle.end_reason == f"{words}the motors have stopped"
+
+
+def test_without_new_commands_it_holds() -> None:
+    with bench(stale_s=0.2) as (vehicle, drone):
+        vehicle.open()
+        vehicle.send(command())
+        assert until(lambda: drone.wanted.forward > 0.0)
+        assert until(lambda: drone.wanted.hold)
+
+
+@pytest.mark.parametrize("kind", ["velocity", "attitude"])
+def test_closing_leaves_it_holding(kind: str) -> None:
+    with bench(f"&kind={kind}") as (vehicle, drone):
+        vehicle.open()
+        vehicle.send(command())
+        assert until(lambda: drone.wanted.forward > 0.0)
+        vehicle.close()
+        assert until(lambda: drone.wanted.hold)
+
+
+def test_a_landing_is_asked_for_and_ended_by_a_topic() -> None:
+    with bench("&wait=1") as (vehicle, drone):
+        land = drone.node.publisher("shipland/land", "std_msgs/msg/Bool")
+        vehicle.connect()
+        assert until(lambda: land.heard)
+        land.send(message("std_msgs/msg/Bool", data=True))
+        vehicle.open()
+        assert vehicle.read() is not None
+        land.send(message("std_msgs/msg/Bool", data=False))
+        assert until(lambda: vehicle.end_reason == "ended by /shipland/land")
+
+
+def test_silence_ends_the_flight() -> None:
+    with bench(link_timeout_s=0.5) as (vehicle, drone):
+        vehicle.open()
+        drone.silent = True
+        assert until(lambda: vehicle.end_reason.startswith("link lost"))
+        assert vehicle.read() is None
+
+
+def test_pictures_that_stop_end_the_flight() -> None:
+    with bench(video_timeout_s=0.5) as (vehicle, drone):
+        vehicle.open()
+        assert vehicle.read() is not None
+        drone.frozen = True
+        assert until(lambda: vehicle.read() is None)
+        assert vehicle.end_reason.startswith("video lost: no picture for 0.5 s")
+
+
+def test_stamps_of_another_clock_are_refused_unless_the_latency_is_stated() -> None:
+    with bench() as (vehicle, drone):
+        drone.stamp_off_s = -30.0
+        with pytest.raises(VehicleError, match=r"\+30.*synchronise the clocks"):
+            vehicle.connect()
+    with bench("&latency_s=0.1") as (vehicle, drone):
+        drone.stamp_off_s = -30.0
+        vehicle.open()
+        pair = vehicle.read()
+        assert pair is not None
+        assert pair[0] is not None
+        assert 0.05 < pair[1].t_s - pair[0].t_s < 1.0
+
+
+def test_exposure_is_the_pictures_own_stamp() -> None:
+    with bench() as (vehicle, _):
+        vehicle.open()
+        pair = vehicle.read()
+        assert pair is not None
+        assert pair[0] is not None
+        assert 0.02 <= pair[1].t_s - pair[0].t_s < 0.9  # stamped 20 ms before it left
+        assert pair[0].gimbal.pitch_rad == pytest.approx(-0.1)
+        assert pair[0].gimbal_age_s < 0.5
+
+
+def test_others_are_told_what_is_seen_and_decided() -> None:
+    with bench() as (vehicle, drone):
+        vehicle.open()
+        heard: dict[str, list[object]] = {name: [] for name in ("cue_pose", "detections", "diagnostics", "tf")}
+        kinds = {
+            "cue_pose": "geometry_msgs/msg/PoseWithCovarianceStamped",
+            "detections": "vision_msgs/msg/Detection2DArray",
+            "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+            "tf": "tf2_msgs/msg/TFMessage",
+        }
+        for name, kind in kinds.items():
+            topic = name if name == "tf" else f"shipland/{name}"
+            drone.node.subscribe(topic, kind, heard[name].append)
+        pair = vehicle.read()
+        assert pair is not None
+        assert pair[0] is not None
+        vehicle.inform_of(Rig())
+        pose = BarPose(np.array([-3.0, 0.0, 0.0]), 0.0, np.eye(4) * 0.01, 0.1, np.zeros((8, 2)))
+        box = Box((30.0, 20.0), (8.0, 4.0), 0.8)
+        at_s = pair[0].t_s
+        seen = Observation(at_s, GimbalAttitude(0.0, -0.1), pose, bar_box=box)
+        record = FlightRecord(pair[0], pair[1], seen, Decision(command(), Mode.APPROACH, "seen"), None)
+
+        def told() -> bool:
+            vehicle.inform(record)
+            return all(heard.values())
+
+        assert until(told)
+        status = heard["diagnostics"][-1].status[0]  # type: ignore[attr-defined]
+        assert status.message == "APPROACH: seen"
+        stamp = heard["cue_pose"][-1].header.stamp  # type: ignore[attr-defined]
+        exposed_s = time.time() - (time.monotonic() - at_s)
+        assert stamp.sec + 1e-9 * stamp.nanosec == pytest.approx(exposed_s, abs=0.05)
+        edge = heard["tf"][-1].transforms[0]  # type: ignore[attr-defined]
+        assert (edge.header.frame_id, edge.child_frame_id) == ("camera_optical", "cue")
+
+
+def test_the_result_is_kept_for_those_who_come_later() -> None:
+    with bench() as (vehicle, drone):
+        vehicle.open()
+        got: list[str] = []
+        drone.node.subscribe("shipland/result", "std_msgs/msg/String", lambda told: got.append(told.data))
+        publisher = vehicle._telling._result
+        assert until(lambda: publisher.heard)
+        vehicle.close()
+        assert until(lambda: bool(got))
+        assert got[-1] == "the flight was ended here; the vehicle holds"
+
+
+def test_looking_without_flying_commands_nothing() -> None:
+    with bench() as (vehicle, drone):
+        vehicle.connect()
+        frame = vehicle.look(5.0)
+        assert isinstance(frame, Frame)
+        vehicle.tell(Observation(frame.t_s, frame.gimbal, reason="no green"))
+        assert drone.wanted.hold
+        assert vehicle.read() is None
+
+
+def test_messages_that_are_none_are_counted_and_the_next_is_heard() -> None:
+    domain = 99
+    one, other = Node(domain, local=True), Node(domain, local=True)
+    try:
+        got: list[float] = []
+
+        def take(told: object) -> None:
+            value = told.data  # type: ignore[attr-defined]
+            if math.isnan(value):
+                raise ValueError
+            got.append(value)
+
+        other.subscribe("x", "std_msgs/msg/Float64", take)
+        out = one.publisher("x", "std_msgs/msg/Float64")
+        assert until(lambda: out.heard)
+        out.send(message("std_msgs/msg/Float64", data=math.nan))
+        out.send(message("std_msgs/msg/Float64", data=2.0))
+        assert until(lambda: got == [2.0])
+        assert other.malformed == 1
+    finally:
+        one.close()
+        other.close()
+
+
+@pytest.mark.slow
+@pytest.mark.flaky(reruns=2, reruns_delay=2)
+def test_a_landing_is_flown_through_the_topics(tmp_path: Path) -> None:
+    """Our simulator at the other end, in a process of its own, in real time; vision without pictures."""
+    port, domain = free_port(socket.SOCK_STREAM), 98
+    environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    example = Path(__file__).parents[2] / "examples" / "ros2-simulated.toml"
+    shipland = [sys.executable, "-m", "shipland"]
+    served = [*shipland, "serve-physics", "--interface", "ros2", "--frames-port", str(port), "--seed", "3"]
+    flown = [
+        *shipland, "fly", "--vehicle", f"ros2://drone?camera=frames:127.0.0.1:{port}", "--vision", "geometric",
+        "--vehicle-config", str(example), "--no-video", "--out", str(tmp_path),
+    ]  # fmt: skip
+    with subprocess.Popen([*served, "--set", "aircraft.loop.kind=velocity"], env=environment) as server:
+        try:
+            assert subprocess.run(flown, env=environment, timeout=300, check=False).returncode == 0
+            assert server.wait(30.0) == 0
+        finally:
+            server.kill()

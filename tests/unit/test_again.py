@@ -1,0 +1,79 @@
+"""A logged flight flown anew: the same one, where nothing was changed; and what is said where something was."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight
+
+from shipland.api import fly
+from shipland.commands.again import Again
+from shipland.errors import ConfigError, DataError
+from shipland.flight import FlightResult
+from shipland.record.channels import LogParameters
+from shipland.record.reader import read_log
+from shipland.record.writer import LogWriter
+from shipland.report.again import comparison, versions
+from shipland.scenario.fly import Flown
+from shipland.scenario.scenario import load_scenario
+from shipland.version import code_version
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("flown")
+    fly(load_scenario("near", time_limit_s=1.5), seed=4, out=out, video=False)
+    return out / "flight.mcap"
+
+
+def test_the_same_code_flies_the_same_flight(flown, tmp_path, capsys):
+    assert Again(flown, out=tmp_path).run() == 1  # a second and a half does not land
+    assert capsys.readouterr().out.splitlines()[-1] == "the same flight, bit for bit"
+    assert (tmp_path / "side-by-side.png").stat().st_size > 10_000
+    assert read_log(tmp_path / "flight.mcap").header.info.seed == 4
+
+
+def test_a_change_parts_them_and_it_is_said_where(flown, tmp_path, capsys):
+    Again(flown, changes=("wind.mean_mps=8",), out=tmp_path).run()
+    assert capsys.readouterr().out.splitlines()[-1].startswith("they differ from 0.")
+
+
+def test_a_log_is_not_written_over(flown):
+    with pytest.raises(ConfigError, match="would be written over"):
+        Again(flown, out=flown.parent).run()
+
+
+def logged(path, info, count=20):
+    with LogWriter(path, info, RIG, CAMERA, LogParameters(image_rate_hz=0.0)) as writer:
+        for record in flight(from_s=20.0, to_s=20.0 + count / 30.0, pictures=False):
+            writer.append(record)
+        writer.finish(VERDICT)
+    return read_log(path)
+
+
+def test_a_flight_of_a_vehicle_outside_is_refused(tmp_path):
+    logged(tmp_path / "f.mcap", replace(INFO, command="shipland fly --vehicle mavlink://udp:1"))
+    with pytest.raises(DataError, match="no flight of the simulator"):
+        Again(tmp_path / "f.mcap", out=tmp_path / "again").run()
+
+
+def test_another_version_is_named():
+    assert versions("0.0.7").startswith("flown by version 0.0.7, again by ")
+    assert "perhaps" in versions(code_version()) or not versions(code_version())
+
+
+def test_a_shorter_flight_differs_at_its_end(tmp_path):
+    whole, short = (logged(tmp_path / f"{count}.mcap", INFO, count) for count in (20, 12))
+    assert list(comparison(whole, whole))[-1] == "the same flight, bit for bit"
+    assert list(comparison(whole, short))[-1].startswith("they differ from 20.3")
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        ("landed: the motors have stopped", "landed: the motors have stopped; where, nothing here knows"),
+        ("time limit of 120 s", "no touchdown: time limit of 120 s"),
+    ],
+)
+def test_a_landing_that_nobody_judged_is_not_called_none(end, words):
+    assert Flown(FlightResult(end, 100, 16.0, {}), None).reason == words

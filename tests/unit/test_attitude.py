@@ -1,0 +1,189 @@
+"""A film's attitude: from a table, ArduPilot's and PX4's logs and our own; and what `see` makes of it."""
+
+import csv
+import math
+import struct
+
+import numpy as np
+import pytest
+from test_see import log_of, make_video
+
+from pictures import Look, bar_picture, camera_from_bar
+from shipland.commands.see import See
+from shipland.errors import DataError
+from shipland.frames import euler_from_rotation, quaternion_from_euler, rotation_from_euler
+from shipland.vision.attitude import AttitudeTrack, read_attitude
+
+ROLL_DEG, PITCH_DEG = 2.0, -7.0
+
+
+def table(path, rows, names=("t_s", "roll_deg", "pitch_deg")):
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([names, *rows])
+    return path
+
+
+def as_dataflash(path, name, rows):
+    """ArduPilot's log of `name` messages with TimeUS [µs], Roll and Pitch [°]."""
+
+    def described(kind, length, what, layout, columns):
+        return struct.pack("<BBBBB4s16s64s", 0xA3, 0x95, 128, kind, length, what.encode(), layout, columns)
+
+    data = described(128, 89, "FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
+    data += described(1, 3 + 16, name, b"Qff", b"TimeUS,Roll,Pitch")
+    for t_s, roll_deg, pitch_deg in rows:
+        data += struct.pack("<BBBQff", 0xA3, 0x95, 1, round(1e6 * t_s), roll_deg, pitch_deg)
+    path.write_bytes(data)
+    return path
+
+
+def as_tlog(path, rows):
+    """A ground station's log of the gimbal's messages."""
+    mavlink = pytest.importorskip("pymavlink.dialects.v20.ardupilotmega")
+    codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=154)
+    data = b""
+    for t_s, roll_deg, pitch_deg in rows:
+        quaternion = quaternion_from_euler(math.radians(roll_deg), math.radians(pitch_deg), 0.3)
+        message = mavlink.MAVLink_gimbal_device_attitude_status_message(
+            0, 0, round(1e3 * t_s), 12, quaternion, 0.0, 0.0, 0.0, 0
+        )
+        data += struct.pack(">Q", round(1e6 * (t_s + 1.7e9))) + message.pack(codec)
+    path.write_bytes(data)
+    return path
+
+
+def as_ulog(path, rows):
+    """PX4's log of the body's attitude."""
+
+    def record(kind, payload):
+        return struct.pack("<HB", len(payload), ord(kind)) + payload
+
+    data = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + record("B", bytes(40))
+    data += record("F", b"vehicle_attitude:uint64_t timestamp;float[4] q;")
+    data += record("A", struct.pack("<BH", 0, 7) + b"vehicle_attitude")
+    for t_s, roll_deg, pitch_deg in rows:
+        quaternion = quaternion_from_euler(math.radians(roll_deg), math.radians(pitch_deg), -1.0)
+        data += record("D", struct.pack("<HQ4f", 7, round(1e6 * t_s), *quaternion))
+    path.write_bytes(data)
+    return path
+
+
+def rows_from(start_s):
+    return [(start_s + 0.1 * index, ROLL_DEG, PITCH_DEG + index) for index in range(5)]
+
+
+@pytest.mark.parametrize(
+    ("make", "start_s", "mount_deg"),
+    [
+        (lambda folder: table(folder / "a.csv", rows_from(0.0)), None, None),
+        (lambda folder: as_dataflash(folder / "a.bin", "MNT", rows_from(80.0)), 80.0, None),
+        (lambda folder: as_dataflash(folder / "a.BIN", "ATT", rows_from(80.0)), 80.0, 0.0),
+        (lambda folder: as_tlog(folder / "a.tlog", rows_from(80.0)), 80.0, None),
+        (lambda folder: as_ulog(folder / "a.ulg", rows_from(80.0)), 80.0, 0.0),
+    ],
+    ids=["csv", "bin, gimbal", "bin, body", "tlog", "ulg"],
+)
+def test_every_kind_of_file_gives_the_same(make, start_s, mount_deg, tmp_path):
+    path = make(tmp_path)
+    if path.suffix.lower() != ".csv":
+        pytest.importorskip("pymavlink")
+    if path.suffix == ".ulg":
+        pytest.importorskip("pyulog")
+    track = read_attitude(path, 0.01, start_s, None if mount_deg is None else math.radians(mount_deg))
+    for t_s in (0.0, 0.25, 0.4):
+        gimbal = track.at(t_s)
+        assert np.degrees([gimbal.roll_rad, gimbal.pitch_rad]) == pytest.approx(
+            [ROLL_DEG, PITCH_DEG + 10.0 * t_s], abs=2e-3
+        )
+
+
+def test_a_camera_fixed_to_the_body_rolls_and_pitches_with_it():
+    roll, pitch, mount = 0.2, 0.1, -0.6
+    track = AttitudeTrack.of([(0.0, roll, pitch)], 0.01, "body").on_body(mount)  # one reading holds for all of it
+    camera = rotation_from_euler(roll, pitch, 0.0) @ rotation_from_euler(0.0, mount, 0.0)
+    assert (track.at(0.3).roll_rad, track.at(0.3).pitch_rad) == pytest.approx(euler_from_rotation(camera)[:2])
+
+
+def test_beyond_the_readings_and_between_distant_ones_nothing_is_known():
+    track = AttitudeTrack.of([(1.0, 0.0, 0.1), (0.0, 0.0, 0.1), (3.0, 0.0, 0.1), (4.0, math.nan, 0.1)], 0.01, "x")
+    known = [t_s for t_s in (-1.0, -0.3, 0.5, 0.9, 2.0, 3.2, 4.0) if math.isfinite(track.at(t_s).pitch_rad)]
+    assert known == [-0.3, 3.2]
+    dense = AttitudeTrack.of([(0.1 * i, math.radians(179.0 + i), 0.0) for i in range(3)], 0.01, "x")
+    assert math.degrees(dense.at(0.15).roll_rad) == pytest.approx(180.5)  # not by way of 0°
+
+
+@pytest.mark.parametrize(
+    ("make", "start_s", "mount_deg", "words"),
+    [
+        (lambda folder: folder / "none.csv", None, None, "does not exist"),
+        (lambda folder: table(folder / "a.txt", []), None, None, r"expected \.csv, \.bin, \.tlog, \.ulg or a flight"),
+        (lambda folder: table(folder / "a.csv", [], ("t_s", "roll")), None, None, "lacks roll_deg, pitch_deg; exp"),
+        (lambda folder: table(folder / "a.csv", [("0", "x", "1")]), None, None, "line 2 has no number"),
+        (lambda folder: table(folder / "a.csv", []), None, None, "holds no reading"),
+        (lambda folder: as_dataflash(folder / "a.bin", "ATT", rows_from(8.0)), 8.0, None, "give --mount-pitch-deg"),
+        (
+            lambda folder: as_dataflash(folder / "a.bin", "ATT", rows_from(8.0)), None, 0.0,
+            r"5 readings from 8\.00 to 8\.40 s: give --attitude-start-s",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_used_says_what_to_do(make, start_s, mount_deg, words, tmp_path):
+    path = make(tmp_path)
+    if path.suffix == ".bin":
+        pytest.importorskip("pymavlink")
+    with pytest.raises(DataError, match=words) as caught:
+        read_attitude(path, 0.01, start_s, mount_deg)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory, rig, camera):
+    """Two pictures from 6 m square on, where no picture tells the tilt, by a camera that looks up by 3°."""
+    pose = camera_from_bar([-6.0, 0.0, 0.3], 0.0, math.radians(3.0))
+    image = bar_picture(rig.cue, camera, pose, np.random.default_rng(1), Look(0.4, 1.0), colour=(40.0, 240.0, 60.0))
+    return make_video(tmp_path_factory.mktemp("film") / "film.mp4", [image] * 2)
+
+
+def seen(film, tmp_path, **options):
+    out = tmp_path / "poses.csv"
+    code = See((film,), csv=out, **options).run()
+    with out.open() as file:
+        return code, list(csv.DictReader(file))
+
+
+def test_an_attitude_narrows_a_films_poses(film, tmp_path, capsys):
+    code, alone = seen(film, tmp_path)
+    assert code == 0
+    assert "attitude: none, a pose may lean either way" in capsys.readouterr().err
+    rows = table(tmp_path / "attitude.csv", [(0.0, 0.0, 3.0), (0.2, 0.0, 3.0)])
+    code, known = seen(film, tmp_path, attitude=rows, attitude_std_deg=0.1)
+    assert code == 0
+    assert "attitude.csv, 2 readings from 0.00 to 0.20 s" in capsys.readouterr().err
+    for row in known:
+        assert float(row["down_m"]) == pytest.approx(0.3, abs=0.05)
+        assert float(row["down_sd_m"]) < 0.03 < 0.2 * float(alone[0]["down_sd_m"])
+    assert abs(float(alone[0]["down_m"]) - 0.3) < 3.0 * float(alone[0]["down_sd_m"])
+
+
+def test_pictures_outside_of_the_attitude_are_named(film, tmp_path, capsys):
+    rows = table(tmp_path / "attitude.csv", [(50.0, 0.0, 3.0), (50.2, 0.0, 3.0)])
+    code, found = seen(film, tmp_path, attitude=rows)
+    assert code == 1
+    assert "2 of 2 pictures lie outside of" in capsys.readouterr().err
+    assert len(found) == 2
+    code, _ = seen(film, tmp_path, attitude=rows, attitude_start_s=50.0)
+    assert code == 0
+
+
+def test_a_flight_log_has_its_own_attitude(tmp_path, rig, camera, capsys):
+    pose = camera_from_bar([-6.0, 0.0, 0.3], 0.0)
+    image = bar_picture(rig.cue, camera, pose, np.random.default_rng(1), Look(0.4, 1.0), colour=(40.0, 240.0, 60.0))
+    log = log_of(tmp_path, [image, image])
+    code, found = seen(log, tmp_path)
+    assert code == 0
+    assert "log.mcap, 2 readings" in capsys.readouterr().err
+    assert [float(row["down_m"]) for row in found] == pytest.approx([0.3, 0.3], abs=0.05)
+    log.write_bytes(log.read_bytes()[:-40])
+    code, found = seen(log, tmp_path)
+    assert (code, len(found)) == (1, 2)
+    assert "log.mcap breaks off: 2 pictures read, the log was not closed" in capsys.readouterr().err

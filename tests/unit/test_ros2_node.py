@@ -1,0 +1,108 @@
+"""The simulated vehicle as a ROS 2 node: what it flies of what comes; and a flight's log as a bag."""
+
+import math
+import time
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rosbags", reason="the extra ros2")
+
+from made_up_flight import CAMERA, INFO, RIG, VERDICT, flight
+
+from shipland.errors import ConfigError
+from shipland.guidance.response import ANAFI_LIKE
+from shipland.messages import GimbalAttitude, Intent
+from shipland.record.channels import LogParameters
+from shipland.record.writer import LogWriter
+from shipland.report.ros2_bag import write_bag
+from shipland.sitl.ros2_node import SetPoints, VehicleTopics
+from shipland.vehicles.ros2 import conversions as ros
+from shipland.vehicles.ros2 import image_messages as images
+from shipland.vehicles.ros2.setup import vehicle_topics
+from shipland.vehicles.ros2.types import message
+from shipland.vehicles.wanted import HOLD, Wanted, wanted_of
+
+
+def test_an_attitude_becomes_the_sticks_that_ask_for_it() -> None:
+    orders = SetPoints(ANAFI_LIKE, 0.0)
+    asked = Wanted(0.1, -0.05, 0.5, 0.2)
+    orders.take_attitude(ros.attitude_message(asked, 1.0, ANAFI_LIKE.max_climb_mps, time.time()))
+    orders.take_landing(message("std_msgs/msg/Bool", data=True))
+    orders.take_gimbal(ros.gimbal_message(GimbalAttitude(0.0, -0.3), time.time()))
+    command = orders.command(3.0)
+    back = wanted_of(command, ANAFI_LIKE)
+    assert [back.forward, back.right, back.climb_mps, back.turn_rad_s] == pytest.approx(
+        [0.1, -0.05, 0.5, 0.2], abs=1e-6
+    )
+    assert command.intent is Intent.LAND
+    assert command.gimbal_pitch_rad == pytest.approx(-0.3)
+    assert command.t_s == 3.0
+
+
+def test_velocities_to_an_aircraft_that_flies_tilts_are_a_hold_and_said_to_be() -> None:
+    orders = SetPoints(ANAFI_LIKE, 0.0)
+    assert not orders.begun
+    orders.take_velocity(ros.velocity_message(HOLD, time.time()))
+    assert orders.begun
+    assert not orders.unfit
+    orders.take_velocity(ros.velocity_message(Wanted(1.0, 0.0, 0.0, 0.0), time.time()))
+    assert orders.command(1.0).intent is Intent.HOLD
+    assert "aircraft.loop.kind=velocity" in orders.unfit
+
+
+def test_a_set_point_that_is_no_number_leaves_the_one_before() -> None:
+    orders = SetPoints(ANAFI_LIKE, 0.0)
+    orders.take_attitude(ros.attitude_message(Wanted(0.1, 0.0, 0.0, 0.0), 0.0, 1.0, time.time()))
+    orders.take_attitude(message("mavros_msgs/msg/AttitudeTarget", thrust=math.nan))
+    assert orders.command(1.0).pitch_percent > 0.0
+
+
+def test_a_log_becomes_a_bag_that_rosbags_reads(tmp_path: Path) -> None:
+    from rosbags.highlevel import AnyReader
+
+    log = tmp_path / "flight.mcap"
+    with LogWriter(log, INFO, RIG, CAMERA, LogParameters(image_rate_hz=2.0)) as writer:
+        for record in flight(from_s=20.0, to_s=21.0):
+            writer.append(record)
+        writer.finish(VERDICT)
+    counts = write_bag(log, tmp_path / "bag", epoch_s=1000.0)
+    heard: dict[str, list[object]] = {}
+    with AnyReader([tmp_path / "bag"]) as reader:
+        for connection, time_ns, data in reader.messages():
+            assert time_ns >= 1_000_000_000_000
+            heard.setdefault(connection.topic, []).append(reader.deserialize(data, connection.msgtype))
+    assert {topic: len(told) for topic, told in heard.items()} == {t: n for t, n in counts.items() if n}
+    assert counts["/drone/odom"] == len(heard["/drone/camera/attitude"])
+    assert heard["/drone/camera/image_raw/compressed"]
+    assert heard["/shipland/cue_pose"]
+    assert heard["/shipland/diagnostics"][0].status[0].name == "shipland"  # type: ignore[attr-defined]
+    with pytest.raises(ConfigError, match="is there already"):
+        write_bag(log, tmp_path / "bag")
+
+
+class Kept:
+    """Outlets that keep what is sent."""
+
+    def __init__(self) -> None:
+        self.sent: dict[str, list[Any]] = {}
+
+    def publisher(self, topic: str, kind: str, *, latched: bool = False) -> SimpleNamespace:
+        return SimpleNamespace(heard=True, send=self.sent.setdefault(topic, []).append)
+
+
+def test_what_the_simulated_vehicle_tells_is_stamped_with_when_it_was_true() -> None:
+    kept, topics = Kept(), vehicle_topics("drone", {})
+    told = VehicleTopics(kept, topics, SimpleNamespace(camera=CAMERA))
+    (record,) = list(flight(from_s=20.0, to_s=20.03))[:1]
+    late = replace(record.telemetry, attitude_t_s=record.telemetry.t_s - 0.19)
+    told.tell(record.frame, late, exposed_s=999.7, now_s=1000.0)
+    (odometry,) = kept.sent["drone/odom"]
+    assert ros.seconds(odometry.header.stamp) == pytest.approx(999.81, abs=1e-6)
+    (picture,) = kept.sent["drone/camera/image_raw"]
+    assert ros.seconds(picture.header.stamp) == pytest.approx(999.7, abs=1e-6)
+    assert (images.image_of(picture) == record.frame.image).all()
+    assert images.image_of(kept.sent["drone/camera/image_raw/compressed"][0]).shape == record.frame.image.shape

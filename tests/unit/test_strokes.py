@@ -1,0 +1,106 @@
+"""Cues of narrow strokes, rectangles that something cuts in two, and pictures that stand still."""
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+
+from pictures import GREEN, Look, bar_picture, camera_from_bar, paint, plain_canvas, srgb
+from shipland.camera import Camera
+from shipland.cue import Cue, Polygon
+from shipland.messages import Frame, GimbalAttitude
+from shipland.vision.near.parameters import VisionParameters
+from shipland.vision.near.pipeline import NearVision
+from shipland.vision.near.segment import joined_quads
+
+CAMERA = Camera.from_fov(424, 240, 49.0)
+UNKNOWN = GimbalAttitude(math.nan, math.nan)
+OUTER = [(-0.4985, 0.0), (-0.2492, 0.4318), (0.2492, 0.4318), (0.4985, 0.0)]
+INNER = [(0.4398, 0.0), (0.2198, 0.381), (-0.2198, 0.381), (-0.4398, 0.0)]
+CORNERS = [OUTER[0], INNER[3], INNER[2], INNER[1], INNER[0], OUTER[3], OUTER[2], OUTER[1]]
+HEXAGON = Cue((Polygon(tuple(CORNERS)),), manufacturing_tolerance=0.01)
+"""The lower half of a hexagon, of tape 5 cm wide."""
+
+
+def drawn(pose, rng, noise=2.0):
+    """The open hexagon before a dark background."""
+    canvas = plain_canvas(CAMERA) * 0.15
+    for start, end, inner_end, inner_start in zip(OUTER[:3], OUTER[1:], INNER[2::-1], INNER[:0:-1], strict=True):
+        corners_m = np.array([start, inner_start, inner_end, end])
+        points = np.column_stack([np.zeros(4), corners_m])
+        paint(canvas, CAMERA.project(pose.apply(points)), GREEN, 6, 0.6)
+    return np.clip(255.0 * srgb(canvas) + rng.normal(0.0, noise, canvas.shape), 0, 255).astype(np.uint8)
+
+
+def see(image, cue=HEXAGON, camera=CAMERA, **options):
+    parameters = VisionParameters(gimbal_noise_rad=0.0, max_obliquity_deg=65.0)
+    return NearVision(cue, camera, parameters, **options).see(Frame(0.0, image, UNKNOWN))
+
+
+@pytest.mark.parametrize("distance_m", [5.0, 10.0, 15.0])
+def test_tape_two_pixels_wide_is_measured_as_a_whole(distance_m, rng):
+    place = [-distance_m, 0.1 * distance_m, 0.2 * distance_m]
+    pose = camera_from_bar(place, 0.0, math.radians(10.0))
+    found = see(drawn(pose, rng)).bar_pose
+    assert found is not None
+    error = found.position_in_bar_m - place
+    assert error @ np.linalg.solve(found.covariance[:3, :3], error) < 25.0
+    assert np.linalg.norm(found.position_in_bar_m) == pytest.approx(np.linalg.norm(place), rel=0.03)
+
+
+@pytest.mark.parametrize("change", ["closed", "half", "cross"])
+def test_other_shapes_of_tape_are_not_the_cue(change, rng):
+    image = drawn(camera_from_bar([-8.0, 0.0, 0.0]), rng)
+    rows, columns = np.nonzero(image[..., 1] > 100)
+    (top, bottom), (left, right) = (rows.min(), rows.max()), (columns.min(), columns.max())
+    lit = image[rows, columns].mean(axis=0).tolist()
+    if change == "closed":
+        cv2.rectangle(image, (int(left), int(top)), (int(right), int(bottom)), lit, 2)
+    elif change == "half":
+        image[:, : (left + right) // 2] = image[2, 2]
+    else:
+        cv2.line(image, (int(left), int(bottom)), (int(right), int(top)), lit, 2)
+        cv2.line(image, (int(left), int(top)), (int(right), int(bottom)), lit, 2)
+    assert see(image).bar_pose is None
+
+
+def test_a_rectangle_cut_in_two_is_joined_and_measured(rng, rig, camera):
+    place = [-5.0, 0.5, 0.1]
+    pose = camera_from_bar(place, 0.1)
+    image = bar_picture(rig.cue, camera, pose, rng, Look(0.5, 1.0))
+    whole = see(image, rig.cue, camera).bar_pose
+    image[:, int(whole.corners_px[0, 0]) + 40 :][:, :14] = (60, 60, 60)
+    found = see(image, rig.cue, camera).bar_pose
+    assert found is not None
+    assert found.position_in_bar_m == pytest.approx(place, abs=0.1)
+    assert found.corners_px == pytest.approx(whole.corners_px, abs=0.3)
+
+
+def test_only_what_fills_a_quadrilateral_is_joined():
+    upper, lower, beside = (
+        np.array([[x, y], [x + 10, y], [x + 10, y + h], [x, y + h]], float)
+        for x, y, h in ((0, 0, 30), (0, 38, 20), (60, 0, 58))
+    )
+    (joined,) = joined_quads([upper, lower, beside], 4.0)
+    assert sorted(map(tuple, joined.tolist())) == [(0.0, 0.0), (0.0, 58.0), (10.0, 0.0), (10.0, 58.0)]
+
+
+def test_pictures_that_stand_still_count_together_as_far_as_they_scatter(rng, rig, camera):
+    place = [-6.0, 1.0, 0.2]
+    pose = camera_from_bar(place, 0.15)
+    clean = bar_picture(rig.cue, camera, pose, rng, Look(0.5, 0.0), colour=(40.0, 150.0, 50.0))
+    fusing = NearVision(rig.cue, camera, VisionParameters(gimbal_noise_rad=0.0), fuse=True)
+    stds = []
+    for index in range(12):
+        noisy = np.clip(clean + rng.normal(0.0, 4.0, clean.shape), 0, 255).astype(np.uint8)
+        found = fusing.see(Frame(0.03 * index, noisy, UNKNOWN)).bar_pose
+        stds.append(math.sqrt(np.trace(found.covariance[:3, :3])))
+    assert stds[-1] < 0.8 * stds[0]
+    again = NearVision(rig.cue, camera, VisionParameters(gimbal_noise_rad=0.0), fuse=True)
+    same = [again.see(Frame(0.03 * index, noisy, UNKNOWN)).bar_pose for index in range(12)]
+    assert same[-1].covariance == pytest.approx(same[1].covariance, rel=0.3)  # a picture repeated says nothing new
+    moved = np.roll(noisy, 3, axis=1)
+    after = fusing.see(Frame(0.36, moved, UNKNOWN)).bar_pose
+    alone = see(moved, rig.cue, camera).bar_pose
+    assert after.corners_px == pytest.approx(alone.corners_px, abs=0.05)
