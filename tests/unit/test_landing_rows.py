@@ -28,7 +28,7 @@ def verdict(forward_m, starboard_m, t_s=20.0, **keys):
 
 
 def landing(found, scenario=SCENARIO, seed=1):
-    result = FlightResult(100, 20.0, found.reason if found else "time limit", {})
+    result = FlightResult(found.reason if found else "time limit", 100, 20.0, {})
     return landing_of(scenario, seed, Flown(result, found), [])
 
 

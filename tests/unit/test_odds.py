@@ -43,6 +43,7 @@ def test_the_gain_of_another_draw_is_that_of_drawn_ones() -> None:
 def test_nothing_is_waited_for_that_cannot_be_better() -> None:
     assert Odds(0.999, 0.5, 0.5, 5.0).worth_taking(0.003)
     assert not Odds(0.6, 0.7, 0.7**2 + 0.1**2, 5.0).worth_taking(0.003)
+    assert Odds(0.96, 0.85, 0.85**2 + 0.13**2, 5.0, best=0.96).worth_taking(0.003)  # nothing better was seen
 
 
 def test_mean_and_square_follow_what_was_offered() -> None:

@@ -13,7 +13,7 @@ import tyro
 from shipland.commands.options import Changes, command_line
 
 if TYPE_CHECKING:
-    from shipland.evaluation.replays import Flown
+    from shipland.evaluation.replays import PastFlight
 
 
 @dataclass(frozen=True)
@@ -89,10 +89,10 @@ class Again:
         print(f"{out}: {', '.join(sorted(path.name for path in out.iterdir() if path.is_file()))}", file=sys.stderr)
         return 0 if flight.success else 1
 
-    def _of_a_log(self) -> Flown:
+    def _of_a_log(self) -> PastFlight:
         """A simulated flight's log; DataError for another's."""
         from shipland.errors import ConfigError, DataError
-        from shipland.evaluation.replays import Flown, flown_setup
+        from shipland.evaluation.replays import PastFlight, flown_setup
         from shipland.record.reader import read_log
 
         if self.seed is not None:
@@ -106,9 +106,9 @@ class Again:
             print("it was flown with --vehicle-config, which the log does not hold: give it again", file=sys.stderr)
         scenario, pilot, vision = flown_setup(before, self.log, self.pilot, self.vision, self.changes)
         version = info.code_version or info.software_version
-        return Flown(scenario, pilot, vision, info.seed, version, Path("out/again"), self.log)
+        return PastFlight(scenario, pilot, vision, info.seed, version, Path("out/again"), self.log)
 
-    def _of_a_cell(self) -> Flown:
+    def _of_a_cell(self) -> PastFlight:
         """One flight of a campaign's cell; ConfigError where no seed is given, or none that was flown."""
         from shipland.errors import ConfigError
         from shipland.evaluation.replays import flown_in_cell

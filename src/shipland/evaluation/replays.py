@@ -171,7 +171,7 @@ def _setup(
 
 
 @dataclass(frozen=True)
-class Flown:
+class PastFlight:
     """A flight of the simulator that can be flown again.
 
     Attributes:
@@ -192,7 +192,9 @@ class Flown:
     result: str = ""
 
 
-def flown_in_cell(folder: Path, seed: int, pilot: str = "", vision: str = "", changes: Sequence[str] = ()) -> Flown:
+def flown_in_cell(
+    folder: Path, seed: int, pilot: str = "", vision: str = "", changes: Sequence[str] = ()
+) -> PastFlight:
     """A flight of a campaign's cell.
 
     Raises:
@@ -207,7 +209,7 @@ def flown_in_cell(folder: Path, seed: int, pilot: str = "", vision: str = "", ch
     version = str(key.get("version", ""))
     setup = _setup(folder, (renamed(key["scenario"]), key["pilot"], key["vision"], version), (pilot, vision, changes))
     log, out = folder / "flights" / f"{seed}.mcap", folder / "flights" / f"{seed}"
-    return Flown(*setup, seed, version, out, log if log.is_file() else None, results[seed])
+    return PastFlight(*setup, seed, version, out, log if log.is_file() else None, results[seed])
 
 
 def recorded_film(

@@ -28,31 +28,37 @@ class Odds:
         now: for a final descent that begins now.
         mean, square: of it and of its square, of late.
         weight_s: of these.
+        best: of late; it fades towards the mean.
     """
 
     now: float
     mean: float = 0.0
     square: float = 0.0
     weight_s: float = 0.0
+    best: float = 1.0
 
     def after(self, before: Odds | None, step_s: float) -> Odds:
         """With mean and square, from those of the cycle before."""
         if before is None:
-            return Odds(self.now, self.now, self.now**2, step_s)
+            return Odds(self.now, self.now, self.now**2, step_s, self.now)
         kept_s = before.weight_s * math.exp(-step_s / _REMEMBERED_S)
         weight_s = kept_s + step_s
         share = step_s / weight_s if weight_s > 0.0 else 1.0
         mean = before.mean + share * (self.now - before.mean)
-        return Odds(self.now, mean, before.square + share * (self.now**2 - before.square), weight_s)
+        best = max(self.now, before.best + (mean - before.best) * step_s / _REMEMBERED_S)
+        return Odds(self.now, mean, before.square + share * (self.now**2 - before.square), weight_s, best)
 
     @property
     def gain(self) -> float:
-        """By which another draw is better than now, on average; no worse than now, as it need not be taken."""
+        """By which another draw is better than now, on average; no worse than now, as it need not be taken.
+
+        Odds end at 1 and a normal distribution does not: another draw is no better than the best of late.
+        """
         deviation = math.sqrt(max(self.square - self.mean**2, 1e-12))
         z = (self.now - self.mean) / deviation
         density = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
         better = deviation * (density - z * 0.5 * math.erfc(z / math.sqrt(2.0)))
-        return min(better, 1.0 - self.now)
+        return min(better, self.best - self.now)
 
     def worth_taking(self, cost: float) -> bool:
         """Whether another draw gains less than it costs, in landings."""
