@@ -33,10 +33,11 @@ from shipland.rig import Rig
 from shipland.vehicles.ros2.dds import Node
 from shipland.vehicles.ros2.types import message
 from shipland.vehicles.vehicle import Commanded, Ending, Informed, Real
+from shipland.vehicles.wanted import Wanted
 
 
-def command(intent: Intent = Intent.FLY, pitch_percent: float = 20.0) -> PilotCommand:
-    return PilotCommand(time.monotonic(), pitch_percent, 0.0, 0.0, 0.0, -0.25, intent)
+def command(intent: Intent = Intent.FLY, pitch_percent: float = 20.0, low: bool = True) -> PilotCommand:
+    return PilotCommand(time.monotonic(), pitch_percent, 0.0, 0.0, 0.0, -0.25, intent, low)
 
 
 def test_it_is_a_real_vehicle_that_says_who_commands_and_passes_on_what_is_seen() -> None:
@@ -73,6 +74,11 @@ def test_nothing_is_commanded_before_the_drone_obeys_nor_after_it_does_not() -> 
         assert vehicle.read() is None
         drone.guided = True  # it does not come back
         assert vehicle.read() is None
+        before, turns = Wanted(0.0, 0.0, 0.0, 0.0), len(vehicle.late_s)
+        drone.wanted = before
+        vehicle.send(command())
+        assert until(lambda: len(vehicle.late_s) > turns + 10)
+        assert drone.wanted is before  # no set-point in ten turns
 
 
 def test_a_drone_that_never_obeys_is_said_to() -> None:
@@ -92,6 +98,16 @@ def test_motors_that_stop_have_landed_where_a_landing_was_flown(intent: Intent, 
         drone.armed = False
         assert until(lambda: bool(vehicle.end_reason))
         assert vehicle.end_reason == f"{words}the motors have stopped"
+
+
+def test_a_landing_high_over_the_deck_lets_no_motors_stop() -> None:
+    with bench() as (vehicle, drone):
+        vehicle.open()
+        vehicle.send(command(Intent.LAND))
+        assert until(lambda: drone.landing)
+        vehicle.send(command(Intent.LAND, low=False))
+        assert until(lambda: not drone.landing)
+        assert drone.wanted.forward > 0.0  # it is flown on
 
 
 def test_without_new_commands_it_holds() -> None:

@@ -154,7 +154,7 @@ def seen(film, tmp_path, **options):
 def test_an_attitude_narrows_a_films_poses(film, tmp_path, capsys):
     code, alone = seen(film, tmp_path)
     assert code == 0
-    assert "attitude: none, a pose may lean either way" in capsys.readouterr().err
+    assert "attitude: none, a pose's tilt may have either sign" in capsys.readouterr().err
     rows = table(tmp_path / "attitude.csv", [(0.0, 0.0, 3.0), (0.2, 0.0, 3.0)])
     code, known = seen(film, tmp_path, attitude=rows, attitude_std_deg=0.1)
     assert code == 0

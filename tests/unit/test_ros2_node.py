@@ -48,10 +48,10 @@ def test_velocities_to_an_aircraft_that_flies_tilts_are_a_hold_and_said_to_be() 
     assert not orders.begun
     orders.take_velocity(ros.velocity_message(HOLD, time.time()))
     assert orders.begun
-    assert not orders.unfit
+    assert not orders.refused
     orders.take_velocity(ros.velocity_message(Wanted(1.0, 0.0, 0.0, 0.0), time.time()))
     assert orders.command(1.0).intent is Intent.HOLD
-    assert "aircraft.loop.kind=velocity" in orders.unfit
+    assert "aircraft.loop.kind=velocity" in orders.refused
 
 
 def test_a_set_point_that_is_no_number_leaves_the_one_before() -> None:

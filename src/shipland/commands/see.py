@@ -47,7 +47,7 @@ class See(PictureOptions):
     """Roll and pitch of a film's camera against the horizon: CSV with the columns t_s (the film's time), roll_deg
     (right side down positive) and pitch_deg (upward positive), one row for a camera that stands; a flight log (.mcap);
     ArduPilot's log (.bin, .tlog) or PX4's (.ulg), both with the extra mavlink. A flight log's own pictures have the
-    log's. Without one a pose may lean either way, and its covariance says so."""
+    log's. Without one the tilt of a pose may have either sign, and its covariance says so."""
     attitude_start_s: float | None = None
     """What the clock of --attitude says at the film's start; a CSV may go without."""
     attitude_std_deg: float = 0.5
@@ -148,7 +148,7 @@ class _Attitudes:
         film = result.picture.source
         if film not in self._pictures:
             track = self._tracks.get(film)
-            words = "none, a pose may lean either way; --attitude gives it" if track is None else track.words
+            words = "none, a pose's tilt may have either sign; --attitude gives it" if track is None else track.words
             print(f"attitude: {words}", file=sys.stderr)
         self._pictures.setdefault(film, []).append(math.isfinite(result.observation.gimbal.pitch_rad))
 

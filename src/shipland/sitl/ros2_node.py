@@ -59,14 +59,14 @@ class SetPoints:
         self._lock = threading.Lock()
         self.heard_s: list[float] = []
         """When each came [s]."""
-        self.unfit = ""
+        self.refused = ""
         """Why the last could not be flown, in words."""
 
     def take_velocity(self, command: Any) -> None:  # noqa: ANN401
         """geometry_msgs/TwistStamped; only a hold is flown by an aircraft that flies tilts."""
         wanted = wanted_velocity(command)
         if wanted is not None and self._response.kind == "attitude" and not wanted.hold:
-            self.unfit = "velocities come, and this aircraft flies tilts: --set aircraft.loop.kind=velocity"
+            self.refused = "velocities come, and this aircraft flies tilts: --set aircraft.loop.kind=velocity"
             wanted = HOLD
         self._take(wanted)
 
@@ -74,7 +74,7 @@ class SetPoints:
         """mavros_msgs/AttitudeTarget."""
         wanted = wanted_attitude(command, self._response.max_climb_mps)
         if wanted is not None and self._response.kind == "velocity":
-            self.unfit = "attitudes come, and this aircraft flies velocities: ros2://…?kind=velocity"
+            self.refused = "attitudes come, and this aircraft flies velocities: ros2://…?kind=velocity"
             wanted = HOLD
         self._take(wanted)
 
@@ -85,7 +85,7 @@ class SetPoints:
             self._gimbal_rad = gimbal.pitch_rad
 
     def take_landing(self, landing: Any) -> None:  # noqa: ANN401
-        """std_msgs/Bool: whether the descent that is flown ends on the deck, where the motors may be stopped."""
+        """std_msgs/Bool: in a landing, low enough to touch: the motors may be stopped at contact."""
         self._landing = bool(landing.data)
 
     @property
@@ -256,7 +256,7 @@ def _fly(
             frames.show(time.monotonic(), vehicle.world.snapshot())
         time.sleep(period_s)
     say("it flies")
-    factor, unfit = RealTimeFactor(), ""
+    factor, refused = RealTimeFactor(), ""
     begun_s = time.monotonic() - (0.0 if pair is None else pair[1].t_s)
     epoch_s = time.time() - (time.monotonic() - begun_s)
     while pair is not None:
@@ -266,9 +266,9 @@ def _fly(
         told.tell(frame, telemetry, epoch_s + frame.t_s, epoch_s + telemetry.t_s)
         if frames is not None:
             frames.show(begun_s + vehicle.world.t_s, vehicle.world.snapshot())
-        if orders.unfit != unfit:
-            unfit = orders.unfit
-            say(unfit)
+        if orders.refused != refused:
+            refused = orders.refused
+            say(refused)
         vehicle.send(orders.command(max(telemetry.t_s, time.monotonic() - begun_s)))
         pair = vehicle.read()
     say(factor.words())

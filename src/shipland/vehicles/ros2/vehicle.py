@@ -276,7 +276,8 @@ class Ros2Vehicle:
         newest = command[0] if command is not None and fresh else None
         wanted = HOLD if newest is None else wanted_of(newest, self._setup.response)
         heard.landing = newest is not None and newest.intent is Intent.LAND
-        self._landing.send(message("std_msgs/msg/Bool", data=heard.landing))
+        may_stop = newest is not None and heard.landing and newest.at_contact_height
+        self._landing.send(message("std_msgs/msg/Bool", data=may_stop))
         self._set_point(wanted, step_s)
         if newest is None or not math.isfinite(newest.gimbal_pitch_rad):
             return
