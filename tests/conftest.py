@@ -1,6 +1,7 @@
 """Shared by every test: one thread a process, hypothesis' profile, the packaged rig and camera, a seeded generator."""
 
 import fcntl
+import itertools
 import logging
 import os
 import signal
@@ -33,7 +34,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 for _number in (signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM):
     signal.signal(_number, signal.SIG_DFL)
 
-REAL_TIME = Path(__file__).parent / "conformance"
+REAL_TIME, SPREAD = (Path(__file__).parent / name for name in ("conformance", "scenarios"))
 
 
 def _may_choose_its_turn() -> bool:
@@ -56,6 +57,23 @@ def pytest_runtest_setup(item):
     if _OWN_TURN is not None:
         later = 0 if REAL_TIME in item.path.parents else 10
         os.setpriority(os.PRIO_PROCESS, 0, _OWN_TURN + later)
+
+
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
+def pytest_collection_modifyitems(items):
+    """How workers share the tests out (`--dist loadgroup`).
+
+    Tests in real time, which mostly wait, are two workers' from the beginning; a file of others stays with one worker,
+    so that what it makes once, for instance a flight, a drawn scene or an import, is not made once a worker; whole
+    flights are spread.
+    """
+    queues = itertools.cycle(("real time, one", "real time, other"))
+    for item in items:
+        if REAL_TIME in item.path.parents:
+            item.add_marker(pytest.mark.xdist_group(next(queues)))
+        elif SPREAD not in item.path.parents:
+            item.add_marker(pytest.mark.xdist_group(item.path.stem))
+    items.sort(key=lambda item: (REAL_TIME not in item.path.parents, SPREAD not in item.path.parents))
 
 
 @pytest.fixture(scope="session", autouse=True)

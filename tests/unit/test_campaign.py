@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_jobs import die, die_at_two, square
 
 from shipland.errors import DataError
 from shipland.evaluation import folder as folders
@@ -257,33 +258,17 @@ NOTHING = (lambda *_: None,) * 2
 """To keep and to lose nothing by."""
 
 
-def _square(number):
-    return number * number
-
-
-def _die(number):
-    os._exit(3)
-
-
 def test_workers_do_every_job_once():
     kept = {}
-    done = dict(run_jobs(_square, range(7), 2, kept.__setitem__, print))
+    done = dict(run_jobs(square, range(7), 2, kept.__setitem__, print))
     assert done == kept == {number: number * number for number in range(7)}
-
-
-def _die_at_two(number):
-    if number == 2:
-        os._exit(3)
-    if number == 4:
-        raise ValueError("four")
-    return number
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_a_job_that_fails_costs_itself_only(workers):
     lost = {}
     numbers = [number for number in range(7) if workers > 1 or number != 2]  # with one worker the jobs run here
-    done = dict(run_jobs(_die_at_two, numbers, workers, lambda *_: None, lost.__setitem__))
+    done = dict(run_jobs(die_at_two, numbers, workers, lambda *_: None, lost.__setitem__))
     assert sorted(done) == [0, 1, 3, 5, 6]
     assert lost[4] == "ValueError: four"
     assert workers == 1 or "exit code 3" in lost[2]
@@ -297,7 +282,7 @@ def test_no_more_jobs_are_taken_than_there_are_workers():
             taken.append(number)
             yield number
 
-    for count, _ in enumerate(run_jobs(_square, jobs(), 2, *NOTHING), start=1):
+    for count, _ in enumerate(run_jobs(square, jobs(), 2, *NOTHING), start=1):
         assert len(taken) <= count + 2
 
 
@@ -310,7 +295,7 @@ def test_workers_that_all_die_end_the_run_in_one_line(monkeypatch):
 
     monkeypatch.setattr(subprocess, "Popen", noted)
     with pytest.raises(DataError, match=r"a worker process died \(exit code 3\); is there memory"):
-        list(run_jobs(_die, range(100), 2, lambda *_: None, lambda job, _: lost.append(job)))
+        list(run_jobs(die, range(100), 2, lambda *_: None, lambda job, _: lost.append(job)))
     assert len(lost) < 10
     assert 2 <= len(started) < 10
     assert all(process.returncode is not None for process in started)
