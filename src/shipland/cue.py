@@ -10,7 +10,6 @@ import numpy as np
 
 from shipland.config import build, parameters, read_toml, require
 from shipland.errors import ConfigError
-from shipland.former import FORMER
 from shipland.frames import Array
 
 Corner = tuple[float, float]
@@ -184,6 +183,8 @@ class Cue:
                     f"{path}: {former!r} stands in section [rig] now, as in a scenario: [rig] with "
                     "manufacturing_tolerance and hue, then one [[rig.polygon]] with corners_m a polygon"
                 )
+        from shipland.former import FORMER
+
         rig = table.get("rig", {})
         if not isinstance(rig, dict):
             raise ConfigError(f"{path}: expected a section [rig]")

@@ -11,8 +11,8 @@ from shipland.sim.scene.parameters import SceneParameters
 from shipland.sim.scene.scene import Scene
 from shipland.sim.state import SceneState
 from shipland.vision.near.deck import DeckVision
+from shipland.vision.near.gates import Refusal
 from shipland.vision.near.parameters import DeckVisionParameters
-from shipland.vision.near.refusal import Refusal
 
 RIG = Rig()
 CAMERA = Camera.from_parameters(CameraParameters())

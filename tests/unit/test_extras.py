@@ -28,9 +28,11 @@ for words in {commands}:
 
 
 def without(modules, *commands, cwd):
-    """The command lines, one after another in a process where these modules are not installed; it prints their codes."""
+    """The command lines, in turn in a process where these modules are not installed; it prints their codes."""
     code = WITHOUT.format(modules=modules, commands=commands)
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=cwd, timeout=300, check=True)
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=cwd, timeout=300, check=True
+    )
 
 
 def test_every_extra_is_in_the_project():

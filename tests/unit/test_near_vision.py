@@ -30,10 +30,10 @@ from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.vision.near import published
 from shipland.vision.near.covariance import bar_pose_of
+from shipland.vision.near.gates import Refusal
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
 from shipland.vision.near.planar_pose import Corners, LevelPrior, solve
-from shipland.vision.near.refusal import Refusal
 
 PARAMETERS = VisionParameters()
 CORNERS_ALONE = VisionParameters(gimbal_noise_rad=0.0)

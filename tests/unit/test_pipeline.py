@@ -30,10 +30,10 @@ from shipland.frames import Pose
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
 from shipland.vision.near import published
+from shipland.vision.near.gates import Refusal
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
 from shipland.vision.near.published import published_vision
-from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Window
 

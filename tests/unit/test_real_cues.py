@@ -9,11 +9,11 @@ from shipland.camera import Camera
 from shipland.cue import Cue, Polygon
 from shipland.messages import Frame, GimbalAttitude
 from shipland.rig import Rig
+from shipland.vision.near.gates import Refusal
 from shipland.vision.near.outline import polygon_in_outline
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision
 from shipland.vision.near.published import published_vision
-from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Window
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shipland.messages import BarPose, Box, Frame, GimbalAttitude, Observation
-from shipland.vision.selector import VisionSelector, VisionSelectorParameters
+from shipland.vision.vision import VisionSelector, VisionSelectorParameters
 
 PARAMETERS = VisionSelectorParameters()
 LEVEL = GimbalAttitude(0.0, 0.0)

@@ -9,7 +9,7 @@ from studies.tags import apriltag, aruco, in_picture
 from studies.views import Setting, look, view_at
 
 from shipland.messages import Frame
-from shipland.vision.near.refusal import Refusal
+from shipland.vision.near.gates import Refusal
 
 SETTING = Setting.packaged()
 PLACES = ((3.0, 15.0), (7.0, -20.0), (12.0, 5.0))  # range [m], degrees off the axis

@@ -10,7 +10,7 @@ from shipland.camera import Camera, level_from_camera
 from shipland.geometric.parameters import DeckErrors
 from shipland.messages import DeckSight, Frame, Observation
 from shipland.vehicles.vehicle import GroundTruthSource
-from shipland.vision.near.refusal import Refusal
+from shipland.vision.near.gates import Refusal
 
 LEAST_FACING = 0.5
 """Cosine of the angle at which a deck is seen most steeply."""

@@ -20,6 +20,7 @@ from shipland.geometric.parameters import GeometricParameters
 from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.vehicles.vehicle import GroundTruthSource
 from shipland.vision.near.covariance import bar_pose_of
+from shipland.vision.near.gates import Refusal, gimbal_off, jumps, largest_reprojection_px, within_reach
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import (
     CONTRADICTION_CHI2,
@@ -32,8 +33,6 @@ from shipland.vision.near.planar_pose import (
     ordered,
     solve,
 )
-from shipland.vision.near.refusal import Refusal, gimbal_off
-from shipland.vision.near.validate import jumps, largest_reprojection_px, within_reach
 
 
 class GeometricVision:

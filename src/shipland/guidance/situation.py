@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +13,10 @@ from shipland.guidance.estimate import NearEstimate
 from shipland.guidance.far import FarTables
 from shipland.guidance.modes import ModeMemory, Situation, overruled
 from shipland.guidance.parameters import ApproachParameters
-from shipland.guidance.references import References
 from shipland.messages import Box, Mode, Observation, PilotCommand, Telemetry
+
+if TYPE_CHECKING:
+    from shipland.guidance.references import References
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,6 @@ from shipland.scenario.visions import needs_pictures
 if TYPE_CHECKING:
     from shipland.record.info import FlightInfo
     from shipland.record.writer import LogWriter
-from shipland.version import code_version
 
 
 @dataclass(frozen=True)
@@ -72,6 +71,7 @@ def flight_info(
 ) -> FlightInfo:
     """The log's header: everything that is needed to fly the flight again."""
     from shipland.record.info import FlightInfo, config_digest, file_digest  # a flight without a log writes nothing
+    from shipland.version import code_version
 
     detector, table = scenario.detector, scenario.table()
     weights = ""

@@ -42,7 +42,7 @@ from shipland.sim.world import StartParameters
 from shipland.vehicles.delays import DelayParameters
 from shipland.vision.far.parameters import DetectorParameters
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.selector import VisionSelectorParameters
+from shipland.vision.vision import VisionSelectorParameters
 
 
 @parameters

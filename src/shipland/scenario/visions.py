@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -14,11 +14,7 @@ from shipland.scenario.scenario import Scenario
 from shipland.sim.state import SceneState
 from shipland.vehicles.simulated import SimulatedVehicle
 from shipland.vehicles.vehicle import GroundTruthSource, Vehicle
-from shipland.vision.selector import VisionSelector
-from shipland.vision.vision import Vision
-
-if TYPE_CHECKING:
-    pass
+from shipland.vision.vision import Vision, VisionSelector
 
 F = TypeVar("F", bound=Callable[..., object])
 

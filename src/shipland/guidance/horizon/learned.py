@@ -12,7 +12,6 @@ import numpy as np
 from shipland.config import key, parameters
 from shipland.errors import ConfigError
 from shipland.files import check_digest, json_of
-from shipland.former import todays
 from shipland.frames import Array
 from shipland.guidance.horizon.steering import ENTRIES, Action, Kind, Steered, observation_of
 from shipland.guidance.response import Response
@@ -98,6 +97,8 @@ def policy_path(name: str) -> Path:
 def _load(path: Path) -> tuple[Any, Action]:
     """The policy's session on one thread, and what its action means."""
     import onnxruntime
+
+    from shipland.former import todays
 
     check_digest(path)
     options = onnxruntime.SessionOptions()

@@ -11,8 +11,8 @@ import numpy as np
 
 from shipland.frames import Array, Pose
 from shipland.vision.near.associate import Match, match_by_geometry, match_by_prediction
+from shipland.vision.near.gates import Refusal
 from shipland.vision.near.pose import PoseCandidate, Setup
-from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.segment import Region, is_cut_quad
 from shipland.vision.near.validate import explains_absence
 

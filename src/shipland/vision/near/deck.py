@@ -19,8 +19,8 @@ from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array
 from shipland.messages import DeckSight, Frame, GimbalAttitude, Observation
 from shipland.rig import DeckMark, Rig
+from shipland.vision.near.gates import Refusal
 from shipland.vision.near.parameters import DeckVisionParameters
-from shipland.vision.near.refusal import Refusal
 
 Float = npt.NDArray[np.float32]
 Grey = npt.NDArray[np.uint8]

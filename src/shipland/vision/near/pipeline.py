@@ -19,17 +19,17 @@ from shipland.messages import Frame, GimbalAttitude, Observation
 from shipland.vision.near.associate import Match
 from shipland.vision.near.choice import Choice
 from shipland.vision.near.edges import MeasuredCorners, measure_corners
+from shipland.vision.near.gates import Refusal, gimbal_off, jumps
 from shipland.vision.near.hidden import cut_sides, hidden_sides, without
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.planar_pose import LevelPrior
 from shipland.vision.near.pose import Known, PoseCandidate, Setup, solve_pose
-from shipland.vision.near.refusal import Refusal, gimbal_off
 from shipland.vision.near.regions import find_regions
 from shipland.vision.near.segment import Image, QuadsOf, RegionsOf, Window, find_quads, joined_quads, segment
 from shipland.vision.near.still import Still
 from shipland.vision.near.strokes import measure_strokes, stroke_polygons
 from shipland.vision.near.track import Track
-from shipland.vision.near.validate import Screen, corners_are_sharp, jumps, validate
+from shipland.vision.near.validate import Screen, corners_are_sharp, validate
 
 MeasureCorners = Callable[[Image, Array, Camera, VisionParameters, float | None], MeasuredCorners | None]
 """Image, corners (n,4,2) to within two pixels, camera, parameters, blur of the last picture: corners at sub-pixel."""

@@ -17,10 +17,10 @@ from shipland.cue import Cue, Hue
 from shipland.frames import Array
 from shipland.vision.near.edge_pixels import Sides, contrast_direction, distort
 from shipland.vision.near.edges import MeasuredCorners
+from shipland.vision.near.gates import Refusal
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.pipeline import NearVision, Steps
 from shipland.vision.near.pose import PoseCandidate
-from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.segment import (
     Image,
     Region,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -10,11 +9,9 @@ import cv2
 import numpy as np
 
 from shipland.frames import Array, Pose
-from shipland.messages import BarPose
-from shipland.vision.near.covariance import position_and_yaw
+from shipland.vision.near.gates import Refusal, largest_reprojection_px, within_reach
 from shipland.vision.near.hidden import may_be_hidden, seen_error_px
 from shipland.vision.near.parameters import VisionParameters
-from shipland.vision.near.refusal import Refusal
 from shipland.vision.near.segment import Region, edge_distances
 
 if TYPE_CHECKING:
@@ -23,15 +20,6 @@ if TYPE_CHECKING:
 
 _MOST_COMMON = 3.0
 """Standard deviations of the corners' common errors; a larger one would excuse rectangles of other dimensions."""
-
-_REPROJECTION_NOISE = 4.0
-"""Standard deviations of a corner that the reprojection error may have in addition."""
-
-_MOST_NOISE_PX = 0.1
-"""Most that these amount to: smeared or frayed sides state a noise that would excuse any shape."""
-
-_JUMP_M, _JUMP_SIGMAS = 0.5, 4.0
-"""Change of height, and its standard deviations, that two poses may differ by in no time."""
 
 _EDGE_PX = 1.0
 """How far beyond the picture's edge a side that seems to lie on it may be."""
@@ -70,49 +58,6 @@ def validate(candidate: PoseCandidate, screen: Screen) -> Refusal | None:
     if not screen(candidate):
         return Refusal.SIDES_UNEQUAL
     return None if within_reach(taken.camera_from_plane, parameters) else Refusal.OUT_OF_REACH
-
-
-def largest_reprojection_px(
-    corners_px: Array, noise_px: float, manufacturing_tolerance: float, parameters: VisionParameters
-) -> float:
-    """Root-mean-square distance up to which corners fit the cue.
-
-    Args:
-        corners_px: (k,4,2) measured.
-        noise_px: their largest standard deviation.
-        manufacturing_tolerance: what the cue's dimensions are made to (`Target.manufacturing_tolerance`).
-        parameters: of the near chain.
-    """
-    diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
-    most_px = parameters.reprojection_px + manufacturing_tolerance * diagonal_px
-    return most_px + min(_REPROJECTION_NOISE * noise_px, _MOST_NOISE_PX)
-
-
-def within_reach(camera_from_plane: Pose, parameters: VisionParameters) -> bool:
-    """Whether a pose lies within the range and obliquity that are accepted."""
-    sight_m = camera_from_plane.translation_m
-    distance_m, facing = float(np.linalg.norm(sight_m)), float(camera_from_plane.rotation[:, 2] @ sight_m)
-    least_facing = math.cos(math.radians(parameters.max_obliquity_deg))
-    return distance_m <= parameters.max_distance_m and facing >= least_facing * distance_m
-
-
-def jumps(pose: BarPose, last: Pose, passed_s: float, parameters: VisionParameters) -> bool:
-    """Whether the camera would have risen or sunk since the last pose faster than an aircraft does.
-
-    The image of a cue that is its own reflection, in a wet deck or in water, is that of a cue which hangs lower.
-
-    Args:
-        pose: found now.
-        last: the last pose, camera_from_plane.
-        passed_s: time between them.
-        parameters: how fast that is.
-    """
-    if parameters.track_climb_mps <= 0.0:
-        return False
-    last_in_bar_m, _ = position_and_yaw(last)
-    risen_m = abs(float(pose.position_in_bar_m[2] - last_in_bar_m[2]))
-    unsure_m = _JUMP_SIGMAS * math.sqrt(max(float(pose.covariance[2, 2]), 0.0))
-    return risen_m > _JUMP_M + unsure_m + parameters.track_climb_mps * passed_s
 
 
 def explains_absence(setup: Setup, camera_from_plane: Pose, model: Sequence[int], cut: Sequence[Region]) -> bool:
