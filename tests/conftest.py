@@ -23,6 +23,7 @@ from shipland.rig import Rig
 hypothesis.settings.register_profile(
     "shipland",
     deadline=None,
+    max_examples=50,
     derandomize=bool(os.environ.get("CI")),
     print_blob=True,
     suppress_health_check=[hypothesis.HealthCheck.too_slow],

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -198,23 +197,6 @@ def test_a_full_disk_is_one_line_after_the_flight(tmp_path, here):
     assert sorted(path.name for path in tmp_path.iterdir() if path.is_file()) == [
         "foxglove-layout.json", "timing.json",
     ]  # fmt: skip
-
-
-def test_a_request_to_end_leaves_what_ctrl_c_leaves(tmp_path):
-    words = ["fly", "--vision", "geometric", "--no-video", "--out", str(tmp_path)]
-    with subprocess.Popen([sys.executable, "-m", "shipland.cli", *words], stderr=subprocess.PIPE, text=True) as process:
-        try:
-            assert any("SEARCH" in line for line in process.stderr)  # it flies; the first time it compiles before
-            process.send_signal(signal.SIGTERM)
-            said = process.stderr.read()
-            assert process.wait(60.0) == 130
-        finally:
-            process.kill()
-    assert "interrupted" in said and "Traceback" not in said
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "flight.mcap", "foxglove-layout.json", "plots.png", "summary.json", "timing.json",
-    ]  # fmt: skip
-    assert read_log(tmp_path / "flight.mcap").complete
 
 
 SHORT = ("fly", "--vision", "geometric", "--no-video", "--set", "time_limit_s=4", "--out")

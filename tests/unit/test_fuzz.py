@@ -12,9 +12,9 @@ sys.path.append(str(Path(__file__).parents[2] / "tools"))
 import fuzz
 
 INPUTS = {
-    "pilots": 3,  # of 200 cycles
+    "pilots": 1,  # of 200 cycles
     "results": 4,
-    "pictures": 4,
+    "pictures": 2,
     "configurations": 25,
     "logs": 20,
     "networks": 10,

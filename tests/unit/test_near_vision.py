@@ -75,7 +75,7 @@ def test_pose_of_a_drawn_bar(corners, place_m, yaw_deg, pitch_deg):
 @pytest.mark.parametrize("tone", list(TONES))
 def test_a_tone_curve_costs_little(tone):
     """All edges move outward together, by up to 0.4 px: measured as they look, the camera is 1–3 % too near."""
-    for index, (range_m, azimuth_deg) in enumerate([(3.0, 20.0), (6.0, -30.0), (9.0, 10.0), (13.0, -20.0)]):
+    for index, (range_m, azimuth_deg) in enumerate([(3.0, 20.0), (13.0, -20.0)]):
         azimuth_rad = np.radians(azimuth_deg)
         place_m = range_m * np.array([-np.cos(azimuth_rad), -np.sin(azimuth_rad), 0.02])
         pose = camera_from_bar(place_m, azimuth_rad + 0.05)

@@ -1,6 +1,5 @@
 """What the tool about another renderer looks at, and what it calls found; nothing is path-traced here."""
 
-import subprocess
 import sys
 from pathlib import Path
 
@@ -15,10 +14,21 @@ from shipland.vision.far.parameters import detector_parameters
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 
 
-from path_traced import RENDERERS, SEED, Looked, _camera, _look_far, _look_near, _synth, _tables, places
+from path_traced import (
+    RENDERERS,
+    SEED,
+    Arguments,
+    Looked,
+    _camera,
+    _look_far,
+    _look_near,
+    _synth,
+    _tables,
+    main,
+    places,
+)
 from studies.views import Setting
 
-TOOLS = Path(__file__).parents[2] / "tools"
 SETTING = Setting.packaged()
 
 
@@ -80,14 +90,13 @@ def test_tables_count_pairs():
 
 
 @pytest.mark.parametrize(("step", "said"), [("draw", "pip install bpy"), ("look", "holds no pictures")])
-def test_what_is_missing_is_said_in_one_line(step, said, tmp_path):
-    command = [sys.executable, str(TOOLS / "path_traced.py"), step, "--out", str(tmp_path / "out"), "--share", "0.01"]
+def test_what_is_missing_is_said_in_one_line(step, said, tmp_path, capsys):
     if step == "draw" and _has_blender():
         pytest.skip("Blender is there")
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert len(done.stderr.splitlines()) == 1
+    with pytest.raises(SystemExit, match="2"):
+        main(Arguments(step, out=tmp_path / "out", share=0.01))
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
 
 
 def _has_blender():

@@ -207,7 +207,7 @@ def test_as_printed_half_a_cue_is_no_cue(rng):
 @pytest.mark.parametrize("gimbal_noise_rad", [0.001, 0.0])
 def test_no_pose_without_the_cue(kind, gimbal_noise_rad, rng):
     eyes = vision(gimbal_noise_rad=gimbal_noise_rad)
-    for _ in range(25):
+    for _ in range(10):
         canvas = foliage(SMALL, rng, rng.uniform(0.1, 0.8)) if kind == "foliage" else decoys(SMALL, kind, rng)
         eyes.reset()
         observation = look_at(eyes, finish(canvas, rng, Look(noise=1.0)))

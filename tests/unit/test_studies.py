@@ -94,6 +94,8 @@ def test_pages_agree_with_the_results(page):
     tables.checked(page.read_text(encoding="utf-8"), page.name)
 
 
+SECONDS = ("false_accepts", "film_errors", "reach", "reliability", "speed_render", "spoiled_cue")
+"""Studies whose smallest case takes seconds: `make test-slow` runs them."""
 MINUTES = (
     *("confirmation", "far_vision", "frigate_recall", "margins", "pilot_consistency", "speed_far", "speed_landings"),
     *("speed_near", "speed_peers"),
@@ -101,7 +103,14 @@ MINUTES = (
 """Studies whose smallest case takes too long for a test."""
 
 
-@pytest.mark.parametrize("name", [name for name in ORDER if not (harness.CAMPAIGNS / f"{name}.toml").exists()])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] if name in SECONDS else [])
+        for name in ORDER
+        if not (harness.CAMPAIGNS / f"{name}.toml").exists()
+    ],
+)
 def test_the_smallest_case_of_a_study_runs(name):
     study = harness.load(name)
     assert harness.source_of(name, study)
