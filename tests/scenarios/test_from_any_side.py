@@ -1,6 +1,4 @@
-"""A ship met from ahead or abeam shows no bar: the pilot flies around it to its stern and lands."""
-
-import pytest
+"""A ship met from ahead shows no bar: the pilot flies around it to its stern and lands."""
 
 from shipland.config import merge
 from shipland.messages import Mode
@@ -8,9 +6,8 @@ from shipland.scenario.fly import fly_quietly
 from shipland.scenario.scenario import load_scenario, scenario_table
 
 
-@pytest.mark.parametrize("bearing_deg", [120.0, 180.0])
-def test_a_ship_met_from_ahead_is_flown_around(bearing_deg):
-    start = {"bearing_deg": bearing_deg, "bearing_half_range_deg": 0.0, "distance_m": 50.0, "height_m": 5.0}
+def test_a_ship_met_from_ahead_is_flown_around():
+    start = {"bearing_deg": 180.0, "bearing_half_range_deg": 0.0, "distance_m": 50.0, "height_m": 5.0}
     scenario = load_scenario(merge(scenario_table("demo"), {"start": start, "time_limit_s": 120.0}))
     rows = []
     flown = fly_quietly(scenario, "horizon", "geometric", 1, rows.append)

@@ -1,7 +1,5 @@
 """The cue is hidden for seconds, and what is seen then is its mirror image in the deck: the flight is not led by it."""
 
-import pytest
-
 from shipland.scenario.fly import fly_quietly
 from shipland.scenario.scenario import load_scenario
 
@@ -12,10 +10,9 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_mirrored_cue_after_a_gap_leads_no_flight_astray(seed):
+def test_a_mirrored_cue_after_a_gap_does_not_lead_the_flight_astray():
     rows = []
-    flown = fly_quietly(load_scenario("rig-natops", fault=FAULTS), "horizon", "geometric", seed, rows.append)
+    flown = fly_quietly(load_scenario("rig-natops", fault=FAULTS), "horizon", "geometric", 1, rows.append)
     refused = [row for row in rows if "mirror image" in row.observation.reason]
     assert len(refused) > 30
     assert all(12.0 <= row.frame.t_s <= 18.0 for row in refused)

@@ -7,10 +7,6 @@ from pathlib import Path
 
 import pytest
 
-nbformat = pytest.importorskip("nbformat", reason="wants Jupyter: pip install nbclient ipykernel")
-pytest.importorskip("nbclient", reason="wants Jupyter: pip install nbclient ipykernel")
-pytest.importorskip("ipykernel", reason="wants Jupyter: pip install nbclient ipykernel")
-
 ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "examples").glob("*.ipynb"))
 
@@ -39,6 +35,10 @@ def test_there_are_three():
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 @pytest.mark.filterwarnings("ignore")  # Jupyter's own, of its sockets and event loops
 def test_a_notebook_runs_and_shows_what_it_keeps(path, monkeypatch):
+    nbformat, *_ = (
+        pytest.importorskip(name, reason="wants Jupyter: pip install nbclient ipykernel")
+        for name in ("nbformat", "nbclient", "ipykernel")
+    )
     # The kernel finds this Python's `shipland`, and this checkout's sources.
     monkeypatch.setenv("PATH", f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]))

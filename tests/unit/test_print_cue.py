@@ -17,8 +17,6 @@ from shipland.report.print_sheets import (
     sheets_for,
 )
 
-pdfium = pytest.importorskip("pypdfium2", reason="draws PDF pages: pip install pypdfium2")
-
 PX_PER_MM = 4.0
 GREEN = (35, 85)
 MM_PER_POINT = 25.4 / 72.0
@@ -27,6 +25,7 @@ MM_PER_POINT = 25.4 / 72.0
 def pages(path, px_per_mm=PX_PER_MM):
     """Size [mm] and picture (BGR) of each page."""
     found = []
+    pdfium = pytest.importorskip("pypdfium2", reason="draws PDF pages: pip install pypdfium2")
     document = pdfium.PdfDocument(path)
     for page in document:
         image = np.asarray(page.render(scale=px_per_mm * MM_PER_POINT).to_pil())[:, :, ::-1].copy()

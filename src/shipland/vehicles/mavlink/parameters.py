@@ -13,10 +13,11 @@ from shipland.guidance.response import Response
 from shipland.vehicles.mavlink.setpoints import ClimbScale
 from shipland.vehicles.mavlink.state import ARDUPILOT, PX4
 from shipland.vehicles.pace import First
+from shipland.vehicles.parameters import SetpointParameters
 
 
 @parameters
-class MavlinkParameters:
+class MavlinkParameters(SetpointParameters):
     """`[mavlink]`."""
 
     kind: Literal["attitude", "velocity"] = key(
@@ -26,9 +27,6 @@ class MavlinkParameters:
     )
     system_id: int = key(245, "ours", "chosen: not a ground station's 255, whose failsafe stays its own", ge=1, le=255)
     component_id: int = key(191, "ours", "MAV_COMP_ID_ONBOARD_COMPUTER", ge=1, le=255)
-    setpoint_hz: float = key(
-        50.0, "set-points a second", "10–50 Hz for SET_ATTITUDE_TARGET; PX4 wants more than 2 Hz", ge=5, le=200
-    )
     setpoint_gap_s: float = key(
         0.3,
         "without a set-point for so long, the guard process of the link sends holds in our place; after "
@@ -39,28 +37,6 @@ class MavlinkParameters:
     )
     goes_first: First = key(
         "thread", "before other processes, with CAP_SYS_NICE", "thread: of the set-points | process: all of ours"
-    )
-    gimbal_hz: float = key(10.0, "gimbal commands a second", ge=0.1, le=100)
-    connect_timeout_s: float = key(20.0, "to the first heartbeat, and to the first of everything needed", ge=1, le=600)
-    engage_timeout_s: float = key(120.0, "for the operator to give us the mode", ge=0.1, le=3600)
-    stale_s: float = key(
-        1.0, "without a command for so long it holds", "chosen: [Lee2022]'s longest cycle is 0.5 s", ge=0.1, le=5
-    )
-    link_timeout_s: float = key(
-        3.0, "without a heartbeat for so long the flight is over", "chosen; one a second at least", ge=0.5, le=30
-    )
-    video_timeout_s: float = key(10.0, "likewise without a picture", ge=0.5, le=60)
-    max_tilt_deg: float = key(
-        15.0, "at full stick, within the vehicle's own limits", "as [aircraft.settings]", ge=1, le=45
-    )
-    max_speed_mps: float = key(
-        4.0, "at full stick, within the vehicle's own limits", "chosen, of the kind velocity", ge=0.1, le=20
-    )
-    max_climb_mps: float = key(
-        1.0, "at full stick, within the vehicle's own limits", "as [aircraft.settings]", ge=0.1, le=5
-    )
-    max_turn_deg_s: float = key(
-        40.0, "at full stick, within the vehicle's own limits", "as [aircraft.settings]", ge=1, le=180
     )
     stick_takeover_us: int = key(80, "a stick moved by more takes over", "chosen: a sixth of full stick", ge=20, le=400)
     hover_throttle: float = key(

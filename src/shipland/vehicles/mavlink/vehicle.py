@@ -1,22 +1,18 @@
 """An ArduPilot or PX4 vehicle over MAVLink, with a camera beside it.
 
-Set-points leave at a steady rate from a thread of their own, whatever the loop does, and only while control is ours:
-whoever takes the mode or the sticks has the vehicle at once and keeps it. See `control`.
+Whoever takes the mode or the sticks has the vehicle at once and keeps it. See `control`.
 """
 
 from __future__ import annotations
 
 import math
-import threading
 import time
-from contextlib import ExitStack
 
 from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
-from shipland.messages import Frame, GimbalAttitude, GroundTruth, Intent, PilotCommand, Telemetry, TouchdownVerdict
+from shipland.messages import GimbalAttitude, Intent, Telemetry
 from shipland.stopping import uninterrupted
-from shipland.vehicles.camera_stream import CameraStream
 from shipland.vehicles.checks import Check
 from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.control import MOTORS_STOPPED, Control
@@ -26,6 +22,7 @@ from shipland.vehicles.mavlink.motors import MotorStop
 from shipland.vehicles.mavlink.parameters import (
     ARDUPILOT_NAMES,
     PX4_NAMES,
+    MavlinkParameters,
     VehicleLimits,
     missing_parameters,
     response_within,
@@ -36,10 +33,8 @@ from shipland.vehicles.mavlink.setup import MavlinkSetup, open_session
 from shipland.vehicles.mavlink.state import PX4, AutopilotState
 from shipland.vehicles.mavlink.taking import Taking
 from shipland.vehicles.mavlink.telemetry import telemetry_of
-from shipland.vehicles.pace import Pace
-from shipland.vehicles.stream_reader import StreamReader
+from shipland.vehicles.setpoint_vehicle import SetpointVehicle
 from shipland.vehicles.touchdown import GroundContact
-from shipland.vehicles.vehicle import unless_late
 from shipland.vehicles.wanted import HOLD, Wanted, pressed, wanted_of
 
 _HEIGHT_S = 1.0
@@ -48,27 +43,23 @@ _HAND_OVER_S = 0.5
 """From one request to the next for a mode that obeys the pilot's sticks."""
 
 
-class MavlinkVehicle:
-    """A `Vehicle` on `time.monotonic`; a `GroundTruthSource` where its camera is a simulator's.
+class MavlinkVehicle(SetpointVehicle):
+    """An autopilot that is flown by MAVLink set-points.
 
     Args:
         setup: link, camera, parameters, and what it may do by itself.
     """
 
+    _parameters: MavlinkParameters
+
     def __init__(self, setup: MavlinkSetup) -> None:
-        self._setup, self._parameters = setup, setup.parameters
-        self._stack = ExitStack()
+        super().__init__(setup.parameters)
+        self._setup = setup
         self._session: Session | None = None
-        self._stream: CameraStream | None = None
-        self._pace: Pace | None = None
-        self._lock = threading.Lock()
-        self._command: tuple[PilotCommand, float] | None = None
         self._control = Control(self._parameters.stick_takeover_us)
-        self._engaged = self._opening = self._closed = False
-        self._end_reason = ""
+        self._opening = False
         self._hand_overs, self._handed_s = 0, -math.inf
-        self._reader: StreamReader | None = None
-        self._beat_s = self._gimbal_s = self._awake_s = -math.inf
+        self._beat_s = self._awake_s = -math.inf
         self._response: Response | None = None
         self._limits: VehicleLimits | None = None
 
@@ -78,11 +69,6 @@ class MavlinkVehicle:
     def camera(self) -> Camera:
         """Intrinsics of the pictures."""
         return self._setup.camera
-
-    @property
-    def end_reason(self) -> str:
-        """Why the flight is over, in words; empty in flight."""
-        return self._end_reason
 
     @property
     def in_command(self) -> str:
@@ -101,11 +87,6 @@ class MavlinkVehicle:
         if self._session is None:
             raise VehicleError("the vehicle is not connected")
         return self._session
-
-    @property
-    def late_s(self) -> list[float]:
-        """How late each set-point left [s]."""
-        return [] if self._pace is None else list(self._pace.late_s)
 
     def connect(self) -> None:
         """Link, parameters and camera, without taking control; once is enough.
@@ -136,53 +117,21 @@ class MavlinkVehicle:
                 self._tilts = AttitudeTarget(limits.climb_scale, session.target)
             hz, gap_s, silence_s = parameters.setpoint_hz, parameters.setpoint_gap_s, parameters.link_timeout_s
             session.link.watch(session.guard_orders(hz, gap_s, silence_s))
-            stream = self._stream = CameraStream(self._setup.source)
-            self._stack.callback(stream.close)
-            stream.start()
-            if stream.newest(-math.inf, self._setup.open_timeout_s) is None:
-                raise VehicleError(f"no picture from the camera: {stream.problem or 'it keeps silent'}")
-            self._reader = StreamReader(stream, self._gimbal_at, parameters.video_timeout_s)
-            pace = self._pace = Pace(self._tick, parameters.setpoint_hz, "mavlink-set-points", parameters.goes_first)
-            self._stack.callback(pace.stop)
-            pace.start()
+            self._start_stream(self._setup.source)
+            self._await_picture(self._setup.open_timeout_s, "it keeps silent", self._gimbal_at)
+            self._start_set_points("mavlink-set-points", parameters.goes_first)
         except BaseException:
             self._stack.close()
             raise
 
-    def open(self) -> None:
-        """Connect, and take the vehicle as far as that was allowed; VehicleError when it does not come to us."""
-        if self._closed:
-            raise VehicleError("this flight is over; make a new vehicle for the next one")
-        self.connect()
+    def _engage(self) -> None:
         self._opening = True
-        try:
-            self._taking.run(self._setup.engagement)
-            assert self._reader is not None  # connected
-            self._reader.begin()
-            self._engaged = True
-        except BaseException:
-            self.close()
-            raise
-
-    def read(self) -> tuple[Frame | None, Telemetry] | None:
-        """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""
-        if self._reader is None or self._closed or not self._engaged:
-            return None
-        return self._reader.read(lambda: self._end_reason, self._video_lost, self.telemetry_at)
-
-    def look(self, timeout_s: float) -> Frame | None:
-        """The newest picture not given, without flying: only connected. None when none comes in time."""
-        return None if self._reader is None else self._reader.look(timeout_s)
+        self._taking.run(self._setup.engagement)
+        self._begin()
 
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest that has come, stamped with `t_s`."""
         return telemetry_of(self.session.state, t_s if math.isfinite(t_s) else time.monotonic())
-
-    def send(self, command: PilotCommand) -> None:
-        """The newest sticks; they leave with the next set-point."""
-        with self._lock:
-            now_s = time.monotonic()
-            self._command = unless_late(command, now_s), now_s
 
     @uninterrupted()
     def close(self) -> None:
@@ -205,14 +154,6 @@ class MavlinkVehicle:
             session.link.watch(None)
         self._stack.close()
 
-    def truth_at(self, t_s: float) -> GroundTruth | None:
-        """The truth of a frame that `read` gave, from a simulator's camera."""
-        return None if self._reader is None else self._reader.truth_at(t_s)
-
-    def verdict(self) -> TouchdownVerdict | None:
-        """The touchdown, from a simulator's camera."""
-        return None if self._reader is None else self._reader.verdict()
-
     def checks(self) -> list[Check]:
         """What of link, camera and vehicle is fit to fly; once connected."""
         from shipland.vehicles.mavlink.checks import link_checks
@@ -230,9 +171,6 @@ class MavlinkVehicle:
         return words if self._pace.preferred else f"{words}; among other processes: CAP_SYS_NICE puts them first"
 
     # Taking and losing the vehicle
-
-    def _video_lost(self, words: str) -> None:
-        self._end(f"video lost: {words}; the vehicle holds")
 
     def _gimbal_at(self, t_s: float) -> tuple[GimbalAttitude, float]:
         session = self.session
@@ -287,16 +225,13 @@ class MavlinkVehicle:
             climb = Wanted(0.0, 0.0, self.response().max_climb_mps, 0.0)
             self._set_point(climb if climbs else HOLD, state, step_s, boot_ms)
             return
-        with self._lock:
-            command = self._command
-        fresh = command is not None and not self._end_reason and now_s - command[1] <= self._parameters.stale_s
-        newest = command[0] if command is not None and fresh else None
+        newest = self._newest(now_s)
         wanted = HOLD if newest is None else wanted_of(newest, self.response())
         if not self._end_reason and self._motors.look(newest, state, now_s) is not GroundContact.NONE:
             wanted = pressed(self.response(), state.velocity_in_level_mps, self._press_mps)
         self._set_point(wanted, state, step_s, boot_ms)
-        if newest is not None:
-            self._turn_gimbal(newest.gimbal_pitch_rad, now_s)
+        if newest is not None and self._turns_camera(newest.gimbal_pitch_rad, now_s):
+            self._turn_camera(newest.gimbal_pitch_rad)
 
     def _may_command(self, state: AutopilotState) -> bool:
         """Whether set-points may leave: control is ours now.
@@ -318,10 +253,7 @@ class MavlinkVehicle:
         else:
             session.link.send(self._tilts.message(wanted, state.heading_rad, step_s, boot_ms))
 
-    def _turn_gimbal(self, pitch_rad: float, now_s: float) -> None:
-        if not math.isfinite(pitch_rad) or now_s - self._gimbal_s < 1.0 / self._parameters.gimbal_hz:
-            return
-        self._gimbal_s = now_s
+    def _turn_camera(self, pitch_rad: float) -> None:
         target, nan = self.session.target, math.nan
         # roll and pitch against the horizon, yaw with the aircraft
         self.session.link.send(

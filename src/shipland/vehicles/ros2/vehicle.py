@@ -1,79 +1,58 @@
 """A vehicle that is flown through ROS 2 topics, whoever stands behind them.
 
-Set-points leave at a steady rate from a thread of their own while the vehicle says that it is armed and obeys them;
-what we see and decide is published beside them.
+Set-points leave while the vehicle says that it is armed and obeys them; what we see and decide is published as well.
 """
 
 from __future__ import annotations
 
-import math
-import threading
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
 
 from shipland.camera import Camera
 from shipland.errors import VehicleError
 from shipland.guidance.response import Response
-from shipland.messages import (
-    FlightRecord,
-    Frame,
-    GimbalAttitude,
-    GroundTruth,
-    Intent,
-    Observation,
-    PilotCommand,
-    Telemetry,
-    TouchdownVerdict,
-)
+from shipland.messages import FlightRecord, GimbalAttitude, Intent, Observation, Telemetry
 from shipland.rig import Rig
 from shipland.stopping import check_stop, uninterrupted
-from shipland.vehicles.camera_stream import CameraStream, PictureSource
+from shipland.vehicles.camera_stream import PictureSource
 from shipland.vehicles.checks import Check
-from shipland.vehicles.pace import Pace
 from shipland.vehicles.ros2.checks import ros2_checks
 from shipland.vehicles.ros2.conversions import attitude_message, gimbal_message, velocity_message
 from shipland.vehicles.ros2.dds import Node
 from shipland.vehicles.ros2.image_messages import camera_of
+from shipland.vehicles.ros2.parameters import Ros2Parameters
 from shipland.vehicles.ros2.pictures import TopicPictures, image_kind
 from shipland.vehicles.ros2.setup import Ros2Setup, our_topics
 from shipland.vehicles.ros2.state import Heard
 from shipland.vehicles.ros2.telling import Telling
 from shipland.vehicles.ros2.types import message
-from shipland.vehicles.stream_reader import StreamReader
-from shipland.vehicles.vehicle import unless_late
+from shipland.vehicles.setpoint_vehicle import SetpointVehicle
 from shipland.vehicles.wanted import HOLD, HeadingSetPoint, Wanted, wanted_of
 
 _LOOK_S = 0.2
 """How often a stop is looked for while waiting."""
 
 
-class Ros2Vehicle:
-    """A `Vehicle` on `time.monotonic`; a `GroundTruthSource` where its pictures come over a simulator's socket.
+class Ros2Vehicle(SetpointVehicle):
+    """Whoever takes set-points from topics and publishes its state on others.
 
     Args:
         setup: see there.
     """
 
+    _parameters: Ros2Parameters
+
     def __init__(self, setup: Ros2Setup) -> None:
-        self._setup, self._parameters = setup, setup.parameters
-        self._stack = ExitStack()
+        super().__init__(setup.parameters)
+        self._setup = setup
         self._heard = Heard()
         self._camera = setup.camera
         self._camera_problem = ""
         self._topic = TopicPictures(lambda: self._camera, setup.latency_s)
         self._source: PictureSource = self._topic if setup.frames is None else setup.frames
-        self._stream: CameraStream | None = None
         self._node: Node | None = None
         self._telling: Telling | None = None
-        self._pace: Pace | None = None
         self._heading = HeadingSetPoint()
-        self._lock = threading.Lock()
-        self._command: tuple[PilotCommand, float] | None = None
-        self._opened = self._closed = False
-        self._ended = ""
-        self._gimbal_s = -math.inf
-        self._reader: StreamReader | None = None
 
     # What the loop sees
 
@@ -87,23 +66,18 @@ class Ros2Vehicle:
     @property
     def end_reason(self) -> str:
         """Why the flight is over, in words; empty in flight."""
-        return self._ended or self._heard.lost
+        return self._end_reason or self._heard.lost
 
     @property
     def in_command(self) -> str:
         """Who flies: `shipland`, the pilot with the vehicle's mode, or nobody and why."""
-        if self._heard.ours and not self._ended:
+        if self._heard.ours and not self._end_reason:
             return "shipland"
         return f"nobody: {self.end_reason}" if self.end_reason else f"the pilot ({self._heard.mode})"
 
     def response(self) -> Response:
         """What full sticks mean."""
         return self._setup.response
-
-    @property
-    def late_s(self) -> list[float]:
-        """How late each set-point left [s]."""
-        return [] if self._pace is None else list(self._pace.late_s)
 
     def connect(self) -> None:
         """Topics and pictures, without taking control; VehicleError when something does not come."""
@@ -127,70 +101,39 @@ class Ros2Vehicle:
                 node.subscribe(topics["camera_info"], "sensor_msgs/msg/CameraInfo", self._take_camera)
             if setup.frames is None:
                 node.subscribe(topics["image"], image_kind(topics["image"]), self._topic.take)
-            stream = self._stream = CameraStream(self._source)
-            self._stack.callback(stream.close)
-            stream.start()
+            self._start_stream(self._source)
             self._await(lambda: self._camera is not None, f"/{topics['camera_info']} has not come")
-            if stream.newest(-math.inf, setup.open_timeout_s) is None:
-                words = stream.problem or f"/{topics['image']} has not come"
-                raise VehicleError(f"no picture from the camera: {words}; `ros2 topic list` shows what there is")
-            fixed_rad = setup.fixed_pitch_rad
-            self._reader = StreamReader(
-                stream, lambda t_s: heard.gimbal_at(t_s, fixed_rad), self._parameters.video_timeout_s
+            fixed_rad, silent = (
+                setup.fixed_pitch_rad,
+                f"/{topics['image']} has not come; `ros2 topic list` shows what there is",
             )
+            self._await_picture(setup.open_timeout_s, silent, lambda t_s: heard.gimbal_at(t_s, fixed_rad))
         except BaseException:
             self._stack.close()
             raise
 
-    def open(self) -> None:
-        """Connect, and wait until the vehicle is armed and obeys us, and for `/shipland/land` if that was asked for."""
-        if self._closed:
-            raise VehicleError("this flight is over; make a new vehicle for the next one")
-        self.connect()
+    def _engage(self) -> None:
+        """Wait until the vehicle is armed and obeys us, and for `/shipland/land` if that was asked for."""
         assert self._telling is not None
         heard, parameters, waits = self._heard, self._parameters, self._setup.wait
-        try:
-            while waits and not heard.land:
-                self._telling.state("", "waiting for /shipland/land", time.monotonic())
-                heard.wait(lambda: heard.land, _LOOK_S)
-                check_stop()
-            self._telling.state("", "waiting for the vehicle to be armed and obey set-points", time.monotonic())
-            state = self._setup.topics["state"]
-            self._await(
-                lambda: heard.obeys,
-                f"/{state} does not say that the vehicle is armed and guided (mode {heard.mode})",
-                parameters.engage_timeout_s,
-            )
-            heard.begin()
-            assert self._reader is not None  # connected
-            self._reader.begin()
-            pace = self._pace = Pace(self._tick, parameters.setpoint_hz, "ros2-set-points")
-            self._stack.callback(pace.stop)
-            self._opened = True
-            pace.start()
-        except BaseException:
-            self.close()
-            raise
-
-    def read(self) -> tuple[Frame | None, Telemetry] | None:
-        """The newest picture not given, or none within `LONGEST_WAIT_S`; None when the flight is over."""
-        if self._reader is None or self._closed or not self._opened:
-            return None
-        return self._reader.read(lambda: self.end_reason, self._video_lost, self.telemetry_at)
-
-    def look(self, timeout_s: float) -> Frame | None:
-        """The newest picture not given, without flying: only connected. None when none comes in time."""
-        return None if self._reader is None else self._reader.look(timeout_s)
+        while waits and not heard.land:
+            self._telling.state("", "waiting for /shipland/land", time.monotonic())
+            heard.wait(lambda: heard.land, _LOOK_S)
+            check_stop()
+        self._telling.state("", "waiting for the vehicle to be armed and obey set-points", time.monotonic())
+        state = self._setup.topics["state"]
+        self._await(
+            lambda: heard.obeys,
+            f"/{state} does not say that the vehicle is armed and guided (mode {heard.mode})",
+            parameters.engage_timeout_s,
+        )
+        heard.begin()
+        self._begin()
+        self._start_set_points("ros2-set-points")
 
     def telemetry_at(self, t_s: float) -> Telemetry:
         """The newest that has come, stamped with `t_s`."""
         return self._heard.telemetry_at(t_s)
-
-    def send(self, command: PilotCommand) -> None:
-        """The newest sticks; they leave with the next set-point."""
-        with self._lock:
-            now_s = time.monotonic()
-            self._command = unless_late(command, now_s), now_s
 
     @uninterrupted()
     def close(self) -> None:
@@ -200,21 +143,13 @@ class Ros2Vehicle:
         self._closed = True
         if self._pace is not None:
             self._pace.stop()
-        if self._telling is not None and self._opened:
-            if self._heard.ours and not self._ended:
-                self._ended = "the flight was ended here; the vehicle holds"
+        if self._telling is not None and self._engaged:
+            if self._heard.ours and not self._end_reason:
+                self._end("the flight was ended here; the vehicle holds")
                 self._velocity.send(velocity_message(HOLD, time.time()))
             self._telling.state("", self.end_reason, time.monotonic())
             self._telling.ended(self.end_reason)
         self._stack.close()
-
-    def truth_at(self, t_s: float) -> GroundTruth | None:
-        """The truth of a frame that `read` gave, from a simulator's socket."""
-        return None if self._reader is None else self._reader.truth_at(t_s)
-
-    def verdict(self) -> TouchdownVerdict | None:
-        """The touchdown, from a simulator's socket."""
-        return None if self._reader is None else self._reader.verdict()
 
     def checks(self) -> list[Check]:
         """What of topics and camera is fit to fly; once connected."""
@@ -233,7 +168,7 @@ class Ros2Vehicle:
         """Publish an observation, and while nothing is flown why there is no pose."""
         if self._telling is not None:
             self._telling.seen(observation, self._topic.frame_id)
-            if not self._opened:
+            if not self._engaged:
                 words = observation.reason or "the cue's pose is known"
                 self._telling.state("SEE", words, time.monotonic())
 
@@ -243,9 +178,6 @@ class Ros2Vehicle:
             self._telling.deck_lies(rig.deck_in_bar_m, time.monotonic())
 
     # Within
-
-    def _video_lost(self, words: str) -> None:
-        self._ended = f"video lost: {words}; the vehicle holds"
 
     def _await(self, until: Callable[[], bool], otherwise: str, timeout_s: float | None = None) -> None:
         """Wait for something heard; VehicleError when it does not come."""
@@ -270,19 +202,13 @@ class Ros2Vehicle:
         heard.watch_silence(self._parameters.link_timeout_s)
         if not heard.ours:
             return
-        with self._lock:
-            command = self._command
-        fresh = command is not None and not self._ended and now_s - command[1] <= self._parameters.stale_s
-        newest = command[0] if command is not None and fresh else None
+        newest = self._newest(now_s)
         wanted = HOLD if newest is None else wanted_of(newest, self._setup.response)
         heard.landing = newest is not None and newest.intent is Intent.LAND
         may_stop = newest is not None and heard.landing and newest.at_contact_height
         self._landing.send(message("std_msgs/msg/Bool", data=may_stop))
         self._set_point(wanted, step_s)
-        if newest is None or not math.isfinite(newest.gimbal_pitch_rad):
-            return
-        if now_s - self._gimbal_s >= 1.0 / self._parameters.gimbal_hz:
-            self._gimbal_s = now_s
+        if newest is not None and self._turns_camera(newest.gimbal_pitch_rad, now_s):
             self._mount.send(gimbal_message(GimbalAttitude(0.0, newest.gimbal_pitch_rad), time.time()))
 
     def _set_point(self, wanted: Wanted, step_s: float) -> None:
