@@ -181,7 +181,7 @@ class ModePilot:
     def _descent_percent(self, position: PositionEstimate) -> float:
         """Descent; `steady`, it waits above commit height while the error predicted for `gate_s` later is too large."""
         approach, estimate = self._guidance.approach, position.estimate
-        if estimate is None or position.aircraft_in_bar_m is None or approach.landing_rule == "printed":
+        if estimate is None or position.aircraft_in_bar_m is None or approach.at_once:
             return -approach.descent_percent
         predicted_m = estimate.error_in_level_m[:2] + approach.gate_s * estimate.rate_in_level_mps[:2]
         high = self._references.height_m(position.aircraft_in_bar_m) > approach.commit_height_m

@@ -70,6 +70,11 @@ class ApproachParameters:
     def __post_init__(self) -> None:
         require(self.hover_height_m > self.commit_height_m > 0.0, "hover_height_m > commit_height_m > 0 must hold")
 
+    @property
+    def at_once(self) -> bool:
+        """Whether a landing waits for nothing but its square and is not broken off: the printed rule."""
+        return self.landing_rule == "printed"
+
 
 @parameters
 class GuidanceParameters:

@@ -36,7 +36,7 @@ class References:
     @staticmethod
     def of(rig: Rig, approach: ApproachParameters) -> References:
         """From the rig's dimensions."""
-        margin = 1.0 if approach.landing_rule == "printed" else approach.square_margin
+        margin = 1.0 if approach.at_once else approach.square_margin
         return References(
             hover_in_bar_m=rig.deck_in_bar_m - np.array([0.0, 0.0, approach.hover_height_m]),
             retry_in_bar_m=rig.deck_in_bar_m - np.array([approach.go_around_back_m, 0.0, approach.go_around_height_m]),

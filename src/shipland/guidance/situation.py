@@ -72,7 +72,7 @@ def situation_of(
         clear=may_retry(climbing_s, clear, approach),
         flying=telemetry.flying,
         overruled=overruled(sent, memory.mode),
-        at_once=approach.landing_rule == "printed",
+        at_once=approach.at_once,
     )
 
 
@@ -92,7 +92,7 @@ def landing_condition(
     forward_m, right_m, up_m = estimate.error_in_level_m
     if max(abs(forward_m), abs(right_m)) > references.landing_half_m:
         return f"{forward_m:+.2f} m forward, {right_m:+.2f} m right of the hover point"
-    if approach.landing_rule == "printed":
+    if approach.at_once:
         return ""
     if abs(up_m) > approach.max_height_error_m:
         return f"{up_m:+.2f} m to the hover height"
@@ -104,7 +104,7 @@ def landing_condition(
 
 
 def _abort_reason(estimate: NearEstimate | None, approach: ApproachParameters) -> str:
-    if estimate is None or approach.landing_rule == "printed":
+    if estimate is None or approach.at_once:
         return ""
     off_m = float(np.max(np.abs(estimate.error_in_level_m[:2])))
     return f"{off_m:.2f} m off the landing point while landing" if off_m > approach.abort_offset_m else ""
