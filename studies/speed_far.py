@@ -14,14 +14,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from shipland.learning.darknet import write_cfg, write_weights
 from shipland.learning.export import write_int8, write_onnx
-from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, random_weights, yolov3_layers
+from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, yolov3_layers
 from shipland.vision.far.decode import Decoding, DetectorSpec
 from shipland.vision.far.detector import Detector
 from shipland.vision.far.layouts import load_reader
 from shipland.vision.far.parameters import Precision, Runtime
 from studies.harness import Case, Column, Row, Study
+from studies.networks import random_weights, write_cfg, write_weights
 
 SIZES = {"tile 224 × 224": (224, 224), "tile 416 × 416": (416, 416), "frame 1280 × 720": (720, 1280)}
 RUNTIMES: tuple[tuple[str, Runtime, Precision], ...] = (
@@ -111,7 +111,7 @@ STUDY = Study(
     cases=cases,
     measure=measure,
     runs=9,
-    measured=("learning/darknet.py", "learning/export.py", "learning/yolov3.py", "vision/far"),
+    measured=("learning/export.py", "learning/yolov3.py", "vision/far"),
     minutes=4,
     alone=True,
 )

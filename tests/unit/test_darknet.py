@@ -1,10 +1,11 @@
 import cv2
 import numpy as np
 import pytest
+from studies.networks import random_weights, write_cfg, write_weights
 
 from shipland.errors import DataError
 from shipland.learning import darknet
-from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, ConvWeights, random_weights, yolov3_layers
+from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, ConvWeights, yolov3_layers
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode
 
 SPEC = DetectorSpec(("ship", "buoy"), PUBLISHED_ANCHORS_PX, Decoding.DARKNET, 0.125)
@@ -17,8 +18,8 @@ def files(tmp_path_factory):
     weights = random_weights(LAYERS, np.random.default_rng(3))
     # Heads a little larger, so that objectness spreads over 0 … 1.
     weights = [item if item.scale is not None else ConvWeights(3 * item.kernel, item.bias) for item in weights]
-    darknet.write_cfg(folder / "net.cfg", LAYERS, SPEC, 96, 64)
-    darknet.write_weights(folder / "net.weights", weights, pictures_seen=12_345)
+    write_cfg(folder / "net.cfg", LAYERS, SPEC, 96, 64)
+    write_weights(folder / "net.weights", weights, pictures_seen=12_345)
     return folder / "net.cfg", folder / "net.weights", weights
 
 
@@ -89,4 +90,4 @@ def test_foreign_weights_are_refused_by_name(files, tmp_path, change, message):
 def test_wide_decoding_cannot_be_written_as_darknet(tmp_path):
     spec = DetectorSpec(("ship",), PUBLISHED_ANCHORS_PX, Decoding.WIDE, 0.125)
     with pytest.raises(DataError, match="wide decoding"):
-        darknet.write_cfg(tmp_path / "net.cfg", yolov3_layers(1, 0.125), spec, 96, 64)
+        write_cfg(tmp_path / "net.cfg", yolov3_layers(1, 0.125), spec, 96, 64)

@@ -9,10 +9,11 @@ import av
 import cv2
 import numpy as np
 import pytest
+from studies.networks import random_weights
 
 from shipland.errors import DataError
 from shipland.learning.export import write_onnx
-from shipland.learning.yolov3 import ConvWeights, random_weights, yolov3_layers
+from shipland.learning.yolov3 import ConvWeights, yolov3_layers
 from shipland.messages import Box
 from shipland.report.drawings import Drawings, draw_boxes
 from shipland.vision.far.decode import Decoding, DetectorSpec

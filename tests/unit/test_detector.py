@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from studies.networks import random_weights
 
 from shipland.errors import DataError
 from shipland.learning.export import onnx_bytes, write_int8, write_onnx
-from shipland.learning.yolov3 import random_weights, yolov3_layers
+from shipland.learning.yolov3 import yolov3_layers
 from shipland.messages import Box, Frame, GimbalAttitude
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode, iou, suppress, to_boxes
 from shipland.vision.far.detector import Detector, cut_tile, padded, weights_path

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies.networks import random_weights
 
 from shipland.errors import DataError
 from shipland.learning.arguments import EvaluateArguments, SynthArguments
@@ -12,7 +13,7 @@ from shipland.learning.evaluate import evaluate
 from shipland.learning.export import write_onnx
 from shipland.learning.ranges import SceneRecord, markdown, range_table, summary
 from shipland.learning.synth import synth
-from shipland.learning.yolov3 import random_weights, yolov3_layers
+from shipland.learning.yolov3 import yolov3_layers
 from shipland.vision.far.decode import Decoding, DetectorSpec
 
 TARGET = (100.0, 50.0, 10.0, 8.0)

@@ -10,6 +10,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from studies.networks import random_weights  # noqa: E402
+
 from shipland.errors import DataError  # noqa: E402 - after importorskip
 from shipland.learning import run as running  # noqa: E402
 from shipland.learning import train as training  # noqa: E402
@@ -26,7 +28,7 @@ from shipland.learning.loss import (  # noqa: E402
 from shipland.learning.metrics import Tally, match, wilson_interval  # noqa: E402
 from shipland.learning.settings import train_parameters  # noqa: E402
 from shipland.learning.windows import DiskWindows, ResidentWindows  # noqa: E402
-from shipland.learning.yolov3 import random_weights, yolov3_layers  # noqa: E402
+from shipland.learning.yolov3 import yolov3_layers  # noqa: E402
 from shipland.vision.far.decode import Decoding, DetectorSpec, decode  # noqa: E402
 from shipland.vision.far.layouts import load_reader  # noqa: E402
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from studies.networks import random_weights
 
 from shipland.learning.yolov3 import (
     Conv,
@@ -9,7 +10,6 @@ from shipland.learning.yolov3 import (
     input_channels,
     layer_shapes,
     parameter_count,
-    random_weights,
     yolov3_layers,
 )
 

@@ -94,25 +94,6 @@ class ConvWeights:
         return self.kernel * factor[:, None, None, None], self.bias - self.mean * factor
 
 
-def random_weights(layers: Sequence[Layer], rng: np.random.Generator) -> list[ConvWeights]:
-    """Random weights of a trained network's magnitude, for tests of importers and exporters."""
-    weights = []
-    for layer, entering in zip(layers, input_channels(layers), strict=True):
-        if not isinstance(layer, Conv):
-            continue
-        n, fan_in = layer.filters, entering * layer.size**2
-        kernel = (rng.standard_normal((n, entering, layer.size, layer.size)) * np.sqrt(2.0 / fan_in)).astype(np.float32)
-        bias = (0.1 * rng.standard_normal(n)).astype(np.float32)
-        if not layer.normalised:
-            weights.append(ConvWeights(kernel, bias))
-            continue
-        scale = rng.uniform(0.4, 0.8, n).astype(np.float32)
-        mean = (0.1 * rng.standard_normal(n)).astype(np.float32)
-        variance = rng.uniform(0.8, 1.4, n).astype(np.float32)
-        weights.append(ConvWeights(kernel, bias, scale, mean, variance))
-    return weights
-
-
 def scaled_filters(filters: int, width: float) -> int:
     """`filters` times the width factor, in whole eights, at least eight."""
     return max(8, 8 * round(filters * width / 8))

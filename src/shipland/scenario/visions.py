@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -35,13 +35,6 @@ class VisionSetup:
     vehicle: Vehicle
     near_rng: np.random.Generator
     far_rng: np.random.Generator
-
-
-class VisionFactory(Protocol):
-    """Makes the vision of one flight; `--vision module:factory` names one."""
-
-    def __call__(self, setup: VisionSetup, /) -> Vision:
-        """A new vision, without memory of another flight."""
 
 
 def without_pictures(factory: F) -> F:

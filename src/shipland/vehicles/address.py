@@ -6,13 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 from urllib.parse import parse_qsl
 
 from shipland.camera import Camera
 from shipland.config import merge, packaged_toml, sections
 from shipland.errors import ConfigError
-from shipland.vehicles.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
@@ -104,10 +102,3 @@ def vehicle_table(path: Path | None) -> Mapping[str, Mapping[str, object]]:
     known = ("mavlink", "anafi", "ros2", "touchdown", "camera", "preflight", "response")
     assumed: Mapping[str, Mapping[str, object]] = {name: {} for name in known} | packaged_toml("vehicles")
     return merge(assumed, sections(path, known))
-
-
-class VehicleFactory(Protocol):
-    """Makes the vehicle of one flight, not yet open; `--vehicle scheme://…` names one."""
-
-    def __call__(self, setup: VehicleSetup, /) -> Vehicle:
-        """The vehicle; ConfigError when the address is wrong."""

@@ -65,11 +65,7 @@ class AnafiSetup:
 
 
 class AnafiVehicle:
-    """A `Vehicle` on `time.monotonic`.
-
-    Args:
-        setup: see there.
-    """
+    """A `Vehicle` on `time.monotonic`."""
 
     def __init__(self, setup: AnafiSetup) -> None:
         self._setup, self._parameters = setup, setup.parameters

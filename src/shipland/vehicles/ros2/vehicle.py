@@ -34,11 +34,7 @@ _LOOK_S = 0.2
 
 
 class Ros2Vehicle(SetpointVehicle):
-    """Whoever takes set-points from topics and publishes its state on others.
-
-    Args:
-        setup: see there.
-    """
+    """Whoever takes set-points from topics and publishes its state on others."""
 
     _parameters: Ros2Parameters
 
