@@ -26,7 +26,7 @@ def test_own_pilot_lands():
 
 
 def test_own_vision_sees():
-    scenario = shipland.load_scenario("near", time_limit_s=1.5)
+    scenario = shipland.load_scenario("near", time_limit_s=0.5)
     flight = shipland.fly(scenario, vision="own_vision:green_box", seed=3)
     assert any(record.observation.bar_pose is not None for record in flight.records)
 
