@@ -37,9 +37,9 @@ PACKAGED: dict[str, dict[str, str]] = {
     },
     "vehicles": {
         "anafi": "shipland.vehicles.anafi.factory:anafi",
-        "mavlink": "shipland.vehicles.mavlink.factory:mavlink",
+        "mavlink": "shipland.vehicles.mavlink.vehicle:mavlink",
         "replay": "shipland.scenario.real_vehicle:replay",
-        "ros2": "shipland.vehicles.ros2.factory:ros2",
+        "ros2": "shipland.vehicles.ros2.vehicle:ros2",
     },
     "aircraft": {
         "quadrotor": "shipland.sim.aircraft.aircraft:Quadrotor",

@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="the extra ros2")
 
-from ros2_bench import CAMERA, bench, until
+from ros2_bench import CAMERA, bench, own_domain, until
 
 from ports import free_port
 from shipland.errors import VehicleError
@@ -242,7 +242,7 @@ def test_looking_without_flying_commands_nothing() -> None:
 
 
 def test_messages_that_are_none_are_counted_and_the_next_is_heard() -> None:
-    domain = 99
+    domain = own_domain()
     one, other = Node(domain, local=True), Node(domain, local=True)
     try:
         got: list[float] = []
@@ -269,7 +269,7 @@ def test_messages_that_are_none_are_counted_and_the_next_is_heard() -> None:
 @pytest.mark.flaky(reruns=2, reruns_delay=2)
 def test_a_landing_is_flown_through_the_topics(tmp_path: Path) -> None:
     """Our simulator at the other end, in a process of its own, in real time; vision without pictures."""
-    port, domain = free_port(socket.SOCK_STREAM), 98
+    port, domain = free_port(socket.SOCK_STREAM), own_domain()
     environment = os.environ | {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     example = Path(__file__).parents[2] / "examples" / "ros2-simulated.toml"
     shipland = [sys.executable, "-m", "shipland"]

@@ -13,6 +13,7 @@ from shipland.errors import VehicleError
 from shipland.guidance.response import Response
 from shipland.messages import GimbalAttitude, Intent, Telemetry
 from shipland.stopping import uninterrupted
+from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.checks import Check
 from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.mavlink.control import MOTORS_STOPPED, Control
@@ -35,6 +36,7 @@ from shipland.vehicles.mavlink.taking import Taking
 from shipland.vehicles.mavlink.telemetry import telemetry_of
 from shipland.vehicles.setpoint_vehicle import SetpointVehicle
 from shipland.vehicles.touchdown import GroundContact
+from shipland.vehicles.vehicle import Vehicle
 from shipland.vehicles.wanted import HOLD, Wanted, pressed, wanted_of
 
 _HEIGHT_S = 1.0
@@ -261,3 +263,8 @@ class MavlinkVehicle(SetpointVehicle):
                 target.system, target.component, 4 | 8, 0, pitch_rad, 0.0, nan, nan
             )
         )
+
+
+def mavlink(setup: VehicleSetup) -> Vehicle:
+    """`mavlink://udp:127.0.0.1:14550?camera=rtsp://…`; options: `setup.OPTIONS`."""
+    return MavlinkVehicle(MavlinkSetup.of(setup))

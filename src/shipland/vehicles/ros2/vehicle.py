@@ -14,6 +14,7 @@ from shipland.guidance.response import Response
 from shipland.messages import FlightRecord, GimbalAttitude, Intent, Observation, Telemetry
 from shipland.rig import Rig
 from shipland.stopping import check_stop, uninterrupted
+from shipland.vehicles.address import VehicleSetup
 from shipland.vehicles.camera_stream import PictureSource
 from shipland.vehicles.checks import Check
 from shipland.vehicles.ros2.checks import ros2_checks
@@ -27,6 +28,7 @@ from shipland.vehicles.ros2.state import Heard
 from shipland.vehicles.ros2.telling import Telling
 from shipland.vehicles.ros2.types import message
 from shipland.vehicles.setpoint_vehicle import SetpointVehicle
+from shipland.vehicles.vehicle import Vehicle
 from shipland.vehicles.wanted import HOLD, HeadingSetPoint, Wanted, wanted_of
 
 _LOOK_S = 0.2
@@ -217,3 +219,8 @@ class Ros2Vehicle(SetpointVehicle):
             return
         to_rad = self._heading.next_rad(wanted.turn_rad_s, heading_rad, step_s)
         self._attitude.send(attitude_message(wanted, to_rad, response.max_climb_mps, time.time()))
+
+
+def ros2(setup: VehicleSetup) -> Vehicle:
+    """`ros2://drone?image=/camera/image_raw`: the vehicle's topics below `/drone`; options: see `ros2.setup`."""
+    return Ros2Vehicle(Ros2Setup.of(setup))
