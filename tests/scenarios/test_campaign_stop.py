@@ -20,6 +20,7 @@ def rows(out):
     return sum(len(path.read_text().splitlines()) - 1 for path in out.glob("*/landings.csv"))
 
 
+@pytest.mark.slow
 def test_a_run_that_is_killed_and_gone_on_with_gives_the_same_tables(tmp_path, monkeypatch):
     out, whole = tmp_path / "out", tmp_path / "whole"
     for how, workers in ((signal.SIGKILL, 2), (signal.SIGINT, 1)):

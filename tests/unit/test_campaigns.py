@@ -198,6 +198,7 @@ def test_a_script_without_a_guard_flies_its_own_pilot_in_two_processes(tmp_path)
     assert re.search("DataError: out/.* holds landings of another own pilot or vision code", done.stderr)
 
 
+@pytest.mark.slow
 def test_a_prompt_flies_its_own_pilot_and_says_why_no_folder_can_hold_it(tmp_path):
     code = SCRIPT.replace("OUT", "None") + "shipland.campaign('near', pilot=own, out='out', **options)\n"
     done = subprocess.run([sys.executable, "-"], input=code, cwd=tmp_path, capture_output=True, text=True, timeout=120)

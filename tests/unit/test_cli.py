@@ -202,6 +202,7 @@ def test_a_full_disk_is_one_line_after_the_flight(tmp_path, here):
 SHORT = ("fly", "--vision", "geometric", "--no-video", "--set", "time_limit_s=4", "--out")
 
 
+@pytest.mark.slow
 def test_a_reader_that_has_gone_does_not_end_the_flight(tmp_path):
     with subprocess.Popen([sys.executable, "-m", "shipland.cli", *SHORT, tmp_path], stderr=subprocess.PIPE) as process:
         try:

@@ -88,6 +88,7 @@ def weights(tmp_path_factory):
     return str(path)
 
 
+@pytest.mark.slow
 def test_fresh_scenes_go_on_to_the_same_records(weights, tmp_path):
     """One scene, then two: as two in one go; a line that was cut off is made again."""
     first = EvaluateArguments(weights, "ship", count=1, frames=2, out=tmp_path / "a", confidence=0.99, threads=1)

@@ -40,6 +40,7 @@ def test_every_target_is_there():
     assert all(callable(fuzz.target(path)) for path in fuzz.TARGETS.values())
 
 
+@pytest.mark.slow
 def test_findings_are_kept_with_what_repeats_them(tmp_path, monkeypatch):
     """Of three inputs one raises, one ends the process, and the third is sound; told apart by their seeds."""
     lines = ["import os", "from pathlib import Path", "def target(rng):"]

@@ -141,6 +141,7 @@ def test_motion_kernel_keeps_brightness_and_place(angle_rad):
     assert abs((kernel * columns).sum()) < 0.1
 
 
+@pytest.mark.slow
 def test_two_processes_make_the_same_set_and_a_spent_time_makes_none(tmp_path):
     one = SynthArguments(tmp_path / "one", "ship", count=3, seed=5, crop_px=96)
     synth(one)
