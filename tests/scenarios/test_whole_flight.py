@@ -22,6 +22,9 @@ def flight(pilot="horizon", camera="geometric", seed=1, **changes):
     return flown, records
 
 
+pytestmark = pytest.mark.xdist_group("whole flight")  # one flight serves most of them
+
+
 @pytest.fixture(scope="module")
 def ours():
     return flight(ship={"motion": "natops"})
