@@ -23,6 +23,7 @@ from shipland.commands.config import Config
 from shipland.commands.demo import Demo
 from shipland.commands.detect import Detect
 from shipland.commands.doctor import Doctor
+from shipland.commands.envelope import Envelope
 from shipland.commands.evaluate import Evaluate
 from shipland.commands.example import Example
 from shipland.commands.fly import Fly
@@ -50,6 +51,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Demo,
     Fly,
     Campaign,
+    Envelope,
     Compare,
     Report,
     Again,
