@@ -38,9 +38,11 @@ from shipland.commands.report import Report
 from shipland.commands.scenarios import Scenarios
 from shipland.commands.see import See
 from shipland.commands.serve_physics import ServePhysics
+from shipland.commands.submit import Submit
 from shipland.commands.suites import Suites
 from shipland.commands.synth import Synth
 from shipland.commands.train import Train
+from shipland.commands.verify import Verify
 from shipland.commands.version import Version
 from shipland.errors import ConfigError, ShiplandError
 from shipland.extras import extra_of
@@ -54,6 +56,8 @@ COMMANDS: tuple[type[Command], ...] = (
     Envelope,
     Compare,
     Report,
+    Submit,
+    Verify,
     Again,
     Replay,
     Bag,

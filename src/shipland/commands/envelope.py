@@ -24,7 +24,7 @@ class Envelope:
     It is no release document. Every cell of the grid is flown; then flights go where the border is: a cell between two
     neighbours on either side of it, and more flights for those whose interval holds the rate. The folder is a
     campaign's: run the command again to resume, and `shipland report` makes its page. Leaves envelope.json,
-    envelope.md, a picture of each envelope, flights.csv, and the rows and logs of a campaign. Exit codes as of
+    envelope.md, envelope.png, flights.csv, and the rows and logs of a campaign. Exit codes as of
     `shipland campaign`.
 
     Example: shipland envelope rig-natops --out out/rig
@@ -88,7 +88,7 @@ class Envelope:
         if found.envelopes:
             picture = installed("plots")
             print(write_envelopes(self.out, found.envelopes, command_line(), picture), end="")
-            drawn = "pictures" if picture else "no pictures (pip install 'shipland[plots]')"
+            drawn = "envelope.png" if picture else "(no envelope.png: pip install 'shipland[plots]')"
             print(f"{self.out}: envelope.json, envelope.md, flights.csv, {drawn}", file=sys.stderr)
         elif not stopped:
             raise DataError(f"{self.out}: not every cell has a flight yet; run the command again to resume")

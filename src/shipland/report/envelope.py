@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ import numpy as np
 
 from shipland.evaluation.envelope import KNOT_MPS, NATOPS_PITCH_DEG, NATOPS_ROLL_DEG, RATINGS, Envelope
 from shipland.files import write_atomically
-from shipland.report.palette import BLACK, VERMILION, unit
+from shipland.report.palette import VERMILION, unit
 from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
 from shipland.scenario.scenario import Scenario
 
@@ -25,6 +26,8 @@ NO_RELEASE = (
 )
 _REFUSED = 0.1
 """Share of flights that never touched the deck from which a cell is hatched."""
+_SHARES = (0.0, 0.25, 0.5, 0.75, 0.9, 0.95, 1.0)
+"""Edges of the colours."""
 
 
 def limits_of(scenario: Scenario) -> list[dict[str, Any]]:
@@ -50,21 +53,19 @@ def limits_of(scenario: Scenario) -> list[dict[str, Any]]:
 
 
 def write_envelopes(out: Path, envelopes: Sequence[Envelope], command: str, picture: bool) -> str:
-    """Write envelope.json, envelope.md and, with `picture`, a PNG of each; the text of envelope.md.
+    """Write envelope.json, envelope.md and, with `picture`, envelope.png; the text of envelope.md.
 
     Raises:
         DataError, OSError: they cannot be written.
     """
-    names = ["envelope.png"] if len(envelopes) == 1 else [f"{it.name}.png" for it in envelopes]
     table = {"note": NO_RELEASE, "command": command, "ratings": RATINGS, "envelopes": list(map(_table, envelopes))}
     write_atomically(out / "envelope.json", (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode())
     pages = [f"**{NO_RELEASE}**"]
-    for envelope, name in zip(envelopes, names, strict=True):
-        if picture:
-            save_figure(
-                draw_envelope(envelope.rows, title_of(envelope), envelope.rate, envelope.borders), out / name, 160
-            )
-        pages.append("\n".join(_page(envelope, name if picture else "")))
+    if picture:
+        panels = [Panel(title_of(it), it.rows, it.borders) for it in envelopes]
+        save_figure(draw_envelopes(panels, envelopes[0].rate), out / "envelope.png", 160)
+        pages.append("![Polar diagrams](envelope.png)")
+    pages += ["\n".join(_page(it)) for it in envelopes]
     text = "\n\n".join(pages) + "\n"
     write_atomically(out / "envelope.md", text.encode())
     return text
@@ -100,14 +101,13 @@ def title_of(envelope: Envelope) -> str:
     if scenario.ship.motion == "sea":
         waves = f", sea state {scenario.ship.sea.sea_state} from {scenario.ship.sea.waves_from_deg:g}°"
     mass = scenario.aircraft.airframe.mass_kg
-    return f"{scenario.name}: {mass:g} kg, pilot {envelope.pilot}, ship at {speed_kn:.0f} kn{waves}"
+    going = f"ship at {speed_kn:.0f} kn" if speed_kn else "ship lies still"
+    return f"{scenario.name}: {mass:g} kg, pilot {envelope.pilot}, {going}{waves}"
 
 
-def _page(envelope: Envelope, picture: str) -> Iterator[str]:
+def _page(envelope: Envelope) -> Iterator[str]:
     deck, rows = envelope.deck, envelope.rows
     yield f"## {title_of(envelope)}\n"
-    if picture:
-        yield f"![Polar diagram of the envelope]({picture})\n"
     flights, height_m = sum(row["flights"] for row in rows), _height_m(envelope.scenario)
     height = "the same at every height" if height_m is None else f"at {height_m:g} m over the surface"
     yield (
@@ -149,68 +149,89 @@ def cells_table(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         yield f"| {place} | {shares} | {counts} | {worst} | {row['beyond_natops']} | {row['causes']} |"
 
 
-def draw_envelope(
-    rows: Sequence[Mapping[str, Any]], title: str, rate: float, borders: Mapping[float, tuple[float, str]]
-) -> Figure:
-    """The polar diagram: bow up, wind over deck from where it comes, knots on the radius with m/s beside them.
+@dataclass(frozen=True)
+class Panel:
+    """One polar diagram.
+
+    Attributes:
+        title: what was flown.
+        rows: cells, with at least `off_bow_deg`, `wind_kn`, `success`, `rating`, `refused`, `flights`.
+        borders: as of `Envelope`.
+    """
+
+    title: str
+    rows: Sequence[Mapping[str, Any]]
+    borders: Mapping[float, tuple[float, str]]
+
+
+def draw_envelopes(panels: Sequence[Panel], rate: float) -> Figure:
+    """Polar diagrams: bow up, wind over deck where it comes from, knots on the radius with m/s beside them.
 
     Args:
-        rows: cells, with at least `off_bow_deg`, `wind_kn`, `success`, `rating`, `refused`, `flights`.
-        title: what was flown.
+        panels: two beside each other.
         rate: share of landings at the border.
-        borders: as in `Envelope`.
     """
     import matplotlib as mpl
     from matplotlib.colors import BoundaryNorm
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    directions = sorted({row["off_bow_deg"] for row in rows})
+    across = min(2, len(panels))
     with mpl.rc_context({**PLOT_STYLE, "hatch.linewidth": 0.5, "axes.grid": False}):
-        figure = new_figure(8.6, 9.2)
-        axes: Any = figure.add_subplot(projection="polar")
-        axes.set_theta_zero_location("N")
-        axes.set_theta_direction(-1)
-        colours = mpl.colormaps["cividis"]
-        norm = BoundaryNorm([0.0, 0.25, 0.5, 0.75, 0.9, 0.95, 1.0 + 1e-9], colours.N)
-        for direction, (left, right) in zip(directions, _sectors(directions), strict=True):
-            ray = sorted((row for row in rows if row["off_bow_deg"] == direction), key=lambda row: row["wind_kn"])
-            for row, (inner, outer) in zip(ray, _rings([row["wind_kn"] for row in ray]), strict=True):
-                share, angle = row["success"]["value"], math.radians(0.5 * (left + right))
-                axes.bar(
-                    angle, outer - inner, math.radians(right - left), inner, color=colours(norm(share)), lw=0.6,
-                    edgecolor="white", hatch="////" if row["refused"] >= _REFUSED * row["flights"] else None,
-                )  # fmt: skip
-                axes.text(
-                    angle, 0.5 * (inner + outer), str(row["rating"]), ha="center", va="center", fontsize=8.0,
-                    color="black" if share > 0.6 else "white",
-                    bbox={"fc": colours(norm(share)), "ec": "none", "pad": 0.6},
-                )  # fmt: skip
-        _draw_border(axes, directions, borders)
-        most_kn = max(outer for _, outer in _rings(sorted({row["wind_kn"] for row in rows})))
-        rings = np.arange(5.0, most_kn + 1e-9, 5.0 if most_kn <= 40.0 else 10.0)
-        axes.set_ylim(0.0, most_kn)
-        axes.set_rgrids(rings, [f"{ring:g} kn\n{ring * KNOT_MPS:.1f} m/s" for ring in rings], angle=15.0, fontsize=6.5)
-        axes.set_thetagrids(range(0, 360, 30), [f"{angle:03d}°" for angle in range(0, 360, 30)])
-        axes.grid(True, color="#909090", linewidth=0.4)
-        axes.set_axisbelow(False)
-        _draw_ship(axes, most_kn)
-        axes.set_title(title, loc="center", pad=16.0)
+        figure = new_figure(7.6 * across, 7.4 * math.ceil(len(panels) / across) + 1.4)
+        scale = mpl.cm.ScalarMappable(BoundaryNorm(_SHARES, 256), "cividis")
+        drawn = [
+            _draw_polar(
+                figure.add_subplot(math.ceil(len(panels) / across), across, at, projection="polar"), each, scale
+            )
+            for at, each in enumerate(panels, 1)
+        ]
         entries = [
             Line2D([], [], color=unit(VERMILION), lw=2.2, label=f"{100 * rate:g} % land; dotted: at the grid's edge"),
             Patch(fc="none", ec="black", hatch="////", label="one in ten or more never touched the deck"),
             Line2D([], [], color="none", marker="$3$", mfc="black", mec="none", label="rating, 1–3 acceptable"),
         ]
-        figure.legend(handles=entries, loc="outside lower center", ncols=3, fontsize=8.0)
-        scale = mpl.cm.ScalarMappable(norm, colours)
-        bar = figure.colorbar(scale, ax=axes, orientation="horizontal", shrink=0.6, pad=0.04, aspect=40)
-        bar.set_ticks([0.0, 0.25, 0.5, 0.75, 0.9, 0.95, 1.0], labels=["0", "25", "50", "75", "90", "95", "100 %"])
-        bar.set_label("share of flights that landed")
-        axes.annotate(
-            "Wind over deck, from: bow up.  " + NO_RELEASE.partition(":")[0] + ".", (0.5, -0.07), ha="center",
-            xycoords="axes fraction", fontsize=8.5, color=unit(BLACK), fontweight="bold",
-        )  # fmt: skip
+        bar = figure.colorbar(scale, ax=drawn, orientation="horizontal", shrink=0.6 / across, pad=0.03, aspect=40)
+        bar.set_ticks(_SHARES, labels=[f"{100 * share:.0f}" for share in _SHARES])
+        bar.set_label("flights that landed [%]")
+        words = f"Wind over deck, where it comes from, bow up. {NO_RELEASE.partition(':')[0]}."
+        figure.legend(handles=entries, loc="outside lower center", ncols=3, fontsize=8.0, title=words)
         return figure
+
+
+def _draw_polar(axes: Any, panel: Panel, scale: Any) -> Any:  # noqa: ANN401
+    axes.set_theta_zero_location("N")
+    axes.set_theta_direction(-1)
+    directions = sorted({row["off_bow_deg"] for row in panel.rows})
+    for direction, (left, right) in zip(directions, _sectors(directions), strict=True):
+        ray = sorted((row for row in panel.rows if row["off_bow_deg"] == direction), key=lambda row: row["wind_kn"])
+        for row, (inner, outer) in zip(ray, _rings([row["wind_kn"] for row in ray]), strict=True):
+            share, angle = row["success"]["value"], math.radians(direction)
+            colour = scale.to_rgba(min(share, 0.999))
+            axes.bar(
+                angle, outer - inner, math.radians(right - left), inner, color=colour, lw=0.6, edgecolor="white",
+                hatch="////" if row["refused"] >= _REFUSED * row["flights"] else None,
+            )  # fmt: skip
+            axes.text(
+                angle, 0.5 * (inner + outer), str(row["rating"]), ha="center", va="center", fontsize=8.0,
+                color="black" if share > 0.6 else "white", bbox={"fc": colour, "ec": "none", "pad": 0.6},
+            )  # fmt: skip
+    _draw_border(axes, directions, panel.borders)
+    most_kn = max(outer for _, outer in _rings(sorted({row["wind_kn"] for row in panel.rows})))
+    rings = np.arange(5.0, most_kn - 1.0, 5.0 if most_kn <= 30.0 else 10.0)
+    axes.set_ylim(0.0, most_kn)
+    axes.set_yticks(rings, [])
+    for ring in rings:
+        axes.text(
+            math.radians(15.0), ring, f"{ring:g} kn\n{ring * KNOT_MPS:.1f} m/s", fontsize=6.0, ha="center", va="center",
+            bbox={"fc": "white", "ec": "none", "pad": 0.8, "alpha": 0.85},
+        )  # fmt: skip
+    axes.set_thetagrids(range(0, 360, 30), [f"{angle:03d}°" for angle in range(0, 360, 30)])
+    axes.grid(True, color="#909090", linewidth=0.4)
+    axes.set_axisbelow(False)
+    _draw_ship(axes, most_kn)
+    axes.set_title(panel.title, loc="center", pad=16.0)
+    return axes
 
 
 def _sectors(directions: Sequence[float]) -> list[tuple[float, float]]:
