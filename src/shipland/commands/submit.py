@@ -28,7 +28,7 @@ class Submit:
     """What the submission is called on the leaderboard."""
     out: Path = Path("bundle.zip")
     """The bundle."""
-    logs: int = 3
+    logs: int = 1
     """Logs of each cell that are taken along, of those that the campaign kept."""
     salt: Path | None = None
     """File with the secret that `shipland campaign --salt` derived the seeds from."""

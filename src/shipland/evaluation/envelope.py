@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from shipland.config import require
 from shipland.errors import ConfigError
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.statistics import share_interval
@@ -64,13 +63,17 @@ class EnvelopeGrid:
     finest_kn: float = 2.5
 
     def __post_init__(self) -> None:
-        increasing = all(a < b for a, b in pairwise((0.0, *self.winds_kn)))
-        require(bool(self.winds_kn) and increasing, f"wind speeds must be positive and increase, got {self.winds_kn}")
-        require(0.0 < self.rate < 1.0, f"the rate must be between 0 and 1, got {self.rate}")
-        require(1 <= self.runs <= self.most, f"expected 1 ≤ runs ≤ most, got {self.runs} and {self.most}")
-        require(self.finest_kn > 0.0, f"the finest step must be positive, got {self.finest_kn}")
         turns = {round(direction % 360.0, 3) for direction in self.directions_deg}
-        require(bool(turns) and len(turns) == len(self.directions_deg), "directions must differ, and there must be one")
+        for good, words in (
+            (self.winds_kn and all(a < b for a, b in pairwise((0.0, *self.winds_kn))),
+             f"wind over deck speeds must be positive and increase, got {self.winds_kn}"),
+            (0.0 < self.rate < 1.0, f"the rate must be between 0 and 1, got {self.rate:g}"),
+            (1 <= self.runs <= self.most, f"expected runs of 1 or more, and most no fewer: {self.runs}, {self.most}"),
+            (self.finest_kn > 0.0, f"the finest step must be positive, got {self.finest_kn:g} kn"),
+            (turns and len(turns) == len(self.directions_deg), "directions must differ, and one there must be"),
+        ):  # fmt: skip
+            if not good:
+                raise ConfigError(words)
 
 
 @dataclass(frozen=True)

@@ -130,7 +130,8 @@ def _secret(salt: Path) -> bytes:
         secret = salt.read_bytes().strip()
     except OSError as error:
         raise ConfigError(f"{salt} cannot be read: {error.strerror}") from None
-    require(len(secret) >= 16, f"{salt} holds {len(secret)} bytes, too few to be a secret; expected 16 or more")
+    if len(secret) < 16:
+        raise ConfigError(f"{salt} holds {len(secret)} bytes, too few for a secret; expected 16 or more")
     return secret
 
 
