@@ -20,6 +20,7 @@ from shipland.commands.calibrate import Calibrate
 from shipland.commands.campaign import Campaign
 from shipland.commands.compare import Compare
 from shipland.commands.config import Config
+from shipland.commands.dataset import Dataset
 from shipland.commands.demo import Demo
 from shipland.commands.detect import Detect
 from shipland.commands.doctor import Doctor
@@ -58,6 +59,7 @@ COMMANDS: tuple[type[Command], ...] = (
     Report,
     Submit,
     Verify,
+    Dataset,
     Again,
     Replay,
     Bag,
