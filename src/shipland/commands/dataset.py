@@ -11,9 +11,10 @@ import tyro
 
 @dataclass(frozen=True)
 class Dataset:
-    """Write a campaign as a data set: a row a flight in CSV and Parquet, the logs kept (MCAP), a Croissant card.
+    """Write a campaign as a data set with a Croissant card.
 
-    Parquet wants pyarrow (pip install pyarrow). Nothing is uploaded.
+    A row a flight in CSV and Parquet, and the logs kept (MCAP). Parquet wants pyarrow (pip install pyarrow). Nothing
+    is uploaded.
 
     Example: shipland campaign near --runs 50 --logs --out out/near
 

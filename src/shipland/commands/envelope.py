@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Fly an operating envelope: the landing rate over the wind over deck's speed and direction, as a polar diagram.
+    """Fly an operating envelope over the wind over deck.
 
-    It is no release document. Every cell of the grid is flown; then flights go where the border is: a cell between two
-    neighbours on either side of it, and more flights for those whose interval holds the rate. The folder is a
-    campaign's: run the command again to resume, and `shipland report` makes its page. Leaves envelope.json,
-    envelope.md, envelope.png, flights.csv, and the rows and logs of a campaign. Exit codes as of
-    `shipland campaign`.
+    The landing rate by the wind's speed and direction, as a polar diagram. It is no release document. Every cell of
+    the grid is flown; then flights go where the border is: a cell between two neighbours on either side of it, and
+    more flights for those whose interval holds the rate. The folder is a campaign's: run the command again to resume,
+    and `shipland report` makes its page. Leaves envelope.json, envelope.md, envelope.png, flights.csv, and the rows
+    and logs of a campaign. Exit codes as of `shipland campaign`.
 
     Example: shipland envelope rig-natops --out out/rig
 

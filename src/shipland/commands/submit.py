@@ -11,11 +11,12 @@ import tyro
 
 @dataclass(frozen=True)
 class Submit:
-    """Pack a campaign's folder into a bundle for a benchmark: rows, code digest, configurations, logs of a few flights.
+    """Pack a campaign into a bundle for a benchmark.
 
-    Every cell wants the seeds 1, 2, 3 … as far as they were flown, or those of the salt; with a suite the rows are an
-    entry of its leaderboard. A pilot or vision of one's own, given as OWN:factory, is taken along as its file OWN.py.
-    `shipland verify` checks the bundle, and is run on it here once without flying.
+    It holds rows, the code's digest, configurations, and logs of a few flights. Every cell wants the seeds 1, 2, 3 …
+    as far as they were flown, or those of the salt; with a suite the rows are an entry of its leaderboard. A pilot or
+    vision of one's own, given as OWN:factory, is taken along as its file OWN.py. `shipland verify` checks the bundle,
+    and is run on it here once without flying.
 
     Example: shipland campaign near --pilot my_pilot:pilot --runs 200 --out out/mine
 

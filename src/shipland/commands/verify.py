@@ -15,11 +15,12 @@ from shipland.errors import ConfigError
 
 @dataclass(frozen=True)
 class Verify:
-    """Check a bundle, and fly a sample of its rows again: every number must come out as it is stored.
+    """Check a bundle, and fly a sample of its rows again.
 
-    Checked first, without a flight: files against their digests, rows against the summary, seeds, the suite's cells,
-    logs. A bundle that is not what it says is refused with one line that says what and where; exit code 2. Flying again
-    wants the code that flew, to the digit, and best the same processor and libraries.
+    Every number must come out as it is stored. Checked first, without a flight: files against their digests, rows
+    against the summary, seeds, the suite's cells, logs. A bundle that is not what it says is refused with one line
+    that says what and where; exit code 2. Flying again wants the code that flew, to the digit, and best the same
+    processor and libraries.
 
     A bundle may hold a pilot or vision of the submitter's own. It runs with your rights and nothing stands around it:
     read it, and verify on a machine that may be lost.

@@ -10,7 +10,7 @@ import numpy as np
 
 from shipland.errors import DataError
 from shipland.evaluation.bundle import Bundle
-from shipland.evaluation.campaign import CellResult
+from shipland.evaluation.campaign import CellResult, read_about
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.statistics import compare, share_interval
 from shipland.evaluation.verify import read_receipt
@@ -49,10 +49,9 @@ def benchmark_page(
         oracle_rates: by group; may be empty.
         folder: where the page will lie.
     """
-    first = bundles[0]
-    machine = {"processor": "flown by the submitters", "cores": "–", "platform": first.about["python"]}
     command = " ".join(["shipland report", *(bundle.path.name for bundle in bundles)])
-    page = campaign_page(cells, {"command": command, "machine": machine}, oracle_rates, folder)
+    about = read_about(bundles[0].folder) | {"command": command}
+    page = campaign_page(cells, about, oracle_rates, folder)
     tables = f"<h2>Entries</h2>{html_of_table(_entries(bundles))}<h2>All flights in pairs with the first</h2>"
     return page.replace("<h2>Pilots</h2>", f"{tables}{html_of_table(standings(cells))}<h2>Pilots</h2>", 1)
 
