@@ -134,18 +134,15 @@ def test_flights_go_to_the_border_and_resume_flies_the_same(flown, tmp_path):
     assert len(read_cells([tmp_path / "part"])) == len(counts)
 
 
-def test_rows_of_later_rounds_change_no_earlier_one(monkeypatch, tmp_path):
-    def land(flight):
-        wind_kn = flight.scenario.wind.mean_mps / KNOT_MPS
-        return seeded(GOOD if wind_kn < (12.0 if flight.seed <= 2 else 13.0) else NOWHERE, flight.seed)
-
-    monkeypatch.setattr(job, "land_once", land)
-    grid = EnvelopeGrid((10.0, 15.0), (0.0,), rate=0.7, runs=2, most=8, finest_kn=1.25)
-    found = fly_envelopes([base()], grid, out=tmp_path, workers=1, progress=False)
-    flights = {row["wind_kn"]: row["flights"] for row in found.envelopes[0].rows}
-    assert flights == {10.0: 2, 11.25: 8, 12.5: 8, 13.75: 4, 15.0: 2}  # 11.25 was asked for before 12.5 had eight
-    again = fly_envelopes([base()], grid, out=tmp_path, workers=0, progress=False)
-    assert (again.left, again.envelopes[0].rows) == (0, found.envelopes[0].rows)
+def test_what_a_folder_holds_beyond_the_flights_asked_for_does_not_count(flown, tmp_path):
+    options = {"out": tmp_path, "workers": 1, "progress": False}
+    fly_envelopes([base()], EnvelopeGrid((10.0, 12.5), (90.0,), runs=6, most=6), **options)
+    flown.clear()
+    (found,) = fly_envelopes(
+        [base()], EnvelopeGrid((5.0, 10.0, 12.5, 15.0), (90.0,), runs=2, most=4), **options
+    ).envelopes
+    assert {row["wind_kn"]: row["flights"] for row in found.rows} == {5.0: 2, 10.0: 2, 12.5: 4, 15.0: 2}
+    assert len(flown) == 4
 
 
 def test_the_command_leaves_a_picture_a_table_and_json(flown, tmp_path, monkeypatch, capsys):
