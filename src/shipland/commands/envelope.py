@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import Changes, command_line, names_of
+from shipland.commands.options import Changes, checked_seed, command_line, names_of
 from shipland.errors import ConfigError, DataError
 from shipland.extras import installed
 
@@ -111,7 +111,7 @@ class Envelope:
         return fly_envelopes(
             bases_of(entry, asked, _numbers("ship-kn", self.ship_kn) if self.ship_kn else ()),
             grid,
-            first_seed=self.first_seed,
+            first_seed=checked_seed(self.first_seed),
             workers=workers,
             cluster=self.cluster,
             out=self.out,
