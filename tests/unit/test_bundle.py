@@ -169,6 +169,10 @@ FORGERIES = {
     "rows left out": (lambda files: files.pop("ship-sea6_paper/landings.csv"), True, "its rows are not in the bundle"),
     "a file unlisted": (lambda files: files.update({"more": b""}), False, "more is twice in it, not in it or"),
     "a way out": (lambda files: files.update({"../more": b""}), True, "leads out of the bundle"),
+    "code that is not in it": (key(pilot="antigravity:fly"), True, "names code that the bundle does not hold: antig"),
+    "a cell without its pilot": (
+        lambda files: files.update({"cells.json": b'{"cells": {"rig-natops_paper": {}}}'}), True, "is no bundle of",
+    ),
     "no number of runs": (about(runs=5), True, "seed 5 is missing"),
 }  # fmt: skip
 

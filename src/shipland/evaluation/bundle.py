@@ -155,59 +155,63 @@ def opened(path: Path, salt: Path | None = None) -> Iterator[Bundle]:
         DataError: what is wrong with it, and where.
     """
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        about = _unpacked(path, folder)
-        for name in read_about(folder)["cells"]:
-            if not {f"{name}/campaign.json", f"{name}/landings.csv"} <= about["files"].keys():
-                raise DataError(f"{name}: its rows are not in the bundle")
-        cells = tuple(read_cells([folder]))
-        keys = {cell.name: json_of(read_text(folder / cell.name / "campaign.json")) for cell in cells}
-        bundle = Bundle(path, about, folder, cells, keys)
-        for cell in cells:
-            _check_rows(cell, folder)
-            _check_key(bundle, cell)
-        if _summary(cells) != about["summary"]:
-            wrong = [name for name, counts in _summary(cells).items() if about["summary"].get(name) != counts]
-            raise DataError(f"{(wrong or ['bundle.json'])[0]}: its rows are not those that the summary counts")
-        _check_seeds(cells, about["runs"], salt, about["salt"])
-        if about["salt"] and salt is None:
-            bundle.notes.append("its seeds are sealed and were not checked: give the salt")
-        _check_suite(bundle)
-        _check_logs(bundle)
+        try:
+            bundle = _checked(path, Path(temporary), salt)
+        except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError, AttributeError) as error:
+            raise DataError(f"{path} is no bundle of `shipland submit`: {type(error).__name__}: {error}") from None
         yield bundle
+
+
+def _checked(path: Path, folder: Path, salt: Path | None) -> Bundle:
+    about = _unpacked(path, folder)
+    for name in read_about(folder)["cells"]:
+        if not {f"{name}/campaign.json", f"{name}/landings.csv"} <= about["files"].keys():
+            raise DataError(f"{name}: its rows are not in the bundle")
+    cells = tuple(read_cells([folder]))
+    keys = {cell.name: json_of(read_text(folder / cell.name / "campaign.json")) for cell in cells}
+    bundle = Bundle(path, about, folder, cells, keys)
+    for cell in cells:
+        _check_rows(cell, folder)
+        _check_key(bundle, cell)
+    if _summary(cells) != about["summary"]:
+        wrong = [name for name, counts in _summary(cells).items() if about["summary"].get(name) != counts]
+        raise DataError(f"{(wrong or ['bundle.json'])[0]}: its rows are not those that the summary counts")
+    _check_seeds(cells, about["runs"], salt, about["salt"])
+    if about["salt"] and salt is None:
+        bundle.notes.append("its seeds are sealed and were not checked: give the salt")
+    _check_suite(bundle)
+    _check_logs(bundle)
+    return bundle
 
 
 def _unpacked(path: Path, folder: Path) -> dict[str, Any]:
     """bundle.json; every other file of the zip is in the folder and is the one that its digest means."""
-    try:
-        with zipfile.ZipFile(path) as packed:
-            if sum(info.file_size for info in packed.infolist()) > _MOST_BYTES:
-                raise DataError(f"{path} unpacks to more than {_MOST_BYTES >> 30} GiB")
-            names = packed.namelist()
-            about = json_of(packed.read("bundle.json"))
-            if about["format"] != FORMAT:
-                raise DataError(f"{path} is of format {about['format']}, expected {FORMAT}")
-            listed = {str(name): str(digest) for name, digest in about["files"].items()}
-            twice = [name for name, count in Counter(names).items() if count > 1]
-            odd = sorted(set(names) ^ {"bundle.json", *listed})
-            if twice or odd:
-                raise DataError(f"{path}: {(twice or odd)[0]} is twice in it, not in it or not listed")
-            for name, digest in listed.items():
-                target = (folder / name).resolve()
-                if not target.is_relative_to(folder.resolve()):
-                    raise DataError(f"{path}: {name} leads out of the bundle")
-                data = packed.read(name)
-                if sha256(data).hexdigest() != digest:
-                    raise DataError(f"{path}: {name} is not the file that was submitted: its digest differs")
-                target.parent.mkdir(parents=True, exist_ok=True)
-                target.write_bytes(data)
-            for word in ("title", "suite", "runs", "salt", "summary", "own_code", *_BOUND):
-                about[word]
-            if not str(about["title"]).isprintable() or "|" in about["title"]:
-                raise DataError(f"{path}: the title holds what cannot be printed, or a |")
-            return dict(about)
-    except (OSError, zipfile.BadZipFile, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise DataError(f"{path} is no bundle of `shipland submit`: {error}") from None
+    with zipfile.ZipFile(path) as packed:
+        if sum(info.file_size for info in packed.infolist()) > _MOST_BYTES:
+            raise DataError(f"{path} unpacks to more than {_MOST_BYTES >> 30} GiB")
+        names = packed.namelist()
+        about = json_of(packed.read("bundle.json"))
+        if about["format"] != FORMAT:
+            raise DataError(f"{path} is of format {about['format']}, expected {FORMAT}")
+        listed = {str(name): str(digest) for name, digest in about["files"].items()}
+        twice = [name for name, count in Counter(names).items() if count > 1]
+        odd = sorted(set(names) ^ {"bundle.json", *listed})
+        if twice or odd:
+            raise DataError(f"{path}: {(twice or odd)[0]} is twice in it, not in it or not listed")
+        for name, digest in listed.items():
+            target = (folder / name).resolve()
+            if not target.is_relative_to(folder.resolve()):
+                raise DataError(f"{path}: {name} leads out of the bundle")
+            data = packed.read(name)
+            if sha256(data).hexdigest() != digest:
+                raise DataError(f"{path}: {name} is not the file that was submitted: its digest differs")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(data)
+        for word in ("title", "suite", "runs", "salt", "summary", "own_code", *_BOUND):
+            about[word]
+        if not str(about["title"]).isprintable() or "|" in about["title"]:
+            raise DataError(f"{path}: the title holds what cannot be printed, or a |")
+        return dict(about)
 
 
 def _check_rows(cell: CellResult, folder: Path) -> None:
@@ -241,6 +245,13 @@ def _check_key(bundle: Bundle, cell: CellResult) -> None:
     for word in _BOUND:
         if key[word] != bundle.about[word]:
             raise DataError(f"{cell.name}: its {word} is {key[word]}, that of the bundle {bundle.about[word]}")
+    held, files = bundle.about["own_code"], bundle.about["files"]
+    aircraft = key["scenario"]["aircraft"]
+    for name in filter(
+        factories.is_own_code, (key["pilot"], key["vision"], aircraft["kind"], aircraft["loop"]["kind"])
+    ):
+        if held.get(name) != f"code/{name.partition(':')[0]}.py" or held[name] not in files:
+            raise DataError(f"{cell.name}: it names code that the bundle does not hold: {name}")
     if (key["pilot"], key["vision"]) != (cell.pilot, cell.vision):
         raise DataError(f"{cell.name}: campaign.json and cells.json name different pilots or visions")
 
