@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies import harness
 from test_campaign import GOOD, NOWHERE, seeded
 
 from shipland.cli import main
@@ -171,6 +172,17 @@ def test_several_envelopes_share_a_picture(flown, tmp_path):
     text = write_envelopes(tmp_path, found.envelopes, "command", picture=True)
     assert text.count("## rig-natops") == 2
     assert "| 000 | more than 10.0 | more than 5.1 |" in text
+
+
+def test_the_study_flies_a_direction_and_draws_both(flown, tmp_path, monkeypatch):
+    monkeypatch.setattr("studies.envelope.PARTS", tmp_path)
+    study = harness.load("envelope")
+    row = study.measure(study.cases()[3], 2)
+    assert {"wind_kn", "success", "rating", "border", "causes"} <= row[0].keys() & study.columns.keys()
+    assert {round(each["border_kn"], 1) for each in row} == {12.2}
+    both = [dict(each, scenario=name) for each in row for name in ("rig-natops", "frigate-sea5")]
+    study.picture(both, tmp_path / "envelope.png")
+    assert (tmp_path / "envelope.png").stat().st_size > 20_000
 
 
 def test_deck_amplitudes_are_those_of_its_sines():
