@@ -84,6 +84,6 @@ STUDY = Study(
         *("camera.py", "estimation", "flight.py", "frames.py", "geometric", "guidance", "rig.py", "safety", "scenario"),
         *("sim", "vision", "evaluation/landing.py", "evaluation/envelope.py", "envelopes.py"),
     ),
-    minutes=420,
+    minutes=220,
     picture=picture,
 )
