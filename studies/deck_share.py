@@ -1,7 +1,9 @@
 """How much of the bar's wave motion the deck's centre has, on a ship that carries its bar level over a deck that rolls.
 
-The bar stands above the deck, so a roll moves it farther. Along the ship's axes: the standard deviations of the point
-that the bar defines and of the deck's centre, the share of the first that is best followed, and what is left.
+The bar stands above the deck, so a roll moves it farther, and earlier. Along the ship's axes: the standard deviations
+of the point that the bar defines and of the deck's centre, and what is left of the second when it is predicted from
+pictures of the bar: by one share of the bar's motion, by the pilot's shares of the wave motion's four states
+(`guidance.horizon.wave.deck_shares`), and by those that are best here, now and so far ahead as a picture is old.
 """
 
 from __future__ import annotations
@@ -9,14 +11,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.linalg import solve_discrete_are
 
+from shipland.estimation.relative_state import discretised
+from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
+from shipland.frames import Array
+from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.scenario.autonomy import drawn_ship
 from shipland.scenario.scenario import load_scenario
 from studies.harness import Case, Column, Row, Study
 
 SCENARIOS = ("ship-natops", "ship-sea5", "ship-sea6")
 AXES = ("forward", "starboard", "down")
-TIMES_S = np.arange(0.0, 60.0, 0.1)
+STEP_S, SETTLED_S, AHEAD_S = 1.0 / 30.0, 10.0, 0.5
+TIMES_S = np.arange(0.0, 60.0, STEP_S)
+PICTURE_M = 0.01
+"""Standard deviation of a picture's place."""
 
 
 def cases() -> Sequence[Case]:
@@ -24,21 +34,52 @@ def cases() -> Sequence[Case]:
     return [{"scenario": name} for name in SCENARIOS]
 
 
+def estimated(wave: WaveMotion, places_m: Array) -> Array:
+    """(n,4) states of a wave motion by pictures (n,) of it: the stationary Kalman filter."""
+    transition, _, noise = discretised(wave.matrix, np.zeros((WAVE_STATES, 1)), wave.noise, STEP_S)
+    seen = np.array([[1.0, 0.0, 0.0, 0.0]])
+    predicted = solve_discrete_are(transition.T, seen.T, noise, np.array([[PICTURE_M**2]]))
+    gain = predicted[:, 0] / (predicted[0, 0] + PICTURE_M**2)
+    state, states = np.zeros(WAVE_STATES), []
+    for place_m in places_m.tolist():
+        state = transition @ state
+        state = state + gain * (place_m - state[0])
+        states.append(state)
+    return np.array(states)
+
+
 def measure(case: Case, runs: int) -> list[Row]:
     """`runs` motions of a minute; a row an axis."""
-    scenario, shown, centres = load_scenario(str(case["scenario"])), [], []
+    scenario, parameters, rng = load_scenario(str(case["scenario"])), HorizonParameters().wave, np.random.default_rng(1)
+    wave = parameters.hypotheses[parameters.first]
+    ahead, settled = round(AHEAD_S / STEP_S), round(SETTLED_S / STEP_S)
+    rows: list[Row] = []
+    motions = []
     for seed in range(runs):
-        ship = drawn_ship(scenario, seed)
+        ship, shown, centres = drawn_ship(scenario, seed), [], []
         for at in map(ship.at, TIMES_S.tolist()):
             to_ship = at.ned_from_ship.inverse()
             shown.append((to_ship @ at.ned_from_bar).apply(scenario.rig.deck_in_bar_m))
             centres.append((to_ship @ at.ned_from_deck).translation_m)
-    rows = []
-    for axis, bar, deck in zip(AXES, np.array(shown).T, np.array(centres).T, strict=True):
+        motions.append((np.array(shown) - np.mean(shown, axis=0), np.array(centres) - np.mean(centres, axis=0)))
+    for axis, name in enumerate(AXES):
+        bar, deck = (np.concatenate([motion[which][settled:, axis] for motion in motions]) for which in (0, 1))
         share = float(bar @ deck / (bar @ bar))
-        sizes_m = [float(np.std(some)) for some in (bar, deck, deck - bar, deck - share * bar)]
-        names = ("bar_m", "deck_m", "apart_m", "left_m")
-        rows.append({"axis": axis, **dict(zip(names, sizes_m, strict=True)), "share": share})
+        row: Row = {"axis": name, "share": share}
+        sizes_m = [float(np.std(some)) for some in (bar, deck, deck - share * bar)]
+        row |= dict(zip(("bar_m", "deck_m", "left_m"), sizes_m, strict=True))
+        for when, later in (("now", 0), ("ahead", ahead)):
+            states, true_m = [], []
+            for shown_m, centres_m in motions:
+                pictures_m = shown_m[:, axis] + PICTURE_M * rng.standard_normal(len(shown_m))
+                found = np.array([wave.later(state, later * STEP_S) for state in estimated(wave, pictures_m)])
+                states.append(found[settled : len(found) - later])
+                true_m.append(centres_m[settled + later :, axis])
+            every, truth = np.concatenate(states), np.concatenate(true_m)
+            best = np.linalg.lstsq(every, truth, rcond=None)[0]
+            guesses = {"one": share * every[:, 0], "pilot": every @ wave.deck[0], "best": every @ best}
+            row |= {f"{which}_{when}_m": float(np.std(truth - guess)) for which, guess in guesses.items()}
+        rows.append(row)
     return rows
 
 
@@ -49,13 +90,18 @@ STUDY = Study(
         "axis": Column("along"),
         "bar_m": Column("bar's point [cm]", ".1f", 100.0),
         "deck_m": Column("deck's centre [cm]", ".1f", 100.0),
-        "apart_m": Column("apart [cm]", ".1f", 100.0),
         "share": Column("best share", ".2f"),
-        "left_m": Column("left [cm]", ".1f", 100.0),
+        "left_m": Column("left by it [cm]", ".1f", 100.0),
+        "one_now_m": Column("by it from pictures [cm]", ".1f", 100.0),
+        "pilot_now_m": Column("by the pilot's shares [cm]", ".1f", 100.0),
+        "best_now_m": Column("by the best four [cm]", ".1f", 100.0),
+        "one_ahead_m": Column("0.5 s ahead: by one share [cm]", ".1f", 100.0),
+        "pilot_ahead_m": Column("0.5 s ahead: by the pilot's [cm]", ".1f", 100.0),
+        "best_ahead_m": Column("0.5 s ahead: by the best four [cm]", ".1f", 100.0),
     },
     cases=cases,
     measure=measure,
     runs=16,
-    measured=("frames.py", "rig.py", "scenario/autonomy.py", "sim/ship"),
+    measured=("estimation/wave_bank.py", "estimation/wave_motion.py", "frames.py", "rig.py", "scenario", "sim/ship"),
     minutes=1,
 )

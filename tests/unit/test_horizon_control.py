@@ -54,7 +54,8 @@ def test_the_loop_is_stable_for_vehicles_that_answer_faster_and_slower(motion, l
 
 @pytest.mark.parametrize("motion", [TILT, SERVO])
 def test_a_swing_followed_by_half_is_half_of_the_swing_in_the_gains(motion):
-    whole, half = (gains_of(motion, NOISE, replace(SHIP, followed=it), PARAMETERS.weights, 33) for it in (1.0, 0.5))
+    ships = (replace(SHIP, deck_shares=(it, 0.0, 0.0, 0.0)) for it in (1.0, 0.5))
+    whole, half = (gains_of(motion, NOISE, ship, PARAMETERS.weights, 33) for ship in ships)
     halved = np.ones(STATES + 1)
     halved[WAVE : WAVE + WAVE_STATES] = 0.5
     assert np.abs(whole.steady[WAVE : WAVE + WAVE_STATES]).max() > 0.1
@@ -118,7 +119,7 @@ def test_the_offset_at_contact_is_that_of_the_loop_flown_step_by_step():
         for remaining in range(left, 0, -1):
             given = state[INPUT] - gains.to_contact[remaining - 1] @ state
             state = np.append(transition @ state[:STATES] + push[:, 0] * given, given)
-        offset = state[POSITION] - SHIP.tracked_share * state[WAVE]
+        offset = state[POSITION] - SHIP.tracked[0] @ state[WAVE : WAVE + WAVE_STATES]
         assert gains.offset_to_contact[left] @ start == pytest.approx(offset, abs=1e-9)
 
 

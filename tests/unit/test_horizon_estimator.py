@@ -8,6 +8,7 @@ import pytest
 
 from shipland.camera import Camera
 from shipland.estimation.relative_state import GUST, POSITION, STATES, WAVE, WIND
+from shipland.estimation.wave_motion import WAVE_STATES
 from shipland.frames import GRAVITY_MPS2, rotated
 from shipland.guidance.horizon.estimator import Estimator
 from shipland.guidance.horizon.goals import Goals
@@ -59,9 +60,10 @@ def test_a_bars_swing_is_followed_near_it_and_less_from_afar():
     for within_m, near in ((math.inf, 1.0), (away_m, 1.0), (away_m / 1.5, 0.5), (away_m / 2.0, 0.0)):
         estimate = _flown(heaving, seconds=5.0, within_m=within_m).estimate(5.3)
         assert estimate.tracked_near == pytest.approx(near, abs=0.01)
-        wave_m, share = estimate.across.of(WAVE), estimate.wave.tracked_share * near
-        assert estimate.followed_m == pytest.approx(estimate.across.of(POSITION) - share * wave_m, abs=0.002)
-        assert estimate.followed_states(1)[WAVE] == pytest.approx(near * wave_m[1], abs=0.002)
+        waves = np.array([estimate.across.of(WAVE + k) for k in range(WAVE_STATES)])
+        deck_m = near * (estimate.wave.tracked[0] @ waves)
+        assert estimate.followed_m == pytest.approx(estimate.across.of(POSITION) - deck_m, abs=0.002)
+        assert estimate.followed_states(1)[WAVE] == pytest.approx(near * waves[0, 1], abs=0.002)
 
 
 def test_the_covariance_turns_with_the_bar_and_shrinks_with_what_is_seen():

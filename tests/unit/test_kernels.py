@@ -13,7 +13,6 @@ from shipland.estimation.relative_state import (
     VELOCITY,
     VELOCITY_BIAS,
     WAVE,
-    WAVE_RATE,
     AxisModel,
     Disturbances,
     Model,
@@ -22,7 +21,7 @@ from shipland.estimation.relative_state import (
     less_wave,
     position_covariance,
 )
-from shipland.estimation.wave_motion import WaveMotion
+from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 
 NOISE = Disturbances(0.5, 1.5, 1.5, 20.0, 0.5, 300.0, 0.02)
 MOTION, SWING_OF_SHIP = AxisModel(0.06, 0.4), WaveMotion(0.12, 1.8, 0.1)
@@ -101,17 +100,17 @@ def test_a_bank_is_one_filter_for_each_hypothesis():
 
 def test_a_place_less_a_share_of_the_swing():
     rng = np.random.default_rng(5)
-    mean, covariance, shown = rng.standard_normal(2 * STATES), _spread(rng, 2 * STATES), 0.7
+    mean, covariance, near = rng.standard_normal(2 * STATES), _spread(rng, 2 * STATES), 0.7
+    shares, rates = rng.standard_normal((2, WAVE_STATES))
     rows = np.zeros((4, 2 * STATES))  # places, then rates
     for axis in range(2):
         first = STATES * axis
-        rows[axis, [first + POSITION, first + WAVE]] = rows[2 + axis, [first + VELOCITY, first + WAVE_RATE]] = (
-            1.0,
-            -shown,
-        )
-    np.testing.assert_allclose(np.concatenate(less_wave(mean, shown)), rows @ mean, atol=1e-12)
+        waves = slice(first + WAVE, first + WAVE + WAVE_STATES)
+        rows[axis, first + POSITION], rows[axis, waves] = 1.0, -near * shares
+        rows[2 + axis, first + VELOCITY], rows[2 + axis, waves] = 1.0, -near * rates
+    np.testing.assert_allclose(np.concatenate(less_wave(mean, (shares, rates), near)), rows @ mean, atol=1e-12)
     expected = rows[:2] @ covariance @ rows[:2].T
-    np.testing.assert_allclose(position_covariance(covariance, shown), expected, atol=1e-11)
+    np.testing.assert_allclose(position_covariance(covariance, near * shares), expected, atol=1e-11)
 
 
 @pytest.mark.parametrize("way_ms", [0, 33, 80, 160, 197])

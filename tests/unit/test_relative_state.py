@@ -125,7 +125,7 @@ def test_what_a_flow_over_a_ship_tells_follows_the_ship_late():
 def test_a_flow_over_a_ship_sees_the_deck_which_swings_less_than_the_bar():
     told_mps = {}
     for followed in (1.0, 0.5):
-        model = Model(1, TILT, NOISE, WaveMotion(0.12, 1.8, 0.1, followed=followed))
+        model = Model(1, TILT, NOISE, WaveMotion(0.12, 1.8, 0.1, deck_shares=(followed, 0.0, 0.0, 0.0)))
         estimate = model.start(0.0, np.zeros(1), np.eye(1), 0.1)
         estimate.mean[[VELOCITY, WAVE_RATE]] = 0.7, 0.2
         told_mps[followed] = model.velocity(estimate, 1.0)[0][0]

@@ -29,9 +29,22 @@ def test_it_lies_in_a_band_and_has_neither_long_waves_nor_ripples():
     assert _density(SHIP, 40.0) / _density(SHIP, 20.0) == pytest.approx(2.0**-6, rel=0.05)
 
 
-@pytest.mark.parametrize(("bar_moves", "aimed"), [(True, 0.7), (False, 0.0)])
-def test_only_a_bar_that_swings_is_followed_and_not_all_the_way(bar_moves, aimed):
-    assert WaveMotion(0.12, 2.0, 0.2, bar_moves, 0.7).tracked_share == aimed
+SHARES = (0.6, -0.3, 0.4, 0.1)
+
+
+@pytest.mark.parametrize("bar_moves", [True, False])
+def test_only_a_bar_that_swings_is_followed_and_as_the_deck_does(bar_moves):
+    wave = WaveMotion(0.12, 2.0, 0.2, bar_moves, SHARES)
+    of_deck = np.array([0.6, -0.15, 0.2, 0.025])  # over 1, w, w, w^2
+    np.testing.assert_allclose(wave.tracked[0], bar_moves * of_deck)
+    np.testing.assert_allclose(wave.deck[0], of_deck if bar_moves else [1.0, 0.0, 0.0, 0.0])
+    assert wave.bar[0][0] == bar_moves
+
+
+def test_the_decks_rate_is_that_of_its_motion():
+    wave, states = WaveMotion(0.12, 2.0, 0.2, True, SHARES), np.array([0.1, -0.2, 0.05, 0.3])
+    place, rate = (float(row @ states) for row in wave.deck)
+    assert (float(wave.deck[0] @ wave.later(states, 0.001)) - place) / 0.001 == pytest.approx(rate, abs=2e-3)
 
 
 @pytest.mark.parametrize("along_rad", [0.0, 0.7])

@@ -23,6 +23,7 @@ from shipland.estimation.relative_state import (
     pose_measurement,
     velocity_of,
 )
+from shipland.estimation.wave_motion import Output
 from shipland.frames import Array
 
 _KEPT_S = 4.0
@@ -143,9 +144,7 @@ class DelayedFilter:
         """A picture's place (axes,) of its exposure; False where the innovation gate rejects it, or it is too old."""
         if self.estimate is None or t_s < self.estimate.t_s - 1e-3:
             return False
-        self.normalised = self._pictured(
-            t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.wave.observed_share
-        )
+        self.normalised = self._pictured(t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.wave.bar[0])
         accepted = self.normalised <= self._parameters.picture_gate
         self._refused = 0 if accepted else self._refused + 1
         return accepted
@@ -156,17 +155,17 @@ class DelayedFilter:
         """The place (axes,) by a picture of the deck, as if the deck lay at its mean place; False as for a picture."""
         if self.estimate is None or t_s < self.estimate.t_s - 1e-3:
             return False
-        normalised = self._pictured(t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.wave.deck_share)
+        normalised = self._pictured(t_s, place_m, covariance_m2, inputs, turn_rad_s, self.model.wave.deck[0])
         return normalised <= self._parameters.picture_gate
 
     def _pictured(
-        self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float, observed_share: float
+        self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float, shown: Array
     ) -> float:
-        """Take a place less this share of the wave motion, unless gated out; its normalised innovation squared."""
+        """Take a place less these shares of the wave motion, unless gated out; its normalised innovation squared."""
         estimate = self._with_velocities(t_s, inputs, turn_rad_s)
         propagation = self._propagation(estimate, t_s, inputs, turn_rad_s)
         gate = self._parameters.picture_gate
-        mean, covariance, normalised = _with_picture(propagation, observed_share, place_m, covariance_m2, gate)
+        mean, covariance, normalised = _with_picture(propagation, shown, place_m, covariance_m2, gate)
         self.estimate = GaussianState(_after_s(propagation), mean, covariance)
         return normalised
 
@@ -213,7 +212,7 @@ class DelayedFilter:
         mean, covariance, variance = _with_velocity(
             propagation,
             reading.measured_mps,
-            (reading.over_ship, limits.flow_settle_s, wave.frequency_rad_s, wave.deck_share),
+            (reading.over_ship, limits.flow_settle_s, wave.frequency_rad_s, wave.deck),
             self._velocity_variance,
             self._velocity_limits,
             learns,
@@ -246,8 +245,8 @@ _Propagation = tuple[Array, Array, float, Array, int, Array, int, float]
 
 In one tuple, which compiled code takes faster than so many arguments.
 """
-_View = tuple[float, float, float, float]
-"""Of `velocity_of`: the share of ship in view, its settling time, the wave motion's frequency and share."""
+_View = tuple[float, float, float, Output]
+"""Of `velocity_of`: the share of ship in view, its settling time, the wave motion's frequency, the deck's motion."""
 _Limits = tuple[float, float, float, float]
 """Of a velocity: repeats of a reading, the least and the most variance that it is given, the gate."""
 
@@ -268,11 +267,11 @@ def _propagated(propagation: _Propagation) -> tuple[Array, Array]:
 
 @compiled
 def _with_picture(
-    propagation: _Propagation, observed_share: float, place_m: Array, noise: Array, gate: float
+    propagation: _Propagation, shown: Array, place_m: Array, noise: Array, gate: float
 ) -> tuple[Array, Array, float]:
     """`_propagated`, then with a picture's place (axes,) unless gated out; and its normalised innovation squared."""
     mean, covariance = _propagated(propagation)
-    expected, jacobian = pose_measurement(mean, len(place_m), observed_share)
+    expected, jacobian = pose_measurement(mean, len(place_m), shown)
     after, covariance_after, normalised = corrected(mean, covariance, jacobian, place_m - expected, noise)
     if not normalised <= gate:  # NaN too
         return mean, covariance, normalised

@@ -33,12 +33,14 @@ import numpy as np
 from shipland.compiled import compiled
 from shipland.config import key, parameters
 from shipland.estimation.kernels import STRIDE_MS, corrected, predicted_covariance
-from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
+from shipland.estimation.wave_motion import WAVE_STATES, Output, WaveMotion
 from shipland.frames import Array
 
 POSITION, VELOCITY, ACTUATION, GUST, WIND, VELOCITY_BIAS, WAVE, WAVE_RATE = range(8)
 STATES = WAVE + WAVE_STATES
 """Of one axis."""
+_KEPT_STEPS = 512
+"""Lengths of steps whose matrices a model keeps, up to 22 kB each; thirty flights use about a hundred."""
 
 
 @dataclass(frozen=True)
@@ -113,9 +115,7 @@ def dynamics(motion: AxisModel, noise: Disturbances, wave: WaveMotion) -> tuple[
     gain = motion.servo_per_s if motion.servo_per_s > 0.0 else motion.gain
     b[ACTUATION, 0] = gain / motion.lag_s
     if motion.servo_per_s > 0.0:
-        _, own = velocity_of(
-            np.zeros(STATES), 1, motion.over_ship, motion.settle_s, wave.frequency_rad_s, wave.deck_share
-        )
+        _, own = velocity_of(np.zeros(STATES), 1, motion.over_ship, motion.settle_s, wave.frequency_rad_s, wave.deck)
         a[ACTUATION] -= gain / motion.lag_s * own[0]
         a[WIND] -= motion.integral_per_s2 * own[0]
         b[WIND, 1:] = motion.integral_per_s2
@@ -197,6 +197,8 @@ class Model:
         """
         found = self._propagators.get(step_ms)
         if found is None:
+            if len(self._propagators) >= _KEPT_STEPS:
+                self._propagators.clear()
             found = self._propagators[step_ms] = self._solved(step_ms)
         return found
 
@@ -260,13 +262,13 @@ class Model:
         forget, share = np.eye(n), np.eye(n)
         for axis in range(self.axes):
             first = STATES * axis
-            forget[first + POSITION, first + WAVE] = forget[
-                first + VELOCITY, first + WAVE_RATE
-            ] = -before.observed_share
+            forget[first + POSITION, first + WAVE] = forget[first + VELOCITY, first + WAVE_RATE] = -float(
+                before.bar_moves
+            )
             forget[_wave(axis), _wave(axis)] = 0.0
             # The bar's mean place is as uncertain as its wave motion, and correlated: only their difference is seen.
-            share[first + POSITION, first + WAVE] = share[first + VELOCITY, first + WAVE_RATE] = (
-                self.wave.observed_share
+            share[first + POSITION, first + WAVE] = share[first + VELOCITY, first + WAVE_RATE] = float(
+                self.wave.bar_moves
             )
         covariance = share @ (forget @ estimate.covariance @ forget.T + self._wave_shares()) @ share.T
         return GaussianState(estimate.t_s, forget @ estimate.mean, covariance)
@@ -282,7 +284,7 @@ class Model:
 
     def pose(self, estimate: GaussianState) -> tuple[Array, Array]:
         """What a picture shows of the place: expected value (axes,) and its Jacobian (axes, n)."""
-        return pose_measurement(estimate.mean, self.axes, self.wave.observed_share)
+        return pose_measurement(estimate.mean, self.axes, self.wave.bar[0])
 
     def velocity(self, estimate: GaussianState, over_ship: float = 0.0, settle_s: float = 0.0) -> tuple[Array, Array]:
         """What the vehicle measures of its own velocity: expected value (axes,) and its Jacobian (axes, n).
@@ -293,9 +295,7 @@ class Model:
             settle_s: time in which the vehicle's fusion follows the motion of what is in view; the lag of a resonator
                 is a mixture of its two states.
         """
-        return velocity_of(
-            estimate.mean, self.axes, over_ship, settle_s, self.wave.frequency_rad_s, self.wave.deck_share
-        )
+        return velocity_of(estimate.mean, self.axes, over_ship, settle_s, self.wave.frequency_rad_s, self.wave.deck)
 
 
 @lru_cache(maxsize=4096)
@@ -327,62 +327,65 @@ def _wave(axis: int) -> slice:
 
 
 @compiled
-def pose_measurement(mean: Array, axes: int, observed_share: float) -> tuple[Array, Array]:
-    """`Model.pose` of a mean, where the bar shows this share of the wave motion."""
+def pose_measurement(mean: Array, axes: int, shown: Array) -> tuple[Array, Array]:
+    """`Model.pose` of a mean, where what is seen moves by (4,) these shares of the wave motion's states."""
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):
         first = STATES * axis
-        expected[axis] = mean[first + POSITION] - observed_share * mean[first + WAVE]
-        jacobian[axis, first + POSITION], jacobian[axis, first + WAVE] = 1.0, -observed_share
+        expected[axis], jacobian[axis, first + POSITION] = mean[first + POSITION], 1.0
+        for k in range(WAVE_STATES):
+            expected[axis] -= shown[k] * mean[first + WAVE + k]
+            jacobian[axis, first + WAVE + k] = -shown[k]
     return expected, jacobian
 
 
 @compiled
-def less_wave(mean: Array, share: float) -> tuple[Array, Array]:
-    """(axes,) place less a share of the wave motion, and its rate, from the mean of all states."""
+def less_wave(mean: Array, motion: Output, near: float = 1.0) -> tuple[Array, Array]:
+    """(axes,) place less `near` of a motion by the waves, and its rate, from the mean of all states."""
     axes = len(mean) // STATES
+    shares, rates = motion
     place, rate = np.empty(axes), np.empty(axes)
     for axis in range(axes):
         first = STATES * axis
-        place[axis] = mean[first + POSITION] - share * mean[first + WAVE]
-        rate[axis] = mean[first + VELOCITY] - share * mean[first + WAVE_RATE]
+        place[axis], rate[axis] = mean[first + POSITION], mean[first + VELOCITY]
+        for k in range(WAVE_STATES):
+            place[axis] -= near * shares[k] * mean[first + WAVE + k]
+            rate[axis] -= near * rates[k] * mean[first + WAVE + k]
     return place, rate
 
 
 @compiled
-def position_covariance(covariance: Array, observed_share: float) -> Array:
-    """(axes, axes) covariance of the place less that share of the wave motion, from that of all states."""
+def position_covariance(covariance: Array, shares: Array) -> Array:
+    """(axes, axes) covariance of the place less (4,) these shares of the wave motion's states, from that of all."""
     axes = len(covariance) // STATES
     result = np.empty((axes, axes))
     for i in range(axes):
         for j in range(axes):
             a, b = STATES * i, STATES * j
-            both = (
-                covariance[a + POSITION, b + POSITION]
-                + observed_share * observed_share * covariance[a + WAVE, b + WAVE]
-            )
-            result[i, j] = both - observed_share * (
-                covariance[a + POSITION, b + WAVE] + covariance[b + POSITION, a + WAVE]
-            )
+            total = covariance[a + POSITION, b + POSITION]
+            for k in range(WAVE_STATES):
+                total -= shares[k] * (covariance[a + POSITION, b + WAVE + k] + covariance[b + POSITION, a + WAVE + k])
+                for m in range(WAVE_STATES):
+                    total += shares[k] * shares[m] * covariance[a + WAVE + k, b + WAVE + m]
+            result[i, j] = total
     return result
 
 
 @compiled
 def velocity_of(
-    mean: Array, axes: int, over_ship: float, settle_s: float, w: float, below: float
+    mean: Array, axes: int, over_ship: float, settle_s: float, w: float, below: Output
 ) -> tuple[Array, Array]:
-    """`Model.velocity` of a mean, with a wave motion of `w` [rad/s], of which the ship has the share `below`."""
-    share = below * over_ship / (1.0 + (w * settle_s) ** 2)
+    """`Model.velocity` of a mean, with a wave motion of `w` [rad/s], by which what is below moves so."""
+    share = over_ship / (1.0 + (w * settle_s) ** 2)
     expected, jacobian = np.zeros(axes), np.zeros((axes, len(mean)))
     for axis in range(axes):
-        for state, entry in (
-            (VELOCITY, 1.0),
-            (VELOCITY_BIAS, 1.0 - over_ship),
-            (WAVE, -share * settle_s * w * w),
-            (WAVE_RATE, -share),
-        ):
-            jacobian[axis, STATES * axis + state] = entry
-            expected[axis] += entry * mean[STATES * axis + state]
+        first = STATES * axis
+        jacobian[axis, first + VELOCITY], jacobian[axis, first + VELOCITY_BIAS] = 1.0, 1.0 - over_ship
+        expected[axis] = mean[first + VELOCITY] + (1.0 - over_ship) * mean[first + VELOCITY_BIAS]
+        for k in range(WAVE_STATES):
+            entry = -share * settle_s * w * w * below[0][k] - share * below[1][k]
+            jacobian[axis, first + WAVE + k] = entry
+            expected[axis] += entry * mean[first + WAVE + k]
     return expected, jacobian
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from shipland.config import key, parameters, require, scaled
 from shipland.estimation.kernels import bank_seen
 from shipland.estimation.relative_state import WaveShares
-from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
+from shipland.estimation.wave_motion import WAVE_STATES, Shares, WaveMotion
 from shipland.frames import Array
 
 
@@ -26,15 +26,10 @@ class WaveParameters:
 
     still_m: float = scaled(0.003, "standard deviation in the hypothesis of a bar at rest")
     first: int = key(5, "index of the initial hypothesis", "of the hypotheses: 0.12 m at 2.1 rad/s", ge=0)
-    followed: float = key(
-        0.7,
-        "share of the bar's motion that tilt sticks follow over the deck",
-        "measured: docs/results/guidance.md",
-        ge=0,
-        le=1,
-    )
-    followed_servo: float = key(
-        0.85, "likewise of a vehicle that tracks a velocity", "measured: docs/results/guidance.md", ge=0, le=1
+    deck_shares: Shares = key(
+        (0.6, -0.28, 0.4, 0.05),
+        "of a moving bar's states that make up the deck's motion, which is followed over the deck",
+        "measured: docs/results/ship-motion.md",
     )
     followed_within_m: float = key(
         1000.0,
@@ -74,7 +69,7 @@ class WaveParameters:
         )
 
     def followed_at(self, distance_m: float) -> float:
-        """How much of `followed` or `followed_servo` is followed at a distance from the bar, 0 to 1."""
+        """How much of the deck's motion is followed at a distance from the bar, 0 to 1."""
         return min(max(2.0 - distance_m / self.followed_within_m, 0.0), 1.0)
 
     @property
@@ -86,7 +81,7 @@ class WaveParameters:
     def hypotheses(self) -> tuple[WaveMotion, ...]:
         """The bar's heave: at rest, and every wave."""
         moving = [
-            WaveMotion(d, f, self.damping, followed=self.followed)
+            WaveMotion(d, f, self.damping, deck_shares=self.deck_shares)
             for f in self.frequencies_rad_s
             for d in self.deviations_m
         ]

@@ -21,6 +21,9 @@ WAVE_STATES = 4
 """The wave motion, its rate, the waves' own resonator, its rate."""
 _OWN, _WAVES = 0.8, 1.3
 """ω₁ and ω₂ over the frequency: fitted to sway and heave of the frigate in sea states 5 and 6."""
+Shares = tuple[float, float, float, float]
+Output = tuple[Array, Array]
+"""(4,) and (4,): a motion and its rate, as sums of the states."""
 
 
 @parameters
@@ -33,24 +36,25 @@ class WaveMotion:
     bar_moves: bool = key(
         True, "with the deck, as on a ship; on a motion base it stands still and only the flow shows the deck"
     )
-    followed: float = key(
-        1.0, "share of the bar's motion that the aircraft follows: above the deck a roll moves it farther"
+    deck_shares: Shares = key(
+        (1.0, 0.0, 0.0, 0.0),
+        "of the states, over powers of the frequency, that make up the motion of a deck whose bar moves",
     )
 
     @property
-    def observed_share(self) -> float:
-        """Share of the wave motion that the bar has: 1 or 0."""
-        return float(self.bar_moves)
+    def bar(self) -> Output:
+        """The bar's motion."""
+        return _output(self, (float(self.bar_moves), 0.0, 0.0, 0.0))
 
     @property
-    def tracked_share(self) -> float:
-        """Share of the wave motion that the point to land on has."""
-        return self.followed if self.bar_moves else 0.0
+    def deck(self) -> Output:
+        """The deck's motion: on a ship it rolls less far than the bar, which stands above it, and later."""
+        return _output(self, self.deck_shares if self.bar_moves else (1.0, 0.0, 0.0, 0.0))
 
     @property
-    def deck_share(self) -> float:
-        """Share of the wave motion that the ship below the aircraft has: what lies as low as the deck."""
-        return self.followed if self.bar_moves else 1.0
+    def tracked(self) -> Output:
+        """The motion of the point to land on: the deck's as far as the bar shows it."""
+        return _output(self, self.deck_shares if self.bar_moves else (0.0, 0.0, 0.0, 0.0))
 
     @property
     def matrix(self) -> Array:
@@ -71,11 +75,17 @@ class WaveMotion:
         """(4,) its states a while later, or earlier."""
         return np.asarray(_passed(self, round(1e3 * passed_s)) @ states)
 
-    def variance_later(self, estimated: Array, passed_s: float) -> float:
-        """Of the wave motion a while later, from the estimated covariance (4,4) of its states now."""
+    def covariance_later(self, estimated: Array, passed_s: float) -> Array:
+        """(4,4) of its states a while later, from the estimated one now."""
         passed = _passed(self, round(1e3 * passed_s))
-        later = passed @ (estimated - self.covariance) @ passed.T + self.covariance
-        return float(later[0, 0])
+        return np.asarray(passed @ (estimated - self.covariance) @ passed.T + self.covariance)
+
+
+@lru_cache(maxsize=256)
+def _output(wave: WaveMotion, shares: Shares) -> Output:
+    w = wave.frequency_rad_s
+    row = np.array(shares) / np.array([1.0, w, w, w * w])
+    return row, row @ wave.matrix
 
 
 @lru_cache(maxsize=4096)

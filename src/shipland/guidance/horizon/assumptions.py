@@ -73,7 +73,8 @@ class Assumptions:
     def down_model(self, parameters: HorizonParameters, response: Response) -> Model:
         """The vertical model."""
         climb = AxisModel(_CLIMB_ACTUATOR_LAG_S, 0.0, 1.0 / response.climb_lag_s)
-        return _model(1, climb, parameters.vertical_at(self.gust_mps2), self.wave)
+        heaves = replace(self.wave, deck_shares=(1.0, 0.0, 0.0, 0.0))  # with the bar: no roll moves it
+        return _model(1, climb, parameters.vertical_at(self.gust_mps2), heaves)
 
     def with_axis(self, headings: Headings) -> Assumptions:
         """With the directions of surge and sway turned with the ship."""
@@ -128,7 +129,7 @@ def ship_in_view(aircraft_in_bar_m: Array, over_deck_m: float, hull_m: tuple[flo
     return float(max(along_m, 0.0) * max(aside_m, 0.0) / (2.0 * half_m) ** 2)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=96)  # one scenario's; a worker that flies many would grow without end
 def _model(
     axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, shares: WaveShares | None = None
 ) -> Model:

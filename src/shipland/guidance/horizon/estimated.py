@@ -59,7 +59,7 @@ class Estimated:
         down: vertical state, downward.
         model: horizontal, of the motion.
         wave: model of the deck's and the bar's wave motion in both.
-        tracked_near: share of `wave.tracked_share` that is tracked at this distance, 0 to 1.
+        tracked_near: share of `wave.tracked` that is tracked at this distance, 0 to 1.
         place_m, speed_mps: (2,) of the aircraft from the bar, and its rate.
         followed_m, followed_mps: (2,) of the aircraft from the tracked part of the bar's motion: the position that is
             controlled over the deck, and its rate.
@@ -134,17 +134,17 @@ class Estimated:
         """(2,2) covariance of the controlled position after `passed_s` in which nothing is measured."""
         transition, _, noise = self.model.step(_STEP_MS * round(1e3 * passed_s / _STEP_MS))
         covariance = predicted_covariance(transition, self.across.covariance, noise)
-        return position_covariance(covariance, self._tracked_share)
+        return position_covariance(covariance, self._tracked)
 
     @property
-    def _tracked_share(self) -> float:
-        """Share of the wave motion that the controlled position follows."""
-        return self.tracked_near * self.wave.tracked_share
+    def _tracked(self) -> Array:
+        """(4,) shares of the wave motion's states that the controlled position follows."""
+        return np.asarray(self.tracked_near * self.wave.tracked[0])
 
     @property
     def contact_std_m(self) -> float:
         """Standard deviation of the controlled position along the worse axis."""
-        variances = np.diagonal(position_covariance(self.across.covariance, self._tracked_share))
+        variances = np.diagonal(position_covariance(self.across.covariance, self._tracked))
         return math.sqrt(max(*variances, 0.0))
 
     @cached_property
@@ -160,21 +160,22 @@ class Estimated:
             (2,) from the controlled position's reference (`followed_m`), in the axes of the flight, and its standard
             deviation along the worse axis.
         """
-        share, wave = self.wave.deck_share - self._tracked_share, self.wave
+        shares, wave = self.wave.deck[0] - self._tracked, self.wave
         shifts, variances = [], []
         for axis in range(2):
             states = slice(STATES * axis + WAVE, STATES * axis + WAVE + WAVE_STATES)
-            shifts.append(share * float(wave.later(self.across.mean[states], passed_s)[0]))
-            variances.append(share**2 * wave.variance_later(self.across.covariance[states, states], passed_s))
+            shifts.append(float(shares @ wave.later(self.across.mean[states], passed_s)))
+            later = wave.covariance_later(self.across.covariance[states, states], passed_s)
+            variances.append(float(shares @ later @ shares))
         return np.array(shifts), math.sqrt(max(*variances, 0.0))
 
     def deck_rises_mps(self, passed_s: float) -> float:
         """Upward speed of the deck after `passed_s`."""
-        return -self.wave.deck_share * self._heave_rate_mps(passed_s)
+        return -self._heave_rate_mps(passed_s)
 
     def bar_rises_mps(self, passed_s: float) -> float:
         """Upward speed of the bar after `passed_s`."""
-        return -self.wave.observed_share * self._heave_rate_mps(passed_s)
+        return -float(self.wave.bar_moves) * self._heave_rate_mps(passed_s)
 
     def _heave_rate_mps(self, passed_s: float) -> float:
         """Downward rate of the wave motion after `passed_s`."""
@@ -202,8 +203,8 @@ class Estimated:
         cosine, sine = math.cos(self.bar_rad), math.sin(self.bar_rad)
         axes = np.array([[cosine, sine], [-sine, cosine]])
         covariance = np.zeros((4, 4))
-        covariance[:2, :2] = axes @ position_covariance(self.across.covariance, self.wave.observed_share) @ axes.T
-        covariance[2, 2] = position_covariance(self.down.covariance, self.wave.observed_share)[0, 0]
+        covariance[:2, :2] = axes @ position_covariance(self.across.covariance, self.wave.bar[0]) @ axes.T
+        covariance[2, 2] = position_covariance(self.down.covariance, self.wave.bar[0])[0, 0]
         covariance[3, 3] = self.yaw_variance
         return covariance
 

@@ -60,7 +60,7 @@ class Estimator:
         self._sticks = StickHistory(response, motion)
         wave, velocity_std_mps = parameters.wave, measured.velocity_mps
         if self._sticks.servo is not None:
-            wave, velocity_std_mps = replace(wave, followed=wave.followed_servo), measured.velocity_tracked_mps
+            velocity_std_mps = measured.velocity_tracked_mps
         self._wave_parameters = wave
         low_m = deck_down_m - parameters.margins.low_m
         self._heave = HeaveTracker(wave, response.climb_lag_s, delayed.velocity_mps, low_m)
@@ -282,10 +282,10 @@ class Estimator:
         if across is None or down is None or not all_finite(across.mean):
             return None
         (nose, both, _), (_, bar, _), _ = headings.covariance.tolist()
-        below, sinking = less_wave(down.mean, wave.observed_share)
-        place_m, speed_mps = less_wave(across.mean, wave.observed_share)
+        below, sinking = less_wave(down.mean, wave.bar)
+        place_m, speed_mps = less_wave(across.mean, wave.bar)
         tracked_near = self._wave_parameters.followed_at(math.hypot(*place_m.tolist()))
-        followed_m, followed_mps = less_wave(across.mean, tracked_near * wave.tracked_share)
+        followed_m, followed_mps = less_wave(across.mean, wave.tracked, tracked_near)
         (north_m, east_m), (north_mps, east_mps) = place_m.tolist(), speed_mps.tolist()
         to_bar_rad_s = (north_m * east_mps - east_m * north_mps) / max(north_m**2 + east_m**2, 1.0)
         to_bar_rad = math.atan2(-east_m, -north_m)

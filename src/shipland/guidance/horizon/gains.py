@@ -19,14 +19,13 @@ from shipland.estimation.relative_state import (
     STATES,
     VELOCITY,
     WAVE,
-    WAVE_RATE,
     AxisModel,
     Disturbances,
     discretised,
     dynamics,
     shaping,
 )
-from shipland.estimation.wave_motion import WaveMotion
+from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
 from shipland.frames import Array
 
 INPUT_RATE_SHARE = 2.0
@@ -83,8 +82,8 @@ def gains_of(motion: AxisModel, noise: Disturbances, wave: WaveMotion, weights: 
     moving = [*range(STATES), *tracked]
     size = STATES + 1 + len(tracked)
     to_bar, rate, acceleration = np.zeros(size), np.zeros(size), np.zeros(size)
-    to_bar[[POSITION, WAVE]] = 1.0, -wave.tracked_share
-    rate[[VELOCITY, WAVE_RATE]] = 1.0, -wave.tracked_share
+    waves, (of_deck, of_its_rate) = slice(WAVE, WAVE + WAVE_STATES), wave.tracked
+    to_bar[POSITION], to_bar[waves], rate[VELOCITY], rate[waves] = 1.0, -of_deck, 1.0, -of_its_rate
     acceleration[:STATES] = a[VELOCITY]
     if tracked:
         a, b, q = _with_tracked(motion, a, b, q)
