@@ -178,7 +178,7 @@ def draw_envelopes(panels: Sequence[Panel], rate: float) -> Figure:
 
     across = min(2, len(panels))
     with mpl.rc_context({**PLOT_STYLE, "hatch.linewidth": 0.5, "axes.grid": False}):
-        figure = new_figure(7.6 * across, 7.4 * math.ceil(len(panels) / across) + 1.4)
+        figure = new_figure(7.6 * across, 8.2 * math.ceil(len(panels) / across) + 1.4)
         scale = mpl.cm.ScalarMappable(BoundaryNorm(_SHARES, 256), "cividis")
         drawn = [
             _draw_polar(
