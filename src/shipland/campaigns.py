@@ -40,7 +40,7 @@ from shipland.evaluation.leaderboard import (
 )
 from shipland.evaluation.progress import CampaignProgress, ProgressBar
 from shipland.evaluation.statistics import share_interval
-from shipland.evaluation.suite import Overrides, Suite, SuiteEntry, cells_of, load_suite
+from shipland.evaluation.suite import Overrides, Suite, SuiteEntry, cells_of, load_suite, sealed_seeds
 from shipland.evaluation.tables import summary_of
 from shipland.extras import require
 from shipland.factories import Factory
@@ -181,6 +181,7 @@ def campaign(
     vision: str | Factory = "geometric",
     runs: int = 20,
     first_seed: int = 1,
+    salt: Path | None = None,
     settings: str | Sequence[str] = (),
     config: Path | None = None,
     only: str | Sequence[str] = (),
@@ -203,6 +204,7 @@ def campaign(
         vision: as in `fly`; a suite says it itself.
         runs: flights a cell.
         first_seed: of each cell.
+        salt: file whose bytes derive the seeds that are flown in their places; nobody knows them without it.
         settings: values of a key, laid over every cell, as `wind.mean_mps=0,5,9`; one text or several.
         config: TOML file laid over every scenario.
         only: shell patterns of cells to fly.
@@ -232,18 +234,31 @@ def campaign(
         words, entries = "", (SuiteEntry(tuple(sources), (), vision),)
     cells = cells_of(entries, Overrides(_several(pilot), _several(settings), config, _several(only)))
     folder = None if out is None else Path(out)
-    plan = CampaignPlan(cells, range(first_seed, first_seed + runs), folder, words, command, logs)
+    seeds = range(first_seed, first_seed + runs) if salt is None else sealed_seeds(salt, first_seed, runs)
+    plan = CampaignPlan(cells, seeds, folder, words, command, logs)
+    found = fly_plan(plan, workers, cluster, time_limit_s, progress)
+    if folder is not None:
+        _write(found, plan, folder, oracle_motions)
+    return found
+
+
+def fly_plan(
+    plan: CampaignPlan,
+    workers: int | None = None,
+    cluster: str = "",
+    time_limit_s: float = 0.0,
+    progress: bool | Callable[[CampaignProgress], None] = True,
+) -> Campaign:
+    """Fly what a plan's folder lacks; arguments and errors as of `campaign`. No tables are written."""
     with open_campaign(plan) as opened:
         left = sum(1 for _ in opened.missing())
         if left and workers != 0:
             left -= _fly(opened, left, workers, cluster, time_limit_s, progress)
-        found = Campaign(tuple(opened.results()), left, tuple(opened.lost), folder)
+        found = Campaign(tuple(opened.results()), left, tuple(opened.lost), plan.out)
     if found.lost and not found.landings:
         raise DataError(
             f"not one flight came to its end; {found.lost[0].cell}, seed {found.lost[0].seed}: {found.lost[0].reason}"
         )
-    if folder is not None:
-        _write(found, plan, folder, oracle_motions)
     return found
 
 
@@ -270,18 +285,19 @@ def _fly(
     if progress is not False:
         say_that_it_compiles()
     cells, area = len(plan.cells), area_of(cell.scenario.rig for cell in plan.cells)
+    flights = sum(1 for _ in plan.jobs())
 
     def now() -> CampaignProgress:
-        return CampaignProgress(cells, cells * len(plan.seeds), left, flown, landed, opened.lost, area)
+        return CampaignProgress(cells, flights, left, flown, landed, opened.lost, area)
 
     with ExitStack() as stack:
         show = progress if callable(progress) else None
         if progress is True:
             show = stack.enter_context(ProgressBar(plan.out is not None))
-        flights = stack.enter_context(closing(opened.fly(executor)))
+        landings = stack.enter_context(closing(opened.fly(executor)))
         if show is not None:
             show(now())
-        for _, landing in flights:
+        for _, landing in landings:
             flown, landed = flown + 1, landed + landing.success
             if show is not None:
                 show(now())

@@ -20,9 +20,11 @@ from shipland.commands.calibrate import Calibrate
 from shipland.commands.campaign import Campaign
 from shipland.commands.compare import Compare
 from shipland.commands.config import Config
+from shipland.commands.dataset import Dataset
 from shipland.commands.demo import Demo
 from shipland.commands.detect import Detect
 from shipland.commands.doctor import Doctor
+from shipland.commands.envelope import Envelope
 from shipland.commands.evaluate import Evaluate
 from shipland.commands.example import Example
 from shipland.commands.fly import Fly
@@ -37,9 +39,11 @@ from shipland.commands.report import Report
 from shipland.commands.scenarios import Scenarios
 from shipland.commands.see import See
 from shipland.commands.serve_physics import ServePhysics
+from shipland.commands.submit import Submit
 from shipland.commands.suites import Suites
 from shipland.commands.synth import Synth
 from shipland.commands.train import Train
+from shipland.commands.verify import Verify
 from shipland.commands.version import Version
 from shipland.errors import ConfigError, ShiplandError
 from shipland.extras import extra_of
@@ -50,8 +54,12 @@ COMMANDS: tuple[type[Command], ...] = (
     Demo,
     Fly,
     Campaign,
+    Envelope,
     Compare,
     Report,
+    Submit,
+    Verify,
+    Dataset,
     Again,
     Replay,
     Bag,

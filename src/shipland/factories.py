@@ -75,15 +75,20 @@ def resolve(group: str, name: str | Factory) -> Factory:
     if name in PACKAGED[group]:
         return _load(group, PACKAGED[group][name])
     if is_own_code(name):
-        here = str(Path.cwd())
-        if here not in sys.path and "" not in sys.path:
-            sys.path.append(here)  # at the end: a file named like a library must not take the library's place
+        add_here()
         return _load(group, name)
     for point in metadata.entry_points(group=f"shipland.{group}", name=name):
         return _load(group, point.value)
     known = ", ".join(names(group))
     listed = f"there are: {known}" if known else "none are packaged"
     raise ConfigError(f"no {name!r} among the {group}; {listed}; your own is given as module:factory")
+
+
+def add_here() -> None:
+    """Modules of the current folder can be imported."""
+    here = str(Path.cwd())
+    if here not in sys.path and "" not in sys.path:
+        sys.path.append(here)  # at the end: a file named like a library must not take the library's place
 
 
 def is_own_code(name: str) -> bool:

@@ -97,7 +97,16 @@ def test_pages_agree_with_the_results(page):
 SECONDS = ("false_accepts", "film_errors", "reach", "reliability", "speed_render", "spoiled_cue")
 """Studies whose smallest case takes seconds: `make test-slow` runs them."""
 MINUTES = (
-    *("confirmation", "far_vision", "frigate_recall", "margins", "pilot_consistency", "speed_far", "speed_landings"),
+    *(
+        "confirmation",
+        "envelope",
+        "far_vision",
+        "frigate_recall",
+        "margins",
+        "pilot_consistency",
+        "speed_far",
+        "speed_landings",
+    ),
     *("speed_near", "speed_peers"),
 )
 """Studies whose smallest case takes too long for a test."""

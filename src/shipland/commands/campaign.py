@@ -56,6 +56,8 @@ class Campaign:
     """Flights a cell."""
     first_seed: int = 1
     """Seed of the first."""
+    salt: Path | None = None
+    """File with a secret that the seeds are derived from, in the place of 1, 2, 3 …: a sealed run of a benchmark."""
     workers: int = 2
     """Processes; without meaning with --cluster."""
     cluster: str = ""
@@ -98,6 +100,7 @@ class Campaign:
             vision=self.vision,
             runs=self.runs,
             first_seed=self.first_seed,
+            salt=self.salt,
             settings=self.changes,
             config=self.config,
             only=self.only,

@@ -13,37 +13,61 @@ import tyro
 class Report:
     """Make one HTML page of what was flown; it needs nothing beside it. Several folders are merged.
 
+    Bundles of `shipland submit` make a leaderboard: an entry each, its rates with intervals, in pairs with the first.
+
     Example: shipland report out/near
+
+    Example: shipland report ours.zip theirs.zip --out leaderboard.html
     """
 
     folders: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="PATH …", help_behavior_hint="")]
-    """Folders of campaigns; a flight that two of them hold counts once."""
+    """Folders of campaigns; a flight that two of them hold counts once. Or bundles."""
     out: Path | None = None
-    """The page; report.html in the first folder when not given."""
+    """The page; report.html in the first folder, or beside the first bundle, when not given."""
     oracle_motions: int = 60
     """Motions drawn for each oracle rate; 0: none are drawn."""
 
     def run(self) -> int:
         """Write the page and say where."""
         from shipland.errors import ConfigError, DataError
-        from shipland.evaluation.campaign import read_about, read_cells
-        from shipland.evaluation.leaderboard import oracle_rates_of
-        from shipland.report.campaign_page import campaign_page
 
         if not self.folders:
-            raise ConfigError("give the folder of a campaign")
-        cells = read_cells(self.folders)
-        if not any(cell.landings for cell in cells):
-            raise DataError(f"{self.folders[0]} holds no flights yet")
-        path = self.out or self.folders[0] / "report.html"
-        oracle_rates = {}
-        if self.oracle_motions:
-            oracle_rates = oracle_rates_of(cells, self.oracle_motions, self.folders[0] / "oracle_rates.json")
+            raise ConfigError("give the folder of a campaign, or bundles")
+        bundles = [path.suffix == ".zip" for path in self.folders]
+        if any(bundles) and not all(bundles):
+            raise ConfigError("give either folders or bundles")
+        first = self.folders[0]
+        path = self.out or (first.parent if any(bundles) else first) / "report.html"
+        page = self._leaderboard(path.parent) if any(bundles) else self._page(path.parent)
         try:
-            path.write_text(
-                campaign_page(cells, read_about(self.folders[0]), oracle_rates, path.parent), encoding="utf-8"
-            )
+            path.write_text(page, encoding="utf-8")
         except OSError as error:
             raise DataError(f"{path} cannot be written: {error.strerror}") from None
         print(path)
         return 0
+
+    def _page(self, beside: Path) -> str:
+        from shipland.errors import DataError
+        from shipland.evaluation.campaign import read_about, read_cells
+        from shipland.evaluation.leaderboard import oracle_rates_of
+        from shipland.report.campaign_page import campaign_page
+
+        cells, first = read_cells(self.folders), self.folders[0]
+        if not any(cell.landings for cell in cells):
+            raise DataError(f"{first} holds no flights yet")
+        motions = self.oracle_motions
+        oracle_rates = oracle_rates_of(cells, motions, first / "oracle_rates.json") if motions else {}
+        return campaign_page(cells, read_about(first), oracle_rates, beside)
+
+    def _leaderboard(self, beside: Path) -> str:
+        from contextlib import ExitStack
+
+        from shipland.evaluation.bundle import opened
+        from shipland.evaluation.leaderboard import oracle_rates_of
+        from shipland.report.benchmark_page import benchmark_page, entries_of
+
+        with ExitStack() as stack:
+            bundles = [stack.enter_context(opened(path)) for path in self.folders]
+            cells = entries_of(bundles)
+            rates = oracle_rates_of(cells, self.oracle_motions) if self.oracle_motions else {}
+            return benchmark_page(bundles, cells, rates, beside)

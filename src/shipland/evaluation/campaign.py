@@ -8,7 +8,7 @@ import os
 import platform
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -46,20 +46,29 @@ class CampaignPlan:
 
     Attributes:
         cells: lines of the table.
-        seeds: flown in every cell.
+        seeds: flown in every cell, in this order.
         out: folder; made when missing. CELL/landings.csv hold the rows, CELL/flights/SEED.mcap the logs of those that
             did not land in the square, cells.json what was asked for. None: the rows stay in memory.
         suite: name and version; empty for a grid of the command line.
         command: command line to write down.
         logs: keep the log of every flight.
+        counts: of a cell that flies fewer than all seeds, by its name, how many of the first.
     """
 
     cells: Sequence[Cell]
-    seeds: range
+    seeds: Sequence[int]
     out: Path | None = None
     suite: str = ""
     command: str = ""
     logs: bool = False
+    counts: Mapping[str, int] = field(default_factory=dict)
+
+    def jobs(self) -> Iterator[tuple[int, Cell]]:
+        """Every flight, seed by seed over all cells."""
+        for index, seed in enumerate(self.seeds):
+            for cell in self.cells:
+                if index < self.counts.get(cell.name, len(self.seeds)):
+                    yield seed, cell
 
 
 class _Rows:
@@ -97,13 +106,12 @@ class OpenCampaign:
     def missing(self) -> Iterator[FlightJob]:
         """The flights that are missing, seed by seed over all cells."""
         plan = self.plan
-        for seed in plan.seeds:
-            for cell in plan.cells:
-                if seed not in self._rows[cell.name].seeds:
-                    log = None if plan.out is None else plan.out / cell.name / "flights" / f"{seed}.mcap"
-                    yield FlightJob(
-                        cell.scenario, cell.pilot, cell.vision, seed, log, not plan.logs, cell.name, plan.command
-                    )
+        for seed, cell in plan.jobs():
+            if seed not in self._rows[cell.name].seeds:
+                log = None if plan.out is None else plan.out / cell.name / "flights" / f"{seed}.mcap"
+                yield FlightJob(
+                    cell.scenario, cell.pilot, cell.vision, seed, log, not plan.logs, cell.name, plan.command
+                )
 
     def fly(self, executor: Executor) -> Generator[tuple[FlightJob, Landing], None, None]:
         """Fly what is missing and yield it as it is kept; closing the generator stops in order."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+import hashlib
 import itertools
 import json
 import re
@@ -106,6 +107,32 @@ _ADDED: dict[str, tuple[tuple[str, Any], ...]] = {
     "fault_draw": (("size", None), ("direction_in_level", None)),
 }
 """Keys younger than the digests on record, with the values that leave a flight as it was."""
+
+
+def sealed_seeds(salt: Path, first: int, count: int) -> list[int]:
+    """Seeds that nobody knows without the salt: of each number from `first` on, 48 bits of its SHA-256 with the salt.
+
+    Raises:
+        ConfigError: the file cannot be read, or holds fewer than 16 bytes.
+    """
+    secret = _secret(salt)
+    digests = (hashlib.sha256(b"shipland seed %d " % index + secret) for index in range(first, first + count))
+    return [int.from_bytes(digest.digest()[:6]) for digest in digests]
+
+
+def salt_digest(salt: Path) -> str:
+    """What the referee may publish beforehand to be held to the salt; errors as of `sealed_seeds`."""
+    return hashlib.sha256(b"shipland salt " + _secret(salt)).hexdigest()[:16]
+
+
+def _secret(salt: Path) -> bytes:
+    try:
+        secret = salt.read_bytes().strip()
+    except OSError as error:
+        raise ConfigError(f"{salt} cannot be read: {error.strerror}") from None
+    if len(secret) < 16:
+        raise ConfigError(f"{salt} holds {len(secret)} bytes, too few for a secret; expected 16 or more")
+    return secret
 
 
 def task_digest(cells: Sequence[Cell]) -> str:

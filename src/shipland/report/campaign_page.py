@@ -49,7 +49,7 @@ def campaign_page(
         f'<span class="key"><i style="background:{colour_of(index)}"></i>{html.escape(pilot)}</span>'
         for index, pilot in enumerate(pilots)
     )
-    tables = [_table(leaderboard(cells, oracle_rates)), _table(rivals(cells))]
+    tables = [html_of_table(leaderboard(cells, oracle_rates)), html_of_table(rivals(cells))]
     parts = [
         f"<h1>Landings: {html.escape(suites)}</h1>",
         f'<p class="dim">{flights} flights, {len({cell.group for cell in cells})} cells, {len(pilots)} pilots. '
@@ -75,7 +75,7 @@ def campaign_page(
         tables[1],
     ]
     if len(pilots) > 1:
-        parts += ["<h2>Pilots in pairs</h2>", _table(pairs(cells))]
+        parts += ["<h2>Pilots in pairs</h2>", html_of_table(pairs(cells))]
     parts.append(page.data_and_script())
     body, style = "\n".join(parts), page_file("page.css")
     return (
@@ -285,7 +285,7 @@ def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]], first_number
     return f'<div class="wide"><table><thead><tr>{line("th", head)}</tr></thead><tbody>{body}</tbody></table></div>'
 
 
-def _table(markdown: Iterator[str]) -> str:
+def html_of_table(markdown: Iterator[str]) -> str:
     """HTML of a Markdown table, and of the paragraphs behind it."""
     rows, words = [], []
     for line in markdown:

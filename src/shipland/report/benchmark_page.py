@@ -1,0 +1,94 @@
+"""A leaderboard of bundles as one HTML page: entries, all flights in pairs with the first, and a campaign's page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from shipland.errors import DataError
+from shipland.evaluation.bundle import Bundle
+from shipland.evaluation.campaign import CellResult, read_about
+from shipland.evaluation.oracle import OracleRate
+from shipland.evaluation.statistics import compare, share_interval
+from shipland.evaluation.verify import read_receipt
+from shipland.report.campaign_page import campaign_page, html_of_table
+
+
+def entries_of(bundles: Sequence[Bundle]) -> list[CellResult]:
+    """The cells of all bundles, each flown by `title` or, of a bundle with several pilots, `title: pilot`.
+
+    Raises:
+        DataError: they flew different suites, or two have one title.
+    """
+    suites = {str(bundle.about["suite"]) for bundle in bundles}
+    if len(suites) > 1:
+        raise DataError(f"the bundles flew different suites: {', '.join(sorted(suite or 'none' for suite in suites))}")
+    if len({bundle.title for bundle in bundles}) < len(bundles):
+        raise DataError("two bundles have one title; submit one of them again with another --title")
+    found = []
+    for bundle in bundles:
+        several = len({cell.pilot for cell in bundle.cells}) > 1
+        for cell in bundle.cells:
+            entry = f"{bundle.title}: {cell.pilot}" if several else bundle.title
+            group = bundle.groups[cell.name]
+            found.append(replace(cell, pilot=entry, group=group, name=f"{group}_{entry}", logs=None))
+    return found
+
+
+def benchmark_page(
+    bundles: Sequence[Bundle], cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate], folder: Path
+) -> str:
+    """The page.
+
+    Args:
+        bundles: in their order; the first's first pilot is what all are compared with.
+        cells: of `entries_of`.
+        oracle_rates: by group; may be empty.
+        folder: where the page will lie.
+    """
+    command = " ".join(["shipland report", *(bundle.path.name for bundle in bundles)])
+    about = read_about(bundles[0].folder) | {"command": command}
+    page = campaign_page(cells, about, oracle_rates, folder)
+    tables = f"<h2>Entries</h2>{html_of_table(_entries(bundles))}<h2>All flights in pairs with the first</h2>"
+    return page.replace("<h2>Pilots</h2>", f"{tables}{html_of_table(standings(cells))}<h2>Pilots</h2>", 1)
+
+
+def _entries(bundles: Sequence[Bundle]) -> Iterator[str]:
+    yield "| entry | pilots | code | own code | flown again | seeds |"
+    yield "|---|---|---|---|---|---|"
+    for bundle in bundles:
+        about, receipt = bundle.about, read_receipt(bundle)
+        pilots = ", ".join(dict.fromkeys(cell.pilot for cell in bundle.cells))
+        again = "not verified" if receipt is None else f"{receipt.again} of {receipt.flights}, all equal"
+        seeds = f"sealed by {about['salt']}" if about["salt"] else f"1 … {about['runs']}"
+        own = ", ".join(sorted(set(about["own_code"].values()))) or "–"
+        code = f"{about['version']} ({about['source']})"
+        yield f"| {bundle.title} | {pilots} | {code} | {own} | {again} | {seeds} |"
+
+
+def standings(cells: Sequence[CellResult]) -> Iterator[str]:
+    """Markdown, a line an entry: its share over all cells, and McNemar's test against the first on the same flights."""
+    entries = list(dict.fromkeys(cell.pilot for cell in cells))
+    by_entry = {
+        entry: {(cell.group, it.seed): it for cell in cells if cell.pilot == entry for it in cell.landings}
+        for entry in entries
+    }
+    yield "| entry | flights | landed | 95 % interval | only the first | only this | McNemar p |"
+    yield "|---|---:|---:|---:|---:|---:|---:|"
+    first = by_entry[entries[0]]
+    for entry, flown in by_entry.items():
+        good, common = sum(it.success for it in flown.values()), [key for key in flown if key in first]
+        low, high = share_interval(good, len(flown))
+        ours, theirs = (
+            (np.array([some[key].success for key in common], bool), np.array([some[key].error_m for key in common]))
+            for some in (first, flown)
+        )
+        found = compare(ours[0], theirs[0], ours[1], theirs[1], np.random.default_rng(1))
+        tested = (
+            "– | – | –" if entry == entries[0] else f"{found.only_first} | {found.only_second} | {found.p_value:.2g}"
+        )
+        share = f"{good} ({100.0 * good / len(flown):.1f} %) | {100.0 * low:.1f}–{100.0 * high:.1f} %"
+        yield f"| {entry} | {len(flown)} | {share} | {tested} |"

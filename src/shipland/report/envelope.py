@@ -1,0 +1,270 @@
+"""An operating envelope on paper: the polar diagram, a short table, and all of it as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from shipland.evaluation.envelope import KNOT_MPS, NATOPS_PITCH_DEG, NATOPS_ROLL_DEG, RATINGS, Envelope
+from shipland.files import write_atomically
+from shipland.report.palette import VERMILION, unit
+from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
+from shipland.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NO_RELEASE = (
+    "From simulation. No release document: no navy's authority stands behind it, and no aircraft may be cleared by it."
+)
+_REFUSED = 0.1
+"""Share of flights that never touched the deck from which a cell is hatched."""
+_SHARES = (0.0, 0.25, 0.5, 0.75, 0.9, 0.95, 1.0)
+"""Edges of the colours."""
+
+
+def limits_of(scenario: Scenario) -> list[dict[str, Any]]:
+    """What the flights are held against, each with its value and source; None where no public number was found."""
+    limits, chosen = scenario.verdict, "`[verdict]` of the scenario; no public standard sets one for such a drone"
+    drop = "`[verdict]` of the scenario; a fall from 8 inches, the least drop of a gear's test: 14 CFR 29.725(a)"
+    natops = (
+        "NATOPS manual, Helicopter operating procedures for air-capable ships (NAVAIR, 2003), for an FFG-7, as quoted "
+        "by [Lee2022]; counted at contact, in no landing rate"
+    )
+    return [
+        {"what": "sink at contact [m/s]", "limit": limits.max_descent_mps,
+         "source": drop if limits.max_descent_mps == 2.0 else chosen},
+        {"what": "drift over the deck at contact [m/s]", "limit": limits.max_drift_mps, "source": chosen},
+        {"what": "tilt against the deck [°]", "limit": limits.max_tilt_deg, "source": chosen},
+        {"what": "slip before rest [m]", "limit": limits.max_slip_m, "source": chosen},
+        {"what": "roll of the deck [°]", "limit": NATOPS_ROLL_DEG, "source": natops},
+        {"what": "pitch of the deck [°]", "limit": NATOPS_PITCH_DEG, "source": natops},
+        {"what": "STANAG 4154 (ANEP-4154), the ship's motions", "limit": None,
+         "source": "its text is not public, and no public statement that we found quotes a number with its place; the "
+         "deck's motions are given as its significant amplitudes, to be held against one's own copy"},
+    ]  # fmt: skip
+
+
+def write_envelopes(out: Path, envelopes: Sequence[Envelope], command: str, picture: bool) -> str:
+    """Write envelope.json, envelope.md and, with `picture`, envelope.png; the text of envelope.md.
+
+    Raises:
+        DataError, OSError: they cannot be written.
+    """
+    table = {"note": NO_RELEASE, "command": command, "ratings": RATINGS, "envelopes": list(map(_table, envelopes))}
+    write_atomically(out / "envelope.json", (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode())
+    pages = [f"**{NO_RELEASE}**"]
+    if picture:
+        panels = [Panel(title_of(it), it.rows, it.borders) for it in envelopes]
+        save_figure(draw_envelopes(panels, envelopes[0].rate), out / "envelope.png", 160)
+        pages.append("![Polar diagrams](envelope.png)")
+    pages += ["\n".join(_page(it)) for it in envelopes]
+    text = "\n\n".join(pages) + "\n"
+    write_atomically(out / "envelope.md", text.encode())
+    return text
+
+
+def _table(envelope: Envelope) -> dict[str, Any]:
+    return {
+        "name": envelope.name,
+        "scenario": envelope.scenario.name,
+        "pilot": envelope.pilot,
+        "aircraft_kg": envelope.scenario.aircraft.airframe.mass_kg,
+        "ship_kn": envelope.ship_mps / KNOT_MPS,
+        "wind_height_m": _height_m(envelope.scenario),
+        "deck_significant": dict(envelope.deck),
+        "rate": envelope.rate,
+        "limits": limits_of(envelope.scenario),
+        "borders": [
+            {"off_bow_deg": direction, "wind_kn": round(wind_kn, 1), "bound": bound}
+            for direction, (wind_kn, bound) in sorted(envelope.borders.items())
+        ],
+        "cells": envelope.rows,
+    }
+
+
+def _height_m(scenario: Scenario) -> float | None:
+    return scenario.wind.reference_height_m if scenario.wind.profile == "log" else None
+
+
+def title_of(envelope: Envelope) -> str:
+    """Ship, aircraft and pilot in a line."""
+    scenario, speed_kn = envelope.scenario, envelope.ship_mps / KNOT_MPS
+    waves = ""
+    if scenario.ship.motion == "sea":
+        waves = f", sea state {scenario.ship.sea.sea_state} from {scenario.ship.sea.waves_from_deg:g}°"
+    mass = scenario.aircraft.airframe.mass_kg
+    going = f"ship at {speed_kn:.0f} kn" if speed_kn else "ship lies still"
+    return f"{scenario.name}: {mass:g} kg, pilot {envelope.pilot}, {going}{waves}"
+
+
+def _page(envelope: Envelope) -> Iterator[str]:
+    deck, rows = envelope.deck, envelope.rows
+    yield f"## {title_of(envelope)}\n"
+    flights, height_m = sum(row["flights"] for row in rows), _height_m(envelope.scenario)
+    height = "the same at every height" if height_m is None else f"at {height_m:g} m over the surface"
+    yield (
+        f"{len(rows)} cells, {flights} flights. Wind over deck: {height}, direction that it comes from, clockwise off "
+        f"the bow. The border: where the share of flights that land falls below {100 * envelope.rate:g} %. The deck, "
+        f"significant single amplitudes: roll {deck['roll_deg']:.1f}°, pitch {deck['pitch_deg']:.1f}°, vertical speed "
+        f"{deck['vertical_mps']:.2f} m/s.\n"
+    )
+    yield "| wind from [°] | border [kn] | [m/s] |\n|---:|---:|---:|"
+    for direction, (wind_kn, bound) in sorted(envelope.borders.items()):
+        word = f"{bound} " if bound else ""
+        yield f"| {direction:03.0f} | {word}{wind_kn:.1f} | {word}{wind_kn * KNOT_MPS:.1f} |"
+    yield "\n" + "\n".join(cells_table(rows)) + "\n"
+    yield "| limit | value | source |\n|---|---:|---|"
+    for limit in limits_of(envelope.scenario):
+        value = "–" if limit["limit"] is None else format(limit["limit"], "g")
+        yield f"| {limit['what']} | {value} | {limit['source']} |"
+    yield "\n| rating | meaning |\n|---:|---|"
+    for rating, meaning in RATINGS.items():
+        yield f"| {rating} | {meaning} |"
+
+
+def cells_table(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Markdown, a line a cell."""
+    yield (
+        "| from [°] | over deck [kn] | flights | landed [%] (95 %) | rating | outside | bad | refused | waved off "
+        "| sink, 90 % [m/s] | drift, 90 % [m/s] | tilt, 90 % [°] | deck beyond NATOPS' | causes |"
+    )
+    yield "|" + "---:|" * 13 + "---|"
+    for row in rows:
+        good = row["success"]
+        shares = f"{100 * good['value']:.0f} ({100 * good['low']:.0f}–{100 * good['high']:.0f})"
+        counts = " | ".join(str(row[name]) for name in ("rating", "outside", "bad", "refused", "wave_offs"))
+        worst = " | ".join(
+            "–" if row[name] is None else format(row[name], form)
+            for name, form in (("sink_mps_90", ".2f"), ("slide_mps_90", ".2f"), ("tilt_deg_90", ".0f"))
+        )
+        place = f"{row['off_bow_deg']:03.0f} | {row['wind_kn']:g} | {row['flights']}"
+        yield f"| {place} | {shares} | {counts} | {worst} | {row['beyond_natops']} | {row['causes']} |"
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One polar diagram.
+
+    Attributes:
+        title: what was flown.
+        rows: cells, with at least `off_bow_deg`, `wind_kn`, `success`, `rating`, `refused`, `flights`.
+        borders: as of `Envelope`.
+    """
+
+    title: str
+    rows: Sequence[Mapping[str, Any]]
+    borders: Mapping[float, tuple[float, str]]
+
+
+def draw_envelopes(panels: Sequence[Panel], rate: float) -> Figure:
+    """Polar diagrams: bow up, wind over deck where it comes from, knots on the radius with m/s beside them.
+
+    Args:
+        panels: two beside each other.
+        rate: share of landings at the border.
+    """
+    import matplotlib as mpl
+    from matplotlib.colors import BoundaryNorm
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    across = min(2, len(panels))
+    with mpl.rc_context({**PLOT_STYLE, "hatch.linewidth": 0.5, "axes.grid": False}):
+        figure = new_figure(7.6 * across, 8.2 * math.ceil(len(panels) / across) + 1.4)
+        scale = mpl.cm.ScalarMappable(BoundaryNorm(_SHARES, 256), "cividis")
+        drawn = [
+            _draw_polar(
+                figure.add_subplot(math.ceil(len(panels) / across), across, at, projection="polar"), each, scale
+            )
+            for at, each in enumerate(panels, 1)
+        ]
+        entries = [
+            Line2D([], [], color=unit(VERMILION), lw=2.2, label=f"{100 * rate:g} % land; dotted: at the grid's edge"),
+            Patch(fc="none", ec="black", hatch="////", label="one in ten or more never touched the deck"),
+            Line2D([], [], color="none", marker="$3$", mfc="black", mec="none", label="rating, 1–3 acceptable"),
+        ]
+        bar = figure.colorbar(scale, ax=drawn, orientation="horizontal", shrink=0.6 / across, pad=0.03, aspect=40)
+        bar.set_ticks(_SHARES, labels=[f"{100 * share:.0f}" for share in _SHARES])
+        bar.set_label("flights that landed [%]")
+        words = f"Wind over deck, where it comes from, bow up. {NO_RELEASE.partition(':')[0]}."
+        figure.legend(handles=entries, loc="outside lower center", ncols=3, fontsize=8.0, title=words)
+        return figure
+
+
+def _draw_polar(axes: Any, panel: Panel, scale: Any) -> Any:  # noqa: ANN401
+    axes.set_theta_zero_location("N")
+    axes.set_theta_direction(-1)
+    directions = sorted({row["off_bow_deg"] for row in panel.rows})
+    for direction, (left, right) in zip(directions, _sectors(directions), strict=True):
+        ray = sorted((row for row in panel.rows if row["off_bow_deg"] == direction), key=lambda row: row["wind_kn"])
+        for row, (inner, outer) in zip(ray, _rings([row["wind_kn"] for row in ray]), strict=True):
+            share, angle = row["success"]["value"], math.radians(direction)
+            colour = scale.to_rgba(min(share, 0.999))
+            axes.bar(
+                angle, outer - inner, math.radians(right - left), inner, color=colour, lw=0.6, edgecolor="white",
+                hatch="////" if row["refused"] >= _REFUSED * row["flights"] else None,
+            )  # fmt: skip
+            axes.text(
+                angle, 0.5 * (inner + outer), str(row["rating"]), ha="center", va="center", fontsize=8.0,
+                color="black" if share > 0.6 else "white", bbox={"fc": colour, "ec": "none", "pad": 0.6},
+            )  # fmt: skip
+    _draw_border(axes, directions, panel.borders)
+    most_kn = max(outer for _, outer in _rings(sorted({row["wind_kn"] for row in panel.rows})))
+    rings = np.arange(5.0, most_kn - 1.0, 5.0 if most_kn <= 30.0 else 10.0)
+    axes.set_ylim(0.0, most_kn)
+    axes.set_yticks(rings, [])
+    for ring in rings:
+        axes.text(
+            math.radians(15.0), ring, f"{ring:g} kn\n{ring * KNOT_MPS:.1f} m/s", fontsize=6.0, ha="center", va="center",
+            bbox={"fc": "white", "ec": "none", "pad": 0.8, "alpha": 0.85},
+        )  # fmt: skip
+    axes.set_thetagrids(range(0, 360, 30), [f"{angle:03d}°" for angle in range(0, 360, 30)])
+    axes.grid(True, color="#909090", linewidth=0.4)
+    axes.set_axisbelow(False)
+    _draw_ship(axes, most_kn)
+    axes.set_title(panel.title, loc="center", pad=16.0)
+    return axes
+
+
+def _sectors(directions: Sequence[float]) -> list[tuple[float, float]]:
+    """Left and right edge of each direction's sector [deg], halfway to its neighbours; at most 15° wide either side."""
+    if len(directions) == 1:
+        return [(directions[0] - 15.0, directions[0] + 15.0)]
+    before = [directions[-1] - 360.0, *directions[:-1]]
+    after = [*directions[1:], directions[0] + 360.0]
+    halves = [min(b - a, c - b) / 2.0 for a, b, c in zip(before, directions, after, strict=True)]
+    return [(at - half, at + half) for at, half in zip(directions, (min(half, 30.0) for half in halves), strict=True)]
+
+
+def _rings(speeds: Sequence[float]) -> list[tuple[float, float]]:
+    """Inner and outer edge of each speed's ring, halfway to its neighbours."""
+    middles = [0.5 * (a + b) for a, b in pairwise(speeds)]
+    step = speeds[0] if len(speeds) == 1 else speeds[1] - speeds[0]
+    last = speeds[-1] + (0.5 * step if len(speeds) == 1 else speeds[-1] - middles[-1])
+    edges = [max(0.0, speeds[0] - 0.5 * step), *middles, last]
+    return list(pairwise(edges))
+
+
+def _draw_border(axes: Any, directions: Sequence[float], borders: Mapping[float, tuple[float, str]]) -> None:  # noqa: ANN401
+    """From direction to direction; dotted where it lies at an edge of what was flown."""
+    closed = [*directions, directions[0] + 360.0] if len(directions) > 2 else list(directions)
+    for first, second in pairwise(closed):
+        ends = [borders[first % 360.0], borders[second % 360.0]]
+        angles = np.radians([first, second])
+        style = ":" if any(bound for _, bound in ends) else "-"
+        axes.plot(angles, [wind_kn for wind_kn, _ in ends], style, color=unit(VERMILION), lw=2.2)
+
+
+def _draw_ship(axes: Any, most_kn: float) -> None:  # noqa: ANN401
+    """A ship's outline at the centre, bow up."""
+    half, long = 0.018 * most_kn, 0.07 * most_kn
+    outline = np.array([(0.0, long), (half, 0.4 * long), (half, -long), (-half, -long), (-half, 0.4 * long)])
+    axes.fill(np.arctan2(outline[:, 0], outline[:, 1]), np.hypot(*outline.T), fc="white", ec="black", lw=0.8, zorder=5)

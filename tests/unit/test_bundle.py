@@ -1,0 +1,302 @@
+"""Bundles: a true one is verified, every forgery is refused with the place, own code runs only when asked for."""
+
+import csv
+import json
+import shutil
+import sys
+import zipfile
+from hashlib import sha256
+
+import numpy as np
+import pytest
+from test_campaign import GOOD, NOWHERE, seeded
+
+import shipland
+from shipland.cli import main
+from shipland.errors import ConfigError, DataError
+from shipland.evaluation import job
+from shipland.evaluation.bundle import opened, write_bundle
+from shipland.evaluation.suite import Suite, SuiteEntry, sealed_seeds
+from shipland.evaluation.verify import Verified, fly_again, read_receipt, write_receipt
+from shipland.record.info import config_digest
+from shipland.report.benchmark_page import benchmark_page, entries_of, standings
+from shipland.scenario.fly import flight_log
+
+TINY = Suite("tiny", 1, "made up", (SuiteEntry(("rig-natops", "ship-sea6")),))
+REAL = job.land_once
+SALT = b"0123456789abcdef the referee's\n"
+
+
+def land(flight):
+    """Made up, the same again: the paper's pilot misses every second seed."""
+    missed = str(flight.pilot).endswith("paper") and flight.seed % 2 == 0
+    landing = seeded(NOWHERE if missed else GOOD, flight.seed)
+    if flight.log is not None and not (flight.only_failed and landing.success):
+        with flight_log(flight.log, flight.scenario, flight.pilot, flight.vision, flight.seed) as writer:
+            writer.finish(None)
+    return landing
+
+
+@pytest.fixture(autouse=True, scope="module")
+def made_up():
+    """Flights are made up, and the suite is a packaged one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(job, "land_once", land)
+        patch.setattr("shipland.evaluation.bundle.load_suite", lambda _: TINY)
+        yield
+
+
+def fly(folder, pilot="paper", runs=4, **more):
+    options = {"workers": 1, "progress": False, "oracle_motions": 0}
+    shipland.campaign(TINY, pilot=pilot, runs=runs, out=folder, **options | more)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def true_bundle(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("true")
+    write_bundle(fly(folder / "flown"), folder / "true.zip", "true 1", 1, None)
+    return folder
+
+
+@pytest.fixture
+def bundle(true_bundle, tmp_path):
+    return shutil.copy(true_bundle / "true.zip", tmp_path / "true.zip")
+
+
+def forged(path, change, digests=True):
+    """The bundle with its files changed by `change(files)`; with the digests of the changed files put right."""
+    with zipfile.ZipFile(path) as packed:
+        files = {name: packed.read(name) for name in packed.namelist()}
+    change(files)
+    if digests:
+        about = json.loads(files.pop("bundle.json"))
+        about["files"] = {name: sha256(data).hexdigest() for name, data in files.items()}
+        files["bundle.json"] = json.dumps(about).encode()
+    other = path.with_name("forged.zip")
+    with zipfile.ZipFile(other, "w") as packed:
+        for name, data in files.items():
+            packed.writestr(name, data)
+    return other
+
+
+def rows(change):
+    """Changes the rows of one cell."""
+
+    def changed(files):
+        name = "rig-natops_paper/landings.csv"
+        table = list(csv.DictReader(files[name].decode().splitlines()))
+        table = change(table)
+        lines = [",".join(table[0]), *(",".join(row.values()) for row in table)]
+        files[name] = ("\n".join(lines) + "\n").encode()
+
+    return changed
+
+
+def with_row(seed, /, **values):
+    return rows(lambda table: [row | values if row["seed"] == str(seed) else row for row in table])
+
+
+def about(**values):
+    def changed(files):
+        files["bundle.json"] = json.dumps(json.loads(files["bundle.json"]) | values).encode()
+
+    return changed
+
+
+def key(**values):
+    def changed(files):
+        name = "rig-natops_paper/campaign.json"
+        files[name] = json.dumps(json.loads(files[name]) | values).encode()
+
+    return changed
+
+
+def windless(files):
+    name = "rig-natops_paper/campaign.json"
+    table = json.loads(files[name])
+    table["scenario"]["wind"]["mean_mps"] = 0.0
+    files[name] = json.dumps(table).encode()
+
+
+def windless_throughout(files):
+    windless(files)
+    table = json.loads(files["rig-natops_paper/campaign.json"])
+    key(configuration=config_digest(table["scenario"]))(files)
+
+
+def without_a_cell(files):
+    cells = json.loads(files["cells.json"])
+    del cells["cells"]["ship-sea6_paper"]
+    files["cells.json"] = json.dumps(cells).encode()
+    summary = json.loads(files["bundle.json"])
+    del summary["summary"]["ship-sea6_paper"]
+    files["bundle.json"] = json.dumps(summary).encode()
+    for name in [name for name in files if name.startswith("ship-sea6")]:
+        del files[name]
+
+
+def check(path, sample=0, salt=None):
+    with opened(path, salt) as found:
+        return fly_again(found, sample, np.random.default_rng(1), 1, lambda *_: None)
+
+
+def test_a_true_bundle_is_verified_and_the_same_rows_make_the_same_zip(bundle, true_bundle, tmp_path):
+    found = check(bundle)
+    assert (found.flights, found.again) == (8, 8)
+    assert check(bundle, sample=3).again == 3
+    again = tmp_path / "again.zip"
+    write_bundle(true_bundle / "flown", again, "true 1", 1, None)
+    assert again.read_bytes() == bundle.read_bytes()
+    with zipfile.ZipFile(bundle) as packed:
+        assert "rig-natops_paper/flights/2.mcap" in packed.namelist()
+
+
+FORGERIES = {
+    "a file changed": (with_row(2, reason="landed"), False, "landings.csv is not the file that was submitted"),
+    "a summary brushed up": (
+        about(summary={"rig-natops_paper": {"flights": 4, "landed": 4}}), True, "not those that the summary counts",
+    ),
+    "success without landing": (with_row(2, success="True"), True, "seed 2: success is True, but .* make it False"),
+    "a row dropped": (rows(lambda table: table[:-1]), True, "rig-natops_paper: its rows are not"),
+    "a row twice": (rows(lambda table: [*table, table[0]]), True, "seed 1 is in its rows 2 times"),
+    "a seed swapped": (with_row(3, seed="33"), True, "rig-natops_paper: seed 3 is missing"),
+    "code of another name": (key(source="0" * 16), True, "its source is 0000000000000000, that of the bundle"),
+    "less wind": (windless, True, "its configuration is not the one that its digest means"),
+    "less wind, digests and all": (windless_throughout, True, "is none of the flights of suite tiny 1"),
+    "a pilot of another name": (key(pilot="horizon"), True, "name different pilots"),
+    "a cell left out": (without_a_cell, True, "did not fly ship-sea6 of suite tiny 1"),
+    "rows left out": (lambda files: files.pop("ship-sea6_paper/landings.csv"), True, "its rows are not in the bundle"),
+    "a file unlisted": (lambda files: files.update({"more": b""}), False, "more is twice in it, not in it or"),
+    "a way out": (lambda files: files.update({"../more": b""}), True, "leads out of the bundle"),
+    "code that is not in it": (key(pilot="antigravity:fly"), True, "names code that the bundle does not hold: antig"),
+    "a cell without its pilot": (
+        lambda files: files.update({"cells.json": b'{"cells": {"rig-natops_paper": {}}}'}), True, "is no bundle of",
+    ),
+    "no number of runs": (about(runs=5), True, "seed 5 is missing"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_a_forged_bundle_is_refused_without_a_flight(name, bundle):
+    change, digests, words = FORGERIES[name]
+    with pytest.raises(DataError, match=words), opened(forged(bundle, change, digests)):
+        pass
+
+
+def test_an_outcome_made_up_well_is_found_by_flying_it_again(bundle):
+    improved = with_row(1, sink_mps="0.4")
+    path = forged(bundle, improved)
+    with opened(path):
+        pass
+    with pytest.raises(DataError, match=r"rig-natops_paper, seed 1: sink_mps is 0\.4 in the bundle, 0\.45 flown again"):
+        check(path)
+
+
+def test_a_log_that_ends_otherwise_is_refused(bundle):
+    row = dict.fromkeys(("landed", "in_square", "success"), "True")
+    path = forged(bundle, with_row(2, **row, forward_m="0.01", starboard_m="0.0", error_m="0.01"))
+    with zipfile.ZipFile(path) as packed:
+        wanted = json.loads(packed.read("bundle.json"))
+    wanted["summary"]["rig-natops_paper"]["landed"] = 3
+    path = forged(path, about(summary=wanted["summary"]))
+    with pytest.raises(DataError, match="rig-natops_paper, seed 2: its log ends otherwise"), opened(path):
+        pass
+
+
+def test_seeds_of_a_salt_are_checked_with_it_alone(tmp_path):
+    salt, path = tmp_path / "salt", tmp_path / "sealed.zip"
+    salt.write_bytes(SALT)
+    folder = fly(tmp_path / "flown", salt=salt)
+    with pytest.raises(DataError, match="is missing"):
+        write_bundle(folder, path, "sealed", 0, None)
+    write_bundle(folder, path, "sealed", 0, salt)
+    assert check(path, salt=salt).again == 8
+    with opened(path) as found:
+        assert "sealed" in found.notes[0]
+        assert {it.seed for _, it in found.flights} == set(sealed_seeds(salt, 1, 4))
+        assert SALT.strip() not in b"".join(file.read_bytes() for file in found.folder.rglob("*") if file.is_file())
+    salt.write_bytes(b"another secret, as long")
+    with pytest.raises(DataError, match="another salt"), opened(path, salt):
+        pass
+    salt.write_bytes(b"short")
+    with pytest.raises(ConfigError, match="too few for a secret"):
+        sealed_seeds(salt, 1, 1)
+
+
+def test_a_salt_gives_the_same_seeds_wherever_they_begin(tmp_path):
+    salt = tmp_path / "salt"
+    salt.write_bytes(SALT)
+    seeds = sealed_seeds(salt, 1, 500)
+    assert seeds[100:] == sealed_seeds(salt, 101, 400)
+    assert len(set(seeds)) == 500
+    assert max(seeds) < 2**53, "a column of floats holds them"
+
+
+def run(monkeypatch, *words):
+    monkeypatch.setattr("sys.argv", ["shipland", *map(str, words)])
+    with pytest.raises(SystemExit) as end:
+        main()
+    return end.value.code
+
+
+def test_own_code_is_taken_along_and_runs_only_when_asked_for(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    (tmp_path / "mine_paper.py").write_text("def paper(setup):\n    raise ValueError('nobody calls it')\n")
+    fly(tmp_path / "flown", pilot="mine_paper:paper")
+    assert run(monkeypatch, "submit", "flown", "--title", "mine", "--out", "mine.zip") == 0
+    assert "code/mine_paper.py" in capsys.readouterr().out
+    (tmp_path / "mine_paper.py").write_text("raise ValueError('not this one')\n")
+    sys.modules.pop("mine_paper", None)
+    assert run(monkeypatch, "verify", "mine.zip") == 2
+    assert "give --run-own-code" in capsys.readouterr().err
+    assert run(monkeypatch, "verify", "mine.zip", "--run-own-code", "--workers", "1", "--sample", "3") == 0
+    assert "3 of 8 rows flown again" in capsys.readouterr().out
+    assert "mine_paper" not in sys.modules
+    with opened(tmp_path / "mine.zip") as found:
+        assert read_receipt(found).again == 3
+
+
+def test_other_code_is_named(bundle, monkeypatch, capsys):
+    monkeypatch.setattr("shipland.evaluation.verify.source_digest", lambda: "f" * 16)
+    assert run(monkeypatch, "verify", bundle) == 2
+    said = capsys.readouterr().err
+    assert "here is ffffffffffffffff" in said
+    assert said.count("\n") == 1
+
+
+def test_a_leaderboard_of_bundles(bundle, tmp_path, monkeypatch):
+    other = tmp_path / "other.zip"
+    write_bundle(fly(tmp_path / "other", pilot="horizon"), other, "other 2", 1, None)
+    with opened(bundle) as one, opened(other) as two:
+        write_receipt(bundle, Verified(8, 5, one.digest, "1"))
+        cells = entries_of([one, two])
+        lines = list(standings(cells))
+        assert lines[2].startswith("| true 1 | 8 | 4 (50.0 %)")
+        assert lines[3].endswith("| 0 | 4 | 0.12 |")
+        page = benchmark_page([one, two], cells, {}, tmp_path)
+        assert "5 of 8, all equal" in page
+        assert "not verified" in page
+        assert page.count("<h2>Entries</h2>") == 1
+        with pytest.raises(DataError, match="one title"):
+            entries_of([one, one])
+    assert run(monkeypatch, "report", bundle, other, "--oracle-motions", "0", "--out", tmp_path / "board.html") == 0
+    assert "other 2" in (tmp_path / "board.html").read_text()
+
+
+def test_what_is_no_bundle_is_refused(tmp_path):
+    path = tmp_path / "none.zip"
+    path.write_bytes(b"none")
+    with pytest.raises(DataError, match="is no bundle"), opened(path):
+        pass
+    with pytest.raises(DataError, match="holds no campaign"):
+        write_bundle(tmp_path, path, "none", 0, None)
+
+
+def test_real_flights_come_out_the_same_to_the_last_digit(tmp_path, monkeypatch):
+    monkeypatch.setattr(job, "land_once", REAL)
+    options = {"workers": 1, "progress": False, "oracle_motions": 0, "settings": ["time_limit_s=2"]}
+    shipland.campaign("rig-natops", runs=1, out=tmp_path / "flown", **options)
+    write_bundle(tmp_path / "flown", tmp_path / "real.zip", "real", 1, None)
+    assert check(tmp_path / "real.zip").again == 1

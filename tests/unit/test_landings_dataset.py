@@ -1,0 +1,74 @@
+"""A campaign as a data set: every column is described, the digests are those of the files, the card is a Croissant."""
+
+import csv
+import json
+import zipfile
+from hashlib import sha256
+
+import pytest
+from test_campaign import GOOD, NOWHERE, seeded
+
+import shipland
+from shipland.errors import DataError
+from shipland.evaluation import job
+from shipland.report.dataset import Described, write_dataset
+
+HERE = Described("made-up", "https://creativecommons.org/licenses/by/4.0/", "https://example.org/made-up")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    def land(flight):
+        if flight.seed == 2:
+            flight.log.parent.mkdir(parents=True, exist_ok=True)
+            flight.log.write_bytes(b"a log")
+        return seeded(NOWHERE if flight.seed == 2 else GOOD, flight.seed)
+
+    monkeypatch.setattr(job, "land_once", land)
+    options = {"settings": "wind.mean_mps=0,5", "runs": 3, "workers": 1, "progress": False, "oracle_motions": 0}
+    shipland.campaign("near", out=tmp_path / "flown", **options)
+    return tmp_path / "flown"
+
+
+def test_rows_logs_and_card_agree(folder, tmp_path):
+    out = tmp_path / "set"
+    files = write_dataset(folder, out, HERE)
+    assert {path.name for path in out.iterdir()} == set(files)
+    card = json.loads((out / "croissant.json").read_text())
+    for item in card["distribution"]:
+        if "sha256" in item:
+            assert sha256((out / item["name"]).read_bytes()).hexdigest() == item["sha256"]
+    with (out / "landings.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    fields = {field["source"]["extract"]["column"]: field for field in card["recordSet"][0]["field"]}
+    assert list(rows[0]) == list(fields)
+    assert len(rows) == 6
+    kinds = {name: fields[name]["dataType"] for name in ("seed", "sink_mps", "landed", "cause", "wind.mean_mps")}
+    assert list(kinds.values()) == ["sc:Integer", "sc:Float", "sc:Boolean", "sc:Text", "sc:Integer"]
+    assert fields["sink_mps"]["description"].endswith("[m/s]")
+    with zipfile.ZipFile(out / "logs.zip") as packed:
+        assert len(packed.namelist()) == 2
+        assert all(name.endswith("/2.mcap") for name in packed.namelist())
+
+
+def test_the_card_is_a_croissant_that_reads_its_rows(folder, tmp_path):
+    croissant = pytest.importorskip("mlcroissant", reason="the card is checked by MLCommons' own reader")
+    write_dataset(folder, tmp_path / "set", HERE)
+    found = croissant.Dataset(jsonld=str(tmp_path / "set" / "croissant.json"))
+    assert not found.metadata.issues.errors
+    rows = list(found.records("landings"))
+    assert len(rows) == 6
+    assert {row["landings/sink_mps"] for row in rows} == {0.45, None}
+
+
+def test_parquet_holds_the_same_rows(folder, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="Parquet wants pyarrow")
+    assert "landings.parquet" in write_dataset(folder, tmp_path / "set", HERE)
+    table = parquet.read_table(tmp_path / "set" / "landings.parquet").to_pydict()
+    assert table["seed"] == [1, 2, 3] * 2
+    assert table["success"] == [True, False, True] * 2
+
+
+def test_a_folder_without_flights_is_refused(tmp_path):
+    with pytest.raises(DataError, match="holds no campaign"):
+        write_dataset(tmp_path, tmp_path / "set", HERE)
