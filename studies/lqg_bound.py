@@ -67,7 +67,7 @@ def hover_m(axis: Axis, horizon: HorizonParameters, response: Response, delay_s:
         free: acceleration and stick cost next to nothing.
     """
     noise = replace(horizon.horizontal_at(axis.gust_mps2), gust_mps2=axis.gust_mps2)
-    wave = WaveMotion(axis.wave_m, 2.1, horizon.wave.damping, True, axis.deck)
+    wave = WaveMotion(axis.wave_m, 2.1, horizon.wave.damping, True, (axis.deck, 0.0, 0.0, 0.0))
     model = Model(1, motion_of(response), noise, wave)
     estimate = model.start(0.0, np.zeros(1), 0.01 * np.eye(1), 0.5)
     for index in range(900):
