@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from pictures import camera_from_bar, project_plane, rectangles
@@ -39,6 +39,7 @@ def seen(target, pose):
     elevation_deg=st.floats(-20.0, 20.0),
     roll_deg=st.floats(-20.0, 20.0),
 )
+@example(seed=776, distances=1.5, azimuth_deg=-5.0, elevation_deg=11.0, roll_deg=0.0)  # another is nearer everywhere
 def test_the_true_assignment_is_among_the_first(name, seed, distances, azimuth_deg, elevation_deg, roll_deg):
     target, rng = TARGETS[name], np.random.default_rng(seed)
     range_m = distances * SIZES[name]

@@ -207,12 +207,16 @@ def _area(quads: Array) -> Array:
 
 
 def _alternatives(row: Array) -> list[dict[int, int]]:
-    """Candidates by model for the other models: none, the nearest of each, and of two models also the runners-up."""
+    """Candidates by model for the other models: none, the nearest of each, and these with a runner-up for one model.
+
+    Of a cue of two three runners-up are taken, of a larger one a single runner-up.
+    """
     index = [int(i) for i in np.flatnonzero(np.isfinite(row).any(axis=1))]
     if not index:
         return [{}]
     found = [{}, {i: int(np.argmin(row[i])) for i in index}]
-    if len(index) == 1:
-        runners = np.argsort(row[index[0]])[1:4]
-        found += [{index[0]: int(c)} for c in runners if np.isfinite(row[index[0], c])]
+    most = 3 if len(index) == 1 else 1
+    for i in index:
+        runners = np.argsort(row[i])[1 : 1 + most]
+        found += [found[1] | {i: int(c)} for c in runners if np.isfinite(row[i, c])]
     return found
