@@ -67,6 +67,8 @@ GONE = {
     "guidance.horizon.levelling.touch_deg": "the odds of a landing hold the tilt at contact",
     "guidance.horizon.levelling.touch_m": "guidance.horizon.descent.touch_m begins the final descent",
     "guidance.horizon.levelling.touch_offset_m": "the odds of a landing hold the offset at contact",
+    "guidance.horizon.wave.followed": "guidance.horizon.wave.deck_shares has a share for each state of the waves",
+    "guidance.horizon.wave.followed_servo": "guidance.horizon.wave.deck_shares holds for both kinds of stick",
     "vision.adaptive": "each region is judged at half of its own peak",
     "vision.adaptive_floor": "each region is judged at half of its own peak",
     "vision.adaptive_hue": "each region is judged at half of its own peak",
@@ -93,10 +95,11 @@ def todays(name: str) -> str:
 
 
 def renamed(table: Any, where: str = "") -> Any:  # noqa: ANN401 - a configuration as JSON has it
-    """A table and the tables in it, with today's keys and without those that are gone; `where` is its own key."""
+    """A table and the tables in it, with today's keys and without those that are gone; `where` it stands, with dots."""
     if isinstance(table, dict):
+        paths = {key: f"{where}.{key}".lstrip(".") for key in table}
         return {
-            FORMER.get(key, key): renamed(value, key) for key, value in table.items() if f"{where}.{key}" not in GONE
+            FORMER.get(key, key): renamed(value, paths[key]) for key, value in table.items() if paths[key] not in GONE
         }
     if isinstance(table, list):
         return [renamed(value, where) for value in table]

@@ -36,8 +36,19 @@ def test_a_key_that_is_gone_is_refused_with_what_does_its_work_and_read_past_in_
         load_scenario("near", vision={"corners": "forstner"})
     former = {"vision": {"corners": "edges", "track_s": 1.0}, "corners": 1}
     assert renamed(former) == {"vision": {"track_s": 1.0}, "corners": 1}
+
+
+@pytest.mark.parametrize("gone", GONE)
+def test_every_key_that_is_gone_is_read_past_where_it_stood(gone):
+    *tables, key = gone.split(".")
     today = defaults(Scenario)
-    assert not [key for key in GONE if key.partition(".")[2] in today[key.partition(".")[0]]]
+    former, left = {key: 1.0, "other": 2.0}, {"other": 2.0}
+    for table in tables:
+        today = today[table]
+    for table in reversed(tables):
+        former, left = {table: former}, {table: left}
+    assert key not in today
+    assert renamed(former) == left
 
 
 def test_every_new_name_is_one_and_no_former_name_is_used_again():
