@@ -29,6 +29,7 @@ PACKAGED: dict[str, dict[str, str]] = {
         "paper": "shipland.guidance.pilots:paper",
         "pid": "shipland.guidance.pilots:pid",
         "residual": "shipland.guidance.pilots:residual",
+        "velocity_matching": "shipland.guidance.pilots:velocity_matching",
     },
     "visions": {
         "geometric": "shipland.scenario.visions:geometric",

@@ -51,7 +51,7 @@ def test_a_deck_that_is_watched_is_landed_on_where_it_would_have_swayed_away(see
     assert sights > 10
 
 
-@pytest.mark.parametrize("pilot", ["p", "pid"])
+@pytest.mark.parametrize("pilot", ["p", "pid", "velocity_matching"])
 def test_linear_pilots_land_in_still_air_where_a_stick_is_a_velocity(pilot):
     scenario = load_scenario("rig-natops", **{"aircraft.loop.kind": "velocity", "wind.mean_mps": 0.0})
     flown = fly_quietly(scenario, pilot, "geometric", 1)

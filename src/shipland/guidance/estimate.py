@@ -21,6 +21,7 @@ class MeasuredError:
         error_in_level_m: (3,) forward, right, up to the reference point.
         yaw_rad: heading against the bar.
         bar_elevation_rad: the bar's centre above the horizon, from the camera.
+        velocity_in_level_mps: (3,) the vehicle's own as told last; None where it does not say.
     """
 
     t_s: float
@@ -28,9 +29,17 @@ class MeasuredError:
     error_in_level_m: Array
     yaw_rad: float
     bar_elevation_rad: float
+    velocity_in_level_mps: Array | None = None
 
 
-def measure(t_s: float, age_s: float, pose: BarPose, wanted_in_bar_m: Array, camera_in_body_m: Array) -> MeasuredError:
+def measure(
+    t_s: float,
+    age_s: float,
+    pose: BarPose,
+    wanted_in_bar_m: Array,
+    camera_in_body_m: Array,
+    velocity_in_level_mps: Array | None = None,
+) -> MeasuredError:
     """Turn a pose into errors.
 
     The error is turned into `level` by the yaw of the same picture. Errors of yaw and of position are correlated so
@@ -42,13 +51,14 @@ def measure(t_s: float, age_s: float, pose: BarPose, wanted_in_bar_m: Array, cam
         pose: the camera's.
         wanted_in_bar_m: (3,) the reference point.
         camera_in_body_m: (3,) the camera's optical centre.
+        velocity_in_level_mps: as of `MeasuredError`.
     """
     level_from_bar = rotation_from_euler(0.0, 0.0, pose.yaw_rad).T
     bar_in_level_m = level_from_bar @ -pose.position_in_bar_m
     wanted_in_level_m = camera_in_body_m + bar_in_level_m + level_from_bar @ wanted_in_bar_m
     elevation_rad = math.atan2(-bar_in_level_m[2], float(np.hypot(bar_in_level_m[0], bar_in_level_m[1])))
     error = wanted_in_level_m * np.array([1.0, 1.0, -1.0])
-    return MeasuredError(t_s, age_s, error, pose.yaw_rad, elevation_rad)
+    return MeasuredError(t_s, age_s, error, pose.yaw_rad, elevation_rad, velocity_in_level_mps)
 
 
 @dataclass(frozen=True)

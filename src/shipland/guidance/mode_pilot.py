@@ -96,7 +96,7 @@ class ModePilot:
         state = replace(state, now_s=telemetry.t_s)
         state = self._with_direction(state, observation, telemetry)
         observation = without_large_boxes(observation, self._tables, self._guidance.approach.largest_box)
-        state = replace(state, position=self._with_picture(state.position, observation, telemetry.t_s))
+        state = replace(state, position=self._with_picture(state.position, observation, telemetry))
         situation = situation_of(
             observation, telemetry, state.position, state.modes, self._references, self._guidance.approach, sent
         )
@@ -126,13 +126,15 @@ class ModePilot:
             return state
         return replace(state, seen_rad=self._view.bearing_rad(column_px) + (self._compass.at(observation.t_s) or 0.0))
 
-    def _with_picture(self, position: PositionEstimate, observation: Observation, now_s: float) -> PositionEstimate:
+    def _with_picture(
+        self, position: PositionEstimate, observation: Observation, telemetry: Telemetry
+    ) -> PositionEstimate:
         """Filter the picture's errors to the present reference."""
         pose = observation.bar_pose
         if pose is None:
             return position
-        age_s = now_s - observation.t_s
-        measured = measure(observation.t_s, age_s, pose, self._reference_in_bar_m, self._camera_in_body_m)
+        age_s, own_mps = telemetry.t_s - observation.t_s, telemetry.velocity_in_level_mps
+        measured = measure(observation.t_s, age_s, pose, self._reference_in_bar_m, self._camera_in_body_m, own_mps)
         before = position.estimate
         if before is not None and measured.t_s - before.t_s > self._guidance.modes.lost_s:
             self._near.reset()

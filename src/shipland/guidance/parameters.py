@@ -10,7 +10,7 @@ from shipland.guidance.horizon.learned import LearnedParameters
 from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.laws import FarGains, FarVariant
 from shipland.guidance.modes import ModeParameters
-from shipland.guidance.near import NearParameters
+from shipland.guidance.near import NearParameters, VelocityMatchingParameters
 from shipland.guidance.search import SearchParameters
 from shipland.guidance.simc import NearBaselines
 
@@ -104,6 +104,7 @@ class GuidanceParameters:
     )
     far_baselines: FarBaselines = FarBaselines()
     near_baselines: NearBaselines = NearBaselines()
+    velocity_matching: VelocityMatchingParameters = VelocityMatchingParameters()
     modes: ModeParameters = ModeParameters()
     approach: ApproachParameters = ApproachParameters()
     search: SearchParameters = SearchParameters()

@@ -28,6 +28,13 @@ def pid(setup: PilotSetup) -> Pilot:
     return _by_modes(setup, "pid", LinearNear(simc_pid, setup.guidance.near_baselines, setup.response))
 
 
+def velocity_matching(setup: PilotSetup) -> Pilot:
+    """A rival: the published modes with a near control that matches the ship's velocity, as PX4's gains fly."""
+    from shipland.guidance.velocity_matching import VelocityMatching
+
+    return _by_modes(setup, "p", VelocityMatching(setup.guidance.velocity_matching, setup.response))
+
+
 def horizon(setup: PilotSetup) -> Pilot:
     """Ours: one estimate from the first box to contact, with the vehicle's own velocity, and linear-quadratic gains."""
     from shipland.guidance.horizon.pilot import HorizonPilot
