@@ -235,7 +235,7 @@ def _draw_polar(axes: Any, panel: Panel, scale: Any) -> Any:  # noqa: ANN401
 
 
 def _sectors(directions: Sequence[float]) -> list[tuple[float, float]]:
-    """Left and right edge of each direction's sector [deg], halfway to its neighbours; at most 15° wide either side."""
+    """Left and right edge of each direction's sector [deg], halfway to its neighbours; at most 30° wide either side."""
     if len(directions) == 1:
         return [(directions[0] - 15.0, directions[0] + 15.0)]
     before = [directions[-1] - 360.0, *directions[:-1]]
