@@ -313,5 +313,5 @@ def write_rows(path: Path, cells: Sequence[CellResult]) -> None:
         head = ["suite", "cell", "scenario", "pilot", "vision", *settings, *COLUMNS]
         rows = csv.DictWriter(file, head, lineterminator="\n")
         rows.writeheader()
-        rows.writerows(rows_of(cells))
+        rows.writerows(map(as_text, rows_of(cells)))
     part.replace(path)

@@ -136,7 +136,7 @@ class CampaignFolder:
         """Write one more row; DataError when it cannot be written."""
         try:
             with self._path.open("a", newline="", encoding="utf-8") as file:
-                csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(row_of(landing))
+                csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(as_text(row_of(landing)))
         except OSError as error:
             raise DataError(f"{self._path} cannot be written: {error.strerror}") from None
         self.seeds.add(landing.seed)

@@ -414,6 +414,11 @@ def row_of(landing: Landing) -> dict[str, Any]:
     return {name: "" if value is None else value for name, value in row.items()}
 
 
+def as_text(row: dict[str, Any]) -> dict[str, Any]:
+    """A row as a table in a file has it: a number that there is not is empty, as every reader of CSV takes it."""
+    return {name: "" if value != value else value for name, value in row.items()}
+
+
 def column_of(name: str, values: Sequence[Any]) -> npt.NDArray[Any]:
     """Values (n,) of one column of rows, with the column's type; one of no landing, a setting's, by its values.
 
@@ -455,7 +460,8 @@ def _parsed(cls: type, row: dict[str, str]) -> dict[str, Any]:
         kind, _, optional = str(each.type).partition(" | ")
         if each.init and kind in _PARSERS and (each.name in row or each.default is dataclasses.MISSING):
             text = row[each.name]
-            values[each.name] = None if optional and text == "" else _PARSERS[kind](text)
+            empty = None if optional else each.default if kind == "float" else dataclasses.MISSING
+            values[each.name] = empty if text == "" and empty is not dataclasses.MISSING else _PARSERS[kind](text)
     return values
 
 
