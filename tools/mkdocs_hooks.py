@@ -47,7 +47,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:  # noqa: ANN401
     A line that is a link with the title `shown`, `tables` or `columns of …` becomes the file, the tables of a
     configuration, or those of columns. A block with one `shipland … --help` gets its output. Links to files outside
     `docs/` become their text, because the site does not hold these files. Tables of results are compared with them;
-    rows of earlier code get a badge.
+    those of earlier code get a note.
     """
     markdown = _compared(markdown, page.file.src_uri)
     folder = (DOCS / page.file.src_uri).parent

@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[1]
 FLIES = re.compile(r"shipland (?:demo|again|fly)\b")
 """Steps whose exit code 1 says where the aircraft landed."""
 FILM = """
-import av, cv2, numpy as np, shipland
+import av, cv2, numpy as np, shipland, shipland.camera
 scenario = shipland.load_scenario("own_cue.toml", time_limit_s=8.0)
 with av.open("film.mp4", "w") as film:
     stream = film.add_stream("libx264", rate=30)
@@ -37,11 +37,11 @@ with av.open("film.mp4", "w") as film:
 squares = 255 * (np.indices((7, 10)).sum(0) % 2).astype(np.uint8)
 board = np.pad(squares.repeat(50, 0).repeat(50, 1), 25, constant_values=255)
 square_on = np.array([[1 / 2000, 0, -0.1375], [0, 1 / 2000, -0.1], [0, 0, 1]])  # 50 px are 25 mm, from the centre
-random = np.random.default_rng(1)
+camera, random = shipland.camera.Camera.from_parameters(scenario.camera), np.random.default_rng(1)
 for number in range(15):
     turned, _ = cv2.Rodrigues(random.uniform(-0.5, 0.5, 3))
     turned[:, 2] = random.uniform((-0.1, -0.05, 0.4), (0.1, 0.05, 0.6))
-    photo = cv2.warpPerspective(board, frames[0].camera.matrix @ turned @ square_on, (1280, 720), borderValue=120)
+    photo = cv2.warpPerspective(board, camera.matrix @ turned @ square_on, (1280, 720), borderValue=120)
     cv2.imwrite(f"board{number:02d}.png", photo)
 """
 """What a flight tester brings: a film of the cue, and pictures of a printed chessboard; here the simulator's."""

@@ -20,7 +20,7 @@ from typing import Any
 
 from shipland import factories
 from shipland.errors import ConfigError, DataError
-from shipland.evaluation.landing import COLUMNS, Landing, landing_from, row_of
+from shipland.evaluation.landing import COLUMNS, Landing, as_text, landing_from, row_of
 from shipland.factories import Factory
 from shipland.files import json_of, read_text, write_atomically
 from shipland.former import renamed
