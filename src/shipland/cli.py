@@ -13,8 +13,10 @@ import sys
 import textwrap
 from collections.abc import Sequence
 from contextlib import nullcontext, redirect_stdout, suppress
+from pathlib import Path
 from typing import Annotated, Any, Protocol, Union, get_type_hints
 
+import docstring_parser
 import tyro
 
 from shipland.commands.again import Again
@@ -145,7 +147,7 @@ class _Said(io.StringIO):
         width = min(shutil.get_terminal_size().columns, 100)
         text = re.sub(r"\[-h\] \{.*\}", "[-h] [--version] COMMAND …", self.getvalue())
         for line in re.sub("\n{3,}", "\n\n", text).splitlines():
-            prose = line[:1].isalpha() or line[:1] == "`"
+            prose = (line[:1].isalpha() or line[:1] == "`") and not line.startswith("Example:")
             print(textwrap.fill(line, width, break_on_hyphens=False) if prose else line)
 
 
@@ -155,13 +157,16 @@ def _polish(command: type[Command]) -> None:
     for name, hint in get_type_hints(command, include_extras=True).items():
         default = getattr(command, name, 0)
         hidden = "" if default in (None, "", ()) or isinstance(default, bool) else None
-        shown: Any = tyro.conf.arg(help=words.get(name), help_behavior_hint=hidden)
+        metavar = "PATH …" if hint == tuple[Path, ...] else "NAME …" if hint == tuple[str, ...] else None
+        said = words.get(name, "")
+        shown: Any = tyro.conf.arg(metavar=metavar, help=said[:1].upper() + said[1:], help_behavior_hint=hidden)
         command.__annotations__[name] = Annotated[hint, shown]
 
 
 def _words_of_fields(command: type[Command]) -> dict[str, str]:
-    """The docstring below each field, in one line; tyro breaks them where the source does."""
-    words = {}
+    """What a docstring says of each field, its own or the class's, in one line; tyro breaks where the source does."""
+    told = docstring_parser.parse(command.__mro__[1].__doc__ or "").params
+    words = {each.arg_name: " ".join((each.description or "").split()) for each in told}
     for owner in command.__mro__[-2::-1]:
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
         for field, below in itertools.pairwise(getattr(tree, "body", [])):
