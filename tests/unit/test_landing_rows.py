@@ -108,8 +108,6 @@ def test_a_row_in_a_file_has_nothing_where_there_is_no_number():
     assert texts["forward_m"] == texts["oracle_in_square"] == ""
     again = landing_from(texts)
     assert math.isnan(again.forward_m) and again.time_s == never.time_s
-    with pytest.raises(ValueError, match="float"):
-        landing_from(texts | {"time_s": ""})
 
 
 class Hovering:

@@ -53,7 +53,7 @@ class Fly(ScenarioOptions):
     video: bool = True
     """Write no flight.mp4, whose view from outside costs a second picture a frame."""
     vehicle: str | None = None
-    """What is flown, not the simulated aircraft: `mavlink://…`, `anafi://…`, `ros2://…`, `replay://…`; see "Fly a vehicle"."""
+    """Flown in place of the simulated aircraft: `mavlink://…`, `anafi://…`, `ros2://…`, `replay://…`."""
     calibration: Path | None = None
     """OpenCV calibration file of the vehicle's camera."""
     vehicle_config: Path | None = None

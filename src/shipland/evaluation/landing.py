@@ -400,7 +400,7 @@ def _rounded(values: Part) -> Part:
 _PARSERS: dict[str, Callable[[str], Any]] = {
     "bool": {"True": True, "False": False}.__getitem__,
     "int": int,
-    "float": float,
+    "float": lambda text: float(text or NAN),
     "str": str,
 }
 
@@ -460,8 +460,7 @@ def _parsed(cls: type, row: dict[str, str]) -> dict[str, Any]:
         kind, _, optional = str(each.type).partition(" | ")
         if each.init and kind in _PARSERS and (each.name in row or each.default is dataclasses.MISSING):
             text = row[each.name]
-            empty = None if optional else each.default if kind == "float" else dataclasses.MISSING
-            values[each.name] = empty if text == "" and empty is not dataclasses.MISSING else _PARSERS[kind](text)
+            values[each.name] = None if optional and text == "" else _PARSERS[kind](text)
     return values
 
 
