@@ -36,10 +36,10 @@ from shipland.record.columns import Derived, FlightColumns, derive
 from shipland.record.foxglove_scene import nanoseconds, timestamp
 from shipland.record.info import FORMAT_VERSION, FlightInfo, LogHeader, config_digest
 from shipland.record.reader import read_log
-from shipland.record.rows import from_row, json_schema, to_row
 from shipland.record.writer import LogWriter
 from shipland.report.outputs import load_outputs
 from shipland.report.plots import plot_flight
+from shipland.rows import from_row, json_schema, to_row
 from shipland.vision.log_pictures import read_pictures
 
 PARAMETERS = LogParameters(image_rate_hz=10.0, image_width_px=640, image_quality=85)
