@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from shipland.config import key, parameters
 from shipland.errors import DataError
+from shipland.files import writing
 from shipland.frames import Array
 from shipland.messages import Mode, TouchdownVerdict
 from shipland.record.columns import FlightColumns
@@ -91,11 +92,8 @@ def png_of(figure: Figure, dpi: int = 80) -> bytes:
 
 def save_figure(figure: Figure, path: Path, dpi: int) -> None:
     """Write a PNG whose bytes depend on the picture only; DataError when it cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with writing(path, "plot"):
         figure.savefig(path, dpi=dpi, metadata={"Software": None})
-    except OSError as error:
-        raise DataError(f"plot {path} cannot be written: {error.strerror}") from None
 
 
 @contextmanager
