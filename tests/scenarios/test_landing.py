@@ -38,10 +38,9 @@ def test_pictures_alone_are_enough():
     assert flown.success, flown.reason
 
 
-@pytest.mark.parametrize("seed", [4, 26])
-def test_a_deck_that_is_watched_is_landed_on_where_it_would_have_swayed_away(seed):
-    """Seed 4 misses by the deck's sway and 26 comes down too hard when they land at any instant."""
-    calm = {"wind.mean_mps": 0.0}
+def test_a_deck_that_is_watched_is_landed_on_where_it_would_have_swayed_away():
+    """Seed 4 misses by the deck's sway when it lands at any instant."""
+    calm, seed = {"wind.mean_mps": 0.0}, 4
     assert not fly_quietly(load_scenario("rig-sea6", **calm), "horizon", "geometric", seed).success
     rows = []
     watched = load_scenario("rig-sea6", **calm, **{"guidance.horizon.moment": "deck"})
@@ -63,8 +62,9 @@ def test_wind_of_the_near_scenario_spreads():
     assert 0.0 <= min(speeds) < 1.5 < 3.5 < max(speeds) <= 5.0
 
 
-def test_the_same_seed_draws_the_same_log(tmp_path):
+def test_the_same_seed_draws_the_same_log(tmp_path, monkeypatch):
     """Of a geometric camera: test_again."""
+    monkeypatch.setattr("shipland.report.outputs.installed", lambda _: False)  # no plots
     config = tmp_path / "short.toml"
     config.write_text("time_limit_s = 0.5\n")
     for name in ("one", "two"):

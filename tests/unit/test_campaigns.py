@@ -22,7 +22,7 @@ from shipland.scenario.scenario import load_scenario
 
 @pytest.fixture
 def made_up(monkeypatch):
-    """Flights are made up: the paper's pilot misses every second seed. The jobs flown are kept."""
+    """Flights are made up, the paper's pilot misses every second seed; a folder gets no pictures. The jobs are kept."""
     flown = []
 
     def land(flight):
@@ -31,6 +31,7 @@ def made_up(monkeypatch):
         return seeded(NOWHERE if missed else GOOD, flight.seed)
 
     monkeypatch.setattr(job, "land_once", land)
+    monkeypatch.setattr("shipland.report.campaign.installed", lambda _: False)
     return flown
 
 
