@@ -8,7 +8,6 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from small_jobs import die, die_at_two, square
 
@@ -19,7 +18,7 @@ from shipland.evaluation.folder import folder_in, read_campaign
 from shipland.evaluation.landing import COLUMNS, Conditions, Landing, Phases, landing_from, row_of
 from shipland.evaluation.rules import rules_table
 from shipland.evaluation.suite import Overrides, SuiteEntry, cells_of
-from shipland.evaluation.tables import causes_table, landings_table, modes_table, pair_up, summary_of
+from shipland.evaluation.tables import causes_table, landings_table, modes_table, summary_of
 from shipland.rig import Rig
 from shipland.scenario.scenario import load_scenario
 from shipland.workers import run_jobs
@@ -245,13 +244,6 @@ def test_limits_come_from_the_rig():
 def test_intervals_say_what_they_assume():
     assert "independent" in summary_of([GOOD, seeded(GOOD, 2)], "square")
     assert "one record of motion" in summary_of([GOOD, replace(GOOD, seed=2)], "square")
-
-
-def test_pilots_are_compared_on_the_seeds_that_both_flew():
-    first = [seeded(GOOD, seed) for seed in (1, 2, 3)]
-    second = [seeded(replace(GOOD, in_square=False), seed) for seed in (2, 3, 4)]
-    found = pair_up(first, second, np.random.default_rng(0))
-    assert (found.flights, found.only_first, found.only_second) == (2, 2, 0)
 
 
 NOTHING = (lambda *_: None,) * 2
