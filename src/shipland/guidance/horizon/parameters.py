@@ -95,7 +95,7 @@ class DescentParameters:
     rise_offset_m: float = scaled(0.25, "it rises again while the offset is larger", ge=0)
     final_descent_mps: float = scaled(1.0, "speed of the final descent", ge=0.01, le=5)
     sink_max_mps: float = key(1.5, "a harder contact is no landing", gt=0)
-    sink_std_mps: float = scaled(0.3, "standard deviation of what the deck adds to the sink at contact", gt=0)
+    sink_std_mps: float = key(0.3, "standard deviation of what deck and gusts add to the sink at contact", gt=0)
     wait_cost: float = key(
         0.003, "landings that it costs to wait for another moment; large: any moment will do", ge=0, le=1
     )
