@@ -83,6 +83,8 @@ GONE = {
 """What does a former key's work today, by the key with its table."""
 
 FORMER_OPTIONS = {
+    ("campaign", "--time-limit-s"): "--minutes",
+    ("envelope", "--time-limit-s"): "--minutes",
     ("evaluate", "--scenes"): "--count",
     ("replay", "--camera"): "--calibration",
     ("see", "--camera"): "--calibration",
