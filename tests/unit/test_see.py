@@ -58,13 +58,6 @@ def assert_found(result, tolerance_m=0.01):
     assert " m away" in result.to_line()
 
 
-def test_a_picture(tmp_path, bar_image):
-    path = write(tmp_path / "bär 1.png", bar_image)
-    (result,) = see(path)
-    assert_found(result)
-    assert result.picture.name == str(path)
-
-
 def test_one_picture_in_python_is_the_commands_line(tmp_path, bar_image):
     path = write(tmp_path / "bar.png", bar_image)
     (result,) = see(path)
