@@ -78,9 +78,7 @@ def table(name: str, where: Mapping[str, Sequence[str]], columns: str = "") -> s
     return _markdown(study.columns, rows, shown, across)
 
 
-def _markdown(
-    columns: Mapping[str, Column], rows: Sequence[Mapping[str, Any]], shown: list[str], across: str
-) -> str:
+def _markdown(columns: Mapping[str, Column], rows: Sequence[Mapping[str, Any]], shown: list[str], across: str) -> str:
     """Lines; with `across` a line for each combination of the other columns, a column for each of its values."""
     heads = [columns[key].title for key in shown]
     lines = [[cell(row.get(key), columns[key]) for key in shown] for row in rows]
