@@ -106,8 +106,7 @@ def _asked(match: re.Match[str]) -> str | None:
 
 
 def checked(text: str, page: str) -> str:
-    """A page with a note above tables of studies without results, and of those that other code, configuration or
-    weights measured than this tree's.
+    """A page with notes above tables without results, and above those that another code or configuration measured.
 
     Raises:
         TableError: a table of the page differs from the results, or a row is missing.
