@@ -75,7 +75,7 @@ docs: setup ## build the documentation into site/, a warning is an error; SERVE=
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs $(if $(SERVE),serve,build --quiet) --strict
 
 wheel-test: setup ## build the wheel, install it into an empty environment, fly from another folder
-	tools/wheel_test.sh
+	$(BIN)/python tools/walks.py base
 
 clean: ## remove what was made, but for .venv, .venv-olympe and .venv-peers
 	rm -rf out site build dist .pytest_cache .ruff_cache .mypy_cache .import_linter_cache .hypothesis

@@ -100,7 +100,7 @@ def make_agent(arguments: Arguments, envs: VecNormalize) -> BaseAlgorithm:
     if arguments.algorithm == "sac":
         return SAC("MlpPolicy", envs, gamma=0.995, learning_starts=1000, seed=arguments.seed, device="cpu")
     policy = {"log_std_init": -2.0 if arguments.action == "residual" else -0.5}
-    steps = max(64, min(2048, arguments.steps // 4) // arguments.environments)
+    steps = 64 * max(1, min(2048, arguments.steps // 4) // (64 * arguments.environments))  # whole batches
     return PPO("MlpPolicy", envs, gamma=0.995, n_steps=steps, policy_kwargs=policy, seed=arguments.seed, device="cpu")
 
 

@@ -25,7 +25,7 @@ BLOCK = re.compile(
     rf'"table(?P<where>(?: {_PAIR})*)(?:; (?P<columns>[\w, ]+))?"\)\n\n)(?P<table>(?:^\|.*\n)*)',
     re.MULTILINE,
 )
-BADGE = " ⚠ earlier code"
+EARLIER = "⚠ *Measured by earlier code:* `make results ONLY={}` *flies it anew.*\n\n"
 TYPED = "⚠ *Typed by hand: this tree holds no results of* `make results ONLY={}` *yet.*\n\n"
 
 
@@ -45,14 +45,13 @@ def cell(value: Any, column: Column) -> str:  # noqa: ANN401 - a value of JSON
     return format(value if column.factor == 1.0 else column.factor * value, column.form)
 
 
-def table(name: str, where: Mapping[str, Sequence[str]], columns: str = "", badges: bool = False) -> str:
+def table(name: str, where: Mapping[str, Sequence[str]], columns: str = "") -> str:
     """Markdown of the rows of a study that agree with `where`.
 
     Args:
         name: of the study.
         where: column and values of the rows wanted.
         columns: their names, in order, with commas between; all without. The last may be `cell by column`.
-        badges: mark rows that other code, configuration or weights gave than those of this tree.
 
     Raises:
         TableError: the study was not measured, a case has no row, or a column does not exist.
@@ -76,13 +75,10 @@ def table(name: str, where: Mapping[str, Sequence[str]], columns: str = "", badg
         rows += list(filter(wanted, measured))
     if not rows or any(key not in row for key in where for row in rows[:1]):
         raise TableError(f"no row of {name} has {dict(where)}")
-    badge = BADGE if badges and found["source"] != source_of(name, study) else ""
-    return _markdown(study.columns, rows, shown, across, badge)
+    return _markdown(study.columns, rows, shown, across)
 
 
-def _markdown(
-    columns: Mapping[str, Column], rows: Sequence[Mapping[str, Any]], shown: list[str], across: str, badge: str
-) -> str:
+def _markdown(columns: Mapping[str, Column], rows: Sequence[Mapping[str, Any]], shown: list[str], across: str) -> str:
     """Lines; with `across` a line for each combination of the other columns, a column for each of its values."""
     heads = [columns[key].title for key in shown]
     lines = [[cell(row.get(key), columns[key]) for key in shown] for row in rows]
@@ -95,34 +91,36 @@ def _markdown(
         lines = [[*first, *(cells.get((*first, value), "–") for value in values)] for first in firsts]
         heads[-1:] = [f"{columns[across].title} {values[0]}", *values[1:]]
         aligned[-1:] = aligned[-1:] * len(values)
-    texts = [" | ".join(each) for each in (heads, *([line[0] + badge, *line[1:]] for line in lines))]
+    texts = [" | ".join(each) for each in (heads, *lines)]
     return "\n".join([f"| {texts[0]} |", "|" + "|".join(aligned) + "|", *(f"| {text} |" for text in texts[1:])]) + "\n"
 
 
-def _asked(match: re.Match[str], badges: bool) -> str | None:
+def _asked(match: re.Match[str]) -> str | None:
     """The table that a link wants; None without results of a study that exists."""
     load(match["name"])
     if not (RESULTS / f"{match['name']}.json").exists():
         return None
     pairs = [pair.split("=", 1) for pair in re.findall(_PAIR, match["where"])]
     where = {key: [value[1:-1]] if value.startswith("'") else value.split(",") for key, value in pairs}
-    return table(match["name"], where, match["columns"] or "", badges)
+    return table(match["name"], where, match["columns"] or "")
 
 
 def checked(text: str, page: str) -> str:
-    """A page with badges on rows of other code, and a note above tables of studies without results.
+    """A page with notes above tables without results, and above those that another code or configuration measured.
 
     Raises:
         TableError: a table of the page differs from the results, or a row is missing.
     """
 
     def one(match: re.Match[str]) -> str:
-        right = _asked(match, badges=False)
+        name, right = match["name"], _asked(match)
         if right is None:
-            return match["head"] + TYPED.format(match["name"]) + match["table"]
+            return match["head"] + TYPED.format(name) + match["table"]
         if match["table"] != right:
-            raise TableError(f"{page}: the table of {match['name']} differs from its results: python -m studies")
-        return match["head"] + (_asked(match, badges=True) or "")
+            raise TableError(f"{page}: the table of {name} differs from its results: python -m studies")
+        found = read(RESULTS / f"{name}.json") or {}
+        note = "" if found["source"] == source_of(name, load(name)) else EARLIER.format(name)
+        return match["head"] + note + right
 
     return BLOCK.sub(one, text)
 
@@ -138,7 +136,7 @@ def update_pages() -> list[str]:
     changed = []
 
     def one(match: re.Match[str]) -> str:
-        right = _asked(match, badges=False)
+        right = _asked(match)
         return match[0] if right is None else match["head"] + right
 
     for page in pages():

@@ -14,6 +14,7 @@ import griffe
 from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 
+from shipland.cli import COMMANDS, name_of
 from shipland.report.configuration import page_tables
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -22,8 +23,7 @@ sys.path.insert(0, str(ROOT))  # the studies stand beside the package
 from studies.tables import TableError, checked  # noqa: E402
 
 NO_BREAK_SPACE = "\u00a0"
-SHOWN = re.compile(r'^\[[^\]\n]+\]\(([^)\s]+) "(shown|tables|columns of \w+)"\)$', re.MULTILINE)
-HELP = re.compile(r"^```console\n\$ shipland ([\w -]+) --help\n```$", re.MULTILINE)
+SHOWN = re.compile(r'^\[[^\]\n]+\]\(([^)\s]+) "(shown|tables|commands|columns of \w+)"\)$', re.MULTILINE)
 OUTSIDE = re.compile(r'(?<!!)\[([^\]\n]+)\]\(((?:\.\./)+[^)\s#]+)(?: "[^"]*")?\)')
 SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
@@ -44,21 +44,23 @@ def _compared(markdown: str, page: str) -> str:
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:  # noqa: ANN401
     """Puts in what a page links to or names, so that the page reads whole on a forge as well.
 
-    A line that is a link with the title `shown`, `tables` or `columns of …` becomes the file, the tables of a
-    configuration, or those of columns. A block with one `shipland … --help` gets its output. Links to files outside
-    `docs/` become their text, because the site does not hold these files. Tables of results are compared with them;
-    rows of earlier code get a badge.
+    A line that is a link with the title `shown`, `tables`, `commands` or `columns of …` becomes the file, the tables of
+    a configuration, every command's help, or the tables of columns. Links to files outside `docs/` become their text,
+    because the site does not hold these files. Tables of results are compared with them;
+    those of earlier code get a note.
     """
     markdown = _compared(markdown, page.file.src_uri)
     folder = (DOCS / page.file.src_uri).parent
     markdown = SHOWN.sub(lambda match: _shown((folder / match[1]).resolve(), match[2]), markdown)
-    markdown = HELP.sub(lambda match: f"```text\n$ shipland {match[1]} --help\n{help_of(match[1])}\n```", markdown)
     return OUTSIDE.sub(lambda match: _inside(match, folder), markdown)
 
 
 def _shown(path: Path, how: str) -> str:
     if how.startswith("columns of "):
         return column_table(how.removeprefix("columns of "))
+    if how == "commands":
+        names = [name_of(command) for command in COMMANDS]
+        return "\n\n".join(f"## shipland {name}\n\n```text\n{help_of(name)}\n```" for name in names)
     if how == "tables":
         return page_tables(path.name)
     return f"```{path.suffix[1:]}\n{path.read_text(encoding='utf-8')}```"

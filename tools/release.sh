@@ -12,4 +12,4 @@ rm -rf dist
 "$python" -m pip install --disable-pip-version-check --quiet build twine
 "$python" -m build --outdir dist .
 "$python" -m twine check --strict dist/*
-tools/wheel_test.sh dist/*.whl
+"$python" tools/walks.py base --wheel dist/*.whl

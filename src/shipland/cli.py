@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import ast
 import inspect
+import io
 import itertools
 import os
+import re
+import shutil
 import sys
 import textwrap
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import nullcontext, redirect_stdout, suppress
+from pathlib import Path
 from typing import Annotated, Any, Protocol, Union, get_type_hints
 
+import docstring_parser
 import tyro
 
 from shipland.commands.again import Again
@@ -98,12 +103,52 @@ def name_of(command: type[Command]) -> str:
     return "".join(f"-{letter.lower()}" if letter.isupper() else letter for letter in command.__name__).lstrip("-")
 
 
-def subcommand(command: type[Command], *, brief: bool) -> Any:  # noqa: ANN401 - tyro reads annotations of any form
-    """What tyro makes a subcommand of; `brief` shows the first sentence of its help alone."""
-    if not brief:
-        _polish(command)
-    text = inspect.cleandoc(command.__doc__ or "").partition("\n\n")[0] if brief else None
+def briefly(command: type[Command]) -> Any:  # noqa: ANN401 - tyro reads annotations of any form
+    """What tyro makes a subcommand of, with the first sentence of its help alone."""
+    text = inspect.cleandoc(command.__doc__ or "").partition("\n\n")[0]
     return Annotated[command, tyro.conf.subcommand(name_of(command), description=text)]
+
+
+def parsed(words: Sequence[str]) -> Command:
+    """The command that the words ask for; SystemExit after help, or after words that say what is wrong."""
+    if words[:1] == ["--version"]:
+        return Version()
+    named = {name_of(command): command for command in COMMANDS}
+    command: Any = named.get(words[0]) if words else None
+    said = _Said()
+    try:
+        with redirect_stdout(said) if {"-h", "--help"} & set(words) else nullcontext():
+            if command is not None:
+                _polish(command)
+                return tyro.cli(command, args=words[1:], prog=f"shipland {words[0]}", config=_CONFIG)  # type: ignore[no-any-return]
+            any_command: Any = Union[tuple(map(briefly, COMMANDS))]  # noqa: UP007 - made at run time
+            return tyro.cli(any_command, args=words, prog="shipland", config=_CONFIG, description=_ABOUT)  # type: ignore[no-any-return]
+    finally:
+        said.show()
+
+
+_CONFIG = (tyro.conf.DisallowNone, tyro.conf.FlagCreatePairsOff)
+_ABOUT = """Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.
+
+`shipland COMMAND --help` explains one command, with an example. A first flight: shipland demo"""
+
+
+class _Said(io.StringIO):
+    """Help as tyro prints it: where it breaks no line of prose, a terminal breaks within words."""
+
+    encoding = "utf-8"
+
+    def isatty(self) -> bool:
+        """As the real one, for colours."""
+        return sys.__stdout__ is not None and sys.__stdout__.isatty()
+
+    def show(self) -> None:
+        """Print it, with prose broken at the terminal's width and one empty line between paragraphs."""
+        width = min(shutil.get_terminal_size().columns, 100)
+        text = re.sub(r"\[-h\] \{.*\}", "[-h] [--version] COMMAND …", self.getvalue())
+        for line in re.sub("\n{3,}", "\n\n", text).splitlines():
+            prose = (line[:1].isalpha() or line[:1] == "`") and not line.startswith("Example:")
+            print(textwrap.fill(line, width, break_on_hyphens=False) if prose else line)
 
 
 def _polish(command: type[Command]) -> None:
@@ -112,13 +157,16 @@ def _polish(command: type[Command]) -> None:
     for name, hint in get_type_hints(command, include_extras=True).items():
         default = getattr(command, name, 0)
         hidden = "" if default in (None, "", ()) or isinstance(default, bool) else None
-        shown: Any = tyro.conf.arg(help=words.get(name), help_behavior_hint=hidden)
+        metavar = "PATH …" if hint == tuple[Path, ...] else "NAME …" if hint == tuple[str, ...] else None
+        said = words.get(name, "")
+        shown: Any = tyro.conf.arg(metavar=metavar, help=said[:1].upper() + said[1:], help_behavior_hint=hidden)
         command.__annotations__[name] = Annotated[hint, shown]
 
 
 def _words_of_fields(command: type[Command]) -> dict[str, str]:
-    """The docstring below each field, in one line; tyro breaks them where the source does."""
-    words = {}
+    """What a docstring says of each field, its own or the class's, in one line; tyro breaks where the source does."""
+    told = docstring_parser.parse(command.__mro__[1].__doc__ or "").params
+    words = {each.arg_name: " ".join((each.description or "").split()) for each in told}
     for owner in command.__mro__[-2::-1]:
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
         for field, below in itertools.pairwise(getattr(tree, "body", [])):
@@ -132,20 +180,9 @@ def main() -> None:
     """Entry point. An error prints one line, exit 2; after Ctrl-C and its like the files are complete, exit 130."""
     # Matrices here are small: threads of their own would only spin. Before NumPy is imported; workers inherit it.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    words = ["version"] if sys.argv[1:] == ["--version"] else sys.argv[1:]
-    subcommands: Any = tuple(subcommand(it, brief=name_of(it) not in words[:1]) for it in COMMANDS)
-    any_command: Any = Union[subcommands]  # noqa: UP007 - made at run time
     try:
-        _refuse_former(words)
-        command: Command = tyro.cli(
-            any_command,
-            args=words,
-            prog="shipland",
-            config=(tyro.conf.DisallowNone, tyro.conf.FlagCreatePairsOff),
-            description="Lands a camera-carrying VTOL drone on a ship: no GPS, no link to the ship.\n\n"
-            "`shipland COMMAND --help` explains one command, with an example. A first flight: "
-            "shipland demo",
-        )
+        _refuse_former(sys.argv[1:])
+        command = parsed(sys.argv[1:])
         with signals_interrupt():
             code = command.run()
     except ShiplandError as error:

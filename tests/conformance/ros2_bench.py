@@ -57,6 +57,7 @@ class Drone:
     """Flies speeds or tilts with a first-order lag, a hundred times a second, and tells so; its pictures are grey."""
 
     def __init__(self, domain: int) -> None:
+        self.domain = domain
         self.node = Node(domain, local=True)
         self.topics = vehicle_topics("drone", {})
         self.armed = self.guided = True

@@ -140,6 +140,46 @@ def test_a_landing_is_asked_for_and_ended_by_a_topic() -> None:
         assert until(lambda: vehicle.end_reason == "ended by /shipland/land")
 
 
+CALL = """
+import rclpy
+from std_srvs.srv import SetBool
+rclpy.init()
+node = rclpy.create_node("mission")
+client = node.create_client(SetBool, "/shipland/land")
+assert client.wait_for_service(timeout_sec=30.0)
+answer = None
+while answer is None or answer.message.startswith("nobody waits"):
+    asked = client.call_async(SetBool.Request(data=True))
+    rclpy.spin_until_future_complete(node, asked, timeout_sec=30.0)
+    answer = asked.result()
+print(answer.success, answer.message)
+"""
+
+
+@pytest.mark.skipif("SHIPLAND_RCLPY" not in os.environ, reason="SHIPLAND_RCLPY names no Python with rclpy")
+def test_a_landing_is_called_as_a_service() -> None:
+    """By a real rclpy, through `examples/ros2_land.py`."""
+    rclpy, example = os.environ["SHIPLAND_RCLPY"], Path(__file__).parents[2] / "examples" / "ros2_land.py"
+    with bench("&wait=1") as (vehicle, drone):
+        environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+        environment |= {"ROS_DOMAIN_ID": str(drone.domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+        with (
+            subprocess.Popen([rclpy, str(example)], env=environment) as land,
+            subprocess.Popen([rclpy, "-c", CALL], env=environment, stdout=subprocess.PIPE, text=True) as call,
+        ):
+            try:
+                vehicle.open()  # waits to be called
+                vehicle.send(command(Intent.LAND))
+                drone.armed = False
+                assert until(lambda: bool(vehicle.end_reason))
+                vehicle.close()
+                answer = f"{vehicle.end_reason.startswith('landed')} {vehicle.end_reason}\n"
+                assert call.communicate(timeout=60.0)[0] == answer
+            finally:
+                land.terminate()
+                call.kill()
+
+
 def test_silence_ends_the_flight() -> None:
     with bench(link_timeout_s=0.5) as (vehicle, drone):
         vehicle.open()

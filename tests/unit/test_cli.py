@@ -102,6 +102,14 @@ def test_help_says_nothing_that_helps_nobody(here):
     assert "(default: 20)" in here("campaign", "--help").stdout
 
 
+def test_help_breaks_no_word_and_an_error_names_the_commands_own_options(here):
+    lines = here("campaign", "--help").stdout.splitlines()
+    assert max(len(line) for line in lines if "Example" not in line) <= 100
+    wrong = here("fly", "--sed", "4")
+    assert wrong.returncode == 2
+    assert "--seed INT" in wrong.stderr and "shipland again" not in wrong.stderr
+
+
 def test_examples_are_listed_and_written(here, tmp_path):
     listed = here("example").stdout
     assert "own_pilot.py           A pilot of one's own in twenty lines" in listed

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 from studies import ORDER
 
-from shipland.cli import COMMANDS, name_of
+from shipland.cli import COMMANDS
 from shipland.evaluation.landing import COLUMNS
 from shipland.report.configuration import scenario_settings
 
@@ -114,13 +114,12 @@ def test_the_configuration_page_shows_every_key():
     assert {"image_rate_hz", "anchors", "haze_m", "ship_bin_m", "setpoint_hz", "picture_hz", "touch_mps"} <= set(shown)
 
 
-def test_every_command_has_its_help():
+def test_every_command_has_its_help(monkeypatch):
     hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
-    page = ROOT / "docs" / "reference" / "commands.md"
-    shown = hooks.HELP.findall(page.read_text(encoding="utf-8"))
-    assert [name for name in shown if " " not in name] == [name_of(command) for command in COMMANDS]
-    made = hooks.on_page_markdown("```console\n$ shipland fly --help\n```", page_of("reference/commands.md"))
-    assert made.startswith("```text\n$ shipland fly --help\n") and "--scenario" in made
+    monkeypatch.setattr(hooks, "COMMANDS", COMMANDS[1:2])
+    page = (ROOT / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
+    made = hooks.on_page_markdown(page, page_of("reference/commands.md"))
+    assert "\n## shipland fly\n\n```text\nusage: shipland fly" in made and "--scenario" in made
 
 
 def test_files_that_pages_show_are_there():

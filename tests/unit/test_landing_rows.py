@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 from shipland.evaluation.job import FlightJob, land_once
-from shipland.evaluation.landing import BOTH, DECK, EITHER, OWN, conditions_of, landing_of
+from shipland.evaluation.landing import (
+    BOTH,
+    DECK,
+    EITHER,
+    OWN,
+    as_text,
+    conditions_of,
+    landing_from,
+    landing_of,
+    row_of,
+)
 from shipland.flight import FlightResult
 from shipland.messages import Decision, Intent, PilotCommand, TouchdownVerdict
 from shipland.scenario.autonomy import drawn_ship
@@ -89,6 +99,15 @@ def test_a_fall_into_the_sea_is_no_touchdown():
     assert math.isnan(found.forward_m)
     assert math.isnan(found.error_m)
     assert found.oracle_in_square is None
+
+
+def test_a_row_in_a_file_has_nothing_where_there_is_no_number():
+    never = landing(None)
+    texts = {name: str(value) for name, value in as_text(row_of(never)).items()}
+    assert "nan" not in texts.values()
+    assert texts["forward_m"] == texts["oracle_in_square"] == ""
+    again = landing_from(texts)
+    assert math.isnan(again.forward_m) and again.time_s == never.time_s
 
 
 class Hovering:

@@ -42,11 +42,11 @@ def learned(train, arguments):
 def makers(arguments):
     from shipland.environments.last_phase import last_phases
 
-    return last_phases(arguments.scenario, arguments.changes, arguments.kind, arguments.bound, 2)
+    return last_phases(arguments.scenario.split(","), arguments.changes, arguments.kind, arguments.bound, 2)
 
 
 def asked(out, **values):
-    small = {"scenario": ("rig-natops", "ship-sea6"), "steps": 80, "batch": 16, "hidden": 8, "flights": 2}
+    small = {"scenario": "rig-natops,ship-sea6", "steps": 80, "batch": 16, "hidden": 8, "flights": 2}
     return LearnArguments(out=out, **(small | values))
 
 
@@ -142,7 +142,7 @@ def test_environments_in_processes_of_their_own(train, tmp_path):
     assert learned(train, asked(tmp_path, parallel=True, steps=20)).is_file()
 
 
-@pytest.mark.parametrize("wrong", [{"minutes": 0.0}, {"batch": 0}, {"seed": -1}, {"rate": -1.0}, {"scenario": ()}])
+@pytest.mark.parametrize("wrong", [{"minutes": 0.0}, {"batch": 0}, {"seed": -1}, {"rate": -1.0}])
 def test_wrong_arguments_are_one_line(tmp_path, wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
         asked(tmp_path, **wrong)

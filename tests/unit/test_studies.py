@@ -83,10 +83,11 @@ def test_a_missing_row_and_another_figure_are_refused(study, tmp_path):
         tables.checked(good, "page")
 
 
-def test_rows_of_earlier_code_wear_a_badge(study, tmp_path):
+def test_above_a_table_of_earlier_code_stands_a_note(study, tmp_path):
     write(tmp_path / "results" / "two.json", ROWS, code="earlier")
-    assert tables.table("two", {}, badges=True).count(tables.BADGE) == 2
-    assert tables.BADGE not in tables.table("two", {})
+    head = '[two.json](../../results/two.json "table")\n\n'
+    page = tables.checked(head + tables.table("two", {}), "page")
+    assert page == head + tables.EARLIER.format("two") + tables.table("two", {})
 
 
 @pytest.mark.parametrize("page", list(tables.pages()), ids=lambda path: path.name)

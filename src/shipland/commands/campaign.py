@@ -24,7 +24,7 @@ class Campaign:
 
     A cell is one scenario with one value of every setting and one pilot; all cells share the workers and fly the same
     seeds. Leaves cells.json, tables.md, flights.csv, and in a folder a cell landings.csv, table.md, landings.png and
-    the logs of flights that did not land in the square. Ctrl-C, SIGTERM and --time-limit-s stop in order; run
+    the logs of flights that did not land in the square. Ctrl-C, SIGTERM and --minutes stop in order; run
     the command again to resume. Results of other code, configuration or weights are refused. Exit code: 0 everything
     is flown, however it landed, 1 not, 2 bad input, 130 stopped by a person.
 
@@ -33,7 +33,7 @@ class Campaign:
     Example: shipland campaign near --pilot paper,horizon --runs 100 --out out/near
 
     Example: shipland campaign --scenario rig-natops,ship-sea6 --set wind.mean_mps=0,5,9
-        --set aircraft.loop.kind=attitude,velocity --runs 200 --time-limit-s 540 --out out/tables
+        --set aircraft.loop.kind=attitude,velocity --runs 200 --minutes 9 --out out/tables
     """
 
     suite: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="[SUITE]", help_behavior_hint="")] = ""
@@ -62,8 +62,8 @@ class Campaign:
     """Processes; without meaning with --cluster."""
     cluster: str = ""
     """Fly on a Ray cluster: its address, or `auto` (extra `cluster`)."""
-    time_limit_s: float = 0.0
-    """Stop in order after so long; 0: no limit."""
+    minutes: float | None = None
+    """Stop in order after so long; no limit when not given."""
     oracle_motions: int = 60
     """Motions drawn for each oracle rate; 0: none are drawn."""
     logs: bool = False
@@ -108,7 +108,7 @@ class Campaign:
             cluster=self.cluster,
             out=self.out,
             logs=self.logs,
-            time_limit_s=self.time_limit_s,
+            time_limit_s=60.0 * (self.minutes or 0.0),
             oracle_motions=self.oracle_motions,
             command=command_line(),
         )

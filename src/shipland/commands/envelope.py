@@ -67,8 +67,8 @@ class Envelope:
     """Processes; without meaning with --cluster."""
     cluster: str = ""
     """Fly on a Ray cluster: its address, or `auto` (extra `cluster`)."""
-    time_limit_s: float = 0.0
-    """Stop in order after so long; 0: no limit."""
+    minutes: float | None = None
+    """Stop in order after so long; no limit when not given."""
     print_only: bool = False
     """Fly nothing; draw what there is."""
 
@@ -115,7 +115,7 @@ class Envelope:
             workers=workers,
             cluster=self.cluster,
             out=self.out,
-            time_limit_s=self.time_limit_s,
+            time_limit_s=60.0 * (self.minutes or 0.0),
             command=command_line(),
         )
 

@@ -51,9 +51,9 @@ class Fly(ScenarioOptions):
     out: Path = Path("out/flight")
     """Output folder; made when missing. An earlier flight's files in it are written over."""
     video: bool = True
-    """Whether flight.mp4 is written; its view from outside costs a second picture a frame."""
+    """Write no flight.mp4, whose view from outside costs a second picture a frame."""
     vehicle: str | None = None
-    """What is flown, not the simulated aircraft: `mavlink://…`, `anafi://…`, `replay://…`; see "Fly a vehicle"."""
+    """Flown in place of the simulated aircraft: `mavlink://…`, `anafi://…`, `ros2://…`, `replay://…`."""
     calibration: Path | None = None
     """OpenCV calibration file of the vehicle's camera."""
     vehicle_config: Path | None = None

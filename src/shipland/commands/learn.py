@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from shipland.commands.options import names_of
 from shipland.errors import DataError
 from shipland.learning.policy.arguments import LearnArguments
 
@@ -29,6 +30,7 @@ class Learn(LearnArguments):
             from shipland.learning.policy.train import learn
         except ModuleNotFoundError as error:
             raise DataError(f"training needs {error.name}; install it with: pip install 'shipland[learn]'") from None
-        count = self.environments or len(self.scenario)
-        print(learn(self, last_phases(self.scenario, self.changes, self.kind, self.bound, count)))
+        scenarios = names_of("scenario", self.scenario)
+        count = self.environments or len(scenarios)
+        print(learn(self, last_phases(scenarios, self.changes, self.kind, self.bound, count)))
         return 0

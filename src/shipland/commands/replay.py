@@ -31,9 +31,9 @@ class Replay(ScenarioOptions):
     recording: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="[FILE]")] = Path("out/flight/flight.mcap")
     """A flight log, or a video."""
     pilot: str = ""
-    """Who flies; not given: of a log who flew, of a video paper."""
+    """Who flies, as in `shipland fly`; not given: who flew the log."""
     vision: str = ""
-    """Who sees; not given: of a log who saw, of a video rendered."""
+    """Who sees, as in `shipland fly`; not given: who saw the log."""
     calibration: Path | None = None
     """OpenCV calibration YAML of a video's camera; without one it is the scenario's."""
     pitch_deg: float = 0.0
@@ -84,7 +84,7 @@ class Replay(ScenarioOptions):
         from shipland.vision.pictures import is_video
 
         if is_video(self.recording):
-            pilot, vision = self.pilot or "paper", self.vision or "rendered"
+            pilot, vision = self.pilot or "horizon", self.vision or "rendered"
             if self.calibration is None:
                 print("camera: that of the scenario; --calibration gives another", file=sys.stderr)
             camera = None if self.calibration is None else Camera.from_opencv_yaml(self.calibration)

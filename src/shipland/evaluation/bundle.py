@@ -27,7 +27,7 @@ import numpy as np
 from shipland import factories
 from shipland.errors import DataError
 from shipland.evaluation.campaign import CellResult, read_about, read_cells
-from shipland.evaluation.landing import COLUMNS, Landing, row_of
+from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell, Overrides, cells_of, load_suite, salt_digest, sealed_seeds, task_digest
 from shipland.files import json_of, read_text
 from shipland.record.info import config_digest
@@ -234,7 +234,7 @@ def _check_rows(cell: CellResult, folder: Path) -> None:
 
 def texts_of(landing: Landing) -> list[str]:
     """A landing as its row writes it, in the order of `COLUMNS`."""
-    row = row_of(landing)
+    row = as_text(row_of(landing))
     return [str(row[name]) for name in COLUMNS]
 
 

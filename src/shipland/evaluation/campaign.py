@@ -16,7 +16,7 @@ from shipland.config import build
 from shipland.errors import DataError
 from shipland.evaluation.folder import CampaignFolder, campaign_key, claimed, folder_in, read_campaign
 from shipland.evaluation.job import FlightJob, land_quietly
-from shipland.evaluation.landing import COLUMNS, Landing, row_of
+from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell
 from shipland.factories import name_of
 from shipland.rig import Rig
@@ -313,5 +313,5 @@ def write_rows(path: Path, cells: Sequence[CellResult]) -> None:
         head = ["suite", "cell", "scenario", "pilot", "vision", *settings, *COLUMNS]
         rows = csv.DictWriter(file, head, lineterminator="\n")
         rows.writeheader()
-        rows.writerows(rows_of(cells))
+        rows.writerows(map(as_text, rows_of(cells)))
     part.replace(path)

@@ -20,7 +20,7 @@ from typing import Any
 
 from shipland import factories
 from shipland.errors import ConfigError, DataError
-from shipland.evaluation.landing import COLUMNS, Landing, landing_from, row_of
+from shipland.evaluation.landing import COLUMNS, Landing, as_text, landing_from, row_of
 from shipland.factories import Factory
 from shipland.files import json_of, read_text, write_atomically
 from shipland.former import renamed
@@ -136,7 +136,7 @@ class CampaignFolder:
         """Write one more row; DataError when it cannot be written."""
         try:
             with self._path.open("a", newline="", encoding="utf-8") as file:
-                csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(row_of(landing))
+                csv.DictWriter(file, COLUMNS, lineterminator="\n").writerow(as_text(row_of(landing)))
         except OSError as error:
             raise DataError(f"{self._path} cannot be written: {error.strerror}") from None
         self.seeds.add(landing.seed)

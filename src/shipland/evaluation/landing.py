@@ -388,7 +388,7 @@ def _rounded(values: Part) -> Part:
 _PARSERS: dict[str, Callable[[str], Any]] = {
     "bool": {"True": True, "False": False}.__getitem__,
     "int": int,
-    "float": float,
+    "float": lambda text: float(text or NAN),
     "str": str,
 }
 
@@ -400,6 +400,11 @@ def row_of(landing: Landing) -> dict[str, Any]:
         value = getattr(landing, each.name)
         row |= vars(value) if dataclasses.is_dataclass(value) else {each.name: value}
     return {name: "" if value is None else value for name, value in row.items()}
+
+
+def as_text(row: dict[str, Any]) -> dict[str, Any]:
+    """A row as a table in a file has it: a number that there is not is empty, as every reader of CSV takes it."""
+    return {name: "" if value != value else value for name, value in row.items()}
 
 
 def column_of(name: str, values: Sequence[Any]) -> npt.NDArray[Any]:

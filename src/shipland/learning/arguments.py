@@ -63,7 +63,7 @@ class TrainArguments:
         weights: start from packaged weights (ship, bar), a checkpoint (.safetensors), a detector (.onnx), or Darknet's
             (.weights of the same shape).
         resume: go on from the last checkpoint in `out`.
-        device: auto takes a GPU where there is one.
+        device: `auto` takes a GPU where there is one.
         memory: where pictures wait: on disk, decoded in the device's memory, or auto: there on a GPU that has room.
         threads: CPU threads; more than the free cores makes it much slower.
         seed: of the split, the first weights and the windows.
@@ -109,8 +109,8 @@ class EvaluateArguments:
         seed: of the scenes; keep it off those trained on.
         out: folder for the table (JSON) and the plot.
         confidence: least confidence of a box; default from [detector].
-        runtime: auto, openvino or onnxruntime.
-        precision: auto, bf16 or fp32.
+        runtime: what runs the network; `auto` takes the fastest that is installed.
+        precision: of its arithmetic; `auto` takes bf16 where the processor has it.
         threads: CPU threads of each process.
         workers: processes that draw and look at fresh scenes.
         keep_boxes: search every frame whole and keep its boxes in scenes.jsonl, for studies/confirmation.py.

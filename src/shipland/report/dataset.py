@@ -19,6 +19,9 @@ from shipland.evaluation.campaign import CellResult, read_cells, rows_of, write_
 from shipland.evaluation.landing import Conditions, Landing, Phases, column_of
 from shipland.files import write_atomically
 
+_WORDS = """citeAs column equivalentProperty extract field fileObject fileProperty fileSet format includes isLiveDataset
+    jsonPath key md5 parentField path recordSet references regex repeated replace samplingRate separator source subField
+    transform"""
 _CONTEXT: dict[str, Any] = {
     "@language": "en",
     "@vocab": "https://schema.org/",
@@ -27,35 +30,7 @@ _CONTEXT: dict[str, Any] = {
     "rai": "http://mlcommons.org/croissant/RAI/",
     "dct": "http://purl.org/dc/terms/",
     "conformsTo": "dct:conformsTo",
-    **{
-        word: f"cr:{word}"
-        for word in (
-            *(
-                "citeAs",
-                "column",
-                "equivalentProperty",
-                "extract",
-                "fileObject",
-                "fileProperty",
-                "fileSet",
-                "format",
-                "includes",
-            ),
-            *(
-                "isLiveDataset",
-                "jsonPath",
-                "key",
-                "md5",
-                "parentField",
-                "path",
-                "recordSet",
-                "references",
-                "regex",
-                "samplingRate",
-            ),
-            *("repeated", "replace", "separator", "source", "subField", "transform", "field"),
-        )
-    },
+    **{word: f"cr:{word}" for word in _WORDS.split()},
     "data": {"@id": "cr:data", "@type": "@json"},
     "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
     "examples": {"@id": "cr:examples", "@type": "@json"},

@@ -18,8 +18,8 @@ class LearnArguments:
     Attributes:
         out: folder for the checkpoint, curves, the policy (.onnx) and its model card.
         kind: `residual`: a bounded addition to the command of the pilot `horizon`; `direct`: the command itself.
-        scenario: packaged scenarios, or TOML files; the environments take them in turn.
-        changes: laid over every scenario, `section.key=value`.
+        scenario: as in `shipland fly`; several with commas between, which the environments take in turn.
+        changes: one value laid over every scenario; may be given again and again.
         environments: flights at once; default one a scenario.
         parallel: each environment in a process of its own.
         minutes: stop in order after so long.
@@ -35,8 +35,11 @@ class LearnArguments:
 
     out: Path
     kind: Literal["residual", "direct"] = "residual"
-    scenario: tuple[str, ...] = ("rig-natops", "ship-sea6", "ship-sea5")
-    changes: Annotated[tuple[str, ...], tyro.conf.arg(name="set")] = ("wind.mean_mps=6", "wind.mean_half_range_mps=4")
+    scenario: str = "rig-natops,ship-sea6,ship-sea5"
+    changes: Annotated[tuple[str, ...], tyro.conf.arg(name="set", metavar="KEY=VALUE"), tyro.conf.UseAppendAction] = (
+        "wind.mean_mps=6",
+        "wind.mean_half_range_mps=4",
+    )
     environments: int | None = None
     parallel: bool = False
     minutes: float = 240.0
@@ -50,8 +53,6 @@ class LearnArguments:
     resume: bool = False
 
     def __post_init__(self) -> None:
-        if not self.scenario:
-            raise ConfigError("give at least one scenario")
         for name in ("minutes", "rate"):
             if not getattr(self, name) > 0.0:
                 raise ConfigError(f"{name} must be positive, got {getattr(self, name):g}")
