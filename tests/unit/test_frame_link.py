@@ -3,11 +3,11 @@
 import time
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 from made_up_flight import VERDICT
 
+from pictures import write_film
 from shipland.camera import Camera
 from shipland.errors import ConfigError
 from shipland.scenario.scenario import load_scenario
@@ -52,14 +52,8 @@ def test_a_served_world_is_seen_late_and_with_its_truth() -> None:
 
 
 def test_the_newest_picture_of_a_file(tmp_path: Path) -> None:
-    path = tmp_path / "film.mp4"
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("mpeg4", rate=30)
-        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
-        for index in range(30):
-            picture = av.VideoFrame.from_ndarray(np.full((96, 160, 3), 8 * index, np.uint8), format="bgr24")
-            container.mux(stream.encode(picture))
-        container.mux(stream.encode())
+    shades = (np.full((96, 160, 3), 8 * index, np.uint8) for index in range(30))
+    path = write_film(tmp_path / "film.mp4", shades, codec="mpeg4")
     camera = CameraStream(VideoSource(str(path), 0.1, (160, 96), 5.0))
     camera.start()
     first = camera.newest(-1e9, 5.0)
