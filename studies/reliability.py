@@ -46,14 +46,11 @@ def measure(case: Case, runs: int) -> list[Row]:
 
 def picture(rows: Sequence[Row], path: Path) -> None:
     """What landed over what was said."""
-    import matplotlib as mpl
-
     from shipland.report.palette import BLUE, GREEN, ORANGE, VERMILION, unit
-    from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
+    from shipland.report.plots import drawn
 
     colours = {("tilt", 5.0): BLUE, ("tilt", 9.0): VERMILION, ("speed", 5.0): GREEN, ("speed", 9.0): ORANGE}
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(10.0, 4.8)
+    with drawn(path, (10.0, 4.8), 110) as figure:
         panels = figure.subplots(1, 2, sharey=True)
         for axes, scenario in zip(panels, ("rig-natops", "ship-sea6"), strict=True):
             axes.plot([0.0, 100.0], [0.0, 100.0], color="0.6", linewidth=0.8)
@@ -70,7 +67,6 @@ def picture(rows: Sequence[Row], path: Path) -> None:
             )
             axes.legend(loc="lower right")
         panels[0].set_ylabel("landed in the square [%]")
-        save_figure(figure, path, 110)
 
 
 STUDY = Study(

@@ -78,9 +78,7 @@ def table(name: str, where: Mapping[str, Sequence[str]], columns: str = "") -> s
     return _markdown(study.columns, rows, shown, across)
 
 
-def _markdown(
-    columns: Mapping[str, Column], rows: Sequence[Mapping[str, Any]], shown: list[str], across: str
-) -> str:
+def _markdown(columns: Mapping[str, Column], rows: Sequence[Mapping[str, Any]], shown: list[str], across: str) -> str:
     """Lines; with `across` a line for each combination of the other columns, a column for each of its values."""
     heads = [columns[key].title for key in shown]
     lines = [[cell(row.get(key), columns[key]) for key in shown] for row in rows]
@@ -108,8 +106,7 @@ def _asked(match: re.Match[str]) -> str | None:
 
 
 def checked(text: str, page: str) -> str:
-    """A page with a note above tables of studies without results, and of those that other code, configuration or
-    weights measured than this tree's.
+    """A page with notes above tables without results, and above those that another code or configuration measured.
 
     Raises:
         TableError: a table of the page differs from the results, or a row is missing.

@@ -57,15 +57,13 @@ def measure(case: Case, runs: int) -> Row:
 
 def picture(_rows: Sequence[Row], path: Path) -> None:
     """Spectra and standard deviations over height, beside the formulas."""
-    import matplotlib as mpl
     from scipy.signal import welch
 
     from shipland.report.palette import BLUE, VERMILION, unit
-    from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
+    from shipland.report.plots import drawn
 
     heights_m = np.geomspace(0.5, 30.0, 60)
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(12.0, 4.6)
+    with drawn(path, (12.0, 4.6), 90) as figure:
         axes = figure.subplots(1, 4)
         for surface, colour in zip(SURFACES, map(unit, (VERMILION, BLUE)), strict=True):
             frequency_hz, power = welch(sampled(surface, STUDY.runs), 1.0 / STEP_S, nperseg=8192, axis=0)
@@ -82,7 +80,6 @@ def picture(_rows: Sequence[Row], path: Path) -> None:
         axes[3].set(title="standard deviation", xlabel="[m/s]", ylabel="height [m]", xlim=(0.0, 2.0))
         axes[3].legend(fontsize=8, loc="center right")
         figure.suptitle(f"Turbulence in {MEAN_MPS:g} m/s of wind", fontweight="bold")
-        save_figure(figure, path, 90)
 
 
 STUDY = Study(

@@ -5,8 +5,9 @@ Colours are given as a picture shows them, 0 … 255; a canvas holds light, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -189,3 +190,18 @@ def foliage(camera: Camera, rng, cover: float = 0.4):
         texture += upper * (1 - down) + lower * down
     leaf = texture > np.quantile(texture, 1.0 - cover)
     return np.where(leaf[..., None], light_of([50.0, 150.0, 60.0]), light_of([60.0, 80.0, 100.0]))
+
+
+def write_film(path: Path, images: Iterable, rate: int = 30, codec: str = "libx264", **options: str) -> Path:
+    """A film of pictures (H,W,3) uint8 BGR, so many a second; the path."""
+    import av
+
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=rate, options=options)
+        stream.pix_fmt = "yuv420p"
+        for image in images:
+            if not stream.codec_context.is_open:
+                stream.height, stream.width = image.shape[:2]
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")))
+        container.mux(stream.encode())
+    return path

@@ -139,9 +139,7 @@ def draw_ship(axes: Axes, rig: Rig, side: bool) -> None:
 
 def airwake(out: Path = PICTURES / "airwake.png") -> None:
     """The parametric airwake, from the side and from above."""
-    import matplotlib as mpl
-
-    from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
+    from shipland.report.plots import drawn
     from shipland.sim.air.airwake import Airwake
     from shipland.sim.air.wind import WindParameters
 
@@ -149,8 +147,7 @@ def airwake(out: Path = PICTURES / "airwake.png") -> None:
     wake = Airwake(WindParameters().airwake, rig, np.random.default_rng(0))
     forward = np.linspace(-6.0, 3.0, 181)
     up, starboard = np.linspace(-0.9, 2.5, 86), np.linspace(-2.5, 2.5, 101)
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(12.0, 8.0)
+    with drawn(out, (12.0, 8.0), 90) as figure:
         rows = figure.subplots(3, 2, width_ratios=[1.0, 1.0])
         for column, (towards_deg, title) in enumerate(((180.0, "from ahead"), (225.0, "from 45° to port"))):
             towards = np.radians(towards_deg - 2 * 45.0 * column)
@@ -171,7 +168,6 @@ def airwake(out: Path = PICTURES / "airwake.png") -> None:
                 axes.set_ylabel("up [m]" if side else "starboard [m]")
             rows[2, column].set_xlabel("forward of the deck's centre [m]")
         figure.colorbar(mesh, ax=rows, shrink=0.6)
-        save_figure(figure, out, 90)
 
 
 def frames(video: Path, picture: Path, *, at: tuple[float, ...] = (25.0, 56.0), quality: int = 85) -> None:

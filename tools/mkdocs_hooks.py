@@ -82,11 +82,11 @@ def help_of(command: str) -> str:
 
 def column_table(what: str) -> str:
     """Markdown: column, unit and meaning of `landings` (rows of campaigns) or `flight` (rows of the log)."""
+    from shipland.descriptions import descriptions, unit_of
     from shipland.evaluation.landing import COLUMNS, Conditions, Landing, Phases
     from shipland.messages import FlightRecord
     from shipland.record.columns import Derived
-    from shipland.record.descriptions import descriptions, unit_of
-    from shipland.record.rows import json_schema
+    from shipland.rows import json_schema
 
     if what == "landings":
         said = descriptions(Landing) | descriptions(Phases) | descriptions(Conditions)

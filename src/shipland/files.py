@@ -10,6 +10,8 @@ import hashlib
 import json
 import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -54,6 +56,16 @@ def json_of(text: str | bytes) -> Any:  # noqa: ANN401 - any JSON
         raise ValueError("nested too deeply") from None
     refuse_deep(value)
     return value
+
+
+@contextmanager
+def writing(path: Path, what: str = "") -> Iterator[None]:
+    """Makes the file's folder; a DataError names the file, after `what` it is, where the block cannot write it."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield
+    except OSError as error:
+        raise DataError(f"{what} {path} cannot be written: {error.strerror or error}".lstrip()) from None
 
 
 def write_atomically(path: Path, data: bytes) -> None:

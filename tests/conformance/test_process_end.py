@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from fractions import Fraction
+from itertools import repeat
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from anafi_bench import CAMERA, device, olympe_python
 from mavlink_bench import StandIn
 from steady_pilot import PITCH_PERCENT
 
+from pictures import write_film
 from ports import free_port
 from shipland.record.reader import read_log
 
@@ -32,18 +33,9 @@ FULL_TILT_RAD = math.radians(15.0)
 @pytest.fixture(scope="module")
 def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two minutes of a grey picture, twelve a second."""
-    import av
-
+    picture = np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8)
     path = tmp_path_factory.mktemp("film") / "film.mp4"
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=12, options={"preset": "ultrafast", "crf": "40"})
-        stream.width, stream.height, stream.pix_fmt = CAMERA.width_px, CAMERA.height_px, "yuv420p"
-        picture = av.VideoFrame.from_ndarray(np.full((CAMERA.height_px, CAMERA.width_px, 3), 90, np.uint8), "bgr24")
-        for index in range(120 * 12):
-            picture.pts, picture.time_base = index, Fraction(1, 12)
-            container.mux(stream.encode(picture))
-        container.mux(stream.encode(None))
-    return path
+    return write_film(path, repeat(picture, 120 * 12), rate=12, preset="ultrafast", crf="40")
 
 
 @contextmanager
@@ -118,20 +110,6 @@ def test_mavlink_interrupted_says_hold_and_closes_its_log(
     assert set_points(autopilot.report()) == set_points(report)
     assert len(read_log(tmp_path / "out/flight.mcap").records) > 0
     assert (tmp_path / "out/link.tlog").stat().st_size > 1000
-
-
-def test_mavlink_killed_leaves_the_vehicle_to_the_guard_of_its_link_which_holds_it(
-    over_mavlink: tuple[subprocess.Popen[str], StandIn], tmp_path: Path
-) -> None:
-    process, autopilot = over_mavlink
-    process.kill()
-    process.wait()
-    until(lambda: autopilot.report()["mode"] == 17, timeout_s=10.0)  # BRAKE
-    until(lambda: autopilot.report()["speed"] < 0.3, timeout_s=15.0)
-    report = autopilot.report()
-    assert report["counts"]["SET_POSITION_TARGET_LOCAL_NED"] > 0
-    assert report["armed"]
-    assert len(read_log(tmp_path / "out/flight.mcap").records) > 0
 
 
 def test_mavlink_frozen_is_held_for_and_goes_on_with_level_sticks_first(

@@ -38,10 +38,9 @@ def test_pictures_alone_are_enough():
     assert flown.success, flown.reason
 
 
-@pytest.mark.parametrize("seed", [4, 26])
-def test_a_deck_that_is_watched_is_landed_on_where_it_would_have_swayed_away(seed):
-    """Seed 4 misses by the deck's sway and 26 comes down too hard when they land at any instant."""
-    calm = {"wind.mean_mps": 0.0}
+def test_a_deck_that_is_watched_is_landed_on_where_it_would_have_swayed_away():
+    """Seed 4 misses by the deck's sway when it lands at any instant."""
+    calm, seed = {"wind.mean_mps": 0.0}, 4
     assert not fly_quietly(load_scenario("rig-sea6", **calm), "horizon", "geometric", seed).success
     rows = []
     watched = load_scenario("rig-sea6", **calm, **{"guidance.horizon.moment": "deck"})
@@ -63,23 +62,15 @@ def test_wind_of_the_near_scenario_spreads():
     assert 0.0 <= min(speeds) < 1.5 < 3.5 < max(speeds) <= 5.0
 
 
-def test_the_same_seed_draws_the_same_log(tmp_path):
+def test_the_same_seed_draws_the_same_log(tmp_path, monkeypatch):
     """Of a geometric camera: test_again."""
+    monkeypatch.setattr("shipland.report.outputs.installed", lambda _: False)  # no plots
     config = tmp_path / "short.toml"
     config.write_text("time_limit_s = 0.5\n")
     for name in ("one", "two"):
         fly(config, vision="rendered", seed=5, out=tmp_path / name, video=False)
     assert (tmp_path / "one/flight.mcap").read_bytes() == (tmp_path / "two/flight.mcap").read_bytes()
     assert len(read_log(tmp_path / "one/flight.mcap").records) > 5
-
-
-def test_another_seed_gives_another_flight():
-    scenario = near(time_limit_s=0.5)
-    rows = [[], []]
-    for seed, kept in ((1, rows[0]), (2, rows[1])):
-        fly_quietly(scenario, "paper", "geometric", seed, kept.append)
-    first, second = (kept[-1].truth.ned_from_body.translation_m for kept in rows)
-    assert np.linalg.norm(first - second) > 0.01  # m
 
 
 @pytest.mark.parametrize("distance_m", [3.0, 8.0])

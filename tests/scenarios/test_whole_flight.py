@@ -68,9 +68,8 @@ def test_cycles_take_the_papers_time_far_and_near(ours):
         assert low_s - 0.03 <= waited_s <= low_s + 0.07
 
 
-@pytest.mark.parametrize("processing", ["zero", "measured"])
-def test_other_processing_times_land_too(processing):
-    flown, records = flight(seed=2, ship={"motion": "still"}, delays={"processing": processing})
+def test_other_processing_times_land_too():
+    flown, records = flight(seed=2, ship={"motion": "still"}, delays={"processing": "zero"})
     assert flown.success, flown.reason
     assert sum(record.observation.learned for record in records) > 100  # detectors look at every frame they can
 

@@ -1,5 +1,6 @@
 """A logged flight flown anew: the same one, where nothing was changed; and what is said where something was."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,10 +21,12 @@ from shipland.version import code_version
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     out = tmp_path_factory.mktemp("flown")
-    fly(load_scenario("near", time_limit_s=1.5), seed=4, out=out, video=False)
-    return out / "flight.mcap"
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("shipland.report.outputs.installed", lambda _: False)  # the pictures of one flight are slow
+        fly(load_scenario("near", time_limit_s=1.5), seed=4, out=out, video=False)
+        yield out / "flight.mcap"
 
 
 def test_the_same_code_flies_the_same_flight(flown, tmp_path, capsys):

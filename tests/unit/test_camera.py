@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from shipland.camera import Camera, CameraParameters, level_from_camera
-from shipland.config import build
-from shipland.errors import ConfigError, DataError
+from shipland.camera import Camera, level_from_camera
+from shipland.errors import DataError
 from shipland.messages import GimbalAttitude
 
 DISTORTIONS = {
@@ -292,20 +291,3 @@ class TestConstruction:
     def test_wrong_intrinsics_are_refused_with_what_they_are(self, matrix, coefficients, fault):
         with pytest.raises(ValueError, match=fault):
             Camera(640, 480, matrix, coefficients)
-
-    @pytest.mark.parametrize(
-        ("key", "value"),
-        [
-            ("width_px", 15),
-            ("height_px", 0),
-            ("horizontal_fov_deg", 0.0),
-            ("horizontal_fov_deg", 170.0),
-            ("frame_rate_hz", 0.0),
-            ("gimbal_rate_rad_s", -1.0),
-            ("gimbal_min_rad", 2.0),
-            ("gimbal_noise_rad", -0.001),
-        ],
-    )
-    def test_parameters_out_of_range_are_refused_by_name(self, key, value):
-        with pytest.raises(ConfigError, match=key):
-            build(CameraParameters, {key: value}, "camera")

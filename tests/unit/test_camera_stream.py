@@ -53,6 +53,7 @@ def test_exposures_of_a_clean_stream_are_those_of_its_quickest_picture(late_s: n
     found = errors_s(np.arange(600) * PERIOD_S, late_s)
     quickest_s = [late_s[max(0, index - 300) : index + 1].min() for index in range(600)]
     assert found == pytest.approx(quickest_s, abs=2e-3)  # a window of ten seconds, by receipt
+    assert ExposureClock(LATENCY_S).exposed_s(None, 7.0) == pytest.approx(7.0 - LATENCY_S)  # a stream without stamps
 
 
 @pytest.mark.parametrize("step_s", [0.5, -0.5, 5.0, -5.0, 1e6, -0.12])

@@ -22,7 +22,7 @@ from shipland.scenario.scenario import load_scenario
 
 @pytest.fixture
 def made_up(monkeypatch):
-    """Flights are made up: the paper's pilot misses every second seed. The jobs flown are kept."""
+    """Flights are made up, the paper's pilot misses every second seed; a folder gets no pictures. The jobs are kept."""
     flown = []
 
     def land(flight):
@@ -31,6 +31,7 @@ def made_up(monkeypatch):
         return seeded(NOWHERE if missed else GOOD, flight.seed)
 
     monkeypatch.setattr(job, "land_once", land)
+    monkeypatch.setattr("shipland.report.campaign.installed", lambda _: False)
     return flown
 
 
@@ -186,15 +187,19 @@ print(ours == theirs, len(set(ours)), found.cells[0].pilot)
 '''
 
 
+CHANGED = """
+with open(__file__, "a") as file:
+    file.write("# changed")
+shipland.campaign("near", pilot=own, out="out", **options)
+"""
+
+
 def test_a_script_without_a_guard_flies_its_own_pilot_in_two_processes(tmp_path):
-    script = SCRIPT.replace("OUT", "'out'")
-    (tmp_path / "script.py").write_text(script)
+    (tmp_path / "script.py").write_text(SCRIPT.replace("OUT", "'out'") + CHANGED)
     command = [sys.executable, "script.py"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert done.stdout.splitlines() == ["the script runs", "True 4 __main__:own"], done.stderr
     assert len(list(tmp_path.glob("*.flown"))) in (1, 2)  # of two processes one may have got no such flight
-    (tmp_path / "script.py").write_text(script + "# changed")
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
     assert re.search("DataError: out/.* holds landings of another own pilot or vision code", done.stderr)
 
 

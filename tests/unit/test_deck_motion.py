@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shipland.config import build
-from shipland.errors import ConfigError, DataError
+from shipland.errors import DataError
 from shipland.rig import Rig
 from shipland.sim.ship.deck_motion import DeckMotion, Harmonics, Sinusoids, SixDof, Still
 from shipland.sim.ship.motion_base import LimitedMotion, rig_limits
@@ -163,19 +162,6 @@ def test_a_missing_csv_is_named(tmp_path: Path) -> None:
 def test_harmonics_refuse_wrong_shapes() -> None:
     with pytest.raises(ValueError, match=r"amplitudes \(6, K\), got \(3,\), \(6, 2\)"):
         Harmonics(np.ones(3), np.ones((6, 2), dtype=complex))
-
-
-@pytest.mark.parametrize(
-    ("keys", "says"),
-    [
-        ({"amplitude_m_deg": [0, 0, 0, -8, 3, 0]}, "must not be negative"),
-        ({"period_s": [1, 1, 1, 0, 1, 1]}, "period_s must be positive"),
-        ({"amplitude_m_deg": [0, 0, 0, 8]}, "expected 6 values, got 4"),
-    ],
-)
-def test_bad_sinusoids_are_refused(keys: dict[str, object], says: str) -> None:
-    with pytest.raises(ConfigError, match=says):
-        build(ShipParameters, {"natops": keys}, "ship")
 
 
 def test_six_dof_is_a_plain_value() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from studies.networks import random_weights
 
+from pictures import write_film
 from shipland.errors import DataError
 from shipland.learning.export import write_onnx
 from shipland.learning.yolov3 import ConvWeights, yolov3_layers
@@ -113,14 +114,7 @@ def test_frame_is_drawn_around_the_box():
 
 
 def test_video_keeps_its_pictures_and_times(weights, tmp_path):
-    film = tmp_path / "film.mp4"
-    with av.open(str(film), "w") as container:
-        stream = container.add_stream("libx264", rate=10)
-        stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
-        for number in range(5):
-            frame = av.VideoFrame.from_ndarray(np.full((64, 96, 3), 40 * number, np.uint8), format="bgr24")
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode())
+    film = write_film(tmp_path / "film.mp4", (np.full((64, 96, 3), 40 * n, np.uint8) for n in range(5)), rate=10)
     results = detect((film,), weights, out=tmp_path / "out")
     assert [result.picture.name[-7:] for result in results] == [f"#{number:06d}" for number in range(5)]
     np.testing.assert_allclose([result.to_json()["t_s"] for result in results], np.arange(5) / 10.0, atol=1e-3)

@@ -13,6 +13,8 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 
 from fault_causes import Failed, failed_in, row_of
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def failed():

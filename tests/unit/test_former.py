@@ -9,7 +9,7 @@ from shipland.errors import ConfigError
 from shipland.former import FORMER, GONE, renamed
 from shipland.guidance.horizon.steering import AXIS_ENTRIES, WHOLE_ENTRIES
 from shipland.messages import Intent, Mode, PilotCommand
-from shipland.record.rows import from_row, to_row
+from shipland.rows import from_row, to_row
 from shipland.scenario.scenario import Scenario, load_scenario
 
 

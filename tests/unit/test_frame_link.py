@@ -1,34 +1,22 @@
 """Pictures from outside: a served world's frames, a stream's newest picture."""
 
 import time
-from dataclasses import replace
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
-from made_up_flight import VERDICT, truth_at
+from made_up_flight import VERDICT
 
+from pictures import write_film
 from shipland.camera import Camera
 from shipland.errors import ConfigError
 from shipland.scenario.scenario import load_scenario
 from shipland.sitl.frame_server import FrameServer
 from shipland.sitl.physics import LaunchHold
 from shipland.vehicles.camera_stream import CameraStream, VideoSource
-from shipland.vehicles.frame_link import FrameSource, truth_of_table, truth_table, verdict_of_table, verdict_table
+from shipland.vehicles.frame_link import FrameSource
 
 PORT = 19003
-
-
-def test_truth_and_verdict_survive_the_socket() -> None:
-    truth = truth_at(20.0)
-    again = truth_of_table(truth_table(truth))
-    assert again.ned_from_deck.matrix() == pytest.approx(truth.ned_from_deck.matrix())
-    assert again.wind_in_ned_mps == pytest.approx(truth.wind_in_ned_mps)
-    nowhere = replace(VERDICT, touchdown_in_deck_m=np.full(2, np.nan), landed=False)
-    back = verdict_of_table(verdict_table(nowhere))
-    assert not back.touched
-    assert back.reason == VERDICT.reason
 
 
 def test_a_served_world_is_seen_late_and_with_its_truth() -> None:
@@ -55,21 +43,17 @@ def test_a_served_world_is_seen_late_and_with_its_truth() -> None:
         server.end(VERDICT)
         while stream.verdict() is None and time.monotonic() < end_s:
             time.sleep(0.02)
-        assert stream.verdict() is not None
+        verdict = stream.verdict()
+        assert verdict is not None and verdict.reason == VERDICT.reason
+        assert np.array_equal(verdict.touchdown_in_deck_m, VERDICT.touchdown_in_deck_m)
         stream.close()
     with pytest.raises(ConfigError, match="frames:HOST:PORT"):
         FrameSource.at("somewhere", Camera.from_fov(64, 36, 69.0))
 
 
 def test_the_newest_picture_of_a_file(tmp_path: Path) -> None:
-    path = tmp_path / "film.mp4"
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("mpeg4", rate=30)
-        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
-        for index in range(30):
-            picture = av.VideoFrame.from_ndarray(np.full((96, 160, 3), 8 * index, np.uint8), format="bgr24")
-            container.mux(stream.encode(picture))
-        container.mux(stream.encode())
+    shades = (np.full((96, 160, 3), 8 * index, np.uint8) for index in range(30))
+    path = write_film(tmp_path / "film.mp4", shades, codec="mpeg4")
     camera = CameraStream(VideoSource(str(path), 0.1, (160, 96), 5.0))
     camera.start()
     first = camera.newest(-1e9, 5.0)

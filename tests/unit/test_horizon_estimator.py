@@ -66,6 +66,20 @@ def test_a_bars_swing_is_followed_near_it_and_less_from_afar():
         assert estimate.followed_states(1)[WAVE] == pytest.approx(near * waves[0, 1], abs=0.002)
 
 
+def test_a_deck_that_moves_below_a_bar_at_rest_is_where_its_wave_motion_says():
+    estimate = _flown(seconds=5.0).estimate(5.3)
+    assert not estimate.wave.bar_moves
+    mean = estimate.across.mean.copy()
+    mean[STATES + WAVE] += 0.1
+    shifted = replace(estimate, across=replace(estimate.across, mean=mean))
+    assert shifted.deck_later(0.0) - estimate.deck_later(0.0) == pytest.approx([0.0, 0.1])
+    assert shifted.followed_m == pytest.approx(estimate.followed_m)  # it is not followed
+    now_m2, later_m2 = (estimate.over_deck_covariance_later(passed_s)[0, 0] for passed_s in (0.0, 0.8))
+    assert later_m2 > now_m2 > estimate.across.covariance[0, 0]  # the flow shows it, with an error
+    carried = _flown(lambda t_s: 0.15 * math.sin(1.8 * t_s), seconds=5.0).estimate(5.3)
+    assert carried.deck_later(0.4) == pytest.approx([0.0, 0.0], abs=1e-12)  # what the bar tells is followed
+
+
 def test_the_covariance_turns_with_the_bar_and_shrinks_with_what_is_seen():
     early, late = _flown(seconds=0.1).estimate(0.5), _flown(seconds=3.0).estimate(3.3)
     for estimate in (early, late):

@@ -15,7 +15,6 @@ sys.path.append(str(Path(__file__).parents[2] / "tools"))
 from fuzz_link import OURS, STRANGER, Nowhere, fuzz  # noqa: E402
 
 from shipland.errors import ConfigError, VehicleError  # noqa: E402
-from shipland.vehicles.camera_stream import ExposureClock  # noqa: E402
 from shipland.vehicles.gimbal import gimbal_at  # noqa: E402
 from shipland.vehicles.mavlink.control import Control  # noqa: E402
 from shipland.vehicles.mavlink.link import LinkCounts, read_key  # noqa: E402
@@ -321,16 +320,6 @@ def test_limits_are_the_vehicles() -> None:
     for name in told:
         with pytest.raises(VehicleError, match=f"does not tell {name}"):
             VehicleLimits.of(ARDUPILOT, {other: value for other, value in told.items() if other != name})
-
-
-def test_exposures_are_free_of_the_networks_jitter() -> None:
-    clock, rng, errors = ExposureClock(0.2), np.random.default_rng(2), []
-    for index in range(300):
-        exposed_s = 50.0 + index / 30.0
-        arrived_s = exposed_s + 0.2 + 0.1 * rng.random() ** 3
-        errors.append(clock.exposed_s(index / 30.0, arrived_s) - exposed_s)
-    assert max(map(abs, errors[60:])) < 0.003
-    assert ExposureClock(0.2).exposed_s(None, 7.0) == pytest.approx(6.8)
 
 
 def test_a_fixed_camera_tilts_with_the_aircraft() -> None:

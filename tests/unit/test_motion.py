@@ -79,21 +79,6 @@ def test_a_seed_gives_the_same_series() -> None:
     assert np.abs(one.deck - other.deck).max() > 0.1
 
 
-@pytest.mark.parametrize(
-    ("keys", "says"),
-    [
-        ({"ship.sea.sea_state": 12}, "3, 4, 5, 6"),
-        ({"ship.sea.significant_height_m": -2.0}, "0…9 m"),
-        ({"ship.sea.speed_kn": 40.0}, "expected 0 to 15"),
-        ({"ship.course.speed_mps": 9.0}, "0…4.5 m/s"),
-        ({"wind.mean_mps": -3.0}, "expected 0 to 30"),
-    ],
-)
-def test_bad_input_names_the_valid_range(keys: dict[str, float], says: str) -> None:
-    with pytest.raises(ConfigError, match=says):
-        case(**keys)
-
-
 def test_bad_lengths_of_record_are_refused() -> None:
     with pytest.raises(ConfigError, match="duration_s must be in 10…36000 s"):
         Sampling(duration_s=1.0)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shipland.guidance.horizon.odds import Odds, odds_in_area
+from shipland.guidance.horizon.odds import Odds, odds_below, odds_in_area
 from shipland.rig import Rig
 
 RIG = Rig()
@@ -24,6 +24,11 @@ def test_odds_are_the_share_of_drawn_contacts_in_the_square(bar_rad: float, offs
     half_m = 0.5 * RIG.landing_square_m
     share = float(np.mean(np.all(np.abs(drawn) <= half_m, axis=1)))
     assert odds_in_area(RIG, axes @ np.array(offset_m), covariance, bar_rad) == pytest.approx(share, abs=0.01)
+
+
+def test_odds_below_a_limit_are_the_share_of_drawn_values() -> None:
+    drawn = np.random.default_rng(4).normal(1.2, 0.3, 40_000)
+    assert odds_below(1.5, 1.2, 0.3) == pytest.approx(float(np.mean(drawn < 1.5)), abs=0.01)
 
 
 def test_a_circle_counts_as_a_square_of_its_area() -> None:

@@ -36,12 +36,14 @@ from shipland.record.columns import Derived, FlightColumns, derive
 from shipland.record.foxglove_scene import nanoseconds, timestamp
 from shipland.record.info import FORMAT_VERSION, FlightInfo, LogHeader, config_digest
 from shipland.record.reader import read_log
-from shipland.record.rows import from_row, json_schema, to_row
 from shipland.record.writer import LogWriter
 from shipland.report.outputs import load_outputs
 from shipland.report.plots import plot_flight
+from shipland.rows import from_row, json_schema, to_row
 from shipland.vision.log_pictures import read_pictures
 
+FROM_S, TO_S = 31.0, 33.0
+"""Of the made-up flight: hover, and from 31.5 s on the landing."""
 PARAMETERS = LogParameters(image_rate_hz=10.0, image_width_px=640, image_quality=85)
 
 
@@ -65,8 +67,8 @@ def same(first, last):
 
 @pytest.fixture(scope="module")
 def landing_log(tmp_path_factory):
-    """The made-up flight's last seconds with pictures, as a log."""
-    return write(tmp_path_factory.mktemp("log") / "flight.mcap", flight(from_s=31.0, to_s=34.5))
+    """Two seconds of the made-up flight with pictures, as a log."""
+    return write(tmp_path_factory.mktemp("log") / "flight.mcap", flight(from_s=FROM_S, to_s=TO_S))
 
 
 # Rows
@@ -171,17 +173,17 @@ def test_the_digest_ignores_the_order_of_keys_only():
 
 def test_the_log_gives_back_the_flight(landing_log):
     log = read_log(landing_log)
-    records = list(flight(from_s=31.0, to_s=34.5, pictures=False))
+    records = list(flight(from_s=FROM_S, to_s=TO_S, pictures=False))
     assert log.complete
-    assert len(log.records) == len(records) == 105
+    assert len(log.records) == len(records) == 60
     assert all(same(have, want) for have, want in zip(log.records, records, strict=True))
     assert same(log.verdict, VERDICT)
     assert log.header.info == INFO
 
 
 def test_the_same_flight_gives_the_same_bytes(landing_log, tmp_path):
-    again = write(tmp_path / "again.mcap", flight(from_s=31.0, to_s=34.5))
-    other = write(tmp_path / "other.mcap", flight(seed=8, from_s=31.0, to_s=34.5))
+    again = write(tmp_path / "again.mcap", flight(from_s=FROM_S, to_s=TO_S))
+    other = write(tmp_path / "other.mcap", flight(seed=8, from_s=FROM_S, to_s=TO_S))
     assert again.read_bytes() == landing_log.read_bytes()
     assert other.read_bytes() != landing_log.read_bytes()
 
@@ -222,7 +224,7 @@ def test_a_killed_flight_leaves_what_was_on_the_disk(landing_log, tmp_path):
         counts.append(len(log.records))
     assert counts == sorted(counts)
     assert counts[0] == 0
-    assert counts[-1] == 105
+    assert counts[-1] == 60
 
 
 def test_of_a_flight_that_is_killed_all_but_the_last_second_is_on_the_disk(tmp_path):
@@ -320,7 +322,7 @@ def world_poses(message):
 
 def test_the_tree_of_frames_is_the_truth_under_a_z_up_root(landing_log):
     for message, record in zip(
-        messages(landing_log, "/tf"), flight(from_s=31.0, to_s=34.5, pictures=False), strict=True
+        messages(landing_log, "/tf"), flight(from_s=FROM_S, to_s=TO_S, pictures=False), strict=True
     ):
         poses = world_poses(message)
         assert set(poses) == {"ned", "ship", "deck", "bar", "body", "camera"}
@@ -353,7 +355,7 @@ def test_pictures_come_at_their_rate_and_fit_their_calibration_and_corners(landi
     pictures = messages(landing_log, "/camera/image")
     calibrations = messages(landing_log, "/camera/calibration")
     annotations = messages(landing_log, "/camera/annotations")
-    assert len(pictures) == len(calibrations) == len(annotations) == 35  # 3.5 s at 10 Hz
+    assert len(pictures) == len(calibrations) == len(annotations) == 20  # 2 s at 10 Hz
     for picture, calibration, annotation in zip(pictures, calibrations, annotations, strict=True):
         image = cv2.imdecode(np.frombuffer(picture.data, np.uint8), cv2.IMREAD_COLOR)
         assert image.shape == (360, 640, 3)

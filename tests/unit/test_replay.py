@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-import av
 import numpy as np
 import pytest
 from made_up_flight import CAMERA, INFO, RIG, flight
 
+from pictures import write_film
 from shipland.camera import Camera
 from shipland.errors import ConfigError, DataError
 from shipland.messages import Intent, PilotCommand
@@ -65,14 +65,7 @@ def test_pictures_that_came_meanwhile_are_passed_over() -> None:
 
 
 def test_a_video_must_fit_its_calibration(tmp_path: Path) -> None:
-    path = tmp_path / "film.mp4"
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("mpeg4", rate=30)
-        stream.width, stream.height, stream.pix_fmt = 160, 96, "yuv420p"
-        for _ in range(5):
-            picture = av.VideoFrame.from_ndarray(np.zeros((96, 160, 3), np.uint8), format="bgr24")
-            container.mux(stream.encode(picture))
-        container.mux(stream.encode())
+    path = write_film(tmp_path / "film.mp4", [np.zeros((96, 160, 3), np.uint8)] * 5)
     calibration = tmp_path / "camera.yaml"
     Camera.from_fov(160, 96, 69.0).to_opencv_yaml(calibration)
     vehicle = make_vehicle(f"replay://{path}?pitch_deg=-5", load_scenario("near"), calibration, None)

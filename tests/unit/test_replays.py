@@ -6,12 +6,12 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-import av
 import cv2
 import numpy as np
 import pytest
 from made_up_flight import CAMERA, INFO, RIG, flight
 
+from pictures import write_film
 from shipland.camera import Camera
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.job import FlightJob, land_once
@@ -58,13 +58,7 @@ def test_a_vision_that_wants_pictures_says_that_there_are_none(log):
 
 def test_a_film_is_seen_and_decided_on(tmp_path):
     path = tmp_path / "film.mp4"
-    with av.open(str(path), "w") as film:
-        stream = film.add_stream("libx264", rate=10)
-        stream.width, stream.height, stream.pix_fmt = 1280, 720, "yuv420p"
-        for shade in range(5):
-            picture = np.full((720, 1280, 3), 20 * shade, np.uint8)
-            film.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="bgr24")))
-        film.mux(stream.encode())
+    write_film(path, (np.full((720, 1280, 3), 20 * shade, np.uint8) for shade in range(5)), rate=10)
     rows = []
     scenario = load_scenario("near", delays={"processing": "zero"})
     replayed = replay(recorded_film(path, scenario, "paper", "rendered", -5.0), rows.append)

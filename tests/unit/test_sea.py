@@ -5,8 +5,6 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from shipland.config import build
-from shipland.errors import ConfigError
 from shipland.sim.ship.sea import (
     BAND_RAD_S,
     SEA_STATES,
@@ -169,22 +167,3 @@ def test_a_flat_sea_moves_nothing() -> None:
     assert np.all(motion.displacement == 0.0)
     jonswap_sea = replace(SEA, significant_height_m=0.0, spectrum="jonswap")
     assert np.all(jonswap_sea.density([0.5]) == 0.0)
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "says"),
-    [
-        ("sea_state", 9, "3, 4, 5, 6"),
-        ("significant_height_m", -1.0, "0…9 m"),
-        ("modal_period_s", 1.0, "4…25 s"),
-        ("speed_kn", 25.0, "0 to 15"),
-        ("spectrum", "neumann", "'bretschneider', 'jonswap'"),
-        ("waves_from_deg", 400.0, "-180 to 360"),
-        ("frequencies", 1, "8 to 400"),
-    ],
-)
-def test_bad_input_names_the_valid_range(key: str, value: object, says: str) -> None:
-    with pytest.raises(ConfigError, match=says) as caught:
-        build(SeaParameters, {key: value}, "ship.sea")
-    assert "\n" not in str(caught.value)
-    assert key in str(caught.value)

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import shipland
-from pictures import Look, bar_picture, camera_from_bar
+from pictures import Look, bar_picture, camera_from_bar, write_film
 from shipland.camera import Camera
 from shipland.commands.see import See
 from shipland.cue import Cue
@@ -56,13 +56,6 @@ def assert_found(result, tolerance_m=0.01):
     assert np.linalg.eigvalsh(json_line["covariance"]).min() > 0.0
     json.dumps(json_line, allow_nan=False)
     assert " m away" in result.to_line()
-
-
-def test_a_picture(tmp_path, bar_image):
-    path = write(tmp_path / "bär 1.png", bar_image)
-    (result,) = see(path)
-    assert_found(result)
-    assert result.picture.name == str(path)
 
 
 def test_one_picture_in_python_is_the_commands_line(tmp_path, bar_image):
@@ -124,23 +117,8 @@ def test_one_channel_and_tiny_ones_are_looked_at(size, tmp_path):
     assert not result.found
 
 
-def make_video(path, images, codec="libx264"):
-    import av
-
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream(codec, rate=30)
-        stream.height, stream.width = images[0].shape[:2]
-        stream.pix_fmt = "yuv420p"
-        for image in images:
-            for packet in stream.encode(av.VideoFrame.from_ndarray(image, format="bgr24")):
-                container.mux(packet)
-        for packet in stream.encode():
-            container.mux(packet)
-    return path
-
-
 def test_a_video(tmp_path, bar_image):
-    path = make_video(tmp_path / "approach.mp4", [np.roll(bar_image, 3 * index, axis=1) for index in range(4)])
+    path = write_film(tmp_path / "approach.mp4", [np.roll(bar_image, 3 * index, axis=1) for index in range(4)])
     results = see(path)
     assert [result.picture.name for result in results] == [f"{path}#{index:06d}" for index in range(4)]
     assert [result.observation.reason for result in results] == [""] * 4
@@ -253,7 +231,7 @@ def test_a_preview_in_a_jpegs_header_is_not_its_end(tmp_path, bar_image):
 
 
 def test_a_video_that_breaks_off(tmp_path, bar_image):
-    path = make_video(tmp_path / "whole.mp4", [bar_image] * 5)
+    path = write_film(tmp_path / "whole.mp4", [bar_image] * 5)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(DataError, match=r"whole\.mp4"):
         see(path)
@@ -262,7 +240,7 @@ def test_a_video_that_breaks_off(tmp_path, bar_image):
 def test_a_video_that_ends_too_early_says_how_much_was_read(tmp_path, bar_image, capsys):
     import av
 
-    path = make_video(tmp_path / "whole.mp4", [bar_image] * 12)
+    path = write_film(tmp_path / "whole.mp4", [bar_image] * 12)
     cut = tmp_path / "cut.mp4"
     with av.open(str(path)) as whole, av.open(str(cut), "w", options={"movflags": "faststart"}) as container:
         stream = container.add_stream_from_template(whole.streams.video[0])

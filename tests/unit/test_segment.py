@@ -7,8 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pictures import Look, finish, foliage
-from shipland.config import build
-from shipland.errors import ConfigError
 from shipland.vision.near import published
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.published import colour_mask, coloured_window, find_regions, gate, watershed_region
@@ -150,19 +148,3 @@ def test_foliage_is_bounded_work(camera, rng, monkeypatch):
     assert 30 < len(regions) <= PARAMETERS.max_candidates
     find_quads(image, regions, PARAMETERS)
     assert len(searched) <= 5
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "words"),
-    [
-        ("hue", [85, 35], "hue must be two rising numbers"),
-        ("value", [90, 256], "value must be two rising numbers"),
-        ("kernel_px", 4, "kernel_px must be odd"),
-        ("max_obliquity_deg", 90.0, "max_obliquity_deg"),
-        ("reprojection_px", 0.0, "reprojection_px: expected above 0"),
-        ("track_s", -1.0, "track_s: expected 0 to"),
-    ],
-)
-def test_parameters_are_checked(key, value, words):
-    with pytest.raises(ConfigError, match=words):
-        build(VisionParameters, {key: value}, "vision")

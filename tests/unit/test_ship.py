@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from shipland.config import build
-from shipland.errors import ConfigError, DataError
+from shipland.errors import DataError
 from shipland.frames import euler_from_rotation
 from shipland.rig import Rig
 from shipland.sim.ship.course import StillCourse, StraightCourse
@@ -95,24 +95,6 @@ def test_froude_time_is_the_square_root_of_the_length_scale() -> None:
     np.testing.assert_allclose(
         decks["froude"].at(4.0).displacement, decks["length_only"].at(12.0).displacement, atol=1e-9
     )
-
-
-@pytest.mark.parametrize(
-    ("keys", "says"),
-    [
-        ({"motion": "stormy"}, "'natops'"),
-        ({"motion": "recorded"}, "needs recorded.path"),
-        ({"scale": {"length": 0.5}}, "length: expected 1 to 1000"),
-        ({"scale": {"time": "sideways"}}, "'froude', 'length_only'"),
-        ({"limits": {"knee": 1.0}}, "knee: expected above 0 to below 1"),
-        ({"sea": {"sea_state": 7}}, "sea_state must be one of 3, 4, 5, 6"),
-        ({"sea": {"height": 3.0}}, "unknown key 'height'"),
-    ],
-)
-def test_bad_input_is_one_line(keys: dict[str, object], says: str) -> None:
-    with pytest.raises(ConfigError, match=says) as caught:
-        parameters(**keys)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_missing_record_is_a_data_error() -> None:

@@ -95,7 +95,10 @@ def test_pages_agree_with_the_results(page):
     tables.checked(page.read_text(encoding="utf-8"), page.name)
 
 
-SECONDS = ("false_accepts", "film_errors", "reach", "reliability", "speed_render", "spoiled_cue")
+SECONDS = (
+    *("consistency", "deck_sights", "false_accepts", "film_errors", "pose_error", "printed_vision", "reach"),
+    *("reliability", "speed_render", "spoiled_cue"),
+)
 """Studies whose smallest case takes seconds: `make test-slow` runs them."""
 MINUTES = (
     *(

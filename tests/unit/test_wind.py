@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 from scipy.signal import welch
 
 from shipland.config import build
-from shipland.errors import ConfigError
 from shipland.rig import Rig
 from shipland.sim.air.airwake import Airwake
 from shipland.sim.air.turbulence import Dryden, TurbulenceParameters, land_scales, sea_roughness_m, step_covariance
@@ -299,26 +298,3 @@ def test_the_ships_way_makes_an_airwake_in_still_air() -> None:
         found.append(air.velocity_at(t_s, (ship.north_m + 1.6, 0.0, ship.down_m - 0.3), ship))
     # close behind the superstructure the air is carried along by the ship at about its 3 m/s
     assert np.mean(found[50:], axis=0)[0] == pytest.approx(3.3, abs=0.6)
-
-
-@pytest.mark.parametrize(
-    ("keys", "says"),
-    [
-        ({"mean_mps": -1.0}, "mean_mps: expected 0 to 30"),
-        ({"mean_mps": 60.0}, "0 to 30"),
-        ({"profile": "cubic"}, "'uniform', 'log'"),
-        ({"surface": "ice"}, "'land', 'sea'"),
-        ({"sea": {"charnock": 0.0}}, "charnock: expected above 0 to below 0.1"),
-        ({"turbulence": {"intensity": 2.0}}, "intensity: expected 0 to 1"),
-        (
-            {"gust": [{"start_s": 1.0, "duration_s": 0.0, "velocity_mps": [1, 0, 0]}]},
-            "duration_s: expected more than 0",
-        ),
-        ({"airwake": {"reattachment_heights": 0.0}}, "reattachment_heights: expected more than 0"),
-        ({"airwake": {"downwash": 0.1}}, "did you mean 'downwash_share'"),
-    ],
-)
-def test_bad_input_is_one_line(keys: dict[str, object], says: str) -> None:
-    with pytest.raises(ConfigError, match=says) as caught:
-        parameters(**keys)
-    assert "\n" not in str(caught.value)

@@ -29,16 +29,13 @@ class Identify:
 
     def run(self) -> int:
         """Identify, print the table, write the file."""
-        from shipland.errors import DataError
         from shipland.estimation.identify import identify
+        from shipland.files import writing
         from shipland.record.reader import read_log
 
         found = identify(read_log(self.log).records)
         print(found.table())
-        try:
-            self.out.parent.mkdir(parents=True, exist_ok=True)
+        with writing(self.out):
             self.out.write_text(f"# shipland identify {self.log.name}\n{found.toml(self.uplink_s)}", encoding="utf-8")
-        except OSError as error:
-            raise DataError(f"{self.out} cannot be written: {error.strerror}") from None
         print(f"written: {self.out}; fly with --vehicle-config {shlex.quote(str(self.out))}", file=sys.stderr)
         return 0

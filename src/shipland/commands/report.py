@@ -29,7 +29,8 @@ class Report:
 
     def run(self) -> int:
         """Write the page and say where."""
-        from shipland.errors import ConfigError, DataError
+        from shipland.errors import ConfigError
+        from shipland.files import writing
 
         if not self.folders:
             raise ConfigError("give the folder of a campaign, or bundles")
@@ -39,10 +40,8 @@ class Report:
         first = self.folders[0]
         path = self.out or (first.parent if any(bundles) else first) / "report.html"
         page = self._leaderboard(path.parent) if any(bundles) else self._page(path.parent)
-        try:
+        with writing(path):
             path.write_text(page, encoding="utf-8")
-        except OSError as error:
-            raise DataError(f"{path} cannot be written: {error.strerror}") from None
         print(path)
         return 0
 

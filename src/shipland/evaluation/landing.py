@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -199,37 +200,27 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
     phases, conditions = phases_of(records, time_s), conditions_of(scenario, seed, ship, records)
     recovery_s = _recovery_s(records, faults_of(scenario, seed))
     step_percent, over_percent = largest_steps(records, scenario.safety.slew_percent_per_s)
+    flight = partial(
+        Landing,
+        seed=seed,
+        time_s=time_s,
+        phases=phases,
+        conditions=conditions,
+        step_percent=step_percent,
+        over_slew_percent=over_percent,
+        recovery_s=recovery_s,
+    )
     if verdict is None or not verdict.touched:
-        reason = flown.reason
-        cause = _never_down(records) if verdict is None else reason
-        return rounded(
-            Landing(
-                seed,
-                False,
-                False,
-                cause,
-                time_s,
-                phases,
-                conditions,
-                reason,
-                step_percent=step_percent,
-                over_slew_percent=over_percent,
-                recovery_s=recovery_s,
-            )
-        )
+        cause = _never_down(records) if verdict is None else flown.reason
+        return rounded(flight(landed=False, in_square=False, cause=cause, reason=flown.reason))
     state = ship.at(verdict.t_s)
     parts = take_apart(state, scenario.aircraft.airframe, verdict.touchdown_in_deck_m)
-    cause = _cause(scenario, verdict, parts.oracle_in_square, parts.control_in_square)
     u, v, w = verdict.relative_velocity_in_deck_mps.tolist()
     return rounded(
-        Landing(
-            seed=seed,
+        flight(
             landed=verdict.landed,
             in_square=verdict.in_square,
-            cause=cause,
-            time_s=time_s,
-            phases=phases,
-            conditions=conditions,
+            cause=_cause(scenario, verdict, parts.oracle_in_square, parts.control_in_square),
             reason=verdict.reason,
             forward_m=float(verdict.touchdown_in_deck_m[0]),
             starboard_m=float(verdict.touchdown_in_deck_m[1]),
@@ -251,9 +242,6 @@ def landing_of(scenario: Scenario, seed: int, flown: Flown, records: Sequence[Fl
             deck_pitch_deg=math.degrees(float(state.deck.displacement[4])),
             deck_heave_m=float(state.deck.displacement[2]),
             deck_sink_mps=float(state.deck.velocity[2]),
-            step_percent=step_percent,
-            over_slew_percent=over_percent,
-            recovery_s=recovery_s,
             landing_probability=_landing_probability(records, time_s),
         )
     )

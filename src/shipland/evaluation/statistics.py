@@ -1,4 +1,7 @@
-"""Intervals and paired comparisons of landings. Every interval is 95 %."""
+"""Intervals and paired comparisons of landings. Every interval is 95 %.
+
+SciPy's statistics are imported late: they take a second, which a worker that only flies need not wait for.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy import stats
 
 CONFIDENCE = 0.95
 _RESAMPLES = 2000
@@ -42,16 +44,20 @@ class Pairing(NamedTuple):
 
 def share_interval(count: int, of: int, method: Literal["exact", "wilson"] = "exact") -> Interval:
     """Interval of a share, for independent flights: Clopper and Pearson's (`exact`) or Wilson's."""
+    from scipy.stats import binomtest
+
     if of == 0:
         return Interval(0.0, 1.0)
-    found = stats.binomtest(count, of).proportion_ci(CONFIDENCE, method)
+    found = binomtest(count, of).proportion_ci(CONFIDENCE, method)
     return Interval(float(found.low), float(found.high))
 
 
 def mean_interval(values: Sequence[float]) -> Interval:
     """Student's interval of a mean of independent values within 0…1; no wider than 0…1."""
-    mean, error = float(np.mean(values)), float(stats.sem(values))
-    half = error * float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, len(values) - 1))
+    from scipy.stats import sem, t
+
+    mean, error = float(np.mean(values)), float(sem(values))
+    half = error * float(t.ppf(0.5 + 0.5 * CONFIDENCE, len(values) - 1))
     return Interval(max(mean - half, 0.0), min(mean + half, 1.0))
 
 
@@ -80,10 +86,12 @@ def compare(
         second_error_m: the same of the second.
         rng: draws the bootstrap.
     """
+    from scipy.stats import binomtest
+
     only_first = int(np.sum(first_ok & ~second_ok))
     only_second = int(np.sum(second_ok & ~first_ok))
     split = only_first + only_second
-    p_value = float(stats.binomtest(only_first, split).pvalue) if split else 1.0
+    p_value = float(binomtest(only_first, split).pvalue) if split else 1.0
     both = np.isfinite(first_error_m) & np.isfinite(second_error_m)
     one, two = first_error_m[both], second_error_m[both]
     difference_m, interval_m = float("nan"), Interval(float("nan"), float("nan"))

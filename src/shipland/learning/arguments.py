@@ -41,9 +41,9 @@ class SynthArguments:
     minutes: float | None = None
 
     def __post_init__(self) -> None:
-        _at_least(0, seed=self.seed, crop_px=self.crop_px)
-        _at_least(1, count=self.count, workers=self.workers)
-        _positive(minutes=self.minutes)
+        at_least(0, seed=self.seed, crop_px=self.crop_px)
+        at_least(1, count=self.count, workers=self.workers)
+        positive(minutes=self.minutes)
 
 
 @dataclass(frozen=True)
@@ -88,9 +88,9 @@ class TrainArguments:
     config: Path | None = None
 
     def __post_init__(self) -> None:
-        _at_least(0, seed=self.seed)
-        _at_least(1, steps=self.steps, batch=self.batch, threads=self.threads)
-        _positive(minutes=self.minutes, width=self.width)
+        at_least(0, seed=self.seed)
+        at_least(1, steps=self.steps, batch=self.batch, threads=self.threads)
+        positive(minutes=self.minutes, width=self.width)
 
 
 @dataclass(frozen=True)
@@ -134,17 +134,19 @@ class EvaluateArguments:
     config: Path | None = None
 
     def __post_init__(self) -> None:
-        _at_least(0, seed=self.seed, threads=self.threads)
-        _at_least(1, count=self.count, frames=self.frames, workers=self.workers)
+        at_least(0, seed=self.seed, threads=self.threads)
+        at_least(1, count=self.count, frames=self.frames, workers=self.workers)
 
 
-def _at_least(least: int, **options: int | None) -> None:
+def at_least(least: int, **options: int | None) -> None:
+    """ConfigError, by its flag, for an option that is given and smaller."""
     for name, value in options.items():
         if value is not None and value < least:
             raise ConfigError(f"--{name.replace('_', '-')} must be {least} or more, got {value}")
 
 
-def _positive(**options: float | None) -> None:
+def positive(**options: float | None) -> None:
+    """ConfigError, by its flag, for an option that is given and not above zero."""
     for name, value in options.items():
         if value is not None and not (math.isfinite(value) and value > 0.0):
             raise ConfigError(f"--{name.replace('_', '-')} must be positive, got {value}")

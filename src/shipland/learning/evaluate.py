@@ -22,6 +22,7 @@ from shipland.config import build, key, parameters, require
 from shipland.errors import DataError
 from shipland.files import json_of, read_text, write_atomically
 from shipland.learning.arguments import EvaluateArguments
+from shipland.learning.curves import panels
 from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.looks import LEAST_CONFIDENCE, Look, edges_of, looks_at
 from shipland.learning.metrics import COCO_IOUS, Tally
@@ -420,37 +421,30 @@ def _over(box: SureBox, edges: NearestBox | None) -> bool:
 
 def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
     """Recall with its intervals, precision, and the boxes' errors over range, as a picture."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13.0, 3.8), layout="constrained")
-    FigureCanvasAgg(figure)
-    left, centre, right = figure.subplots(1, 3)
-    colours = {"all": "#444444", "clear": "#1f77b4", "haze": "#d98a1f"}
-    for name, table in tables.items():
-        bins = [item for item in table.bins if item.scenes]
-        middle = [0.5 * (item.low_m + item.high_m) for item in bins]
-        if name in ("clear", "haze"):
-            colour, tracked = colours[name], any(np.isfinite(item.confirmed) for item in bins)
-            low = [max(item.recall - item.recall_low, 0.0) for item in bins]
-            high = [max(item.recall_high - item.recall, 0.0) for item in bins]
-            recall = [item.recall for item in bins]
-            left.errorbar(middle, recall, (low, high), color=colour, capsize=2, label=f"{name}, one frame")
-            centre.plot(middle, [item.precision for item in bins], color=colour, label=f"{name}, one frame")
-            if tracked:
-                left.plot(middle, [item.confirmed for item in bins], ":", color=colour, label=f"{name}, believed")
-                believed = [item.believed_precision for item in bins]
-                centre.plot(middle, believed, ":", color=colour, label=f"{name}, believed")
-        elif name == "all":
-            right.plot(middle, [item.centre_px for item in bins], color="#1f77b4", label="centre, median [px]")
-            right.plot(middle, [item.centre_95_px for item in bins], "--", color="#1f77b4", label="centre, 95 % [px]")
-            right.plot(middle, [10.0 * item.area_std for item in bins], color="#b5446e", label="area, std [10 %]")
-    left.set(xlabel=f"range of the {kind} [m]", ylabel="recall", ylim=(0.0, 1.02))
-    centre.set(xlabel=f"range of the {kind} [m]", ylabel="precision", ylim=(0.0, 1.02))
-    right.set(xlabel=f"range of the {kind} [m]", ylabel="error of the box", ylim=(0.0, None))
-    for axes in (left, centre, right):
-        axes.grid(alpha=0.3)
-        axes.legend(frameon=False, fontsize=8)
-    beside = path.with_suffix(".part.png")
-    figure.savefig(beside, dpi=110)
-    beside.replace(path)
+    with panels(path, 3, (13.0, 3.8)) as (left, centre, right):
+        colours = {"all": "#444444", "clear": "#1f77b4", "haze": "#d98a1f"}
+        for name, table in tables.items():
+            bins = [item for item in table.bins if item.scenes]
+            middle = [0.5 * (item.low_m + item.high_m) for item in bins]
+            if name in ("clear", "haze"):
+                colour, tracked = colours[name], any(np.isfinite(item.confirmed) for item in bins)
+                low = [max(item.recall - item.recall_low, 0.0) for item in bins]
+                high = [max(item.recall_high - item.recall, 0.0) for item in bins]
+                recall = [item.recall for item in bins]
+                left.errorbar(middle, recall, (low, high), color=colour, capsize=2, label=f"{name}, one frame")
+                centre.plot(middle, [item.precision for item in bins], color=colour, label=f"{name}, one frame")
+                if tracked:
+                    left.plot(middle, [item.confirmed for item in bins], ":", color=colour, label=f"{name}, believed")
+                    believed = [item.believed_precision for item in bins]
+                    centre.plot(middle, believed, ":", color=colour, label=f"{name}, believed")
+            elif name == "all":
+                right.plot(middle, [item.centre_px for item in bins], color="#1f77b4", label="centre, median [px]")
+                right.plot(
+                    middle, [item.centre_95_px for item in bins], "--", color="#1f77b4", label="centre, 95 % [px]"
+                )
+                right.plot(middle, [10.0 * item.area_std for item in bins], color="#b5446e", label="area, std [10 %]")
+        left.set(xlabel=f"range of the {kind} [m]", ylabel="recall", ylim=(0.0, 1.02))
+        centre.set(xlabel=f"range of the {kind} [m]", ylabel="precision", ylim=(0.0, 1.02))
+        right.set(xlabel=f"range of the {kind} [m]", ylabel="error of the box", ylim=(0.0, None))
+        for axes in (left, centre, right):
+            axes.legend(frameon=False, fontsize=8)

@@ -12,6 +12,7 @@ from shipland.files import write_atomically
 from shipland.learning.arguments import TrainArguments
 from shipland.learning.augment import window
 from shipland.learning.checkpoint import Progress
+from shipland.learning.curves import panels
 from shipland.learning.dataset import Dataset
 from shipland.learning.export import write_int8, write_onnx
 from shipland.learning.network import Network, weights_of
@@ -86,28 +87,19 @@ def calibration_windows(dataset: Dataset, parameters: TrainParameters, seed: int
 
 def plot_curves(path: Path, progress: Progress, match_iou: float) -> None:
     """Losses and held-out scores over the steps, as a picture."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2)
-    step = [row[0] for row in progress.losses]
-    for column, label in enumerate(("box", "objectness", "class"), 1):
-        left.plot(step, [row[column] for row in progress.losses], ".-", label=label, markersize=3)
-    left.set(xlabel="step", ylabel="loss (running mean)", yscale="log")
-    evaluated = [row["step"] for row in progress.history]
-    for name, label in (("average_precision", "average precision"), ("recall", "recall at confidence 0.5")):
-        right.plot(evaluated, [row[name] for row in progress.history], "o-", label=label, markersize=4)
-    right.set(xlabel="step", ylabel=f"held-out pictures, IoU {match_iou:g}", ylim=(0.0, 1.02))
-    if not progress.history:
-        right.text(0.5, 0.5, "not evaluated yet", ha="center", transform=right.transAxes)
-    for axes in (left, right):
-        axes.grid(alpha=0.3)
-        axes.legend(frameon=False)
-    beside = path.with_suffix(".part.png")
-    figure.savefig(beside, dpi=110)
-    beside.replace(path)
+    with panels(path, 2, (9.0, 3.6)) as (left, right):
+        step = [row[0] for row in progress.losses]
+        for column, label in enumerate(("box", "objectness", "class"), 1):
+            left.plot(step, [row[column] for row in progress.losses], ".-", label=label, markersize=3)
+        left.set(xlabel="step", ylabel="loss (running mean)", yscale="log")
+        evaluated = [row["step"] for row in progress.history]
+        for name, label in (("average_precision", "average precision"), ("recall", "recall at confidence 0.5")):
+            right.plot(evaluated, [row[name] for row in progress.history], "o-", label=label, markersize=4)
+        right.set(xlabel="step", ylabel=f"held-out pictures, IoU {match_iou:g}", ylim=(0.0, 1.02))
+        if not progress.history:
+            right.text(0.5, 0.5, "not evaluated yet", ha="center", transform=right.transAxes)
+        for axes in (left, right):
+            axes.legend(frameon=False)
 
 
 def model_card(trained: Trained) -> str:

@@ -35,8 +35,8 @@ from shipland.record import foxglove_scene as scene
 from shipland.record.columns import Derived, derive
 from shipland.record.info import FORMAT_VERSION, FlightInfo, LogHeader
 from shipland.record.reader import FLIGHT_TOPIC, HEADER_TOPIC, VERDICT_TOPIC
-from shipland.record.rows import json_schema, to_row
 from shipland.rig import Rig
+from shipland.rows import json_schema, to_row
 
 
 @parameters

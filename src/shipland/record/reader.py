@@ -11,7 +11,7 @@ from shipland.mcap_records import mcap_records
 from shipland.messages import FlightRecord, TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.info import FORMAT_VERSION, LogHeader
-from shipland.record.rows import Row, from_row
+from shipland.rows import Row, from_row
 
 FLIGHT_TOPIC, HEADER_TOPIC, VERDICT_TOPIC = "/flight", "/header", "/verdict"
 

@@ -15,7 +15,7 @@ from foxglove import Context
 from foxglove.mcap import MCAPWriteOptions
 
 from shipland.camera import Camera
-from shipland.errors import DataError
+from shipland.files import writing
 from shipland.messages import FlightRecord, TouchdownVerdict
 from shipland.record.channels import FlightChannels, LogParameters
 from shipland.record.info import FlightInfo
@@ -32,11 +32,8 @@ class LogWriter:
     def __init__(self, path: Path, info: FlightInfo, rig: Rig, camera: Camera, parameters: LogParameters) -> None:
         """Open `path`, writing over what was there; DataError when it cannot be written."""
         context = Context()
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+        with writing(path, "flight log"):
             self._sink = Sink(path)
-        except OSError as error:
-            raise DataError(f"flight log {path} cannot be written: {error.strerror}") from None
         self._writer = foxglove.open_mcap(
             self._sink, context=context, writer_options=MCAPWriteOptions(compression_threads=0)
         )

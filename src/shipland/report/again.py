@@ -13,7 +13,7 @@ from shipland.messages import TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.reader import FlightLog
 from shipland.report.palette import BLUE, VERMILION, unit
-from shipland.report.plots import PLOT_STYLE, draw_pad, finish_time_axes, new_figure, save_figure
+from shipland.report.plots import draw_pad, drawn, finish_time_axes
 from shipland.version import code_version
 
 PART_M = 0.01
@@ -50,10 +50,7 @@ def versions(flown: str) -> str:
 
 def plot_pair(path: Path, before: FlightLog, after: FlightLog) -> None:
     """Write both paths from above, their distance from the pad and their height; DataError when it cannot be."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(10.4, 6.4)
+    with drawn(path, (10.4, 6.4), 110) as figure:
         info = before.header.info
         figure.suptitle(f"{info.scenario}, seed {info.seed}: as it was flown, and again", fontweight="bold")
         grid = figure.add_gridspec(3, 2, width_ratios=[1.5, 1.0])
@@ -76,7 +73,6 @@ def plot_pair(path: Path, before: FlightLog, after: FlightLog) -> None:
             axes.set_title(title)
             finish_time_axes(axes, before.columns(), None, last=axes is rows[-1])
             axes.set_xlim(0.0, max(spans_s))
-        save_figure(figure, path, 110)
 
 
 def _line(name: str, values: list[str]) -> str:

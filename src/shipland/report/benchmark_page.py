@@ -14,7 +14,8 @@ from shipland.evaluation.campaign import CellResult, read_about
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.statistics import compare, share_interval
 from shipland.evaluation.verify import read_receipt
-from shipland.report.campaign_page import campaign_page, html_of_table
+from shipland.report.campaign_page import campaign_page
+from shipland.report.pages import html_of_table
 
 
 def entries_of(bundles: Sequence[Bundle]) -> list[CellResult]:

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from shipland.errors import DataError
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.rules import rules_table
 from shipland.evaluation.suite import Cell
 from shipland.evaluation.tables import causes_table, landings_table, modes_table
 from shipland.extras import installed
 from shipland.factories import name_of
+from shipland.files import writing
 from shipland.report.landing_plots import DeckTrace, plot_instants, plot_touchdowns, touchdowns_of
 from shipland.report.outputs import load_outputs
 from shipland.scenario.scenario import Scenario
@@ -34,10 +34,8 @@ def write_campaign(folder: Path, cell: Cell, landings: Sequence[Landing]) -> Non
         modes_table(landings),
         rules_table(landings, scenario.rig),
     ]
-    try:
+    with writing(folder / "table.md"):
         (folder / "table.md").write_text("\n\n".join(filter(None, tables)) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise DataError(f"{folder / 'table.md'} cannot be written: {error.strerror}") from None
     if not installed("plots"):
         return
     touchdowns = touchdowns_of(landings)

@@ -21,7 +21,8 @@ from shipland.evaluation.landing import Landing
 from shipland.evaluation.leaderboard import leaderboard, pairs, rests_in_area, rivals, swept_keys
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.statistics import share_interval
-from shipland.report.page_flights import PageFlights, page_file
+from shipland.report.page_flights import PageFlights
+from shipland.report.pages import html_of_table, html_table, page
 from shipland.report.svg import Column, Points, Share, colour_of, point_chart, share_chart
 from shipland.rig import area_of
 
@@ -44,7 +45,7 @@ def campaign_page(
     pilots = list(dict.fromkeys(cell.pilot for cell in cells))
     suites = ", ".join(dict.fromkeys(cell.suite for cell in cells if cell.suite)) or "a grid of the command line"
     flights, machine = sum(len(cell.landings) for cell in cells), about["machine"]
-    area, page = area_of(cell.rig for cell in cells), PageFlights(cells, folder)
+    area, flown = area_of(cell.rig for cell in cells), PageFlights(cells, folder)
     keys = "".join(
         f'<span class="key"><i style="background:{colour_of(index)}"></i>{html.escape(pilot)}</span>'
         for index, pilot in enumerate(pilots)
@@ -64,11 +65,11 @@ def campaign_page(
         f'<div class="charts">{"".join(_against(cells, pilots)) or "<p>One value of everything.</p>"}</div>',
         "<h2>Touchdowns</h2>",
         f'<p class="dim">Lines: {area} and deck. Dots landed in the {area}, crosses did not.</p>',
-        page.filters(area),
+        flown.filters(area),
         f'<div class="charts">{"".join(_touchdowns(cells, pilots))}</div>',
         "<h2>Failures</h2>",
         _causes(cells, pilots),
-        _failures(page, area),
+        _failures(flown, area),
         "<h2>Leaderboard</h2>",
         tables[0],
         "<h2>Everybody's rules, on the same flights</h2>",
@@ -76,13 +77,8 @@ def campaign_page(
     ]
     if len(pilots) > 1:
         parts += ["<h2>Pilots in pairs</h2>", html_of_table(pairs(cells))]
-    parts.append(page.data_and_script())
-    body, style = "\n".join(parts), page_file("page.css")
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>Landings: {html.escape(suites)}</title><style>{style}</style></head><body>\n{body}\n</body></html>\n"
-    )
+    parts.append(flown.data_and_script())
+    return page(f"Landings: {suites}", parts)
 
 
 def _share(landings: Sequence[Landing], series: int, words: str) -> Share:
@@ -122,7 +118,7 @@ def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
                 _quantile([it.step_percent for it in landings], 1.0, 0),
             ]
         )
-    return _html_table(head, rows, first_number=1)
+    return html_table(head, rows, first_number=1)
 
 
 def _quantile(values: Sequence[float], share: float, digits: int) -> str:
@@ -248,7 +244,7 @@ def _causes(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
     if not causes:
         return "<p>None.</p>"
     rows = [[cause, *(str(counts[pilot][cause]) for pilot in pilots)] for cause, _ in causes.most_common()]
-    return _html_table(["cause", *pilots], rows, first_number=1)
+    return html_table(["cause", *pilots], rows, first_number=1)
 
 
 def _failures(page: PageFlights, area: str) -> str:
@@ -270,29 +266,3 @@ def _failures(page: PageFlights, area: str) -> str:
         f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(rows)}</tbody></table></div>{more}'
         "</details>"
     )
-
-
-def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]], first_number: int) -> str:
-    """A table whose columns from `first_number` on are numbers."""
-
-    def line(tag: str, texts: Sequence[str]) -> str:
-        return "".join(
-            f"<{tag}{' class=number' if index >= first_number else ''}>{html.escape(text)}</{tag}>"
-            for index, text in enumerate(texts)
-        )
-
-    body = "".join(f"<tr>{line('td', row)}</tr>" for row in rows)
-    return f'<div class="wide"><table><thead><tr>{line("th", head)}</tr></thead><tbody>{body}</tbody></table></div>'
-
-
-def html_of_table(markdown: Iterator[str]) -> str:
-    """HTML of a Markdown table, and of the paragraphs behind it."""
-    rows, words = [], []
-    for line in markdown:
-        if line.startswith("|---"):
-            continue
-        if line.startswith("|"):
-            rows.append([text.strip() for text in line.strip().strip("|").split("|")])
-        elif line:
-            words.append(f'<p class="dim">{html.escape(line)}</p>')
-    return _html_table(rows[0], rows[1:], first_number=len(rows[0])) + "".join(words)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from shipland.config import bounds_of, defaults, fields_of, merge, plain, stated
-from shipland.record.descriptions import unit_of
+from shipland.descriptions import unit_of
 from shipland.scenario.scenario import Scenario, load_scenario, scenario_layers
 
 _WIDTH = 110

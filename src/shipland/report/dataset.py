@@ -13,11 +13,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from shipland.descriptions import descriptions, unit_of
 from shipland.errors import DataError
 from shipland.evaluation.campaign import CellResult, read_cells, rows_of, write_rows
 from shipland.evaluation.landing import Conditions, Landing, Phases, column_of
 from shipland.files import write_atomically
-from shipland.record.descriptions import descriptions, unit_of
 
 _WORDS = """citeAs column equivalentProperty extract field fileObject fileProperty fileSet format includes isLiveDataset
     jsonPath key md5 parentField path recordSet references regex repeated replace samplingRate separator source subField

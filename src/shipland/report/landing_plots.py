@@ -15,7 +15,7 @@ from shipland.evaluation.landing import Landing
 from shipland.evaluation.statistics import share_interval
 from shipland.frames import Array
 from shipland.report.palette import BLUE, GREEN, VERMILION, unit
-from shipland.report.plots import PLOT_STYLE, PlotParameters, draw_pad, new_figure, save_figure
+from shipland.report.plots import PLOT_STYLE, PlotParameters, draw_pad, drawn, new_figure
 from shipland.report.svg import SERIES
 from shipland.rig import Rig, area_of
 
@@ -83,13 +83,9 @@ def touchdowns_of(landings: Sequence[Landing]) -> Touchdowns:
 
 def plot_touchdowns(path: Path, touchdowns: Touchdowns, rig: Rig, title: str, parameters: PlotParameters) -> None:
     """Dots on deck and landing area, with median and largest distance; DataError when it cannot be written."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(6.2, 6.6)
+    with drawn(path, (6.2, 6.6), parameters.dpi) as figure:
         figure.suptitle(title, fontsize=13, fontweight="bold")
         _draw_touchdowns(figure.add_subplot(), touchdowns, rig, "")
-        save_figure(figure, path, parameters.dpi)
 
 
 def _draw_touchdowns(axes: Axes, touchdowns: Touchdowns, rig: Rig, title: str) -> None:
@@ -143,11 +139,8 @@ def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: s
 
     [Lee2022, §Tracking Capability and Landing Accuracy] shows its landings in this way.
     """
-    import matplotlib as mpl
-
     curves = trace.curves()
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(10.4, 1.2 + 1.7 * max(len(curves), 1))
+    with drawn(path, (10.4, 1.2 + 1.7 * max(len(curves), 1)), parameters.dpi) as figure:
         figure.suptitle(title, fontsize=13, fontweight="bold")
         grid = figure.add_gridspec(max(len(curves), 1), 2, width_ratios=[6, 1])
         for row, (name, values) in enumerate(curves):
@@ -177,4 +170,3 @@ def plot_instants(path: Path, trace: DeckTrace, touchdowns: Touchdowns, title: s
                 axes.tick_params(labelbottom=False)
             if row == 0:
                 axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-        save_figure(figure, path, parameters.dpi)

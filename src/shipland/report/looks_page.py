@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 from collections.abc import Sequence
 
@@ -10,7 +9,7 @@ import cv2
 import numpy as np
 
 from shipland.learning.looks import Look
-from shipland.report.page_flights import page_file
+from shipland.report.pages import page, picture
 from shipland.vision.pictures import Picture, read_picture
 
 _MOST_SHOWN = 24
@@ -62,20 +61,14 @@ def looks_page(looks: Sequence[Look], confidence: float, title: str, summary: st
         parts.append(f'<p class="dim">{order}; {len(shown)} shown.</p>' if found else "<p>None.</p>")
         figures = "".join(_figure(look, np.asarray(box, float), words) for _, look, box, words in shown)
         parts.append(f'<div class="looks">{figures}</div>')
-    body = "\n".join(parts)
-    style = page_file("page.css") + _FIGURES
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>{html.escape(title)}</title><style>{style}</style></head><body>\n{body}\n</body></html>\n"
-    )
+    return page(title, parts, _FIGURES)
 
 
 def _figure(look: Look, box: np.ndarray[tuple[int], np.dtype[np.float64]], words: str) -> str:
     view = _view(read_picture(look.path), look, box)
-    data = base64.b64encode(cv2.imencode(".jpg", view, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes()).decode()
+    jpeg = cv2.imencode(".jpg", view, [cv2.IMWRITE_JPEG_QUALITY, 82])[1].tobytes()
     caption = f"{words}, {box[2]:.0f} × {box[3]:.0f} px<br>{html.escape(look.path.name)}"
-    return f'<figure><img src="data:image/jpeg;base64,{data}" alt=""><figcaption>{caption}</figcaption></figure>'
+    return f"<figure>{picture(jpeg, 'jpeg', '')}<figcaption>{caption}</figcaption></figure>"
 
 
 def _view(picture: Picture, look: Look, box: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Picture:

@@ -12,7 +12,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from shipland.errors import ConfigError, DataError
+from shipland.errors import ConfigError
+from shipland.files import writing
 from shipland.frames import Array
 from shipland.report.motion_plots import plot_case, plot_headings
 from shipland.rig import Rig
@@ -234,11 +235,7 @@ def _write_series(path: Path, header: tuple[str, ...], values: Array) -> None:
 
 
 def _write_rows(path: Path, header: tuple[str, ...], rows: Iterable[Iterable[str]]) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(header)
-            writer.writerows(rows)
-    except OSError as error:
-        raise DataError(f"{path} cannot be written: {error.strerror}") from None
+    with writing(path), path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)

@@ -9,7 +9,7 @@ import numpy as np
 
 from shipland.frames import Array
 from shipland.report.palette import BLUE, GREEN, GREY, VERMILION, unit
-from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
+from shipland.report.plots import drawn
 from shipland.sim.ship.deck_motion import DOF_NAMES
 
 _DPI = 80
@@ -27,10 +27,7 @@ def plot_case(path: Path, t_s: Array, deck: Array, wind_in_ned_mps: Array) -> No
         deck: (N, 6) motion [m, deg].
         wind_in_ned_mps: (N, 3) air velocity.
     """
-    import matplotlib as mpl
-
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(10.0, 11.0)
+    with drawn(path, (10.0, 11.0), _DPI) as figure:
         axes = figure.subplots(7, 1, sharex=True)
         for index, name in enumerate(DOF_NAMES):
             axes[index].plot(t_s, deck[:, index], color=unit(BLUE))
@@ -42,7 +39,6 @@ def plot_case(path: Path, t_s: Array, deck: Array, wind_in_ned_mps: Array) -> No
         axes[6].set_xlabel("time [s]")
         axes[6].set_xlim(t_s[0], t_s[-1])
         figure.align_ylabels(axes)
-        save_figure(figure, path, _DPI)
 
 
 def plot_headings(path: Path, panels: Mapping[str, Mapping[str, tuple[Array, Array]]], limit: Array) -> None:
@@ -53,10 +49,7 @@ def plot_headings(path: Path, panels: Mapping[str, Mapping[str, tuple[Array, Arr
         panels: heading → time rule → times (N,) and motion (N, 6) [m, deg].
         limit: (6,) the motion base's limits [m, deg].
     """
-    import matplotlib as mpl
-
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(13.0, 11.0)
+    with drawn(path, (13.0, 11.0), _DPI) as figure:
         axes = figure.subplots(6, len(panels), sharex=True, sharey="row", squeeze=False)
         for column, (heading, rules) in enumerate(panels.items()):
             axes[0, column].set_title(f"waves from {heading}")
@@ -74,4 +67,3 @@ def plot_headings(path: Path, panels: Mapping[str, Mapping[str, tuple[Array, Arr
                         axis.axhline(sign * limit[index], color=unit(GREY), linestyle="--", linewidth=1.0)
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
         figure.align_ylabels(axes[:, 0])
-        save_figure(figure, path, _DPI)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 from collections import Counter
 from collections.abc import Sequence
@@ -16,6 +15,7 @@ from shipland.evaluation.tables import median
 from shipland.extras import installed
 from shipland.messages import FlightRecord, TouchdownVerdict
 from shipland.report.landing_plots import plot_cells
+from shipland.report.pages import html_table, picture
 from shipland.report.plots import png_of
 from shipland.report.views import FlightViews
 from shipland.rig import area_of
@@ -51,11 +51,13 @@ def flight_html(
     truths = [record.truth for record in records if record.truth is not None]
     for truth in truths:
         views.note(truth)
-    picture = ""
+    shown = ""
     if truths:
         bgr = cv2.cvtColor(views.picture(reason, whole=True), cv2.COLOR_RGB2BGR)
-        picture = _picture(cv2.imencode(".png", bgr)[1].tobytes(), "the flight from the side and from above")
-    return f"<b>{html.escape(scenario.name)}: {html.escape(reason)}</b>{_table(*zip(*figures, strict=True))}{picture}"
+        png = cv2.imencode(".png", bgr)[1].tobytes()
+        shown = picture(png, "png", "the flight from the side and from above")
+    table = html_table([name for name, _ in figures], [[value for _, value in figures]], len(figures))
+    return f"<b>{html.escape(scenario.name)}: {html.escape(reason)}</b>{table}{shown}"
 
 
 def campaign_html(words: str, cells: Sequence[CellResult]) -> str:
@@ -76,18 +78,7 @@ def campaign_html(words: str, cells: Sequence[CellResult]) -> str:
         words_of_causes = ", ".join(f"{count} {cause}" for cause, count in causes)
         rows.append((cell.name, f"{landed} of {flown}", interval, error, words_of_causes))
     head = ("cell", f"landed in the {area}", "95 % interval", "error median [cm]", "causes")
-    picture = ""
+    shown = ""
     if installed("plots"):
-        picture = _picture(png_of(plot_cells(cells), _DPI), "where they touched, and the share that landed")
-    return f"<b>{html.escape(words)}</b>{_table(head, *rows)}{picture}"
-
-
-def _table(head: Sequence[str], *rows: Sequence[str]) -> str:
-    def line(tag: str, texts: Sequence[str]) -> str:
-        return "<tr>" + "".join(f"<{tag}>{html.escape(text)}</{tag}>" for text in texts) + "</tr>"
-
-    return f"<table>{line('th', head)}{''.join(line('td', row) for row in rows)}</table>"
-
-
-def _picture(png: bytes, words: str) -> str:
-    return f'<img alt="{html.escape(words, quote=True)}" src="data:image/png;base64,{base64.b64encode(png).decode()}"/>'
+        shown = picture(png_of(plot_cells(cells), _DPI), "png", "where they touched, and the share that landed")
+    return f"<b>{html.escape(words)}</b>{html_table(head, rows, len(head))}{shown}"

@@ -9,11 +9,11 @@ import os
 import shlex
 from collections import Counter
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
+from shipland.report.pages import page_file
 
 
 class PageFlights:
@@ -92,8 +92,3 @@ class PageFlights:
 def _again(cell: CellResult) -> str:
     """What flies a seed of it again, before that number; empty where it lies in no folder."""
     return "" if cell.logs is None else f"shipland again {shlex.quote(cell.logs.parent.as_posix())} --video --seed "
-
-
-def page_file(name: str) -> str:
-    """`page.css` or `page.js`: what stands within the page."""
-    return (resources.files("shipland") / "report" / name).read_text(encoding="utf-8")

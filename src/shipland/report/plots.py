@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from shipland.config import key, parameters
 from shipland.errors import DataError
+from shipland.files import writing
 from shipland.frames import Array
 from shipland.messages import Mode, TouchdownVerdict
 from shipland.record.columns import FlightColumns
@@ -89,11 +92,26 @@ def png_of(figure: Figure, dpi: int = 80) -> bytes:
 
 def save_figure(figure: Figure, path: Path, dpi: int) -> None:
     """Write a PNG whose bytes depend on the picture only; DataError when it cannot be written."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with writing(path, "plot"):
         figure.savefig(path, dpi=dpi, metadata={"Software": None})
-    except OSError as error:
-        raise DataError(f"plot {path} cannot be written: {error.strerror}") from None
+
+
+@contextmanager
+def drawn(path: Path, size_in: tuple[float, float], dpi: int, *, grid: bool = True) -> Iterator[Figure]:
+    """A figure in the house's style, written as `save_figure` does once the block has drawn it.
+
+    Args:
+        path: PNG to write.
+        size_in: width and height.
+        dpi: resolution, in pixels an inch.
+        grid: lines behind the curves.
+    """
+    import matplotlib as mpl
+
+    with mpl.rc_context(PLOT_STYLE | {"axes.grid": grid}):
+        figure = new_figure(*size_in)
+        yield figure
+        save_figure(figure, path, dpi)
 
 
 def write_title(figure: Figure, log: FlightLog) -> None:
@@ -106,13 +124,10 @@ def write_title(figure: Figure, log: FlightLog) -> None:
 
 def plot_flight(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
     """Write the picture of one flight; DataError when the log has no rows or the file cannot be written."""
-    import matplotlib as mpl
-
     if not log.records:
         raise DataError("the flight log has no rows: nothing to plot")
     columns, info, verdict = log.columns(), log.header.info, log.verdict
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(10.4, 11.6)
+    with drawn(path, (10.4, 11.6), parameters.dpi) as figure:
         write_title(figure, log)
         grid = figure.add_gridspec(6, 2, height_ratios=[0.16, 1, 1, 1, 1, 1])
         band = figure.add_subplot(grid[0, :])
@@ -129,7 +144,6 @@ def plot_flight(path: Path, log: FlightLog, parameters: PlotParameters) -> None:
             finish_time_axes(axes, columns, verdict, last=axes in (left[-1], right[-1]))
         draw_pad(pad, log.header.rig)
         _draw_touchdown(pad, columns, log.header.rig, info.aircraft_diagonal_m, verdict)
-        save_figure(figure, path, parameters.dpi)
 
 
 def draw_pad(axes: Axes, rig: Rig) -> None:

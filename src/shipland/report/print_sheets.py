@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shipland.cue import Cue, Hue
-from shipland.errors import ConfigError, DataError
+from shipland.errors import ConfigError
+from shipland.files import writing
 from shipland.frames import Array
 
 if TYPE_CHECKING:
@@ -164,14 +165,11 @@ def print_sheets(path: Path, drawing: Drawing, paper: str, title: str) -> Sheets
     from matplotlib.backends.backend_pdf import PdfPages
 
     sheets = sheets_for(drawing.size_mm, paper)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with PdfPages(path, metadata={"Title": title, "CreationDate": None, "Creator": None, "Producer": None}) as pdf:
-            for row in range(sheets.down):
-                for column in range(sheets.across):
-                    pdf.savefig(_sheet(drawing, sheets, column, row, title))
-    except OSError as error:
-        raise DataError(f"{path} cannot be written: {error.strerror}") from None
+    about = {"Title": title, "CreationDate": None, "Creator": None, "Producer": None}
+    with writing(path), PdfPages(path, metadata=about) as pdf:
+        for row in range(sheets.down):
+            for column in range(sheets.across):
+                pdf.savefig(_sheet(drawing, sheets, column, row, title))
     return sheets
 
 

@@ -15,6 +15,7 @@ from shipland.camera import Camera
 from shipland.config import key, parameters, require
 from shipland.errors import DataError
 from shipland.extras import installed
+from shipland.files import writing
 from shipland.messages import FlightRecord, GroundTruth, TouchdownVerdict
 from shipland.record.columns import derive
 from shipland.report.lettering import Image
@@ -79,11 +80,8 @@ class VideoWriter:
         Raises:
             DataError: the file cannot be written.
         """
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+        with writing(path, "video"):
             path.touch()
-        except OSError as error:
-            raise DataError(f"video {path} cannot be written: {error}") from None
         self._encoder: Encoder = (_H264 if _has_x264() else _Mpeg4)(path, width_px, height_px, parameters)
         self._shape = (height_px, width_px, 3)
 

@@ -14,7 +14,6 @@ from shipland.record.reader import FlightLog, read_log
 from shipland.report.landing_plots import Touchdowns, plot_touchdowns
 from shipland.report.palette import GREY, MODE_COLOURS, MODE_NAMES, VERMILION, unit
 from shipland.report.plots import (
-    PLOT_STYLE,
     PlotParameters,
     draw_forward,
     draw_heading,
@@ -22,9 +21,8 @@ from shipland.report.plots import (
     draw_right,
     draw_sticks,
     draw_up,
+    drawn,
     finish_time_axes,
-    new_figure,
-    save_figure,
     write_title,
 )
 
@@ -119,10 +117,7 @@ def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str, paramet
     Above: in the axes of the ship at the start; a ship under way is drawn every five seconds. Side: height over the
     neutral deck against distance from the ship.
     """
-    import matplotlib as mpl
-
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(10.4, 9.0)
+    with drawn(path, (10.4, 9.0), parameters.dpi) as figure:
         figure.suptitle(title, fontsize=13, fontweight="bold")
         above, beside = figure.subplots(2, 1, height_ratios=[2.2, 1.0])
         tracks = [tracks_of(log) for log in logs]
@@ -140,7 +135,6 @@ def plot_trajectories(path: Path, logs: Sequence[FlightLog], title: str, paramet
             beside.xaxis.set_major_formatter("{x:g}")
             beside.minorticks_off()
         _draw_key(above, logs)
-        save_figure(figure, path, parameters.dpi)
 
 
 def _draw_tracks(above: Axes, beside: Axes, log: FlightLog, track: Tracks) -> None:
@@ -193,13 +187,10 @@ def plot_commands(path: Path, log: FlightLog, parameters: PlotParameters) -> Non
     Raises:
         DataError: the log has no rows, or the file cannot be written.
     """
-    import matplotlib as mpl
-
     if not log.records:
         raise DataError("the flight log has no rows: nothing to plot")
     columns = log.columns()
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(9.0, 11.0)
+    with drawn(path, (9.0, 11.0), parameters.dpi) as figure:
         write_title(figure, log)
         band, *panels = figure.subplots(7, 1, height_ratios=[0.16, 1, 1, 1, 1, 1, 1])
         draw_mode_key(band, columns)
@@ -210,4 +201,3 @@ def plot_commands(path: Path, log: FlightLog, parameters: PlotParameters) -> Non
             draw(axes, columns)
         for axes in panels:
             finish_time_axes(axes, columns, log.verdict, last=axes is panels[-1])
-        save_figure(figure, path, parameters.dpi)

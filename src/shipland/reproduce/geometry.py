@@ -11,7 +11,7 @@ import numpy as np
 
 from shipland.camera import Camera
 from shipland.report.palette import BLUE, GREEN, GREY, ORANGE, VERMILION, unit
-from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
+from shipland.report.plots import drawn
 from shipland.rig import Rig
 from shipland.scenario.scenario import Scenario
 
@@ -59,11 +59,8 @@ def distance_size(path: Path, scenario: Scenario) -> str:
 
 def plot_distance_size(path: Path, camera: Camera, rig: Rig) -> None:
     """Width in pixels against distance, and the two readings of a full-size ship's range (erratum 5)."""
-    import matplotlib as mpl
-
     least_px = width_px(rig.platform_width_m, SHIP_RANGE_M, camera.focal_px)
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(9.5, 4.6)
+    with drawn(path, (9.5, 4.6), _DPI) as figure:
         axes = figure.add_subplot()
         distances_m = np.geomspace(5.0, 60000.0, 200)
         for name, size_m, colour, reach_m in (
@@ -87,7 +84,6 @@ def plot_distance_size(path: Path, camera: Camera, rig: Rig) -> None:
         axes.set(xscale="log", yscale="log", xlim=(5.0, 60000.0), ylim=(0.3, 1280.0), xlabel="distance [m]")
         axes.set_title(f"width in the picture [px], {camera.width_px} px through f = {camera.focal_px:.0f} px")
         axes.legend(loc="upper right")
-        save_figure(figure, path, _DPI)
 
 
 def yolo_grid(path: Path, scenario: Scenario) -> str:
@@ -103,12 +99,10 @@ def yolo_grid(path: Path, scenario: Scenario) -> str:
 
 def plot_yolo_grid(path: Path, camera: Camera, rig: Rig) -> None:
     """Three panels, coarse to fine: the grid, the cell that answers for the box, and the box."""
-    import matplotlib as mpl
     from matplotlib.patches import Rectangle
 
     side_px, focal_px = INPUTS_PX[0], camera.focal_px
-    with mpl.rc_context({**PLOT_STYLE, "axes.grid": False}):
-        figure = new_figure(11.0, 4.2)
+    with drawn(path, (11.0, 4.2), _DPI, grid=False) as figure:
         panels = figure.subplots(1, 3)
         for axes, stride, distance_m in zip(panels, STRIDES, (10.0, 50.0, SHIP_RANGE_M), strict=True):
             wide = width_px(rig.platform_width_m, distance_m, focal_px)
@@ -131,4 +125,3 @@ def plot_yolo_grid(path: Path, camera: Camera, rig: Rig) -> None:
                 part = 0.5 * _PART_CELLS * stride
                 axes.set(xlim=(middle[0] - part, middle[0] + part), ylim=(middle[1] + part, middle[1] - part))
                 axes.set_xlabel(f"{_PART_CELLS} × {_PART_CELLS} of its cells")
-        save_figure(figure, path, _DPI)

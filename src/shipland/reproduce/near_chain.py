@@ -16,7 +16,7 @@ import numpy.typing as npt
 from shipland.camera import Camera, level_from_camera
 from shipland.frames import Array, Pose, rotation_from_euler
 from shipland.messages import GimbalAttitude
-from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
+from shipland.report.plots import drawn
 from shipland.rig import Rig
 from shipland.scenario.scenario import Scenario
 from shipland.sim.scene.parameters import SceneParameters
@@ -117,13 +117,10 @@ def near_chain(path: Path, scenario: Scenario) -> str:
 
 def plot_near_chain(path: Path, steps: ChainSteps) -> None:
     """Eight panels of the part of the picture that holds the bar; DataError when the file cannot be written."""
-    import matplotlib as mpl
-
     shown = _shown(steps)
     extent = (shown.left - 0.5, shown.right - 0.5, shown.bottom - 0.5, shown.top - 0.5)
     picture = np.ascontiguousarray(shown.of(steps.picture)[:, :, ::-1])
-    with mpl.rc_context({**PLOT_STYLE, "axes.grid": False}):
-        figure = new_figure(12.0, 3.4)
+    with drawn(path, (12.0, 3.4), _DPI, grid=False) as figure:
         panels = figure.subplots(2, 4).ravel()
         masks = (("gate", steps.gated), ("opening", steps.opened), ("closing", steps.closed))
         for axes, (title, mask) in zip(panels[1:4], masks, strict=True):
@@ -148,7 +145,6 @@ def plot_near_chain(path: Path, steps: ChainSteps) -> None:
             near = _left_end(steps.flooded, extent)
             panels[4].set(xlim=near[:2], ylim=near[2:])
             panels[4].set_title("watershed, one corner")
-        save_figure(figure, path, _DPI)
 
 
 def _draw_watershed(axes: Axes, steps: ChainSteps) -> None:

@@ -12,7 +12,7 @@ from shipland.guidance.far import FarParameters
 from shipland.guidance.laws import PUBLISHED_STEP_S, FarVariant, NearGains, derivative_gain, exponential_law
 from shipland.guidance.near import NearParameters
 from shipland.report.palette import BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILION, Rgb, unit
-from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
+from shipland.report.plots import drawn
 from shipland.reproduce.far import HAND_OVER_M, SETTLED_SHARE, ApproachCase
 from shipland.reproduce.near import FALSE_AT_S, NearTrace
 from shipland.reproduce.ranges import FarTrace
@@ -35,10 +35,7 @@ _NEAR_COLOURS: tuple[Rgb, ...] = (VERMILION, GREEN, BLUE)
 
 def plot_roll_law(path: Path, ship: FarParameters, match_px: float) -> None:
     """Roll stick against the box's distance from the picture's middle, in three readings [Lee2022, Eq. 3]."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(9.0, 4.2)
+    with drawn(path, (9.0, 4.2), _DPI) as figure:
         panels = figure.subplots(1, 2)
         for axes, reach_px in zip(panels, (200.0, 40.0), strict=True):
             errors_px = np.linspace(-reach_px, reach_px, 401)
@@ -56,15 +53,11 @@ def plot_roll_law(path: Path, ship: FarParameters, match_px: float) -> None:
         panels[0].set_title("roll stick [%]")
         panels[1].set_title("the same, near the setpoint")
         panels[0].legend(loc="upper left")
-        save_figure(figure, path, _DPI)
 
 
 def plot_derivative_gain(path: Path, near: NearParameters) -> None:
     """K_D against the error's step in 0.03 s [Lee2022, Eq. 5, Table 2], and the linear derivative's."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(9.0, 4.0)
+    with drawn(path, (9.0, 4.0), _DPI) as figure:
         metres, degrees = figure.subplots(1, 2)
         for name, colour in (("pitch", BLUE), ("roll", VERMILION), ("heave", GREEN)):
             _draw_gain(metres, getattr(near, name), 0.16, name, colour)
@@ -76,7 +69,6 @@ def plot_derivative_gain(path: Path, near: NearParameters) -> None:
         degrees.set_title("K_D [% per °/s]; dashed: linear")
         degrees.set_xlabel("step of the error in 0.03 s [°]")
         metres.legend(loc="upper right")
-        save_figure(figure, path, _DPI)
 
 
 def _draw_gain(axes: Axes, gains: NearGains, reach: float, name: str, colour: Rgb) -> None:
@@ -94,10 +86,7 @@ def plot_far_steps(path: Path, columns: Mapping[str, Mapping[str, FarTrace]]) ->
         path: PNG to write; DataError when it cannot be.
         columns: case → control → trace; one column of panels a case.
     """
-    import matplotlib as mpl
-
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(11.0, 9.0)
+    with drawn(path, (11.0, 9.0), _DPI) as figure:
         panels = figure.subplots(4, len(columns), sharex=True, sharey="row", squeeze=False)
         titles = ("sideways error [px]", "roll stick [%]", "vertical error [px]", "heave stick [%]")
         for column, (case, traces) in enumerate(columns.items()):
@@ -114,17 +103,13 @@ def plot_far_steps(path: Path, columns: Mapping[str, Mapping[str, FarTrace]]) ->
                     axes.axhspan(-band_px, band_px, color="#dddddd", zorder=0)
             panels[-1, column].set_xlabel("time [s]")
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=5)
-        save_figure(figure, path, _DPI)
 
 
 def plot_readings(
     path: Path, flights: Mapping[ApproachCase, Mapping[FarVariant, FarTrace]], bar_ahead_m: float
 ) -> None:
     """Approaches from above: distance from the ship's axis over range; one panel a case, one curve a reading."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(11.0, 2.6 * len(flights) + 0.4)
+    with drawn(path, (11.0, 2.6 * len(flights) + 0.4), _DPI) as figure:
         panels = figure.subplots(len(flights), 1, squeeze=False)[:, 0]
         for axes, (case, traces) in zip(panels, flights.items(), strict=True):
             for variant, trace in traces.items():
@@ -140,15 +125,11 @@ def plot_readings(
             axes.set_title(f"from {case.distance_m:g} m, ship {case.offset_deg:g}° right, {air}: off the axis [m]")
         panels[-1].set_xlabel("to the bar [m]; dashed: corners take over")
         panels[0].legend(loc="best", ncols=3)
-        save_figure(figure, path, _DPI)
 
 
 def plot_near(path: Path, traces: Mapping[str, NearTrace]) -> None:
     """Roll stick and place of a hover with a false estimate [Lee2022, §Close-range Tracking Controller]."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(PLOT_STYLE):
-        figure = new_figure(10.0, 7.6)
+    with drawn(path, (10.0, 7.6), _DPI) as figure:
         whole, near, place = figure.subplots(3, 1)
         for (name, trace), colour in zip(traces.items(), _NEAR_COLOURS, strict=True):
             for axes in (whole, near):
@@ -169,4 +150,3 @@ def plot_near(path: Path, traces: Mapping[str, NearTrace]) -> None:
             axes.set_xlim(0.0, float(seen.t_s[-1]))
         whole.legend(loc="upper right")
         place.legend(loc="upper right", ncols=2)
-        save_figure(figure, path, _DPI)

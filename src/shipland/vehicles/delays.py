@@ -36,6 +36,15 @@ class ProfileParameters:
     velocity: PartParameters = key(..., "when the velocity is sent")
 
 
+def _profile(
+    rate_hz: float, latency_s: float, *, with_frames: bool = False, height_hz: float | None = None
+) -> ProfileParameters:
+    """All parts alike, but for the height's rate."""
+    part = PartParameters(rate_hz, latency_s)
+    height = part if height_hz is None else PartParameters(height_hz, latency_s)
+    return ProfileParameters(with_frames=with_frames, attitude=part, heading=part, height=height, velocity=part)
+
+
 @parameters
 class TelemetryParameters:
     """Profiles, and which is flown."""
@@ -43,49 +52,16 @@ class TelemetryParameters:
     profile: Literal["anafi", "anafi_metadata", "mavlink", "none"] = key(
         "anafi", "name of one below", "anafi | anafi_metadata | mavlink | none"
     )
-    anafi: ProfileParameters = key(
-        ProfileParameters(
-            with_frames=False,
-            attitude=PartParameters(5.0, 0.1),
-            heading=PartParameters(5.0, 0.1),
-            height=PartParameters(5.0, 0.1),
-            velocity=PartParameters(5.0, 0.1),
-        ),
-        "events",
-        "Olympe: 5 Hz, measured at about 0.1 s",
-    )
+    anafi: ProfileParameters = key(_profile(5.0, 0.1), "events", "Olympe: 5 Hz, measured at about 0.1 s")
     anafi_metadata: ProfileParameters = key(
-        ProfileParameters(
-            with_frames=True,
-            attitude=PartParameters(30.0, 0.0),
-            heading=PartParameters(30.0, 0.0),
-            height=PartParameters(30.0, 0.0),
-            velocity=PartParameters(30.0, 0.0),
-        ),
-        "the video's metadata",
-        "in every picture, with its latency",
+        _profile(30.0, 0.0, with_frames=True), "the video's metadata", "in every picture, with its latency"
     )
     mavlink: ProfileParameters = key(
-        ProfileParameters(
-            with_frames=False,
-            attitude=PartParameters(50.0, 0.03),
-            heading=PartParameters(50.0, 0.03),
-            height=PartParameters(30.0, 0.03),
-            velocity=PartParameters(50.0, 0.03),
-        ),
+        _profile(50.0, 0.03, height_hz=30.0),
         "streams of PX4 or ArduPilot",
         "MAV_CMD_SET_MESSAGE_INTERVAL; latency of a telemetry radio: chosen",
     )
-    none: ProfileParameters = key(
-        ProfileParameters(
-            with_frames=False,
-            attitude=PartParameters(0.0, 0.0),
-            heading=PartParameters(0.0, 0.0),
-            height=PartParameters(0.0, 0.0),
-            velocity=PartParameters(0.0, 0.0),
-        ),
-        "battery, link, whether it flies; nothing else",
-    )
+    none: ProfileParameters = key(_profile(0.0, 0.0), "battery, link, whether it flies; nothing else")
 
     @property
     def chosen(self) -> ProfileParameters:

@@ -2,13 +2,13 @@
 
 A record is a line of JSON (`bytes` of picture follow it), its `kind` one of:
 `frame`: exposure and sending on the world's clock, gimbal, truth, and the picture's shape; `verdict`: the touchdown.
+Truth and verdict are rows, as the flight log has them.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
-import math
 import socket
 import time
 from collections.abc import Iterator, Mapping
@@ -17,60 +17,10 @@ from typing import Any
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.errors import ConfigError, VehicleError
-from shipland.frames import Array, Pose
+from shipland.errors import ConfigError, DataError, VehicleError
 from shipland.messages import GimbalAttitude, GroundTruth, TouchdownVerdict
+from shipland.rows import from_row, to_row
 from shipland.vehicles.camera_stream import StreamedPicture
-
-_POSES = ("ned_from_body", "ned_from_ship", "ned_from_deck", "ned_from_bar", "ned_from_camera")
-_VECTORS = ("velocity_in_ned_mps", "wind_in_ned_mps")
-
-
-def truth_table(truth: GroundTruth) -> dict[str, Any]:
-    """A truth as plain JSON values."""
-    table: dict[str, Any] = {"t_s": truth.t_s}
-    for name in _POSES:
-        table[name] = getattr(truth, name).matrix().tolist()
-    for name in _VECTORS:
-        table[name] = getattr(truth, name).tolist()
-    return table
-
-
-def truth_of_table(table: Mapping[str, Any]) -> GroundTruth:
-    """The inverse of `truth_table`."""
-    values: dict[str, Any] = {"t_s": float(table["t_s"])}
-    for name in _POSES:
-        matrix = np.array(table[name], dtype=float).reshape(4, 4)
-        values[name] = Pose(matrix[:3, :3], matrix[:3, 3])
-    for name in _VECTORS:
-        values[name] = np.array(table[name], dtype=float)
-    return GroundTruth(**values)
-
-
-def verdict_table(verdict: TouchdownVerdict) -> dict[str, Any]:
-    """A verdict as plain JSON values; NaN stands as null."""
-    table = {}
-    for name, value in vars(verdict).items():
-        plain = value.tolist() if isinstance(value, np.ndarray) else value
-        table[name] = [_null(item) for item in plain] if isinstance(plain, list) else _null(plain)
-    return table
-
-
-def verdict_of_table(table: Mapping[str, Any]) -> TouchdownVerdict:
-    """The inverse of `verdict_table`."""
-    values: dict[str, Any] = {
-        name: _array(value) if isinstance(value, list) else math.nan if value is None else value
-        for name, value in table.items()
-    }
-    return TouchdownVerdict(**values)
-
-
-def _null(value: Any) -> Any:  # noqa: ANN401 - any JSON type
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _array(values: list[float | None]) -> Array:
-    return np.array([math.nan if value is None else value for value in values], dtype=float)
 
 
 class FrameSource:
@@ -107,10 +57,10 @@ class FrameSource:
                 while not self._closed and (line := stream.readline()):
                     record = json.loads(line)
                     if record["kind"] == "verdict":
-                        self._verdict = verdict_of_table(record["verdict"])
+                        self._verdict = from_row(TouchdownVerdict, record["verdict"])
                     else:
                         yield self._shot(record, stream.read(record["bytes"]))
-        except (OSError, ValueError, KeyError) as error:
+        except (DataError, OSError, ValueError, KeyError) as error:
             words = str(error)
         if self._verdict is None and not self._closed:
             raise VehicleError(f"frames from {self._place[0]}:{self._place[1]}: {words}")
@@ -137,7 +87,7 @@ class FrameSource:
             exposed_s=arrived_s - float(record["age_s"]),
             arrived_s=arrived_s,
             gimbal=GimbalAttitude(*record["gimbal"]),
-            truth=truth_of_table(record["truth"]),
+            truth=from_row(GroundTruth, record["truth"]),
         )
 
 
@@ -147,7 +97,7 @@ def frame_record(age_s: float, gimbal: GimbalAttitude, truth: GroundTruth, pictu
         "kind": "frame",
         "age_s": age_s,
         "gimbal": [gimbal.roll_rad, gimbal.pitch_rad, gimbal.yaw_rad],
-        "truth": truth_table(truth),
+        "truth": to_row(truth),
         "bytes": len(picture),
     }
     return json.dumps(head, separators=(",", ":")).encode() + b"\n" + picture
@@ -155,4 +105,4 @@ def frame_record(age_s: float, gimbal: GimbalAttitude, truth: GroundTruth, pictu
 
 def verdict_record(verdict: TouchdownVerdict) -> bytes:
     """The touchdown as it goes over the socket."""
-    return json.dumps({"kind": "verdict", "verdict": verdict_table(verdict)}, separators=(",", ":")).encode() + b"\n"
+    return json.dumps({"kind": "verdict", "verdict": to_row(verdict)}, separators=(",", ":")).encode() + b"\n"

@@ -230,13 +230,13 @@ def _from_deck_m(
     if watching:
         height_m = reacquire_at_m(estimate.height_m, descent.reacquire_s, descent)
         contact_s = descent.reacquire_s + contact_in_s(height_m, descent.sink_mps, lag_s, descent)
-    shifts_m, std_m = estimate.deck_later(contact_s)
+    std_m = estimate.deck_std_later_m(contact_s)
     known = now_s - estimate.deck_s <= _DECK_MEMORY_S and std_m <= parameters.deck_std_max_m
     if not known or estimate.deck_rises_mps(contact_s) > parameters.deck_rise_max_mps:
         return math.inf
     if watching:  # the present offset is flown out until then
-        return math.hypot(*shifts_m.tolist())
-    return math.hypot(*(offsets_at_contact_m - shifts_m).tolist())
+        return math.hypot(*estimate.deck_later(contact_s).tolist())
+    return math.hypot(*offsets_at_contact_m.tolist())
 
 
 def contact_in_s(height_m: float, sink_mps: float, lag_s: float, parameters: DescentParameters) -> float:

@@ -130,11 +130,11 @@ class Estimated:
             tilt_mps2 = tilt_mps2 + actuation.trim_mps2
         return math.hypot(*tilt_mps2.tolist())
 
-    def offset_covariance_later(self, passed_s: float) -> Array:
-        """(2,2) covariance of the controlled position after `passed_s` in which nothing is measured."""
+    def over_deck_covariance_later(self, passed_s: float) -> Array:
+        """(2,2) covariance of the place over the deck after `passed_s` in which nothing is measured."""
         transition, _, noise = self.model.step(_STEP_MS * round(1e3 * passed_s / _STEP_MS))
         covariance = predicted_covariance(transition, self.across.covariance, noise)
-        return position_covariance(covariance, self._tracked)
+        return position_covariance(covariance, self.wave.deck[0])
 
     @property
     def _tracked(self) -> Array:
@@ -153,21 +153,17 @@ class Estimated:
         covariance = self.across.covariance
         return math.sqrt(max(covariance[POSITION, POSITION], covariance[STATES + POSITION, STATES + POSITION], 0.0))
 
-    def deck_later(self, passed_s: float) -> tuple[Array, float]:
-        """Where the deck's centre will be after `passed_s`.
+    def deck_later(self, passed_s: float) -> Array:
+        """(2,) the deck's centre after `passed_s`, from that of the controlled position, in the axes of the flight."""
+        shares = self.wave.deck[0] - self._tracked
+        return np.array([shares @ self.wave.later(self.across.mean[_wave_of(axis)], passed_s) for axis in range(2)])
 
-        Returns:
-            (2,) from the controlled position's reference (`followed_m`), in the axes of the flight, and its standard
-            deviation along the worse axis.
-        """
-        shares, wave = self.wave.deck[0] - self._tracked, self.wave
-        shifts, variances = [], []
-        for axis in range(2):
-            states = slice(STATES * axis + WAVE, STATES * axis + WAVE + WAVE_STATES)
-            shifts.append(float(shares @ wave.later(self.across.mean[states], passed_s)))
-            later = wave.covariance_later(self.across.covariance[states, states], passed_s)
-            variances.append(float(shares @ later @ shares))
-        return np.array(shifts), math.sqrt(max(*variances, 0.0))
+    def deck_std_later_m(self, passed_s: float) -> float:
+        """Standard deviation of `deck_later` along the worse axis."""
+        shares = self.wave.deck[0] - self._tracked
+        covariances = [self.across.covariance[_wave_of(axis), _wave_of(axis)] for axis in range(2)]
+        variances = [float(shares @ self.wave.covariance_later(it, passed_s) @ shares) for it in covariances]
+        return math.sqrt(max(*variances, 0.0))
 
     def deck_rises_mps(self, passed_s: float) -> float:
         """Upward speed of the deck after `passed_s`."""
@@ -215,3 +211,8 @@ class Estimated:
         velocity = np.array([*rotated(self.speed_mps, -self.bar_rad).tolist(), self.down_mps])
         yaw_rad = wrap_angle(self.nose_rad - self.bar_rad)
         return Estimate(self.t_s, self.aircraft_in_bar_m, yaw_rad, velocity, self.covariance)
+
+
+def _wave_of(axis: int) -> slice:
+    """The states of the wave motion along an axis."""
+    return slice(STATES * axis + WAVE, STATES * axis + WAVE + WAVE_STATES)

@@ -60,14 +60,12 @@ class Gains:
         step_s: the cycle.
         steady: (11,), or (13,) with a tracked speed: the change of the input is −steady · (state − reference).
         to_contact: (k, 11 or 13) the same, by whole cycles left to contact.
-        offset: (k + 1, 11 or 13) the offset from the bar after so many cycles under `steady`.
         offset_to_contact: (k + 1, 11 or 13) the offset at contact, so many cycles away, under `to_contact`.
     """
 
     step_s: float
     steady: Array
     to_contact: Array
-    offset: Array
     offset_to_contact: Array
 
 
@@ -106,10 +104,7 @@ def gains_of(motion: AxisModel, noise: Disturbances, wave: WaveMotion, weights: 
         final = cost + effort * np.outer(gain, gain) + closed.T @ final @ closed
         rows.append(gain)
         offsets.append(offsets[-1] @ closed)
-    closed, steady_offsets = big - np.outer(entry, steady), [to_bar]
-    for _ in range(count):
-        steady_offsets.append(steady_offsets[-1] @ closed)
-    return Gains(step_s, steady, np.array(rows), np.array(steady_offsets), np.array(offsets))
+    return Gains(step_s, steady, np.array(rows), np.array(offsets))
 
 
 def _with_tracked(motion: AxisModel, a: Array, b: Array, q: Array) -> tuple[Array, Array, Array]:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 
 from shipland.frames import Array, wrap_angle
-from shipland.guidance.horizon.descent import Descent, Phase, contact_in_s, next_descent, outlook_of
+from shipland.guidance.horizon.descent import Descent, Phase, contact_in_s, dropped, next_descent, outlook_of
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.gains import Gains
 from shipland.guidance.horizon.goals import Goals
 from shipland.guidance.horizon.levelling import odds_of_tilt
 from shipland.guidance.horizon.limit_cycle import LimitCycleDetector
-from shipland.guidance.horizon.odds import odds_in_area
+from shipland.guidance.horizon.odds import odds_below, odds_in_area
 from shipland.guidance.horizon.reference import Reference, at_rest, moved, reference_reset
 from shipland.guidance.horizon.regulator import Plan, Regulator
 from shipland.guidance.laws import clamp
@@ -85,13 +85,17 @@ class Guidance:
         self, estimate: Estimated, before: Descent | None, reference: Reference, gains: Gains
     ) -> tuple[Array, float]:
         """Of a final descent from now, or while it sinks from the wait: (2,) offset at contact, odds of a landing."""
-        descent, height_m, sink_mps = self._parameters.descent, estimate.height_m, estimate.down_mps
+        descent, levelling, lag_s = self._parameters.descent, self._parameters.levelling, self._response.climb_lag_s
+        height_m, sink_mps = estimate.height_m, estimate.down_mps
         if before is None or before.phase is Phase.SINK:
             height_m, sink_mps = min(height_m, descent.wait_height_m), 0.0
-        contact_s = contact_in_s(height_m, sink_mps, self._response.climb_lag_s, descent)
+        contact_s = contact_in_s(height_m, sink_mps, lag_s, descent)
         offsets_m, covariance_m2 = self._regulator.at_contact(estimate, reference, gains, contact_s)
         odds = odds_in_area(self._rig, offsets_m, covariance_m2, estimate.bar_rad)
-        return offsets_m, odds * odds_of_tilt(estimate.tilt_mps2, contact_s, self._response, self._parameters.levelling)
+        odds *= odds_of_tilt(estimate.tilt_mps2, contact_s, self._response, levelling)
+        _, fall_mps = dropped(contact_s, sink_mps, lag_s, descent)
+        deck_mps = estimate.deck_rises_mps(contact_s) - estimate.bar_rises_mps(contact_s)
+        return offsets_m, odds * odds_below(descent.sink_max_mps, fall_mps + deck_mps, descent.sink_std_mps)
 
     def _reference(self, mode: Mode, estimate: Estimated, before: Reference | None, step_s: float) -> Reference:
         """The reference a cycle later, towards the mode's goal; reset where the aircraft cannot follow it."""

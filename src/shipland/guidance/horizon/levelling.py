@@ -10,6 +10,7 @@ import math
 
 from shipland.config import key, parameters
 from shipland.frames import GRAVITY_MPS2, Array
+from shipland.guidance.horizon.odds import odds_below
 from shipland.guidance.response import Response
 
 _KICK_MPS2 = 3.0
@@ -49,7 +50,7 @@ def odds_of_tilt(tilt_mps2: float, left_s: float, response: Response, parameters
     tilt_deg = math.degrees(math.atan2(tilt_mps2, GRAVITY_MPS2))
     kept = math.exp(-left_s / (response.lag_s + response.smoothing_s))
     contact_deg = min(tilt_deg, parameters.tilt_deg) + max(tilt_deg - parameters.tilt_deg, 0.0) * kept
-    return 0.5 * math.erfc((contact_deg - parameters.tilt_max_deg) / (math.sqrt(2.0) * parameters.tilt_std_deg))
+    return odds_below(parameters.tilt_max_deg, contact_deg, parameters.tilt_std_deg)
 
 
 def tilt_near_contact(wanted: Array, left_s: float, response: Response, parameters: LevellingParameters) -> Array:

@@ -65,6 +65,11 @@ class Odds:
         return self.gain <= cost
 
 
+def odds_below(most: float, mean: float, deviation: float) -> float:
+    """Probability that a normally distributed value is below `most`."""
+    return 0.5 * math.erfc((mean - most) / (math.sqrt(2.0) * deviation))
+
+
 def odds_in_area(rig: Rig, offset_m: Array, covariance_m2: Array, bar_rad: float) -> float:
     """Of a contact in the landing area, which is taken for a square of its size.
 

@@ -37,9 +37,6 @@ class MeasurementNoise:
     )
     velocity_mps: float = scaled(0.1, "of the vehicle's velocity, horizontally")
     velocity_down_mps: float = scaled(0.04, "of the vehicle's velocity, downward")
-    velocity_tracked_mps: float = scaled(
-        0.04, "horizontally, of one that the autopilot itself tracks: its errors are flown"
-    )
     use_velocity: bool = key(True, "whether it is used at all")
     flow: bool = key(True, "it comes from optical flow, and is relative to the ship where the ship is below")
 
@@ -94,6 +91,8 @@ class DescentParameters:
     slow_per_s: float = key(1.5, "the sink slows towards it at this rate and does not overshoot", ge=0)
     rise_offset_m: float = scaled(0.25, "it rises again while the offset is larger", ge=0)
     final_descent_mps: float = scaled(1.0, "speed of the final descent", ge=0.01, le=5)
+    sink_max_mps: float = key(1.5, "a harder contact is no landing", gt=0)
+    sink_std_mps: float = key(0.3, "standard deviation of what deck and gusts add to the sink at contact", gt=0)
     wait_cost: float = key(
         0.003, "landings that it costs to wait for another moment; large: any moment will do", ge=0, le=1
     )

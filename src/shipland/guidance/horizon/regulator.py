@@ -75,11 +75,12 @@ class Regulator:
     def at_contact(
         self, estimate: Estimated, reference: Reference, gains: Gains, contact_s: float
     ) -> tuple[Array, Array]:
-        """(2,) and (2,2): offset from the landing point predicted for a contact in `contact_s`, and its covariance."""
+        """(2,) and (2,2): offset from the deck's centre predicted for a contact in `contact_s`, and its covariance."""
         left = min(max(round(contact_s / gains.step_s), 0), len(gains.to_contact))
+        contact_s = min(contact_s, LONGEST_CONTACT_S)
         rows = gains.offset_to_contact[left]
-        offsets = [rows @ self._control_state(estimate, reference, axis) for axis in range(2)]
-        return np.array(offsets), estimate.offset_covariance_later(min(contact_s, LONGEST_CONTACT_S))
+        offsets_m = [rows @ self._control_state(estimate, reference, axis) for axis in range(2)]
+        return np.array(offsets_m) - estimate.deck_later(contact_s), estimate.over_deck_covariance_later(contact_s)
 
     def sticks(self, estimate: Estimated, plan: Plan) -> SticksPercent:
         """The sticks of a plan."""

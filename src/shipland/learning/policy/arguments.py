@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from shipland.errors import ConfigError
+from shipland.learning.arguments import at_least, positive
 
 
 @dataclass(frozen=True)
@@ -53,15 +53,16 @@ class LearnArguments:
     resume: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("minutes", "rate"):
-            if not getattr(self, name) > 0.0:
-                raise ConfigError(f"{name} must be positive, got {getattr(self, name):g}")
-        for name in ("batch", "hidden", "environments", "steps", "flights"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise ConfigError(f"{name} must be at least 1, got {value}")
-        if self.seed < 0:
-            raise ConfigError(f"a seed must be 0 or more, got {self.seed}")
+        positive(minutes=self.minutes, rate=self.rate)
+        at_least(0, seed=self.seed)
+        at_least(
+            1,
+            batch=self.batch,
+            hidden=self.hidden,
+            environments=self.environments,
+            steps=self.steps,
+            flights=self.flights,
+        )
 
     @property
     def bound(self) -> float:

@@ -13,6 +13,7 @@ from typing import Any
 
 from shipland.files import write_atomically
 from shipland.guidance.horizon.steering import Action
+from shipland.learning.curves import panels
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.export import Dense, write_policy
 
@@ -50,25 +51,15 @@ def _table(history: History) -> str:
 
 def plot_curves(path: Path, history: History) -> None:
     """Return and success over the steps, as a picture."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2)
-    step = [row["step"] for row in history]
-    left.plot(step, [row["return"] for row in history], label="last training flights")
-    evaluated = [(row["step"], row["evaluated"]) for row in history if math.isfinite(row["evaluated"])]
-    left.plot([at for at, _ in evaluated], [value for _, value in evaluated], "o", label="evaluations")
-    left.set(xlabel="step", ylabel="mean return")
-    left.legend(frameon=False)
-    right.plot(step, [100.0 * row["success"] for row in history])
-    right.set(xlabel="step", ylabel="success [%]", ylim=(0.0, 100.0))
-    for axes in (left, right):
-        axes.grid(alpha=0.3)
-    beside = path.with_suffix(".part.png")
-    figure.savefig(beside, dpi=110)
-    beside.replace(path)
+    with panels(path, 2, (9.0, 3.6)) as (left, right):
+        step = [row["step"] for row in history]
+        left.plot(step, [row["return"] for row in history], label="last training flights")
+        evaluated = [(row["step"], row["evaluated"]) for row in history if math.isfinite(row["evaluated"])]
+        left.plot([at for at, _ in evaluated], [value for _, value in evaluated], "o", label="evaluations")
+        left.set(xlabel="step", ylabel="mean return")
+        left.legend(frameon=False)
+        right.plot(step, [100.0 * row["success"] for row in history])
+        right.set(xlabel="step", ylabel="success [%]", ylim=(0.0, 100.0))
 
 
 def _card(arguments: LearnArguments, action: Action, progress: Mapping[str, Any]) -> str:

@@ -21,10 +21,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from shipland.config import build
+from shipland.descriptions import descriptions
 from shipland.errors import DataError
 from shipland.files import json_of
 from shipland.former import todays
-from shipland.record.descriptions import descriptions
 
 T = TypeVar("T")
 Row = dict[str, Any]

@@ -1,0 +1,97 @@
+"""What no scenario may be set to: refused in one line that names the key and, where that helps, what is expected."""
+
+import pytest
+
+from shipland.errors import ConfigError
+from shipland.scenario.scenario import load_scenario
+
+GUST = {"start_s": 1.0, "duration_s": 0.0, "velocity_mps": [1, 0, 0]}
+WRONG = [
+    ("rig.deck_size_m", 0.0, "expected more than 0, got 0"),
+    ("rig.rectangle_gap_m", -0.1, "expected more than 0, got -0.1"),
+    ("rig.landing_square_m", 2.0, "must fit on the deck"),
+    ("rig.bar_ahead_of_stern_m", 0.5, "the bar must be ahead of the deck"),
+    ("camera.width_px", 15, "width_px"),
+    ("camera.height_px", 0, "height_px"),
+    ("camera.horizontal_fov_deg", 0.0, "horizontal_fov_deg"),
+    ("camera.horizontal_fov_deg", 170.0, "horizontal_fov_deg"),
+    ("camera.frame_rate_hz", 0.0, "frame_rate_hz"),
+    ("camera.gimbal_rate_rad_s", -1.0, "gimbal_rate_rad_s"),
+    ("camera.gimbal_min_rad", 2.0, "gimbal_min_rad"),
+    ("camera.gimbal_noise_rad", -0.001, "gimbal_noise_rad"),
+    ("start.height_m", 0.2, "start"),
+    ("start.distance_m", 1.0, "start"),
+    ("start.bearing_half_range_deg", -1.0, "bearing_half_range_deg"),
+    ("start.distanc_m", 3.0, "did you mean 'distance_m'"),
+    ("verdict.max_slip_m", 0.0, "max_slip_m"),
+    ("verdict.patience_s", 1.0, "patience_s"),
+    ("ship.motion", "stormy", "'natops'"),
+    ("ship.motion", "recorded", "needs recorded.path"),
+    ("ship.natops.amplitude_m_deg", [0, 0, 0, -8, 3, 0], "must not be negative"),
+    ("ship.natops.amplitude_m_deg", [0, 0, 0, 8], "expected 6 values, got 4"),
+    ("ship.natops.period_s", [1, 1, 1, 0, 1, 1], "period_s must be positive"),
+    ("ship.scale.length", 0.5, "expected 1 to 1000"),
+    ("ship.scale.time", "sideways", "'froude', 'length_only'"),
+    ("ship.limits.knee", 1.0, "expected above 0 to below 1"),
+    ("ship.sea.sea_state", 7, "3, 4, 5, 6"),
+    ("ship.sea.significant_height_m", -1.0, "0…9 m"),
+    ("ship.sea.modal_period_s", 1.0, "4…25 s"),
+    ("ship.sea.speed_kn", 25.0, "0 to 15"),
+    ("ship.sea.spectrum", "neumann", "'bretschneider', 'jonswap'"),
+    ("ship.sea.waves_from_deg", 400.0, "-180 to 360"),
+    ("ship.sea.frequencies", 1, "8 to 400"),
+    ("ship.sea.height", 3.0, "unknown key 'height'"),
+    ("ship.course.speed_mps", 5.0, "must be in 0…4.5 m/s"),
+    ("ship.course.speed_mps", -0.1, "expected 0 or more"),
+    ("ship.course.kind", "zigzag", "'random'"),
+    ("ship.course", {"kind": "s", "speed_mps": 0.0}, "above 0"),
+    ("ship.course.change_deg", 200.0, "-180 to 180"),
+    ("ship.course.turn_radius_m", 0.0, "expected more than 0"),
+    ("wind.mean_mps", -1.0, "expected 0 to 30"),
+    ("wind.mean_mps", 60.0, "expected 0 to 30"),
+    ("wind.profile", "cubic", "'uniform', 'log'"),
+    ("wind.surface", "ice", "'land', 'sea'"),
+    ("wind.sea.charnock", 0.0, "expected above 0 to below 0.1"),
+    ("wind.turbulence.intensity", 2.0, "expected 0 to 1"),
+    ("wind.gust", [GUST], "duration_s: expected more than 0"),
+    ("wind.airwake.reattachment_heights", 0.0, "expected more than 0"),
+    ("wind.airwake.downwash", 0.1, "did you mean 'downwash_share'"),
+    ("aircraft.airframe.mass_kg", 0.0, "mass_kg"),
+    ("aircraft.airframe.thrust_to_weight", 1.0, "thrust_to_weight"),
+    ("aircraft.airframe.inertia_kgm2", [0.001, -0.001, 0.001], "inertia"),
+    ("aircraft.airframe.foot_below_m", 0.02, "f[oe]+t"),
+    ("aircraft.settings.max_tilt_deg", 41.0, "max_tilt_deg"),
+    ("aircraft.settings.max_vertical_speed_mps", 5.0, "max_vertical_speed_mps"),
+    ("aircraft.settings.max_speed_mps", 0.0, "max_speed_mps"),
+    ("aircraft.loop.tilt_limit_deg", 0.0, "tilt_limit_deg"),
+    ("aircraft.loop.wind_trim_s", -1.0, "wind_trim_s"),
+    ("aircraft.loop.velocity_reference", "sky", "velocity_reference"),
+    ("aircraft.sensors.flow_lost_share", 1.0, "flow_lost_share"),
+    ("aircraft.sensors.endurance_s", 0.0, "endurance_s"),
+    ("aircraft.sensors.heading_noise_rad", -0.1, "heading_noise_rad"),
+    ("delays.video_loss_share", 1.0, "video_loss_share"),
+    ("delays.video_jitter_s", -0.1, "video_jitter_s"),
+    ("delays.telemetry.profile", "pigeon", "profile"),
+    ("delays.telemetry.anafi.velocity.rate_hz", -1.0, "rate_hz"),
+    ("scene.visibility_m", 0.0, "visibility_m"),
+    ("scene.cloud_cover", 1.5, "cloud_cover"),
+    ("scene.spray", -0.1, "spray"),
+    ("scene.shutter_s", -1.0, "shutter_s"),
+    ("vision.hue", [85, 35], "hue must be two rising numbers"),
+    ("vision.value", [90, 256], "value must be two rising numbers"),
+    ("vision.kernel_px", 4, "kernel_px must be odd"),
+    ("vision.max_obliquity_deg", 90.0, "max_obliquity_deg"),
+    ("vision.reprojection_px", 0.0, "expected above 0"),
+    ("vision.track_s", -1.0, "expected 0 to"),
+    ("selector.patience_s", -1.0, "patience_s"),
+    ("guidance.far_baselines.match_px", 0.0, "expected more than 0"),
+    ("guidance.far_baselines.roll", {"k_p": 1.0, "t_i_s": 0.0, "t_d_s": 1.0}, "t_i_s: expected more than 0"),
+]
+
+
+@pytest.mark.parametrize(("key", "value", "words"), WRONG, ids=[f"{key}={value}" for key, value, _ in WRONG])
+def test_a_value_out_of_bounds_is_one_line(key, value, words):
+    with pytest.raises(ConfigError, match=words) as caught:
+        load_scenario("near", **{key: value})
+    assert "\n" not in str(caught.value)
+    assert key.partition(".")[0] in str(caught.value)
