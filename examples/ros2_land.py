@@ -14,7 +14,6 @@ import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool
@@ -26,8 +25,7 @@ class Land(Node):
     def __init__(self) -> None:
         super().__init__("shipland_land")
         self.asked = self.create_publisher(Bool, "/shipland/land", 1)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.create_subscription(String, "/shipland/result", self.end, latched)
+        self.create_subscription(String, "/shipland/result", self.end, 1)
         self.create_service(SetBool, "/shipland/land", self.land, callback_group=ReentrantCallbackGroup())
         self.create_timer(0.5, self.ask)
         self.ended: Future | None = None

@@ -176,7 +176,7 @@ def test_a_landing_is_called_as_a_service() -> None:
                 answer = f"{vehicle.end_reason.startswith('landed')} {vehicle.end_reason}\n"
                 assert call.communicate(timeout=60.0)[0] == answer
             finally:
-                land.terminate()
+                land.kill()
                 call.kill()
 
 

@@ -3,7 +3,8 @@
 The wire is RTPS, so that Fast DDS and Cyclone on the other side take it as it is.
 
 Services are not spoken: over DDS each rmw finds the request of a reply by its own means (Fast DDS by the sample's
-inline QoS, which Cyclone's Python binding cannot write; Cyclone by a header of its own), so that none fits all.
+inline QoS, which Cyclone's Python binding cannot write; Cyclone by a header of its own), so that none fits all;
+`examples/ros2_land.py` speaks one in rclpy.
 """
 
 from __future__ import annotations
