@@ -62,7 +62,7 @@ def _shown(path: Path, how: str) -> str:
         names = [name_of(command) for command in COMMANDS]
         return "\n\n".join(f"## shipland {name}\n\n```text\n{help_of(name)}\n```" for name in names)
     if how == "tables":
-        return page_tables(path.name)
+        return f"`{path.relative_to(ROOT)}`:\n\n{page_tables(path.name)}"
     return f"```{path.suffix[1:]}\n{path.read_text(encoding='utf-8')}```"
 
 
