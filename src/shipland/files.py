@@ -10,7 +10,7 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
@@ -80,6 +80,18 @@ def write_atomically(path: Path, data: bytes) -> None:
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def claim(note: Path, wanted: Mapping[str, object], what: str) -> None:
+    """Write down what a folder is made with; DataError where it holds `what`, a set for instance, made with another."""
+    if note.is_file():
+        try:
+            there = json_of(read_text(note))
+        except ValueError:
+            raise DataError(f"{note} is broken: choose another folder") from None
+        if there != wanted:
+            raise DataError(f"{note.parent} holds {what} made with {there}, not {wanted}: choose another folder")
+    write_atomically(note, json.dumps(wanted).encode())
 
 
 def write_with_digest(path: Path, data: bytes) -> None:

@@ -145,11 +145,3 @@ def bench(options: str = "", **section: Any) -> Iterator[tuple[Ros2Vehicle, Dron
     finally:
         vehicle.close()
         drone.close()
-
-
-def until(said: Any, timeout_s: float = 10.0) -> bool:
-    """Wait for a condition; whether it came true."""
-    end_s = time.monotonic() + timeout_s
-    while not said() and time.monotonic() < end_s:
-        time.sleep(0.005)
-    return bool(said())

@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -25,18 +25,12 @@ from shipland.vehicles.mavlink.dialect import Codec  # noqa: E402
 from shipland.vehicles.mavlink.guard import Guard  # noqa: E402
 from shipland.vehicles.mavlink.guard_process import GuardedPort  # noqa: E402
 from shipland.vehicles.mavlink.session import Session  # noqa: E402
+from waiting import until  # noqa: E402
 
 BRAKE, LOITER, GUIDED, GUIDED_NOGPS = 17, 5, 4, 20
 OFFBOARD, PX4_HOLD = 6 << 16, 4 << 16 | 3 << 24
 GAP_S, SILENCE_S = 0.3, 3.0
 KEY = bytes(range(32))
-
-
-def until(what: Callable[[], bool], timeout_s: float = 30.0) -> None:
-    end_s = time.monotonic() + timeout_s
-    while not what():
-        assert time.monotonic() < end_s
-        time.sleep(0.02)
 
 
 # The decision, on times that are given

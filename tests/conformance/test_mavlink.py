@@ -22,6 +22,7 @@ from shipland.stopping import stop_requests
 from shipland.vehicles.mavlink.session import Session
 from shipland.vehicles.mavlink.setup import Engagement
 from shipland.vehicles.mavlink.vehicle import MavlinkVehicle
+from waiting import until
 
 pytestmark = pytest.mark.flaky(reruns=2, reruns_delay=2)
 """They fly in real time: other tests beside them can keep the machine from it, not three times."""
@@ -38,13 +39,6 @@ def fly(
             return False
         vehicle.send(PilotCommand(pair[1].t_s, *sticks, -0.2, intent, low))
     return True
-
-
-def until(what: Callable[[], bool], timeout_s: float = 10.0) -> None:
-    end_s = time.monotonic() + timeout_s
-    while not what():
-        assert time.monotonic() < end_s
-        time.sleep(0.02)
 
 
 SET_POINTS = ("SET_ATTITUDE_TARGET", "SET_POSITION_TARGET_LOCAL_NED")

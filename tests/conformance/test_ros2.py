@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("cyclonedds", reason="the extra ros2")
 
-from ros2_bench import CAMERA, bench, own_domain, until
+from ros2_bench import CAMERA, bench, own_domain
 
 from ports import free_port
 from shipland.errors import VehicleError
@@ -34,6 +34,7 @@ from shipland.vehicles.ros2.dds import Node
 from shipland.vehicles.ros2.types import message
 from shipland.vehicles.vehicle import Commanded, Ending, Informed, Real
 from shipland.vehicles.wanted import Wanted
+from waiting import until
 
 
 def command(intent: Intent = Intent.FLY, pitch_percent: float = 20.0, low: bool = True) -> PilotCommand:

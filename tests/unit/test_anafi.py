@@ -24,8 +24,10 @@ from shipland.messages import Intent, Mode, PilotCommand, Telemetry
 from shipland.stopping import stop_requests
 from shipland.vehicles.address import Address, VehicleSetup, vehicle_table
 from shipland.vehicles.anafi.factory import anafi
-from shipland.vehicles.anafi.records import gimbal_at, merged, moment_of, sticks_of, with_moment
+from shipland.vehicles.anafi.records import merged, moment_of, sticks_of, with_moment
 from shipland.vehicles.anafi.vehicle import AnafiVehicle
+from shipland.vehicles.gimbal import gimbal_at
+from waiting import until
 
 FAR_END = """
 import json, sys, threading, time
@@ -166,17 +168,10 @@ def test_the_take_off_is_not_asked_of_an_aircraft_that_somebody_lands(tmp_path: 
     with vehicle(tmp_path, engage_timeout_s=0.5) as (flown, log):
         flown.connect()
         flown._process.say({"say": flying("landing")})
-        assert wait_until(lambda: flown._state == "landing")
+        assert until(lambda: flown._state == "landing")
         with pytest.raises(VehicleError, match="has not taken off"):
             flown.open()
         assert not any("take_off" in line for line in asked(log))
-
-
-def wait_until(done: Callable[[], bool]) -> bool:
-    until_s = time.monotonic() + 20.0
-    while not done() and time.monotonic() < until_s:
-        time.sleep(0.01)
-    return done()
 
 
 def test_who_is_in_command_is_told(tmp_path: Path) -> None:
@@ -278,17 +273,16 @@ def test_the_gimbals_age_is_told_with_every_picture(tmp_path: Path) -> None:
 
 def test_a_gimbal_is_read_between_its_events() -> None:
     readings = [(1.0, 0.0, -0.1), (1.2, 0.02, -0.3), (1.4, 0.02, -0.3)]
-    gimbal, age_s = gimbal_at(readings, 1.05)
+    gimbal, age_s = gimbal_at(1.05, [], readings, None)
     assert (gimbal.roll_rad, gimbal.pitch_rad) == pytest.approx((0.005, -0.15))
     assert age_s == pytest.approx(0.05)
-    assert gimbal_at(readings, 4.4)[1] == pytest.approx(3.0)
-    assert gimbal_at([], 1.0)[1] == math.inf
+    assert gimbal_at(4.4, [], readings, None)[1] == pytest.approx(3.0)
 
 
 def test_the_picture_s_age_says_what_is_stated_and_what_is_measured(tmp_path: Path) -> None:
     with vehicle(tmp_path) as (flown, _):
         flown.connect()
-        assert wait_until(lambda: len(flown._late) > 20)
+        assert until(lambda: len(flown._late) > 20)
         flown._late.extend([0.5] * 280)  # most come that late
         check = next(check for check in flown.checks() if check.name == "picture's age")
         assert not check.ok

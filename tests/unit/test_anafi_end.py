@@ -6,14 +6,14 @@ import json
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
 
 from shipland.vehicles.anafi.factory import END
+from waiting import until
 
 OLYMPE = """
 import os, sys, types
@@ -78,12 +78,6 @@ class FarEnd:
         lines = self._heard.read_text().splitlines()
         return [line[6:].rpartition(",")[0] for line in lines if line.startswith("PCMD")]
 
-    def wait(self, done: Callable[[], bool]) -> bool:
-        until_s = time.monotonic() + 20.0
-        while not done() and time.monotonic() < until_s:
-            time.sleep(0.01)
-        return done()
-
 
 @contextmanager
 def far_end(folder: Path) -> Iterator[FarEnd]:
@@ -111,11 +105,11 @@ def test_no_stick_leaves_before_the_first_is_given_and_none_after_another_took_o
         assert set(limits["values"].values()) == {None}  # asked for, and not told: nobody knows
         assert end.sticks() == []
         end.say(sticks=[0, 60, 0, 0])
-        assert end.wait(lambda: end.sticks()[-1:] == [FORWARD])
+        assert until(lambda: end.sticks()[-1:] == [FORWARD])
         end.say(sticks=[0, 60])  # malformed: the thread that sends goes on with those before
         assert end.said()["kind"] == "refused"
         count = len(end.sticks())
-        assert end.wait(lambda: len(end.sticks()) > count + 2)
+        assert until(lambda: len(end.sticks()) > count + 2)
         end.say(stop=True)
         end.say(sticks=[])
         assert end.said()["kind"] == "refused"  # both were heard
@@ -132,11 +126,11 @@ def test_a_closed_terminal_leaves_it_alive_and_the_end_of_its_input_releases_the
 ) -> None:
     with far_end(tmp_path) as end:
         end.say(sticks=[0, 60, 0, 0])
-        assert end.wait(lambda: end.sticks()[-1:] == [FORWARD])
+        assert until(lambda: end.sticks()[-1:] == [FORWARD])
         end.process.send_signal(number)
         count = len(end.sticks())
         end.say(sticks=[0, 60, 0, 0])
-        assert end.wait(lambda: len(end.sticks()) > count + 3)
+        assert until(lambda: len(end.sticks()) > count + 3)
         assert end.process.poll() is None
         end.process.stdin.close()
         assert end.process.wait(20.0) == 0
@@ -146,7 +140,7 @@ def test_a_closed_terminal_leaves_it_alive_and_the_end_of_its_input_releases_the
 def test_sigterm_releases_the_sticks(tmp_path: Path) -> None:
     with far_end(tmp_path) as end:
         end.say(sticks=[0, 60, 0, 0])
-        assert end.wait(lambda: end.sticks()[-1:] == [FORWARD])
+        assert until(lambda: end.sticks()[-1:] == [FORWARD])
         end.process.terminate()
         end.process.wait(20.0)
         assert end.sticks()[-1] == RELEASED
@@ -155,6 +149,6 @@ def test_sigterm_releases_the_sticks(tmp_path: Path) -> None:
 def test_sticks_that_stop_coming_are_released(tmp_path: Path) -> None:
     with far_end(tmp_path) as end:
         end.say(sticks=[0, 60, 0, 0])
-        assert end.wait(lambda: end.sticks()[-1:] == [FORWARD])
-        assert end.wait(lambda: end.sticks()[-1:] == [RELEASED])
+        assert until(lambda: end.sticks()[-1:] == [FORWARD])
+        assert until(lambda: end.sticks()[-1:] == [RELEASED])
         assert end.process.poll() is None

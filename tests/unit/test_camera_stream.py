@@ -14,6 +14,7 @@ from shipland.errors import VehicleError
 from shipland.messages import TouchdownVerdict
 from shipland.vehicles import camera_stream
 from shipland.vehicles.camera_stream import CameraStream, ExposureClock, StreamedPicture, VideoSource
+from waiting import until
 
 LATENCY_S, PERIOD_S = 0.2, 1.0 / 30.0
 
@@ -111,13 +112,6 @@ def absent() -> Iterator[StreamedPicture]:
     yield
 
 
-def wait_until(condition: Callable[[], bool]) -> bool:
-    until_s = time.monotonic() + 20.0
-    while not condition() and time.monotonic() < until_s:
-        time.sleep(0.005)
-    return condition()
-
-
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_stream, "_REOPEN_S", 0.01)
@@ -139,7 +133,7 @@ def test_a_camera_that_stops_is_opened_again_and_its_problem_stays_in_words_mean
     stream.start()
     first = stream.newest(-1e9, 10.0)
     assert first is not None
-    assert wait_until(lambda: stream.problem == "connection refused" and source.opened > 3)
+    assert until(lambda: stream.problem == "connection refused" and source.opened > 3)
     assert stream.newest(first.exposed_s, 0.0) is None
     back.set()
     assert stream.newest(first.exposed_s, 10.0) is not None
@@ -168,7 +162,7 @@ def test_a_recording_that_has_ended_and_a_camera_that_never_was_are_not_opened_a
 def test_closing_ends_the_wait_for_a_camera() -> None:
     stream = CameraStream(Camera(one_then("gone"), absent))
     stream.start()
-    assert wait_until(lambda: stream.problem == "connection refused")
+    assert until(lambda: stream.problem == "connection refused")
     stream.close()
     assert not stream._thread.is_alive()
 

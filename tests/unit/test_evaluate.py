@@ -101,7 +101,7 @@ def test_fresh_scenes_go_on_to_the_same_records(weights, tmp_path):
     assert result.pictures == 2
     assert {item.name for item in (tmp_path / "a").iterdir()} >= {"evaluation.json", "table.md", "recall.png"}
     assert json.loads((tmp_path / "a" / "evaluation.json").read_text())["tables"]["all"]["frames"] == 4
-    with pytest.raises(DataError, match="--out gives another folder"):
+    with pytest.raises(DataError, match="choose another folder"):
         evaluate(replace(first, seed=5))
 
 

@@ -373,6 +373,8 @@ def test_recovery_is_the_time_until_the_place_is_true():
         for it in records
     ]
     assert recoveries(wrong, scenario.fault) == [math.inf]
+    lost = [replace(it, decision=replace(it.decision, estimate=None)) for it in records]
+    assert recoveries(lost, scenario.fault) == [math.inf]
     assert (
         recoveries(records[: len(records) // 2], [build(Fault, {"kind": "glare", "start_s": 4.0, "duration_s": 2.0})])
         == []

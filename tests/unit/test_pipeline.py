@@ -390,6 +390,16 @@ def test_odd_gimbals_do_not_matter(gimbal, rng):
     assert_pose(observation, where, 0.17)
 
 
+def test_any_bytes_at_all(rng):
+    eyes = vision(camera=Camera.from_fov(64, 48, 60.0))
+    for index in range(150):
+        blocks = rng.integers(0, 255, (12, 16, 3), dtype=np.uint8)
+        blocks[rng.random((12, 16)) < 0.4] = (60, 190, 70)
+        image = cv2.resize(blocks, (64, 48), interpolation=int(rng.choice([cv2.INTER_NEAREST, cv2.INTER_LINEAR])))
+        observation = look_at(eyes, image, 0.03 * index, GimbalAttitude(0.0, 0.0))
+        assert (observation.bar_pose is None) == (observation.reason in REASONS)
+
+
 def test_the_same_picture_gives_the_same_bits(rng):
     image = bar_picture(BAR, SMALL, camera_from_bar(place(5.0)), rng, Look(0.45, 2.0))
     first, second = (look_at(vision(), image).bar_pose for _ in range(2))

@@ -58,7 +58,7 @@ def test_a_vision_that_wants_pictures_says_that_there_are_none(log):
 
 def test_a_film_is_seen_and_decided_on(tmp_path):
     path = tmp_path / "film.mp4"
-    write_film(path, (np.full((720, 1280, 3), 20 * shade, np.uint8) for shade in range(5)), rate=10)
+    write_film(path, (np.full((180, 320, 3), 20 * shade, np.uint8) for shade in range(5)), rate=10)
     rows = []
     scenario = load_scenario("near", delays={"processing": "zero"})
     replayed = replay(recorded_film(path, scenario, "paper", "rendered", -5.0), rows.append)

@@ -83,6 +83,7 @@ def test_only_what_fills_a_quadrilateral_is_joined():
         for x, y, h in ((0, 0, 30), (0, 38, 20), (60, 0, 58))
     )
     (joined,) = joined_quads([upper, lower, beside], 4.0)
+    assert joined_quads([upper, lower, *[beside] * 11], 4.0) == []  # of so many it is not the cue that is cut
     assert sorted(map(tuple, joined.tolist())) == [(0.0, 0.0), (0.0, 58.0), (10.0, 0.0), (10.0, 58.0)]
 
 

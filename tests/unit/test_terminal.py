@@ -3,7 +3,6 @@
 import logging
 import os
 import threading
-import time
 from contextlib import contextmanager
 
 import pytest
@@ -13,6 +12,7 @@ from shipland.aside import Aside
 from shipland.commands.fly import Fly, ProgressLine
 from shipland.commands.terminal import Terminal
 from shipland.scenario.fly import Flown
+from waiting import until
 
 
 @contextmanager
@@ -31,13 +31,6 @@ def filled(write_end):
             os.write(write_end, bytes(4096))
     except BlockingIOError:
         os.set_blocking(write_end, True)
-
-
-def until(what):
-    end_s = time.monotonic() + 30.0
-    while not what():
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
 
 
 # Work aside

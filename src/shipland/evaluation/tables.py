@@ -115,8 +115,13 @@ def pair_up(first: Sequence[Landing], second: Sequence[Landing], rng: np.random.
 
 def median(values: Sequence[float], digits: int) -> str:
     """Of the finite values, as text; a dash without any."""
+    return quantile(values, 0.5, digits)
+
+
+def quantile(values: Sequence[float], share: float, digits: int) -> str:
+    """Likewise, below which a share of them lies."""
     finite = [value for value in values if np.isfinite(value)]
-    return f"{np.median(finite):.{digits}f}" if finite else "–"
+    return f"{np.quantile(finite, share):.{digits}f}" if finite else "–"
 
 
 def comparison(first: Sequence[Landing], second: Sequence[Landing], names: tuple[str, str], seed: int = 0) -> str:

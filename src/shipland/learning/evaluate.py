@@ -20,7 +20,7 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.config import build, key, parameters, require
 from shipland.errors import DataError
-from shipland.files import json_of, read_text, write_atomically
+from shipland.files import claim, read_text, write_atomically
 from shipland.learning.arguments import EvaluateArguments
 from shipland.learning.curves import panels
 from shipland.learning.dataset import Dataset, read_dataset
@@ -274,16 +274,8 @@ def _claim(arguments: EvaluateArguments, drawn: ShipAndCamera) -> dict[int, Scen
         "seed": arguments.seed,
         "frames": arguments.frames,
     } | drawn.note()
-    note, lines = out / "evaluate.json", out / "scenes.jsonl"
-    if note.is_file():
-        try:
-            there = json_of(read_text(note))
-        except ValueError:
-            raise DataError(f"{note} is broken; --out gives another folder") from None
-        if there != wanted:
-            raise DataError(f"{out} holds an evaluation with {there}, not {wanted}; --out gives another folder")
-    out.mkdir(parents=True, exist_ok=True)
-    write_atomically(note, json.dumps(wanted).encode())
+    claim(out / "evaluate.json", wanted, "an evaluation")
+    lines = out / "scenes.jsonl"
     if not lines.is_file():
         return {}
     text = read_text(lines)

@@ -23,7 +23,7 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.config import build
 from shipland.errors import DataError
-from shipland.files import write_atomically
+from shipland.files import claim, write_atomically
 from shipland.learning.arguments import Kind, SynthArguments
 from shipland.learning.dataset import coco_table, read_dataset
 from shipland.learning.decoys import foot_box_px, paint
@@ -156,15 +156,11 @@ def _claim(out: Path, arguments: SynthArguments, drawn: ShipAndCamera) -> None:
     wanted: dict[str, object] = {"kind": arguments.kind, "seed": arguments.seed, "crop_px": arguments.crop_px}
     wanted |= drawn.note()
     note = out / "synth.json"
-    if note.is_file():
-        there = json.loads(note.read_text(encoding="utf-8"))
-        if there != wanted:
-            raise DataError(f"{out} holds a set made with {there}, not {wanted}: choose another folder")
-    elif out.is_dir() and any(out.iterdir()):
+    if not note.is_file() and out.is_dir() and any(out.iterdir()):
         raise DataError(f"{out} is not empty and holds no set of `shipland synth`: choose another folder")
+    claim(note, wanted, "a set")
     for name in ("images", "labels", "scenes"):
-        (out / name).mkdir(parents=True, exist_ok=True)
-    write_atomically(note, json.dumps(wanted).encode())
+        (out / name).mkdir(exist_ok=True)
     write_atomically(out / "classes.txt", f"{arguments.kind}\n".encode())
 
 

@@ -14,13 +14,12 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.leaderboard import leaderboard, pairs, rests_in_area, rivals, swept_keys
 from shipland.evaluation.oracle import OracleRate
 from shipland.evaluation.statistics import share_interval
+from shipland.evaluation.tables import quantile
 from shipland.report.page_flights import PageFlights
 from shipland.report.pages import html_of_table, html_table, page
 from shipland.report.svg import Column, Points, Share, colour_of, point_chart, share_chart
@@ -108,22 +107,17 @@ def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
                 f"{100 * low:.1f}–{100 * high:.1f} %",
                 str(sum(rests_in_area(it, rig) for it, rig in mine)),
                 str(sum(it.landed for it in landings)),
-                _quantile([100 * it.error_m for it in touched], 0.5, 1),
-                _quantile([100 * it.error_m for it in touched], 0.9, 1),
-                _quantile([it.sink_mps for it in touched], 0.5, 2),
-                _quantile([it.slide_mps for it in touched], 0.5, 2),
-                _quantile([it.tilt_deg for it in touched], 0.5, 1),
-                _quantile([100 * it.slip_m for it in touched], 0.5, 1),
-                _quantile([it.time_s for it in touched], 0.5, 0),
-                _quantile([it.step_percent for it in landings], 1.0, 0),
+                quantile([100 * it.error_m for it in touched], 0.5, 1),
+                quantile([100 * it.error_m for it in touched], 0.9, 1),
+                quantile([it.sink_mps for it in touched], 0.5, 2),
+                quantile([it.slide_mps for it in touched], 0.5, 2),
+                quantile([it.tilt_deg for it in touched], 0.5, 1),
+                quantile([100 * it.slip_m for it in touched], 0.5, 1),
+                quantile([it.time_s for it in touched], 0.5, 0),
+                quantile([it.step_percent for it in landings], 1.0, 0),
             ]
         )
     return html_table(head, rows, first_number=1)
-
-
-def _quantile(values: Sequence[float], share: float, digits: int) -> str:
-    finite = [value for value in values if np.isfinite(value)]
-    return f"{np.quantile(finite, share):.{digits}f}" if finite else "–"
 
 
 def _cell_charts(

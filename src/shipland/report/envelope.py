@@ -33,14 +33,13 @@ _SHARES = (0.0, 0.25, 0.5, 0.75, 0.9, 0.95, 1.0)
 def limits_of(scenario: Scenario) -> list[dict[str, Any]]:
     """What the flights are held against, each with its value and source; None where no public number was found."""
     limits, chosen = scenario.verdict, "`[verdict]` of the scenario; no public standard sets one for such a drone"
-    drop = "`[verdict]` of the scenario; a fall from 8 inches, the least drop of a gear's test: 14 CFR 29.725(a)"
+    drop = f"{chosen}. A fall from 8 inches, the least drop of a gear's test (14 CFR 29.725(a)), ends at 2.0 m/s"
     natops = (
         "NATOPS manual, Helicopter operating procedures for air-capable ships (NAVAIR, 2003), for an FFG-7, as quoted "
         "by [Lee2022]; counted at contact, in no landing rate"
     )
     return [
-        {"what": "sink at contact [m/s]", "limit": limits.max_descent_mps,
-         "source": drop if limits.max_descent_mps == 2.0 else chosen},
+        {"what": "sink at contact [m/s]", "limit": limits.max_descent_mps, "source": drop},
         {"what": "drift over the deck at contact [m/s]", "limit": limits.max_drift_mps, "source": chosen},
         {"what": "tilt against the deck [°]", "limit": limits.max_tilt_deg, "source": chosen},
         {"what": "slip before rest [m]", "limit": limits.max_slip_m, "source": chosen},

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -112,23 +112,6 @@ def merged(before: Telemetry, kind: str, values: Mapping[str, Any], t_s: float) 
 def gimbal_of(values: Mapping[str, Any]) -> GimbalAttitude:
     """The event of the gimbal; raises as `merged` does."""
     return GimbalAttitude(*(math.radians(finite(values[name])) for name in ("roll_absolute", "pitch_absolute")))
-
-
-def gimbal_at(readings: Sequence[tuple[float, float, float]], t_s: float) -> tuple[GimbalAttitude, float]:
-    """The camera's attitude at a time, and how far the nearest reading is from it [s]; infinite without any.
-
-    >>> gimbal_at([(0.0, 0.0, 0.0), (0.2, 0.2, 0.4)], 0.1)
-    (GimbalAttitude(roll_rad=0.1, pitch_rad=0.2, yaw_rad=0.0), 0.1)
-
-    Args:
-        readings: time, roll and pitch, in order of time.
-        t_s: of the exposure.
-    """
-    if not readings:
-        return GimbalAttitude(0.0, 0.0), math.inf
-    times_s, rolls_rad, pitches_rad = zip(*readings, strict=True)
-    roll_rad, pitch_rad = (float(np.interp(t_s, times_s, angles)) for angles in (rolls_rad, pitches_rad))
-    return GimbalAttitude(roll_rad, pitch_rad), min(abs(time_s - t_s) for time_s in times_s)
 
 
 def _with_attitude(before: Telemetry, roll: float, pitch: float, heading: float, t_s: float) -> Telemetry:

@@ -23,9 +23,10 @@ from shipland.stopping import check_stop, uninterrupted
 from shipland.vehicles.anafi.checks import AnafiState, anafi_checks
 from shipland.vehicles.anafi.parameters import AnafiParameters
 from shipland.vehicles.anafi.process import AnafiProcess
-from shipland.vehicles.anafi.records import finite, gimbal_at, gimbal_of, merged, moment_of, sticks_of, with_moment
+from shipland.vehicles.anafi.records import finite, gimbal_of, merged, moment_of, sticks_of, with_moment
 from shipland.vehicles.camera_stream import ExposureClock, StreamedPicture
 from shipland.vehicles.checks import Check, PreflightParameters
+from shipland.vehicles.gimbal import gimbal_at
 from shipland.vehicles.vehicle import LONGEST_WAIT_S, unless_late
 
 _GIMBAL_S = 0.1
@@ -168,7 +169,7 @@ class AnafiVehicle:
             self._end(f"video lost: {words}; the ANAFI holds", "the ANAFI itself (holds)")
             return None
         self._given_s, self._pictured_s = shot.exposed_s, now_s
-        gimbal, age_s = (shot.gimbal, 0.0) if shot.gimbal else gimbal_at(list(self._gimbals), shot.exposed_s)
+        gimbal, age_s = (shot.gimbal, 0.0) if shot.gimbal else gimbal_at(shot.exposed_s, [], list(self._gimbals), None)
         return Frame(shot.exposed_s, shot.image, gimbal, gimbal_age_s=age_s), self.telemetry_at(now_s)
 
     def telemetry_at(self, t_s: float) -> Telemetry:
