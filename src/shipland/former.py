@@ -67,7 +67,6 @@ GONE = {
     "guidance.horizon.levelling.touch_deg": "the odds of a landing hold the tilt at contact",
     "guidance.horizon.levelling.touch_m": "guidance.horizon.descent.touch_m begins the final descent",
     "guidance.horizon.levelling.touch_offset_m": "the odds of a landing hold the offset at contact",
-    "guidance.horizon.measured.velocity_tracked_mps": "velocity_mps holds for both kinds of stick",
     "guidance.horizon.wave.deck.followed": "a deck below a bar at rest moves by itself",
     "guidance.horizon.wave.followed": "guidance.horizon.wave.deck_shares has a share for each state of the waves",
     "guidance.horizon.wave.followed_servo": "guidance.horizon.wave.deck_shares holds for both kinds of stick",

@@ -58,12 +58,15 @@ class Estimator:
         self._hull_m = (stern_m, stern_m + rig.platform_length_m, 0.5 * rig.platform_width_m)
         motion = motion_of(response)
         self._sticks = StickHistory(response, motion)
-        self._wave_parameters = wave = parameters.wave
+        wave, velocity_std_mps = parameters.wave, measured.velocity_mps
+        if self._sticks.servo is not None:
+            velocity_std_mps = measured.velocity_tracked_mps
+        self._wave_parameters = wave
         low_m = deck_down_m - parameters.margins.low_m
         self._heave = HeaveTracker(wave, response.climb_lag_s, delayed.velocity_mps, low_m)
         self._assumed = Assumptions(motion, self._heave.wave, parameters.horizontal.gust_mps2)
         self._headings = HeadingFilters(parameters.heading, parameters.heading_turning, parameters.turn_from_rad_s)
-        self._across = DelayedFilter(self._across_model(), delayed, measured.velocity_mps)
+        self._across = DelayedFilter(self._across_model(), delayed, velocity_std_mps)
         self._down = DelayedFilter(self._assumed.down_model(parameters, response), delayed, measured.velocity_down_mps)
         self._latency, self._gain = LatencyBank(parameters.latency), GainBank(parameters.gain)
         self._gain_models = self._models_by_gain()

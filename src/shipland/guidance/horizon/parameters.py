@@ -37,6 +37,9 @@ class MeasurementNoise:
     )
     velocity_mps: float = scaled(0.1, "of the vehicle's velocity, horizontally")
     velocity_down_mps: float = scaled(0.04, "of the vehicle's velocity, downward")
+    velocity_tracked_mps: float = scaled(
+        0.04, "horizontally, of one that the autopilot itself tracks: its errors are flown"
+    )
     use_velocity: bool = key(True, "whether it is used at all")
     flow: bool = key(True, "it comes from optical flow, and is relative to the ship where the ship is below")
 
