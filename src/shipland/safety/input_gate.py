@@ -219,7 +219,7 @@ def _plausible_pose(pose: BarPose) -> bool:
         _within(pose.position_in_bar_m, _FARTHEST_M)
         and abs(pose.yaw_rad) <= _WIDEST_RAD
         and _within(pose.covariance, _FARTHEST_M**2)
-        and min(np.diag(pose.covariance).tolist()) >= 0.0
+        and min(pose.covariance.diagonal().tolist()) >= 0.0
         and _within(pose.corners_px, 1e5)
     )
 
