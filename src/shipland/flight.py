@@ -186,7 +186,7 @@ def cycles(vehicle: Vehicle, autonomy: Autonomy, clock: Callable[[], float]) -> 
                 commander = commanded.in_command
                 decision = replace(decision, reason=f"{decision.reason}; in command: {commander}")
             sent = decision.command
-            vehicle.send(replace(sent, t_s=gate.vehicle_s(sent.t_s)))
+            vehicle.send(replace(sent, t_s=gate.vehicle_s(sent.t_s)) if gate.leapt_s else sent)
             truth = truth_source.truth_at(gate.vehicle_s(frame.t_s)) if truth_source is not None else None
             decided_s = clock()
             cost_s = {Stage.READ: read_s - started_s, Stage.SEE: seen_s - read_s, Stage.DECIDE: decided_s - seen_s}

@@ -142,8 +142,14 @@ def quaternion_from_rotation(parent_from_child: Array) -> Quaternion:
 
 def rotated(vector: Array, angle_rad: float) -> Array:
     """A horizontal vector (2,) of axes that are turned clockwise by `angle_rad`, in those that are not."""
-    (x, y), cosine, sine = vector.tolist(), math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([cosine * x - sine * y, sine * x + cosine * y])
+    x, y = vector.tolist()
+    return np.array(turned(x, y, angle_rad), dtype=float)
+
+
+def turned(x: float, y: float, angle_rad: float) -> tuple[float, float]:
+    """`rotated` of a vector's components."""
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    return cosine * x - sine * y, sine * x + cosine * y
 
 
 def all_finite(values: Array) -> bool:

@@ -1,7 +1,6 @@
 """The mode function: every transition by its rule, and no flicker for any input."""
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 from hypothesis import given
@@ -25,7 +24,7 @@ def situation(now_s, pose=False, bar=False, ship=False, **changes):
         BOX if ship else None,
         "" if pose else "no green in the picture",
     )
-    return replace(Situation(now_s, seen, "far from it", False, "", False, False, True), **changes)
+    return Situation(now_s, seen, "far from it", False, "", False, False, True)._replace(**changes)
 
 
 def run(memory, start_s, seconds, **changes):
@@ -108,7 +107,7 @@ def test_by_the_published_rule_a_landing_begins_at_once_and_goes_on():
     coming = ModeMemory(mode=Mode.APPROACH, since_s=0.0)
     inside = situation(0.1, pose=True, landing_condition="")
     assert next_mode(inside, coming, PARAMETERS).mode is Mode.APPROACH  # ours waits for `settle_s` and `dwell_s`
-    landing = next_mode(replace(inside, at_once=True), coming, PARAMETERS)
+    landing = next_mode(inside._replace(at_once=True), coming, PARAMETERS)
     assert (landing.mode, landing.reason) == (Mode.LAND, "inside the landing square")
     blind, _ = run(landing, 0.2, 5.0, at_once=True)
     assert blind.mode is Mode.LAND

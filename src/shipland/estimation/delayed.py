@@ -220,6 +220,8 @@ class DelayedFilter:
         return GaussianState(_after_s(propagation), mean, covariance), variance
 
     def _moved(self, estimate: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
+        if to_s - estimate.t_s < 0.5e-3:  # at the newest picture itself, as its record wants it
+            return estimate
         propagation = self._propagation(estimate, to_s, inputs, turn_rad_s)
         return GaussianState(_after_s(propagation), *_propagated(propagation))
 

@@ -10,7 +10,7 @@ sway does. ω₁ and ω₂ lie either side of the frequency that the wave motion
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -41,17 +41,17 @@ class WaveMotion:
         "of the states, over powers of the frequency, that make up the motion of a deck whose bar moves",
     )
 
-    @property
+    @cached_property
     def bar(self) -> Output:
         """The bar's motion."""
         return _output(self, (float(self.bar_moves), 0.0, 0.0, 0.0))
 
-    @property
+    @cached_property
     def deck(self) -> Output:
         """The deck's motion: on a ship it rolls less far than the bar, which stands above it, and later."""
         return _output(self, self.deck_shares if self.bar_moves else (1.0, 0.0, 0.0, 0.0))
 
-    @property
+    @cached_property
     def tracked(self) -> Output:
         """The motion of the point to land on: the deck's as far as the bar shows it."""
         return _output(self, self.deck_shares if self.bar_moves else (0.0, 0.0, 0.0, 0.0))
@@ -81,7 +81,6 @@ class WaveMotion:
         return np.asarray(passed @ (estimated - self.covariance) @ passed.T + self.covariance)
 
 
-@lru_cache(maxsize=256)
 def _output(wave: WaveMotion, shares: Shares) -> Output:
     w = wave.frequency_rad_s
     row = np.array(shares) / np.array([1.0, w, w, w * w])

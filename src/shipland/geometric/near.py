@@ -88,7 +88,7 @@ class GeometricVision:
         bar_pose = bar_pose_of(solutions, quads_px)
         if solutions[0].level_off_rad > 0.0:
             return gimbal_off(frame, solutions[0].level_off_rad)
-        refused = self._refused(solutions[0], quads_px, sigma_px)
+        refused = self._refused(solutions[0], bar_pose.reprojection_px, quads_px, sigma_px)
         if not refused and last is not None and jumps(bar_pose, last[1], frame.t_s - last[0], self._near):
             refused = Refusal.JUMP.value
         if refused:
@@ -112,10 +112,10 @@ class GeometricVision:
         corners = Corners(quads_px, np.broadcast_to(np.eye(8) / measured.sigma_px, (len(quads_px), 8, 8)), quads_m)
         return ordered(solve(corners, self._camera, prior, last), last)
 
-    def _refused(self, taken: Solution, quads_px: Array, sigma_px: float) -> str:
+    def _refused(self, taken: Solution, reprojection_px: float, quads_px: Array, sigma_px: float) -> str:
         """Why near vision would not believe a pose; empty where it would."""
         near = self._near
-        if not taken.reprojection_px <= largest_reprojection_px(quads_px, sigma_px, self._tolerance, near):
+        if not reprojection_px <= largest_reprojection_px(quads_px, sigma_px, self._tolerance, near):
             return Refusal.REPROJECTION.value
         return "" if within_reach(taken.camera_from_plane, near) else Refusal.OUT_OF_REACH.value
 

@@ -7,7 +7,7 @@ second; only the wave-off of a landing and the end of the flight need not wait f
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from shipland.config import key, parameters, scaled
 from shipland.messages import Intent, Mode, Observation, PilotCommand
@@ -33,8 +33,7 @@ class ModeParameters:
         return self.lost_s if source == "corners" else self.lost_box_s
 
 
-@dataclass(frozen=True)
-class Situation:
+class Situation(NamedTuple):
     """Input of the mode function, besides its memory.
 
     Attributes:
@@ -64,8 +63,7 @@ class Situation:
     at_once: bool = False
 
 
-@dataclass(frozen=True)
-class Evidence:
+class Evidence(NamedTuple):
     """One source's history: since when it has been seen without a gap, and when it was seen last [s]."""
 
     since_s: float = -math.inf
@@ -78,8 +76,7 @@ class Evidence:
         return Evidence(now_s if now_s - self.last_s > lost_s else self.since_s, now_s)
 
 
-@dataclass(frozen=True)
-class ModeMemory:
+class ModeMemory(NamedTuple):
     """Memory of the mode function."""
 
     mode: Mode = Mode.SEARCH
@@ -102,8 +99,7 @@ def next_mode(situation: Situation, memory: ModeMemory, parameters: ModeParamete
     now_s, seen = situation.now_s, situation.observation
     held = situation.landing_condition == ""
     since_s = memory.condition_since_s if memory.condition_since_s is not None else now_s
-    memory = replace(
-        memory,
+    memory = memory._replace(
         corners=memory.corners.update(seen.bar_pose is not None or seen.deck is not None, now_s, parameters.lost_s),
         bar=memory.bar.update(seen.bar_box is not None, now_s, parameters.lost_box_s),
         ship=memory.ship.update(seen.ship_box is not None, now_s, parameters.lost_box_s),
@@ -118,7 +114,7 @@ def next_mode(situation: Situation, memory: ModeMemory, parameters: ModeParamete
     if wanted is memory.mode or (now_s - memory.since_s < parameters.dwell_s and not urgent):
         return memory
     tries = memory.tries + (wanted is Mode.GO_AROUND)
-    return replace(memory, mode=wanted, since_s=now_s, reason=reason, tries=tries, condition_since_s=None)
+    return memory._replace(mode=wanted, since_s=now_s, reason=reason, tries=tries, condition_since_s=None)
 
 
 def _wanted(situation: Situation, memory: ModeMemory, parameters: ModeParameters) -> tuple[Mode, str]:

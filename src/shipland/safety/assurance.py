@@ -127,14 +127,12 @@ class Safety:
             command = sticks_of(recovery.rung, estimate, telemetry.t_s, before_rad, self._response, limits)
             mode = Mode.GO_AROUND
             notes.append(f"{'refused' if recovery.final else 'safety'}: {recovery.words}: {recovery.rung.value}")
-        command = self._limited(self._bounded(command, telemetry, notes))
-        command = replace(command, at_contact_height=self._at_contact_height(telemetry.t_s))
-        self._last = command
+        self._last = command = self._limited(self._bounded(command, telemetry, notes), telemetry.t_s)
         battery = telemetry.battery_percent
         if battery is not None and battery < self._parameters.low_battery_percent:
             notes.append(f"battery at {battery:.0f} %")
         reason = "; ".join(text for text in (decision.reason, *notes) if text)
-        return replace(decision, command=command, mode=mode, reason=reason)
+        return Decision(command, mode, reason, decision.estimate, decision.landing_probability)
 
     def without_pilot(self, reason: str, telemetry: Telemetry, sent: PilotCommand | None) -> Decision:
         """What is flown when there is no pilot: up and away from a deck that is near, else hold; never raises."""
@@ -149,7 +147,7 @@ class Safety:
 
     def _sound(self, command: PilotCommand, t_s: float) -> tuple[PilotCommand, list[str]]:
         """The pilot's command at this time, or a hold where it is no number or flown on data that is too old."""
-        command, notes = replace(command, t_s=t_s), list[str]()
+        notes = list[str]()
         if not all(map(math.isfinite, (*_sticks(command), command.gimbal_pitch_rad))):
             command, notes = PilotCommand.hold(t_s, _gimbal_rad(command, self._last)), ["command not finite: hold"]
         stale_s = t_s - self._estimate.seen_s
@@ -230,17 +228,19 @@ class Safety:
             command = _without(command, -to_bar, f"fence: {distance_m:.0f} m from the bar", notes)
         return command
 
-    def _limited(self, command: PilotCommand) -> PilotCommand:
+    def _limited(self, command: PilotCommand, t_s: float) -> PilotCommand:
+        """The command at this time, its sticks within their range and rate."""
         limit = self._parameters.max_percent
         sticks = [max(-limit, min(limit, stick)) for stick in _sticks(command)]
         if self._last is not None:
-            step = self._parameters.slew_percent_per_s * max(0.0, command.t_s - self._last.t_s)
+            step = self._parameters.slew_percent_per_s * max(0.0, t_s - self._last.t_s)
             sticks = [
                 max(before - step, min(before + step, stick))
                 for stick, before in zip(sticks, _sticks(self._last), strict=True)
             ]
         pitch, roll, heave, yaw = sticks
-        return PilotCommand(command.t_s, pitch, roll, heave, yaw, command.gimbal_pitch_rad, command.intent)
+        at_contact_height = self._at_contact_height(t_s)
+        return PilotCommand(t_s, pitch, roll, heave, yaw, command.gimbal_pitch_rad, command.intent, at_contact_height)
 
 
 def _gimbal_rad(command: PilotCommand, last: PilotCommand | None) -> float:

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import itemgetter
+from typing import NamedTuple
 
 from shipland.config import key, parameters
 from shipland.messages import Observation, Telemetry
@@ -34,8 +35,7 @@ class CueHeightParameters:
     )
 
 
-@dataclass(frozen=True)
-class CueHeight:
+class CueHeight(NamedTuple):
     """State between cycles.
 
     Attributes:
@@ -67,11 +67,11 @@ class CueHeight:
         t_s = telemetry.t_s if telemetry.height_t_s is None else telemetry.height_t_s
         if self.heights and t_s <= self.heights[-1][0]:
             return self
-        return replace(self, heights=(*self.heights[1 - _READINGS :], (t_s, telemetry.height_m)))
+        return self._replace(heights=(*self.heights[1 - _READINGS :], (t_s, telemetry.height_m)))
 
     def unwatched(self) -> CueHeight:
         """Without a pilot, who rejects a height that leaps: the next pose is a first one again."""
-        return replace(self, pose_s=-math.inf)
+        return self._replace(pose_s=-math.inf)
 
     def checked(self, observation: Observation) -> tuple[CueHeight, Observation]:
         """The observation without a first pose that hangs as low as a mirror image."""
@@ -80,7 +80,7 @@ class CueHeight:
             return self, observation
         height_m = self._height_at(t_s)
         if height_m is None:
-            return replace(self, pose_s=t_s, refused_since_s=None), observation
+            return self._replace(pose_s=t_s, refused_since_s=None), observation
         cue_m = height_m + float(pose.position_in_bar_m[2])
         first = not 0.0 <= t_s - self.pose_s <= self.parameters.gap_s
         if first and self.height_m is not None:
@@ -89,11 +89,11 @@ class CueHeight:
             low_m = self.height_m - cue_m
             if low_m > 0.5 * self.least_drop_m + unsure_m and t_s - refused_since_s <= self.parameters.patience_s:
                 reason = f"pose refused: the cue hangs {low_m:.1f} m too low, as its mirror image does"
-                return replace(self, refused_since_s=refused_since_s), replace(
+                return self._replace(refused_since_s=refused_since_s), replace(
                     observation, bar_pose=None, reason=reason
                 )
         height_m = cue_m if self.height_m is None else self.height_m + self.parameters.share * (cue_m - self.height_m)
-        return replace(self, height_m=height_m, pose_s=t_s, refused_since_s=None), observation
+        return self._replace(height_m=height_m, pose_s=t_s, refused_since_s=None), observation
 
     def _height_at(self, t_s: float) -> float | None:
         """Over the take-off point at an exposure, between readings; None where none is near."""

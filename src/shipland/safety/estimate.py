@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from shipland.camera import Camera
-from shipland.frames import GRAVITY_MPS2, Array, all_finite, rotated, rotation_from_euler, wrap_angle
+from shipland.frames import GRAVITY_MPS2, Array, all_finite, rotated, rotation_from_euler, turned, wrap_angle
 from shipland.guidance.view import View
 from shipland.messages import BarPose, Box, DeckSight, Observation, Telemetry
 from shipland.rig import Rig
@@ -267,13 +267,16 @@ class SafetyEstimator:
         first = next((index for index, row in enumerate(rows) if now_s - row.t_s <= _KEPT_S), len(rows))
         travelled = (*rows[first:], Instant(now_s, (north_m, east_m)))
         tilt_mps2 = _tilt_mps2(estimate.tilt_mps2, telemetry, heading_rad)
+        mean_tilt_mps2 = _smoothed(estimate.mean_tilt_mps2, tilt_mps2, step_s)
+        mean_velocity_mps = _smoothed(estimate.mean_velocity_mps, velocity_mps, step_s)
         estimate = estimate._replace(
             t_s=now_s,
             heading_rad=heading_rad,
             velocity_mps=velocity_mps,
             tilt_mps2=tilt_mps2,
-            mean_tilt_mps2=_smoothed(estimate.mean_tilt_mps2, tilt_mps2, step_s),
-            mean_velocity_mps=_smoothed(estimate.mean_velocity_mps, velocity_mps, step_s),
+            mean_tilt_mps2=mean_tilt_mps2,
+            mean_velocity_mps=mean_velocity_mps,
+            held_mps2=_held_mps2(mean_tilt_mps2, velocity_mps, mean_velocity_mps),
             height_m=height_m,
             height_s=height_s,
             bar_from_aircraft_m=way_m,
@@ -282,8 +285,7 @@ class SafetyEstimator:
             largest_tilt_rad=max(tilt_of(tilt_mps2), estimate.largest_tilt_rad * math.exp(-step_s / _LARGEST_TIME_S)),
             travelled=travelled,
         )
-        estimate = _with_velocity(estimate._replace(held_mps2=_held_mps2(estimate)))
-        return _carried(_with_wind(estimate, step_s))
+        return _carried(_with_wind(_with_velocity(estimate), step_s))
 
     def _with_pose(self, estimate: SafetyEstimate, pose: BarPose, exposure_s: float) -> SafetyEstimate:
         bar_from_level = rotation_from_euler(0.0, 0.0, pose.yaw_rad)
@@ -340,12 +342,11 @@ def _smoothed(before: Array | None, now: Array | None, step_s: float) -> Array |
     return before + min(step_s / _TILT_TIME_S, 1.0) * (now - before)
 
 
-def _held_mps2(estimate: SafetyEstimate) -> Array | None:
+def _held_mps2(tilt_mps2: Array | None, velocity_mps: Array | None, mean_mps: Array | None) -> Array | None:
     """(2,) the mean tilt less the mean acceleration, which is what a smoothed velocity lags by."""
-    tilt_mps2, mean_mps = estimate.mean_tilt_mps2, estimate.mean_velocity_mps
-    if tilt_mps2 is None or mean_mps is None or estimate.velocity_mps is None:
+    if tilt_mps2 is None or mean_mps is None or velocity_mps is None:
         return tilt_mps2
-    return np.asarray(tilt_mps2 - (estimate.velocity_mps - mean_mps) / _TILT_TIME_S)
+    return np.asarray(tilt_mps2 - (velocity_mps - mean_mps) / _TILT_TIME_S)
 
 
 def _with_wind(estimate: SafetyEstimate, step_s: float) -> SafetyEstimate:
@@ -389,20 +390,20 @@ def _leap_m(estimate: SafetyEstimate, place_m: Array, exposure_s: float) -> floa
     expected_m = _place_m(estimate, exposure_s)
     if expected_m is None or not 0.0 < exposure_s - estimate.sights[-1].t_s <= _REMEMBERED_S:
         return 0.0
-    leap_m = float(np.linalg.norm(place_m - expected_m))
-    distance_m = float(np.linalg.norm(place_m))
+    leap_m = math.hypot(*(place_m - expected_m).tolist())
+    distance_m = math.hypot(*place_m.tolist())
     since_s = exposure_s - estimate.sights[-1].t_s
     return leap_m if leap_m > _LEAP_M + _LEAP_SHARE * distance_m + _LEAP_MPS * since_s else 0.0
 
 
-def _slope_mps(sights: tuple[Sight, ...]) -> Array | None:
-    """(3,) least-squares slope of the places; None where they are too few or too close together."""
+def _slope_mps(sights: tuple[Sight, ...]) -> tuple[Array, Array] | None:
+    """(3,) least-squares slope of the places, and their mean; None where they are too few or too close together."""
     if len(sights) < 3 or sights[-1].t_s - sights[0].t_s < _SHORTEST_WINDOW_S:
         return None
     times = np.array([row.t_s for row in sights])
-    times -= times.mean()
+    times -= np.add.reduce(times) / len(times)
     places = np.array([row.place_in_bar_m for row in sights])
-    return np.asarray(times @ places / float(times @ times))
+    return times @ places / float(times @ times), np.add.reduce(places) / len(places)
 
 
 def _with_reference(estimate: SafetyEstimate) -> SafetyEstimate:
@@ -410,27 +411,34 @@ def _with_reference(estimate: SafetyEstimate) -> SafetyEstimate:
     sights = estimate.sights
     if estimate.velocity_mps is not None:  # of before its first reading nobody knows the way
         sights = tuple(row for row in sights if row.t_s >= estimate.travelled[0].t_s)
-    slope, heading_rad = _slope_mps(sights), estimate.bar_heading_rad
-    if slope is None or heading_rad is None:
+    line, heading_rad = _slope_mps(sights), estimate.bar_heading_rad
+    if line is None or heading_rad is None:
         return estimate._replace(velocity_in_bar_mps=None, velocity_bias_mps=None)
+    slope, middle_m = line
     first_s, last_s = sights[0].t_s, sights[-1].t_s
     begun, ended = estimate.travelled_at(first_s), estimate.travelled_at(last_s)
     if estimate.velocity_mps is None or begun is None or ended is None:
         return estimate._replace(velocity_in_bar_mps=slope, velocity_bias_mps=None)
-    own = (np.array(ended) - np.array(begun)) / (last_s - first_s)
     turn_rad_s = wrap_angle(sights[-1].bar_heading_rad - sights[0].bar_heading_rad) / (last_s - first_s)
-    middle_m = np.mean([row.place_in_bar_m[:2] for row in sights], axis=0)
-    estimate = estimate._replace(turn_rad_s=turn_rad_s)
-    reference = own - rotated(slope[:2] + _swept(middle_m, turn_rad_s), heading_rad)
+    ahead_m, right_m, _ = middle_m.tolist()
+    swept_mps = _swept(ahead_m, right_m, turn_rad_s)
+    north_mps, east_mps = turned(float(slope[0]) + swept_mps[0], float(slope[1]) + swept_mps[1], heading_rad)
+    own_mps = (ended[0] - begun[0]) / (last_s - first_s), (ended[1] - begun[1]) / (last_s - first_s)
+    reference = np.array([own_mps[0] - north_mps, own_mps[1] - east_mps])
     slow, in_bar = estimate.slow_velocity_bias_in_bar_mps, rotated(reference, -heading_rad)
     step_s = last_s - sights[-2].t_s
     slow = in_bar if slow is None else slow + min(step_s / _REFERENCE_TIME_S, 1.0) * (in_bar - slow)
-    return estimate._replace(velocity_in_bar_mps=slope, velocity_bias_mps=reference, slow_velocity_bias_in_bar_mps=slow)
+    return estimate._replace(
+        velocity_in_bar_mps=slope,
+        velocity_bias_mps=reference,
+        slow_velocity_bias_in_bar_mps=slow,
+        turn_rad_s=turn_rad_s,
+    )
 
 
-def _swept(place_m: Array, turn_rad_s: float) -> Array:
-    """(2,) the velocity of a place that turns with the bar: ω × p."""
-    return turn_rad_s * np.array([-float(place_m[1]), float(place_m[0])])
+def _swept(ahead_m: float, right_m: float, turn_rad_s: float) -> Vector:
+    """The velocity of a place that turns with the bar: ω × p."""
+    return -turn_rad_s * right_m, turn_rad_s * ahead_m
 
 
 def _with_velocity(estimate: SafetyEstimate) -> SafetyEstimate:
@@ -438,10 +446,12 @@ def _with_velocity(estimate: SafetyEstimate) -> SafetyEstimate:
     before, reference, heading_rad = estimate.velocity_in_bar_mps, estimate.velocity_bias_mps, estimate.bar_heading_rad
     if before is None or reference is None or heading_rad is None or estimate.velocity_mps is None:
         return estimate
-    level_mps = rotated(estimate.velocity_mps - reference, -heading_rad)
+    ahead_mps, right_mps = rotated(estimate.velocity_mps - reference, -heading_rad).tolist()
     if estimate.place_in_bar_m is not None:
-        level_mps = level_mps - _swept(estimate.place_in_bar_m[:2], estimate.turn_rad_s)
-    return estimate._replace(velocity_in_bar_mps=np.array([*level_mps.tolist(), float(before[2])]))
+        ahead_m, right_m, _ = estimate.place_in_bar_m.tolist()
+        swept_mps = _swept(ahead_m, right_m, estimate.turn_rad_s)
+        ahead_mps, right_mps = ahead_mps - swept_mps[0], right_mps - swept_mps[1]
+    return estimate._replace(velocity_in_bar_mps=np.array([ahead_mps, right_mps, float(before[2])]))
 
 
 def _carried(estimate: SafetyEstimate) -> SafetyEstimate:
@@ -456,22 +466,21 @@ def _place_m(estimate: SafetyEstimate, t_s: float) -> Array | None:
     """(3,) in `bar`, from the newest pose carried on to a time; None before the first."""
     if not estimate.sights:
         return None
-    last = estimate.sights[-1]
+    last, velocity = estimate.sights[-1], estimate.velocity_in_bar_mps
+    ahead_m, right_m, down_m = last.place_in_bar_m
+    if velocity is None:
+        return np.array(last.place_in_bar_m)
     age_s = min(max(t_s - last.t_s, 0.0), _KEPT_S)
-    moved_m = np.zeros(3)
-    velocity, reference, heading_rad = (
-        estimate.velocity_in_bar_mps,
-        estimate.velocity_bias_mps,
-        estimate.bar_heading_rad,
-    )
+    moved_m = [age_s * speed_mps for speed_mps in velocity.tolist()]
+    reference, heading_rad = estimate.velocity_bias_mps, estimate.bar_heading_rad
     begun, ended = estimate.travelled_at(last.t_s), estimate.travelled_at(t_s)
-    if velocity is not None:
-        moved_m = age_s * velocity
-        if reference is not None and heading_rad is not None and begun is not None and ended is not None:
-            still_m = np.array(ended) - np.array(begun) - age_s * reference
-            swept_mps = _swept(np.array(last.place_in_bar_m[:2]), estimate.turn_rad_s)
-            moved_m[:2] = rotated(still_m, -heading_rad) - age_s * swept_mps
-    return np.array(last.place_in_bar_m) + moved_m
+    if reference is not None and heading_rad is not None and begun is not None and ended is not None:
+        north_mps, east_mps = reference.tolist()
+        north_m, east_m = ended[0] - begun[0] - age_s * north_mps, ended[1] - begun[1] - age_s * east_mps
+        swept_mps = _swept(ahead_m, right_m, estimate.turn_rad_s)
+        level_m = turned(north_m, east_m, -heading_rad)
+        moved_m[:2] = level_m[0] - age_s * swept_mps[0], level_m[1] - age_s * swept_mps[1]
+    return np.array([ahead_m + moved_m[0], right_m + moved_m[1], down_m + moved_m[2]])
 
 
 def _usable(box: Box) -> bool:

@@ -8,7 +8,8 @@ the flight's time: the vehicle's, less what its clock has leapt. It never goes b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +34,7 @@ _HIGHEST_M, _FASTEST_MPS, _WIDEST_RAD = 10_000.0, 100.0, 4.0 * math.pi
 _STEEPEST_RAD = 0.6 * math.pi
 
 
-@dataclass(frozen=True)
-class InputGate:
+class InputGate(NamedTuple):
     """State of the gate between cycles.
 
     Attributes:
@@ -60,12 +60,12 @@ class InputGate:
         exposed_s = math.nan if frame is None else frame.t_s
         fits_frame = math.isfinite(t_s) and (not math.isfinite(exposed_s) or abs(t_s - exposed_s) <= 2.0 * _LEAP_S)
         if self.now_s is None:
-            return replace(self, now_s=t_s) if fits_frame and math.isfinite(exposed_s) else self
+            return self._replace(now_s=t_s) if fits_frame and math.isfinite(exposed_s) else self
         if math.isfinite(t_s) and 0.0 <= t_s - self.leapt_s - self.now_s <= _LEAP_S:
-            return replace(self, now_s=t_s - self.leapt_s, suspect_s=None)
+            return self._replace(now_s=t_s - self.leapt_s, suspect_s=None)
         if self.suspect_s is not None and fits_frame and 0.0 < t_s - self.suspect_s <= _LEAP_S:
             return self._leapt(self.now_s, t_s, self.suspect_s)
-        return replace(self, suspect_s=t_s if math.isfinite(t_s) else self.suspect_s)
+        return self._replace(suspect_s=t_s if math.isfinite(t_s) else self.suspect_s)
 
     def _leapt(self, now_s: float, t_s: float, suspect_s: float) -> InputGate:
         """After the vehicle's clock went on from a time that was refused: silent, come back from a leap, or leapt.
@@ -74,13 +74,13 @@ class InputGate:
         """
         known = (leapt_s for leapt_s in (self.leapt_s, 0.0) if 0.0 <= t_s - leapt_s - now_s <= _SILENCE_S)
         leapt_s = max(known, default=suspect_s - now_s)
-        return replace(self, now_s=t_s - leapt_s, leapt_s=leapt_s, suspect_s=None)
+        return self._replace(now_s=t_s - leapt_s, leapt_s=leapt_s, suspect_s=None)
 
     def at_decision(self, t_s: float, asked_s: float) -> InputGate:
         """When the command is decided, at `t_s` by the vehicle's clock; `asked_s` [s] where that is no good time."""
         told_s = t_s - self.leapt_s
         good = math.isfinite(told_s) and self.now_s is not None and 0.0 <= told_s - self.now_s <= 2.0 * _LEAP_S
-        return replace(self, now_s=told_s if good else asked_s)
+        return self._replace(now_s=told_s if good else asked_s)
 
     def frame(self, frame: Frame | None) -> tuple[InputGate, Frame, str]:
         """The frame at the flight's time, and why it is not looked at; empty when it is.
@@ -105,7 +105,7 @@ class InputGate:
         elif not frame.gimbal_age_s <= _OLD_GIMBAL_S:
             reason = _old_gimbal(frame.gimbal_age_s)
         if not reason:
-            return replace(self, exposure_s=frame.t_s, gimbal=frame.gimbal), frame, ""
+            return self._replace(exposure_s=frame.t_s, gimbal=frame.gimbal), frame, ""
         return self, replace(frame, t_s=last_s, gimbal=self.gimbal), reason
 
     def observation(self, observation: Observation, frame: Frame, camera: Camera) -> Observation:
@@ -219,7 +219,7 @@ def _plausible_pose(pose: BarPose) -> bool:
         _within(pose.position_in_bar_m, _FARTHEST_M)
         and abs(pose.yaw_rad) <= _WIDEST_RAD
         and _within(pose.covariance, _FARTHEST_M**2)
-        and min(np.diag(pose.covariance).tolist()) >= 0.0
+        and min(pose.covariance.diagonal().tolist()) >= 0.0
         and _within(pose.corners_px, 1e5)
     )
 

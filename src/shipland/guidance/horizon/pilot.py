@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +31,7 @@ _SILENT_S = 1.0
 _TRACKS = (Mode.TRACK_SHIP, Mode.TRACK_BAR, Mode.APPROACH, Mode.LAND, Mode.NO_VISION, Mode.GO_AROUND)
 
 
-@dataclass(frozen=True)
-class PilotState:
+class PilotState(NamedTuple):
     """State of the pilot between cycles, without that of its filters.
 
     Attributes:
@@ -50,7 +50,7 @@ class PilotState:
     now_s: float | None = None
     heard_s: float = -math.inf
     cycle_s: float = 1.0 / 30.0
-    modes: ModeMemory = field(default_factory=ModeMemory)
+    modes: ModeMemory = ModeMemory()
     distance_m: float = math.inf
     seen_rad: float = 0.0
     reference: Reference | None = None
@@ -113,9 +113,9 @@ class HorizonPilot:
         mode = state.modes.mode
         if estimate is not None and mode in _TRACKS:
             plan = self._guidance.plan(mode, estimate, (state.reference, state.descent), now_s, (step_s, state.cycle_s))
-            state = _with_descent(replace(state, reference=plan.reference), plan.descent)
+            state = _with_descent(state._replace(reference=plan.reference), plan.descent)
         else:
-            state = replace(state, reference=None)
+            state = state._replace(reference=None)
         self._state = state = self._with_gimbal(observation, estimate, state, step_s)
         return Planned(state, now_s, estimate, plan, estimator.estimate(estimator.taken_s(observation.t_s)))
 
@@ -159,7 +159,7 @@ class HorizonPilot:
             observation = replace(observation, bar_pose=None, reason=estimator.rejected)
         column_px = target_column_px(observation)
         seen_rad = state.seen_rad if column_px is None else self._view.bearing_rad(column_px)
-        return observation, replace(state, heard_s=max(heard_s, state.heard_s), seen_rad=seen_rad)
+        return observation, state._replace(heard_s=max(heard_s, state.heard_s), seen_rad=seen_rad)
 
     def _usable(self, estimate: Estimated, now_s: float) -> bool:
         """The position was seen of late, or is known well enough without."""
@@ -177,14 +177,14 @@ class HorizonPilot:
         """The next mode; outside a landing there is no descent."""
         if estimate is not None:
             place_m = estimate.aircraft_in_bar_m
-            state = replace(state, distance_m=math.sqrt(place_m.dot(place_m)))
-        situation = replace(
-            situation_of(observation, telemetry, estimate, state.modes, state.descent, self._parameters),
+            state = state._replace(distance_m=math.sqrt(place_m.dot(place_m)))
+        situation = situation_of(observation, telemetry, estimate, state.modes, state.descent, self._parameters)
+        situation = situation._replace(
             near_ship=state.distance_m < self._parameters.approach.go_around_radius_m,
             overruled=overruled(sent, state.modes.mode),
         )
-        state = replace(state, modes=next_mode(situation, state.modes, self._parameters.modes))
-        return state if state.modes.mode is Mode.LAND else replace(state, descent=None, look_down=None)
+        state = state._replace(modes=next_mode(situation, state.modes, self._parameters.modes))
+        return state if state.modes.mode is Mode.LAND else state._replace(descent=None, look_down=None)
 
     def _without_estimate(self, state: PilotState, now_s: float) -> SticksPercent:
         """The sticks of a mode that is flown without an estimate."""
@@ -206,14 +206,14 @@ class HorizonPilot:
             posed_s = state.modes.corners.last_s if observation.bar_pose is not None else -math.inf
             look_down = next_look_down(look_down, state.now_s, posed_s, limits.look_down_max_s, limits.look_up_s)
             if look_down.down:
-                return replace(state, look_down=look_down, gimbal_pitch_rad=LOOK_DOWN_RAD)
+                return state._replace(look_down=look_down, gimbal_pitch_rad=LOOK_DOWN_RAD)
         pitch_rad = smoothed_rad(
             state.gimbal_pitch_rad,
             self._camera_pitch_rad(observation, estimate, state, state.now_s),
             step_s if look_down is None else 0.0,
             self._parameters.approach.gimbal_time_constant_s,
         )
-        return replace(state, look_down=look_down, gimbal_pitch_rad=pitch_rad)
+        return state._replace(look_down=look_down, gimbal_pitch_rad=pitch_rad)
 
     def _camera_pitch_rad(
         self, observation: Observation, estimate: Estimated | None, state: PilotState, now_s: float
@@ -234,7 +234,7 @@ def _in_time(state: PilotState, now_s: float, step_s: float) -> PilotState:
     """The state at the time of a decision."""
     first_s = now_s if state.first_s is None else state.first_s
     cycle_s = state.cycle_s + 0.3 * (step_s - state.cycle_s) if step_s > 0.0 else state.cycle_s
-    return replace(state, now_s=now_s, first_s=first_s, cycle_s=cycle_s)
+    return state._replace(now_s=now_s, first_s=first_s, cycle_s=cycle_s)
 
 
 def _with_descent(state: PilotState, descent: Descent | None) -> PilotState:
@@ -242,8 +242,8 @@ def _with_descent(state: PilotState, descent: Descent | None) -> PilotState:
     before = None if state.descent is None else state.descent.phase
     if descent is not None and descent.odds is not None and before is not descent.phase is Phase.FINAL_DESCENT:
         reason = f"final descent at odds of {100.0 * descent.odds.now:.0f} %"
-        state = replace(state, modes=replace(state.modes, reason=reason))
-    return replace(state, descent=descent)
+        state = state._replace(modes=state.modes._replace(reason=reason))
+    return state._replace(descent=descent)
 
 
 def _in_mode_s(state: PilotState, now_s: float) -> float:

@@ -116,9 +116,11 @@ def bar_pose_of(
         tail: of the corners' errors.
     """
     taken = solutions[0]
-    here, excess = _joined(taken.camera_from_plane), taken.excess
+    pose, here, excess = taken.camera_from_plane, np.empty(4), taken.excess
+    _place(pose.rotation, pose.translation_m, here)
     if covariance is None:
-        covariance = excess * (covariance_in_bar(taken) + excess * _bend(taken, here))
+        covariance = np.empty((4, 4))
+        _carry_with_bend(pose.rotation, pose.translation_m, taken.covariance, excess, here, covariance)
     for other in solutions[1:]:
         better = (other.chi2 - taken.chi2) / excess
         ratio = likelihood(abs(better), tail)
@@ -176,25 +178,26 @@ def likelihood(chi2: float, tail: float) -> float:
     return float((1.0 + chi2 / tail) ** (-0.5 * (tail + 1.0)))
 
 
-def _bend(solution: Solution, here: Array) -> Array:
-    """(4,4) covariance of (position in `bar` [m], yaw [rad]) of the arc along which the camera errs.
+@compiled
+def _carry_with_bend(
+    rotation: Array, translation_m: Array, covariance: Array, excess: float, here: Array, carried: Array
+) -> None:
+    """Write (4,4) the carried covariance times its excess, with that of the arc along which the camera errs.
 
-    From afar the angle about the cue's vertical is known least. Position and yaw change together with it, and leave the
-    covariance's straight line by h per squared standard deviation, on average of the square √3 h.
-
-    Args:
-        solution: the pose.
-        here: (4,) its position and yaw.
+    From afar the angle about the cue's vertical is known least. Position and yaw, (4,) `here`, change together with it,
+    and leave the covariance's straight line by h per squared standard deviation, on average of the square √3 h.
     """
-    pose, bend = solution.camera_from_plane, np.empty(4)
-    if not _bend_of(pose.rotation, pose.translation_m, solution.covariance, here, bend) > _BENT_RAD:
-        return np.zeros((4, 4))
-    return 3.0 * np.outer(bend, bend)
+    bend = np.zeros(4)
+    _carry_covariance(rotation, translation_m, covariance, carried)
+    _write_bend(rotation, translation_m, covariance, here, bend)
+    for i in range(4):
+        for j in range(4):
+            carried[i, j] = excess * (carried[i, j] + excess * (3.0 * (bend[i] * bend[j])))
 
 
 @compiled
-def _bend_of(rotation: Array, translation_m: Array, covariance: Array, here: Array, bend: Array) -> float:
-    """Standard deviation of the angle [rad]; writes (4,) h, the mean of both ends of the arc less its middle."""
+def _write_bend(rotation: Array, translation_m: Array, covariance: Array, here: Array, bend: Array) -> None:
+    """Write (4,) h, the mean of both ends of the arc less its middle; nothing where the arc is micrometres."""
     along = np.zeros(6)
     for i in range(6):
         for k in range(3):
@@ -202,14 +205,13 @@ def _bend_of(rotation: Array, translation_m: Array, covariance: Array, here: Arr
     variance = along[0] * rotation[0, 1] + along[1] * rotation[1, 1] + along[2] * rotation[2, 1]
     std_rad = math.sqrt(max(variance, 0.0))
     if not std_rad > _BENT_RAD:
-        return std_rad
+        return
     step, end = along / std_rad, np.empty(4)
     bend[:] = -here
     for sign in (-1.0, 1.0):
         _place(exp_rotation(sign * step[:3], rotation), translation_m + sign * step[3:], end)
         bend += 0.5 * end
     bend[3] -= math.pi * round(bend[3] / math.pi)
-    return std_rad
 
 
 @compiled

@@ -8,8 +8,6 @@ from __future__ import annotations
 import enum
 import math
 
-import numpy as np
-
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose, Frame, Observation
 from shipland.vision.near.covariance import position_and_yaw
@@ -70,7 +68,8 @@ def largest_reprojection_px(
         manufacturing_tolerance: what the cue's dimensions are made to (`Target.manufacturing_tolerance`).
         parameters: of the near chain.
     """
-    diagonal_px = math.hypot(*np.ptp(corners_px.reshape(-1, 2), axis=0))
+    columns_px, rows_px = corners_px.reshape(-1, 2).T.tolist()
+    diagonal_px = math.hypot(max(columns_px) - min(columns_px), max(rows_px) - min(rows_px))
     most_px = parameters.reprojection_px + manufacturing_tolerance * diagonal_px
     return most_px + min(_REPROJECTION_NOISE * noise_px, _MOST_NOISE_PX)
 
@@ -78,7 +77,7 @@ def largest_reprojection_px(
 def within_reach(camera_from_plane: Pose, parameters: VisionParameters) -> bool:
     """Whether a pose lies within the range and obliquity that are accepted."""
     sight_m = camera_from_plane.translation_m
-    distance_m, facing = float(np.linalg.norm(sight_m)), float(camera_from_plane.rotation[:, 2] @ sight_m)
+    distance_m, facing = math.hypot(*sight_m.tolist()), float(camera_from_plane.rotation[:, 2] @ sight_m)
     least_facing = math.cos(math.radians(parameters.max_obliquity_deg))
     return distance_m <= parameters.max_distance_m and facing >= least_facing * distance_m
 
