@@ -39,8 +39,8 @@ def test_pictures_alone_are_enough():
 
 
 def test_a_deck_that_is_watched_is_landed_on_where_it_would_have_swayed_away():
-    """Seed 4 misses by the deck's sway when it lands at any instant."""
-    calm, seed = {"wind.mean_mps": 0.0}, 4
+    """Seed 8047 misses by the deck's sway where optical flow alone tells it."""
+    calm, seed = {"wind.mean_mps": 0.0}, 8047
     assert not fly_quietly(load_scenario("rig-sea6", **calm), "horizon", "geometric", seed).success
     rows = []
     watched = load_scenario("rig-sea6", **calm, **{"guidance.horizon.moment": "deck"})

@@ -6,9 +6,9 @@ import struct
 
 import numpy as np
 import pytest
-from test_see import log_of, make_video
+from test_see import log_of
 
-from pictures import Look, bar_picture, camera_from_bar
+from pictures import Look, bar_picture, camera_from_bar, write_film
 from shipland.commands.see import See
 from shipland.errors import DataError
 from shipland.frames import euler_from_rotation, quaternion_from_euler, rotation_from_euler
@@ -141,7 +141,7 @@ def film(tmp_path_factory, rig, camera):
     """Two pictures from 6 m square on, where no picture tells the tilt, by a camera that looks up by 3°."""
     pose = camera_from_bar([-6.0, 0.0, 0.3], 0.0, math.radians(3.0))
     image = bar_picture(rig.cue, camera, pose, np.random.default_rng(1), Look(0.4, 1.0), colour=(40.0, 240.0, 60.0))
-    return make_video(tmp_path_factory.mktemp("film") / "film.mp4", [image] * 2)
+    return write_film(tmp_path_factory.mktemp("film") / "film.mp4", [image] * 2)
 
 
 def seen(film, tmp_path, **options):
