@@ -232,10 +232,12 @@ def test_a_change_of_mode_is_seen_at_once() -> None:
         assert asked[0.0] <= 2e5
 
 
-def test_a_required_parameter_that_is_not_told_is_not_assumed() -> None:
-    with bench("px4") as (vehicle, autopilot, _):
-        autopilot.say("lose MPC_TILTMAX_AIR")
-        with pytest.raises(VehicleError, match="does not tell MPC_TILTMAX_AIR"):
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_a_required_parameter_that_is_not_told_is_not_assumed(kind: str) -> None:
+    name = {"ardupilot": "GUID_OPTIONS", "px4": "MPC_TILTMAX_AIR"}[kind]
+    with bench(kind) as (vehicle, autopilot, _):
+        autopilot.say(f"lose {name}")
+        with pytest.raises(VehicleError, match=f"does not tell {name}"):
             vehicle.connect()
 
 

@@ -112,6 +112,20 @@ def test_mavlink_interrupted_says_hold_and_closes_its_log(
     assert (tmp_path / "out/link.tlog").stat().st_size > 1000
 
 
+def test_mavlink_killed_leaves_the_vehicle_to_the_guard_of_its_link_which_holds_it(
+    over_mavlink: tuple[subprocess.Popen[str], StandIn], tmp_path: Path
+) -> None:
+    process, autopilot = over_mavlink
+    process.kill()
+    process.wait()
+    until(lambda: autopilot.report()["mode"] == 17, timeout_s=10.0)  # BRAKE
+    until(lambda: autopilot.report()["speed"] < 0.3, timeout_s=15.0)
+    report = autopilot.report()
+    assert report["counts"]["SET_POSITION_TARGET_LOCAL_NED"] > 0
+    assert report["armed"]
+    assert len(read_log(tmp_path / "out/flight.mcap").records) > 0
+
+
 def test_mavlink_frozen_is_held_for_and_goes_on_with_level_sticks_first(
     over_mavlink: tuple[subprocess.Popen[str], StandIn],
 ) -> None:
