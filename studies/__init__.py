@@ -3,12 +3,12 @@
 ORDER = tuple(
     """
     lqg_bound turbulence wind_readings scale ship_motions deck_share step_responses tone_errors deck_sights
-    near_readings mirrored oracle_rates printed_vision landing_rule far_wind
+    near_readings mirrored oracle_rates printed_vision landing_rule far_wind follow_deck varying_speed
     speed_physics speed_environments speed_link speed_render speed_landings speed_near speed_far speed_peers
     paper_figures pilot_consistency reliability reach spoiled_cue consistency clock baselines pose_error film_errors
     far_vision frigate_recall false_accepts confirmation
     courses published_gains moment margins winds measurements faults full hazards frigate wake headline far
-    frigate_rendered landings policies envelope
+    frigate_rendered visibility landings policies envelope
     """.split()  # noqa: SIM905 - a list of names, a line for each kind
 )
 """The order in which `make results` runs them: the short ones first."""

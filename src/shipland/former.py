@@ -48,7 +48,6 @@ FORMER = {
     "swing": "wave",
     "swing_m": "wave_m",
     "swing_mps": "wave_mps",
-    "unfit_m": "contact_std_max_m",
     "watch_blind_s": "look_down_max_s",
     "watch_height_m": "deck_watch_height_m",
     "watch_known_m": "deck_std_max_m",
@@ -60,10 +59,13 @@ FORMER = {
 """Today's name by the former one."""
 
 GONE = {
+    "guidance.horizon.contact_std_max_m": "guidance.horizon.descent.odds_min says with which odds a landing begins",
+    "guidance.horizon.unfit_m": "guidance.horizon.descent.odds_min says with which odds a landing begins",
     "guidance.horizon.descent.drop_m": "wait_cost says how long good odds are waited for",
     "guidance.horizon.descent.final_descent_offset_m": "wait_cost says how long good odds are waited for",
     "guidance.horizon.descent.relax_after_s": "wait_cost says how long good odds are waited for",
     "guidance.horizon.descent.relax_per_s": "wait_cost says how long good odds are waited for",
+    "guidance.horizon.lull_mps": "the odds of a landing know how the bar moves",
     "guidance.horizon.levelling.touch_deg": "the odds of a landing hold the tilt at contact",
     "guidance.horizon.levelling.touch_m": "guidance.horizon.descent.touch_m begins the final descent",
     "guidance.horizon.levelling.touch_offset_m": "the odds of a landing hold the offset at contact",
@@ -81,6 +83,9 @@ GONE = {
     "vision.watershed": "--vision published flies the published near chain",
 }
 """What does a former key's work today, by the key with its table."""
+
+FORMER_VALUES = {("guidance.horizon.moment", "lull"): "any"}
+"""A value that logs on record have, by its key, and what flies most like it."""
 
 FORMER_OPTIONS = {
     ("campaign", "--time-limit-s"): "--minutes",
@@ -106,7 +111,7 @@ def renamed(table: Any, where: str = "") -> Any:  # noqa: ANN401 - a configurati
         }
     if isinstance(table, list):
         return [renamed(value, where) for value in table]
-    return table
+    return FORMER_VALUES.get((where, table), table)
 
 
 def as_before(table: Any) -> Any:  # noqa: ANN401 - a configuration as JSON has it

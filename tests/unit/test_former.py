@@ -31,6 +31,10 @@ def test_a_former_key_is_refused_with_its_new_name():
         load_scenario("near", guidance={"approach": {"astray_m": 0.3}})
 
 
+def test_a_value_that_is_gone_is_read_as_what_flies_most_like_it():
+    assert renamed({"guidance": {"horizon": {"moment": "lull"}}}) == {"guidance": {"horizon": {"moment": "any"}}}
+
+
 def test_a_key_that_is_gone_is_refused_with_what_does_its_work_and_read_past_in_a_log():
     with pytest.raises(ConfigError, match=r"vision: 'corners' is no key any more; --vision published"):
         load_scenario("near", vision={"corners": "forstner"})

@@ -192,8 +192,8 @@ def test_an_estimate_that_leaps_in_every_picture_does_not_take_the_speed_wanted_
     assert abs(reference.speed_mps[1]) < 0.2
 
 
-def _over(t_s, height_m, offset_m=0.0, odds=1.0, lull=True, sink_mps=0.0):
-    return Outlook(t_s, 0.033, height_m, sink_mps, offset_m, odds, lull, climb_lag_s=0.3, hover_height_m=1.2)
+def _over(t_s, height_m, offset_m=0.0, odds=1.0, sink_mps=0.0):
+    return Outlook(t_s, 0.033, height_m, sink_mps, offset_m, odds, climb_lag_s=0.3, hover_height_m=1.2)
 
 
 @pytest.mark.parametrize("sink_mps", [-0.3, 0.0, 0.1, 0.6, 1.0, 1.3])
@@ -209,11 +209,11 @@ def test_contact_is_foreseen_as_the_climb_rate_settles(height_m: float, sink_mps
     assert foreseen_s == pytest.approx(fallen_s, abs=0.01 if sink_mps <= descent.final_descent_mps else 0.3)
 
 
-def _land(offset_m=0.0, odds_at=lambda _: 1.0, lull_at=lambda _: True, seconds=30.0, height_m=1.2):
+def _land(offset_m=0.0, odds_at=lambda _: 1.0, seconds=30.0, height_m=1.2):
     descent, way = None, []
     for k in range(round(seconds / 0.033)):
         t_s = 0.033 * k
-        descent = next_descent(descent, _over(t_s, height_m, offset_m, odds_at(t_s), lull_at(t_s)), PARAMETERS.descent)
+        descent = next_descent(descent, _over(t_s, height_m, offset_m, odds_at(t_s)), PARAMETERS.descent)
         height_m = max(descent.height_m, 0.05)
         way.append((t_s, descent))
     return way
@@ -264,11 +264,6 @@ def test_poor_odds_are_waited_out_and_good_ones_taken():
     assert next_descent(waiting, _over(0.1, 0.22, odds=0.3), hasty).phase is Phase.FINAL_DESCENT
 
 
-def test_a_lull_is_waited_for():
-    way = _land(lull_at=lambda t_s: t_s > 9.0)
-    assert _begin_s(way, Phase.FINAL_DESCENT) == pytest.approx(9.0, abs=0.1)
-
-
 @pytest.mark.parametrize("phase", [Phase.SINK, Phase.WAIT])
 def test_a_touch_by_mischance_is_climbed_from_while_there_is_time(phase: Phase) -> None:
     descent, low_m = PARAMETERS.descent, PARAMETERS.descent.contact_height_m + 0.05
@@ -284,7 +279,7 @@ def test_a_touch_by_mischance_is_climbed_from_while_there_is_time(phase: Phase) 
 
 def test_a_drop_is_not_taken_back():
     in_final_descent = Descent(Phase.FINAL_DESCENT, 0.0, 0.0)
-    assert next_descent(in_final_descent, _over(1.0, 0.2, 2.0, 0.0, lull=False), PARAMETERS.descent) is in_final_descent
+    assert next_descent(in_final_descent, _over(1.0, 0.2, 2.0, 0.0), PARAMETERS.descent) is in_final_descent
 
 
 def test_sticks_and_inputs_are_each_others_inverse():

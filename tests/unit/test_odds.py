@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -58,3 +59,17 @@ def test_mean_and_square_follow_what_was_offered() -> None:
     assert odds is not None
     assert odds.mean == pytest.approx(0.5, abs=0.02)
     assert odds.square - odds.mean**2 == pytest.approx(0.045, abs=0.01)
+
+
+def test_odds_that_stay_low_are_given_up_after_the_time_over_which_they_are_judged() -> None:
+    def offered(odds: Sequence[float]) -> Odds:
+        last = None
+        for now in odds:
+            last = Odds(now).after(last, 0.1)
+        assert last is not None
+        return last
+
+    assert not offered([0.1] * 50).stay_below(0.2)
+    assert offered([0.1] * 150).stay_below(0.2)
+    assert not offered([0.1] * 130 + [0.6] + [0.1] * 20).stay_below(0.2)  # one good moment of late
+    assert not offered([0.3] * 150).stay_below(0.2)

@@ -1,7 +1,7 @@
 """When a landing comes down: the phases of the descent, and the moment at which the final descent begins.
 
 `next_descent` decides; `outlook_of` gathers what it decides on. It waits just over the deck for good `odds` of a
-landing; with the option `guidance.horizon.moment` for a lull, or for the deck's centre too. A watched deck is predicted
+landing; with the option `guidance.horizon.moment` for the deck's centre too. A watched deck is predicted
 for a time so far ahead that the camera can look up at the bar before the final descent.
 """
 
@@ -11,7 +11,6 @@ import enum
 import math
 from dataclasses import dataclass, replace
 
-from shipland.estimation.relative_state import WAVE_RATE
 from shipland.frames import Array
 from shipland.guidance.horizon.estimated import Estimated
 from shipland.guidance.horizon.odds import Odds
@@ -68,7 +67,6 @@ class Outlook:
         sink_mps: its rate, downward.
         offset_m: horizontal, from the landing point.
         odds: of a landing, if the final descent began now; while it sinks, from the height of the wait.
-        lull: the bar moves slowly enough to land.
         climb_lag_s: of the vehicle.
         hover_height_m: over the neutral deck; it rises no higher.
         from_deck_m: from the deck's centre at contact, predicted for a final descent that begins now, or, during the
@@ -81,7 +79,6 @@ class Outlook:
     sink_mps: float
     offset_m: float
     odds: float
-    lull: bool
     climb_lag_s: float
     hover_height_m: float
     from_deck_m: float | None = None
@@ -159,10 +156,10 @@ def _waiting(before: Descent, outlook: Outlook, parameters: DescentParameters) -
     if watching and outlook.from_deck_m is not None:
         below = outlook.from_deck_m <= parameters.deck_watch_offset_m
         stop_m = _stop_m(outlook, parameters)
-        return Descent(Phase.REACQUIRE, outlook.now_s, stop_m, odds=before.odds) if below and outlook.lull else before
+        return Descent(Phase.REACQUIRE, outlook.now_s, stop_m, odds=before.odds) if below else before
     if outlook.offset_m > parameters.rise_offset_m:
         return replace(before, phase=Phase.SINK)
-    if outlook.lull and before.odds is not None and before.odds.worth_taking(parameters.wait_cost):
+    if before.odds is not None and before.odds.worth_taking(parameters.wait_cost):
         return Descent(Phase.FINAL_DESCENT, outlook.now_s, 0.0, odds=before.odds)
     return before
 
@@ -202,17 +199,10 @@ def outlook_of(
         sink_mps=estimate.down_mps,
         offset_m=math.hypot(*estimate.offset_m.tolist()),
         odds=odds,
-        lull=parameters.moment == "any" or _in_lull(estimate, parameters),
         climb_lag_s=response.climb_lag_s,
         hover_height_m=guidance.approach.hover_height_m,
         from_deck_m=from_deck_m,
     )
-
-
-def _in_lull(estimate: Estimated, parameters: HorizonParameters) -> bool:
-    """On a ship: the bar's own motion is slow."""
-    speed_mps = math.hypot(*estimate.across.of(WAVE_RATE).tolist())
-    return not estimate.wave.bar_moves or speed_mps < parameters.lull_mps
 
 
 def _from_deck_m(

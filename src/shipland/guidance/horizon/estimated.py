@@ -141,12 +141,6 @@ class Estimated:
         """(4,) shares of the wave motion's states that the controlled position follows."""
         return np.asarray(self.tracked_near * self.wave.tracked[0])
 
-    @property
-    def contact_std_m(self) -> float:
-        """Standard deviation of the controlled position along the worse axis."""
-        variances = np.diagonal(position_covariance(self.across.covariance, self._tracked))
-        return math.sqrt(max(*variances, 0.0))
-
     @cached_property
     def position_std_m(self) -> float:
         """Standard deviation of the observed position along the worse axis."""

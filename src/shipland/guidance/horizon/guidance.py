@@ -63,9 +63,11 @@ class Guidance:
         oscillating = self._limit_cycle.oscillating and mode is not Mode.LAND
         gains = self._regulator.gains(estimate, far or blind or oscillating, cycle_s)
         contact_s = contact_in_s(estimate.height_m, estimate.down_mps, self._response.climb_lag_s, parameters.descent)
-        descent = None
-        if mode is Mode.LAND:
+        descent = odds = None
+        if mode is Mode.LAND or (mode is Mode.APPROACH and not far):
             foreseen = self._foreseen(estimate, before[1], reference, gains)
+            odds = foreseen[1]
+        if mode is Mode.LAND:
             outlook = outlook_of(before[1], estimate, foreseen, (now_s, step_s), self._guidance, self._response)
             descent = next_descent(before[1], outlook, parameters.descent)
             climb_mps = self._descent_mps(estimate, descent)
@@ -78,6 +80,7 @@ class Guidance:
             self._turn_rad_s(estimate),
             contact_s,
             descent,
+            odds,
             steerable=mode in (Mode.APPROACH, Mode.LAND) and estimate.bar_known,
         )
 

@@ -17,8 +17,8 @@ def situation_of(
     observation: Observation,
     telemetry: Telemetry,
     estimate: Estimated | None,
+    landing: tuple[Descent | None, float | None],
     memory: ModeMemory,
-    descent: Descent | None,
     guidance: GuidanceParameters,
 ) -> Situation:
     """The situation of one cycle; what is remembered over a lost estimate is the pilot's to add.
@@ -27,11 +27,11 @@ def situation_of(
         observation: of the newest frame, without what the estimator rejected.
         telemetry: of the decision's time.
         estimate: at the command's effect; None while it cannot be flown on.
+        landing: its descent, and its odds if it began now, of the cycle before; None for not known.
         memory: of the mode function.
-        descent: of the landing.
         guidance: parameters.
     """
-    margins, approach = guidance.horizon.margins, guidance.approach
+    margins, approach, (descent, odds) = guidance.horizon.margins, guidance.approach, landing
     height_m, clear = math.inf, False
     if estimate is not None:
         height_m = estimate.height_m
@@ -42,9 +42,9 @@ def situation_of(
     return Situation(
         now_s=telemetry.t_s,
         observation=observation,
-        landing_condition=landing_condition(estimate, guidance),
+        landing_condition=landing_condition(estimate, odds, guidance),
         committed=phase is Phase.FINAL_DESCENT or height_m < margins.committed_m,
-        abort_reason=_abort_reason(estimate, guidance) if memory.mode is Mode.LAND else "",
+        abort_reason=_abort_reason(estimate, descent, guidance) if memory.mode is Mode.LAND else "",
         near_ship=False,
         clear=may_retry(telemetry.t_s - memory.since_s, clear, approach),
         flying=telemetry.flying,
@@ -52,7 +52,7 @@ def situation_of(
     )
 
 
-def landing_condition(estimate: Estimated | None, guidance: GuidanceParameters) -> str:
+def landing_condition(estimate: Estimated | None, odds: float | None, guidance: GuidanceParameters) -> str:
     """Why a landing must not begin; empty when it may."""
     limits, approach = guidance.horizon, guidance.approach
     if estimate is None or not estimate.bar_known:
@@ -66,15 +66,20 @@ def landing_condition(estimate: Estimated | None, guidance: GuidanceParameters) 
     yaw_deg = math.degrees(wrap_angle(estimate.nose_rad - estimate.bar_rad))
     if abs(yaw_deg) > approach.max_yaw_error_deg:
         return f"heading off by {yaw_deg:.0f}°"
-    if estimate.contact_std_m > limits.contact_std_max_m:
-        return f"offset at contact uncertain by {estimate.contact_std_m:.2f} m"
+    if odds is None or odds < limits.descent.odds_min:
+        return f"odds of a landing {100.0 * (odds or 0.0):.0f} %"
     return ""
 
 
-def _abort_reason(estimate: Estimated | None, guidance: GuidanceParameters) -> str:
+def _abort_reason(estimate: Estimated | None, descent: Descent | None, guidance: GuidanceParameters) -> str:
     """Why a landing must be broken off; empty when it may go on."""
     if estimate is None:
         return ""
     # From the bar as it is seen: which part of a motion is the bar's own wave motion is far less certain.
     off_m = math.hypot(*estimate.observed_offset_m.tolist())
-    return f"{off_m:.2f} m off the landing point" if off_m > guidance.horizon.abort_offset_m else ""
+    if off_m > guidance.horizon.abort_offset_m:
+        return f"{off_m:.2f} m off the landing point"
+    odds = None if descent is None else descent.odds
+    if odds is not None and odds.stay_below(guidance.horizon.descent.odds_min):
+        return f"odds of a landing no better than {100.0 * odds.best:.0f} %"
+    return ""

@@ -18,6 +18,8 @@ from shipland.rig import Rig
 
 _REMEMBERED_S = 10.0
 """Time constant of their mean and variance."""
+_JUDGED_S = 0.63 * _REMEMBERED_S
+"""Their weight after that time: the best of late says then what can be hoped for."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,10 @@ class Odds:
         density = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
         better = deviation * (density - z * 0.5 * math.erfc(z / math.sqrt(2.0)))
         return min(better, self.best - self.now)
+
+    def stay_below(self, least: float) -> bool:
+        """Whether even the best of late is lower, after long enough."""
+        return self.weight_s >= _JUDGED_S and self.best < least
 
     def worth_taking(self, cost: float) -> bool:
         """Whether another draw gains less than it costs, in landings."""

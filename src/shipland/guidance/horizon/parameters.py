@@ -96,6 +96,9 @@ class DescentParameters:
     final_descent_mps: float = scaled(1.0, "speed of the final descent", ge=0.01, le=5)
     sink_max_mps: float = key(1.5, "a harder contact is no landing", gt=0)
     sink_std_mps: float = key(0.3, "standard deviation of what deck and gusts add to the sink at contact", gt=0)
+    odds_min: float = key(
+        0.2, "with lower odds a landing does not begin, and is broken off where they stay below", ge=0, le=1
+    )
     wait_cost: float = key(
         0.003, "landings that it costs to wait for another moment; large: any moment will do", ge=0, le=1
     )
@@ -116,12 +119,11 @@ class HorizonParameters:
     All chosen: docs/explanation/pilots-cycle.md says how.
     """
 
-    moment: Literal["any", "lull", "deck"] = key(
+    moment: Literal["any", "deck"] = key(
         "any",
         "when the final descent begins",
-        "any: of good odds | lull: in a lull of the bar | deck: as the deck will be below at contact",
+        "any: of good odds | deck: as the deck will be below at contact",
     )
-    lull_mps: float = scaled(0.1, "what counts as a lull")
     look_down_max_s: float = key(2.5, "longest look down at the deck; then the camera looks up at the bar")
     look_up_s: float = key(0.3, "time with poses before it looks down again")
     deck_rise_max_mps: float = key(0.3, "of the deck at contact for the final descent to begin")
@@ -130,9 +132,6 @@ class HorizonParameters:
     )
     land_offset_m: float = scaled(0.2, "largest offset to begin a landing, held for `guidance.modes.settle_s`", gt=0)
     abort_offset_m: float = scaled(0.6, "a landing is broken off with more", ge=0.05, le=20)
-    contact_std_max_m: float = scaled(
-        0.12, "of the offset at contact for a landing to begin (standard deviation)", ge=0.01, le=5
-    )
     position_std_max_m: float = key(1.0, "without pictures the estimate is flown on up to this", ge=0.05, le=20)
     gust_share: float = key(0.2, "acceleration by gusts as a share of the mean wind's over land")
     gust_share_at_sea: float = key(0.12, "likewise over the sea")

@@ -43,6 +43,7 @@ class PilotState(NamedTuple):
         distance_m: last known distance to the bar.
         seen_rad: bearing at which the target was seen last: the search turns to that side first.
         reference, descent, look_down: of the flight on the estimate, of a landing, and of its deck watch.
+        odds: of a landing; None where they are not known.
     """
 
     gimbal_pitch_rad: float
@@ -56,6 +57,7 @@ class PilotState(NamedTuple):
     reference: Reference | None = None
     descent: Descent | None = None
     look_down: GimbalLookDown | None = None
+    odds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -113,9 +115,9 @@ class HorizonPilot:
         mode = state.modes.mode
         if estimate is not None and mode in _TRACKS:
             plan = self._guidance.plan(mode, estimate, (state.reference, state.descent), now_s, (step_s, state.cycle_s))
-            state = _with_descent(state._replace(reference=plan.reference), plan.descent)
+            state = _with_descent(state._replace(reference=plan.reference, odds=plan.odds), plan.descent)
         else:
-            state = state._replace(reference=None)
+            state = state._replace(reference=None, odds=None)
         self._state = state = self._with_gimbal(observation, estimate, state, step_s)
         return Planned(state, now_s, estimate, plan, estimator.estimate(estimator.taken_s(observation.t_s)))
 
@@ -178,7 +180,9 @@ class HorizonPilot:
         if estimate is not None:
             place_m = estimate.aircraft_in_bar_m
             state = state._replace(distance_m=math.sqrt(place_m.dot(place_m)))
-        situation = situation_of(observation, telemetry, estimate, state.modes, state.descent, self._parameters)
+        situation = situation_of(
+            observation, telemetry, estimate, (state.descent, state.odds), state.modes, self._parameters
+        )
         situation = situation._replace(
             near_ship=state.distance_m < self._parameters.approach.go_around_radius_m,
             overruled=overruled(sent, state.modes.mode),

@@ -35,6 +35,7 @@ class Plan:
         turn_rad_s: yaw rate, clockwise.
         contact_s: time to contact in a final descent that begins now, or has begun.
         descent: of a landing; None outside one.
+        odds: of a landing, if the final descent began now or from the wait; None far from the landing point.
         steerable: near the landing point, where a policy may change the input.
     """
 
@@ -44,6 +45,7 @@ class Plan:
     turn_rad_s: float
     contact_s: float
     descent: Descent | None
+    odds: float | None
     steerable: bool
 
     @property

@@ -217,7 +217,8 @@ class CourseParameters:
         "still", "a turn is by `change_deg`, `turn90` by 90°; `random` turns within it; `reverse` stops and goes astern"
     )
     course_deg: float = key(0.0, "the first heading, clockwise from north")
-    speed_mps: float = key(2.0, "speed", ge=0)
+    speed_mps: float = key(2.0, "speed; the most on a random course", ge=0)
+    slowest: float = key(0.5, "speed on a random course, at least, as a share of that", ge=0, le=1)
     speed_max_mps: float = key(4.5, "the platform's fastest", "[Lee2022]: 0–4.5 m/s")
     start_s: float = key(10.0, "straight ahead before the first manoeuvre", ge=0)
     change_deg: float = key(
@@ -250,7 +251,7 @@ def build_course(parameters: CourseParameters, rng: np.random.Generator) -> Cour
     change_rad = math.radians(90.0 if p.kind == "turn90" else p.change_deg)
     if p.kind == "random":
         turns = rng.uniform(-abs(change_rad), abs(change_rad), p.manoeuvres)
-        speeds = p.speed_mps * rng.uniform(0.5, 1.0, p.manoeuvres)
+        speeds = p.speed_mps * rng.uniform(p.slowest, 1.0, p.manoeuvres)
         legs = p.leg_s * rng.uniform(0.5, 1.5, p.manoeuvres)
     else:
         count = p.manoeuvres if p.kind == "s" else 1
@@ -263,8 +264,8 @@ def build_course(parameters: CourseParameters, rng: np.random.Generator) -> Cour
     manoeuvres: list[Manoeuvre] = []
     start_s, speed_mps = p.start_s, p.speed_mps
     for turn, speed, leg_s in zip(turns.tolist(), speeds.tolist(), legs.tolist(), strict=True):
-        slowest = min(speed, speed_mps)
-        duration_s = max(PEAK_BLEND_RATE * abs(turn) * p.turn_radius_m / slowest, 1.0)
+        slowest_mps = max(min(speed, speed_mps), 0.1)
+        duration_s = max(PEAK_BLEND_RATE * abs(turn) * p.turn_radius_m / slowest_mps, abs(speed - speed_mps), 1.0)
         manoeuvres.append(Manoeuvre(start_s, duration_s, turn, speed - speed_mps))
         start_s, speed_mps = start_s + duration_s + leg_s, speed
     return ManoeuvringCourse(course_rad, p.speed_mps, manoeuvres)
