@@ -100,7 +100,7 @@ def test_json_is_plain_rounded_and_free_of_nan(tmp_path):
     assert json.loads(path.read_text()) == {"a": None, "b": 0.123457, "c": [1.0, 0.0], "d": 3, "e": True}
     assert "-0.0" not in path.read_text()
     with pytest.raises(DataError, match="cannot be written"):
-        write_json(tmp_path / "none" / "x.json", {})
+        write_json(path / "y.json", {})
 
 
 # The recorder

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import os
 import platform
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
@@ -19,6 +18,7 @@ from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell
 from shipland.factories import name_of
+from shipland.files import json_bytes, json_of, read_text, replacing, write_atomically
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import AirframeParameters
 from shipland.sim.ship.ship import ShipParameters
@@ -161,7 +161,6 @@ def processes(count: int) -> Executor:
 
 def _write_beside(plan: CampaignPlan, out: Path) -> None:
     """cells.json: what was asked for, earlier cells of the folder included."""
-    path = out / "cells.json"
     before = read_about(out) if cells_file(out).exists() else {"cells": {}}
     cells = {
         cell.name: {
@@ -179,16 +178,14 @@ def _write_beside(plan: CampaignPlan, out: Path) -> None:
         "machine": {"platform": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
         "cells": before["cells"] | cells,
     }
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    part.replace(path)
+    write_atomically(out / "cells.json", json_bytes(table))
 
 
 def read_about(folder: Path) -> dict[str, Any]:
     """cells.json of a folder: command, machine and cells; DataError when there is none or it is broken."""
     path = cells_file(folder)
     try:
-        table = json.loads(path.read_text(encoding="utf-8"))
+        table = json_of(path.read_text(encoding="utf-8"))
         if not isinstance(table["cells"], dict):
             raise TypeError
     except OSError as error:
@@ -270,7 +267,7 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
     keys: dict[str, dict[str, Any]] = {}
     for folder in folders:
         for name, about in read_about(folder)["cells"].items():
-            key = json.loads((folder / name / "campaign.json").read_text(encoding="utf-8"))
+            key = json_of(read_text(folder / name / "campaign.json"))
             bound = {word: key[word] for word in ("source", "configuration", "weights", "own_code")}
             if keys.setdefault(name, bound) != bound:
                 raise DataError(f"{name}: flown with other code, configuration or weights in {folder} than before")
@@ -308,10 +305,8 @@ def rows_of(cells: Sequence[CellResult]) -> Iterator[dict[str, Any]]:
 def write_rows(path: Path, cells: Sequence[CellResult]) -> None:
     """Write `flights.csv`; numbers that a flight does not have are empty."""
     settings = dict.fromkeys(key for cell in cells for key, _ in cell.settings)
-    part = path.with_suffix(".part")
-    with part.open("w", newline="", encoding="utf-8") as file:
+    with replacing(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         head = ["suite", "cell", "scenario", "pilot", "vision", *settings, *COLUMNS]
         rows = csv.DictWriter(file, head, lineterminator="\n")
         rows.writeheader()
         rows.writerows(map(as_text, rows_of(cells)))
-    part.replace(path)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -12,13 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from shipland.errors import ConfigError
+from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.oracle import OracleRate, oracle_rate
 from shipland.evaluation.rules import rules
 from shipland.evaluation.statistics import Interval, Pairing, quantile_interval, share_interval
 from shipland.evaluation.tables import median, pair_up
+from shipland.files import json_bytes, json_of, read_text, write_atomically
 from shipland.rig import Rig, area_of
 
 
@@ -194,8 +194,8 @@ def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | Non
     """
     kept = {}
     if cache is not None:
-        with suppress(OSError, ValueError):
-            kept = json.loads(cache.read_text(encoding="utf-8"))
+        with suppress(DataError, ValueError):
+            kept = json_of(read_text(cache))
     found: dict[str, OracleRate] = {}
     for cell in cells:
         ship, rig, airframe = cell.ship, cell.rig, cell.airframe
@@ -204,7 +204,7 @@ def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | Non
             drawn = oracle_rate(ship, rig, airframe, motions, np.random.default_rng(1))
             kept[key] = {**vars(drawn), "interval": list(drawn.interval), "deviation_m": list(drawn.deviation_m)}
             if cache is not None:
-                cache.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+                write_atomically(cache, json_bytes(kept))
         row = kept[key]
         interval, deviation_m = Interval(*row["interval"]), tuple(row["deviation_m"])
         found[cell.group] = OracleRate(**{**row, "interval": interval, "deviation_m": deviation_m})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,7 +17,7 @@ from shipland.evaluation.campaign import processes
 from shipland.evaluation.folder import campaign_key, source_digest
 from shipland.evaluation.job import FlightJob
 from shipland.evaluation.landing import COLUMNS
-from shipland.files import json_of, read_text, write_atomically
+from shipland.files import json_bytes, json_of, read_text, write_atomically
 from shipland.stopping import stop_requests
 from shipland.version import code_version
 
@@ -136,7 +135,7 @@ def receipt_of(path: Path) -> Path:
 
 def write_receipt(path: Path, verified: Verified) -> None:
     """Note beside a bundle that it was verified."""
-    write_atomically(receipt_of(path), (json.dumps(vars(verified), indent=1) + "\n").encode())
+    write_atomically(receipt_of(path), json_bytes(vars(verified)))
 
 
 def read_receipt(bundle: Bundle) -> Verified | None:

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shipland.files import replacing
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -14,15 +16,12 @@ if TYPE_CHECKING:
 @contextmanager
 def panels(path: Path, count: int, size_in: tuple[float, float]) -> Iterator[list[Axes]]:
     """So many panels side by side, written to `path` whole once the block has drawn them."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=size_in, layout="constrained")
-    FigureCanvasAgg(figure)
     drawn = list(figure.subplots(1, count))
     yield drawn
     for axes in drawn:
         axes.grid(alpha=0.3)
-    beside = path.with_suffix(".part.png")
-    figure.savefig(beside, dpi=110)
-    beside.replace(path)
+    with replacing(path) as beside:
+        figure.savefig(beside, dpi=110, format="png")

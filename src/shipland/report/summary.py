@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-import json
 import re
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from shipland.errors import DataError
+from shipland.files import json_bytes, write_atomically, writing
 from shipland.frames import Array
 from shipland.messages import Mode, TouchdownVerdict
 from shipland.record.columns import FlightColumns
@@ -177,13 +175,8 @@ def kinds_of(reason: str) -> list[str]:
 
 def write_json(path: Path, value: object) -> None:
     """Write a dataclass or mapping as JSON, floats to the sixth decimal; DataError when the file cannot be written."""
-    text = json.dumps(_plain(value), indent=2, ensure_ascii=False, allow_nan=False)
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        with suppress(OSError):
-            path.unlink()
-        raise DataError(f"{path} cannot be written: {error.strerror}") from None
+    with writing(path):
+        write_atomically(path, json_bytes(_plain(value)))
 
 
 def _aircraft_error(columns: FlightColumns) -> PoseError | None:
