@@ -37,13 +37,11 @@ def flight_html(
     """
     figures = [("cycles", f"{len(records)}")]
     if verdict is not None and verdict.touched:
-        forward_m, starboard_m = verdict.touchdown_in_deck_m
-        u, v, w = verdict.relative_velocity_in_deck_mps
         figures += [
             ("time", f"{verdict.t_s:.1f} s"),
-            ("off the deck's centre", f"{np.hypot(forward_m, starboard_m):.3f} m"),
-            ("sink", f"{w:.2f} m/s"),
-            ("slide", f"{np.hypot(u, v):.2f} m/s"),
+            ("off the deck's centre", f"{verdict.error_m:.3f} m"),
+            ("sink", f"{verdict.sink_mps:.2f} m/s"),
+            ("slide", f"{verdict.slide_mps:.2f} m/s"),
             ("tilt", f"{np.degrees(verdict.tilt_rad):.1f}°"),
             ("slip", f"{100.0 * verdict.slip_m:.1f} cm"),
         ]

@@ -311,9 +311,8 @@ def _draw_touchdown(
             rest_m[1], rest_m[0], marker="x", color=unit(VERMILION), markersize=7, markeredgewidth=2,
             linestyle="none", label="at rest",
         )  # fmt: skip
-        velocity = verdict.relative_velocity_in_deck_mps
         text = (
-            f"{100.0 * np.hypot(forward_m, right_m):.1f} cm from the centre, {velocity[2]:.2f} m/s down, "
+            f"{100.0 * verdict.error_m:.1f} cm from the centre, {verdict.sink_mps:.2f} m/s down, "
             f"tilt {np.degrees(verdict.tilt_rad):.1f}°, slip {100.0 * verdict.slip_m:.1f} cm"
         )
         axes.set_title("touchdown on the deck, from above", pad=20.0)

@@ -138,9 +138,7 @@ def summarise(log: FlightLog, end: str = "") -> FlightSummary:
         cycles=len(log.records),
         flight_time_s=float(np.ptp(columns.t_s)) if len(columns.t_s) else 0.0,
         time_to_land_s=None if verdict is None or not verdict.touched else verdict.t_s - start_s,
-        touchdown_error_m=(
-            None if verdict is None or not verdict.touched else float(np.linalg.norm(verdict.touchdown_in_deck_m))
-        ),
+        touchdown_error_m=None if verdict is None or not verdict.touched else verdict.error_m,
         touchdown=verdict,
         time_per_mode_s=time_per_mode_s,
         mode_changes=max(0, len(spans) - 1),
