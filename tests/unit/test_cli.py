@@ -40,15 +40,6 @@ def test_help_imports_nothing_heavy():
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize(
-    "command", ["fly", "campaign", "motion", "see", "detect", "synth", "train", "evaluate", "scenarios"]
-)
-def test_help_teaches(command, here):
-    done = here(command, "--help")
-    assert done.returncode == 0
-    assert len(done.stdout) > 200
-
-
 def test_the_list_of_commands_fits_two_screens_and_each_command_tells_all(here):
     every, fly = here("--help").stdout, here("fly", "--help").stdout
     assert len(every.splitlines()) < 70
@@ -84,17 +75,18 @@ def test_version_and_scenarios(here):
     assert "near" in here("scenarios").stdout
 
 
-def test_help_says_nothing_that_helps_nobody(here):
+def test_help_teaches_and_says_nothing_that_helps_nobody(here):
     for command in map(name_of, COMMANDS):
         said = " ".join(here(command, "--help").stdout.split())
+        assert len(said) > 100, command
         for noise in (
             "{None}",
             "(default: None)",
             "(default: '')",
             "(default: )",
+            "(default: False)",
             "PATH PATH",
             "[[PATH",
-            "(default: False)",
         ):
             assert noise not in said, f"{command}: {noise}"
     assert "usage: shipland print-cue [-h] [CUE]" in here("print-cue", "--help").stdout

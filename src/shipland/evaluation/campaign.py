@@ -131,7 +131,17 @@ class OpenCampaign:
         if plan.out is not None:
             found = {cell.name: cell for cell in read_cells([plan.out])}
             return [found[cell.name] for cell in plan.cells]
-        return [_result(cell, plan.suite, self._rows[cell.name].done) for cell in plan.cells]
+        return [
+            CellResult(
+                **_facts(cell.name, _about(cell, plan.suite)),
+                rig=cell.scenario.rig,
+                ship=cell.scenario.ship,
+                airframe=cell.scenario.aircraft.airframe,
+                landings=_in_order(self._rows[cell.name].done),
+                logs=None,
+            )
+            for cell in plan.cells
+        ]
 
 
 @contextmanager
@@ -162,23 +172,24 @@ def processes(count: int) -> Executor:
 def _write_beside(plan: CampaignPlan, out: Path) -> None:
     """cells.json: what was asked for, earlier cells of the folder included."""
     before = read_about(out) if cells_file(out).exists() else {"cells": {}}
-    cells = {
-        cell.name: {
-            "suite": plan.suite,
-            "scenario": cell.scenario.name,
-            "settings": dict(cell.settings),
-            "group": cell.group,
-            "pilot": name_of(cell.pilot),
-            "vision": name_of(cell.vision),
-        }
-        for cell in plan.cells
-    }
     table = {
         "command": plan.command,
         "machine": {"platform": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
-        "cells": before["cells"] | cells,
+        "cells": before["cells"] | {cell.name: _about(cell, plan.suite) for cell in plan.cells},
     }
     write_atomically(out / "cells.json", json_bytes(table))
+
+
+def _about(cell: Cell, suite: str) -> dict[str, Any]:
+    """What cells.json says of a cell."""
+    return {
+        "suite": suite,
+        "scenario": cell.scenario.name,
+        "settings": dict(cell.settings),
+        "group": cell.group,
+        "pilot": name_of(cell.pilot),
+        "vision": name_of(cell.vision),
+    }
 
 
 def read_about(folder: Path) -> dict[str, Any]:
@@ -238,22 +249,14 @@ class CellResult:
     version: str = ""
 
 
-def _result(cell: Cell, suite: str, done: Mapping[int, Landing]) -> CellResult:
-    scenario = cell.scenario
-    return CellResult(
-        name=cell.name,
-        group=cell.group,
-        suite=suite,
-        pilot=name_of(cell.pilot),
-        vision=name_of(cell.vision),
-        settings=cell.settings,
-        scenario=scenario.name,
-        rig=scenario.rig,
-        ship=scenario.ship,
-        airframe=scenario.aircraft.airframe,
-        landings=tuple(done[seed] for seed in sorted(done)),
-        logs=None,
-    )
+def _facts(name: str, about: Mapping[str, Any]) -> dict[str, Any]:
+    """Of what cells.json says of a cell, the attributes of `CellResult`."""
+    words = {word: about[word] for word in ("suite", "scenario", "group", "pilot", "vision")}
+    return {"name": name, "settings": tuple(about["settings"].items()), **words}
+
+
+def _in_order(done: Mapping[int, Landing]) -> tuple[Landing, ...]:
+    return tuple(done[seed] for seed in sorted(done))
 
 
 def read_cells(folders: Sequence[Path]) -> list[CellResult]:
@@ -275,17 +278,11 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
             if name in found:
                 landings = {it.seed: it for it in found[name].landings} | landings
             found[name] = CellResult(
-                name=name,
-                group=about["group"],
-                suite=about["suite"],
-                pilot=about["pilot"],
-                vision=about["vision"],
-                settings=tuple(about["settings"].items()),
-                scenario=about["scenario"],
+                **_facts(name, about),
                 rig=build(Rig, flown["rig"], "rig"),
                 ship=build(ShipParameters, flown["ship"], "ship"),
                 airframe=build(AirframeParameters, flown["aircraft"]["airframe"], "aircraft.airframe"),
-                landings=tuple(landings[seed] for seed in sorted(landings)),
+                landings=_in_order(landings),
                 logs=folder / name / "flights",
                 version=str(key.get("version", "")),
             )

@@ -189,18 +189,9 @@ def _pose_error(error_m: Array, error_yaw_rad: Array) -> PoseError | None:
         return None
     errors = np.column_stack([error_m[whole], np.degrees(error_yaw_rad[whole])])
     rms, mean = np.sqrt(np.mean(errors**2, axis=0)), np.mean(errors, axis=0)
-    return PoseError(
-        count=int(whole.sum()),
-        rms_forward_m=float(rms[0]),
-        rms_right_m=float(rms[1]),
-        rms_down_m=float(rms[2]),
-        rms_yaw_deg=float(rms[3]),
-        mean_forward_m=float(mean[0]),
-        mean_right_m=float(mean[1]),
-        mean_down_m=float(mean[2]),
-        mean_yaw_deg=float(mean[3]),
-        max_distance_m=float(np.linalg.norm(errors[:, :3], axis=1).max()),
-    )
+    largest_m = float(np.linalg.norm(errors[:, :3], axis=1).max())
+    figures: list[float] = [*rms.tolist(), *mean.tolist(), largest_m]
+    return PoseError(int(whole.sum()), *figures)
 
 
 def _largest(values: Array) -> float | None:
