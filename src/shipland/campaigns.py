@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -38,12 +39,13 @@ from shipland.evaluation.leaderboard import (
     pilot_pairings,
     rivals,
 )
-from shipland.evaluation.progress import CampaignProgress, ProgressBar
+from shipland.evaluation.progress import CampaignProgress, begun, ended, underway
 from shipland.evaluation.statistics import share_interval
 from shipland.evaluation.suite import Overrides, Suite, SuiteEntry, cells_of, load_suite, sealed_seeds
 from shipland.evaluation.tables import summary_of
 from shipland.extras import require
 from shipland.factories import Factory
+from shipland.progress import followed
 from shipland.rig import area_of
 from shipland.scenario.scenario import Scenario
 
@@ -290,19 +292,27 @@ def _fly(
     def now() -> CampaignProgress:
         return CampaignProgress(cells, flights, left, flown, landed, opened.lost, area)
 
-    with ExitStack() as stack:
-        show = progress if callable(progress) else None
-        if progress is True:
-            show = stack.enter_context(ProgressBar(plan.out is not None))
-        landings = stack.enter_context(closing(opened.fly(executor)))
-        if show is not None:
-            show(now())
-        for _, landing in landings:
-            flown, landed = flown + 1, landed + landing.success
-            if show is not None:
-                show(now())
-            if time_limit_s and time.monotonic() - begun_s > time_limit_s:
-                break
+    def told() -> Generator[str, None, None]:
+        nonlocal flown, landed
+        with closing(opened.fly(executor)) as landings:
+            for _, landing in landings:
+                flown, landed = flown + 1, landed + landing.success
+                if callable(progress):
+                    progress(now())
+                yield underway(now()) if progress is True else ""
+
+    if callable(progress):
+        progress(now())
+    if progress is True:
+        print(begun(now()), file=sys.stderr, flush=True)
+    with closing(told()) as one_by_one:
+        try:
+            for _ in followed(one_by_one, "flights", left) if progress is True else one_by_one:
+                if time_limit_s and time.monotonic() - begun_s > time_limit_s:
+                    break
+        finally:
+            if progress is True:
+                print(*ended(now(), time.monotonic() - begun_s, plan.out is not None), sep="\n", file=sys.stderr)
     return flown
 
 

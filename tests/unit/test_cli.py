@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 import pytest
 
+from shipland import progress
 from shipland.cli import COMMANDS, main, name_of
 from shipland.commands.fly import Fly
-from shipland.evaluation import progress
 from shipland.record.reader import read_log
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -49,13 +49,13 @@ def test_the_list_of_commands_fits_two_screens_and_each_command_tells_all(here):
 
 
 def test_a_campaign_leaves_tables_and_is_compared_and_reported(tmp_path, here, monkeypatch):
-    monkeypatch.setattr(progress, "_SAY_EVERY_S", 0.0)
+    monkeypatch.setattr(progress, "LINE_EVERY_S", 0.0)
     out = tmp_path / "out"
     words = ["campaign", "--set", "time_limit_s=1", "--runs", "2", "--workers", "1", "--oracle-motions", "0"]
     done = here(*words, "--pilot", "paper,horizon", "--out", str(out))
     assert done.returncode == 0, done.stderr
     # How far it is, where there is no terminal.
-    assert "0 of 2 landed in the square (0–84 %), 2 to fly" in done.stderr
+    assert re.search(r"flights: 2 of 4 after .* left  0 of 2 landed in the square \(0–84 %\)", done.stderr)
     assert "4 of 4 flown" in done.stderr
     cell = out / "near_time_limit_s=1_horizon"
     assert re.search(r"\| near \| horizon \| [\d., ]+ \| 2 \| 0 \(0.0 %\) \|", done.stdout)

@@ -26,13 +26,13 @@ from shipland.learning.curves import panels
 from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.looks import LEAST_CONFIDENCE, Look, edges_of, looks_at
 from shipland.learning.metrics import COCO_IOUS, Tally
-from shipland.learning.progress import followed
 from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
 from shipland.learning.ship_and_camera import ShipAndCamera
 from shipland.learning.shot import Shot
 from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import FRAME_S, compressed, draw, in_workers, jpeg_quality, synth_parameters
 from shipland.messages import Box, Frame, GimbalAttitude
+from shipland.progress import followed
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
 from shipland.sim.target_box import NearestBox, target_box

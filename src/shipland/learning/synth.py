@@ -27,11 +27,11 @@ from shipland.files import claim, replacing, write_atomically
 from shipland.learning.arguments import Kind, SynthArguments
 from shipland.learning.dataset import coco_table, read_dataset
 from shipland.learning.decoys import foot_box_px, paint
-from shipland.learning.progress import followed
 from shipland.learning.sensor import degrade
 from shipland.learning.ship_and_camera import ShipAndCamera
 from shipland.learning.shot import Shot
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
+from shipland.progress import followed
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
 from shipland.sim.target_box import NearestBox, target_box
