@@ -139,7 +139,7 @@ def draw_ship(axes: Axes, rig: Rig, side: bool) -> None:
 
 def airwake(out: Path = PICTURES / "airwake.png") -> None:
     """The parametric airwake, from the side and from above."""
-    from shipland.report.plots import drawn
+    from shipland.figures import drawn
     from shipland.sim.air.airwake import Airwake
     from shipland.sim.air.wind import WindParameters
 

@@ -20,9 +20,9 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.config import build, key, parameters, require
 from shipland.errors import DataError
+from shipland.figures import drawn
 from shipland.files import claim, read_text, write_atomically
 from shipland.learning.arguments import EvaluateArguments
-from shipland.learning.curves import panels
 from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.looks import LEAST_CONFIDENCE, Look, edges_of, looks_at
 from shipland.learning.metrics import COCO_IOUS, Tally
@@ -413,7 +413,8 @@ def _over(box: SureBox, edges: NearestBox | None) -> bool:
 
 def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
     """Recall with its intervals, precision, and the boxes' errors over range, as a picture."""
-    with panels(path, 3, (13.0, 3.8)) as (left, centre, right):
+    with drawn(path, (13.0, 3.8), 110) as figure:
+        left, centre, right = figure.subplots(1, 3)
         colours = {"all": "#444444", "clear": "#1f77b4", "haze": "#d98a1f"}
         for name, table in tables.items():
             bins = [item for item in table.bins if item.scenes]

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from shipland.figures import drawn
 from shipland.frames import Array
 from shipland.messages import TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.reader import FlightLog
 from shipland.report.palette import BLUE, VERMILION, unit
-from shipland.report.plots import draw_pad, drawn, finish_time_axes
+from shipland.report.plots import draw_pad, finish_time_axes
 from shipland.version import code_version
 
 PART_M = 0.01

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shipland.evaluation.envelope import KNOT_MPS, NATOPS_PITCH_DEG, NATOPS_ROLL_DEG, RATINGS, Envelope
+from shipland.figures import PLOT_STYLE, new_figure, save_figure
 from shipland.files import json_bytes, write_atomically
 from shipland.report.palette import VERMILION, unit
-from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
 from shipland.scenario.scenario import Scenario
 
 if TYPE_CHECKING:

@@ -13,9 +13,10 @@ import numpy.typing as npt
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.statistics import share_interval
+from shipland.figures import PLOT_STYLE, drawn, new_figure
 from shipland.frames import Array
 from shipland.report.palette import BLUE, GREEN, VERMILION, unit
-from shipland.report.plots import PLOT_STYLE, PlotParameters, draw_pad, drawn, new_figure
+from shipland.report.plots import PlotParameters, draw_pad
 from shipland.report.svg import SERIES
 from shipland.rig import Rig, area_of
 

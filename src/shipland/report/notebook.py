@@ -13,10 +13,10 @@ from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.statistics import share_interval
 from shipland.evaluation.tables import median
 from shipland.extras import installed
+from shipland.figures import png_of
 from shipland.messages import FlightRecord, TouchdownVerdict
 from shipland.report.landing_plots import plot_cells
 from shipland.report.pages import html_table, picture
-from shipland.report.plots import png_of
 from shipland.report.views import FlightViews
 from shipland.rig import area_of
 from shipland.scenario.scenario import Scenario
