@@ -138,8 +138,9 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -
         drawn = ShipAndCamera.packaged() if drawn is None else drawn
         detector = _detector(arguments, settings)
         records = list(fresh_records(arguments, parameters, drawn, detector, settings))
-        for record in records:
-            _add([tally, *strict], record)
+        for each in (tally, *strict):
+            for record in records:
+                record.count(each)
     tables = _tables(records, arguments, parameters, confidence)
     result = Evaluation(
         detector.description,
@@ -161,13 +162,6 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -
     if tables:
         plot_recall(arguments.out / "recall.png", tables, arguments.kind)
     return result
-
-
-def _add(tallies: Sequence[Tally], record: SceneRecord) -> None:
-    boxes = np.array(record.boxes, np.float32).reshape(-1, 5)
-    rows = [] if record.target is None else [(0.0, *record.target)]
-    for tally in tallies:
-        tally.add(boxes[:, :4], boxes[:, 4], np.array(rows, np.float32).reshape(-1, 5))
 
 
 def _tables(
