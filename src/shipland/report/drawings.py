@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from shipland.vision.pictures import FilePicture, Picture, is_film
 _GREEN_BGR, _DARK_BGR = (80, 230, 40), (20, 20, 20)
 
 
-class Drawings:
+class Drawings(AbstractContextManager["Drawings"]):
     """The folder that drawings go to; a context manager. Pictures become .jpg, videos and logs .mp4 with their times.
 
     Args:
@@ -29,9 +30,6 @@ class Drawings:
         self._out = out
         self._taken: set[Path] = set()
         self._video = _VideoOut(None)
-
-    def __enter__(self) -> Drawings:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._video.close()

@@ -7,8 +7,8 @@ import math
 import multiprocessing
 import socket
 import threading
+from contextlib import AbstractContextManager
 from multiprocessing.connection import Connection
-from types import TracebackType
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +30,7 @@ class _Shown(NamedTuple):
     snapshot: Snapshot
 
 
-class FrameServer:
+class FrameServer(AbstractContextManager["FrameServer"]):
     """Takes exposures from the physics and never makes it wait.
 
     Frames leave `delays.video_s` after their exposure; while a picture is drawn, those that come are left out.
@@ -56,12 +56,7 @@ class FrameServer:
         near.close()
         self._ended = False
 
-    def __enter__(self) -> FrameServer:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with contextlib.suppress(OSError):
             self._link.send(None)
         self._process.join(2.0)
