@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import multiprocessing
 import socket
 import threading
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from multiprocessing.connection import Connection
 from typing import NamedTuple
 
@@ -57,7 +56,7 @@ class FrameServer(AbstractContextManager["FrameServer"]):
         self._ended = False
 
     def __exit__(self, *_: object) -> None:
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             self._link.send(None)
         self._process.join(2.0)
         self._process.kill()
@@ -68,14 +67,14 @@ class FrameServer(AbstractContextManager["FrameServer"]):
 
     def show(self, t_s: float, snapshot: Snapshot) -> None:
         """An exposure at the served clock's `t_s`."""
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             self._link.send(_Shown(t_s, snapshot))
 
     def end(self, verdict: TouchdownVerdict) -> None:
         """The flight is over; once is enough."""
         if not self._ended:
             self._ended = True
-            with contextlib.suppress(OSError):
+            with suppress(OSError):
                 self._link.send(verdict)
 
 
