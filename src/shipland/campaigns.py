@@ -40,9 +40,9 @@ from shipland.evaluation.leaderboard import (
     rivals,
 )
 from shipland.evaluation.progress import CampaignProgress, begun, ended, underway
-from shipland.evaluation.statistics import share_interval
 from shipland.evaluation.suite import Overrides, Suite, SuiteEntry, cells_of, load_suite, sealed_seeds
 from shipland.evaluation.tables import summary_of
+from shipland.evaluation.tally import Tally
 from shipland.extras import require
 from shipland.factories import Factory
 from shipland.progress import followed
@@ -104,10 +104,9 @@ class Campaign:
         name = self.cells[0].name if len(self.cells) == 1 else f"{len(self.cells)} cells"
         left = f"; {self.left} not flown" * (self.left > 0)
         where = "" if self.folder is None else f", in {self.folder}"
-        flown, landed = len(self.landings), sum(landing.success for landing in self.landings)
-        low, high = share_interval(landed, flown)
+        tally = Tally.of(self.landings)
         area = area_of(cell.rig for cell in self.cells)
-        share = f"{landed} of {flown} landed in the {area} ({100 * low:.1f}–{100 * high:.1f} %)"
+        share = f"{tally.landed} of {tally.flights} landed in the {area} ({tally.interval_text()})"
         return f"Campaign of {name}: {share}{left}{where}"
 
     @property

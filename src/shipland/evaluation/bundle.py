@@ -28,6 +28,7 @@ from shipland.errors import DataError
 from shipland.evaluation.campaign import CellResult, read_about, read_cells
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell, Overrides, cells_of, load_suite, salt_digest, sealed_seeds, task_digest
+from shipland.evaluation.tally import Tally
 from shipland.files import json_bytes, json_of, read_text, replacing
 from shipland.record.info import config_digest
 from shipland.record.reader import read_log
@@ -137,9 +138,7 @@ def _code_file(name: str) -> Path:
 
 
 def _summary(cells: Sequence[CellResult]) -> dict[str, dict[str, int]]:
-    return {
-        cell.name: {"flights": len(cell.landings), "landed": sum(it.success for it in cell.landings)} for cell in cells
-    }
+    return {cell.name: Tally.of(cell.landings)._asdict() for cell in cells}
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from shipland.evaluation.campaign import LostFlight
-from shipland.evaluation.statistics import share_interval
+from shipland.evaluation.tally import Tally
 
 _MOST_LOST = 10
 """Lost flights that are named."""
@@ -42,8 +42,8 @@ def begun(now: CampaignProgress) -> str:
 
 def underway(now: CampaignProgress) -> str:
     """How many landed so far."""
-    low, high = share_interval(now.landed, now.flown)
-    return f"{now.landed} of {now.flown} landed in the {now.area} ({100.0 * low:.0f}–{100.0 * high:.0f} %)"
+    interval = Tally(now.flown, now.landed).interval_text(0)
+    return f"{now.landed} of {now.flown} landed in the {now.area} ({interval})"
 
 
 def ended(now: CampaignProgress, spent_s: float, resumes: bool) -> Iterator[str]:
