@@ -46,8 +46,8 @@ def measure(case: Case, runs: int) -> Sequence[Row]:
 
 def picture(rows: Sequence[Row], path: Path) -> None:
     """Both polar diagrams."""
+    from shipland.figures import save_figure
     from shipland.report.envelope import Panel, draw_envelopes
-    from shipland.report.plots import save_figure
 
     panels = []
     for name in WINDS_KN:

@@ -46,8 +46,8 @@ def measure(case: Case, runs: int) -> list[Row]:
 
 def picture(rows: Sequence[Row], path: Path) -> None:
     """What landed over what was said."""
+    from shipland.figures import drawn
     from shipland.report.palette import BLUE, GREEN, ORANGE, VERMILION, unit
-    from shipland.report.plots import drawn
 
     colours = {("tilt", 5.0): BLUE, ("tilt", 9.0): VERMILION, ("speed", 5.0): GREEN, ("speed", 9.0): ORANGE}
     with drawn(path, (10.0, 4.8), 110) as figure:

@@ -9,7 +9,6 @@ from itertools import product
 import numpy as np
 
 from shipland.report.motion import DEGREES, HEADINGS, TIME_RULES, UNITS, statistics
-from shipland.report.motion import Case as Motion
 from shipland.scenario.scenario import load_scenario
 from shipland.sim.ship.deck_motion import DOF_NAMES
 from shipland.sim.ship.sea import significant_amplitude
@@ -40,7 +39,7 @@ def measure(case: Case, _runs: int) -> list[Row]:
     of_rig = []
     for rule in TIME_RULES:
         timed = replace(ship, scale=replace(ship.scale, time=rule))
-        found = statistics(Motion(scenario.rig, timed, scenario.wind), 1, RECORD_S)
+        found = statistics(replace(scenario, ship=timed), 1, RECORD_S)
         of_rig.append([f"{each.significant:.3g} / {each.period_s:.1f} s" for each in found])
     rows: list[Row] = []
     for index, (name, unit) in enumerate(zip(DOF_NAMES, UNITS, strict=True)):

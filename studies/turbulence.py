@@ -59,8 +59,8 @@ def picture(_rows: Sequence[Row], path: Path) -> None:
     """Spectra and standard deviations over height, beside the formulas."""
     from scipy.signal import welch
 
+    from shipland.figures import drawn
     from shipland.report.palette import BLUE, VERMILION, unit
-    from shipland.report.plots import drawn
 
     heights_m = np.geomspace(0.5, 30.0, 60)
     with drawn(path, (12.0, 4.6), 90) as figure:

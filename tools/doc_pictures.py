@@ -139,7 +139,7 @@ def draw_ship(axes: Axes, rig: Rig, side: bool) -> None:
 
 def airwake(out: Path = PICTURES / "airwake.png") -> None:
     """The parametric airwake, from the side and from above."""
-    from shipland.report.plots import drawn
+    from shipland.figures import drawn
     from shipland.sim.air.airwake import Airwake
     from shipland.sim.air.wind import WindParameters
 
@@ -213,11 +213,11 @@ def film(video: Path, out: Path, *, faster: float = 16.0, last_s: float = 12.0, 
         end_s = container.duration / av.time_base
     parameters = replace(VideoParameters(), rate_hz=15.0, chase_rate_hz=15.0, crf=30.0, preset="slow")
     writer = None
-    for picture in chosen(video, parameters.rate_hz, faster, last_s, end_s):
+    for index, picture in enumerate(chosen(video, parameters.rate_hz, faster, last_s, end_s)):
         height = 2 * round(0.5 * picture.shape[0] * width_px / picture.shape[1])
         small = cv2.resize(picture, (width_px, height), interpolation=cv2.INTER_AREA)
         writer = writer or VideoWriter(out, width_px, height, parameters)
-        writer.write(small)
+        writer.write(small, index / parameters.rate_hz)
     assert writer is not None  # `read_video` refuses an empty one
     writer.close()
 

@@ -154,7 +154,7 @@ class HostileVision:
 
 def sticks_of(command: PilotCommand) -> list[float]:
     """Pitch, roll, heave, yaw [percent]."""
-    return [command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent]
+    return [*command.sticks_percent]
 
 
 def flown(rng: np.random.Generator, pilot: str | Callable[..., Any], vision: Callable[[Numbers], Any]) -> None:

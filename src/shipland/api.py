@@ -10,8 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from shipland import factories
 from shipland.compiled import say_that_it_compiles
 from shipland.factories import Factory
@@ -68,9 +66,7 @@ class Flight(Flown):
     @property
     def error_m(self) -> float:
         """Distance of the touchdown point from the deck's centre; NaN without a touchdown."""
-        if self.verdict is None or not self.verdict.touched:
-            return float("nan")
-        return float(np.hypot(*self.verdict.touchdown_in_deck_m))
+        return float("nan") if self.verdict is None else self.verdict.error_m
 
     @cached_property
     def columns(self) -> FlightColumns:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Callable, Generator, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -38,12 +39,13 @@ from shipland.evaluation.leaderboard import (
     pilot_pairings,
     rivals,
 )
-from shipland.evaluation.progress import CampaignProgress, ProgressBar
-from shipland.evaluation.statistics import share_interval
+from shipland.evaluation.progress import CampaignProgress, begun, ended, underway
 from shipland.evaluation.suite import Overrides, Suite, SuiteEntry, cells_of, load_suite, sealed_seeds
 from shipland.evaluation.tables import summary_of
+from shipland.evaluation.tally import Tally
 from shipland.extras import require
 from shipland.factories import Factory
+from shipland.progress import followed
 from shipland.rig import area_of
 from shipland.scenario.scenario import Scenario
 
@@ -102,10 +104,9 @@ class Campaign:
         name = self.cells[0].name if len(self.cells) == 1 else f"{len(self.cells)} cells"
         left = f"; {self.left} not flown" * (self.left > 0)
         where = "" if self.folder is None else f", in {self.folder}"
-        flown, landed = len(self.landings), sum(landing.success for landing in self.landings)
-        low, high = share_interval(landed, flown)
+        tally = Tally.of(self.landings)
         area = area_of(cell.rig for cell in self.cells)
-        share = f"{landed} of {flown} landed in the {area} ({100 * low:.1f}–{100 * high:.1f} %)"
+        share = f"{tally.landed} of {tally.flights} landed in the {area} ({tally.interval_text()})"
         return f"Campaign of {name}: {share}{left}{where}"
 
     @property
@@ -290,19 +291,27 @@ def _fly(
     def now() -> CampaignProgress:
         return CampaignProgress(cells, flights, left, flown, landed, opened.lost, area)
 
-    with ExitStack() as stack:
-        show = progress if callable(progress) else None
-        if progress is True:
-            show = stack.enter_context(ProgressBar(plan.out is not None))
-        landings = stack.enter_context(closing(opened.fly(executor)))
-        if show is not None:
-            show(now())
-        for _, landing in landings:
-            flown, landed = flown + 1, landed + landing.success
-            if show is not None:
-                show(now())
-            if time_limit_s and time.monotonic() - begun_s > time_limit_s:
-                break
+    def told() -> Generator[str, None, None]:
+        nonlocal flown, landed
+        with closing(opened.fly(executor)) as landings:
+            for _, landing in landings:
+                flown, landed = flown + 1, landed + landing.success
+                if callable(progress):
+                    progress(now())
+                yield underway(now()) if progress is True else ""
+
+    if callable(progress):
+        progress(now())
+    if progress is True:
+        print(begun(now()), file=sys.stderr, flush=True)
+    with closing(told()) as one_by_one:
+        try:
+            for _ in followed(one_by_one, "flights", left) if progress is True else one_by_one:
+                if time_limit_s and time.monotonic() - begun_s > time_limit_s:
+                    break
+        finally:
+            if progress is True:
+                print(*ended(now(), time.monotonic() - begun_s, plan.out is not None), sep="\n", file=sys.stderr)
     return flown
 
 

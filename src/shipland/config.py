@@ -233,8 +233,13 @@ def sections(path: Path | None, known: Iterable[str]) -> Table:
     return user
 
 
+_PLAIN = {bool, int, float, str, type(None)}
+
+
 def plain(value: Any) -> Any:
     """A value, or a dataclass with all that is in it, in plain TOML and JSON types."""
+    if type(value) in _PLAIN:
+        return value
     if dataclasses.is_dataclass(value):
         return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, Mapping):
@@ -285,7 +290,8 @@ def _reader(cls: type) -> Callable[[str], Any]:
 
 
 def _refuse_large(value: Any, where: str) -> None:
-    if isinstance(value, Mapping):
+    """Of a table in plain types."""
+    if isinstance(value, dict):
         for name, item in value.items():
             _refuse_large(item, f"{where}.{name}")
     elif isinstance(value, list):

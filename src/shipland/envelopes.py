@@ -16,7 +16,6 @@ from shipland.evaluation.envelope import (
     SET_BY_THE_GRID,
     Envelope,
     EnvelopeGrid,
-    Tally,
     border_kn,
     cell_at,
     deck_statistics,
@@ -29,6 +28,7 @@ from shipland.evaluation.envelope import (
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.progress import CampaignProgress
 from shipland.evaluation.suite import Cell, Overrides, SuiteEntry, cells_of
+from shipland.evaluation.tally import Tally
 
 Place = tuple[float, float]
 """Wind over deck: speed [kn], direction that it comes from [deg off the bow]."""
@@ -124,8 +124,7 @@ def _rays(name: str, landings: _Landings) -> dict[float, dict[float, Tally]]:
     rays: dict[float, dict[float, Tally]] = {}
     for (of, (wind_kn, direction)), flown in landings.items():
         if of == name and flown:
-            tally = Tally(len(flown), sum(landing.success for landing in flown))
-            rays.setdefault(direction, {})[wind_kn] = tally
+            rays.setdefault(direction, {})[wind_kn] = Tally.of(flown)
     return rays
 
 

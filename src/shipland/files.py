@@ -68,18 +68,29 @@ def writing(path: Path, what: str = "") -> Iterator[None]:
         raise DataError(f"{what} {path} cannot be written: {error.strerror or error}".lstrip()) from None
 
 
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write `data` beside `path`, then put it in its place: a reader sees the old file or the new one, whole."""
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A file beside `path` to write; then it takes its place: a reader sees the old file or the new one, whole."""
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with beside.open("wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
+        yield beside
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write `data` whole or not at all, and have it on the disk."""
+    with replacing(path) as beside, beside.open("wb") as stream:
+        stream.write(data)
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def json_bytes(value: object) -> bytes:
+    """JSON as files of ours hold it: a line an entry, letters as they are."""
+    return (json.dumps(value, indent=1, ensure_ascii=False) + "\n").encode()
 
 
 def claim(note: Path, wanted: Mapping[str, object], what: str) -> None:

@@ -251,6 +251,11 @@ class PilotCommand:
     intent: Intent = Intent.FLY
     at_contact_height: bool = False
 
+    @property
+    def sticks_percent(self) -> tuple[float, float, float, float]:
+        """Pitch, roll, heave, yaw."""
+        return self.pitch_percent, self.roll_percent, self.heave_percent, self.yaw_percent
+
     @staticmethod
     def hold(t_s: float, gimbal_pitch_rad: float) -> PilotCommand:
         """Every stick at zero: the vehicle brakes and holds."""
@@ -385,6 +390,21 @@ class TouchdownVerdict:
     def touched(self) -> bool:
         """There was contact with the deck."""
         return bool(np.isfinite(self.touchdown_in_deck_m).all())
+
+    @property
+    def error_m(self) -> float:
+        """Distance of the touchdown point from the deck's centre; NaN without contact, as the next two."""
+        return float(np.hypot(*self.touchdown_in_deck_m))
+
+    @property
+    def sink_mps(self) -> float:
+        """Down against the deck just before contact."""
+        return float(self.relative_velocity_in_deck_mps[2])
+
+    @property
+    def slide_mps(self) -> float:
+        """Over the deck just before contact."""
+        return float(np.hypot(*self.relative_velocity_in_deck_mps[:2]))
 
 
 @dataclass(frozen=True)

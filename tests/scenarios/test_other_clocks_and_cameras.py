@@ -50,12 +50,7 @@ def sticks(offset_s, pilot):
     records = []
     result = fly(vehicle, autonomy, 11.0, lambda: 0.0, records.append)
     assert result.reason == "time limit of 11 s"
-    return np.array(
-        [
-            [c.pitch_percent, c.roll_percent, c.heave_percent, c.yaw_percent]
-            for c in (r.decision.command for r in records)
-        ]
-    )
+    return np.array([record.decision.command.sticks_percent for record in records])
 
 
 @pytest.mark.parametrize("pilot", ["paper", "horizon"])

@@ -138,7 +138,7 @@ def without_a_cell(files):
 
 def check(path, sample=0, salt=None):
     with opened(path, salt) as found:
-        return fly_again(found, sample, np.random.default_rng(1), 1, lambda *_: None)
+        return fly_again(found, sample, np.random.default_rng(1), 1)
 
 
 def test_a_true_bundle_is_verified_and_the_same_rows_make_the_same_zip(bundle, true_bundle, tmp_path):

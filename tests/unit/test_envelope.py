@@ -17,7 +17,6 @@ from shipland.evaluation.campaign import read_cells
 from shipland.evaluation.envelope import (
     KNOT_MPS,
     EnvelopeGrid,
-    Tally,
     border_kn,
     cell_at,
     deck_statistics,
@@ -28,6 +27,7 @@ from shipland.evaluation.envelope import (
     under_way,
 )
 from shipland.evaluation.suite import Overrides, SuiteEntry
+from shipland.evaluation.tally import Tally
 from shipland.report.envelope import NO_RELEASE, write_envelopes
 from shipland.scenario.scenario import load_scenario
 from shipland.stopping import check_stop

@@ -168,7 +168,7 @@ def test_without_sight_only_yaw_and_climb_are_flown():
     blind = pilot.decide(nothing, told(100.0), None).command
     sees = pilot.decide(seen, told(100.1), None).command
     env.close()
-    assert (blind.pitch_percent, blind.roll_percent, blind.heave_percent, blind.yaw_percent) == (0.0, 0.0, 0.0, 50.0)
+    assert blind.sticks_percent == (0.0, 0.0, 0.0, 50.0)
     assert (sees.pitch_percent, sees.heave_percent, sees.intent) == (100.0, -100.0, Intent.LAND)
     assert blind.intent is Intent.SEARCH
 

@@ -337,7 +337,7 @@ def safely_flown(autonomy):
     assert len(vehicle.commands) == len(rows) == 4
     assert vehicle.closed
     for command in vehicle.commands:
-        sticks = (command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent)
+        sticks = command.sticks_percent
         assert all(type(stick) is float and abs(stick) <= 100.0 for stick in sticks)
         assert math.isfinite(command.gimbal_pitch_rad) and abs(command.gimbal_pitch_rad) < 7.0
     return rows

@@ -48,7 +48,7 @@ def flown(pilot, path=None, **overrides):
 
 
 def sticks(flight):
-    return [(c.pitch_percent, c.roll_percent, c.heave_percent) for c in (r.decision.command for r in flight.records)]
+    return [record.decision.command.sticks_percent[:3] for record in flight.records]
 
 
 def test_a_residual_of_zero_is_the_pilot_alone(policy):

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from shipland.learning import progress
+from shipland import progress
 from shipland.learning.dataset import Dataset, Sample
 from shipland.learning.looks import looks_at
 from shipland.learning.metrics import Tally
-from shipland.learning.progress import followed
 from shipland.messages import Box
+from shipland.progress import followed
 from shipland.report.looks_page import looks_page
 
 

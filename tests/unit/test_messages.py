@@ -159,7 +159,7 @@ def test_box_area():
 
 def test_hold_is_every_stick_at_zero():
     command = PilotCommand.hold(3.0, -0.2)
-    sticks = (command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent)
+    sticks = command.sticks_percent
     assert sticks == (0.0, 0.0, 0.0, 0.0)
     assert (command.t_s, command.gimbal_pitch_rad, command.intent) == (3.0, -0.2, Intent.HOLD)
 

@@ -7,15 +7,14 @@ import pytest
 from rich.console import Console
 
 from shipland.errors import ConfigError, DataError
-from shipland.report.motion import Case, Sampling, report_case, report_headings, sample, statistics
-from shipland.scenario.scenario import load_scenario
+from shipland.report.motion import Sampling, report_case, report_headings, sample, statistics
+from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.sim.ship.deck_motion import DOF_NAMES
 from shipland.sim.ship.recorded import HEADER
 
 
-def case(**changes: object) -> Case:
-    scenario = load_scenario("near", **{"wind.mean_mps": 0.0, "wind.mean_half_range_mps": 0.0} | changes)
-    return Case(scenario.rig, scenario.ship, scenario.wind)
+def case(**changes: object) -> Scenario:
+    return load_scenario("near", **{"wind.mean_mps": 0.0, "wind.mean_half_range_mps": 0.0} | changes)
 
 
 def test_statistics_of_natops_are_those_of_sines() -> None:

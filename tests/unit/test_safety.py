@@ -69,7 +69,7 @@ def test_output_is_finite_bounded_and_slewed(cycles):
         t_s += dt_s
         asked = Decision(PilotCommand(t_s, pitch, roll, heave, yaw, 0.0), Mode.SEARCH, "")
         out = safety.check(asked, seen(t_s), telemetry(t_s)).command
-        sticks = np.array([out.pitch_percent, out.roll_percent, out.heave_percent, out.yaw_percent])
+        sticks = np.array(out.sticks_percent)
         assert np.all(np.abs(sticks) <= PARAMETERS.max_percent)
         if last is not None:
             assert np.all(np.abs(sticks - last) <= PARAMETERS.slew_percent_per_s * dt_s + 1e-9)

@@ -100,10 +100,16 @@ def test_json_is_plain_rounded_and_free_of_nan(tmp_path):
     assert json.loads(path.read_text()) == {"a": None, "b": 0.123457, "c": [1.0, 0.0], "d": 3, "e": True}
     assert "-0.0" not in path.read_text()
     with pytest.raises(DataError, match="cannot be written"):
-        write_json(tmp_path / "none" / "x.json", {})
+        write_json(path / "y.json", {})
 
 
 # The recorder
+
+
+@pytest.fixture
+def no_plots(monkeypatch):
+    """Plots take a second, and other tests look at them."""
+    monkeypatch.setattr("shipland.report.outputs.installed", lambda _: False)
 
 
 def grey_chase(truth):
@@ -154,7 +160,7 @@ def test_ctrl_c_leaves_everything_of_what_was_flown(tmp_path):
     assert (tmp_path / "plots.png").exists()
 
 
-def test_an_output_that_fails_is_given_up_and_the_flight_goes_on(tmp_path):
+def test_an_output_that_fails_is_given_up_and_the_flight_goes_on(no_plots, tmp_path):
     def broken(truth):
         raise RuntimeError("no OpenGL")
 
@@ -167,7 +173,7 @@ def test_an_output_that_fails_is_given_up_and_the_flight_goes_on(tmp_path):
     assert read_log(tmp_path / "flight.mcap").complete
 
 
-def test_a_real_flight_does_not_wait_for_its_disk_and_what_that_costs_is_said(tmp_path, monkeypatch):
+def test_a_real_flight_does_not_wait_for_its_disk_and_what_that_costs_is_said(no_plots, tmp_path, monkeypatch):
     monkeypatch.setattr("shipland.report.outputs._MOST_ROWS", 20)
     monkeypatch.setattr("shipland.report.outputs._MOST_PICTURES", 3)
     disk, pictures = threading.Event(), []

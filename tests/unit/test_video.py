@@ -139,7 +139,7 @@ def test_a_film_that_cannot_be_written_is_said_in_words(tmp_path):
         VideoWriter(tmp_path / "file" / "f.mp4", 320, 180, PARAMETERS)
     writer = VideoWriter(tmp_path / "f.mp4", 320, 180, PARAMETERS)
     with pytest.raises(ValueError, match=r"shape \(180, 320, 3\), got \(10, 10, 3\)"):
-        writer.write(np.zeros((10, 10, 3), np.uint8))
+        writer.write(np.zeros((10, 10, 3), np.uint8), 0.0)
     writer.close()
 
 

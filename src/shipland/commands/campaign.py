@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import Changes, command_line, names_of
+from shipland.commands.options import CampaignOptions, command_line, names_of
 from shipland.errors import ConfigError
 from shipland.extras import installed
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Campaign:
+class Campaign(CampaignOptions):
     """Fly the cells of a suite, or every combination of the scenarios and values given here.
 
     A cell is one scenario with one value of every setting and one pilot; all cells share the workers and fly the same
@@ -42,46 +42,24 @@ class Campaign:
     """Output folder; made when missing."""
     scenario: str = ""
     """As in `shipland fly`, instead of a suite; several with commas between."""
-    pilot: str = "horizon"
-    """Who flies, as in `shipland fly`; several with commas between."""
     vision: str = "geometric"
     """Who sees, as in `shipland fly`; a suite says it itself."""
-    changes: Annotated[Changes, tyro.conf.arg(name="set", metavar="KEY=A,B,…")] = ()
-    """Values of a key, laid over every cell, as `--set wind.mean_mps=0,5,9`; may be given again."""
-    config: Path | None = None
-    """TOML file laid over every scenario."""
     only: Annotated[tuple[str, ...], tyro.conf.arg(metavar="PATTERN …")] = ()
     """Shell patterns of cells to fly, as `--only 'rig-*mean_mps=5*'`."""
     runs: int = 20
     """Flights a cell."""
-    first_seed: int = 1
-    """Seed of the first."""
     salt: Path | None = None
     """File with a secret that the seeds are derived from, in the place of 1, 2, 3 …: a sealed run of a benchmark."""
-    workers: int = 2
-    """Processes; without meaning with --cluster."""
-    cluster: str = ""
-    """Fly on a Ray cluster: its address, or `auto` (extra `cluster`)."""
-    minutes: float | None = None
-    """Stop in order after so long; no limit when not given."""
     oracle_motions: int = 60
     """Motions drawn for each oracle rate; 0: none are drawn."""
     logs: bool = False
     """Keep the log of every flight, without pictures, in CELL/flights: `shipland paper --flights` draws from them."""
-    print_only: bool = False
-    """Fly nothing; print the tables of what there is."""
 
     def run(self) -> int:
         """Fly and print; 0 when everything asked for is flown, 1 when not."""
-        if self.workers < 1:
-            raise ConfigError(f"--workers must be at least 1, got {self.workers}")
         if self.suite and self.scenario:
             raise ConfigError("give either a suite (`shipland suites` names them) or --scenario")
-        stopped = False
-        try:
-            found = self._campaign(0 if self.print_only else self.workers)
-        except KeyboardInterrupt:
-            stopped, found = True, self._campaign(0)
+        found, stopped = self.flown(self._campaign)
         print((self.out / "tables.md").read_text(encoding="utf-8"), end="")
         picture = "landings.png" if installed("plots") else "(no landings.png: pip install 'shipland[plots]')"
         print(
@@ -108,7 +86,7 @@ class Campaign:
             cluster=self.cluster,
             out=self.out,
             logs=self.logs,
-            time_limit_s=60.0 * (self.minutes or 0.0),
+            time_limit_s=self.time_limit_s,
             oracle_motions=self.oracle_motions,
             command=command_line(),
         )

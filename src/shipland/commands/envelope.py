@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from shipland.commands.options import Changes, checked_seed, command_line, names_of
+from shipland.commands.options import CampaignOptions, checked_seed, command_line, names_of
 from shipland.errors import ConfigError, DataError
 from shipland.extras import installed
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Envelope:
+class Envelope(CampaignOptions):
     """Fly an operating envelope over the wind over deck.
 
-    The landing rate by the wind's speed and direction, as a polar diagram. It is no release document. Every cell of
-    the grid is flown; then flights go where the border is: a cell between two neighbours on either side of it, and
-    more flights for those whose interval holds the rate. The folder is a campaign's: run the command again to resume,
-    and `shipland report` makes its page. Leaves envelope.json, envelope.md, envelope.png, flights.csv, and the rows
-    and logs of a campaign. Exit codes as of `shipland campaign`.
+    The landing rate by the wind's speed and direction, as a polar diagram, one for each value of --set; the wind is
+    the grid's. It is no release document. Every cell of the grid is flown; then flights go where the border is: a cell
+    between two neighbours on either side of it, and more flights for those whose interval holds the rate. The folder
+    is a campaign's: run the command again to resume, and `shipland report` makes its page. Leaves envelope.json,
+    envelope.md, envelope.png, flights.csv, and the rows and logs of a campaign. Exit codes as of `shipland campaign`.
 
     Example: shipland envelope rig-natops --out out/rig
 
@@ -39,14 +39,6 @@ class Envelope:
     """Ship and aircraft, as in `shipland fly`; several with commas between make an envelope each."""
     out: Path = Path("out/envelope")
     """Output folder; made when missing."""
-    pilot: str = "horizon"
-    """Who flies, as in `shipland fly`; several with commas between."""
-    vision: str = "geometric"
-    """Who sees, as in `shipland fly`."""
-    changes: Annotated[Changes, tyro.conf.arg(name="set", metavar="KEY=A,B,…")] = ()
-    """Values of a key; each makes an envelope. The wind's speed and direction are the grid's."""
-    config: Path | None = None
-    """TOML file laid over every scenario."""
     ship_kn: str = ""
     """The ship's speed, straight ahead, several with commas between; the scenario's own when not given."""
     wind_kn: str = "5,10,15,20,25,30"
@@ -61,29 +53,13 @@ class Envelope:
     """Flights of a cell on the border."""
     finest_kn: float = 2.5
     """Speeds on either side of the border are halved until they are this near."""
-    first_seed: int = 1
-    """Seed of the first flight of each cell."""
-    workers: int = 2
-    """Processes; without meaning with --cluster."""
-    cluster: str = ""
-    """Fly on a Ray cluster: its address, or `auto` (extra `cluster`)."""
-    minutes: float | None = None
-    """Stop in order after so long; no limit when not given."""
-    print_only: bool = False
-    """Fly nothing; draw what there is."""
 
     def run(self) -> int:
         """Fly, draw and print; 0 when everything is flown, 1 when not."""
         from shipland.evaluation.campaign import write_rows
         from shipland.report.envelope import write_envelopes
 
-        if self.workers < 1:
-            raise ConfigError(f"--workers must be at least 1, got {self.workers}")
-        stopped = False
-        try:
-            found = self._envelopes(0 if self.print_only else self.workers)
-        except KeyboardInterrupt:
-            stopped, found = True, self._envelopes(0)
+        found, stopped = self.flown(self._envelopes)
         write_rows(self.out / "flights.csv", found.cells)
         if found.envelopes:
             picture = installed("plots")
@@ -115,7 +91,7 @@ class Envelope:
             workers=workers,
             cluster=self.cluster,
             out=self.out,
-            time_limit_s=60.0 * (self.minutes or 0.0),
+            time_limit_s=self.time_limit_s,
             command=command_line(),
         )
 

@@ -195,10 +195,9 @@ def _report(terminal: Terminal, command: Fly, flight: Flight) -> None:
     verdict = flight.verdict
     if verdict is not None and verdict.touched:
         forward_m, starboard_m = verdict.touchdown_in_deck_m
-        sink_mps = verdict.relative_velocity_in_deck_mps[2]
         terminal.say(
             f"touchdown {forward_m:+.3f} m forward, {starboard_m:+.3f} m starboard of the deck's centre at "
-            f"{verdict.t_s:.1f} s, {sink_mps:.2f} m/s down against the deck, slip {verdict.slip_m:.3f} m"
+            f"{verdict.t_s:.1f} s, {verdict.sink_mps:.2f} m/s down against the deck, slip {verdict.slip_m:.3f} m"
         )
     if terminal.lost:
         terminal.say(f"{terminal.lost} lines were not shown: the terminal stood still")

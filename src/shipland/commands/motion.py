@@ -34,18 +34,12 @@ class Motion(ScenarioOptions):
 
     def run(self) -> int:
         """Make them."""
-        from dataclasses import replace
-
         from rich.console import Console
 
-        from shipland.report.motion import Case, Sampling, report_case, report_headings
+        from shipland.report.motion import Sampling, report_case, report_headings
 
         require("plots", "`shipland motion`")
-        scenario = self.load()
         sampling = Sampling(self.duration_s, self.statistics_s, self.step_s, checked_seed(self.seed))
-        case = Case(scenario.rig, scenario.ship, scenario.wind)
-        if self.headings:
-            report_headings(replace(case, ship=replace(case.ship, motion="sea")), sampling, self.out, Console())
-        else:
-            report_case(case, sampling, self.out, Console())
+        report = report_headings if self.headings else report_case
+        report(self.load(), sampling, self.out, Console())
         return 0

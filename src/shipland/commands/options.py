@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import tyro
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from shipland.scenario.scenario import Scenario
 
 Changes = Annotated[tuple[str, ...], tyro.conf.arg(name="set", metavar="KEY=VALUE"), tyro.conf.UseAppendAction]
+Flown = TypeVar("Flown")
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,44 @@ class ScenarioOptions:
         from shipland.scenario.scenario import load_scenario, scenario_table
 
         return load_scenario(scenario_table(self.scenario, self.config, self.changes))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CampaignOptions:
+    """Who flies many flights, what is laid over them, and what carries them out."""
+
+    pilot: str = "horizon"
+    """Who flies, as in `shipland fly`; several with commas between."""
+    vision: str = "geometric"
+    """Who sees, as in `shipland fly`."""
+    changes: Annotated[Changes, tyro.conf.arg(name="set", metavar="KEY=A,B,…")] = ()
+    """Values of a key, laid over every scenario, as `--set delays.video_s=0.2,0.4`; may be given again."""
+    config: Path | None = None
+    """TOML file laid over every scenario."""
+    first_seed: int = 1
+    """Seed of the first flight of each cell."""
+    workers: int = 2
+    """Processes; without meaning with --cluster."""
+    cluster: str = ""
+    """Fly on a Ray cluster: its address, or `auto` (extra `cluster`)."""
+    minutes: float | None = None
+    """Stop in order after so long; no limit when not given."""
+    print_only: bool = False
+    """Fly nothing; show what there is."""
+
+    @property
+    def time_limit_s(self) -> float:
+        """Of `minutes`; 0 without one."""
+        return 60.0 * (self.minutes or 0.0)
+
+    def flown(self, fly: Callable[[int], Flown]) -> tuple[Flown, bool]:
+        """What `fly` gives with so many processes, with none what there is; and whether a person stopped it."""
+        if self.workers < 1:
+            raise ConfigError(f"--workers must be at least 1, got {self.workers}")
+        try:
+            return fly(0 if self.print_only else self.workers), False
+        except KeyboardInterrupt:
+            return fly(0), True
 
 
 def ship_and_camera_of(scenario: str | None) -> ShipAndCamera:

@@ -10,7 +10,6 @@ import logging
 import os
 import time
 from contextlib import suppress
-from types import TracebackType
 
 from shipland.aside import Aside
 
@@ -52,9 +51,7 @@ class Terminal:
         logging.getLogger("shipland").addHandler(self._handler)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         logging.getLogger("shipland").removeHandler(self._handler)
         if self.is_live:
             self._work.give(("", True))

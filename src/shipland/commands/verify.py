@@ -72,15 +72,10 @@ class Verify:
             seed = secrets.randbits(48) if self.sample_seed is None else self.sample_seed
             print(f"flying a sample again: --sample {self.sample} --sample-seed {seed}", file=sys.stderr)
             with own_code(bundle) if foreign else nullcontext():
-                found = fly_again(bundle, self.sample, np.random.default_rng(seed), self.workers, _show)
+                found = fly_again(bundle, self.sample, np.random.default_rng(seed), self.workers)
         write_receipt(self.bundle, found)
         print(
             f"{bundle.title}: {found.again} of {found.flights} rows flown again, every number as it is stored; had one "
             f"row in ten been altered, the sample would have missed it in {100 * found.missed(0.1):.2g} % of draws"
         )
         return 0
-
-
-def _show(flown: int, of: int) -> None:
-    if flown == of or flown % 10 == 0:
-        print(f"{flown} of {of} flown again, all equal so far", file=sys.stderr)

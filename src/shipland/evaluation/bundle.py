@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import tempfile
 import zipfile
 from collections import Counter
@@ -29,7 +28,8 @@ from shipland.errors import DataError
 from shipland.evaluation.campaign import CellResult, read_about, read_cells
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell, Overrides, cells_of, load_suite, salt_digest, sealed_seeds, task_digest
-from shipland.files import json_of, read_text
+from shipland.evaluation.tally import Tally
+from shipland.files import json_bytes, json_of, read_text, replacing
 from shipland.record.info import config_digest
 from shipland.record.reader import read_log
 from shipland.scenario.scenario import load_scenario
@@ -121,14 +121,10 @@ def write_bundle(folder: Path, out: Path, title: str, logs: int, salt: Path | No
         "files": {name: sha256(data).hexdigest() for name, data in files.items()},
     }
     _check_seeds(cells, len(cells[0].landings), salt, about["salt"])
-    out.parent.mkdir(parents=True, exist_ok=True)
-    part = out.with_suffix(".part")
-    with zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as packed:
-        for name, data in {"bundle.json": json.dumps(about, indent=1, ensure_ascii=False).encode(), **files}.items():
-            packed.writestr(
-                zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED
-            )  # of no date: the same rows, the same zip
-    part.replace(out)
+    with replacing(out) as beside, zipfile.ZipFile(beside, "w") as packed:
+        for name, data in {"bundle.json": json_bytes(about), **files}.items():
+            # of no date: the same rows, the same zip
+            packed.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED)
     return about
 
 
@@ -142,9 +138,7 @@ def _code_file(name: str) -> Path:
 
 
 def _summary(cells: Sequence[CellResult]) -> dict[str, dict[str, int]]:
-    return {
-        cell.name: {"flights": len(cell.landings), "landed": sum(it.success for it in cell.landings)} for cell in cells
-    }
+    return {cell.name: Tally.of(cell.landings)._asdict() for cell in cells}
 
 
 @contextmanager

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import os
 import platform
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
@@ -19,6 +18,7 @@ from shipland.evaluation.job import FlightJob, land_quietly
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, row_of
 from shipland.evaluation.suite import Cell
 from shipland.factories import name_of
+from shipland.files import json_bytes, json_of, read_text, replacing, write_atomically
 from shipland.rig import Rig
 from shipland.sim.aircraft.parameters import AirframeParameters
 from shipland.sim.ship.ship import ShipParameters
@@ -131,7 +131,17 @@ class OpenCampaign:
         if plan.out is not None:
             found = {cell.name: cell for cell in read_cells([plan.out])}
             return [found[cell.name] for cell in plan.cells]
-        return [_result(cell, plan.suite, self._rows[cell.name].done) for cell in plan.cells]
+        return [
+            CellResult(
+                **_facts(cell.name, _about(cell, plan.suite)),
+                rig=cell.scenario.rig,
+                ship=cell.scenario.ship,
+                airframe=cell.scenario.aircraft.airframe,
+                landings=_in_order(self._rows[cell.name].done),
+                logs=None,
+            )
+            for cell in plan.cells
+        ]
 
 
 @contextmanager
@@ -161,34 +171,32 @@ def processes(count: int) -> Executor:
 
 def _write_beside(plan: CampaignPlan, out: Path) -> None:
     """cells.json: what was asked for, earlier cells of the folder included."""
-    path = out / "cells.json"
     before = read_about(out) if cells_file(out).exists() else {"cells": {}}
-    cells = {
-        cell.name: {
-            "suite": plan.suite,
-            "scenario": cell.scenario.name,
-            "settings": dict(cell.settings),
-            "group": cell.group,
-            "pilot": name_of(cell.pilot),
-            "vision": name_of(cell.vision),
-        }
-        for cell in plan.cells
-    }
     table = {
         "command": plan.command,
         "machine": {"platform": platform.platform(), "processor": _processor(), "cores": os.cpu_count()},
-        "cells": before["cells"] | cells,
+        "cells": before["cells"] | {cell.name: _about(cell, plan.suite) for cell in plan.cells},
     }
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    part.replace(path)
+    write_atomically(out / "cells.json", json_bytes(table))
+
+
+def _about(cell: Cell, suite: str) -> dict[str, Any]:
+    """What cells.json says of a cell."""
+    return {
+        "suite": suite,
+        "scenario": cell.scenario.name,
+        "settings": dict(cell.settings),
+        "group": cell.group,
+        "pilot": name_of(cell.pilot),
+        "vision": name_of(cell.vision),
+    }
 
 
 def read_about(folder: Path) -> dict[str, Any]:
     """cells.json of a folder: command, machine and cells; DataError when there is none or it is broken."""
     path = cells_file(folder)
     try:
-        table = json.loads(path.read_text(encoding="utf-8"))
+        table = json_of(path.read_text(encoding="utf-8"))
         if not isinstance(table["cells"], dict):
             raise TypeError
     except OSError as error:
@@ -241,22 +249,14 @@ class CellResult:
     version: str = ""
 
 
-def _result(cell: Cell, suite: str, done: Mapping[int, Landing]) -> CellResult:
-    scenario = cell.scenario
-    return CellResult(
-        name=cell.name,
-        group=cell.group,
-        suite=suite,
-        pilot=name_of(cell.pilot),
-        vision=name_of(cell.vision),
-        settings=cell.settings,
-        scenario=scenario.name,
-        rig=scenario.rig,
-        ship=scenario.ship,
-        airframe=scenario.aircraft.airframe,
-        landings=tuple(done[seed] for seed in sorted(done)),
-        logs=None,
-    )
+def _facts(name: str, about: Mapping[str, Any]) -> dict[str, Any]:
+    """Of what cells.json says of a cell, the attributes of `CellResult`."""
+    words = {word: about[word] for word in ("suite", "scenario", "group", "pilot", "vision")}
+    return {"name": name, "settings": tuple(about["settings"].items()), **words}
+
+
+def _in_order(done: Mapping[int, Landing]) -> tuple[Landing, ...]:
+    return tuple(done[seed] for seed in sorted(done))
 
 
 def read_cells(folders: Sequence[Path]) -> list[CellResult]:
@@ -270,7 +270,7 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
     keys: dict[str, dict[str, Any]] = {}
     for folder in folders:
         for name, about in read_about(folder)["cells"].items():
-            key = json.loads((folder / name / "campaign.json").read_text(encoding="utf-8"))
+            key = json_of(read_text(folder / name / "campaign.json"))
             bound = {word: key[word] for word in ("source", "configuration", "weights", "own_code")}
             if keys.setdefault(name, bound) != bound:
                 raise DataError(f"{name}: flown with other code, configuration or weights in {folder} than before")
@@ -278,17 +278,11 @@ def read_cells(folders: Sequence[Path]) -> list[CellResult]:
             if name in found:
                 landings = {it.seed: it for it in found[name].landings} | landings
             found[name] = CellResult(
-                name=name,
-                group=about["group"],
-                suite=about["suite"],
-                pilot=about["pilot"],
-                vision=about["vision"],
-                settings=tuple(about["settings"].items()),
-                scenario=about["scenario"],
+                **_facts(name, about),
                 rig=build(Rig, flown["rig"], "rig"),
                 ship=build(ShipParameters, flown["ship"], "ship"),
                 airframe=build(AirframeParameters, flown["aircraft"]["airframe"], "aircraft.airframe"),
-                landings=tuple(landings[seed] for seed in sorted(landings)),
+                landings=_in_order(landings),
                 logs=folder / name / "flights",
                 version=str(key.get("version", "")),
             )
@@ -308,10 +302,8 @@ def rows_of(cells: Sequence[CellResult]) -> Iterator[dict[str, Any]]:
 def write_rows(path: Path, cells: Sequence[CellResult]) -> None:
     """Write `flights.csv`; numbers that a flight does not have are empty."""
     settings = dict.fromkeys(key for cell in cells for key, _ in cell.settings)
-    part = path.with_suffix(".part")
-    with part.open("w", newline="", encoding="utf-8") as file:
+    with replacing(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
         head = ["suite", "cell", "scenario", "pilot", "vision", *settings, *COLUMNS]
         rows = csv.DictWriter(file, head, lineterminator="\n")
         rows.writeheader()
         rows.writerows(map(as_text, rows_of(cells)))
-    part.replace(path)

@@ -12,14 +12,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from shipland.errors import ConfigError
 from shipland.evaluation.landing import Landing
-from shipland.evaluation.statistics import share_interval
 from shipland.evaluation.suite import Cell
+from shipland.evaluation.tally import Tally
 from shipland.scenario.scenario import Scenario, load_scenario
 from shipland.scenario.seeds import generators_of
 from shipland.sim.contact.touchdown import VerdictParameters
@@ -101,22 +101,6 @@ class Envelope:
     deck: Mapping[str, float]
 
 
-class Tally(NamedTuple):
-    """Flights of a cell, and those of them that landed."""
-
-    flights: int
-    landed: int
-
-    def within(self, rate: float) -> bool:
-        """As many landed as wanted."""
-        return self.landed >= rate * self.flights
-
-    def undecided(self, rate: float) -> bool:
-        """The interval of the share holds the rate."""
-        low, high = share_interval(self.landed, self.flights)
-        return low < rate <= high
-
-
 def next_counts(grid: EnvelopeGrid, ray: Mapping[float, Tally]) -> dict[float, int]:
     """Which speeds [kn] of one direction want how many flights in all, after what was flown; empty at the end.
 
@@ -143,7 +127,7 @@ def border_kn(rate: float, ray: Mapping[float, Tally]) -> tuple[float, str]:
         return speeds[0], "less than"
     for low_kn, high_kn in pairwise(speeds):
         if not ray[high_kn].within(rate):
-            inside, outside = (ray[wind_kn].landed / ray[wind_kn].flights for wind_kn in (low_kn, high_kn))
+            inside, outside = (ray[wind_kn].share for wind_kn in (low_kn, high_kn))
             return low_kn + (high_kn - low_kn) * (inside - rate) / (inside - outside), ""
     return speeds[-1], "more than"
 
@@ -224,14 +208,13 @@ def rating_of(landings: Sequence[Landing], limits: VerdictParameters, rate: floa
 
 def figures(scenario: Scenario, landings: Sequence[Landing], rate: float) -> dict[str, Any]:
     """A row of an envelope's table; medians and 90 % quantiles are of the flights that touched the deck."""
-    count, touched, limits = len(landings), [it for it in landings if it.touched], scenario.verdict
-    good = sum(it.success for it in landings)
-    low, high = share_interval(good, count)
+    tally, touched, limits = Tally.of(landings), [it for it in landings if it.touched], scenario.verdict
+    low, high = tally.interval
     row: dict[str, Any] = {
-        "flights": count,
-        "success": {"value": good / count, "low": low, "high": high},
+        "flights": tally.flights,
+        "success": {"value": tally.share, "low": low, "high": high},
         "rating": rating_of(landings, limits, rate),
-        "landed": good,
+        "landed": tally.landed,
         "outside": sum(it.landed and not it.in_square for it in landings),
         "bad": sum(map(is_bad, landings)),
         "refused": sum(map(is_refused, landings)),

@@ -6,7 +6,6 @@ import csv
 import fcntl
 import hashlib
 import importlib.util
-import json
 import os
 import platform
 import shlex
@@ -22,7 +21,7 @@ from shipland import factories
 from shipland.errors import ConfigError, DataError
 from shipland.evaluation.landing import COLUMNS, Landing, as_text, landing_from, row_of
 from shipland.factories import Factory
-from shipland.files import json_of, read_text, write_atomically
+from shipland.files import json_bytes, json_of, read_text, write_atomically
 from shipland.former import renamed
 from shipland.record.info import config_digest, file_digest
 from shipland.scenario.scenario import Scenario
@@ -124,7 +123,7 @@ class CampaignFolder:
         if self._path.exists() or beside.exists():
             _check_key(beside, key)
         else:
-            write_atomically(beside, (json.dumps(key, indent=1, ensure_ascii=False) + "\n").encode())
+            write_atomically(beside, json_bytes(key))
         text = read_text(self._path) if self._path.exists() else ""
         whole = _whole_rows(text) or ",".join(COLUMNS) + "\n"
         self.done = _landings(self._path, whole)

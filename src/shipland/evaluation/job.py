@@ -8,6 +8,7 @@ from pathlib import Path
 
 from shipland.evaluation.landing import Landing, landing_of
 from shipland.factories import Factory
+from shipland.files import replacing
 from shipland.messages import FlightRecord
 from shipland.scenario.fly import flight_log, fly_quietly
 from shipland.scenario.scenario import Scenario
@@ -52,12 +53,13 @@ def land_once(flight: FlightJob) -> Landing:
     flown = fly_quietly(scenario, pilot, vision, seed, remember)
     landing = landing_of(scenario, seed, flown, records)
     if flight.log is not None and not (flight.only_failed and landing.success):
-        part = flight.log.with_name(f".{flight.log.name}.part")
-        with flight_log(part, scenario, pilot, vision, seed, flight.command) as writer:
+        with (
+            replacing(flight.log) as beside,
+            flight_log(beside, scenario, pilot, vision, seed, flight.command) as writer,
+        ):
             for record in records:
                 writer.append(record)
             writer.finish(flown.verdict)
-        part.replace(flight.log)
     return landing
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -12,13 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from shipland.errors import ConfigError
+from shipland.errors import ConfigError, DataError
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.oracle import OracleRate, oracle_rate
 from shipland.evaluation.rules import rules
-from shipland.evaluation.statistics import Interval, Pairing, quantile_interval, share_interval
-from shipland.evaluation.tables import median, pair_up
+from shipland.evaluation.statistics import Interval, Pairing, quantile_interval
+from shipland.evaluation.tables import by_seed, median, pair_up
+from shipland.evaluation.tally import Tally
+from shipland.files import json_bytes, json_of, read_text, write_atomically
 from shipland.rig import Rig, area_of
 
 
@@ -53,10 +54,9 @@ def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]
     rng = np.random.default_rng(1)
     for cell in cells:
         landings, touched = cell.landings, [it for it in cell.landings if it.touched]
-        n, good = len(landings), sum(it.success for it in landings)
-        if not n:
+        if not landings:
             continue
-        low, high = share_interval(good, n)
+        tally = Tally.of(landings)
         rests = sum(rests_in_area(it, cell.rig) for it in landings)
         errors_cm = 100.0 * np.array([it.error_m for it in touched])
         own_cm = 100.0 * np.array([np.hypot(it.control_forward_m, it.control_starboard_m) for it in touched])
@@ -67,9 +67,9 @@ def leaderboard(cells: Sequence[CellResult], oracle_rates: dict[str, OracleRate]
                 *(dict(cell.settings).get(key, "") for key in keys),
                 cell.pilot,
                 _wind(landings),
-                str(n),
-                f"{good} ({100.0 * good / n:.1f} %)",
-                f"{100.0 * low:.1f}–{100.0 * high:.1f} %",
+                str(tally.flights),
+                tally.share_text(),
+                tally.interval_text(),
                 f"{100.0 * oracle_rates[cell.group].share:.1f} %" if cell.group in oracle_rates else "",
                 str(rests),
                 str(sum(it.landed for it in landings)),
@@ -120,9 +120,7 @@ OF_PILOTS, OF_CAMPAIGNS = ("scenario and settings", "pilots"), ("cell",)
 def pilot_pairings(cells: Sequence[CellResult]) -> Pairings:
     """Every two pilots of one group on the same seeds."""
     return {
-        (first.group, f"{first.pilot}, {second.pilot}"): pair_up(
-            first.landings, second.landings, np.random.default_rng(1)
-        )
+        (first.group, f"{first.pilot}, {second.pilot}"): _paired(first, second)
         for first, second in itertools.combinations(cells, 2)
         if first.group == second.group
     }
@@ -143,8 +141,12 @@ def campaign_pairings(first: Sequence[CellResult], second: Sequence[CellResult])
     for name in common:
         one, two = ours[name], theirs[name]
         label = one.name if one.name == two.name else f"{one.group}: {one.pilot}, {two.pilot}"
-        found[(label,)] = pair_up(one.landings, two.landings, np.random.default_rng(1))
+        found[(label,)] = _paired(one, two)
     return found
+
+
+def _paired(first: CellResult, second: CellResult) -> Pairing:
+    return pair_up(by_seed(first.landings), by_seed(second.landings), np.random.default_rng(1))
 
 
 def pairings_table(head: tuple[str, ...], found: Pairings) -> Iterator[str]:
@@ -194,8 +196,8 @@ def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | Non
     """
     kept = {}
     if cache is not None:
-        with suppress(OSError, ValueError):
-            kept = json.loads(cache.read_text(encoding="utf-8"))
+        with suppress(DataError, ValueError):
+            kept = json_of(read_text(cache))
     found: dict[str, OracleRate] = {}
     for cell in cells:
         ship, rig, airframe = cell.ship, cell.rig, cell.airframe
@@ -204,7 +206,7 @@ def oracle_rates_of(cells: Sequence[CellResult], motions: int, cache: Path | Non
             drawn = oracle_rate(ship, rig, airframe, motions, np.random.default_rng(1))
             kept[key] = {**vars(drawn), "interval": list(drawn.interval), "deviation_m": list(drawn.deviation_m)}
             if cache is not None:
-                cache.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+                write_atomically(cache, json_bytes(kept))
         row = kept[key]
         interval, deviation_m = Interval(*row["interval"]), tuple(row["deviation_m"])
         found[cell.group] = OracleRate(**{**row, "interval": interval, "deviation_m": deviation_m})

@@ -299,9 +299,5 @@ def _pair(before: FlightRecord | None, after: FlightRecord) -> Pair:
         pose_m = float(np.linalg.norm(poses[0].position_in_bar_m - poses[1].position_in_bar_m))
     elif poses != [None, None]:
         pose_m = math.inf
-    sticks = float(np.max(np.abs(_sticks(before.decision.command) - _sticks(after.decision.command))))
-    return Pair(before, after, pose_m, sticks)
-
-
-def _sticks(command: PilotCommand) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return np.array([command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent])
+    was, now = (np.array(it.decision.command.sticks_percent) for it in (before, after))
+    return Pair(before, after, pose_m, float(np.max(np.abs(was - now))))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from shipland.errors import ConfigError
 from shipland.evaluation.landing import Landing
-from shipland.evaluation.statistics import Pairing, compare, share_interval
+from shipland.evaluation.statistics import Pairing, compare
+from shipland.evaluation.tally import Tally
 
 _PHASE_NAMES = {
     "search_s": "searching",
@@ -44,10 +46,10 @@ def landings_table(landings: Sequence[Landing], area: str) -> str:
 
 def summary_of(landings: Sequence[Landing], area: str) -> str:
     """How many landed in the area, `square` or `circle`, how many an oracle would have, and the medians."""
-    n, k = len(landings), sum(landing.success for landing in landings)
-    low, high = share_interval(k, n)
+    tally = Tally.of(landings)
     touched = [landing for landing in landings if landing.touched]
-    line = f"{k} of {n} landed in the {area} ({interval_text(low, high)}, Clopper and Pearson; {assumption(landings)})"
+    interval = f"95 % interval {tally.interval_text()}, Clopper and Pearson; {assumption(landings)}"
+    line = f"{tally.landed} of {tally.flights} landed in the {area} ({interval})"
     if not touched:
         return line + "."
     oracle = sum(bool(landing.oracle_in_square) for landing in touched)
@@ -61,11 +63,6 @@ def summary_of(landings: Sequence[Landing], area: str) -> str:
         f"{np.median(own):.3f} m; sink speed median {np.median(sinks):.2f} m/s, largest {max(sinks):.2f} m/s; time to "
         f"land median {np.median(times):.1f} s."
     )
-
-
-def interval_text(low: float, high: float) -> str:
-    """An interval of shares in percent."""
-    return f"95 % interval {100 * low:.1f}–{100 * high:.1f} %"
 
 
 def assumption(landings: Sequence[Landing]) -> str:
@@ -100,17 +97,17 @@ def modes_table(landings: Sequence[Landing]) -> str:
     return "\n".join([*lines, "", f"{broken_off} landings were broken off, in {flights} of {len(landings)} flights."])
 
 
-def pair_up(first: Sequence[Landing], second: Sequence[Landing], rng: np.random.Generator) -> Pairing:
-    """Compare two pilots on the seeds that both flew."""
-    one, two = ({landing.seed: landing for landing in landings} for landings in (first, second))
-    seeds = sorted(one.keys() & two.keys())
-    return compare(
-        np.array([one[seed].success for seed in seeds], dtype=bool),
-        np.array([two[seed].success for seed in seeds], dtype=bool),
-        np.array([one[seed].error_m for seed in seeds], dtype=float),
-        np.array([two[seed].error_m for seed in seeds], dtype=float),
-        rng,
-    )
+def by_seed(landings: Sequence[Landing]) -> dict[int, Landing]:
+    """One of each seed."""
+    return {landing.seed: landing for landing in landings}
+
+
+def pair_up(first: Mapping[Any, Landing], second: Mapping[Any, Landing], rng: np.random.Generator) -> Pairing:
+    """Compare two pilots on the flights that both flew, of one seed or of one cell and seed."""
+    pairs = [(first[key], second[key]) for key in sorted(first.keys() & second.keys())]
+    ok = np.array([[it.success for it in pair] for pair in pairs], bool).reshape(-1, 2)
+    errors_m = np.array([[it.error_m for it in pair] for pair in pairs], float).reshape(-1, 2)
+    return compare(ok[:, 0], ok[:, 1], errors_m[:, 0], errors_m[:, 1], rng)
 
 
 def median(values: Sequence[float], digits: int) -> str:
@@ -124,21 +121,22 @@ def quantile(values: Sequence[float], share: float, digits: int) -> str:
     return f"{np.quantile(finite, share):.{digits}f}" if finite else "–"
 
 
-def comparison(first: Sequence[Landing], second: Sequence[Landing], names: tuple[str, str], seed: int = 0) -> str:
+def comparison(first: Sequence[Landing], second: Sequence[Landing], names: tuple[str, str]) -> str:
     """Two campaigns seed by seed, in words; the seeds that only one of them flew are left out.
 
     Raises:
         ConfigError: they have no seed in common.
     """
-    common = {landing.seed for landing in first} & {landing.seed for landing in second}
+    one, two = by_seed(first), by_seed(second)
+    common = one.keys() & two.keys()
     if not common:
         raise ConfigError(f"{names[0]} and {names[1]} have no seed in common; a paired comparison needs the same seeds")
-    found = pair_up(first, second, np.random.default_rng(seed))
+    found = pair_up(one, two, np.random.default_rng(0))
     lines = [f"{found.flights} seeds flown by both:"]
     for name, landings in zip(names, (first, second), strict=True):
         mine = [landing for landing in landings if landing.seed in common]
-        good = sum(landing.success for landing in mine)
-        share = f"{good} in the landing area ({interval_text(*share_interval(good, len(mine)))})"
+        tally = Tally.of(mine)
+        share = f"{tally.landed} in the landing area (95 % interval {tally.interval_text()})"
         lines.append(f"  {name}: {share}, median error {median([landing.error_m for landing in mine], 3)} m")
     lines.append(f"only {names[0]} landed: {found.only_first}; only {names[1]}: {found.only_second}")
     lines.append(f"McNemar's exact test: p = {found.p_value:.3g}")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import comb
@@ -18,7 +17,8 @@ from shipland.evaluation.campaign import processes
 from shipland.evaluation.folder import campaign_key, source_digest
 from shipland.evaluation.job import FlightJob
 from shipland.evaluation.landing import COLUMNS
-from shipland.files import json_of, read_text, write_atomically
+from shipland.files import json_bytes, json_of, read_text, write_atomically
+from shipland.progress import followed
 from shipland.stopping import stop_requests
 from shipland.version import code_version
 
@@ -68,9 +68,7 @@ def own_code(bundle: Bundle) -> Iterator[None]:
             sys.modules.pop(name.partition(":")[0], None)
 
 
-def fly_again(
-    bundle: Bundle, sample: int, rng: np.random.Generator, workers: int, show: Callable[[int, int], None]
-) -> Verified:
+def fly_again(bundle: Bundle, sample: int, rng: np.random.Generator, workers: int) -> Verified:
     """Fly a sample again; own code must be within reach (`own_code`).
 
     Args:
@@ -78,7 +76,6 @@ def fly_again(
         sample: how many rows, drawn from all; 0 flies all of them.
         rng: draws them.
         workers: processes.
-        show: is told how many of how many were flown.
 
     Raises:
         DataError: a row differs, a flight was lost, or own code or weights are not those that flew.
@@ -102,16 +99,14 @@ def fly_again(
         lost.append(f"{flight.cell}, seed {flight.seed}: flown again it was lost: {reason}")
 
     with stop_requests():
-        for number, (flight, landing) in enumerate(
-            processes(min(workers, len(jobs)))(jobs, lambda *_: None, lose), start=1
-        ):
+        flown = processes(min(workers, len(jobs)))(jobs, lambda *_: None, lose)
+        for flight, landing in followed(flown, "flown again, all equal so far", len(jobs)):
             for name, stored, again in zip(COLUMNS, rows[flight.cell, flight.seed], texts_of(landing), strict=True):
                 if stored != again:
                     raise DataError(
                         f"{flight.cell}, seed {flight.seed}: {name} is {stored} in the bundle, {again} flown again"
                         + _other_libraries(bundle)
                     )
-            show(number, len(jobs))
     if lost:
         raise DataError(lost[0])
     return Verified(len(flights), count, bundle.digest, code_version())
@@ -136,7 +131,7 @@ def receipt_of(path: Path) -> Path:
 
 def write_receipt(path: Path, verified: Verified) -> None:
     """Note beside a bundle that it was verified."""
-    write_atomically(receipt_of(path), (json.dumps(vars(verified), indent=1) + "\n").encode())
+    write_atomically(receipt_of(path), json_bytes(vars(verified)))
 
 
 def read_receipt(bundle: Bundle) -> Verified | None:

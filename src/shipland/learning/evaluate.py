@@ -20,19 +20,19 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.config import build, key, parameters, require
 from shipland.errors import DataError
+from shipland.figures import drawn
 from shipland.files import claim, read_text, write_atomically
 from shipland.learning.arguments import EvaluateArguments
-from shipland.learning.curves import panels
 from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.looks import LEAST_CONFIDENCE, Look, edges_of, looks_at
 from shipland.learning.metrics import COCO_IOUS, Tally
-from shipland.learning.progress import followed
 from shipland.learning.ranges import BoxRow, RangeTable, SceneRecord, SureBox, markdown, range_table, summary
 from shipland.learning.ship_and_camera import ShipAndCamera
 from shipland.learning.shot import Shot
 from shipland.learning.shots import Span, SynthParameters, draw_scene, draw_shot
 from shipland.learning.synth import FRAME_S, compressed, draw, in_workers, jpeg_quality, synth_parameters
 from shipland.messages import Box, Frame, GimbalAttitude
+from shipland.progress import followed
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
 from shipland.sim.target_box import NearestBox, target_box
@@ -138,8 +138,9 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -
         drawn = ShipAndCamera.packaged() if drawn is None else drawn
         detector = _detector(arguments, settings)
         records = list(fresh_records(arguments, parameters, drawn, detector, settings))
-        for record in records:
-            _add([tally, *strict], record)
+        for each in (tally, *strict):
+            for record in records:
+                record.count(each)
     tables = _tables(records, arguments, parameters, confidence)
     result = Evaluation(
         detector.description,
@@ -161,13 +162,6 @@ def evaluate(arguments: EvaluateArguments, drawn: ShipAndCamera | None = None) -
     if tables:
         plot_recall(arguments.out / "recall.png", tables, arguments.kind)
     return result
-
-
-def _add(tallies: Sequence[Tally], record: SceneRecord) -> None:
-    boxes = np.array(record.boxes, np.float32).reshape(-1, 5)
-    rows = [] if record.target is None else [(0.0, *record.target)]
-    for tally in tallies:
-        tally.add(boxes[:, :4], boxes[:, 4], np.array(rows, np.float32).reshape(-1, 5))
 
 
 def _tables(
@@ -413,7 +407,8 @@ def _over(box: SureBox, edges: NearestBox | None) -> bool:
 
 def plot_recall(path: Path, tables: dict[str, RangeTable], kind: str) -> None:
     """Recall with its intervals, precision, and the boxes' errors over range, as a picture."""
-    with panels(path, 3, (13.0, 3.8)) as (left, centre, right):
+    with drawn(path, (13.0, 3.8), 110) as figure:
+        left, centre, right = figure.subplots(1, 3)
         colours = {"all": "#444444", "clear": "#1f77b4", "haze": "#d98a1f"}
         for name, table in tables.items():
             bins = [item for item in table.bins if item.scenes]

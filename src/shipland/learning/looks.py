@@ -11,8 +11,8 @@ import numpy as np
 
 from shipland.learning.dataset import Dataset, Targets
 from shipland.learning.metrics import Tally
-from shipland.learning.progress import followed
 from shipland.messages import Box
+from shipland.progress import followed
 from shipland.vision.far.decode import PIXEL_CENTRE, Float32
 from shipland.vision.far.detector import Detector
 

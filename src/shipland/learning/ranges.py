@@ -51,6 +51,12 @@ class SceneRecord:
     frames: tuple[tuple[SureBox, ...], ...] = ()
     heights_m: tuple[float, ...] = ()
 
+    def count(self, tally: Tally) -> None:
+        """Take the first frame into a tally."""
+        boxes = np.array(self.boxes, np.float32).reshape(-1, 5)
+        targets = np.array([] if self.target is None else [(0.0, *self.target)], np.float32).reshape(-1, 5)
+        tally.add(boxes[:, :4], boxes[:, 4], targets)
+
     def to_json(self) -> str:
         """One line of JSON."""
         return json.dumps(asdict(self))
@@ -149,9 +155,7 @@ def range_table(
     """
     tally = Tally(min_iou)
     for record in records:
-        boxes = np.array(record.boxes, np.float32).reshape(-1, 5)
-        targets = np.array([] if record.target is None else [(0.0, *record.target)], np.float32).reshape(-1, 5)
-        tally.add(boxes[:, :4], boxes[:, 4], targets)
+        record.count(tally)
     believed = [(target, box) for record in records for target, box in record.believed]
     false_believed = sum(box is not None and not hits(box, target, min_iou) for target, box in believed)
     everything = _bin(edges_m[0], edges_m[-1], list(records), confidence, min_iou)

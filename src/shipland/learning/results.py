@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from shipland.figures import drawn
 from shipland.files import write_atomically
 from shipland.learning.arguments import TrainArguments
 from shipland.learning.augment import window
 from shipland.learning.checkpoint import Progress
-from shipland.learning.curves import panels
 from shipland.learning.dataset import Dataset
 from shipland.learning.export import write_int8, write_onnx
 from shipland.learning.network import Network, weights_of
@@ -87,7 +87,8 @@ def calibration_windows(dataset: Dataset, parameters: TrainParameters, seed: int
 
 def plot_curves(path: Path, progress: Progress, match_iou: float) -> None:
     """Losses and held-out scores over the steps, as a picture."""
-    with panels(path, 2, (9.0, 3.6)) as (left, right):
+    with drawn(path, (9.0, 3.6), 110) as figure:
+        left, right = figure.subplots(1, 2)
         step = [row[0] for row in progress.losses]
         for column, label in enumerate(("box", "objectness", "class"), 1):
             left.plot(step, [row[column] for row in progress.losses], ".-", label=label, markersize=3)

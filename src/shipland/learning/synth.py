@@ -23,15 +23,15 @@ import numpy.typing as npt
 from shipland.camera import Camera
 from shipland.config import build
 from shipland.errors import DataError
-from shipland.files import claim, write_atomically
+from shipland.files import claim, replacing, write_atomically
 from shipland.learning.arguments import Kind, SynthArguments
 from shipland.learning.dataset import coco_table, read_dataset
 from shipland.learning.decoys import foot_box_px, paint
-from shipland.learning.progress import followed
 from shipland.learning.sensor import degrade
 from shipland.learning.ship_and_camera import ShipAndCamera
 from shipland.learning.shot import Shot
 from shipland.learning.shots import SynthParameters, draw_scene, draw_shot
+from shipland.progress import followed
 from shipland.rig import Rig
 from shipland.sim.scene.scene import Scene
 from shipland.sim.target_box import NearestBox, target_box
@@ -140,9 +140,8 @@ def compressed(picture: Picture, quality: int) -> Picture:
 
 def write_plainly(path: Path, data: bytes) -> None:
     """Write a file whole or not at all, without waiting for the disk."""
-    beside = path.with_name(f".{path.name}.part")
-    beside.write_bytes(data)
-    beside.replace(path)
+    with replacing(path) as beside:
+        beside.write_bytes(data)
 
 
 def _whole(out: Path, name: str) -> bool:

@@ -30,13 +30,13 @@ from shipland.learning.checkpoint import (
 from shipland.learning.dataset import Dataset, read_dataset
 from shipland.learning.loss import Anchors, fit_anchors
 from shipland.learning.network import Network, load_weights
-from shipland.learning.progress import followed
 from shipland.learning.results import CURVES, DETECTOR, Trained, plot_curves, write_results
 from shipland.learning.run import BEST, LAST, Run, steps, through
 from shipland.learning.settings import TrainParameters, train_parameters
 from shipland.learning.split import split
 from shipland.learning.windows import DiskWindows, ResidentWindows, Windows, decoded_bytes
 from shipland.learning.yolov3 import PUBLISHED_ANCHORS_PX, yolov3_layers
+from shipland.progress import followed
 from shipland.vision.far.decode import Decoding, DetectorSpec
 from shipland.vision.far.detector import weights_path
 

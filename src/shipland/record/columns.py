@@ -141,13 +141,11 @@ class FlightColumns:
             )
             for field in fields(Derived)
         }
-        commands = [record.decision.command for record in records]
+        sticks = [record.decision.command.sticks_percent for record in records]
         poses = [record.observation.bar_pose for record in records]
         return FlightColumns(
             t_s=np.array([record.frame.t_s for record in records], dtype=float),
-            sticks_percent=np.array(
-                [[c.pitch_percent, c.roll_percent, c.heave_percent, c.yaw_percent] for c in commands], dtype=float
-            ).reshape(-1, 4),
+            sticks_percent=np.array(sticks, dtype=float).reshape(-1, 4),
             reprojection_px=np.array([math.nan if pose is None else pose.reprojection_px for pose in poses], float),
             landing_probability=np.array([record.decision.landing_probability for record in records], dtype=float),
             telemetry_tilt_rad=np.array([_tilt_rad(record.telemetry) for record in records], dtype=float),

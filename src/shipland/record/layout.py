@@ -5,10 +5,10 @@ The layouts of `foxglove.layouts` are another form, for its notebook widget.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
+from shipland.files import json_bytes
 from shipland.mcap_records import IMAGE_TOPIC
 from shipland.record.reader import FLIGHT_TOPIC
 
@@ -42,7 +42,7 @@ _PICTURE = {
 
 def write_layout(path: Path) -> None:
     """Write the layout; OSError when that fails."""
-    path.write_text(json.dumps(_layout(), indent=1) + "\n", encoding="utf-8")
+    path.write_bytes(json_bytes(_layout()))
 
 
 def _layout() -> dict[str, Any]:

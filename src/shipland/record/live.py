@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from contextlib import AbstractContextManager
 
 import foxglove
 from foxglove import Context
@@ -24,7 +25,7 @@ _LAST_S = 0.5
 """In which what was told last leaves: the server does not say when it has."""
 
 
-class LiveView:
+class LiveView(AbstractContextManager["LiveView"]):
     """Serves a flight to viewers on this machine; a context manager.
 
     Args:
@@ -80,9 +81,6 @@ class LiveView:
         """Let go of the viewers."""
         self._aside.close(_CLOSING_S)
         self._server.stop()
-
-    def __enter__(self) -> LiveView:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -7,8 +7,8 @@ Each second of flight what was written goes to the disk: a process that is kille
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from pathlib import Path
-from types import TracebackType
 
 import foxglove
 from foxglove import Context
@@ -26,7 +26,7 @@ _FLUSH_S = 1.0
 """Flight time between two flushes of the log."""
 
 
-class LogWriter:
+class LogWriter(AbstractContextManager["LogWriter"]):
     """Writes one flight; a context manager, so that an interrupted flight leaves a closed, readable file too."""
 
     def __init__(self, path: Path, info: FlightInfo, rig: Rig, camera: Camera, parameters: LogParameters) -> None:
@@ -63,10 +63,5 @@ class LogWriter:
             self._sink.close()
             self._sink.check()
 
-    def __enter__(self) -> LogWriter:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

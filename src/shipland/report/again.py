@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from shipland.figures import drawn
 from shipland.frames import Array
 from shipland.messages import TouchdownVerdict
 from shipland.record.columns import FlightColumns
 from shipland.record.reader import FlightLog
 from shipland.report.palette import BLUE, VERMILION, unit
-from shipland.report.plots import draw_pad, drawn, finish_time_axes
+from shipland.report.plots import draw_pad, finish_time_axes
 from shipland.version import code_version
 
 PART_M = 0.01
@@ -26,10 +27,10 @@ def comparison(before: FlightLog, after: FlightLog) -> Iterator[str]:
     yield f"{'':<22}{'as it was flown':>18}{'again':>18}"
     flights = (before, after)
     yield _line("landed in the square", [_yes(log.verdict) for log in flights])
-    yield _line("error [cm]", [_figure(log.verdict, _error_cm) for log in flights])
+    yield _line("error [cm]", [_figure(it.verdict, lambda v: 100.0 * v.error_m) for it in flights])
     yield _line("ahead [cm]", [_figure(log.verdict, lambda it: 100.0 * it.touchdown_in_deck_m[0]) for log in flights])
     yield _line("starboard [cm]", [_figure(it.verdict, lambda v: 100.0 * v.touchdown_in_deck_m[1]) for it in flights])
-    yield _line("sink [m/s]", [_figure(it.verdict, lambda v: v.relative_velocity_in_deck_mps[2]) for it in flights])
+    yield _line("sink [m/s]", [_figure(it.verdict, lambda v: v.sink_mps) for it in flights])
     yield _line("tilt [°]", [_figure(it.verdict, lambda v: math.degrees(v.tilt_rad)) for it in flights])
     yield _line("first contact [s]", [_figure(it.verdict, lambda v: v.t_s) for it in flights])
     yield _line("cycles", [f"{len(log.records)}" for log in flights])
@@ -81,10 +82,6 @@ def _line(name: str, values: list[str]) -> str:
 
 def _yes(verdict: TouchdownVerdict | None) -> str:
     return "no touchdown" if verdict is None else "yes" if verdict.success else "no"
-
-
-def _error_cm(verdict: TouchdownVerdict) -> float:
-    return 100.0 * float(np.hypot(*verdict.touchdown_in_deck_m))
 
 
 def _figure(verdict: TouchdownVerdict | None, of: Callable[[TouchdownVerdict], float]) -> str:

@@ -12,7 +12,8 @@ from shipland.errors import DataError
 from shipland.evaluation.bundle import Bundle
 from shipland.evaluation.campaign import CellResult, read_about
 from shipland.evaluation.oracle import OracleRate
-from shipland.evaluation.statistics import compare, share_interval
+from shipland.evaluation.tables import pair_up
+from shipland.evaluation.tally import Tally
 from shipland.evaluation.verify import read_receipt
 from shipland.report.campaign_page import campaign_page
 from shipland.report.pages import html_of_table
@@ -81,15 +82,8 @@ def standings(cells: Sequence[CellResult]) -> Iterator[str]:
     yield "|---|---:|---:|---:|---:|---:|---:|"
     first = by_entry[entries[0]]
     for entry, flown in by_entry.items():
-        good, common = sum(it.success for it in flown.values()), [key for key in flown if key in first]
-        low, high = share_interval(good, len(flown))
-        ours, theirs = (
-            (np.array([some[key].success for key in common], bool), np.array([some[key].error_m for key in common]))
-            for some in (first, flown)
-        )
-        found = compare(ours[0], theirs[0], ours[1], theirs[1], np.random.default_rng(1))
+        tally, found = Tally.of(flown.values()), pair_up(first, flown, np.random.default_rng(1))
         tested = (
             "– | – | –" if entry == entries[0] else f"{found.only_first} | {found.only_second} | {found.p_value:.2g}"
         )
-        share = f"{good} ({100.0 * good / len(flown):.1f} %) | {100.0 * low:.1f}–{100.0 * high:.1f} %"
-        yield f"| {entry} | {len(flown)} | {share} | {tested} |"
+        yield f"| {entry} | {tally.flights} | {tally.share_text()} | {tally.interval_text()} | {tested} |"

@@ -18,8 +18,8 @@ from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
 from shipland.evaluation.leaderboard import leaderboard, pairs, rests_in_area, rivals, swept_keys
 from shipland.evaluation.oracle import OracleRate
-from shipland.evaluation.statistics import share_interval
 from shipland.evaluation.tables import quantile
+from shipland.evaluation.tally import Tally
 from shipland.report.page_flights import PageFlights
 from shipland.report.pages import html_of_table, html_table, page
 from shipland.report.svg import Column, Points, Share, colour_of, point_chart, share_chart
@@ -81,10 +81,9 @@ def campaign_page(
 
 
 def _share(landings: Sequence[Landing], series: int, words: str) -> Share:
-    good, n = sum(it.success for it in landings), len(landings)
-    low, high = share_interval(good, n)
-    text = f"{words}: {good} of {n}, {100 * good / n:.1f} % ({100 * low:.1f}–{100 * high:.1f} %)"
-    return Share(series, good / n, low, high, text)
+    tally = Tally.of(landings)
+    share = f"{100 * tally.share:.1f} % ({tally.interval_text()})"
+    return Share(series, tally.share, *tally.interval, f"{words}: {tally.landed} of {tally.flights}, {share}")
 
 
 def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
@@ -97,14 +96,13 @@ def _pilots(cells: Sequence[CellResult], pilots: Sequence[str]) -> str:
         mine = [(it, cell.rig) for cell in cells if cell.pilot == pilot for it in cell.landings]
         landings = [it for it, _ in mine]
         touched = [it for it in landings if it.touched]
-        good, n = sum(it.success for it in landings), len(landings)
-        low, high = share_interval(good, n)
+        tally = Tally.of(landings)
         rows.append(
             [
                 pilot,
-                str(n),
-                f"{good} ({100 * good / n:.1f} %)",
-                f"{100 * low:.1f}–{100 * high:.1f} %",
+                str(tally.flights),
+                tally.share_text(),
+                tally.interval_text(),
                 str(sum(rests_in_area(it, rig) for it, rig in mine)),
                 str(sum(it.landed for it in landings)),
                 quantile([100 * it.error_m for it in touched], 0.5, 1),

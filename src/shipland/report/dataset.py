@@ -6,7 +6,6 @@ Croissant 1.0 (MLCommons) is JSON-LD on schema.org: files with their digests, an
 from __future__ import annotations
 
 import hashlib
-import json
 import zipfile
 from collections.abc import Sequence
 from importlib.util import find_spec
@@ -17,7 +16,7 @@ from shipland.descriptions import descriptions, unit_of
 from shipland.errors import DataError
 from shipland.evaluation.campaign import CellResult, read_cells, rows_of, write_rows
 from shipland.evaluation.landing import Conditions, Landing, Phases, column_of
-from shipland.files import write_atomically
+from shipland.files import json_bytes, write_atomically
 
 _WORDS = """citeAs column equivalentProperty extract field fileObject fileProperty fileSet format includes isLiveDataset
     jsonPath key md5 parentField path recordSet references regex repeated replace samplingRate separator source subField
@@ -82,7 +81,7 @@ def write_dataset(folder: Path, out: Path, described: Described) -> list[str]:
         files["logs.zip"] = "application/zip"
     fields = [(name, _TYPES.get(values.dtype.kind, "sc:Text")) for name, values in table.items()]
     card = _card(out, described, files, fields, sum(len(cell.landings) for cell in cells))
-    write_atomically(out / "croissant.json", (json.dumps(card, indent=1, ensure_ascii=False) + "\n").encode())
+    write_atomically(out / "croissant.json", json_bytes(card))
     return [*files, "croissant.json"]
 
 

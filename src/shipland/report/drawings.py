@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -13,12 +12,14 @@ from shipland.errors import DataError
 from shipland.extras import require
 from shipland.messages import Box, Observation
 from shipland.report.overlay import draw_sight
+from shipland.report.video import VideoParameters, VideoWriter
 from shipland.vision.pictures import FilePicture, Picture, is_film
 
+_FILM = VideoParameters(crf=23.0, preset="medium", tune="film")
 _GREEN_BGR, _DARK_BGR = (80, 230, 40), (20, 20, 20)
 
 
-class Drawings:
+class Drawings(AbstractContextManager["Drawings"]):
     """The folder that drawings go to; a context manager. Pictures become .jpg, videos and logs .mp4 with their times.
 
     Args:
@@ -28,24 +29,29 @@ class Drawings:
     def __init__(self, out: Path) -> None:
         self._out = out
         self._taken: set[Path] = set()
-        self._video = _VideoOut(None)
-
-    def __enter__(self) -> Drawings:
-        return self
+        self._video: VideoWriter | None = None
+        self._first_s = 0.0
 
     def __exit__(self, *_: object) -> None:
-        self._video.close()
+        self._close()
 
     def add(self, picture: FilePicture, drawn: Picture) -> None:
         """Write `drawn` in the place of `picture`; DataError when another file's drawing is there."""
         if is_film(picture.source):
-            if not picture.follows:
-                self._video.close()
-                self._video = _VideoOut(self._place(picture.source, ".mp4"))
-            self._video.write(drawn, picture.t_s)
+            height_px, width_px = (side // 2 * 2 for side in drawn.shape[:2])  # H.264 wants even sides
+            if self._video is None or not picture.follows:
+                require("film", "a film with drawings")
+                self._close()
+                place, self._first_s = self._place(picture.source, ".mp4"), picture.t_s
+                self._video = VideoWriter(place, width_px, height_px, _FILM)
+            self._video.write(np.ascontiguousarray(drawn[:height_px, :width_px]), picture.t_s - self._first_s)
         else:
             place = self._place(picture.source, ".jpg")
             place.write_bytes(cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes())
+
+    def _close(self) -> None:
+        if self._video is not None:
+            self._video.close()
 
     def _place(self, source: Path, suffix: str) -> Path:
         self._out.mkdir(parents=True, exist_ok=True)
@@ -92,37 +98,3 @@ def _write(picture: Picture, text: str, place_px: tuple[int, int]) -> None:
     scale = _scale(picture)
     for colour, thick in ((_DARK_BGR, 3 * scale), (_GREEN_BGR, scale)):
         cv2.putText(picture, text, place_px, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * scale, colour, thick, cv2.LINE_AA)
-
-
-class _VideoOut:
-    """An H.264 file that opens with its first picture; nothing without a path."""
-
-    def __init__(self, path: Path | None) -> None:
-        self._path = path
-        self._container: Any = None
-        self._stream: Any = None
-        self._first_s = 0.0
-
-    def close(self) -> None:
-        """Write what is left."""
-        if self._container is not None:
-            for packet in self._stream.encode():
-                self._container.mux(packet)
-            self._container.close()
-            self._container = None
-
-    def write(self, picture: Picture, t_s: float) -> None:
-        """Add a picture at its time after the first one's; sides are cut to even numbers."""
-        require("film", "a film with drawings")
-        import av
-
-        height, width = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2
-        if self._container is None:
-            self._container, self._first_s = av.open(str(self._path), "w"), t_s
-            self._stream = self._container.add_stream("libx264", rate=30)
-            self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
-            self._stream.time_base = self._stream.codec_context.time_base = Fraction(1, 90000)
-        frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:height, :width]), format="bgr24")
-        frame.pts, frame.time_base = round(90000 * (t_s - self._first_s)), Fraction(1, 90000)
-        for packet in self._stream.encode(frame):
-            self._container.mux(packet)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shipland.evaluation.envelope import KNOT_MPS, NATOPS_PITCH_DEG, NATOPS_ROLL_DEG, RATINGS, Envelope
-from shipland.files import write_atomically
+from shipland.figures import PLOT_STYLE, new_figure, save_figure
+from shipland.files import json_bytes, write_atomically
 from shipland.report.palette import VERMILION, unit
-from shipland.report.plots import PLOT_STYLE, new_figure, save_figure
 from shipland.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -58,7 +57,7 @@ def write_envelopes(out: Path, envelopes: Sequence[Envelope], command: str, pict
         DataError, OSError: they cannot be written.
     """
     table = {"note": NO_RELEASE, "command": command, "ratings": RATINGS, "envelopes": list(map(_table, envelopes))}
-    write_atomically(out / "envelope.json", (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode())
+    write_atomically(out / "envelope.json", json_bytes(table))
     pages = [f"**{NO_RELEASE}**"]
     if picture:
         panels = [Panel(title_of(it), it.rows, it.borders) for it in envelopes]

@@ -12,10 +12,11 @@ import numpy.typing as npt
 
 from shipland.evaluation.campaign import CellResult
 from shipland.evaluation.landing import Landing
-from shipland.evaluation.statistics import share_interval
+from shipland.evaluation.tally import Tally
+from shipland.figures import PLOT_STYLE, drawn, new_figure
 from shipland.frames import Array
 from shipland.report.palette import BLUE, GREEN, VERMILION, unit
-from shipland.report.plots import PLOT_STYLE, PlotParameters, draw_pad, drawn, new_figure
+from shipland.report.plots import PlotParameters, draw_pad
 from shipland.report.svg import SERIES
 from shipland.rig import Rig, area_of
 
@@ -123,11 +124,11 @@ def plot_cells(cells: Sequence[CellResult]) -> Figure:
             landings = [landing for cell in cells if cell.pilot == pilot for landing in cell.landings]
             _draw_touchdowns(axes, touchdowns_of(landings), cells[0].rig, pilot)
         for row, cell in enumerate(cells):
-            landed, flown = sum(landing.success for landing in cell.landings), len(cell.landings)
-            low, high = share_interval(landed, flown)
+            tally = Tally.of(cell.landings)
+            low, high = tally.interval
             colour = unit(SERIES[pilots.index(cell.pilot) % len(SERIES)])
             shares.plot([100 * low, 100 * high], [row, row], color=colour, linewidth=2.0)
-            shares.plot(100 * landed / max(flown, 1), row, "o", color=colour)
+            shares.plot(100 * tally.share, row, "o", color=colour)
         shares.set_yticks(range(len(cells)), [cell.name for cell in cells])
         shares.set(xlim=(-2.0, 102.0), ylim=(len(cells) - 0.5, -0.5))
         shares.set_title(f"landed in the {area_of(cell.rig for cell in cells)}, with the 95 % interval [%]")

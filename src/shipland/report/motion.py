@@ -1,9 +1,9 @@
-"""The ship's motion and the wind of a case, as a table, CSV files and a figure; no flight."""
+"""The ship's motion and the wind of a scenario, as a table, CSV files and a figure; no flight."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -16,14 +16,14 @@ from shipland.errors import ConfigError
 from shipland.files import writing
 from shipland.frames import Array
 from shipland.report.motion_plots import plot_case, plot_headings
-from shipland.rig import Rig
+from shipland.scenario.autonomy import drawn_ship
+from shipland.scenario.scenario import Scenario
 from shipland.scenario.seeds import generators_of
-from shipland.sim.air.wind import Wind, WindParameters, build_wind
+from shipland.sim.air.wind import build_wind
 from shipland.sim.ship.deck_motion import DOF_NAMES
 from shipland.sim.ship.motion_base import rig_limits
 from shipland.sim.ship.recorded import HEADER
 from shipland.sim.ship.sea import significant_amplitude
-from shipland.sim.ship.ship import Ship, ShipParameters, build_ship
 
 DEGREES = np.array([1.0, 1.0, 1.0, *[180.0 / np.pi] * 3])
 """From metres and radians to metres and degrees."""
@@ -39,28 +39,8 @@ TIME_RULES: tuple[Literal["froude", "length_only"], ...] = ("froude", "length_on
 
 
 @dataclass(frozen=True)
-class Case:
-    """One case, ready to be sampled.
-
-    Attributes:
-        rig: dimensions.
-        ship: parameters of the ship.
-        wind: parameters of the wind.
-    """
-
-    rig: Rig
-    ship: ShipParameters
-    wind: WindParameters
-
-    def make(self, seed: int) -> tuple[Ship, Wind]:
-        """Ship and wind of a seed: the same as those of a flight with this seed."""
-        rng = generators_of(seed)
-        return build_ship(self.ship, self.rig, rng.ship), build_wind(self.wind, self.rig, rng.wind)
-
-
-@dataclass(frozen=True)
 class Traces:
-    """A sampled case.
+    """Ship and wind, sampled.
 
     Attributes:
         t_s: (N,).
@@ -94,7 +74,7 @@ class Statistics:
 
 @dataclass(frozen=True)
 class Sampling:
-    """How long and how finely a case is looked at.
+    """How long and how finely a scenario is looked at.
 
     Attributes:
         duration_s: length of the CSV files and of the figure.
@@ -116,9 +96,9 @@ class Sampling:
                 raise ConfigError(f"{name} must be in 10…36000 s, got {value}")
 
 
-def sample(case: Case, seed: int, duration_s: float, step_s: float) -> Traces:
-    """Ship and wind at every step from 0 to `duration_s`."""
-    ship, wind = case.make(seed)
+def sample(scenario: Scenario, seed: int, duration_s: float, step_s: float) -> Traces:
+    """Ship and wind of a flight of this seed at every step from 0 to `duration_s`."""
+    ship, wind = drawn_ship(scenario, seed), build_wind(scenario.wind, scenario.rig, generators_of(seed).wind)
     t_s = np.arange(0.0, duration_s + 0.5 * step_s, step_s)
     deck, course, air = np.empty((t_s.size, 6)), np.empty((t_s.size, 3)), np.empty((t_s.size, 3))
     over_deck_m = np.array([0.0, 0.0, -OVER_DECK_M])
@@ -131,9 +111,9 @@ def sample(case: Case, seed: int, duration_s: float, step_s: float) -> Traces:
     return Traces(t_s, deck, course, air, tuple(map(str, ship.limit_bites)))
 
 
-def statistics(case: Case, seed: int, duration_s: float) -> tuple[Statistics, ...]:
+def statistics(scenario: Scenario, seed: int, duration_s: float) -> tuple[Statistics, ...]:
     """Statistics of the six degrees of freedom of the deck."""
-    ship, _ = case.make(seed)
+    ship = drawn_ship(scenario, seed)
     t_s = np.arange(0.0, duration_s, STATISTICS_STEP_S)
     deck = np.array([ship.deck_motion.at(t).displacement for t in t_s.tolist()]) * DEGREES
     found = []
@@ -145,72 +125,69 @@ def statistics(case: Case, seed: int, duration_s: float) -> tuple[Statistics, ..
     return tuple(found)
 
 
-def report_case(case: Case, sampling: Sampling, out: Path, console: Console) -> None:
-    """Write table, CSV files and figure of one case.
+def report_case(scenario: Scenario, sampling: Sampling, out: Path, console: Console) -> None:
+    """Write table, CSV files and figure.
 
     Raises:
         DataError: the folder cannot be written.
     """
-    traces = sample(case, sampling.seed, sampling.duration_s, sampling.step_s)
-    stats = statistics(case, sampling.seed, sampling.statistics_s)
+    traces = sample(scenario, sampling.seed, sampling.duration_s, sampling.step_s)
+    stats = statistics(scenario, sampling.seed, sampling.statistics_s)
     air = np.column_stack([traces.t_s, traces.course, traces.wind_in_ned_mps])
     _write_series(out / "motion.csv", HEADER, np.column_stack([traces.t_s, traces.deck]))
     _write_series(out / "wind.csv", WIND_HEADER, air)
     plot_case(out / "motion.png", traces.t_s, traces.deck, traces.wind_in_ned_mps)
-    columns: dict[str, tuple[Statistics, ...]] = {case.ship.motion: stats}
+    columns: dict[str, tuple[Statistics, ...]] = {scenario.ship.motion: stats}
     _write_table(out / "motion_table.csv", columns)
     console.print(f"deck motion over {sampling.statistics_s:g} s{_MEASURES}", soft_wrap=True)
-    console.print(_table(columns))
+    console.print(_table(_measured(columns)))
     for line in traces.limit_bites:
         console.print(line)
     console.print(f"written: motion.csv, wind.csv, motion_table.csv, motion.png in {out}", soft_wrap=True)
 
 
-def report_headings(case: Case, sampling: Sampling, out: Path, console: Console) -> None:
+def report_headings(scenario: Scenario, sampling: Sampling, out: Path, console: Console) -> None:
     """The same of waves 60° off the bow and off the stern, at both time rules, in one figure."""
     panels: dict[str, dict[str, Traces]] = {}
     columns: dict[str, tuple[Statistics, ...]] = {}
     full_scale: dict[str, Array] = {}
-    sea, scale = case.ship.sea, case.ship.scale
+    sea, scale = scenario.ship.sea, scenario.ship.scale
     for waves_from_deg, name in HEADINGS.items():
         turned = replace(sea, waves_from_deg=waves_from_deg)
         full_scale[name] = significant_amplitude(turned) * DEGREES
         panels[name] = {}
         for rule in TIME_RULES:
-            ship = replace(case.ship, sea=turned, scale=replace(scale, time=rule))
-            one = replace(case, ship=ship)
+            ship = replace(scenario.ship, motion="sea", sea=turned, scale=replace(scale, time=rule))
+            one = replace(scenario, ship=ship)
             panels[name][rule] = sample(one, sampling.seed, sampling.duration_s, sampling.step_s)
             columns[f"{name}\n{rule}"] = statistics(one, sampling.seed, sampling.statistics_s)
     traces = {name: {rule: (t.t_s, t.deck) for rule, t in of.items()} for name, of in panels.items()}
-    plot_headings(out / "motion_headings.png", traces, rig_limits(case.rig) * DEGREES)
+    plot_headings(out / "motion_headings.png", traces, rig_limits(scenario.rig) * DEGREES)
     _write_table(out / "motion_headings.csv", columns)
     title = f"Hs {sea.height_m:g} m, Tp {sea.period_s:g} s, {sea.speed_kn:g} kn, length scale {scale.length:g}"
     console.print(f"significant single amplitudes at full scale: {title}", soft_wrap=True)
-    console.print(_amplitudes(full_scale))
+    console.print(_table({name: [f"{value:.2f}" for value in each] for name, each in full_scale.items()}))
     console.print(f"on the rig: {title}, {sampling.statistics_s:g} s{_MEASURES}", soft_wrap=True)
-    console.print(_table(columns))
+    console.print(_table(_measured(columns)))
     console.print(f"written: motion_headings.csv, motion_headings.png in {out}", soft_wrap=True)
 
 
 _MEASURES = ": significant amplitude / mean period"
 
 
-def _amplitudes(values: dict[str, Array]) -> Table:
-    table = Table("", *values)
-    for index, name in enumerate(DOF_NAMES):
-        table.add_row(f"{name}, {UNITS[index]}", *(f"{value[index]:.2f}" for value in values.values()))
-    return table
-
-
-def _table(columns: dict[str, tuple[Statistics, ...]]) -> Table:
+def _table(columns: Mapping[str, Sequence[str]]) -> Table:
+    """Of a text for each degree of freedom."""
     table = Table("", *columns)
-    for index, name in enumerate(DOF_NAMES):
-        cells = (
-            f"{s[index].significant:.3g} / {s[index].period_s:.1f} s" if np.isfinite(s[index].period_s) else "0"
-            for s in columns.values()
-        )
-        table.add_row(f"{name}, {UNITS[index]}", *cells)
+    for name, unit, *texts in zip(DOF_NAMES, UNITS, *columns.values(), strict=True):
+        table.add_row(f"{name}, {unit}", *texts)
     return table
+
+
+def _measured(columns: dict[str, tuple[Statistics, ...]]) -> dict[str, list[str]]:
+    return {
+        name: [f"{it.significant:.3g} / {it.period_s:.1f} s" if np.isfinite(it.period_s) else "0" for it in of_case]
+        for name, of_case in columns.items()
+    }
 
 
 def _write_table(path: Path, columns: dict[str, tuple[Statistics, ...]]) -> None:

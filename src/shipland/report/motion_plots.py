@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from shipland.figures import drawn
 from shipland.frames import Array
 from shipland.report.palette import BLUE, GREEN, GREY, VERMILION, unit
-from shipland.report.plots import drawn
 from shipland.sim.ship.deck_motion import DOF_NAMES
 
 _DPI = 80

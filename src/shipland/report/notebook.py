@@ -10,13 +10,13 @@ import cv2
 import numpy as np
 
 from shipland.evaluation.campaign import CellResult
-from shipland.evaluation.statistics import share_interval
 from shipland.evaluation.tables import median
+from shipland.evaluation.tally import Tally
 from shipland.extras import installed
+from shipland.figures import png_of
 from shipland.messages import FlightRecord, TouchdownVerdict
 from shipland.report.landing_plots import plot_cells
 from shipland.report.pages import html_table, picture
-from shipland.report.plots import png_of
 from shipland.report.views import FlightViews
 from shipland.rig import area_of
 from shipland.scenario.scenario import Scenario
@@ -37,13 +37,11 @@ def flight_html(
     """
     figures = [("cycles", f"{len(records)}")]
     if verdict is not None and verdict.touched:
-        forward_m, starboard_m = verdict.touchdown_in_deck_m
-        u, v, w = verdict.relative_velocity_in_deck_mps
         figures += [
             ("time", f"{verdict.t_s:.1f} s"),
-            ("off the deck's centre", f"{np.hypot(forward_m, starboard_m):.3f} m"),
-            ("sink", f"{w:.2f} m/s"),
-            ("slide", f"{np.hypot(u, v):.2f} m/s"),
+            ("off the deck's centre", f"{verdict.error_m:.3f} m"),
+            ("sink", f"{verdict.sink_mps:.2f} m/s"),
+            ("slide", f"{verdict.slide_mps:.2f} m/s"),
             ("tilt", f"{np.degrees(verdict.tilt_rad):.1f}°"),
             ("slip", f"{100.0 * verdict.slip_m:.1f} cm"),
         ]
@@ -70,13 +68,12 @@ def campaign_html(words: str, cells: Sequence[CellResult]) -> str:
     area = area_of(cell.rig for cell in cells)
     rows = []
     for cell in cells:
-        landed, flown = sum(landing.success for landing in cell.landings), len(cell.landings)
-        low, high = share_interval(landed, flown)
+        tally = Tally.of(cell.landings)
         causes = Counter(landing.cause for landing in cell.landings if landing.cause).most_common()
         error = median([100.0 * landing.error_m for landing in cell.landings], 1)
-        interval = f"{100 * low:.1f}–{100 * high:.1f} %"
         words_of_causes = ", ".join(f"{count} {cause}" for cause, count in causes)
-        rows.append((cell.name, f"{landed} of {flown}", interval, error, words_of_causes))
+        landed = f"{tally.landed} of {tally.flights}"
+        rows.append((cell.name, landed, tally.interval_text(), error, words_of_causes))
     head = ("cell", f"landed in the {area}", "95 % interval", "error median [cm]", "causes")
     shown = ""
     if installed("plots"):

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 
 from shipland.aside import Aside
 from shipland.camera import Camera
@@ -62,7 +61,7 @@ def _words(error: Exception) -> str:
     return str(error) or type(error).__name__
 
 
-class Recorder:
+class Recorder(AbstractContextManager["Recorder"]):
     """Takes a flight cycle by cycle and leaves it in a folder.
 
     In flight nothing raises: an output that fails is given up, the others go on, and `problems` says what happened.
@@ -167,12 +166,7 @@ class Recorder:
             self._attempt(name, output.close)
         self._outputs.clear()
 
-    def __enter__(self) -> Recorder:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
         if not self._finished:
             self.finish(None, "broken off" if error is None else f"broken off: {str(error) or type(error).__name__}")
         self._close()

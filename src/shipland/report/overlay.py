@@ -93,9 +93,8 @@ def draw_verdict(image: Image, verdict: TouchdownVerdict) -> None:
     title = verdict.reason.partition(",")[0].upper() if verdict.landed else "NOT LANDED"
     figures = f"{verdict.t_s:.1f} s"
     if verdict.touched:
-        off_m = float(np.linalg.norm(verdict.touchdown_in_deck_m))
-        down_mps = float(verdict.relative_velocity_in_deck_mps[2])
-        figures = f"{100.0 * off_m:.0f} cm from the centre   ·   {down_mps:.2f} m/s down   ·   {figures}"
+        place = f"{100.0 * verdict.error_m:.0f} cm from the centre"
+        figures = f"{place}   ·   {verdict.sink_mps:.2f} m/s down   ·   {figures}"
     middle = height - 50  # low in the picture, so that the bar stays in sight
     band = image[middle - 58 :]
     band[:] = band // 4
@@ -212,8 +211,7 @@ class Instruments:
 
     @staticmethod
     def _draw_sticks(strip: Image, record: FlightRecord) -> None:
-        command = record.decision.command
-        values = (command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent)
+        values = record.decision.command.sticks_percent
         _, left_px, right_px = _STICKS_PX
         middle, half = (left_px + right_px) // 2, (right_px - left_px) // 2
         for index, (percent, colour) in enumerate(zip(values, STICK_COLOURS, strict=True)):

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from shipland.config import key, parameters
 from shipland.errors import DataError
-from shipland.files import writing
+from shipland.figures import drawn
 from shipland.frames import Array
 from shipland.messages import Mode, TouchdownVerdict
 from shipland.record.columns import FlightColumns
@@ -41,26 +38,6 @@ if TYPE_CHECKING:
 _STEP_S = 0.05
 """Cycles that are as close as this are drawn as they are."""
 _TRUTH, _SEEN = unit(BLACK), unit(ORANGE)
-PLOT_STYLE: dict[Any, Any] = {
-    "font.family": "DejaVu Sans",
-    "font.size": 10.0,
-    "axes.titlesize": 10.0,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#d8d8d8",
-    "grid.linewidth": 0.6,
-    "axes.axisbelow": True,
-    "lines.linewidth": 1.4,
-    "legend.fontsize": 9.0,
-    "legend.frameon": True,
-    "legend.framealpha": 0.85,
-    "legend.edgecolor": "none",
-    "xtick.labelsize": 9.0,
-    "ytick.labelsize": 9.0,
-}
 
 
 @parameters
@@ -70,48 +47,6 @@ class PlotParameters:
     dpi: int = key(
         160, "resolution, in pixels an inch", "1660 px wide: sharp at twice the width of a README", ge=40, le=600
     )
-
-
-def new_figure(width_in: float, height_in: float) -> Figure:
-    """A figure without a display and without pyplot's registry; notebooks show it."""
-    from matplotlib.figure import Figure
-
-    class Shown(Figure):
-        def _repr_png_(self) -> bytes:
-            return png_of(self)
-
-    return Shown(figsize=(width_in, height_in), layout="constrained")
-
-
-def png_of(figure: Figure, dpi: int = 80) -> bytes:
-    """The picture as a PNG file's bytes."""
-    data = BytesIO()
-    figure.savefig(data, dpi=dpi, metadata={"Software": None})
-    return data.getvalue()
-
-
-def save_figure(figure: Figure, path: Path, dpi: int) -> None:
-    """Write a PNG whose bytes depend on the picture only; DataError when it cannot be written."""
-    with writing(path, "plot"):
-        figure.savefig(path, dpi=dpi, metadata={"Software": None})
-
-
-@contextmanager
-def drawn(path: Path, size_in: tuple[float, float], dpi: int, *, grid: bool = True) -> Iterator[Figure]:
-    """A figure in the house's style, written as `save_figure` does once the block has drawn it.
-
-    Args:
-        path: PNG to write.
-        size_in: width and height.
-        dpi: resolution, in pixels an inch.
-        grid: lines behind the curves.
-    """
-    import matplotlib as mpl
-
-    with mpl.rc_context(PLOT_STYLE | {"axes.grid": grid}):
-        figure = new_figure(*size_in)
-        yield figure
-        save_figure(figure, path, dpi)
 
 
 def write_title(figure: Figure, log: FlightLog) -> None:
@@ -311,9 +246,8 @@ def _draw_touchdown(
             rest_m[1], rest_m[0], marker="x", color=unit(VERMILION), markersize=7, markeredgewidth=2,
             linestyle="none", label="at rest",
         )  # fmt: skip
-        velocity = verdict.relative_velocity_in_deck_mps
         text = (
-            f"{100.0 * np.hypot(forward_m, right_m):.1f} cm from the centre, {velocity[2]:.2f} m/s down, "
+            f"{100.0 * verdict.error_m:.1f} cm from the centre, {verdict.sink_mps:.2f} m/s down, "
             f"tilt {np.degrees(verdict.tilt_rad):.1f}°, slip {100.0 * verdict.slip_m:.1f} cm"
         )
         axes.set_title("touchdown on the deck, from above", pad=20.0)

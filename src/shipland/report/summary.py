@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-import json
 import re
 from collections import Counter
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from shipland.errors import DataError
+from shipland.files import json_bytes, write_atomically, writing
 from shipland.frames import Array
 from shipland.messages import Mode, TouchdownVerdict
 from shipland.record.columns import FlightColumns
@@ -140,9 +138,7 @@ def summarise(log: FlightLog, end: str = "") -> FlightSummary:
         cycles=len(log.records),
         flight_time_s=float(np.ptp(columns.t_s)) if len(columns.t_s) else 0.0,
         time_to_land_s=None if verdict is None or not verdict.touched else verdict.t_s - start_s,
-        touchdown_error_m=(
-            None if verdict is None or not verdict.touched else float(np.linalg.norm(verdict.touchdown_in_deck_m))
-        ),
+        touchdown_error_m=None if verdict is None or not verdict.touched else verdict.error_m,
         touchdown=verdict,
         time_per_mode_s=time_per_mode_s,
         mode_changes=max(0, len(spans) - 1),
@@ -177,13 +173,8 @@ def kinds_of(reason: str) -> list[str]:
 
 def write_json(path: Path, value: object) -> None:
     """Write a dataclass or mapping as JSON, floats to the sixth decimal; DataError when the file cannot be written."""
-    text = json.dumps(_plain(value), indent=2, ensure_ascii=False, allow_nan=False)
-    try:
-        path.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        with suppress(OSError):
-            path.unlink()
-        raise DataError(f"{path} cannot be written: {error.strerror}") from None
+    with writing(path):
+        write_atomically(path, json_bytes(_plain(value)))
 
 
 def _aircraft_error(columns: FlightColumns) -> PoseError | None:
@@ -198,18 +189,9 @@ def _pose_error(error_m: Array, error_yaw_rad: Array) -> PoseError | None:
         return None
     errors = np.column_stack([error_m[whole], np.degrees(error_yaw_rad[whole])])
     rms, mean = np.sqrt(np.mean(errors**2, axis=0)), np.mean(errors, axis=0)
-    return PoseError(
-        count=int(whole.sum()),
-        rms_forward_m=float(rms[0]),
-        rms_right_m=float(rms[1]),
-        rms_down_m=float(rms[2]),
-        rms_yaw_deg=float(rms[3]),
-        mean_forward_m=float(mean[0]),
-        mean_right_m=float(mean[1]),
-        mean_down_m=float(mean[2]),
-        mean_yaw_deg=float(mean[3]),
-        max_distance_m=float(np.linalg.norm(errors[:, :3], axis=1).max()),
-    )
+    largest_m = float(np.linalg.norm(errors[:, :3], axis=1).max())
+    figures: list[float] = [*rms.tolist(), *mean.tolist(), largest_m]
+    return PoseError(int(whole.sum()), *figures)
 
 
 def _largest(values: Array) -> float | None:

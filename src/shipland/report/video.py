@@ -38,6 +38,7 @@ CHASE_WIDTH_PX = TRACES_WIDTH_PX
 Chase = Callable[[GroundTruth], Image]
 """Renders the outside view, (h, CHASE_WIDTH_PX, 3) BGR for choice, of a moment."""
 
+_TICK_S = Fraction(1, 90000)
 _BLANK: tuple[int, int, int] = (60, 56, 52)
 
 
@@ -64,8 +65,8 @@ class VideoParameters:
 class Encoder(Protocol):
     """Writes a film picture by picture."""
 
-    def write(self, image: Image) -> None:
-        """Append one picture."""
+    def write(self, image: Image, t_s: float) -> None:
+        """Append one picture, at its time after the first."""
 
     def close(self) -> None:
         """Finish the file."""
@@ -85,11 +86,11 @@ class VideoWriter:
         self._encoder: Encoder = (_H264 if _has_x264() else _Mpeg4)(path, width_px, height_px, parameters)
         self._shape = (height_px, width_px, 3)
 
-    def write(self, image: Image) -> None:
-        """Append one picture (height, width, 3)."""
+    def write(self, image: Image, t_s: float) -> None:
+        """Append one picture (height, width, 3), at its time after the first."""
         if image.shape != self._shape:
             raise ValueError(f"VideoWriter wants pictures of shape {self._shape}, got {image.shape}")
-        self._encoder.write(image)
+        self._encoder.write(image, t_s)
 
     def close(self) -> None:
         """Finish the file."""
@@ -130,29 +131,29 @@ class _H264:
         self._stream.codec_context.thread_count = 1
         # OpenCV's YUV is BT.601, studio range; unsaid, players take wide pictures for BT.709.
         self._stream.codec_context.colorspace, self._stream.codec_context.color_range = 6, 1
-        self._count = 0
+        self._stream.time_base = self._stream.codec_context.time_base = _TICK_S
+        self._empty = True
 
-    def write(self, image: Image) -> None:
+    def write(self, image: Image, t_s: float) -> None:
         """See `Encoder.write`."""
         import av
 
         yuv = cv2.cvtColor(image, cv2.COLOR_BGR2YUV_I420)
         frame = av.VideoFrame.from_ndarray(yuv, format="yuv420p")  # type: ignore[arg-type]
-        frame.pts = self._count
-        self._count += 1
+        frame.pts, frame.time_base, self._empty = round(t_s / _TICK_S), _TICK_S, False
         self._container.mux(self._stream.encode(frame))
 
     def close(self) -> None:
         """See `Encoder.close`."""
         try:
-            if self._count:
+            if not self._empty:
                 self._container.mux(self._stream.encode())
         finally:
             self._container.close()
 
 
 class _Mpeg4:
-    """By OpenCV: three times as large as H.264, and players show it, browsers do not."""
+    """By OpenCV, at a steady rate: three times as large as H.264, and players show it, browsers do not."""
 
     def __init__(self, path: Path, width_px: int, height_px: int, parameters: VideoParameters) -> None:
         codec = cv2.VideoWriter.fourcc(*"mp4v")
@@ -160,7 +161,7 @@ class _Mpeg4:
         if not self._writer.isOpened():
             raise DataError(f"video {path} cannot be written: OpenCV has no encoder for it")
 
-    def write(self, image: Image) -> None:
+    def write(self, image: Image, t_s: float) -> None:  # noqa: ARG002
         """See `Encoder.write`."""
         self._writer.write(image)
 
@@ -251,7 +252,7 @@ class FlightVideo:
         if self._writer is None:
             height_px, width_px = self._canvas.shape[:2]
             self._writer = VideoWriter(self._path, width_px, height_px, self._parameters)
-        self._writer.write(self._canvas)
+        self._writer.write(self._canvas, self._ticks / self._parameters.rate_hz)
         self._ticks += 1
 
     def _draw_picture(self, record: FlightRecord) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from shipland.errors import ConfigError
 from shipland.extras import require
 from shipland.messages import FlightRecord
+from shipland.report.palette import STICK_NAMES
 from shipland.rig import Rig
 
 
@@ -65,9 +66,8 @@ class Viewer:
         boxes = [box for box in (record.observation.bar_box, record.observation.ship_box) if box is not None]
         centres, sizes = [box.centre_px for box in boxes], [box.size_px for box in boxes]
         self._log("camera/boxes", rerun.Boxes2D(centers=centres, sizes=sizes))
-        command = decision.command
-        for name in ("pitch", "roll", "heave", "yaw"):
-            self._log(f"sticks/{name}", rerun.Scalars(getattr(command, f"{name}_percent")))
+        for name, percent in zip(STICK_NAMES, decision.command.sticks_percent, strict=True):
+            self._log(f"sticks/{name}", rerun.Scalars(percent))
         if decision.estimate is not None:
             for name, value in zip(("forward", "starboard", "down"), decision.estimate.aircraft_in_bar_m, strict=True):
                 self._log(f"place_in_bar/{name}", rerun.Scalars(float(value)))

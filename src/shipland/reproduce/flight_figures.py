@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shipland.errors import DataError
+from shipland.figures import drawn
 from shipland.frames import Array, Pose
 from shipland.record.reader import FlightLog, read_log
 from shipland.report.landing_plots import Touchdowns, plot_touchdowns
@@ -21,7 +22,6 @@ from shipland.report.plots import (
     draw_right,
     draw_sticks,
     draw_up,
-    drawn,
     finish_time_axes,
     write_title,
 )

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from shipland.camera import Camera
+from shipland.figures import drawn
 from shipland.report.palette import BLUE, GREEN, GREY, ORANGE, VERMILION, unit
-from shipland.report.plots import drawn
 from shipland.rig import Rig
 from shipland.scenario.scenario import Scenario
 

@@ -15,6 +15,7 @@ from shipland.flight import fly
 from shipland.frames import Array
 from shipland.guidance.pilot import Pilot
 from shipland.messages import Decision, FlightRecord, Frame, Observation, PilotCommand, Telemetry
+from shipland.reproduce.ranges import exact_start
 from shipland.scenario.autonomy import build_autonomy, build_vehicle
 from shipland.scenario.scenario import load_scenario, scenario_table
 from shipland.vision.vision import Vision
@@ -101,16 +102,7 @@ def fly_hover(near: dict[str, Any], noise_m: float, false_m: float, slew: bool =
     overlay: dict[str, Any] = {
         "ship": {"motion": "still"},
         "wind": {"mean_mps": 0.0, "mean_half_range_mps": 0.0},
-        "start": {
-            "distance_m": 1.58,
-            "distance_half_range_m": 0.0,
-            "bearing_deg": 18.4,
-            "bearing_half_range_deg": 0.0,
-            "height_m": 1.2,
-            "height_half_range_m": 0.0,
-            "heading_error_deg": 18.4,
-            "heading_error_half_range_deg": 0.0,
-        },
+        "start": exact_start(1.58, 18.4, 1.2),
         "guidance": {"near": near, "modes": {"settle_s": 1e9}},
         "safety": {} if slew else {"slew_percent_per_s": 1e4},
     }

@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from shipland.camera import Camera, level_from_camera
+from shipland.figures import drawn
 from shipland.frames import Array, Pose, rotation_from_euler
 from shipland.messages import GimbalAttitude
-from shipland.report.plots import drawn
 from shipland.rig import Rig
 from shipland.scenario.scenario import Scenario
 from shipland.sim.scene.parameters import SceneParameters

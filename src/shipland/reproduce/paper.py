@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Literal, get_args
@@ -28,7 +28,6 @@ from shipland.reproduce.far import (
     YAW_CASES,
     ApproachCase,
     ApproachFigures,
-    StepFigures,
     approach_figures,
     fly_approach,
     fly_step,
@@ -142,9 +141,13 @@ def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one sig
             if case.name in shown:
                 shown[case.name][name] = trace
             for axis, rows in enumerate((sideways, vertical)):
-                rows.append([case.name, name, *_step_cells(step_figures(trace.t_s, trace.off_px[:, axis]))])
+                figures = step_figures(trace.t_s, trace.off_px[:, axis])
+                share = 100.0 * figures.overshoot_px / abs(figures.step_px)
+                overshoot, *others = _texts(figures, _STEP)
+                rows.append([case.name, name, overshoot, f"{share:.0f}", *others])
     plot_far_steps(path, shown)
-    head = ["case", "control", "overshoot [px]", "overshoot [%]", "settled [s]", "steady error [px]", "swing [px]"]
+    overshot, *other = _STEP
+    head = ["case", "control", overshot, "overshoot [%]", *other]
     return "\n\n".join(
         [
             f"Settled: within {100.0 * SETTLED_SHARE:.0f} % of the step from then on. Steady error and swing: mean, "
@@ -164,14 +167,13 @@ def _far_steps(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one sig
     )
 
 
-def _step_cells(figures: StepFigures) -> list[str]:
-    share = 100.0 * figures.overshoot_px / abs(figures.step_px)
-    settled = "–" if math.isnan(figures.settled_s) else f"{figures.settled_s:.0f}"
-    return [
-        f"{figures.overshoot_px:.0f}", f"{share:.0f}", settled, f"{figures.steady_px:+.1f}", f"{figures.swing_px:.0f}"
-    ]  # fmt: skip
-
-
+_STEP = {
+    "overshoot [px]": ("overshoot_px", ".0f"),
+    "settled [s]": ("settled_s", ".0f"),
+    "steady error [px]": ("steady_px", "+.1f"),
+    "swing [px]": ("swing_px", ".0f"),
+}
+"""Columns: which figure, and how it is written."""
 _SHOWN = (ApproachCase(250.0, 15.0, 5.0), ApproachCase(120.0, 5.0, 0.0), ApproachCase(60.0, 2.0, 5.0))
 
 
@@ -188,7 +190,7 @@ def _far_readings(path: Path, scenario: Scenario) -> str:
             figures = approach_figures(trace, bar_px2, bar_ahead_m)
             by_reading[variant].append(figures)
             place = [f"{case.distance_m:.0f}", f"{case.offset_deg:.0f}", f"{case.wind_mps:.0f}", variant]
-            rows.append([*place, *_approach_cells(figures)])
+            rows.append([*place, *_texts(figures, _APPROACH)])
     plot_readings(path, shown, bar_ahead_m)
     sums = [_reading_sum(variant, all_of) for variant, all_of in by_reading.items()]
     return "\n\n".join(
@@ -196,67 +198,38 @@ def _far_readings(path: Path, scenario: Scenario) -> str:
             f"Hand-over: {HAND_OVER_M:.0f} m from the bar, where corners take over. Run-in: the {RUN_IN_M:.0f} m "
             f"before it. Settled: from when on within {AXIS_M:.0f} m of the ship's axis, if before the run-in. "
             "Setpoint area: when the bar's box, flown on past the hand-over, came within a fifth of 3400 px².",
-            _table(_SUM_HEAD, sums),
-            _table(_APPROACH_HEAD, rows),
+            _table(["reading", "flights", "settled before the run-in", *_SUM, "ship lost on the way there"], sums),
+            _table(["from [m]", "offset [°]", "wind [m/s]", "reading", *_APPROACH], rows),
         ]
     )
 
 
-_SUM_HEAD = [
-    "reading",
-    "flights",
-    "settled before the run-in",
-    "overshoot, median [m]",
-    "off the axis in the run-in, median [m]",
-    "at the hand-over, median [m]",
-    "across the axis there, median [m/s]",
-    "setpoint area, median [s]",
-    "ship lost on the way there",
-]
-_APPROACH_HEAD = [
-    "from [m]",
-    "offset [°]",
-    "wind [m/s]",
-    "reading",
-    "overshoot [m]",
-    "settled [s]",
-    "in the run-in [m]",
-    "hand-over [s]",
-    "off the axis there [m]",
-    "across [m/s]",
-    "bar off middle [px]",
-    "setpoint area [s]",
-    "lost on the way",
-]
-
-
-def _approach_cells(figures: ApproachFigures) -> list[str]:
-    return [
-        f"{figures.overshoot_m:.1f}",
-        _number(figures.settled_s),
-        f"{figures.run_in_m:.1f}",
-        _number(figures.hand_over_s),
-        f"{figures.off_m:.1f}",
-        f"{figures.sideways_mps:.1f}",
-        f"{figures.off_px:.0f}",
-        _number(figures.setpoint_s),
-        "yes" if figures.lost else "no",
-    ]
+_SUM = {
+    "overshoot, median [m]": ("overshoot_m", ".1f"),
+    "off the axis in the run-in, median [m]": ("run_in_m", ".1f"),
+    "at the hand-over, median [m]": ("off_m", ".1f"),
+    "across the axis there, median [m/s]": ("sideways_mps", ".1f"),
+    "setpoint area, median [s]": ("setpoint_s", ".0f"),
+}
+_APPROACH = {
+    "overshoot [m]": ("overshoot_m", ".1f"),
+    "settled [s]": ("settled_s", ".0f"),
+    "in the run-in [m]": ("run_in_m", ".1f"),
+    "hand-over [s]": ("hand_over_s", ".0f"),
+    "off the axis there [m]": ("off_m", ".1f"),
+    "across [m/s]": ("sideways_mps", ".1f"),
+    "bar off middle [px]": ("off_px", ".0f"),
+    "setpoint area [s]": ("setpoint_s", ".0f"),
+    "lost on the way": ("lost", ""),
+}
 
 
 def _reading_sum(variant: str, flights: list[ApproachFigures]) -> list[str]:
     settled = sum(not math.isnan(flight.settled_s) for flight in flights)
-    return [
-        variant,
-        str(len(flights)),
-        str(settled),
-        f"{np.median([flight.overshoot_m for flight in flights]):.1f}",
-        f"{np.median([flight.run_in_m for flight in flights]):.1f}",
-        f"{np.median([flight.off_m for flight in flights]):.1f}",
-        f"{np.median([flight.sideways_mps for flight in flights]):.1f}",
-        _number(float(np.nanmedian([flight.setpoint_s for flight in flights]))),
-        str(sum(flight.lost for flight in flights)),
+    medians = [
+        _text(float(np.nanmedian([getattr(flight, name) for flight in flights])), form) for name, form in _SUM.values()
     ]
+    return [variant, str(len(flights)), str(settled), *medians, str(sum(flight.lost for flight in flights))]
 
 
 def _near_false(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one signature for all
@@ -268,40 +241,33 @@ def _near_false(path: Path, scenario: Scenario) -> str:  # noqa: ARG001 - one si
             figures = near_figures(spoiled, fly_hover(near, noise_m, 0.0, slew))
             if noise_m > 0.0:
                 shown[name] = spoiled
-            rows.append(
-                [
-                    f"{1000.0 * noise_m:.0f}",
-                    f"{false_m:g}",
-                    "yes" if slew else "no",
-                    name,
-                    f"{figures.noise_percent:.2f}",
-                    f"{figures.peak_percent:.0f}",
-                    f"{figures.sent_percent:.0f}",
-                    f"{100.0 * figures.excursion_m:.1f}",
-                ]
-            )
+            case = [f"{1000.0 * noise_m:.0f}", f"{false_m:g}", _text(slew), name]
+            rows.append([*case, *_texts(figures, _NEAR), f"{100.0 * figures.excursion_m:.1f}"])
     plot_near(path, shown)
     words = (
         f"One estimate is false, at {FALSE_AT_S:g} s, to the right. Noise of the stick: before it, from step to step. "
         "Excursion: from where the aircraft would have been without it, within 3 s."
     )
-    return f"{words}\n\n{_table(_NEAR_HEAD, rows)}"
+    head = ["noise added [mm]", "false by [m]", "slew bound", "derivative", *_NEAR, "excursion [cm]"]
+    return f"{words}\n\n{_table(head, rows)}"
 
 
-_NEAR_HEAD = [
-    "noise added [mm]",
-    "false by [m]",
-    "slew bound",
-    "derivative",
-    "noise of the stick [%]",
-    "peak of the law [%]",
-    "peak sent [%]",
-    "excursion [cm]",
-]
+_NEAR = {
+    "noise of the stick [%]": ("noise_percent", ".2f"),
+    "peak of the law [%]": ("peak_percent", ".0f"),
+    "peak sent [%]": ("sent_percent", ".0f"),
+}
 
 
-def _number(value: float) -> str:
-    return "–" if math.isnan(value) else f"{value:.0f}"
+def _texts(figures: object, columns: Mapping[str, tuple[str, str]]) -> list[str]:
+    """Figures as the cells of these columns."""
+    return [_text(getattr(figures, name), form) for name, form in columns.values()]
+
+
+def _text(value: float | bool, form: str = "") -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "–" if math.isnan(value) else format(value, form)
 
 
 def _table(head: list[str], rows: list[list[str]]) -> str:

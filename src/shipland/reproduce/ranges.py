@@ -181,22 +181,20 @@ class FarPilot:
         return Decision(sticks, mode, "far control alone")
 
 
+def exact_start(distance_m: float, bearing_deg: float, height_m: float) -> dict[str, float]:
+    """`[start]` of one place, the nose on the ship's course."""
+    place = {"distance_m": distance_m, "bearing_deg": bearing_deg, "height_m": height_m}
+    spreads = ("distance_half_range_m", "bearing_half_range_deg", "height_half_range_m", "heading_error_half_range_deg")
+    return place | {"heading_error_deg": bearing_deg} | dict.fromkeys(spreads, 0.0)
+
+
 def fly_far(case: FarCase, overlay: dict[str, Any] | None = None) -> FarTrace:
     """Fly one case; the same case gives the same trace."""
     table: dict[str, Any] = {
         "description": "far control alone",
         "ship": {"motion": "still"},
         "time_limit_s": case.duration_s,
-        "start": {
-            "distance_m": case.distance_m,
-            "distance_half_range_m": 0.0,
-            "bearing_deg": -case.offset_deg,
-            "bearing_half_range_deg": 0.0,
-            "height_m": case.height_m,
-            "height_half_range_m": 0.0,
-            "heading_error_deg": -case.offset_deg,
-            "heading_error_half_range_deg": 0.0,
-        },
+        "start": exact_start(case.distance_m, -case.offset_deg, case.height_m),
         "wind": {
             "mean_mps": case.wind_mps,
             "mean_half_range_mps": 0.0,

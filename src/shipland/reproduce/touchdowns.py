@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from shipland.evaluation.job import FlightJob, land_quietly
-from shipland.evaluation.statistics import share_interval
+from shipland.evaluation.tally import Tally
 from shipland.report.campaign import deck_trace
 from shipland.report.landing_plots import plot_instants, plot_touchdowns, touchdowns_of
 from shipland.report.outputs import load_outputs
@@ -42,8 +42,7 @@ def touchdowns(path: Path, runs: int, progress: Callable[[str], None]) -> str:
         title, parameters = f"{words}, pilot {PILOT}", load_outputs().plots
         plot_instants(path.with_name(f"{path.stem}-{name}.png"), trace, met, title, parameters)
         plot_touchdowns(path.with_name(f"landing-points-{name}.png"), met, scenario.rig, title, parameters)
-        good = sum(landing.success for landing in landings)
-        low, high = share_interval(good, runs)
+        tally = Tally.of(landings)
         touched = sum(landing.touched for landing in landings)
-        rows.append(f"| {words} | {runs} | {good} | {100 * low:.0f}–{100 * high:.0f} % | {touched} |")
+        rows.append(f"| {words} | {runs} | {tally.landed} | {tally.interval_text(0)} | {touched} |")
     return "\n".join(rows)

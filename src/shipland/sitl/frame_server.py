@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import multiprocessing
 import socket
 import threading
+from contextlib import AbstractContextManager, suppress
 from multiprocessing.connection import Connection
-from types import TracebackType
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +29,7 @@ class _Shown(NamedTuple):
     snapshot: Snapshot
 
 
-class FrameServer:
+class FrameServer(AbstractContextManager["FrameServer"]):
     """Takes exposures from the physics and never makes it wait.
 
     Frames leave `delays.video_s` after their exposure; while a picture is drawn, those that come are left out.
@@ -56,13 +55,8 @@ class FrameServer:
         near.close()
         self._ended = False
 
-    def __enter__(self) -> FrameServer:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        with contextlib.suppress(OSError):
+    def __exit__(self, *_: object) -> None:
+        with suppress(OSError):
             self._link.send(None)
         self._process.join(2.0)
         self._process.kill()
@@ -73,14 +67,14 @@ class FrameServer:
 
     def show(self, t_s: float, snapshot: Snapshot) -> None:
         """An exposure at the served clock's `t_s`."""
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             self._link.send(_Shown(t_s, snapshot))
 
     def end(self, verdict: TouchdownVerdict) -> None:
         """The flight is over; once is enough."""
         if not self._ended:
             self._ended = True
-            with contextlib.suppress(OSError):
+            with suppress(OSError):
                 self._link.send(verdict)
 
 

@@ -11,7 +11,7 @@ import select
 import socket
 import time
 from collections.abc import Sequence
-from types import TracebackType
+from contextlib import AbstractContextManager
 
 import numpy as np
 
@@ -65,7 +65,7 @@ class Outputs:
             self.gimbal_pitch_rad = 0.5 * math.pi * min(max(pitch, -1.0), 1.0)
 
 
-class Px4Link:
+class Px4Link(AbstractContextManager["Px4Link"]):
     """The TCP port to which a PX4's simulator module connects.
 
     Args:
@@ -91,12 +91,7 @@ class Px4Link:
         self._parser.robust_parsing = True
         self._outputs = Outputs()
 
-    def __enter__(self) -> Px4Link:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._client is not None:
             self._client.close()
         self._listener.close()

@@ -9,8 +9,8 @@ import json
 import math
 import socket
 import struct
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from types import TracebackType
 
 from shipland.errors import ConfigError
 from shipland.sitl.physics import FlightStep, ServedFlight
@@ -61,7 +61,7 @@ def state_line(step: FlightStep) -> bytes:
     return b"\n" + json.dumps(state, separators=(",", ":")).encode() + b"\n"
 
 
-class JsonLink:
+class JsonLink(AbstractContextManager["JsonLink"]):
     """The UDP port of ArduPilot's `--model JSON`.
 
     Args:
@@ -82,12 +82,7 @@ class JsonLink:
             raise ConfigError(f"cannot listen on {host}:{port}: {error.strerror}") from None
         self._socket.settimeout(1.0)
 
-    def __enter__(self) -> JsonLink:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._socket.close()
 
     def fly(self, flight: ServedFlight) -> None:

@@ -36,7 +36,7 @@ HOLD = Wanted(0.0, 0.0, 0.0, 0.0, hold=True)
 
 def wanted_of(command: PilotCommand, response: Response) -> Wanted:
     """A command on this vehicle; clipped to full sticks, and a hold where a stick is no number."""
-    percents = (command.pitch_percent, command.roll_percent, command.heave_percent, command.yaw_percent)
+    percents = command.sticks_percent
     if command.intent is Intent.HOLD or not all(map(math.isfinite, percents)):
         return HOLD
     pitch, roll, heave, yaw = (0.01 * min(max(percent, -100.0), 100.0) for percent in percents)

@@ -11,9 +11,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from shipland.figures import drawn
 from shipland.files import write_atomically
 from shipland.guidance.horizon.steering import Action
-from shipland.learning.curves import panels
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.export import Dense, write_policy
 
@@ -51,7 +51,8 @@ def _table(history: History) -> str:
 
 def plot_curves(path: Path, history: History) -> None:
     """Return and success over the steps, as a picture."""
-    with panels(path, 2, (9.0, 3.6)) as (left, right):
+    with drawn(path, (9.0, 3.6), 110) as figure:
+        left, right = figure.subplots(1, 2)
         step = [row["step"] for row in history]
         left.plot(step, [row["return"] for row in history], label="last training flights")
         evaluated = [(row["step"], row["evaluated"]) for row in history if math.isfinite(row["evaluated"])]

@@ -24,7 +24,7 @@ from shipland.guidance.horizon.steering import REACH_M, Action
 from shipland.learning.policy.agent import Progress, Run, answer, dense_of
 from shipland.learning.policy.arguments import LearnArguments
 from shipland.learning.policy.results import write_results
-from shipland.learning.progress import followed
+from shipland.progress import followed
 from shipland.stopping import uninterrupted
 
 EnvMaker = Callable[[], gymnasium.Env[Any, Any]]

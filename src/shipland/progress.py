@@ -1,10 +1,11 @@
-"""How far something long has come: a bar on a terminal, elsewhere a line every so often."""
+"""How far something long has come: a bar in a terminal or a notebook, elsewhere a line every so often."""
 
 from __future__ import annotations
 
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
+from importlib.util import find_spec
 from typing import TypeVar
 
 from rich.console import Console
@@ -39,7 +40,7 @@ def followed(
         seconds = (time.monotonic() - begun_s) * max(1.0 - now, 0.0) / (now - first)
         return f"{seconds:.0f} s left" if seconds < 90.0 else f"{seconds / 60.0:.0f} min left"
 
-    if console.is_terminal:
+    if console.is_terminal or (console.is_jupyter and find_spec("ipywidgets") is not None):
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),
