@@ -24,7 +24,7 @@ from studies.tables import TableError, checked  # noqa: E402
 
 NO_BREAK_SPACE = "\u00a0"
 SHOWN = re.compile(r'^\[[^\]\n]+\]\(([^)\s]+) "(shown|tables|commands|columns of \w+)"\)$', re.MULTILINE)
-OUTSIDE = re.compile(r'(?<!!)\[([^\]\n]+)\]\(((?:\.\./)+[^)\s#]+)(?: "[^"]*")?\)')
+OUTSIDE = re.compile(r'(?<!!)\[([^\]]+)\]\(((?:\.\./)+[^)\s#]+)(?: "[^"]*")?\)')
 SEVERAL_NAMES = re.compile(r"^( +)(\w+(?:, | … )\w[\w, …]*): ", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 

@@ -139,9 +139,9 @@ def test_files_that_pages_show_are_there():
 
 def test_links_out_of_the_documentation_become_text_on_the_site():
     hooks = load(ROOT / "tools" / "mkdocs_hooks.py")
-    line = "[modes.py](../../src/shipland/guidance/modes.py), [a](../../LICENSE), [x](../results/suites.md#faults)"
+    line = "[modes.py](../../src/shipland/guidance/modes.py), [a\nb](../../LICENSE), [x](../results/suites.md#faults)"
     made = hooks.on_page_markdown(line, page_of("explanation/modes.md"))
-    assert made == "`modes.py`, a, [x](../results/suites.md#faults)"
+    assert made == "`modes.py`, a\nb, [x](../results/suites.md#faults)"
 
 
 def test_the_columns_of_files_are_shown_with_unit_and_meaning():
