@@ -41,7 +41,7 @@ POSITION, VELOCITY, ACTUATION, GUST, WIND, VELOCITY_BIAS, WAVE, WAVE_RATE = rang
 STATES = WAVE + WAVE_STATES
 """Of one axis."""
 _KEPT_STEPS = 256
-"""Lengths of steps whose matrices are kept, up to 10 kB each; thirty flights use about a hundred."""
+"""Lengths of steps whose matrices are kept, 3 kB each."""
 
 
 @dataclass(frozen=True)
@@ -183,28 +183,17 @@ class Model:
         self.axes, self.motion, self.noise, self.wave = axes, motion, noise, wave
         self.shape: Array = np.eye(axes) if shares is None else shares.shape
         """(axes, axes) of the wave motion."""
-        self._steps = _steps_of(motion, noise, wave)
+        self._steps = _axis_steps(motion, noise, wave)
 
     def step(self, step_ms: int) -> tuple[Array, Array, Array]:
         """Transition (n,n), input matrix (n, axes × inputs) and noise (n,n); for analysis."""
-        (one, noise, push, wave_noise), inputs = (
-            _axis_step(self.motion, self.noise, self.wave, step_ms),
-            np.eye(self.axes),
-        )
-        push = np.stack([np.kron(inputs, column[:, None]) for column in push.T[: self.motion.inputs]])
-        all_noise = np.kron(np.eye(self.axes), noise) + np.kron(self.shape, wave_noise)
-        return np.kron(np.eye(self.axes), one), np.hstack(push), all_noise
+        (one, noise, push, wave_noise), alike = self._steps.matrices(step_ms), np.eye(self.axes)
+        inputs = np.hstack([np.kron(alike, column[:, None]) for column in push.T[: self.motion.inputs]])
+        return np.kron(alike, one), inputs, np.kron(alike, noise) + np.kron(self.shape, wave_noise)
 
     def steps(self, step_ms: int) -> Step:
         """What `kernels.propagate` takes."""
-        found = self._steps.get(step_ms)
-        if found is None:
-            if len(self._steps) >= _KEPT_STEPS:
-                self._steps.clear()
-            lengths_ms = step_ms, min(step_ms, STRIDE_MS), step_ms % STRIDE_MS
-            whole, stride, rest = (_axis_step(self.motion, self.noise, self.wave, length) for length in lengths_ms)
-            found = self._steps[step_ms] = whole, stride, rest
-        return found
+        return self._steps.kept.get(step_ms) or self._steps.step(step_ms)
 
     def covariance_after(self, covariance: Array, step_ms: int) -> Array:
         """(n,n) a while after a covariance, nothing measured meanwhile."""
@@ -290,38 +279,53 @@ class Model:
         return velocity_of(estimate.mean, self.axes, over_ship, settle_s, self.wave.frequency_rad_s, self.wave.deck)
 
 
-@lru_cache(maxsize=64)
-def _steps_of(motion: AxisModel, noise: Disturbances, wave: WaveMotion) -> dict[int, Step]:  # noqa: ARG001 - the key
-    """What models of any axes and shares have kept of their steps."""
-    return {}
+class _AxisSteps:
+    """Matrices of one axis over whole milliseconds, as in `kernels.Step`; those asked for are kept."""
+
+    def __init__(self, motion: AxisModel, noise: Disturbances, wave: WaveMotion) -> None:
+        self._inputs = motion.inputs
+        self._dynamics = dynamics(motion, noise, wave)
+        self._solved: dict[int, Array] = {}
+        self.kept: dict[int, Step] = {}
+
+    def step(self, step_ms: int) -> Step:
+        """The matrices of a way of any length."""
+        if len(self._solved) >= _KEPT_STEPS:
+            self._solved.clear()
+            self.kept.clear()
+        lengths_ms = step_ms, min(step_ms, STRIDE_MS), step_ms % STRIDE_MS
+        whole, stride, rest = map(self.matrices, lengths_ms)
+        self.kept[step_ms] = whole, stride, rest
+        return whole, stride, rest
+
+    def matrices(self, step_ms: int) -> Array:
+        """(4,n,n)."""
+        matrices = self._solved.get(step_ms)
+        if matrices is None:
+            matrices = self._solved[step_ms] = np.zeros((4, STATES, STATES))
+            self._solve(step_ms, *matrices[:2], matrices[2, :, : self._inputs], matrices[3])
+        return matrices
+
+    def _solve(self, step_ms: int, transition: Array, noise: Array, push: Array, wave_noise: Array) -> None:
+        """Write them."""
+        if step_ms == 0:
+            transition[:] = np.eye(STATES)
+            return
+        longest_ms = 1 << (step_ms.bit_length() - 1)
+        if longest_ms < step_ms:  # of two steps: far cheaper than matrix exponentials
+            first, then = self.matrices(longest_ms), self.matrices(step_ms - longest_ms)
+            transition[:] = then[0] @ first[0]
+            push[:] = then[0] @ first[2, :, : self._inputs] + then[2, :, : self._inputs]
+            noise[:] = predicted_covariance(then[0], first[1], then[1])
+            wave_noise[:] = predicted_covariance(then[0], first[3], then[3])
+            return
+        a, b, q = self._dynamics
+        wave_q = np.where(np.arange(STATES) < WAVE, 0.0, q)
+        transition[:], push[:], wave_noise[:] = discretised(a, b, wave_q, 1e-3 * step_ms)
+        noise[:] = discretised(a, b, q - wave_q, 1e-3 * step_ms)[2]
 
 
-@lru_cache(maxsize=1024)
-def _axis_step(motion: AxisModel, noise: Disturbances, wave: WaveMotion, step_ms: int) -> Array:
-    """(4,n,n) of one axis over whole milliseconds, as in `kernels.Step`."""
-    matrices = np.zeros((4, STATES, STATES))
-    matrices[0], matrices[1], matrices[2, :, : motion.inputs], matrices[3] = _solved(motion, noise, wave, step_ms)
-    return matrices
-
-
-@lru_cache(maxsize=4096)
-def _solved(
-    motion: AxisModel, noise: Disturbances, wave: WaveMotion, step_ms: int
-) -> tuple[Array, Array, Array, Array]:
-    """Of one axis over whole milliseconds: transition, noise without that of the waves, inputs, the waves' noise."""
-    if step_ms == 0:
-        return np.eye(STATES), np.zeros((STATES, STATES)), np.zeros((STATES, motion.inputs)), np.zeros((STATES, STATES))
-    longest_ms = 1 << (step_ms.bit_length() - 1)
-    if longest_ms < step_ms:  # of two steps: far cheaper than matrix exponentials
-        first, rest, push, wave_noise = _solved(motion, noise, wave, longest_ms)
-        then, then_rest, then_push, then_wave_noise = _solved(motion, noise, wave, step_ms - longest_ms)
-        noises = predicted_covariance(then, rest, then_rest), predicted_covariance(then, wave_noise, then_wave_noise)
-        return then @ first, noises[0], then @ push + then_push, noises[1]
-    a, b, q = dynamics(motion, noise, wave)
-    wave_q = np.zeros(STATES)
-    wave_q[WAVE:] = q[WAVE:]
-    transition, push, wave_noise = discretised(a, b, wave_q, 1e-3 * step_ms)
-    return transition, discretised(a, b, q - wave_q, 1e-3 * step_ms)[2], push, wave_noise
+_axis_steps = lru_cache(maxsize=64)(_AxisSteps)
 
 
 def _wave(axis: int) -> slice:

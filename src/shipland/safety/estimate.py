@@ -253,15 +253,15 @@ class SafetyEstimator:
 
     def _read(self) -> SafetyEstimate:
         """The record as it is now."""
-        values, read, first = self._values.tolist(), list[Any](), 0
-        for width in _WIDTHS:
-            known, after = values[first] == values[first], first + width
-            read.append(None if not known else values[first] if width == 1 else tuple(values[first:after]))
-            first = after
-        return SafetyEstimate(*read, self._contradicted_s)
+        values = self._values.tolist()
+        known = [
+            None if (value := values[first]) != value else value if width == 1 else tuple(values[first : first + width])
+            for first, width in _PLACES
+        ]
+        return SafetyEstimate(*known, self._contradicted_s)
 
 
-_WIDTHS = [_VECTORS.get(name, 1) for name in _FIELDS]
+_PLACES = [(_TYPE.fields[name][1] // 8, _VECTORS.get(name, 1)) for name in _FIELDS]
 _UNTOLD = (math.nan,) * 3
 
 
