@@ -49,11 +49,15 @@ class Inputs:
 
     def add(self, from_s: float, value: Array) -> None:
         """From `from_s` on, `value`; an earlier time than the last one's counts as the last one's."""
-        history = self.history
-        from_s = add_input(history, self.count, from_s, value)
+        add_input(self.history, self.count, from_s, value)
         self.count += 1
-        if history[1, 0] < from_s - 2.0 * _KEPT_S:
-            first = int(np.argmax(history[: self.count, 0] > from_s - _KEPT_S)) - 1
+        self.make_room()
+
+    def make_room(self) -> None:
+        """Room for one more row at least: forget what is old, else grow."""
+        history, now_s = self.history, self.history[self.count - 1, 0]
+        if history[1, 0] < now_s - 2.0 * _KEPT_S:
+            first = int(np.argmax(history[: self.count, 0] > now_s - _KEPT_S)) - 1
             self.count -= first
             history[: self.count] = history[first : first + self.count].copy()
         elif self.count == len(history):

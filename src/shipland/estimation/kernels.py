@@ -48,8 +48,8 @@ def _add_product(total: Array, matrix: Array, other: Array) -> None:
 
 
 @compiled
-def add_input(history: Array, count: int, from_s: float, value: Array) -> float:
-    """Fill the row after the last one of a history as `mean_input` reads it; since when it holds."""
+def add_input(history: Array, count: int, from_s: float, value: Array) -> None:
+    """Fill the row after the last one of a history as `mean_input` reads it; it holds no earlier than that."""
     size, last, row = len(value), history[count - 1], history[count]
     from_s = max(from_s, last[0])
     row[0] = from_s
@@ -58,7 +58,6 @@ def add_input(history: Array, count: int, from_s: float, value: Array) -> float:
         row[1 + size + i] = last[1 + size + i]
         if count > 1:
             row[1 + size + i] += (from_s - last[0]) * last[1 + i]
-    return from_s
 
 
 @compiled
