@@ -13,7 +13,7 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.config import key, parameters, scaled
-from shipland.estimation.kernels import Way, add_input, correct, mean_input, propagate
+from shipland.estimation.kernels import add_input, correct, mean_input, propagate
 from shipland.estimation.relative_state import (
     VELOCITY,
     VELOCITY_BIAS,
@@ -167,12 +167,10 @@ class DelayedFilter:
     ) -> float:
         """Take a place less these shares of the wave motion, unless gated out; its normalised innovation squared."""
         self._take_velocities(t_s, inputs, turn_rad_s)
-        estimate = self.estimate
-        assert estimate is not None
-        way, gate = self._way(estimate.t_s, t_s, inputs, turn_rad_s), self._parameters.picture_gate
-        normalised = _take_picture(estimate.mean, estimate.covariance, way, shown, place_m, covariance_m2, gate)
-        self.estimate = GaussianState(_end_s(way), estimate.mean, estimate.covariance)
-        return normalised
+        assert self.estimate is not None
+        self.estimate = estimate = self._moved(self.estimate, t_s, inputs, turn_rad_s)
+        gate = self._parameters.picture_gate
+        return float(_take_picture(estimate.mean, estimate.covariance, shown, place_m, covariance_m2, gate))
 
     @property
     def refused(self) -> int:
@@ -212,25 +210,21 @@ class DelayedFilter:
         self, estimate: GaussianState, reading: _Velocity, inputs: Inputs, turn_rad_s: float, learns: bool
     ) -> tuple[GaussianState, float]:
         """The estimate moved to a velocity and with it, and the variance of one reading; `learns` from this one."""
-        wave, way = self.model.wave, self._way(estimate.t_s, reading.t_s, inputs, turn_rad_s)
+        wave, estimate = self.model.wave, self._moved(estimate, reading.t_s, inputs, turn_rad_s)
         view = (reading.over_ship, self._parameters.flow_settle_s, wave.frequency_rad_s, wave.deck)
         reading_mps, limits = (reading.measured_mps, self._velocity_variance), self._velocity_limits
-        variance = _take_velocity(estimate.mean, estimate.covariance, way, reading_mps, view, limits, learns)
-        return GaussianState(_end_s(way), estimate.mean, estimate.covariance), variance
+        return estimate, _take_velocity(estimate.mean, estimate.covariance, reading_mps, view, limits, learns)
 
     def _moved(self, estimate: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
-        """The estimate moved to a time."""
-        if to_s - estimate.t_s < 0.5e-3:  # at the newest picture itself, as its record wants it
+        """The estimate moved to a time, in whole milliseconds, and never backwards."""
+        from_s, mean, covariance = estimate
+        step_ms, model = round(1e3 * (to_s - from_s)), self.model
+        if step_ms <= 0:
             return estimate
-        way = self._way(estimate.t_s, to_s, inputs, turn_rad_s)
-        propagate(estimate.mean, estimate.covariance, way, VELOCITY, VELOCITY_BIAS)
-        return GaussianState(_end_s(way), estimate.mean, estimate.covariance)
-
-    def _way(self, from_s: float, to_s: float, inputs: Inputs, turn_rad_s: float) -> Way:
-        """From one time to another, in whole milliseconds, none backwards."""
-        step_ms, model = max(round(1e3 * (to_s - from_s)), 0), self.model
         turn_rad_s = turn_rad_s if model.axes == 2 else 0.0
-        return from_s, step_ms, model.steps(step_ms), model.shape, inputs.history, inputs.count, turn_rad_s
+        way = from_s, step_ms, model.steps(step_ms), model.shape, inputs.history, inputs.count, turn_rad_s
+        propagate(mean, covariance, way, VELOCITY, VELOCITY_BIAS)  # as a call of its own: within others LLVM slows it
+        return GaussianState(from_s + 1e-3 * step_ms, mean, covariance)
 
 
 _View = tuple[float, float, float, Output]
@@ -243,16 +237,9 @@ def _copied(estimate: GaussianState | None) -> GaussianState | None:
     return None if estimate is None else GaussianState(estimate.t_s, estimate.mean.copy(), estimate.covariance.copy())
 
 
-def _end_s(way: Way) -> float:
-    return way[0] + 1e-3 * way[1]
-
-
 @compiled
-def _take_picture(
-    mean: Array, covariance: Array, way: Way, shown: Array, place_m: Array, noise: Array, gate: float
-) -> float:
-    """Move to a picture and take its place (axes,) unless gated out; the normalised innovation squared."""
-    propagate(mean, covariance, way, VELOCITY, VELOCITY_BIAS)
+def _take_picture(mean: Array, covariance: Array, shown: Array, place_m: Array, noise: Array, gate: float) -> float:
+    """Take a picture's place (axes,) unless gated out; the normalised innovation squared."""
     expected, jacobian = pose_measurement(mean, len(place_m), shown)
     return float(correct(mean, covariance, jacobian, place_m - expected, noise, gate))
 
@@ -261,14 +248,12 @@ def _take_picture(
 def _take_velocity(
     mean: Array,
     covariance: Array,
-    way: Way,
     reading_mps: tuple[Array, float],
     view: _View,
     limits: _Limits,
     learns: bool,
 ) -> float:
-    """Move to a velocity (axes,) and take it unless gated out; the variance of a reading, given with it, as now is."""
-    propagate(mean, covariance, way, VELOCITY, VELOCITY_BIAS)
+    """Take a velocity (axes,) unless gated out; the variance of a reading, given with it, as it now is."""
     (measured_mps, variance), (over_ship, settle_s, frequency_rad_s, below) = reading_mps, view
     axes, (repeats, least, most, gate) = len(measured_mps), limits
     expected, jacobian = velocity_of(mean, axes, over_ship, settle_s, frequency_rad_s, below)

@@ -160,6 +160,16 @@ def propagate_covariance(covariance: Array, step: Array, shares: Array) -> None:
 
 
 @compiled
+def compose(first: Array, then: Array, both: Array) -> None:
+    """Write the matrices (4,n,n) of two steps, one after the other, over zeros; in the order of `Step`."""
+    _add_product(both[0], then[0], first[0])
+    both[1] = predicted_covariance(then[0], first[1], then[1])
+    both[2] = then[2]
+    _add_product(both[2], then[0], first[2])
+    both[3] = predicted_covariance(then[0], first[3], then[3])
+
+
+@compiled
 def _through(matrix: Array, vector: Array) -> Array:
     result = np.zeros(len(matrix))
     for i in range(len(matrix)):

@@ -33,7 +33,7 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.config import key, parameters
-from shipland.estimation.kernels import STRIDE_MS, Step, correct, predicted_covariance, propagate_covariance
+from shipland.estimation.kernels import STRIDE_MS, Step, compose, correct, predicted_covariance, propagate_covariance
 from shipland.estimation.wave_motion import WAVE_STATES, Output, WaveMotion
 from shipland.frames import Array
 
@@ -283,7 +283,6 @@ class _AxisSteps:
     """Matrices of one axis over whole milliseconds, as in `kernels.Step`; those asked for are kept."""
 
     def __init__(self, motion: AxisModel, noise: Disturbances, wave: WaveMotion) -> None:
-        self._inputs = motion.inputs
         self._dynamics = dynamics(motion, noise, wave)
         self._solved: dict[int, Array] = {}
         self.kept: dict[int, Step] = {}
@@ -303,26 +302,17 @@ class _AxisSteps:
         matrices = self._solved.get(step_ms)
         if matrices is None:
             matrices = self._solved[step_ms] = np.zeros((4, STATES, STATES))
-            self._solve(step_ms, *matrices[:2], matrices[2, :, : self._inputs], matrices[3])
+            longest_ms = 1 << max((step_ms - 1).bit_length() - 1, 0)
+            if step_ms == 0:
+                matrices[0] = np.eye(STATES)
+            elif step_ms > 1:  # of two steps: far cheaper than matrix exponentials
+                compose(self.matrices(longest_ms), self.matrices(step_ms - longest_ms), matrices)
+            else:
+                a, b, q = self._dynamics
+                wave_q = np.where(np.arange(STATES) < WAVE, 0.0, q)
+                matrices[0], matrices[2, :, : b.shape[1]], matrices[3] = discretised(a, b, wave_q, 1e-3)
+                matrices[1] = discretised(a, b, q - wave_q, 1e-3)[2]
         return matrices
-
-    def _solve(self, step_ms: int, transition: Array, noise: Array, push: Array, wave_noise: Array) -> None:
-        """Write them."""
-        if step_ms == 0:
-            transition[:] = np.eye(STATES)
-            return
-        longest_ms = 1 << (step_ms.bit_length() - 1)
-        if longest_ms < step_ms:  # of two steps: far cheaper than matrix exponentials
-            first, then = self.matrices(longest_ms), self.matrices(step_ms - longest_ms)
-            transition[:] = then[0] @ first[0]
-            push[:] = then[0] @ first[2, :, : self._inputs] + then[2, :, : self._inputs]
-            noise[:] = predicted_covariance(then[0], first[1], then[1])
-            wave_noise[:] = predicted_covariance(then[0], first[3], then[3])
-            return
-        a, b, q = self._dynamics
-        wave_q = np.where(np.arange(STATES) < WAVE, 0.0, q)
-        transition[:], push[:], wave_noise[:] = discretised(a, b, wave_q, 1e-3 * step_ms)
-        noise[:] = discretised(a, b, q - wave_q, 1e-3 * step_ms)[2]
 
 
 _axis_steps = lru_cache(maxsize=64)(_AxisSteps)
