@@ -254,14 +254,16 @@ class SafetyEstimator:
     def _read(self) -> SafetyEstimate:
         """The record as it is now."""
         values = self._values.tolist()
-        known = [
+        known: list[Any] = [
             None if (value := values[first]) != value else value if width == 1 else tuple(values[first : first + width])
             for first, width in _PLACES
         ]
-        return SafetyEstimate(*known, self._contradicted_s)
+        return SafetyEstimate._make((*known, self._contradicted_s))
 
 
-_PLACES = [(_TYPE.fields[name][1] // 8, _VECTORS.get(name, 1)) for name in _FIELDS]
+_WIDTHS = [_VECTORS.get(name, 1) for name in _FIELDS]
+_PLACES = [(sum(_WIDTHS[:index]), width) for index, width in enumerate(_WIDTHS)]
+"""Where the fields of the record that are read lie among its floats, and how many each has."""
 _UNTOLD = (math.nan,) * 3
 
 

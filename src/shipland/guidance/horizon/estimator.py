@@ -345,13 +345,9 @@ class Estimator:
             return None
         bar_rad = self._bar_rad(headings, t_s)
         (nose, both, _), (_, bar, _), _ = headings.covariance.tolist()
-        states, place_m, speed_mps, covariance = (
-            [it[1:] for it in predicted],
-            np.empty(3),
-            np.empty(3),
-            np.zeros((4, 4)),
-        )
-        _in_bar(*states, self._assumed.wave.bar, bar_rad, place_m, speed_mps, covariance)
+        across, down = (it[1:] for it in predicted)
+        place_m, speed_mps, covariance = np.empty(3), np.empty(3), np.zeros((4, 4))
+        _in_bar(across, down, self._assumed.wave.bar, bar_rad, place_m, speed_mps, covariance)
         covariance[3, 3] = nose + bar - 2.0 * both
         return Estimate(t_s, place_m, wrap_angle(self._headings.nose_at(t_s) - bar_rad), speed_mps, covariance)
 

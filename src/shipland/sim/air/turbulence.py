@@ -102,7 +102,7 @@ class Dryden:
         horizontal, vertical = distance_m / scales.length_horizontal_m, distance_m / scales.length_vertical_m
         normal = self._normal
         normals = next(normal), next(normal), next(normal), next(normal), next(normal)
-        return _turbulence(self._state, horizontal, vertical, normals, scales.deviations_mps)  # type: ignore[no-any-return]
+        return _turbulence(self._state, horizontal, vertical, normals, scales.deviations_mps)
 
 
 @compiled
