@@ -14,6 +14,7 @@ from shipland.frames import (
     GRAVITY_MPS2,
     euler_from_quaternion,
     euler_from_rotation,
+    quaternion_from_euler,
     rotation_from_euler,
     rotation_from_quaternion,
     rows_from_euler,
@@ -29,7 +30,7 @@ from shipland.sim.aircraft.aerodynamics import (
 from shipland.sim.aircraft.aircraft import Quadrotor
 from shipland.sim.aircraft.record import Record
 from shipland.sim.contact.body import Body
-from shipland.sim.contact.deck_drive import deck_state, mujoco_quaternion
+from shipland.sim.contact.deck_drive import DeckState, deck_values
 from shipland.sim.contact.model import build_model
 from shipland.sim.ship.ship import Ship, Still, StillCourse
 from shipland.sim.world import STEP_S, World
@@ -61,8 +62,7 @@ def attitude_deg(flown: World) -> tuple[float, float, float]:
 def test_plain_rotations_agree_with_the_frame_table(roll: float, pitch: float, yaw: float) -> None:
     expected = rotation_from_euler(roll, pitch, yaw)
     np.testing.assert_allclose(np.reshape(rows_from_euler(roll, pitch, yaw), (3, 3)), expected, atol=1e-12)
-    w, x, y, z = mujoco_quaternion(roll, pitch, yaw)
-    in_ned = (w, x, -y, -z)
+    in_ned = quaternion_from_euler(roll, pitch, yaw)
     np.testing.assert_allclose(rotation_from_quaternion(np.array(in_ned)), expected, atol=1e-12)
     np.testing.assert_allclose(np.reshape(rows_from_quaternion(*in_ned), (3, 3)), expected, atol=1e-12)
     np.testing.assert_allclose(euler_from_quaternion(in_ned), (roll, pitch, yaw), atol=1e-9)
@@ -104,7 +104,7 @@ def test_rotors_over_the_decks_edge_lift_their_side(rig: Rig) -> None:
     model = build_model(rig, quadrotor.shape, STEP_S)
     data = mujoco.MjData(model.mj)
     body = Body(rig, quadrotor.shape, model, data, quadrotor.record)
-    deck = deck_state(Ship(rig, StillCourse(), Still()).at(0.0))
+    deck = DeckState.of(deck_values(Ship(rig, StillCourse(), Still()).at(0.0)))
     hover_n = AIRFRAME.mass_kg * GRAVITY_MPS2
     height_m = 0.1
     down_m = -rig.deck_height_m - height_m + AIRFRAME.motor_above_m  # rotors 0.1 m over the deck

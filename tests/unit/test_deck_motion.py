@@ -49,6 +49,15 @@ def test_derivatives_of_harmonics_are_analytic(seed: int, t_s: float) -> None:
     assert_derivatives(random_harmonics(seed), np.array([t_s]), 1e-6)
 
 
+@pytest.mark.parametrize("t_s", [0.0, 0.002, 0.254, 0.256, 17.3, 17.30001, 299.998, -4.1])
+def test_harmonics_are_the_sum_of_their_waves_on_the_worlds_grid_and_beside_it(t_s: float) -> None:
+    motion = random_harmonics(3)
+    omega, waves = motion.frequency_rad_s, motion.amplitude * np.exp(1j * motion.frequency_rad_s * t_s)
+    parts = np.concatenate([waves.sum(1), (1j * omega * waves).sum(1), (-(omega**2) * waves).sum(1)])
+    for _ in range(2):  # at first and from what is kept
+        np.testing.assert_allclose(motion.at(t_s).values, parts.real, atol=1e-11)
+
+
 def test_a_sinusoid_by_hand() -> None:
     motion = Sinusoids([0, 0, 0, 0.2, 0, 0], [1, 1, 1, 10.0, 1, 1], [0, 0, 0, 0.0, 0, 0])
     quarter = motion.at(2.5)

@@ -10,7 +10,7 @@ from shipland.camera import Camera
 from shipland.estimation.relative_state import GUST, POSITION, STATES, WAVE, WIND
 from shipland.estimation.wave_motion import WAVE_STATES
 from shipland.frames import GRAVITY_MPS2, rotated
-from shipland.guidance.horizon.estimator import Estimator
+from shipland.guidance.horizon.estimator import Estimator, _in_bar
 from shipland.guidance.horizon.goals import Goals
 from shipland.guidance.parameters import GuidanceParameters
 from shipland.guidance.response import ANAFI_LIKE
@@ -71,7 +71,7 @@ def test_a_deck_that_moves_below_a_bar_at_rest_is_where_its_wave_motion_says():
     assert not estimate.wave.bar_moves
     mean = estimate.across.mean.copy()
     mean[STATES + WAVE] += 0.1
-    shifted = replace(estimate, across=replace(estimate.across, mean=mean))
+    shifted = replace(estimate, across=estimate.across._replace(mean=mean))
     assert shifted.deck_later(0.0) - estimate.deck_later(0.0) == pytest.approx([0.0, 0.1])
     assert shifted.followed_m == pytest.approx(estimate.followed_m)  # it is not followed
     now_m2, later_m2 = (estimate.over_deck_covariance_later(passed_s)[0, 0] for passed_s in (0.0, 0.8))
@@ -81,14 +81,16 @@ def test_a_deck_that_moves_below_a_bar_at_rest_is_where_its_wave_motion_says():
 
 
 def test_the_covariance_turns_with_the_bar_and_shrinks_with_what_is_seen():
-    early, late = _flown(seconds=0.1).estimate(0.5), _flown(seconds=3.0).estimate(3.3)
-    for estimate in (early, late):
-        assert estimate.covariance == pytest.approx(estimate.covariance.T)
-        assert np.linalg.eigvalsh(estimate.covariance).min() > 0.0
-    assert (np.diag(late.covariance) < np.diag(early.covariance)).all()
-    wide = replace(late.across, covariance=np.diag([9.0, *[1e-6] * (STATES - 1), 1.0, *[1e-6] * (STATES - 1)]))
-    turned = replace(late, across=wide, bar_rad=0.5 * math.pi)  # the flight's first axis is the bar's left
-    assert np.diag(turned.covariance)[:2] == pytest.approx([1.0, 9.0], abs=1e-3)
+    early, late = _flown(seconds=0.1).at_picture(0.5).covariance, _flown(seconds=3.0).at_picture(3.3).covariance
+    for covariance in (early, late):
+        assert covariance == pytest.approx(covariance.T)
+        assert np.linalg.eigvalsh(covariance).min() > 0.0
+    assert (np.diag(late) < np.diag(early)).all()
+    estimate, turned = _flown(seconds=3.0).estimate(3.3), np.zeros((4, 4))
+    wide = estimate.across.mean, np.diag([9.0, *[1e-6] * (STATES - 1), 1.0, *[1e-6] * (STATES - 1)])
+    down = estimate.down.mean, estimate.down.covariance  # the flight's first axis is the bar's left
+    _in_bar(wide, down, estimate.wave.bar, 0.5 * math.pi, np.zeros(3), np.zeros(3), turned)
+    assert np.diag(turned)[:2] == pytest.approx([1.0, 9.0], abs=1e-3)
 
 
 def _wagging(turn_rad_s, seconds=12.0):

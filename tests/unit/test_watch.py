@@ -16,7 +16,7 @@ from shipland.guidance.horizon.parameters import DescentParameters
 from shipland.guidance.modes import ModeMemory, ModeParameters, Situation, next_mode
 from shipland.messages import BarPose, DeckSight, Frame, GimbalAttitude, Mode, Observation, Telemetry
 from shipland.rig import Rig
-from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
+from shipland.safety.estimate import SafetyEstimator
 from shipland.safety.input_gate import InputGate
 from shipland.scenario.scenario import load_scenario, scenario_table
 
@@ -111,10 +111,11 @@ def test_the_safety_takes_a_sight_of_the_deck_for_a_place():
     estimator = SafetyEstimator(rig, Camera.from_fov(1280, 720, 69.0), np.array([0.09, 0.0, 0.0]))
     telemetry = Telemetry(1.0, 0.0, 0.0, 0.0, 2.0, None, 80.0, 80.0, True)
     seen = Observation(0.8, DOWN, deck=SIGHT)
-    blind = estimator.updated(SafetyEstimate(), seen, telemetry)
+    blind = estimator.updated(seen, telemetry)
     assert blind.place_in_bar_m is None  # whoever never saw the bar does not know where it is
-    known = SafetyEstimate()._replace(place_in_bar_m=np.zeros(3), yaw_rad=0.0)
-    after = estimator.updated(known, seen, telemetry)
+    pose = BarPose(np.array([-3.0, 0.0, 0.0]), 0.0, 1e-4 * np.eye(4), 0.1, np.zeros((8, 2)))
+    estimator.updated(Observation(0.7, DOWN, bar_pose=pose), telemetry)
+    after = estimator.updated(seen, telemetry)
     assert after.pose_s == 0.8
     assert after.place_in_bar_m == pytest.approx(rig.deck_in_bar_m - [-0.01, 0.2, 0.7])
     assert after.over_deck_at(1.0, 1.5) == pytest.approx(0.7)

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from shipland.config import merge
-from shipland.frames import MUJOCO_FROM_NED, Array, euler_from_rotation, rotation_from_euler
+from shipland.frames import MUJOCO_FROM_NED, Array, euler_from_rotation, quaternion_from_rotation, rotation_from_euler
 from shipland.messages import Intent, PilotCommand
 from shipland.rig import Rig
-from shipland.sim.contact.deck_drive import DeckDriver, against_deck, deck_state
+from shipland.sim.contact.deck_drive import DeckDriver, DeckState, against_deck, deck_values
 from shipland.sim.contact.model import build_model
 from shipland.sim.ship.ship import Ship, ShipState
 from shipland.sim.world import STEP_S
@@ -26,9 +26,13 @@ def ship(request: pytest.FixtureRequest, rig: Rig) -> Ship:
     return Ship(rig, WanderingCourse(), six_sinusoids(), full_ship=request.param)
 
 
+def _deck(state: ShipState) -> DeckState:
+    return DeckState.of(deck_values(state))
+
+
 @pytest.mark.parametrize("t_s", TIMES)
 def test_deck_velocity_and_acceleration_are_the_derivatives_of_its_pose(ship: Ship, t_s: float) -> None:
-    deck = deck_state(ship.at(t_s))
+    deck = _deck(ship.at(t_s))
     before, now, after = (ship.at(t).ned_from_deck for t in (t_s - H, t_s, t_s + H))
     np.testing.assert_allclose(deck.origin_m, now.translation_m, atol=1e-12)
     np.testing.assert_allclose(np.reshape(deck.ned_from_deck, (3, 3)), now.rotation, atol=1e-12)
@@ -38,9 +42,7 @@ def test_deck_velocity_and_acceleration_are_the_derivatives_of_its_pose(ship: Sh
     np.testing.assert_allclose(deck.acceleration_mps2, bend, atol=1e-5)
     turning = (after.rotation - before.rotation) / (2 * H) @ now.rotation.T
     np.testing.assert_allclose(deck.turn_rad_s, [turning[2, 1], turning[0, 2], turning[1, 0]], atol=1e-6)
-    roll, pitch, yaw = (
-        np.array([deck_state(ship.at(t)).angles_rad[i] for t in (t_s - H, t_s, t_s + H)]) for i in range(3)
-    )
+    roll, pitch, yaw = (np.array([_deck(ship.at(t)).angles_rad[i] for t in (t_s - H, t_s, t_s + H)]) for i in range(3))
     for index, angle in enumerate((roll, pitch, yaw)):
         assert deck.rates_rad_s[index] == pytest.approx((angle[2] - angle[0]) / (2 * H), abs=1e-6)
         assert deck.accelerations_rad_s2[index] == pytest.approx((angle[2] - 2 * angle[1] + angle[0]) / H**2, abs=1e-5)
@@ -52,10 +54,10 @@ def test_mujoco_has_the_ship_where_it_is_and_accelerates_the_deck_as_told(ship: 
     data = mujoco.MjData(model.mj)
     data.qpos[2] = 50.0  # the aircraft out of the way
     state = ship.at(t_s)
-    deck = deck_state(state)
+    deck = _deck(state)
     stage = DeckDriver(model, data)
-    stage.set_deck(deck)
-    stage.set_hull(state, deck)
+    stage.set_deck(deck_values(state))
+    stage.set_hull(state, deck_values(state))
     mujoco.mj_forward(model.mj, data)
     bodies = (("deck", state.ned_from_deck), ("ship", state.ned_from_hull), ("bar", state.ned_from_bar))
     for name, pose in bodies:
@@ -65,7 +67,7 @@ def test_mujoco_has_the_ship_where_it_is_and_accelerates_the_deck_as_told(ship: 
         np.testing.assert_allclose(body.xmat.reshape(3, 3), flipped, atol=1e-9)
     velocity = np.zeros(6)
     mujoco.mj_objectVelocity(model.mj, data, mujoco.mjtObj.mjOBJ_XBODY, model.mj.body("deck").id, velocity, 0)
-    half_step_earlier = deck_state(ship.at(t_s - 0.5 * STEP_S))  # MuJoCo's integrator is semi-implicit
+    half_step_earlier = _deck(ship.at(t_s - 0.5 * STEP_S))  # MuJoCo's integrator is semi-implicit
     np.testing.assert_allclose(velocity[:3], MUJOCO_FROM_NED @ half_step_earlier.turn_rad_s, atol=1e-4)
     np.testing.assert_allclose(velocity[3:], MUJOCO_FROM_NED @ half_step_earlier.velocity_mps, atol=1e-6)
     wanted = (*deck.acceleration_mps2, *deck.accelerations_rad_s2)
@@ -79,8 +81,9 @@ def test_a_point_carried_by_the_deck_has_no_velocity_against_it(ship: Ship) -> N
 
     t_s = 2.7
     velocity = (at(t_s + H) - at(t_s - H)) / (2 * H)
-    down_axis = ship.at(t_s).ned_from_deck.rotation @ rotation_from_euler(0.1, 0.0, 2.0)[:, 2]
-    on_deck = against_deck(deck_state(ship.at(t_s)), tuple(at(t_s)), tuple(velocity), tuple(down_axis))
+    turned = ship.at(t_s).ned_from_deck.rotation @ rotation_from_euler(0.1, 0.0, 2.0)
+    motion = np.array([*at(t_s), *quaternion_from_rotation(turned), *velocity, 0.0, 0.0, 0.0])
+    on_deck = against_deck(deck_values(ship.at(t_s)), motion)
     np.testing.assert_allclose(on_deck.position_m, [0.3, -0.2, -0.05], atol=1e-9)
     np.testing.assert_allclose(on_deck.velocity_mps, 0.0, atol=1e-5)
     assert on_deck.tilt_rad == pytest.approx(0.1, abs=1e-6)

@@ -13,9 +13,8 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.config import key, parameters, scaled
-from shipland.estimation.kernels import add_input, corrected, mean_after, mean_input, predicted_covariance
+from shipland.estimation.kernels import add_input, correct, mean_input, propagate
 from shipland.estimation.relative_state import (
-    STATES,
     VELOCITY,
     VELOCITY_BIAS,
     GaussianState,
@@ -50,11 +49,15 @@ class Inputs:
 
     def add(self, from_s: float, value: Array) -> None:
         """From `from_s` on, `value`; an earlier time than the last one's counts as the last one's."""
-        history = self.history
-        from_s = add_input(history, self.count, from_s, value)
+        add_input(self.history, self.count, from_s, value)
         self.count += 1
-        if history[1, 0] < from_s - 2.0 * _KEPT_S:
-            first = int(np.argmax(history[: self.count, 0] > from_s - _KEPT_S)) - 1
+        self.make_room()
+
+    def make_room(self) -> None:
+        """Room for one more row at least: forget what is old, else grow."""
+        history, now_s = self.history, self.history[self.count - 1, 0]
+        if history[1, 0] < now_s - 2.0 * _KEPT_S:
+            first = int(np.argmax(history[: self.count, 0] > now_s - _KEPT_S)) - 1
             self.count -= first
             history[: self.count] = history[first : first + self.count].copy()
         elif self.count == len(history):
@@ -105,6 +108,7 @@ class DelayedFilter:
     def __init__(self, model: Model, parameters: DelayedParameters, velocity_least_mps: float) -> None:
         self.model, self._parameters, self._velocity_least_mps = model, parameters, velocity_least_mps
         self.estimate: GaussianState | None = None
+        """At the newest picture; its arrays are the filter's own, and change."""
         self.normalised = 1.0
         """Of the newest picture."""
         self._velocities: list[_Velocity] = []
@@ -123,7 +127,7 @@ class DelayedFilter:
     def copy(self) -> DelayedFilter:
         """Another of the same estimate."""
         other = DelayedFilter(self.model, self._parameters, self._velocity_least_mps)
-        other.estimate, other.normalised = self.estimate, self.normalised
+        other.estimate, other.normalised = _copied(self.estimate), self.normalised
         other._velocities, other._velocity_variance = list(self._velocities), self._velocity_variance
         return other
 
@@ -162,12 +166,11 @@ class DelayedFilter:
         self, t_s: float, place_m: Array, covariance_m2: Array, inputs: Inputs, turn_rad_s: float, shown: Array
     ) -> float:
         """Take a place less these shares of the wave motion, unless gated out; its normalised innovation squared."""
-        estimate = self._with_velocities(t_s, inputs, turn_rad_s)
-        propagation = self._propagation(estimate, t_s, inputs, turn_rad_s)
+        self._take_velocities(t_s, inputs, turn_rad_s)
+        assert self.estimate is not None
+        self.estimate = estimate = self._moved(self.estimate, t_s, inputs, turn_rad_s)
         gate = self._parameters.picture_gate
-        mean, covariance, normalised = _with_picture(propagation, shown, place_m, covariance_m2, gate)
-        self.estimate = GaussianState(_after_s(propagation), mean, covariance)
-        return normalised
+        return float(_take_picture(estimate.mean, estimate.covariance, shown, place_m, covariance_m2, gate))
 
     @property
     def refused(self) -> int:
@@ -178,12 +181,12 @@ class DelayedFilter:
         """Without pictures: keep the estimate from falling further behind than `lag_s`."""
         to_s = now_s - self._parameters.lag_s
         if self.estimate is not None and self.estimate.t_s < to_s:
-            estimate = self._with_velocities(to_s, inputs, turn_rad_s)
-            self.estimate = self._moved(estimate, to_s, inputs, turn_rad_s)
+            self._take_velocities(to_s, inputs, turn_rad_s)
+            self.estimate = self._moved(self.estimate, to_s, inputs, turn_rad_s)
 
     def predict(self, t_s: float, inputs: Inputs, turn_rad_s: float = 0.0) -> GaussianState | None:
         """The estimate at a later time, through what is known to be commanded until then."""
-        estimate = self.estimate
+        estimate = _copied(self.estimate)
         if estimate is None:
             return None
         for reading in self._velocities:
@@ -191,112 +194,74 @@ class DelayedFilter:
                 estimate, _ = self._with(estimate, reading, inputs, turn_rad_s, learns=False)
         return self._moved(estimate, t_s, inputs, turn_rad_s)
 
-    def _with_velocities(self, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
-        """The estimate with the velocities until a time, for good; it learns from them how large their errors are."""
-        estimate, waiting = self.estimate, []
-        assert estimate is not None
+    def _take_velocities(self, to_s: float, inputs: Inputs, turn_rad_s: float) -> None:
+        """Take the velocities until a time, for good, and learn from them how large their errors are."""
+        waiting = []
         for reading in self._velocities:
+            assert self.estimate is not None
             if reading.t_s > to_s:
                 waiting.append(reading)
-            elif reading.t_s > estimate.t_s - _LATE_S:
-                estimate, self._velocity_variance = self._with(estimate, reading, inputs, turn_rad_s, learns=True)
+            elif reading.t_s > self.estimate.t_s - _LATE_S:
+                self.estimate, variance = self._with(self.estimate, reading, inputs, turn_rad_s, learns=True)
+                self._velocity_variance = variance
         self._velocities = waiting
-        return estimate
 
     def _with(
         self, estimate: GaussianState, reading: _Velocity, inputs: Inputs, turn_rad_s: float, learns: bool
     ) -> tuple[GaussianState, float]:
-        """The estimate at a velocity and with it, and the variance of one reading; `learns` from this one."""
-        limits, wave = self._parameters, self.model.wave
-        propagation = self._propagation(estimate, reading.t_s, inputs, turn_rad_s)
-        mean, covariance, variance = _with_velocity(
-            propagation,
-            reading.measured_mps,
-            (reading.over_ship, limits.flow_settle_s, wave.frequency_rad_s, wave.deck),
-            self._velocity_variance,
-            self._velocity_limits,
-            learns,
-        )
-        return GaussianState(_after_s(propagation), mean, covariance), variance
+        """The estimate moved to a velocity and with it, and the variance of one reading; `learns` from this one."""
+        wave, estimate = self.model.wave, self._moved(estimate, reading.t_s, inputs, turn_rad_s)
+        view = (reading.over_ship, self._parameters.flow_settle_s, wave.frequency_rad_s, wave.deck)
+        reading_mps, limits = (reading.measured_mps, self._velocity_variance), self._velocity_limits
+        return estimate, _take_velocity(estimate.mean, estimate.covariance, reading_mps, view, limits, learns)
 
     def _moved(self, estimate: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> GaussianState:
-        if to_s - estimate.t_s < 0.5e-3:  # at the newest picture itself, as its record wants it
+        """The estimate moved to a time, in whole milliseconds, and never backwards."""
+        from_s, mean, covariance = estimate
+        step_ms, model = round(1e3 * (to_s - from_s)), self.model
+        if step_ms <= 0:
             return estimate
-        propagation = self._propagation(estimate, to_s, inputs, turn_rad_s)
-        return GaussianState(_after_s(propagation), *_propagated(propagation))
-
-    def _propagation(self, estimate: GaussianState, to_s: float, inputs: Inputs, turn_rad_s: float) -> _Propagation:
-        """The propagation from an estimate to a time, in whole milliseconds, none backwards, as the kernels take it."""
-        step_ms = max(round(1e3 * (to_s - estimate.t_s)), 0)
-        turn_rad_s = turn_rad_s if self.model.axes == 2 else 0.0
-        propagator = self.model.propagator(step_ms)
-        return (
-            estimate.mean,
-            estimate.covariance,
-            estimate.t_s,
-            propagator,
-            step_ms,
-            inputs.history,
-            inputs.count,
-            turn_rad_s,
-        )
+        turn_rad_s = turn_rad_s if model.axes == 2 else 0.0
+        way = from_s, step_ms, model.steps(step_ms), model.shape, inputs.history, inputs.count, turn_rad_s
+        propagate(mean, covariance, way, VELOCITY, VELOCITY_BIAS)  # as a call of its own: within others LLVM slows it
+        return GaussianState(from_s + 1e-3 * step_ms, mean, covariance)
 
 
-_Propagation = tuple[Array, Array, float, Array, int, Array, int, float]
-"""Mean, covariance, their time; `Model.propagator` and its length [ms]; the inputs' history and count; the ship's turn.
-
-In one tuple, which compiled code takes faster than so many arguments.
-"""
 _View = tuple[float, float, float, Output]
 """Of `velocity_of`: the share of ship in view, its settling time, the wave motion's frequency, the deck's motion."""
 _Limits = tuple[float, float, float, float]
 """Of a velocity: repeats of a reading, the least and the most variance that it is given, the gate."""
 
 
-def _after_s(propagation: _Propagation) -> float:
-    return propagation[2] + 1e-3 * propagation[4]
+def _copied(estimate: GaussianState | None) -> GaussianState | None:
+    return None if estimate is None else GaussianState(estimate.t_s, estimate.mean.copy(), estimate.covariance.copy())
 
 
 @compiled
-def _propagated(propagation: _Propagation) -> tuple[Array, Array]:
-    """The mean in short strides, because the input changes; the covariance at once."""
-    mean, covariance, t_s, propagator, step_ms, history, count, turn_rad_s = propagation
-    if step_ms == 0:
-        return mean, covariance
-    after = mean_after(mean, t_s, propagator, step_ms, history, count, (turn_rad_s, VELOCITY, VELOCITY_BIAS, STATES))
-    return after, predicted_covariance(propagator[0], covariance, propagator[1])
-
-
-@compiled
-def _with_picture(
-    propagation: _Propagation, shown: Array, place_m: Array, noise: Array, gate: float
-) -> tuple[Array, Array, float]:
-    """`_propagated`, then with a picture's place (axes,) unless gated out; and its normalised innovation squared."""
-    mean, covariance = _propagated(propagation)
+def _take_picture(mean: Array, covariance: Array, shown: Array, place_m: Array, noise: Array, gate: float) -> float:
+    """Take a picture's place (axes,) unless gated out; the normalised innovation squared."""
     expected, jacobian = pose_measurement(mean, len(place_m), shown)
-    after, covariance_after, normalised = corrected(mean, covariance, jacobian, place_m - expected, noise)
-    if not normalised <= gate:  # NaN too
-        return mean, covariance, normalised
-    return after, covariance_after, normalised
+    return float(correct(mean, covariance, jacobian, place_m - expected, noise, gate))
 
 
 @compiled
-def _with_velocity(
-    propagation: _Propagation, measured_mps: Array, view: _View, variance: float, limits: _Limits, learns: bool
-) -> tuple[Array, Array, float]:
-    """`_propagated`, then with a velocity (axes,) unless gated out; and the `variance` of a reading, as it now is."""
-    mean, covariance = _propagated(propagation)
-    axes, (over_ship, settle_s, frequency_rad_s, below) = len(measured_mps), view
-    repeats, least, most, gate = limits
+def _take_velocity(
+    mean: Array,
+    covariance: Array,
+    reading_mps: tuple[Array, float],
+    view: _View,
+    limits: _Limits,
+    learns: bool,
+) -> float:
+    """Take a velocity (axes,) unless gated out; the variance of a reading, given with it, as it now is."""
+    (measured_mps, variance), (over_ship, settle_s, frequency_rad_s, below) = reading_mps, view
+    axes, (repeats, least, most, gate) = len(measured_mps), limits
     expected, jacobian = velocity_of(mean, axes, over_ship, settle_s, frequency_rad_s, below)
     innovation = measured_mps - expected
     if learns:
         variance = _learned(variance, innovation, jacobian, covariance, most)
-    noise = min(max(repeats * variance, least), most) * np.eye(axes)
-    after, covariance_after, normalised = corrected(mean, covariance, jacobian, innovation, noise)
-    if not normalised <= gate:  # NaN too
-        return mean, covariance, variance
-    return after, covariance_after, variance
+    correct(mean, covariance, jacobian, innovation, min(max(repeats * variance, least), most) * np.eye(axes), gate)
+    return variance
 
 
 @compiled

@@ -17,7 +17,7 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.config import key, parameters, scaled
-from shipland.estimation.kernels import corrected, predicted_covariance
+from shipland.estimation.kernels import correct, predicted_covariance
 from shipland.frames import Array, wrap_angle
 
 
@@ -142,7 +142,8 @@ def _corrected(
     mean: Array, covariance: Array, bar: float, innovation_rad: float, variance: float
 ) -> tuple[Array, Array]:
     row, off, noise = np.array([[1.0, bar, 0.0]]), np.array([innovation_rad]), np.array([[variance]])
-    after, covariance_after, _ = corrected(mean, covariance, row, off, noise)
+    after, covariance_after = mean.copy(), covariance.copy()
+    correct(after, covariance_after, row, off, noise, math.inf)
     return after, covariance_after
 
 

@@ -1,6 +1,6 @@
-"""Arithmetic of the filters, compiled: a covariance through a step, a mean through its inputs, a measurement's gain.
+"""Arithmetic of the filters, compiled: mean and covariance through a step and its inputs, a measurement's gain.
 
-Each does what its name says in textbook form; the tests hold it against that form in NumPy.
+Each does what its name says in textbook form, the large ones in place; the tests hold it against that form in NumPy.
 """
 
 from __future__ import annotations
@@ -12,7 +12,15 @@ import numpy as np
 from shipland.compiled import compiled
 from shipland.frames import Array
 
-Turn = tuple[float, int, int, int]
+Step = tuple[Array, Array, Array]
+"""Of a way in time: (4,n,n) matrices of one axis over all of it, over a stride, over what is left after the strides.
+
+Transition, noise, input filled up with zeros on its right, and the part of the noise that the axes share.
+"""
+Way = tuple[float, int, Step, Array, Array, int, float]
+"""Begin [s], whole milliseconds, matrices, (axes, axes) shares of the common noise; history and count of the inputs as
+in `mean_input`; the ship's turn [rad/s]. In one tuple, which compiled code takes faster than so many arguments.
+"""
 
 STRIDE_MS = 80
 """Longest step of the mean through inputs: they are averaged over it."""
@@ -40,8 +48,8 @@ def _add_product(total: Array, matrix: Array, other: Array) -> None:
 
 
 @compiled
-def add_input(history: Array, count: int, from_s: float, value: Array) -> float:
-    """Fill the row after the last one of a history as `mean_input` reads it; since when it holds."""
+def add_input(history: Array, count: int, from_s: float, value: Array) -> None:
+    """Fill the row after the last one of a history as `mean_input` reads it; it holds no earlier than that."""
     size, last, row = len(value), history[count - 1], history[count]
     from_s = max(from_s, last[0])
     row[0] = from_s
@@ -50,7 +58,6 @@ def add_input(history: Array, count: int, from_s: float, value: Array) -> float:
         row[1 + size + i] = last[1 + size + i]
         if count > 1:
             row[1 + size + i] += (from_s - last[0]) * last[1 + i]
-    return from_s
 
 
 @compiled
@@ -94,36 +101,72 @@ def _integral(history: Array, count: int, t_s: float) -> Array:
 
 
 @compiled
-def mean_after(
-    mean: Array, t_s: float, propagator: Array, total_ms: int, history: Array, count: int, turn: Turn
-) -> Array:
-    """The mean through an input that changes: x ← F x + G ū, stride by stride, ū averaged over each.
+def propagate(mean: Array, covariance: Array, way: Way, speed: int, bias: int) -> None:
+    """Move an estimate of equal axes, mean (axes × n,) and its covariance, in place.
+
+    The mean x ← F x + G ū goes stride by stride, with ū averaged over each, because the input changes; the covariance
+    P ← F P Fᵀ + Q at once.
 
     Args:
-        mean: (n,).
-        t_s: when it holds.
-        propagator: matrices of `Model.propagator`.
-        total_ms: whole milliseconds.
-        history: of the inputs, with
-        count: as in `mean_input`.
-        turn: the ship's turn [rad/s], and for two axes the states (VELOCITY, VELOCITY_BIAS, STATES); see `_turned`.
+        mean: axis by axis.
+        covariance: of it.
+        way: in time.
+        speed: state of an axis, of its velocity, with
+        bias: the velocity bias, as the turn of a ship changes them; see `_turn`.
     """
-    whole, rest_ms = total_ms // STRIDE_MS, total_ms % STRIDE_MS
-    transition, push = propagator[0], propagator[2]
-    if whole > 0:
-        transition, push = propagator[3], propagator[4]
-    for index in range(whole + 1):
-        step_ms = STRIDE_MS
-        if index == whole:
-            step_ms = rest_ms
-            if whole > 0:
-                transition, push = propagator[5], propagator[6]
+    t_s, total_ms, (whole, stride, rest), shares, history, count, turn_rad_s = way
+    if total_ms == 0:
+        return
+    axes, states = len(shares), whole.shape[1]
+    strides = total_ms // STRIDE_MS
+    for index in range(strides + 1):
+        step, step_ms = stride, STRIDE_MS
+        if index == strides:
+            step, step_ms = rest, total_ms % STRIDE_MS
         if step_ms > 0:
             after_s = t_s + 1e-3 * step_ms
-            mean = _through(transition, mean) + _through(push, mean_input(history, count, t_s, after_s))
-            _turned(mean, turn, 1e-3 * step_ms)
+            given = mean_input(history, count, t_s, after_s)
+            for axis in range(axes):
+                own = mean[axis * states : (axis + 1) * states]
+                own[:] = _through(step[0], own) + _through(step[2], given[axis::axes])
+            if turn_rad_s != 0.0:
+                _turn(mean, turn_rad_s, speed, bias, states, 1e-3 * step_ms)
             t_s = after_s
-    return mean
+    propagate_covariance(covariance, whole, shares)
+
+
+@compiled
+def propagate_covariance(covariance: Array, step: Array, shares: Array) -> None:
+    """P ← F P Fᵀ + Q in place, of equal axes.
+
+    Args:
+        covariance: (axes × n, axes × n).
+        step: (4,n,n) as in `Step`.
+        shares: (axes, axes) of the common noise.
+    """
+    axes, states = len(shares), step.shape[1]
+    moved = np.zeros_like(covariance)
+    for first in range(0, len(covariance), states):
+        _add_product(moved[first : first + states], step[0], covariance[first : first + states])
+    moved = moved.T.copy()
+    for i in range(axes):
+        for j in range(axes):
+            for row in range(states):
+                for column in range(states):
+                    noise = shares[i, j] * step[3, row, column] + (step[1, row, column] if i == j else 0.0)
+                    covariance[i * states + row, j * states + column] = noise
+    for first in range(0, len(covariance), states):
+        _add_product(covariance[first : first + states], step[0], moved[first : first + states])
+
+
+@compiled
+def compose(first: Array, then: Array, both: Array) -> None:
+    """Write the matrices (4,n,n) of two steps, one after the other, over zeros; in the order of `Step`."""
+    _add_product(both[0], then[0], first[0])
+    both[1] = predicted_covariance(then[0], first[1], then[1])
+    both[2] = then[2]
+    _add_product(both[2], then[0], first[2])
+    both[3] = predicted_covariance(then[0], first[3], then[3])
 
 
 @compiled
@@ -136,14 +179,11 @@ def _through(matrix: Array, vector: Array) -> Array:
 
 
 @compiled
-def _turned(mean: Array, turn: Turn, step_s: float) -> None:
+def _turn(mean: Array, turn_rad_s: float, speed: int, bias: int, states: int, step_s: float) -> None:
     """A ship that turns: its velocity, in the velocity bias, turns with it, and the aircraft's own speed does not.
 
     The acceleration by the mean wind, relative to the ship's velocity, stays as it is.
     """
-    turn_rad_s, speed, bias, states = turn
-    if turn_rad_s == 0.0:
-        return
     ahead, aside = mean[bias], mean[states + bias]
     if math.isfinite(ahead) and math.isfinite(aside):
         change, change_aside = -turn_rad_s * aside * step_s, turn_rad_s * ahead * step_s
@@ -154,19 +194,18 @@ def _turned(mean: Array, turn: Turn, step_s: float) -> None:
 
 
 @compiled
-def corrected(
-    mean: Array, covariance: Array, jacobian: Array, innovation: Array, noise: Array
-) -> tuple[Array, Array, float]:
-    """The Kalman filter's measurement update: mean (n,) and covariance (n,n) after it, and νᵀ S⁻¹ ν.
+def correct(mean: Array, covariance: Array, jacobian: Array, innovation: Array, noise: Array, gate: float) -> float:
+    """The Kalman filter's measurement update in place, unless gated out; the normalised innovation νᵀ S⁻¹ ν.
 
     With S = H P Hᵀ + R and K = P Hᵀ S⁻¹: x + K ν and P − K S Kᵀ.
 
     Args:
-        mean: before.
-        covariance: before.
+        mean: (n,).
+        covariance: (n,n).
         jacobian: H (m,n).
         innovation: ν (m,).
         noise: R (m,m).
+        gate: largest normalised innovation that is taken; one that is no number is not.
     """
     m, n = jacobian.shape
     crossed = np.zeros((m, n))
@@ -179,20 +218,22 @@ def corrected(
     inverse = _inverse(innovation_covariance)
     weighted = _through(inverse, innovation)
     normalised = 0.0
-    after, result = mean.copy(), covariance.copy()
     for a in range(m):
         normalised += innovation[a] * weighted[a]
+    if not normalised <= gate:
+        return normalised
+    for a in range(m):
         for i in range(n):
-            after[i] += crossed[a, i] * weighted[a]
+            mean[i] += crossed[a, i] * weighted[a]
             gain = 0.0
             for b in range(m):
                 gain += inverse[a, b] * crossed[b, i]
             for j in range(n):
-                result[i, j] -= gain * crossed[a, j]
+                covariance[i, j] -= gain * crossed[a, j]
     for i in range(n):
         for j in range(i):
-            result[i, j] = result[j, i] = 0.5 * (result[i, j] + result[j, i])
-    return after, result, normalised
+            covariance[i, j] = covariance[j, i] = 0.5 * (covariance[i, j] + covariance[j, i])
+    return normalised
 
 
 @compiled
@@ -215,42 +256,36 @@ def _inverse(matrix: Array) -> Array:
 
 
 @compiled
-def bank_seen(
+def see_bank(
     mean: Array,
     covariance: Array,
     score: Array,
-    transition: Array,
-    noise: Array,
+    steps: tuple[Array, Array],
     moved_m: float,
     down_m: float,
     variance: float,
-) -> tuple[Array, Array, Array]:
-    """All hypotheses of a `WaveBank` through a step and a picture's height, which is height less wave.
+) -> None:
+    """Move all hypotheses of a `WaveBank` in place through a step and a picture's height, which is height less wave.
 
     Args:
         mean: (k,n) height, drift, wave motion and its other states.
         covariance: (k,n,n).
         score: (k,) log-likelihoods, faded already.
-        transition: (k,n,n) of the step.
-        noise: (k,n,n) likewise.
+        steps: (k,n,n) transitions and (k,n,n) noises.
         moved_m: downward, by the sticks.
         down_m: the height in the picture.
         variance: of its error [m²].
     """
-    mean_after, covariance_after, score_after = np.empty_like(mean), np.empty_like(covariance), np.empty_like(score)
     for h in range(len(mean)):
-        x = _through(transition[h], mean[h])
+        x = _through(steps[0][h], mean[h])
         x[0] += moved_m
-        p = predicted_covariance(transition[h], covariance[h], noise[h])
+        p = predicted_covariance(steps[0][h], covariance[h], steps[1][h])
         crossed = p[:, 0] - p[:, 2]
         innovation_variance = crossed[0] - crossed[2] + variance
         innovation = down_m - (x[0] - x[2])
         for i in range(mean.shape[1]):
             gain = crossed[i] / innovation_variance
-            mean_after[h, i] = x[i] + gain * innovation
+            mean[h, i] = x[i] + gain * innovation
             for j in range(mean.shape[1]):
-                covariance_after[h, i, j] = p[i, j] - gain * crossed[j]
-        score_after[h] = score[h] - 0.5 * (
-            min(innovation**2 / innovation_variance, 25.0) + math.log(innovation_variance)
-        )
-    return mean_after, covariance_after, score_after
+                covariance[h, i, j] = p[i, j] - gain * crossed[j]
+        score[h] -= 0.5 * (min(innovation**2 / innovation_variance, 25.0) + math.log(innovation_variance))

@@ -27,20 +27,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from shipland.compiled import compiled
 from shipland.config import key, parameters
-from shipland.estimation.kernels import STRIDE_MS, corrected, predicted_covariance
+from shipland.estimation.kernels import STRIDE_MS, Step, compose, correct, predicted_covariance, propagate_covariance
 from shipland.estimation.wave_motion import WAVE_STATES, Output, WaveMotion
 from shipland.frames import Array
 
 POSITION, VELOCITY, ACTUATION, GUST, WIND, VELOCITY_BIAS, WAVE, WAVE_RATE = range(8)
 STATES = WAVE + WAVE_STATES
 """Of one axis."""
-_KEPT_STEPS = 512
-"""Lengths of steps whose matrices a model keeps, up to 22 kB each; thirty flights use about a hundred."""
+_KEPT_STEPS = 256
+"""Lengths of steps whose matrices are kept, 3 kB each."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +88,7 @@ class Disturbances:
     speed_noise: float = key(0.06, "power density of an acceleration without memory [m²/s³]", ge=0)
 
 
-@dataclass(frozen=True)
-class GaussianState:
+class GaussianState(NamedTuple):
     """The state of all axes and its covariance at one time.
 
     Attributes:
@@ -167,7 +167,7 @@ class WaveShares:
 
 
 class Model:
-    """Steps of any length over one or more equal axes; matrices are kept, by whole milliseconds.
+    """Steps of any length, in whole milliseconds, over one or more equal axes.
 
     Args:
         axes: how many.
@@ -181,44 +181,25 @@ class Model:
         self, axes: int, motion: AxisModel, noise: Disturbances, wave: WaveMotion, shares: WaveShares | None = None
     ) -> None:
         self.axes, self.motion, self.noise, self.wave = axes, motion, noise, wave
-        self._shape = np.eye(axes) if shares is None else shares.shape
-        self._propagators: dict[int, Array] = {}
+        self.shape: Array = np.eye(axes) if shares is None else shares.shape
+        """(axes, axes) of the wave motion."""
+        self._steps = _axis_steps(motion, noise, wave)
 
     def step(self, step_ms: int) -> tuple[Array, Array, Array]:
-        """Transition (n,n), input matrix (n, axes) and noise (n,n) over whole milliseconds."""
-        transition, noise, inputs = self.propagator(step_ms)[:3]
-        return transition, inputs[:, : self.axes * self.motion.inputs], noise
+        """Transition (n,n), input matrix (n, axes × inputs) and noise (n,n); for analysis."""
+        (one, noise, push, wave_noise), alike = self._steps.matrices(step_ms), np.eye(self.axes)
+        inputs = np.hstack([np.kron(alike, column[:, None]) for column in push.T[: self.motion.inputs]])
+        return np.kron(alike, one), inputs, np.kron(alike, noise) + np.kron(self.shape, wave_noise)
 
-    def propagator(self, step_ms: int) -> Array:
-        """What `mean_after` and `predicted_covariance` take: (3,n,n) transition, noise and input of whole milliseconds.
+    def steps(self, step_ms: int) -> Step:
+        """What `kernels.propagate` takes."""
+        return self._steps.kept.get(step_ms) or self._steps.step(step_ms)
 
-        From a stride on (7,n,n): transition and input of a stride, then those of the rest, come after
-        these. Inputs are filled up with zeros on their right.
-        """
-        found = self._propagators.get(step_ms)
-        if found is None:
-            if len(self._propagators) >= _KEPT_STEPS:
-                self._propagators.clear()
-            found = self._propagators[step_ms] = self._solved(step_ms)
-        return found
-
-    def _solved(self, step_ms: int) -> Array:
-        size, inputs = STATES * self.axes, self.axes * self.motion.inputs
-        propagator = np.zeros((7 if step_ms >= STRIDE_MS else 3, size, size))
-        transition, covariance, entries = propagator[:3]
-        if step_ms == 0:
-            transition[:] = np.eye(size)
-            return propagator
-        one, push, noise, wave_noise = _axis_step(self.motion, self.noise, self.wave, step_ms)
-        for axis in range(self.axes):
-            rows = _rows(axis)
-            transition[rows, rows], covariance[rows, rows], entries[rows, axis : inputs : self.axes] = one, noise, push
-            for other in range(self.axes):
-                covariance[rows, _rows(other)] += self._shape[axis, other] * wave_noise
-        if step_ms >= STRIDE_MS:
-            propagator[3:5] = propagator[[0, 2]] if step_ms == STRIDE_MS else self.propagator(STRIDE_MS)[[0, 2]]
-            propagator[5:7] = self.propagator(step_ms % STRIDE_MS)[[0, 2]]
-        return propagator
+    def covariance_after(self, covariance: Array, step_ms: int) -> Array:
+        """(n,n) a while after a covariance, nothing measured meanwhile."""
+        after = covariance.copy()
+        propagate_covariance(after, self.steps(step_ms)[0], self.shape)
+        return after
 
     def _wave_shares(self) -> Array:
         """(n,n) covariance of the wave motion while nothing is known of it; zero for all else."""
@@ -226,7 +207,7 @@ class Model:
         covariance = np.zeros((size, size))
         for axis in range(self.axes):
             for other in range(self.axes):
-                covariance[_wave(axis), _wave(other)] = self._shape[axis, other] * self.wave.covariance
+                covariance[_wave(axis), _wave(other)] = self.shape[axis, other] * self.wave.covariance
         return covariance
 
     def start(
@@ -274,7 +255,7 @@ class Model:
         return GaussianState(estimate.t_s, forget @ estimate.mean, covariance)
 
     def predicted(self, estimate: GaussianState, step_ms: int, given: Array) -> GaussianState:
-        """The estimate after a step through the input `given` (axes,), constant meanwhile."""
+        """The estimate after a step through the input `given` (axes,), constant meanwhile; for analysis."""
         transition, inputs, noise = self.step(step_ms)
         return GaussianState(
             estimate.t_s + 1e-3 * step_ms,
@@ -298,27 +279,43 @@ class Model:
         return velocity_of(estimate.mean, self.axes, over_ship, settle_s, self.wave.frequency_rad_s, self.wave.deck)
 
 
-@lru_cache(maxsize=4096)
-def _axis_step(
-    motion: AxisModel, noise: Disturbances, wave: WaveMotion, step_ms: int
-) -> tuple[Array, Array, Array, Array]:
-    """Of one axis over whole milliseconds: transition, inputs, noise without that of the waves, and the waves' own."""
-    longest_ms = 1 << (step_ms.bit_length() - 1)
-    if longest_ms < step_ms:  # of two steps: far cheaper than matrix exponentials
-        first, push, rest, wave_noise = _axis_step(motion, noise, wave, longest_ms)
-        then, then_push, then_rest, then_wave_noise = _axis_step(motion, noise, wave, step_ms - longest_ms)
-        noises = predicted_covariance(then, rest, then_rest), predicted_covariance(then, wave_noise, then_wave_noise)
-        return then @ first, then @ push + then_push, *noises
-    a, b, q = dynamics(motion, noise, wave)
-    wave_q = np.zeros(STATES)
-    wave_q[WAVE:] = q[WAVE:]
-    transition, push, wave_noise = discretised(a, b, wave_q, 1e-3 * step_ms)
-    return transition, push, discretised(a, b, q - wave_q, 1e-3 * step_ms)[2], wave_noise
+class _AxisSteps:
+    """Matrices of one axis over whole milliseconds, as in `kernels.Step`; those asked for are kept."""
+
+    def __init__(self, motion: AxisModel, noise: Disturbances, wave: WaveMotion) -> None:
+        self._dynamics = dynamics(motion, noise, wave)
+        self._solved: dict[int, Array] = {}
+        self.kept: dict[int, Step] = {}
+
+    def step(self, step_ms: int) -> Step:
+        """The matrices of a way of any length."""
+        if len(self._solved) >= _KEPT_STEPS:
+            self._solved.clear()
+            self.kept.clear()
+        lengths_ms = step_ms, min(step_ms, STRIDE_MS), step_ms % STRIDE_MS
+        whole, stride, rest = map(self.matrices, lengths_ms)
+        self.kept[step_ms] = whole, stride, rest
+        return whole, stride, rest
+
+    def matrices(self, step_ms: int) -> Array:
+        """(4,n,n)."""
+        matrices = self._solved.get(step_ms)
+        if matrices is None:
+            matrices = self._solved[step_ms] = np.zeros((4, STATES, STATES))
+            longest_ms = 1 << max((step_ms - 1).bit_length() - 1, 0)
+            if step_ms == 0:
+                matrices[0] = np.eye(STATES)
+            elif step_ms > 1:  # of two steps: far cheaper than matrix exponentials
+                compose(self.matrices(longest_ms), self.matrices(step_ms - longest_ms), matrices)
+            else:
+                a, b, q = self._dynamics
+                wave_q = np.where(np.arange(STATES) < WAVE, 0.0, q)
+                matrices[0], matrices[2, :, : b.shape[1]], matrices[3] = discretised(a, b, wave_q, 1e-3)
+                matrices[1] = discretised(a, b, q - wave_q, 1e-3)[2]
+        return matrices
 
 
-def _rows(axis: int) -> slice:
-    """The states of an axis."""
-    return slice(STATES * axis, STATES * (axis + 1))
+_axis_steps = lru_cache(maxsize=64)(_AxisSteps)
 
 
 def _wave(axis: int) -> slice:
@@ -394,7 +391,7 @@ def updated(
 ) -> tuple[GaussianState, float]:
     """The estimate after a measurement (m,) of its own time, and the normalised innovation squared; for analysis.
 
-    A flight's filter is `DelayedFilter`, by the same `kernels.corrected`.
+    A flight's filter is `DelayedFilter`, by the same `kernels.correct`.
 
     Args:
         estimate: before.
@@ -403,5 +400,5 @@ def updated(
         covariance: (m,m) of its error.
     """
     predicted, jacobian = expected
-    mean, after, normalised = corrected(estimate.mean, estimate.covariance, jacobian, measured - predicted, covariance)
-    return GaussianState(estimate.t_s, mean, after), normalised
+    after = GaussianState(estimate.t_s, estimate.mean.copy(), estimate.covariance.copy())
+    return after, correct(after.mean, after.covariance, jacobian, measured - predicted, covariance, math.inf)

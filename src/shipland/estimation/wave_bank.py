@@ -14,7 +14,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from shipland.config import key, parameters, require, scaled
-from shipland.estimation.kernels import bank_seen
+from shipland.estimation.kernels import see_bank
 from shipland.estimation.relative_state import WaveShares
 from shipland.estimation.wave_motion import WAVE_STATES, Shares, WaveMotion
 from shipland.frames import Array
@@ -151,12 +151,11 @@ class WaveBank:
             return before
         if step_s > 2.0:
             return replace(self.start(t_s, down_m), score=before.score, chosen=before.chosen)
-        transition, noise = _steps(self._parameters, max(1, round(1e3 * step_s)))
-        faded = math.exp(-step_s / self._parameters.memory_s) * before.score
+        steps = _steps(self._parameters, max(1, round(1e3 * step_s)))
+        mean, covariance = before.mean.copy(), before.covariance.copy()
+        score = math.exp(-step_s / self._parameters.memory_s) * before.score
         variance = variance_m2 + self._parameters.jitter_m**2
-        mean, covariance, score = bank_seen(
-            before.mean, before.covariance, faded, transition, noise, moved_m, down_m, variance
-        )
+        see_bank(mean, covariance, score, steps, moved_m, down_m, variance)
         left = float(np.max(score)) - score[before.chosen] > self._parameters.lead
         chosen = int(np.argmax(score + self._ahead)) if left else before.chosen
         return WaveEstimate(t_s, mean, covariance, score, chosen)

@@ -10,8 +10,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from shipland.camera import Camera
 from shipland.config import key, parameters, require, scaled
 from shipland.frames import Array
@@ -19,7 +17,7 @@ from shipland.guidance.response import Response
 from shipland.messages import Decision, Intent, Mode, Observation, Override, PilotCommand, Telemetry
 from shipland.rig import Rig
 from shipland.safety.cue_height import CueHeight, CueHeightParameters
-from shipland.safety.estimate import SafetyEstimate, SafetyEstimator
+from shipland.safety.estimate import SafetyEstimate, SafetyEstimator, Vector
 from shipland.safety.monitor import Look, MonitorParameters, Ship, findings
 from shipland.safety.recovery import RecoveryParameters, Rung, sticks_of
 from shipland.safety.switch import Switch, next_switch
@@ -113,7 +111,7 @@ class Safety:
         A person's override ends a recovery, a refusal too, and is held to the bounds alone; once it is lifted the
         monitor judges afresh.
         """
-        self._estimate = self._estimator.updated(self._estimate, observation, telemetry)
+        self._estimate = self._estimator.updated(observation, telemetry)
         if override is not None:
             decision = _by_hand(decision, override, telemetry.t_s, self._last)
         command, notes = self._sound(decision.command, telemetry.t_s)
@@ -174,7 +172,7 @@ class Safety:
     def _at_contact_height(self, t_s: float) -> bool:
         """Whether a fresh sight shows the aircraft low enough to touch."""
         limits, place_m = self._parameters, self._estimate.place_at(t_s, self._parameters.contact_sight_s)
-        return place_m is not None and self._estimate.deck_down_m - float(place_m[2]) <= limits.contact_height_m
+        return place_m is not None and self._estimate.deck_down_m - place_m[2] <= limits.contact_height_m
 
     def _bounded(self, command: PilotCommand, telemetry: Telemetry, notes: list[str]) -> PilotCommand:
         """Inside fence, floor and clearance; a ditching that was asked for has no floor."""
@@ -212,20 +210,23 @@ class Safety:
         place_m = self._estimate.place_at(t_s, self._parameters.stale_s)
         if place_m is None:
             return False
-        return bool(np.max(np.abs((place_m - self._deck_in_bar_m)[:2])) <= self._half_deck_m)
+        aside_m = max(
+            abs(place - float(deck)) for place, deck in zip(place_m[:2], self._deck_in_bar_m[:2], strict=True)
+        )
+        return aside_m <= self._half_deck_m
 
     def _bounded_place(self, command: PilotCommand, t_s: float, notes: list[str]) -> PilotCommand:
         """No way towards a bar that is too near, none away from one that is too far."""
         limits, estimate = self._parameters, self._estimate
         place_m = estimate.place_at(t_s, limits.stale_s)
         distance_m, to_bar = estimate.bar_in_level()
-        if place_m is not None and -float(place_m[0]) < limits.bar_clearance_m:
-            forward = np.array([math.cos(estimate.yaw_rad), -math.sin(estimate.yaw_rad)])
-            command = _without(command, forward, f"{-float(place_m[0]):.2f} m to the bar", notes)
+        if place_m is not None and -place_m[0] < limits.bar_clearance_m:
+            forward = math.cos(estimate.yaw_rad), -math.sin(estimate.yaw_rad)
+            command = _without(command, forward, f"{-place_m[0]:.2f} m to the bar", notes)
         elif distance_m < limits.bar_clearance_m:
             command = _without(command, to_bar, f"{distance_m:.2f} m to the bar", notes)
         if distance_m > limits.fence_distance_m:
-            command = _without(command, -to_bar, f"fence: {distance_m:.0f} m from the bar", notes)
+            command = _without(command, (-to_bar[0], -to_bar[1]), f"fence: {distance_m:.0f} m from the bar", notes)
         return command
 
     def _limited(self, command: PilotCommand, t_s: float) -> PilotCommand:
@@ -259,17 +260,14 @@ def _by_hand(decision: Decision, override: Override, t_s: float, last: PilotComm
     return replace(decision, command=command, mode=mode, reason=override.value)
 
 
-def _without(command: PilotCommand, direction: Array, note: str, notes: list[str]) -> PilotCommand:
-    """The command without its part along a horizontal unit vector (2,) in `level`; unchanged where it has none."""
-    along = float(direction[0]) * command.pitch_percent + float(direction[1]) * command.roll_percent
+def _without(command: PilotCommand, direction: Vector, note: str, notes: list[str]) -> PilotCommand:
+    """The command without its part along a horizontal unit vector in `level`; unchanged where it has none."""
+    pitch, roll = command.pitch_percent, command.roll_percent
+    along = direction[0] * pitch + direction[1] * roll
     if along <= 0.0:
         return command
     notes.append(note)
-    return replace(
-        command,
-        pitch_percent=command.pitch_percent - along * float(direction[0]),
-        roll_percent=command.roll_percent - along * float(direction[1]),
-    )
+    return replace(command, pitch_percent=pitch - along * direction[0], roll_percent=roll - along * direction[1])
 
 
 def _sticks(command: PilotCommand) -> tuple[float, float, float, float]:

@@ -12,11 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from shipland.config import key, parameters, scaled
-from shipland.frames import GRAVITY_MPS2, Array, rotated
+from shipland.frames import GRAVITY_MPS2, Array, turned
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand, Telemetry
 from shipland.rig import Rig
-from shipland.safety.estimate import SafetyEstimate, tilt_of
+from shipland.safety.estimate import Place, SafetyEstimate, Vector, tilt_of
 
 
 class Action(enum.IntEnum):
@@ -121,7 +121,7 @@ class Look:
         command: the pilot's.
         telemetry: now.
         estimate: the safety's own.
-        place_m, velocity_mps: (3,) in `bar`, now; None where no pose of late tells.
+        place_m, velocity_mps: in `bar`, now; None where no pose of late tells.
         over_deck_m: of the aircraft's centre over the neutral deck; None where unknown.
         ship: what must not be struck.
         response: of the vehicle.
@@ -132,8 +132,8 @@ class Look:
     command: PilotCommand
     telemetry: Telemetry
     estimate: SafetyEstimate
-    place_m: Array | None
-    velocity_mps: Array | None
+    place_m: Place | None
+    velocity_mps: Place | None
     over_deck_m: float | None
     ship: Ship
     response: Response
@@ -177,11 +177,11 @@ def brake_mps2(look: Look) -> float:
     return min(look.limits.brake_mps2, max(_BRAKE_SHARE * (full_mps2 - taken_mps2), _LEAST_BRAKE_MPS2))
 
 
-def _along_bar(look: Look, in_still: Array | None) -> float:
-    """The part towards the bar's plane of a vector (2,) of the axes that lie still; 0 where it is not known."""
+def _along_bar(look: Look, in_still: Vector | None) -> float:
+    """The part towards the bar's plane of a vector of the axes that lie still; 0 where it is not known."""
     if in_still is None or look.estimate.bar_heading_rad is None:
         return 0.0
-    return float(rotated(in_still, -look.estimate.bar_heading_rad)[0])
+    return turned(*in_still, -look.estimate.bar_heading_rad)[0]
 
 
 def room_to_bar_m(look: Look) -> float:
@@ -189,15 +189,15 @@ def room_to_bar_m(look: Look) -> float:
     place_m, velocity_mps, limits, ship = look.place_m, look.velocity_mps, look.limits, look.ship
     if place_m is None or velocity_mps is None:
         return math.inf
-    beside = abs(float(place_m[1])) > ship.half_house_m + limits.least_to_bar_m
-    above = float(place_m[2]) < ship.house_top_m - limits.least_to_bar_m
+    beside = abs(place_m[1]) > ship.half_house_m + limits.least_to_bar_m
+    above = place_m[2] < ship.house_top_m - limits.least_to_bar_m
     if beside or above:
         return math.inf
     # in the superstructure's lee less wind holds against it
     held_mps2 = _LEE * _along_bar(look, look.estimate.held_mps2)
     towards_mps2 = _along_bar(look, look.estimate.tilt_mps2) - held_mps2
-    stop_m = stopping_distance_m(float(velocity_mps[0]), towards_mps2, brake_mps2(look), limits.reaction_s)
-    return -float(place_m[0]) - stop_m
+    stop_m = stopping_distance_m(velocity_mps[0], towards_mps2, brake_mps2(look), limits.reaction_s)
+    return -place_m[0] - stop_m
 
 
 def bar_ahead(look: Look) -> Finding | None:
@@ -213,12 +213,12 @@ def off_the_deck(look: Look) -> Finding | None:
     place_m, velocity_mps, over_m, ship = look.place_m, look.velocity_mps, look.over_deck_m, look.ship
     if not look.landing or place_m is None or velocity_mps is None or over_m is None:
         return None
-    sink_mps = max(float(velocity_mps[2]), _SLOWEST_MPS)
+    sink_mps = max(velocity_mps[2], _SLOWEST_MPS)
     contact_s = max(over_m, 0.0) / sink_mps
     if not look.limits.reaction_s <= contact_s <= _CONTACT_NEAR_S:  # nearer, nothing changes it any more
         return None
     drift_s = min(contact_s, _DRIFT_S)
-    aside_m = max(abs(float(place_m[i] + drift_s * velocity_mps[i] - ship.deck_in_bar_m[i])) for i in range(2))
+    aside_m = max(abs(place_m[i] + drift_s * velocity_mps[i] - float(ship.deck_in_bar_m[i])) for i in range(2))
     if aside_m <= ship.half_deck_m - look.limits.foot_m:
         return None
     return Finding(Action.GO_AROUND, f"contact foreseen {aside_m:.2f} m from the deck's centre")
@@ -237,7 +237,7 @@ def poses_leap(look: Look) -> Finding | None:
     leap_m, place_m = look.estimate.leap_m, look.place_m
     if leap_m <= 0.0:
         return None
-    near = place_m is not None and -float(place_m[0]) < look.limits.near_m
+    near = place_m is not None and -place_m[0] < look.limits.near_m
     return Finding(Action.GO_AROUND if near else Action.NO_GO, f"poses leap by {leap_m:.1f} m")
 
 

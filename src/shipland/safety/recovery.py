@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from shipland.config import key, parameters, require, scaled
-from shipland.frames import Array, rotated
+from shipland.frames import Array, rotated, turned
 from shipland.guidance.response import Response
 from shipland.messages import Intent, PilotCommand
-from shipland.safety.estimate import SafetyEstimate
+from shipland.safety.estimate import SafetyEstimate, Vector
 
 
 class Rung(enum.Enum):
@@ -89,7 +89,7 @@ def is_clear(estimate: SafetyEstimate, t_s: float, deck_in_bar_m: Array, paramet
     place_m = estimate.place_at(t_s, parameters.blind_s)
     if over_m is None or over_m < parameters.clear_height_m:
         return False
-    return place_m is None or float(place_m[0]) <= float(deck_in_bar_m[0]) - parameters.clear_back_m
+    return place_m is None or place_m[0] <= float(deck_in_bar_m[0]) - parameters.clear_back_m
 
 
 def sticks_of(
@@ -127,11 +127,11 @@ def _level_sticks(
     axis_rad = estimate.bar_in_level_rad()
     error = np.array([forward_mps, 0.0]) - velocity_mps[:2]
     if response.kind == "velocity":
-        own_mps = np.zeros(2) if estimate.velocity_mps is None else estimate.in_level(estimate.velocity_mps)
-        asked = rotated(own_mps, -axis_rad) + error
+        own_mps = (0.0, 0.0) if estimate.velocity_mps is None else estimate.in_level(estimate.velocity_mps)
+        asked = np.array(turned(*own_mps, -axis_rad)) + error
     else:
-        asked = rotated(_held_in_level(estimate), -axis_rad) + parameters.velocity_per_s * error
-        towards_mps = float(velocity_mps[0]) - _TOWARDS_MPS
+        asked = np.array(turned(*_held_in_level(estimate), -axis_rad)) + parameters.velocity_per_s * error
+        towards_mps = velocity_mps[0] - _TOWARDS_MPS
         if towards_mps > 0.0:  # in the superstructure's lee no wind pushes it out
             asked[0] = min(asked[0], 0.0) - _TOWARDS * parameters.velocity_per_s * towards_mps
         if forward_mps < 0.0:  # a wind from ahead may blow it astern; in the superstructure's lee there is none
@@ -150,8 +150,8 @@ def _blind_sticks(estimate: SafetyEstimate, forward_mps: float, response: Respon
     return _stick(held[0], response), _stick(held[1], response)
 
 
-def _held_in_level(estimate: SafetyEstimate) -> Array:
-    return np.zeros(2) if estimate.held_mps2 is None else estimate.in_level(estimate.held_mps2)
+def _held_in_level(estimate: SafetyEstimate) -> Vector:
+    return (0.0, 0.0) if estimate.held_mps2 is None else estimate.in_level(estimate.held_mps2)
 
 
 def _stick(wanted: float, response: Response) -> float:
@@ -163,7 +163,7 @@ def _gimbal_rad(estimate: SafetyEstimate, before_rad: float) -> float:
     place_m = estimate.place_in_bar_m
     if place_m is None:
         return before_rad
-    return math.atan2(float(place_m[2]), max(math.hypot(float(place_m[0]), float(place_m[1])), 0.3))
+    return math.atan2(place_m[2], max(math.hypot(place_m[0], place_m[1]), 0.3))
 
 
 _AWAY = (Rung.BRAKE, Rung.GO_AROUND, Rung.RETURN)

@@ -9,7 +9,7 @@ import numpy as np
 
 from shipland.camera import CameraParameters
 from shipland.config import key, parameters, require
-from shipland.frames import GRAVITY_MPS2, rows_from_quaternion
+from shipland.frames import GRAVITY_MPS2
 from shipland.messages import GimbalAttitude, GroundTruth, Intent, PilotCommand, TouchdownVerdict
 from shipland.rig import Rig
 from shipland.sim.air.wind import Wind
@@ -20,7 +20,7 @@ from shipland.sim.aircraft.record import Record, at
 from shipland.sim.aircraft.sensors import Gimbal, LandingDetector, Readings, Senses, read_instruments
 from shipland.sim.aircraft.step import fly_free, sense_once, tick, tick_senses
 from shipland.sim.contact.body import Body
-from shipland.sim.contact.deck_drive import DeckDriver, DeckState, against_deck, deck_in_ned, deck_state
+from shipland.sim.contact.deck_drive import DeckDriver, DeckState, against_deck, deck_in_ned, deck_values
 from shipland.sim.contact.model import build_model
 from shipland.sim.contact.touchdown import NO_TOUCH, Judge, OnDeck, VerdictParameters
 from shipland.sim.ship.ship import Ship, ShipState
@@ -318,9 +318,9 @@ class World:
     def _set_stage(self) -> None:
         """Write the ship as it was set last, which MuJoCo needs for its steps alone."""
         if self._unstaged_deck:
-            self._stage.set_deck(self._deck)
+            self._stage.set_deck(self._record.values[_DECK])
         if self._unstaged_hull is not None:
-            self._stage.set_hull(self._unstaged_hull, deck_state(self._unstaged_hull))
+            self._stage.set_hull(self._unstaged_hull, deck_values(self._unstaged_hull))
         self._unstaged_deck, self._unstaged_hull = False, None
 
     def _sample_air(self, state: ShipState, position_m: Vector) -> None:
@@ -335,9 +335,7 @@ class World:
             self._motors_run = False
 
     def _on_deck(self) -> OnDeck:
-        motion = self._body.motion()
-        rows = rows_from_quaternion(*motion.quaternion)
-        return against_deck(self._deck, motion.position_m, motion.velocity_mps, (rows[2], rows[5], rows[8]))
+        return against_deck(self._record.values[_DECK], self._record.values[_MOTION])
 
     def _judge_now(self) -> None:
         """Show the judge the last step's contacts."""
@@ -428,6 +426,7 @@ class World:
 
 
 _AIR, _STICKS, _GIMBAL_WANTED, _WRENCH = at("air"), at("sticks"), at("gimbal_wanted"), at("wrench")
+_MOTION = at("motion")
 _DECK, _SHIP, _DECK_S, _GIMBAL = at("deck"), at("ship"), at("deck_s"), slice(at("gimbal").start, at("gimbal_bias").stop)
 _W_AT_TICK, _FLOW_LOST = at("w_at_tick").start, at("seen").stop - 1
 

@@ -94,9 +94,10 @@ class Assumptions:
         levels = parameters.gust_levels_mps2
         share = parameters.gust_share_at_sea if self.wave.bar_moves else parameters.gust_share
         gust_mps2 = max(share * math.hypot(*held_mps2.tolist()), 1e-3)
-        wanted = min(levels, key=lambda level: abs(math.log(level / gust_mps2)))
         steps = math.log(gust_mps2 / self.gust_mps2) / math.log(levels[1] / levels[0])
-        return self if -_LULL_STEPS <= steps <= _GUST_STEPS else replace(self, gust_mps2=wanted)
+        if -_LULL_STEPS <= steps <= _GUST_STEPS:
+            return self
+        return replace(self, gust_mps2=min(levels, key=lambda level: abs(math.log(level / gust_mps2))))
 
     def with_ship(self, ship_mps: float) -> Assumptions:
         """With the speed of a ship whose heading is not seen; 0 where it is, or the ship lies still."""

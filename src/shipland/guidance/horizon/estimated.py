@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from shipland.estimation.kernels import predicted_covariance
 from shipland.estimation.relative_state import (
     ACTUATION,
     POSITION,
@@ -21,8 +20,7 @@ from shipland.estimation.relative_state import (
     position_covariance,
 )
 from shipland.estimation.wave_motion import WAVE_STATES, WaveMotion
-from shipland.frames import Array, rotated, wrap_angle
-from shipland.messages import Estimate
+from shipland.frames import Array, rotated
 
 _STEP_MS = 20
 """To which times are rounded in predictions: a model keeps a matrix for each."""
@@ -67,7 +65,6 @@ class Estimated:
         nose_rad, bar_rad: headings in the axes of the flight.
         turn_rad_s: of the bar.
         bar_known: the bar's heading has been seen.
-        yaw_variance: of the difference of the two headings [rad²].
         to_bar_rad: heading of the bar from the aircraft; by the newest box, where that was seen last: the filter lags
             behind a ship that turns.
         to_bar_rad_s: its rate.
@@ -92,7 +89,6 @@ class Estimated:
     bar_rad: float
     turn_rad_s: float
     bar_known: bool
-    yaw_variance: float
     to_bar_rad: float
     to_bar_rad_s: float
     deck_in_bar_m: Array
@@ -132,8 +128,7 @@ class Estimated:
 
     def over_deck_covariance_later(self, passed_s: float) -> Array:
         """(2,2) covariance of the place over the deck after `passed_s` in which nothing is measured."""
-        transition, _, noise = self.model.step(_STEP_MS * round(1e3 * passed_s / _STEP_MS))
-        covariance = predicted_covariance(transition, self.across.covariance, noise)
+        covariance = self.model.covariance_after(self.across.covariance, _STEP_MS * round(1e3 * passed_s / _STEP_MS))
         return position_covariance(covariance, self.wave.deck[0])
 
     @property
@@ -182,29 +177,6 @@ class Estimated:
         """(3,)."""
         ahead_m, right_m = rotated(self.place_m, -self.bar_rad).tolist()
         return np.array([ahead_m, right_m, self.down_m])
-
-    @property
-    def covariance(self) -> Array:
-        """(4,4) of `aircraft_in_bar_m` and yaw [m, m, m, rad].
-
-        Poses are rotated by the bar's heading and the estimate is rotated back by it, so that its error cancels in the
-        position. Position and yaw come from separate filters; their cross-covariance is taken as zero.
-        """
-        cosine, sine = math.cos(self.bar_rad), math.sin(self.bar_rad)
-        axes = np.array([[cosine, sine], [-sine, cosine]])
-        covariance = np.zeros((4, 4))
-        covariance[:2, :2] = axes @ position_covariance(self.across.covariance, self.wave.bar[0]) @ axes.T
-        covariance[2, 2] = position_covariance(self.down.covariance, self.wave.bar[0])[0, 0]
-        covariance[3, 3] = self.yaw_variance
-        return covariance
-
-    def as_message(self) -> Estimate | None:
-        """The estimate in `bar`, for the log and others; None while the bar's heading is not known."""
-        if not self.bar_known:
-            return None
-        velocity = np.array([*rotated(self.speed_mps, -self.bar_rad).tolist(), self.down_mps])
-        yaw_rad = wrap_angle(self.nose_rad - self.bar_rad)
-        return Estimate(self.t_s, self.aircraft_in_bar_m, yaw_rad, velocity, self.covariance)
 
 
 def _wave_of(axis: int) -> slice:

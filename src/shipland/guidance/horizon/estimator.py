@@ -12,11 +12,23 @@ from dataclasses import replace
 import numpy as np
 
 from shipland.camera import Camera
+from shipland.compiled import compiled
 from shipland.estimation.delayed import DelayedFilter
 from shipland.estimation.gain import GainBank
 from shipland.estimation.heading import Headings
 from shipland.estimation.latency import LatencyBank
-from shipland.estimation.relative_state import GUST, POSITION, VELOCITY, VELOCITY_BIAS, WIND, Model, less_wave
+from shipland.estimation.relative_state import (
+    GUST,
+    POSITION,
+    VELOCITY,
+    VELOCITY_BIAS,
+    WIND,
+    GaussianState,
+    Model,
+    less_wave,
+    position_covariance,
+)
+from shipland.estimation.wave_motion import Output
 from shipland.frames import Array, all_finite, rotated, wrap_angle
 from shipland.guidance.horizon.assumptions import Assumptions, motion_of, ship_in_view
 from shipland.guidance.horizon.estimated import Actuation, Estimated
@@ -26,7 +38,7 @@ from shipland.guidance.horizon.parameters import HorizonParameters
 from shipland.guidance.horizon.places import HeightGate, Places, SeenPlace
 from shipland.guidance.horizon.stick_history import StickHistory
 from shipland.guidance.response import Response
-from shipland.messages import BarPose, Observation, PilotCommand, Telemetry
+from shipland.messages import BarPose, Estimate, Observation, PilotCommand, Telemetry
 from shipland.rig import Rig
 
 _POSE_GAP_S = 0.5
@@ -275,13 +287,10 @@ class Estimator:
         headings, sticks, wave = self._headings.now, self._sticks, self._assumed.wave
         if headings is None:
             return None
-        turn_rad_s = self._headings.turn_rad_s
-        sticks.advance(t_s)
-        across = self._across.predict(t_s, sticks.across, turn_rad_s)
-        down = self._down.predict(t_s, sticks.climbs)
-        if across is None or down is None or not all_finite(across.mean):
+        predicted = self._predicted(t_s)
+        if predicted is None:
             return None
-        (nose, both, _), (_, bar, _), _ = headings.covariance.tolist()
+        across, down = predicted
         below, sinking = less_wave(down.mean, wave.bar)
         place_m, speed_mps = less_wave(across.mean, wave.bar)
         tracked_near = self._wave_parameters.followed_at(math.hypot(*place_m.tolist()))
@@ -306,10 +315,9 @@ class Estimator:
             down_m=float(below[0]),
             down_mps=float(sinking[0]),
             nose_rad=self._headings.nose_at(t_s),
-            bar_rad=wrap_angle(headings.bar_rad + turn_rad_s * (t_s - headings.t_s)),
-            turn_rad_s=turn_rad_s,
+            bar_rad=self._bar_rad(headings, t_s),
+            turn_rad_s=self._headings.turn_rad_s,
             bar_known=headings.bar_known and self._assumed.ship_mps == 0.0,
-            yaw_variance=nose + bar - 2.0 * both,
             to_bar_rad=to_bar_rad,
             to_bar_rad_s=to_bar_rad_s,
             deck_in_bar_m=self._deck_in_bar_m,
@@ -322,6 +330,61 @@ class Estimator:
                 velocity_s=self._velocity_s,
             ),
         )
+
+    def at_picture(self, t_s: float) -> Estimate | None:
+        """The estimate at a picture, in `bar`, for the log and others; None while it or the bar's heading is not known.
+
+        Poses are rotated by the bar's heading and the estimate is rotated back by it, so that its error cancels in the
+        position. Position and yaw come from separate filters; their cross-covariance is taken as zero.
+        """
+        headings = self._headings.now
+        if headings is None or not headings.bar_known or self._assumed.ship_mps != 0.0:
+            return None
+        predicted = self._predicted(t_s)
+        if predicted is None:
+            return None
+        bar_rad = self._bar_rad(headings, t_s)
+        (nose, both, _), (_, bar, _), _ = headings.covariance.tolist()
+        across, down = (it[1:] for it in predicted)
+        place_m, speed_mps, covariance = np.empty(3), np.empty(3), np.zeros((4, 4))
+        _in_bar(across, down, self._assumed.wave.bar, bar_rad, place_m, speed_mps, covariance)
+        covariance[3, 3] = nose + bar - 2.0 * both
+        return Estimate(t_s, place_m, wrap_angle(self._headings.nose_at(t_s) - bar_rad), speed_mps, covariance)
+
+    def _predicted(self, t_s: float) -> tuple[GaussianState, GaussianState] | None:
+        """Horizontal and vertical state at a time; None before the first position."""
+        sticks = self._sticks
+        sticks.advance(t_s)
+        across = self._across.predict(t_s, sticks.across, self._headings.turn_rad_s)
+        down = self._down.predict(t_s, sticks.climbs)
+        return None if across is None or down is None or not all_finite(across.mean) else (across, down)
+
+    def _bar_rad(self, headings: Headings, t_s: float) -> float:
+        return wrap_angle(headings.bar_rad + self._headings.turn_rad_s * (t_s - headings.t_s))
+
+
+@compiled
+def _in_bar(
+    across: tuple[Array, Array],
+    down: tuple[Array, Array],
+    bar: Output,
+    bar_rad: float,
+    place_m: Array,
+    speed_mps: Array,
+    covariance: Array,
+) -> None:
+    """Write (3,) place, (3,) speed and their part of the (4,4) covariance from the states' means and covariances."""
+    c, s = math.cos(bar_rad), math.sin(bar_rad)
+    (north_m, east_m), (north_mps, east_mps) = less_wave(across[0], bar)
+    below_m, below_mps = less_wave(down[0], bar)
+    place_m[0], place_m[1], place_m[2] = c * north_m + s * east_m, c * east_m - s * north_m, below_m[0]
+    speed_mps[0], speed_mps[1], speed_mps[2] = c * north_mps + s * east_mps, c * east_mps - s * north_mps, below_mps[0]
+    p = position_covariance(across[1], bar[0])
+    twice = c * s * (p[0, 1] + p[1, 0])
+    covariance[0, 0] = c * c * p[0, 0] + s * s * p[1, 1] + twice
+    covariance[1, 1] = s * s * p[0, 0] + c * c * p[1, 1] - twice
+    covariance[0, 1] = covariance[1, 0] = c * s * (p[1, 1] - p[0, 0]) + 0.5 * (c * c - s * s) * (p[0, 1] + p[1, 0])
+    covariance[2, 2] = position_covariance(down[1], bar[0])[0, 0]
 
 
 def _finite(pose: BarPose) -> bool:

@@ -24,7 +24,7 @@ from shipland.guidance.near import HOLD, SticksPercent
 from shipland.guidance.pilot import PilotSetup
 from shipland.guidance.search import search
 from shipland.guidance.view import View, target_column_px
-from shipland.messages import Decision, Mode, Observation, PilotCommand, Telemetry
+from shipland.messages import Decision, Estimate, Mode, Observation, PilotCommand, Telemetry
 
 _SILENT_S = 1.0
 """After a gap this long without picture and telemetry the position is unknown: the vehicle held by itself meanwhile."""
@@ -69,14 +69,14 @@ class Planned:
         now_s: time of the decision.
         estimate: at the command's effect; None while it cannot be flown on.
         plan: what the regulator follows; None in modes that are flown without an estimate.
-        at_picture: the estimate at the picture's exposure.
+        at_picture: the estimate at the picture's exposure; None while the bar's heading is not known.
     """
 
     state: PilotState
     now_s: float
     estimate: Estimated | None
     plan: Plan | None
-    at_picture: Estimated | None
+    at_picture: Estimate | None
 
 
 class HorizonPilot:
@@ -119,7 +119,7 @@ class HorizonPilot:
         else:
             state = state._replace(reference=None, odds=None)
         self._state = state = self._with_gimbal(observation, estimate, state, step_s)
-        return Planned(state, now_s, estimate, plan, estimator.estimate(estimator.taken_s(observation.t_s)))
+        return Planned(state, now_s, estimate, plan, estimator.at_picture(estimator.taken_s(observation.t_s)))
 
     def command(self, planned: Planned) -> Decision:
         """The regulator's part: the sticks of what was planned last; changes nothing that the pilot remembers."""
@@ -132,10 +132,9 @@ class HorizonPilot:
         command = PilotCommand(planned.now_s, *sticks, state.gimbal_pitch_rad, INTENTS[mode])
         note = "" if self._steering is None else self._steering.note
         reason = "; ".join(filter(None, (state.modes.reason, note)))
-        at_picture = None if planned.at_picture is None else planned.at_picture.as_message()
         descent = None if plan is None else plan.descent
         probability = None if descent is None or descent.odds is None else descent.odds.now
-        return Decision(command, mode, reason, at_picture, probability)
+        return Decision(command, mode, reason, planned.at_picture, probability)
 
     def steered(self, planned: Planned) -> Steered | None:
         """What a policy sees of a plan; None where it cannot change the input."""

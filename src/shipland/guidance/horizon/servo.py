@@ -9,7 +9,9 @@ import math
 
 import numpy as np
 
+from shipland.compiled import compiled
 from shipland.estimation.delayed import Inputs
+from shipland.estimation.kernels import add_input
 from shipland.estimation.relative_state import AxisModel, shaping
 from shipland.frames import Array
 
@@ -44,7 +46,33 @@ class ShapedSpeed:
     def advance(self, to_s: float, inputs: Inputs) -> None:
         """Propagate to a time, to the nearest step."""
         while self._t_s + 0.5 * _STEP_S < to_s and math.isfinite(self._t_s):
-            after = self._step @ self.state + np.outer(self._push, self.asked_mps)
-            speed, rate = 0.5 * (self.state + after)
-            inputs.add(self._t_s, np.concatenate([speed + rate / self._gain, speed]))
-            self.state, self._t_s = after, self._t_s + _STEP_S
+            state, model = self.state.copy(), (self._step, self._push, self._gain)
+            inputs.count, self._t_s = _shape(
+                state, self.asked_mps, model, inputs.history, inputs.count, self._t_s, to_s
+            )
+            self.state = state
+            inputs.make_room()
+
+
+@compiled
+def _shape(
+    state: Array,
+    asked_mps: Array,
+    model: tuple[Array, Array, float],
+    history: Array,
+    count: int,
+    t_s: float,
+    to_s: float,
+) -> tuple[int, float]:
+    """Propagate the state in place while the history has rows; how many are filled, and the time."""
+    (step, push, gain), value = model, np.empty(4)
+    while t_s + 0.5 * _STEP_S < to_s and count < len(history):
+        for axis in range(2):
+            speed, rate = state[0, axis], state[1, axis]
+            state[0, axis] = step[0, 0] * speed + step[0, 1] * rate + push[0] * asked_mps[axis]
+            state[1, axis] = step[1, 0] * speed + step[1, 1] * rate + push[1] * asked_mps[axis]
+            value[2 + axis] = 0.5 * (speed + state[0, axis])
+            value[axis] = value[2 + axis] + 0.5 * (rate + state[1, axis]) / gain
+        add_input(history, count, t_s, value)
+        count, t_s = count + 1, t_s + _STEP_S
+    return count, t_s

@@ -9,10 +9,11 @@ are plausible, and nothing finer is in it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from shipland.compiled import compiled
 from shipland.config import key, parameters
 from shipland.rig import Rig
 from shipland.sim.air.turbulence import normal_numbers
@@ -51,8 +52,7 @@ class AirwakeParameters:
     eddy_heights: float = key(1.0, "length scale of that turbulence in H", "chosen: eddies of the step's size", gt=0)
 
 
-@dataclass(frozen=True)
-class WakePlace:
+class WakePlace(NamedTuple):
     """The wake at one place, in shares of the relative wind.
 
     Attributes:
@@ -66,9 +66,6 @@ class WakePlace:
     turbulence: float
 
 
-NO_WAKE = WakePlace(0.0, 0.0, 0.0)
-
-
 class Airwake:
     """The superstructure's wake over one flight.
 
@@ -80,10 +77,13 @@ class Airwake:
 
     def __init__(self, parameters: AirwakeParameters, rig: Rig, rng: np.random.Generator) -> None:
         self._parameters = parameters
-        self._aft_m = rig.bar_ahead_of_stern_m - rig.deck_ahead_of_stern_m
-        self._fore_m = rig.platform_length_m - rig.deck_ahead_of_stern_m
-        self._half_width_m = 0.5 * rig.platform_width_m
+        aft_m, fore_m = (it - rig.deck_ahead_of_stern_m for it in (rig.bar_ahead_of_stern_m, rig.platform_length_m))
         self._height_m = rig.superstructure_height_m - rig.deck_height_m
+        self._box_m = aft_m, fore_m, 0.5 * rig.platform_width_m, self._height_m
+        self._shape = (
+            *(parameters.reattachment_heights, parameters.reverse_share, parameters.recovery_heights),
+            *(parameters.downwash_share, parameters.layer_share, parameters.layer_growth),
+        )
         self._normal = normal_numbers(rng)
         self._eddy = [next(self._normal) for _ in range(3)]
 
@@ -94,39 +94,7 @@ class Airwake:
             position_in_ship_m: forward, starboard, down of the deck's centre.
             towards_rad: direction that the relative wind blows to, clockwise from the bow.
         """
-        p, size_m = self._parameters, self._height_m
-        along_f, along_s = math.cos(towards_rad), math.sin(towards_rad)
-        forward_m, starboard_m, down_m = position_in_ship_m
-        corners = [
-            (x * along_f + y * along_s, y * along_f - x * along_s)
-            for x in (self._aft_m, self._fore_m)
-            for y in (-self._half_width_m, self._half_width_m)
-        ]
-        across_m = starboard_m * along_f - forward_m * along_s
-        left_m, right_m = min(c[1] for c in corners), max(c[1] for c in corners)
-        behind_m = (
-            forward_m * along_f
-            + starboard_m * along_s
-            - self._lee_face_m(min(max(across_m, left_m), right_m), along_f, along_s)
-        )
-        if behind_m <= 0.0:
-            return NO_WAKE
-        layer_m = p.layer_share * size_m + p.layer_growth * behind_m
-        above = (-down_m - size_m) / layer_m
-        outside = max(left_m - across_m, across_m - right_m) / layer_m
-        if above > 6.0 or outside > 6.0:
-            return NO_WAKE
-        lee = 0.25 * (1.0 - math.tanh(above)) * (1.0 - math.tanh(outside)) * math.tanh(behind_m / layer_m)
-        zone_m = p.reattachment_heights * size_m
-        beyond = max(behind_m - zone_m, 0.0) / (p.recovery_heights * size_m)
-        inside = 0.5 * (1.0 + math.cos(math.pi * min(behind_m / zone_m, 1.0)))  # 1 at the face, 0 at reattachment
-        fade = math.exp(-beyond)
-        share = behind_m / zone_m
-        return WakePlace(
-            lee * (1.0 + p.reverse_share) * fade * (0.5 + 0.5 * inside),
-            lee * p.downwash_share * share * math.exp(1.0 - share),
-            fade * max(lee * 0.5, 4.0 * lee * (1.0 - lee)) * min(4.0 * share, 1.0),
-        )
+        return WakePlace(*_wake(self._box_m, self._shape, position_in_ship_m, towards_rad))
 
     def disturbance(self, place: WakePlace, speed_mps: float, towards_rad: float, step_s: float) -> Vector:
         """Velocity that the wake adds to the air, along the ship's forward, starboard, down [m/s].
@@ -149,13 +117,53 @@ class Airwake:
             place.downwash * speed_mps + vertical * self._eddy[2],
         )
 
-    def _lee_face_m(self, across_m: float, along_f: float, along_s: float) -> float:
-        """Where a line down the wind, `across_m` to its right, leaves the box."""
-        leaves = math.inf
-        for low_m, high_m, along, offset in (
-            (self._aft_m, self._fore_m, along_f, -across_m * along_s),
-            (-self._half_width_m, self._half_width_m, along_s, across_m * along_f),
-        ):
-            if abs(along) > 1e-9:
-                leaves = min(leaves, ((high_m if along > 0.0 else low_m) - offset) / along)
-        return leaves
+
+@compiled
+def _wake(
+    box_m: tuple[float, float, float, float],
+    shape: tuple[float, float, float, float, float, float],
+    position_in_ship_m: Vector,
+    towards_rad: float,
+) -> Vector:
+    """The values of a `WakePlace`.
+
+    Args:
+        box_m: the superstructure's after and fore end, half its width, its height over the deck.
+        shape: parameters of the wake, in the order of `AirwakeParameters`.
+        position_in_ship_m: as in `Airwake.place`.
+        towards_rad: likewise.
+    """
+    (aft_m, fore_m, half_m, size_m), (zone, reverse_share, recovery, downwash_share, layer_share, growth) = box_m, shape
+    along_f, along_s = math.cos(towards_rad), math.sin(towards_rad)
+    forward_m, starboard_m, down_m = position_in_ship_m
+    left_m, right_m = math.inf, -math.inf
+    for x in (aft_m, fore_m):
+        for y in (-half_m, half_m):
+            corner_m = y * along_f - x * along_s
+            left_m, right_m = min(left_m, corner_m), max(right_m, corner_m)
+    across_m = starboard_m * along_f - forward_m * along_s
+    within_m = min(max(across_m, left_m), right_m)
+    face_m = math.inf  # where a line down the wind leaves the box
+    if abs(along_f) > 1e-9:
+        face_m = min(face_m, ((fore_m if along_f > 0.0 else aft_m) - -within_m * along_s) / along_f)
+    if abs(along_s) > 1e-9:
+        face_m = min(face_m, ((half_m if along_s > 0.0 else -half_m) - within_m * along_f) / along_s)
+    behind_m = forward_m * along_f + starboard_m * along_s - face_m
+    if behind_m <= 0.0:
+        return 0.0, 0.0, 0.0
+    layer_m = layer_share * size_m + growth * behind_m
+    above = (-down_m - size_m) / layer_m
+    outside = max(left_m - across_m, across_m - right_m) / layer_m
+    if above > 6.0 or outside > 6.0:
+        return 0.0, 0.0, 0.0
+    lee = 0.25 * (1.0 - math.tanh(above)) * (1.0 - math.tanh(outside)) * math.tanh(behind_m / layer_m)
+    zone_m = zone * size_m
+    beyond = max(behind_m - zone_m, 0.0) / (recovery * size_m)
+    inside = 0.5 * (1.0 + math.cos(math.pi * min(behind_m / zone_m, 1.0)))  # 1 at the face, 0 at reattachment
+    fade = math.exp(-beyond)
+    share = behind_m / zone_m
+    return (
+        lee * (1.0 + reverse_share) * fade * (0.5 + 0.5 * inside),
+        lee * downwash_share * share * math.exp(1.0 - share),
+        fade * max(lee * 0.5, 4.0 * lee * (1.0 - lee)) * min(4.0 * share, 1.0),
+    )

@@ -18,13 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shipland.compiled import compiled
 from shipland.config import key, parameters, require
-from shipland.frames import GRAVITY_MPS2
+from shipland.frames import GRAVITY_MPS2, Array
 
 FOOT_M = 0.3048
 _SQRT3 = math.sqrt(3.0)
-
-Pair = tuple[float, float]
 
 
 @parameters
@@ -86,9 +85,12 @@ class Dryden:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._normal = normal_numbers(rng)
-        self._u = next(self._normal)
-        self._v = self._stationary()
-        self._w = self._stationary()
+        u, *normals = (next(self._normal) for _ in range(5))
+        first, second = normals[::2], normals[1::2]  # stationary: variances ¼ and ½, covariance ¼
+        self._state: Array = np.array(
+            [u, *(x for a, b in zip(first, second, strict=True) for x in (0.5 * a, 0.5 * a + 0.5 * b))]
+        )
+        """Along the wind; two across it and two vertical."""
 
     def step(self, distance_m: float, scales: Scales) -> tuple[float, float, float]:
         """Turbulence [m/s] along the wind, to its right, and downward.
@@ -98,32 +100,40 @@ class Dryden:
             scales: of the place.
         """
         horizontal, vertical = distance_m / scales.length_horizontal_m, distance_m / scales.length_vertical_m
-        keep = math.exp(-horizontal)
-        self._u = keep * self._u + math.sqrt(-math.expm1(-2.0 * horizontal)) * next(self._normal)
-        self._v = self._advance(self._v, horizontal)
-        self._w = self._advance(self._w, vertical)
-        along, across, vertical = scales.deviations_mps
-        return along * self._u, across * _output(self._v), vertical * _output(self._w)
-
-    def _stationary(self) -> Pair:
-        """A draw from the filter's stationary state: variances ¼ and ½, covariance ¼."""
-        first, second = next(self._normal), next(self._normal)
-        return 0.5 * first, 0.5 * first + 0.5 * second
-
-    def _advance(self, state: Pair, length: float) -> Pair:
-        """One exact step of (p + 1)² x₁ = noise, x₂ = (p + 1) x₁, over `length` scale lengths."""
-        keep = math.exp(-length)
-        noise = step_covariance(length)
-        first, second = next(self._normal), next(self._normal)
-        std = math.sqrt(noise[2])
-        shared = noise[1] / std if std > 0.0 else 0.0
-        own = math.sqrt(max(noise[0] - shared * shared, 0.0))
-        return (
-            keep * (state[0] + length * state[1]) + shared * first + own * second,
-            keep * state[1] + std * first,
-        )
+        normal = self._normal
+        normals = next(normal), next(normal), next(normal), next(normal), next(normal)
+        return _turbulence(self._state, horizontal, vertical, normals, scales.deviations_mps)
 
 
+@compiled
+def _turbulence(
+    state: Array,
+    horizontal: float,
+    vertical: float,
+    normals: tuple[float, float, float, float, float],
+    deviations_mps: tuple[float, float, float],
+) -> tuple[float, float, float]:
+    """Advance the filters by scale lengths; their outputs."""
+    state[0] = math.exp(-horizontal) * state[0] + math.sqrt(-math.expm1(-2.0 * horizontal)) * normals[0]
+    _advance(state[1:3], horizontal, normals[1], normals[2])
+    _advance(state[3:5], vertical, normals[3], normals[4])
+    along, across, down = deviations_mps
+    return along * state[0], across * _output(state[1:3]), down * _output(state[3:5])
+
+
+@compiled
+def _advance(state: Array, length: float, first: float, second: float) -> None:
+    """One exact step of (p + 1)² x₁ = noise, x₂ = (p + 1) x₁, over `length` scale lengths."""
+    keep = math.exp(-length)
+    noise = step_covariance(length)
+    std = math.sqrt(noise[2])
+    shared = noise[1] / std if std > 0.0 else 0.0
+    own = math.sqrt(max(noise[0] - shared * shared, 0.0))
+    state[0] = keep * (state[0] + length * state[1]) + shared * first + own * second
+    state[1] = keep * state[1] + std * first
+
+
+@compiled
 def step_covariance(length: float) -> tuple[float, float, float]:
     """Covariance (x₁x₁, x₁x₂, x₂x₂) that white noise adds over a step of `length` scale lengths."""
     if length < 1e-3:  # the closed form loses its digits; the first terms left out are below 1e-6 of the result
@@ -140,9 +150,10 @@ def step_covariance(length: float) -> tuple[float, float, float]:
     )
 
 
-def _output(state: Pair) -> float:
+@compiled
+def _output(state: Array) -> float:
     """(1 + √3 p) x₁: unit variance."""
-    return state[0] + _SQRT3 * (state[1] - state[0])
+    return float(state[0] + _SQRT3 * (state[1] - state[0]))
 
 
 KARMAN = 0.4

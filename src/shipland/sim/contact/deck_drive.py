@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from shipland.compiled import compiled
-from shipland.frames import Array, Quaternion, Rows, quaternion_from_euler
+from shipland.frames import Array, Rows
 from shipland.sim.aircraft.parameters import Vector
 from shipland.sim.contact.model import DECK_ARMATURE, Model
 from shipland.sim.contact.touchdown import OnDeck
-from shipland.sim.rotations import rows_of_euler
+from shipland.sim.rotations import quaternion_of_euler, rows_of_euler, rows_of_quaternion
 from shipland.sim.ship.ship import ShipState
 
 if TYPE_CHECKING:
@@ -55,11 +55,11 @@ class DeckState(NamedTuple):
         return m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z, m[2] * x + m[5] * y + m[8] * z
 
 
-def deck_state(ship: ShipState) -> DeckState:
-    """The deck's motion in `ned`."""
+def deck_values(ship: ShipState) -> Array:
+    """(30,) the deck's motion in `ned`, in the order of `DeckState`."""
     values = np.empty(30)
     deck_in_ned(ship.course.values, ship.deck.values, ship.rig.deck_height_m, values)
-    return DeckState.of(values)
+    return values
 
 
 @compiled
@@ -100,16 +100,26 @@ def deck_in_ned(course: Array, deck_in_ship: Array, deck_height_m: float, deck: 
     deck[29] = yaw_rate - roll_rate * sp
 
 
-def against_deck(deck: DeckState, position_m: Vector, velocity_mps: Vector, down_axis: Vector) -> OnDeck:
-    """A body at `position_m` with `velocity_mps` and body-down axis `down_axis`, all in `ned`, against the deck."""
-    x, y, z = (position_m[i] - deck.origin_m[i] for i in range(3))
-    p, q, r = deck.turn_rad_s
-    u = velocity_mps[0] - deck.velocity_mps[0] - (q * z - r * y)
-    v = velocity_mps[1] - deck.velocity_mps[1] - (r * x - p * z)
-    w = velocity_mps[2] - deck.velocity_mps[2] - (p * y - q * x)
-    m = deck.ned_from_deck
-    upright = m[2] * down_axis[0] + m[5] * down_axis[1] + m[8] * down_axis[2]
-    return OnDeck(
+def against_deck(deck: Array, motion: Array) -> OnDeck:
+    """A body against the deck.
+
+    Args:
+        deck: (30,) as in `DeckState`.
+        motion: (13,) as in `RigidBodyState`.
+    """
+    return OnDeck(*_against_deck(deck, motion))
+
+
+@compiled
+def _against_deck(deck: Array, motion: Array) -> tuple[Vector, Vector, float]:
+    x, y, z = motion[0] - deck[0], motion[1] - deck[1], motion[2] - deck[2]
+    p, q, r = deck[27:]
+    u = motion[7] - deck[3] - (q * z - r * y)
+    v = motion[8] - deck[4] - (r * x - p * z)
+    w = motion[9] - deck[5] - (p * y - q * x)
+    m, rows = deck[18:27], rows_of_quaternion(motion[3], motion[4], motion[5], motion[6])
+    upright = m[2] * rows[2] + m[5] * rows[5] + m[8] * rows[8]
+    return (
         (m[0] * x + m[3] * y + m[6] * z, m[1] * x + m[4] * y + m[7] * z, m[2] * x + m[5] * y + m[8] * z),
         (m[0] * u + m[3] * v + m[6] * w, m[1] * u + m[4] * v + m[7] * w, m[2] * u + m[5] * v + m[8] * w),
         math.acos(min(max(upright, -1.0), 1.0)),
@@ -125,50 +135,68 @@ class DeckDriver:
 
     def __init__(self, model: Model, data: mujoco.MjData) -> None:
         self._half_step_s = 0.5 * model.mj.opt.timestep
-        self._position, self._velocity, self._force = data.qpos[7:13], data.qvel[6:12], data.qfrc_applied[6:12]
-        self._ship_place, self._ship_turn = data.mocap_pos[model.ship_mocap], data.mocap_quat[model.ship_mocap]
-        self._bar_place, self._bar_turn = data.mocap_pos[model.board_mocap], data.mocap_quat[model.board_mocap]
+        self._joints = data.qpos[7:13], data.qvel[6:12], data.qfrc_applied[6:12]
+        self._ship = data.mocap_pos[model.ship_mocap], data.mocap_quat[model.ship_mocap]
+        self._bar = data.mocap_pos[model.board_mocap], data.mocap_quat[model.board_mocap]
 
-    def set_deck(self, deck: DeckState) -> None:
-        """Joint coordinates x y z yaw pitch roll in `mujoco`: east, down, yaw and pitch change sign."""
-        back = -self._half_step_s
-        (x, y, z), (roll, pitch, yaw) = deck.origin_m, deck.angles_rad
-        (u, v, w), (p, q, r) = deck.velocity_mps, deck.rates_rad_s
-        (a, b, c), (d, e, f) = deck.acceleration_mps2, deck.accelerations_rad_s2
-        self._position[:] = (x, -y, -z, -yaw, -pitch, roll)
-        self._velocity[:] = (
-            u + back * a,
-            -(v + back * b),
-            -(w + back * c),
-            -(r + back * f),
-            -(q + back * e),
-            p + back * d,
-        )
-        m = DECK_ARMATURE
-        self._force[:] = (m * a, -m * b, -m * c, -m * f, -m * e, m * d)
+    def set_deck(self, deck: Array) -> None:
+        """Joint coordinates of the deck, (30,) as in `DeckState`."""
+        _set_deck(deck, self._half_step_s, self._joints)
 
-    def set_hull(self, ship: ShipState, deck: DeckState) -> None:
+    def set_hull(self, ship: ShipState, deck: Array) -> None:
         """Poses of the superstructure and of the board."""
-        course = ship.course
-        if ship.full_ship:
-            place, (roll, pitch, yaw) = deck.origin_m, deck.angles_rad
-            x, y, z = ship.rig.bar_in_ship_m.tolist()
-            m = deck.ned_from_deck
-            arm = (m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z, m[6] * x + m[7] * y + m[8] * z)
-            bar_place, bar_yaw = (place[0] + arm[0], place[1] + arm[1], place[2] + arm[2]), yaw
-        else:
-            north, east = course.position_in_ned_m.tolist()
-            place, roll, pitch, yaw = (north, east, -ship.rig.deck_height_m), 0.0, 0.0, course.course_rad
-            x, y, z = ship.rig.bar_in_ship_m.tolist()
-            c, s = math.cos(yaw), math.sin(yaw)
-            bar_place, bar_yaw = (north + c * x - s * y, east + s * x + c * y, place[2] + z), yaw
-        self._ship_place[:] = (place[0], -place[1], -place[2])
-        self._ship_turn[:] = mujoco_quaternion(roll, pitch, yaw)
-        self._bar_place[:] = (bar_place[0], -bar_place[1], -bar_place[2])
-        self._bar_turn[:] = mujoco_quaternion(0.0, 0.0, bar_yaw)
+        _set_hull(
+            deck,
+            ship.course.values,
+            ship.rig.bar_in_ship_m,
+            ship.rig.deck_height_m,
+            ship.full_ship,
+            self._ship,
+            self._bar,
+        )
 
 
-def mujoco_quaternion(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Quaternion:
-    """In MuJoCo's axes, of a body with these Euler angles in `ned`."""
-    w, x, y, z = quaternion_from_euler(roll_rad, pitch_rad, yaw_rad)
-    return w, x, -y, -z
+@compiled
+def _set_deck(deck: Array, half_step_s: float, joints: tuple[Array, Array, Array]) -> None:
+    """Place, velocity, force: x y z yaw pitch roll in `mujoco`: east, down, yaw and pitch change sign."""
+    for joint, (index, sign) in enumerate(_JOINTS):
+        moved = deck[index + 3] - half_step_s * deck[index + 6]
+        joints[0][joint] = sign * deck[index]
+        joints[1][joint] = sign * moved
+        joints[2][joint] = sign * DECK_ARMATURE * deck[index + 6]
+
+
+_JOINTS = ((0, 1.0), (1, -1.0), (2, -1.0), (11, -1.0), (10, -1.0), (9, 1.0))
+"""Of each joint of the deck: its coordinate in `DeckState`, three before its rate and six before its acceleration."""
+
+
+@compiled
+def _set_hull(
+    deck: Array,
+    course: Array,
+    bar_in_ship_m: Array,
+    deck_height_m: float,
+    full_ship: bool,
+    ship: tuple[Array, Array],
+    bar: tuple[Array, Array],
+) -> None:
+    """Place and turn of the superstructure and of the board."""
+    x, y, z = bar_in_ship_m
+    if full_ship:
+        north, east, down, roll, pitch, yaw = deck[0], deck[1], deck[2], deck[9], deck[10], deck[11]
+        m = deck[18:27]
+        arm = m[0] * x + m[1] * y + m[2] * z, m[3] * x + m[4] * y + m[5] * z, m[6] * x + m[7] * y + m[8] * z
+    else:
+        north, east, down, roll, pitch, yaw = course[0], course[1], -deck_height_m, 0.0, 0.0, course[6]
+        c, s = math.cos(yaw), math.sin(yaw)
+        arm = c * x - s * y, s * x + c * y, z
+    _set_pose(ship, (north, east, down), (roll, pitch, yaw))
+    _set_pose(bar, (north + arm[0], east + arm[1], down + arm[2]), (0.0, 0.0, yaw))
+
+
+@compiled
+def _set_pose(pose: tuple[Array, Array], place_m: Vector, angles_rad: Vector) -> None:
+    place, turn = pose
+    place[0], place[1], place[2] = place_m[0], -place_m[1], -place_m[2]
+    w, x, y, z = quaternion_of_euler(*angles_rad)
+    turn[0], turn[1], turn[2], turn[3] = w, x, -y, -z
