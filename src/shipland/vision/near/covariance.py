@@ -10,7 +10,15 @@ from shipland.camera import Camera
 from shipland.compiled import compiled
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose
-from shipland.vision.near.planar_pose import Corners, LevelPrior, Problem, Solution, exp_rotation, problem_of, turned_pose
+from shipland.vision.near.planar_pose import (
+    Corners,
+    LevelPrior,
+    Problem,
+    Solution,
+    exp_rotation,
+    problem_of,
+    turned_pose,
+)
 
 _LEAST_SHARE = 1e-4
 """Probability of the other planar solution that still counts in the covariance."""
@@ -150,7 +158,13 @@ def covariance_over_tilts(
     if not math.sqrt(taken.excess * float(np.diag(taken.covariance)[:3].sum())) > _FLAT_RAD:
         return None
     problem = problem_of(corners, camera, prior)
-    return carried if _carry_over_tilts(problem, pose.rotation, pose.translation_m, taken.covariance, taken.chi2, taken.excess, tail, carried) else None
+    return (
+        carried
+        if _carry_over_tilts(
+            problem, pose.rotation, pose.translation_m, taken.covariance, taken.chi2, taken.excess, tail, carried
+        )
+        else None
+    )
 
 
 @compiled

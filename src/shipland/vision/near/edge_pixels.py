@@ -137,7 +137,9 @@ def stations_of(sides: Sides, camera: Camera) -> tuple[Array, Array]:
         foot = sides.middle_px[:, None] + lens[..., :1] * sides.along[:, None]
         shifted = np.stack([foot, foot + sides.along[:, None], foot + sides.outward[:, None]])
         raw_px = distort(shifted.reshape(-1, 2), camera).reshape(shifted.shape)
-        raw_px = np.where((np.abs(sides.along[:, 1]) > np.abs(sides.along[:, 0]))[:, None, None], raw_px[..., ::-1], raw_px)
+        raw_px = np.where(
+            (np.abs(sides.along[:, 1]) > np.abs(sides.along[:, 0]))[:, None, None], raw_px[..., ::-1], raw_px
+        )
         (a_main, a_other), (o_main, o_other) = (raw_px[1:] - raw_px[0]).transpose(0, 3, 1, 2)
         scale = 1.0 / (a_main * o_other - a_other * o_main)
         lens[..., 1:3] = raw_px[0]
@@ -174,7 +176,7 @@ def take_pixels(
         levels (…,3), the picture's; distance outward from the side [px]; place along it, -1 to 1 between the ends of
         what is looked at; 1 where the pixel counts, 0 where it repeats another, is too far out or not in the picture.
     """
-    reach = min(int(math.ceil(reach_px.max())), MOST_ACROSS)
+    reach = min(math.ceil(reach_px.max()), MOST_ACROSS)
     shape = (len(lens), _STATIONS, 2 * reach + 1)
     levels = np.empty((shape[0], shape[1], shape[2], 3), np.uint8)
     out_px, along, use = np.empty(shape), np.empty(shape), np.empty(shape)

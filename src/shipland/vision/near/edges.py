@@ -19,6 +19,8 @@ from shipland.vision.near.segment import Image, edge_distances, reaches_edge
 _NODES, _LAST_NODE = 64, 8.5
 """Places a unit at which the normal distribution is tabulated, and up to where it differs from 0 and 1."""
 
+_SIXTH = 1.0 / 6.0
+
 _AT = np.arange(-_NODES * _LAST_NODE, _NODES * _LAST_NODE + 1.0) / _NODES
 _SHARE, _DENSITY = ndtr(_AT), np.exp(-0.5 * _AT * _AT) / math.sqrt(2.0 * math.pi)
 
@@ -130,7 +132,7 @@ class MeasuredCorners:
 
 
 Fit = tuple[bool, float, float, bool, bool]
-"""Whether sides could be fitted; standard deviation of the picture's blur [px]; root-mean-square residual of the pixels,
+"""Whether sides could be fitted; standard deviation of the picture's blur [px]; root-mean-square residual of pixels,
 against the contrast; whether that is larger than sensors leave; whether the inside saturates."""
 
 SideArrays = tuple[Array, Array, Array, Array, npt.NDArray[np.bool_]]
@@ -199,12 +201,12 @@ def normal(x: float) -> tuple[float, float]:
     """The normal distribution Φ(x) and its density, to 1e-15: Taylor's series about tabulated places."""
     if not abs(x) < _LAST_NODE:
         return (1.0 if x > 0.0 else 0.0), 0.0
-    index = int(np.rint((x + _LAST_NODE) * _NODES))
+    index = int((x + _LAST_NODE) * _NODES + 0.5)
     a, density = _AT[index], _DENSITY[index]
     d, a2 = x - a, a * a
-    c2, c3 = 0.5 * (a2 - 1.0), a * (3.0 - a2) / 6.0
-    c4, c5 = (a2 * (a2 - 6.0) + 3.0) / 24.0, -a * (a2 * (a2 - 10.0) + 15.0) / 120.0
-    share = 1.0 + d * (-a / 2.0 + d * (c2 / 3.0 + d * (c3 / 4.0 + d * (c4 / 5.0 + d * c5 / 6.0))))
+    c2, c3 = 0.5 * (a2 - 1.0), _SIXTH * a * (3.0 - a2)
+    c4, c5 = 0.25 * _SIXTH * (a2 * (a2 - 6.0) + 3.0), -0.05 * _SIXTH * a * (a2 * (a2 - 10.0) + 15.0)
+    share = 1.0 + d * (-0.5 * a + d * (2.0 * _SIXTH * c2 + d * (0.25 * c3 + d * (0.2 * c4 + d * _SIXTH * c5))))
     return _SHARE[index] + density * d * share, density * (1.0 + d * (-a + d * (c2 + d * (c3 + d * (c4 + d * c5)))))
 
 
@@ -215,7 +217,8 @@ def edge_response(inside_px: float, blur_px: float) -> tuple[float, float, float
     A step averaged over a pixel's width and blurred by a Gaussian: G(d + ½) − G(d − ½), G(x) = x Φ(x/σ) + σ φ(x/σ).
     The derivatives are by the distance and by σ.
     """
-    far, near = (inside_px + 0.5) / blur_px, (inside_px - 0.5) / blur_px
+    scale = 1.0 / blur_px
+    far, near = (inside_px + 0.5) * scale, (inside_px - 0.5) * scale
     far_share, far_density = normal(far)
     near_share, near_density = normal(near)
     by_blur = far_density - near_density
@@ -233,7 +236,7 @@ def _crossings(values: Array, out_px: Array, crossing_px: Array) -> None:
 
 @compiled
 def _coarse(crossing_px: Array, along: Array) -> tuple[float, float]:
-    """Offset and tilt over the half length [px] of a side from where its columns of pixels (station,) cross the edge."""
+    """Offset and tilt over the half length [px] of a side, from where its columns of pixels (station,) cross it."""
     stations = len(crossing_px)
     middle_px = np.sort(crossing_px)[stations // 2]
     mean = mean2 = offset_px = moment = 0.0
@@ -254,14 +257,14 @@ def _leave_out_strays(values: Array, pixels: Pixels, columns: Array) -> bool:
     They have other levels than most of the side, or an edge off the line on which most have theirs.
     """
     levels, out_px, along, use = pixels
-    sides, stations, across = values.shape
+    sides, stations = values.shape[:2]
     if _all_alike(values, out_px, along):
         return False
     stray, counted = np.zeros((sides, stations), np.bool_), np.empty((sides, stations), np.bool_)
     for side in range(sides):
         for station in range(stations):
             counted[side, station] = use[side, station].any()
-        _mark_strays(values[side], out_px[side], along[side, :, across // 2], counted[side], stray[side])
+        _mark_strays(values[side], out_px[side], along[side, :, values.shape[2] // 2], counted[side], stray[side])
     if not stray.any():
         return False
     for side in range(sides):
@@ -386,7 +389,9 @@ def _fit_sides(
     there, clipped, per_level = contrasts(pixels[0], held, True, values)
     other = failed
     if there:
-        other = _fit_to(values, pixels, sides, columns, math.nan, errors_px, clipped, per_level, other_ends, other_variance)
+        other = _fit_to(
+            values, pixels, sides, columns, math.nan, errors_px, clipped, per_level, other_ends, other_variance
+        )
     # Two coded fits are compared by their pixels; beside a clean one, what coding adds counts.
     of_fit, of_other = variance[0].sum(), other_variance[0].sum()
     if fit[0]:
@@ -457,7 +462,14 @@ def _fit_to(
         gain = curvature = 0.0
         for side in range(count):
             sums[side] = _products(
-                values[side], out_px[side], along[side], use[side], ends[:, side], half_px[side], length_px[side], blur_px
+                values[side],
+                out_px[side],
+                along[side],
+                use[side],
+                ends[:, side],
+                half_px[side],
+                length_px[side],
+                blur_px,
             )
             a, b, c, p, q, blur_a, blur_b, _, blur_residual, blur2 = sums[side]
             scale = 1.0 / max(a * c - b * b, 1e-9)
@@ -507,7 +519,14 @@ def _fit_to(
 
 @compiled
 def _products(
-    values: Array, out_px: Array, along: Array, use: Array, ends: Array, half_px: float, length_px: float, blur_px: float
+    values: Array,
+    out_px: Array,
+    along: Array,
+    use: Array,
+    ends: Array,
+    half_px: float,
+    length_px: float,
+    blur_px: float,
 ) -> tuple[float, float, float, float, float, float, float, float, float, float]:
     """Sums over a side's pixels (station,across) of products of the derivatives and the residual of the fitted edge.
 
@@ -537,7 +556,12 @@ def _products(
             residual = ground + values[station, step] * span - seen
             by_tilt = by_offset * place
             oo, ot, tt = oo + by_offset * by_offset, ot + by_offset * by_tilt, tt + by_tilt * by_tilt
-            ro, rt, so, st = ro + by_offset * residual, rt + by_tilt * residual, so + by_offset * by_blur, st + by_tilt * by_blur
+            ro, rt, so, st = (
+                ro + by_offset * residual,
+                rt + by_tilt * residual,
+                so + by_offset * by_blur,
+                st + by_tilt * by_blur,
+            )
             rr, sr, ss = rr + residual * residual, sr + by_blur * residual, ss + by_blur * by_blur
     return oo, ot, tt, ro, rt, so, st, rr, sr, ss
 
@@ -557,8 +581,11 @@ def _intersect(
     Args:
         middle_px: (s,2) of the sides as they were measured.
         sides: the same.
-        ends, variance: of the fit.
-        corners_px: (n,4,2) written, as are `whiten` (n,8,8) and `bias` (n,4,2) of `MeasuredCorners`, the latter of 1 px.
+        ends: of the fit.
+        variance: of the fit.
+        corners_px: (n,4,2) written, of `MeasuredCorners`.
+        whiten: (n,8,8) written, of the same.
+        bias: (n,4,2) written: `edge_bias_px` of the same, for 1 px.
 
     Returns:
         Standard deviation of a corner on either axis, about; NaN when neighbours are parallel.

@@ -399,7 +399,7 @@ def _inverse(matrix: Array, inverse: Array) -> bool:
 
 @compiled
 def translate(problem: Problem, rotation: Array, translation_m: Array) -> bool:
-    """Write the translation (3,) with which rays meet the plane best, unweighted; False when it is behind the camera."""
+    """Write the (3,) translation with which rays meet the plane best, unweighted; False behind the camera."""
     count = len(problem.plane)
     aim_u = aim_v = sum_u = sum_v = scatter = forward = 0.0
     for point in range(count):

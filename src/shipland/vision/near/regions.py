@@ -95,7 +95,9 @@ def _write_light(rows: Image, left: int, top: int, step: int, low: int, high: in
             most = most if most > red else red
             least = blue if blue < green else green
             least = least if least < red else red
-            near = (np.uint8(green == most) & greens) | (np.uint8(blue == most) & blues) | (np.uint8(red == most) & reds)
+            near = (
+                (np.uint8(green == most) & greens) | (np.uint8(blue == most) & blues) | (np.uint8(red == most) & reds)
+            )
             bright = np.uint8(np.uint8(most - least) >= np.uint8(_LEAST_SPREAD))
             lit[column] = np.uint8((bright & np.uint8(near)) | np.uint8(most >= np.uint8(_CLIPPED)))
         count = 0
@@ -153,7 +155,9 @@ def find_regions(
         left, top, right, bottom = _box(outline)
         right, bottom = min(left + right, width // scale), min(top + bottom, height // scale)
         crop = Window(*(scale * side for side in (left, top, right, bottom)))
-        crop = Window(crop.left + window.left, crop.top + window.top, crop.right + window.left, crop.bottom + window.top)
+        crop = Window(
+            crop.left + window.left, crop.top + window.top, crop.right + window.left, crop.bottom + window.top
+        )
         own = light[top:bottom, left:right] if scale == step else cue_light(image, crop, hue)
         corner = np.array([left, top], np.int32)
         picture = crop.of(image)[::scale, ::scale]
@@ -238,7 +242,7 @@ def _has_rim(light: Image, beside: Image, contour: Contour) -> bool:
 
 def _cores(image: Image, light: Image, parameters: VisionParameters) -> list[Contour]:
     """White regions that the cue's colour surrounds."""
-    if not cv2.countNonZero(cv2.inRange(light, 255, 255)):
+    if cv2.countNonZero(cv2.inRange(light, 255, 255)) < parameters.min_side_px**2:
         return []
     luma = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     mask = opened_and_closed(cv2.threshold(luma, _CORE - 1, 255, cv2.THRESH_BINARY)[1], parameters.kernel_px)
