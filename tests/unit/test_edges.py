@@ -11,7 +11,7 @@ from scipy.stats import norm
 from pictures import TONES, Look, bar_picture, camera_from_bar, finish, light_of, paint, project_plane, rectangles
 from shipland.camera import Camera
 from shipland.vision.near import edges, published
-from shipland.vision.near.edges import edge_response
+from shipland.vision.near.edges import edge_response, normal
 from shipland.vision.near.parameters import VisionParameters
 
 PARAMETERS = VisionParameters()
@@ -40,13 +40,14 @@ def found(image, start, camera=PLAIN, method="edges", **changes):
 @pytest.mark.parametrize("distance_px", [-0.9, -0.2, 0.0, 0.3, 1.1])
 @pytest.mark.parametrize("blur_px", [0.15, 0.6, 2.0])
 def test_edge_response_is_the_blurred_step_over_a_pixel(distance_px, blur_px):
-    seen, by_distance, by_blur = (float(value[0]) for value in edge_response(np.array([distance_px]), blur_px))
+    seen, by_distance, by_blur = edge_response(distance_px, blur_px)
     over_pixel, _ = integral(lambda u: norm.cdf((distance_px + u) / blur_px), -0.5, 0.5)
     assert seen == pytest.approx(over_pixel, abs=1e-7)
+    assert normal(distance_px) == pytest.approx((norm.cdf(distance_px), norm.pdf(distance_px)), abs=1e-14)
     step = 1e-5
-    ahead, behind = (edge_response(np.array([distance_px + s]), blur_px)[0][0] for s in (step, -step))
+    ahead, behind = (edge_response(distance_px + s, blur_px)[0] for s in (step, -step))
     assert by_distance == pytest.approx((ahead - behind) / (2 * step), abs=1e-5)
-    more, less = (edge_response(np.array([distance_px]), blur_px + s)[0][0] for s in (step, -step))
+    more, less = (edge_response(distance_px, blur_px + s)[0] for s in (step, -step))
     assert by_blur == pytest.approx((more - less) / (2 * step), abs=1e-5)
 
 

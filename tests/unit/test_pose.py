@@ -155,7 +155,7 @@ def test_a_covariance_never_loses_the_angle(monkeypatch):
     corners, prior = corners_at(camera_from_bar(np.array([-14.0, -0.5, 0.1]), 0.04), noise_px=0.12), prior_at(0.0)
     solution = solve(corners, CAMERA, prior)[0]
     assert covariance_over_tilts(solution, corners, CAMERA, prior) is not None
-    monkeypatch.setattr("shipland.vision.near.covariance.poses_turned", lambda *_: [])
+    monkeypatch.setattr("shipland.vision.near.covariance._carry_over_tilts", lambda *_: False)
     assert covariance_over_tilts(solution, corners, CAMERA, prior) is None
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from shipland.compiled import compiled
 from shipland.frames import Array
-from shipland.vision.near.covariance import exp_rotation
+from shipland.vision.near.planar_pose import exp_rotation
 
 _STEPS = 3
 """Gauss-Newton steps: quadratic convergence from a true pose."""

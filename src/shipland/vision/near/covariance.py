@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +10,15 @@ from shipland.camera import Camera
 from shipland.compiled import compiled
 from shipland.frames import Array, Pose
 from shipland.messages import BarPose
-from shipland.vision.near.planar_pose import Corners, LevelPrior, Solution, poses_turned
+from shipland.vision.near.planar_pose import (
+    Corners,
+    LevelPrior,
+    Problem,
+    Solution,
+    exp_rotation,
+    problem_of,
+    turned_pose,
+)
 
 _LEAST_SHARE = 1e-4
 """Probability of the other planar solution that still counts in the covariance."""
@@ -147,35 +154,71 @@ def covariance_over_tilts(
     camera's height, unless the gimbal's vertical is known. Poses over that range are weighted by how well they fit.
     None where the Jacobian is enough: the angles are well known, or no pose beside fits.
     """
-    excess, in_plane = taken.excess, taken.camera_from_plane.rotation[:, :2]
-    variances, axes = np.linalg.eigh(in_plane.T @ taken.covariance[:3, :3] @ in_plane)
-    here, known = _joined(taken.camera_from_plane), taken.covariance
-    more: Array | None = None
-    for variance, axis in zip(variances.tolist(), (in_plane @ axes).T, strict=True):
-        std_rad = math.sqrt(excess * max(variance, 0.0))
+    pose, carried = taken.camera_from_plane, np.empty((4, 4))
+    if not math.sqrt(taken.excess * float(np.diag(taken.covariance)[:3].sum())) > _FLAT_RAD:
+        return None
+    problem = problem_of(corners, camera, prior)
+    return (
+        carried
+        if _carry_over_tilts(
+            problem, pose.rotation, pose.translation_m, taken.covariance, taken.chi2, taken.excess, tail, carried
+        )
+        else None
+    )
+
+
+@compiled
+def _carry_over_tilts(
+    problem: Problem,
+    rotation: Array,
+    translation_m: Array,
+    covariance: Array,
+    chi2: float,
+    excess: float,
+    tail: float,
+    carried: Array,
+) -> bool:
+    """Write `covariance_over_tilts`; False where the Jacobian is enough."""
+    in_plane = rotation[:, :2].copy()
+    variances, axes = np.linalg.eigh(in_plane.T @ covariance[:3, :3].copy() @ in_plane)
+    here, there, shifted_m = np.empty(4), np.empty(4), np.empty(3)
+    left, more, found = covariance.copy(), np.zeros((4, 4)), False
+    _place(rotation, translation_m, here)
+    for index in range(2):
+        axis, std_rad = in_plane @ np.ascontiguousarray(axes[:, index]), math.sqrt(excess * max(variances[index], 0.0))
         if not std_rad > _FLAT_RAD:
             continue
+        square, weight, beside = np.zeros((4, 4)), 1.0, 0
         for _ in range(_NARROWER):
-            beside = poses_turned(taken, std_rad * _FLAT_SIGMAS[:, None] * axis, corners, camera, prior)
-            off = np.array([_joined(pose) for pose, _ in beside]).reshape(-1, 4) - here
-            off[:, 3] = (off[:, 3] + math.pi) % math.tau - math.pi
-            share = np.array([likelihood(max(chi2 - taken.chi2, 0.0) / excess, tail) for _, chi2 in beside])
-            square, weight = (share[:, None] * off).T @ off, 1.0 + float(share.sum())
+            square[:], weight, beside = 0.0, 1.0, 0
+            for sigmas in _FLAT_SIGMAS:
+                solved, turned, turned_chi2 = turned_pose(problem, rotation, std_rad * sigmas * axis, shifted_m)
+                if not solved:
+                    continue
+                _place(turned, shifted_m, there)
+                there -= here
+                there[3] = (there[3] + math.pi) % math.tau - math.pi
+                share = likelihood(max(turned_chi2 - chi2, 0.0) / excess, tail)
+                square += share * np.outer(there, there)
+                weight, beside = weight + share, beside + 1
             if weight >= _LEAST_WEIGHT:
                 break
             std_rad *= 0.5
-        along = known[:, :3] @ axis
-        line = replace(taken, covariance=np.outer(along, along) / float(along[:3] @ axis))
-        if not len(beside):
+        if beside == 0:
             continue
-        more = square / weight if more is None else more + square / weight
-        known = known - line.covariance
-    return None if more is None else np.asarray(excess * covariance_in_bar(replace(taken, covariance=known)) + more)
+        found = True
+        along = left[:, :3].copy() @ axis
+        more += square / weight
+        left -= np.outer(along, along) / (along[:3] @ axis)
+    _carry_covariance(rotation, translation_m, left, carried)
+    carried[:] = excess * carried + more
+    return found
 
 
+@compiled
 def likelihood(chi2: float, tail: float) -> float:
     """Of a pose, relative to the one that fits best, by how much larger its χ² is: Student's, of `tail` degrees."""
-    return float((1.0 + chi2 / tail) ** (-0.5 * (tail + 1.0)))
+    return (1.0 + chi2 / tail) ** (-0.5 * (tail + 1.0))
 
 
 @compiled
@@ -212,22 +255,3 @@ def _write_bend(rotation: Array, translation_m: Array, covariance: Array, here: 
         _place(exp_rotation(sign * step[:3], rotation), translation_m + sign * step[3:], end)
         bend += 0.5 * end
     bend[3] -= math.pi * round(bend[3] / math.pi)
-
-
-@compiled
-def exp_rotation(vector: Array, rotation: Array) -> Array:
-    """exp(vector) · rotation, (3,3): Rodrigues' formula."""
-    x, y, z = vector
-    angle = math.sqrt(x * x + y * y + z * z)
-    if angle < 1e-12:
-        return rotation.copy()
-    c, s = math.cos(angle), math.sin(angle)
-    x, y, z = x / angle, y / angle, z / angle
-    result = np.empty((3, 3))
-    for j in range(3):
-        a, b, d = rotation[0, j], rotation[1, j], rotation[2, j]
-        along = (1.0 - c) * (x * a + y * b + z * d)
-        result[0, j] = c * a + s * (y * d - z * b) + along * x
-        result[1, j] = c * b + s * (z * a - x * d) + along * y
-        result[2, j] = c * d + s * (x * b - y * a) + along * z
-    return result

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from scipy.linalg import lapack
 
 from shipland.camera import Camera
+from shipland.compiled import compiled
 from shipland.frames import Array, Pose
 
 _STEPS = 8
@@ -26,8 +27,6 @@ _DAMPING = 1e-3
 
 _HELD = 1e3
 """Weight that holds the angle about an axis, as a multiple of all the information on the pose."""
-
-_IDENTITY = np.eye(6)
 
 NO_COMMON_ERROR = np.zeros(0)
 """`Solution.common` of corners without errors in common."""
@@ -142,7 +141,7 @@ def solve(
     """
     solutions: list[Solution] = []
     if prior is not None and near is not None:
-        followed = _Refiner(corners, camera, prior).follow(near)
+        followed = _followed(corners, camera, prior, near)
         if followed is not None and followed.chi2 < DOUBTFUL_CHI2 * corners.plane_m.size:
             solutions = [followed]
     solutions = solutions or _solve(corners, camera, prior)
@@ -188,226 +187,329 @@ def bound(camera_from_plane: Pose, corners: Corners, camera: Camera, prior: Leve
         camera: intrinsics.
         prior: the gimbal's vertical.
     """
-    refiner = _Refiner(corners, camera, prior)
-    return refiner.solution(camera_from_plane, refiner.linearise(camera_from_plane))
-
-
-def poses_turned(
-    solution: Solution, turns: Array, corners: Corners, camera: Camera, prior: LevelPrior | None
-) -> list[tuple[Pose, float]]:
-    """Poses beside a solution, turned by rotation vectors (m,3) [rad] in `camera` and refined in all else.
-
-    Each with its χ²; those at which nothing solves the corners are left out.
-    """
-    refiner = _Refiner(corners, camera, prior)
-    found = [refiner.turned(solution.camera_from_plane, turn) for turn in turns]
-    return [pose for pose in found if pose is not None]
+    problem = problem_of(corners, camera, prior)
+    gram, residual = np.empty((7, 7)), np.empty((problem.plane.shape[0], 2))
+    _linearise(problem, camera_from_plane.rotation, camera_from_plane.translation_m, gram, residual)
+    solution = _solution(problem, corners, prior, camera_from_plane, gram, residual)
+    if solution is None:
+        raise np.linalg.LinAlgError("the corners do not determine the pose")
+    return solution
 
 
 def _solve(corners: Corners, camera: Camera, prior: LevelPrior | None) -> list[Solution]:
-    refiner = _Refiner(corners, camera, prior)
+    problem = problem_of(corners, camera, prior)
+    places = np.column_stack([problem.plane, np.zeros(len(problem.plane))])
     for nudge in (0.0, _NUDGE):
-        rays = refiner.rays + nudge * np.sin(np.arange(refiner.rays.size)).reshape(2, -1)
+        rays = problem.rays + nudge * np.sin(np.arange(problem.rays.size)).reshape(2, -1).T
         try:
             _, rotations, translations, _ = cv2.solvePnPGeneric(
-                refiner.plane.T, rays.T.reshape(-1, 1, 2), np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+                places, rays[:, None], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
             )
         except cv2.error:  # a homography that does not exist
             continue
         starts = [
-            Pose(np.asarray(cv2.Rodrigues(rotation)[0], float), np.asarray(translation, float).ravel())
+            (np.asarray(cv2.Rodrigues(rotation)[0], float), np.asarray(translation, float).ravel())
             for rotation, translation in zip(rotations, translations, strict=True)
             if np.isfinite(rotation).all() and np.isfinite(translation).all() and translation[2] > 0.0
         ]
         if starts:
-            refined = (refiner.refine(start, _DAMPING) for start in starts)
+            refined = (_refined(problem, corners, prior, *start, _DAMPING) for start in starts)
             return sorted((found for found in refined if found is not None), key=lambda solution: solution.chi2)
     return []
 
 
-@dataclass(frozen=True)
-class _Linear:
-    """The residuals at a pose, and how they change.
+def _followed(corners: Corners, camera: Camera, prior: LevelPrior, near: Pose) -> Solution | None:
+    """The solution from a pose not far off; None when there is none.
+
+    The rotation is kept for a start, with its best translation, which is linear for a known rotation.
+    """
+    problem, translation_m = problem_of(corners, camera, prior), np.empty(3)
+    if not translate(problem, near.rotation, translation_m):
+        return None
+    return _refined(problem, corners, prior, near.rotation, translation_m, 0.0)
+
+
+def _refined(
+    problem: Problem,
+    corners: Corners,
+    prior: LevelPrior | None,
+    rotation: Array,
+    translation_m: Array,
+    damping: float,
+) -> Solution | None:
+    """The solution from a start; None when it diverges. Without damping it starts as Gauss–Newton."""
+    gram, residual = np.empty((7, 7)), np.empty((len(problem.plane), 2))
+    settled, rotation, translation_m = _refine(problem, rotation, translation_m, damping, gram, residual)
+    return _solution(problem, corners, prior, Pose(rotation, translation_m), gram, residual) if settled else None
+
+
+def _solution(
+    problem: Problem, corners: Corners, prior: LevelPrior | None, pose: Pose, gram: Array, residual: Array
+) -> Solution | None:
+    """A pose with its covariance; None when the corners do not determine it."""
+    covariance, common, residual_px = np.empty((6, 6)), np.empty(len(problem.common)), np.empty(corners.plane_m.shape)
+    if not _conclude(problem, gram, residual, covariance, common, residual_px.reshape(-1, 2)):
+        return None
+    measured = int(np.count_nonzero(corners.whiten.any(axis=2)))
+    freedom = max(measured - 6 + (0 if prior is None else 2) - len(common), 0)
+    return Solution(pose, float(gram[6, 6]), covariance, common, residual_px, freedom)
+
+
+class Problem(NamedTuple):
+    """Least squares on rays (x/z, y/z) instead of pixels, whitened: every residual is one standard deviation.
+
+    The covariance (WᵀW)⁻¹ + C Cᵀ is whitened by (1 − V K Vᵀ) W, with V = W C and VᵀV = Q λ Qᵀ:
+    K = Q (1 − (1 + λ)^−½) / λ Qᵀ.
 
     Attributes:
-        gram: (7,7) products of the whitened Jacobian's six columns and the whitened residual.
-        residual: (n,2) of the rays.
+        plane: (n,2) [m].
+        rays: (n,2).
+        whiten: (k,w,w) W, of a polygon's rays.
+        common: (m,2n) Vᵀ.
+        share: (2n,m) V K.
+        amplitude: (m,m) Q (1 + λ)⁻¹ Qᵀ.
+        common_px: (m,2n) Cᵀ.
+        to_pixels: (2,2) of the camera matrix.
+        across: (2,3) directions across the prior's, over its deviation; 0 without one.
     """
 
-    gram: Array
-    residual: Array
+    plane: Array
+    rays: Array
+    whiten: Array
+    common: Array
+    share: Array
+    amplitude: Array
+    common_px: Array
+    to_pixels: Array
+    across: Array
 
 
-class _Refiner:
-    """Levenberg–Marquardt on rays (x/z, y/z) instead of pixels.
+def problem_of(corners: Corners, camera: Camera, prior: LevelPrior | None) -> Problem:
+    """Of measured corners and the gimbal's vertical."""
+    plane_m, size = corners.plane_m, corners.plane_m.size
+    common_px = np.zeros((0, size)) if corners.common_px is None else corners.common_px.reshape(-1, size)
+    return _pose_problem(
+        np.ascontiguousarray(plane_m).reshape(-1, 2),
+        np.ascontiguousarray(corners.undistorted_px).reshape(-1, 2),
+        np.ascontiguousarray(corners.whiten),
+        np.ascontiguousarray(common_px),
+        np.ascontiguousarray(camera.matrix),
+        np.zeros(3) if prior is None else prior.down_in_camera,
+        math.inf if prior is None else prior.noise_rad,
+    )
 
-    Whitening by the corners' covariance makes every residual one standard deviation. A step is a left rotation vector
-    and a translation, both in `camera`.
+
+@compiled
+def _pose_problem(
+    plane: Array, pixels: Array, whiten: Array, common_px: Array, matrix: Array, down_in_camera: Array, noise_rad: float
+) -> Problem:
+    count, wide, kinds = len(plane), whiten.shape[1], len(common_px)
+    rays, to_pixels = np.empty((count, 2)), matrix[:2, :2].copy()
+    for point in range(count):
+        rays[point, 1] = (pixels[point, 1] - matrix[1, 2]) / matrix[1, 1]
+        rays[point, 0] = (pixels[point, 0] - matrix[0, 2] - matrix[0, 1] * rays[point, 1]) / matrix[0, 0]
+    by_rays, common = np.empty(whiten.shape), np.empty((kinds, 2 * count))
+    for block in range(len(whiten)):
+        first = block * wide
+        for column in range(0, wide, 2):
+            by_rays[block, :, column : column + 2] = whiten[block, :, column : column + 2].copy() @ to_pixels
+        for kind in range(kinds):
+            common[kind, first : first + wide] = whiten[block] @ common_px[kind, first : first + wide]
+    share, amplitude = np.zeros((2 * count, kinds)), np.zeros((kinds, kinds))
+    if kinds > 0:
+        length2, turn = np.linalg.eigh(common @ common.T)
+        length2 = np.maximum(length2, 1e-12)
+        turned = np.ascontiguousarray(turn)
+        share = common.T @ ((turned * ((1.0 - (1.0 + length2) ** -0.5) / length2)) @ turned.T)
+        amplitude = (turned * (1.0 / (1.0 + length2))) @ turned.T
+    across = np.zeros((2, 3))
+    if noise_rad < math.inf:
+        x, y, z = down_in_camera
+        # Frisvad's frame, about the axis that the direction is farthest against.
+        sign = 1.0 if z >= 0.0 else -1.0
+        a = -1.0 / (sign + z)
+        b = x * y * a
+        across[0, 0], across[0, 1], across[0, 2] = 1.0 + sign * x * x * a, sign * b, -sign * x
+        across[1, 0], across[1, 1], across[1, 2] = b, sign + y * y * a, -y
+        across /= noise_rad
+    return Problem(plane, rays, by_rays, common, share, amplitude, common_px, to_pixels, across)
+
+
+@compiled
+def _linearise(problem: Problem, rotation: Array, translation_m: Array, gram: Array, residual: Array) -> None:
+    """Write (7,7) products of the whitened Jacobian's six columns and the whitened residual, and (n,2) of the rays.
+
+    The columns are those of a left rotation vector and of a translation, both in `camera`.
     """
-
-    def __init__(self, corners: Corners, camera: Camera, prior: LevelPrior | None) -> None:
-        count = corners.plane_m.size // 2
-        self.plane = np.zeros((3, count))
-        self.plane[:2] = corners.plane_m.reshape(-1, 2).T
-        (fx, skew, cx), (_, fy, cy), _ = camera.matrix.tolist()
-        self._to_pixels = camera.matrix[:2, :2]
-        columns, rows = corners.undistorted_px.reshape(-1, 2).T
-        self.rays = np.empty((2, count))
-        self.rays[1] = (rows - cy) / fy
-        self.rays[0] = (columns - cx - skew * self.rays[1]) / fx if skew != 0.0 else (columns - cx) / fx
-        self._size = 2 * count
-        self._shape, wide = corners.plane_m.shape, corners.plane_m.shape[1] * 2
-        self._whiten = (corners.whiten.reshape(-1, wide // 2, 2) @ self._to_pixels).reshape(-1, wide, wide)
-        kinds = 0 if corners.common_px is None else len(corners.common_px)
-        self._common: Array | None = None
-        self._common_px = corners.common_px
-        if corners.common_px is not None:
-            # W' of the covariance (WᵀW)⁻¹ + C Cᵀ is (1 − V K Vᵀ) W, with V = W C and VᵀV = Q λ Qᵀ:
-            # K = Q (1 − (1 + λ)^−½) / λ Qᵀ.
-            common = (corners.whiten @ corners.common_px.reshape(kinds, -1, wide, 1)).reshape(kinds, -1)
-            length2, turn = np.linalg.eigh(common @ common.T)
-            length2 = np.maximum(length2, 1e-12)
-            self._common = common
-            self._share = common.T @ (turn * ((1.0 - (1.0 + length2) ** -0.5) / length2) @ turn.T)
-            self._amplitude = turn * (1.0 / (1.0 + length2)) @ turn.T
-        self._across: Array | None = None
-        if prior is not None:
-            self._across = _perpendicular(prior.down_in_camera) / prior.noise_rad
-        measured = int(np.count_nonzero(corners.whiten.any(axis=2)))
-        self._freedom = max(measured - 6 + (0 if prior is None else 2) - kinds, 0)
-        # Rows for the prior stay zero without one.
-        self._rows = np.zeros((self._size + 2, 7))
-        self._partial = np.zeros((count, 2, 7))
-
-    def follow(self, near: Pose) -> Solution | None:
-        """The solution from a pose not far off; None when there is none.
-
-        The rotation is kept for a start, with its best translation, which is linear for a known rotation.
-        """
-        translation = self._translation(near.rotation)
-        return None if translation is None else self.refine(Pose(near.rotation, translation), 0.0)
-
-    def _translation(self, rotation: Array) -> Array | None:
-        """The translation (3,) with which rays meet the plane best, unweighted; None when it is behind the camera."""
-        arms = rotation @ self.plane
-        aim = self.rays * arms[2] - arms[:2]
-        aim_u, aim_v = aim.sum(axis=1).tolist()
-        sum_u, sum_v = self.rays.sum(axis=1).tolist()
-        count = self._size // 2
-        scatter = float(np.vdot(self.rays, self.rays)) - (sum_u * sum_u + sum_v * sum_v) / count
-        forward = (sum_u * aim_u + sum_v * aim_v) / count - float(np.vdot(self.rays, aim))
-        if not (scatter > 0.0 and forward > 0.0):
-            return None
-        forward /= scatter
-        return np.array([(aim_u + sum_u * forward) / count, (aim_v + sum_v * forward) / count, forward])
-
-    def refine(self, start: Pose, damping: float) -> Solution | None:
-        """The solution from a start; None when it diverges. Without damping it starts as Gauss–Newton."""
-        pose, now = start, self.linearise(start)
-        for _ in range(_STEPS):
-            normal, gradient = now.gram[:6, :6], now.gram[:6, 6]
-            if damping > 0.0:
-                normal = normal.copy()
-                normal.flat[::7] *= 1.0 + damping
-            _, step, failed = lapack.dposv(normal, -gradient)
-            if failed:
-                return None
-            stepped = _moved(pose, step)
-            promised = -float(step @ gradient)
-            if promised < _GAIN_DONE:
-                pose = stepped
-                break
-            then = self.linearise(stepped)
-            gained = now.gram[6, 6] - then.gram[6, 6]
-            if gained >= 0.0:
-                pose, now = stepped, then
-            # Near the view where both solutions merge the cost is of fourth order and Gauss–Newton oversteps.
-            if gained <= 0.25 * promised:
-                damping = min(max(30.0 * damping, _DAMPING), 1e6)
-            elif gained > 0.75 * promised:
-                damping *= 0.1
-        if not (np.isfinite(now.gram[6, 6]) and pose.translation_m[2] > 0.0):
-            return None
-        try:
-            return self.solution(pose, now)
-        except np.linalg.LinAlgError:
-            return None
-
-    def turned(self, pose: Pose, turn: Array) -> tuple[Pose, float] | None:
-        """A pose turned by a rotation vector (3,), refined in all else, and its χ²; None when it diverges."""
-        rotation = cv2.Rodrigues(turn)[0] @ pose.rotation
-        translation = self._translation(rotation)
-        if translation is None:
-            return None
-        pose, axis = Pose(rotation, translation), turn / np.linalg.norm(turn)
-        gram = self.linearise(pose).gram
-        normal = gram[:6, :6]
-        normal[:3, :3] += _HELD * float(normal.trace()) * np.outer(axis, axis)
-        _, step, failed = lapack.dposv(normal, -gram[:6, 6])
-        if failed:
-            return None
-        pose = _moved(pose, step)
-        chi2 = float(self.linearise(pose).gram[6, 6])
-        return (pose, chi2) if np.isfinite(chi2) and pose.translation_m[2] > 0.0 else None
-
-    def solution(self, pose: Pose, at: _Linear) -> Solution:
-        """A pose with its covariance; LinAlgError when the corners do not determine it."""
-        _, covariance, failed = lapack.dposv(at.gram[:6, :6], _IDENTITY)
-        if failed:
-            raise np.linalg.LinAlgError("the corners do not determine the pose")
-        residual_px, amplitudes = (at.residual @ self._to_pixels.T).reshape(self._shape), NO_COMMON_ERROR
-        if self._common is not None and self._common_px is not None:
-            whitened = self._whiten @ at.residual.reshape(len(self._whiten), -1, 1)
-            amplitudes = -self._amplitude @ (self._common @ whitened.ravel())
-            residual_px += np.tensordot(amplitudes, self._common_px, axes=1)
-        return Solution(
-            camera_from_plane=pose,
-            chi2=float(at.gram[6, 6]),
-            covariance=np.asarray(covariance, dtype=float),
-            common=amplitudes,
-            residual_px=residual_px,
-            freedom=self._freedom,
-        )
-
-    def linearise(self, pose: Pose) -> _Linear:
-        rotation = pose.rotation
-        arms = rotation @ self.plane
-        near = 1.0 / np.maximum(arms[2] + pose.translation_m[2], 1e-6)
-        seen = (arms[:2] + pose.translation_m[:2, None]) * near
-        arms *= near
-        # Columns: three of rotation, three of translation, the residual.
-        partial = self._partial
-        partial[:, :, 0] = (-arms[1] * seen).T
-        partial[:, :, 1] = (arms[0] * seen).T
-        partial[:, 0, 1] += arms[2]
-        partial[:, 1, 0] -= arms[2]
-        partial[:, 0, 2], partial[:, 1, 2] = -arms[1], arms[0]
-        partial[:, 0, 3] = partial[:, 1, 4] = near
-        partial[:, :, 5] = (-near * seen).T
-        partial[:, :, 6] = (seen - self.rays).T
-        rows, size = self._rows, self._size
-        whitened = rows[:size]
-        wide = self._whiten.shape[1]
-        np.matmul(self._whiten, partial.reshape(-1, wide, 7), out=whitened.reshape(-1, wide, 7))
-        if self._common is not None:
-            whitened -= self._share @ (self._common @ whitened)
-        if self._across is not None:
-            x, y, z = rotation[:, 1].tolist()
-            tilt = self._across @ [[0.0, z, -y, x], [-z, 0.0, x, y], [y, -x, 0.0, z]]
-            rows[size:, :3], rows[size:, 6] = tilt[:, :3], tilt[:, 3]
-        return _Linear(rows.T @ rows, partial[:, :, 6].copy())
+    size, wide = 2 * len(problem.plane), problem.whiten.shape[1]
+    partial, rows = np.zeros((size, 7)), np.zeros((size + 2, 7))
+    for point in range(len(problem.plane)):
+        right, down = problem.plane[point]
+        x = rotation[0, 0] * right + rotation[0, 1] * down
+        y = rotation[1, 0] * right + rotation[1, 1] * down
+        z = rotation[2, 0] * right + rotation[2, 1] * down
+        near = 1.0 / max(z + translation_m[2], 1e-6)
+        u, v = (x + translation_m[0]) * near, (y + translation_m[1]) * near
+        x, y, z = x * near, y * near, z * near
+        residual[point, 0], residual[point, 1] = u - problem.rays[point, 0], v - problem.rays[point, 1]
+        across = (-y * u, x * u + z, -y, near, 0.0, -near * u, residual[point, 0])
+        along = (-y * v - z, x * v, x, 0.0, near, -near * v, residual[point, 1])
+        for column in range(7):
+            partial[2 * point, column], partial[2 * point + 1, column] = across[column], along[column]
+    for block in range(len(problem.whiten)):
+        first = block * wide
+        rows[first : first + wide] = problem.whiten[block] @ partial[first : first + wide]
+    if len(problem.common) > 0:
+        rows[:size] -= problem.share @ (problem.common @ rows[:size])
+    x, y, z = rotation[:, 1]
+    for row in range(2):
+        a, b, c = problem.across[row]
+        tilt = (c * y - b * z, a * z - c * x, b * x - a * y)
+        for column in range(3):
+            rows[size + row, column] = tilt[column]
+        rows[size + row, 6] = a * x + b * y + c * z
+    gram[:] = rows.T @ rows
 
 
-def _moved(pose: Pose, step: Array) -> Pose:
-    """A pose moved by a step (6,): left rotation vector [rad] and translation [m], both in `camera`."""
-    return Pose(cv2.Rodrigues(step[:3])[0] @ pose.rotation, pose.translation_m + step[3:])
+@compiled
+def _inverse(matrix: Array, inverse: Array) -> bool:
+    """Write the inverse of a positive definite matrix (n,n) by its Cholesky factor; False where it is none."""
+    size = len(inverse)
+    lower, columns = np.zeros((size, size)), np.zeros((size, size))
+    for i in range(size):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= lower[i, k] * lower[j, k]
+            if i > j:
+                lower[i, j] = total / lower[j, j]
+            elif total > 0.0:
+                lower[i, i] = math.sqrt(total)
+            else:
+                return False
+    for j in range(size):
+        for i in range(j, size):
+            total = 1.0 if i == j else 0.0
+            for k in range(j, i):
+                total -= lower[i, k] * columns[k, j]
+            columns[i, j] = total / lower[i, i]
+    inverse[:] = columns.T @ columns
+    return True
 
 
-def _perpendicular(direction: Array) -> Array:
-    """Two unit vectors (2,3) perpendicular to a unit vector and to each other."""
-    x, y, z = direction.tolist()
-    # Frisvad's frame, about the axis that the direction is farthest against.
-    sign = 1.0 if z >= 0.0 else -1.0
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return np.array([[1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]])
+@compiled
+def translate(problem: Problem, rotation: Array, translation_m: Array) -> bool:
+    """Write the (3,) translation with which rays meet the plane best, unweighted; False behind the camera."""
+    count = len(problem.plane)
+    aim_u = aim_v = sum_u = sum_v = scatter = forward = 0.0
+    for point in range(count):
+        right, down = problem.plane[point]
+        u, v = problem.rays[point]
+        z = rotation[2, 0] * right + rotation[2, 1] * down
+        off_u = u * z - (rotation[0, 0] * right + rotation[0, 1] * down)
+        off_v = v * z - (rotation[1, 0] * right + rotation[1, 1] * down)
+        aim_u, aim_v, sum_u, sum_v = aim_u + off_u, aim_v + off_v, sum_u + u, sum_v + v
+        scatter += u * u + v * v
+        forward -= u * off_u + v * off_v
+    scatter -= (sum_u * sum_u + sum_v * sum_v) / count
+    forward += (sum_u * aim_u + sum_v * aim_v) / count
+    if not (scatter > 0.0 and forward > 0.0):
+        return False
+    translation_m[2] = forward / scatter
+    translation_m[0] = (aim_u + sum_u * translation_m[2]) / count
+    translation_m[1] = (aim_v + sum_v * translation_m[2]) / count
+    return True
+
+
+@compiled
+def _refine(
+    problem: Problem, rotation: Array, translation_m: Array, damping: float, gram: Array, residual: Array
+) -> tuple[bool, Array, Array]:
+    """Levenberg–Marquardt from a start: whether it settles, and the pose; writes what `_linearise` does near it."""
+    inverse, gradient = np.empty((6, 6)), np.empty(6)
+    then, then_residual = np.empty(gram.shape), np.empty(residual.shape)
+    _linearise(problem, rotation, translation_m, gram, residual)
+    for _ in range(_STEPS):
+        normal = gram[:6, :6].copy()
+        for index in range(6):
+            normal[index, index] *= 1.0 + damping
+            gradient[index] = gram[index, 6]
+        if not _inverse(normal, inverse):
+            return False, rotation, translation_m
+        step = -(inverse @ gradient)
+        turned, shifted = exp_rotation(step[:3], rotation), translation_m + step[3:]
+        promised = -(step @ gradient)
+        if promised < _GAIN_DONE:
+            rotation, translation_m = turned, shifted
+            break
+        _linearise(problem, turned, shifted, then, then_residual)
+        gained = gram[6, 6] - then[6, 6]
+        if gained >= 0.0:
+            rotation, translation_m = turned, shifted
+            gram[:], residual[:] = then, then_residual
+        # Near the view where both solutions merge the cost is of fourth order and Gauss–Newton oversteps.
+        if gained <= 0.25 * promised:
+            damping = min(max(30.0 * damping, _DAMPING), 1e6)
+        elif gained > 0.75 * promised:
+            damping *= 0.1
+    return bool(math.isfinite(gram[6, 6]) and translation_m[2] > 0.0), rotation, translation_m
+
+
+@compiled
+def turned_pose(problem: Problem, rotation: Array, turn: Array, translation_m: Array) -> tuple[bool, Array, float]:
+    """A pose turned by a rotation vector (3,) [rad] in `camera` and refined in all else: the rotation and χ².
+
+    Writes the translation; False where nothing solves the corners.
+    """
+    turned = exp_rotation(turn, rotation)
+    if not translate(problem, turned, translation_m):
+        return False, turned, math.inf
+    gram, inverse, residual = np.empty((7, 7)), np.empty((6, 6)), np.empty(problem.plane.shape)
+    _linearise(problem, turned, translation_m, gram, residual)
+    normal, axis = gram[:6, :6].copy(), turn / math.sqrt(turn @ turn)
+    normal[:3, :3] += _HELD * np.trace(normal) * np.outer(axis, axis)
+    if not _inverse(normal, inverse):
+        return False, turned, math.inf
+    step = -(inverse @ gram[:6, 6].copy())
+    turned = exp_rotation(step[:3], turned)
+    translation_m += step[3:]
+    _linearise(problem, turned, translation_m, gram, residual)
+    return bool(math.isfinite(gram[6, 6]) and translation_m[2] > 0.0), turned, gram[6, 6]
+
+
+@compiled
+def _conclude(
+    problem: Problem, gram: Array, residual: Array, covariance: Array, common: Array, residual_px: Array
+) -> bool:
+    """Write what `Solution` holds of a linearised pose; False when the corners do not determine it."""
+    if not _inverse(gram[:6, :6], covariance):
+        return False
+    size, wide = residual.size, problem.whiten.shape[1]
+    whitened, rays = np.empty(size), residual.reshape(size)
+    for block in range(len(problem.whiten)):
+        first = block * wide
+        whitened[first : first + wide] = problem.whiten[block] @ rays[first : first + wide]
+    residual_px[:] = residual @ problem.to_pixels.T
+    if len(common) > 0:
+        common[:] = -(problem.amplitude @ (problem.common @ whitened))
+        residual_px += (common @ problem.common_px).reshape(-1, 2)
+    return True
+
+
+@compiled
+def exp_rotation(vector: Array, rotation: Array) -> Array:
+    """exp(vector) · rotation, (3,3): Rodrigues' formula."""
+    x, y, z = vector
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-12:
+        return rotation.copy()
+    c, s = math.cos(angle), math.sin(angle)
+    x, y, z = x / angle, y / angle, z / angle
+    result = np.empty((3, 3))
+    for j in range(3):
+        a, b, d = rotation[0, j], rotation[1, j], rotation[2, j]
+        along = (1.0 - c) * (x * a + y * b + z * d)
+        result[0, j] = c * a + s * (y * d - z * b) + along * x
+        result[1, j] = c * b + s * (z * a - x * d) + along * y
+        result[2, j] = c * d + s * (x * b - y * a) + along * z
+    return result

@@ -11,6 +11,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from shipland.compiled import compiled
 from shipland.cue import Hue
 from shipland.vision.near.parameters import VisionParameters
 from shipland.vision.near.segment import Contour, Image, Region, Window, opened_and_closed, outlines, region_of
@@ -24,6 +25,9 @@ tone curve of 1/2.2."""
 
 _PEAK = 0.9
 """Share of a region's pixels below its peak: a few brighter ones do not count."""
+
+_LEAST_SPREAD = 18
+"""Difference of a pixel's colours below which its light is below the floor."""
 
 _CLIPPED = 250
 """Value from which a pixel may be the white core of a lamp, whatever its colour."""
@@ -57,22 +61,70 @@ _SPARSE_PX2 = 40_000
 whatever has none of them."""
 
 
-def cue_light(image: Image, hue: Hue) -> Image:
-    """(H,W) saturated light of the pixels of a hue, at most 254; 255 where another one clips; 0 elsewhere.
+_SATURATION, _HUE = (np.rint(top * 4096.0 / np.maximum(np.arange(256), 0.5)).astype(np.int64) for top in (255, 30))
+"""OpenCV's tables: saturation by value, and hue by the spread of the colours, times 2¹²."""
 
-    Of white, the light that all colours have in common.
+
+def cue_light(image: Image, window: Window, hue: Hue, step: int = 1) -> Image:
+    """(h,w) saturated light of a part's pixels of a hue, at most 254; 255 where another one clips; 0 below the floor.
+
+    Of white, the light that all colours have in common. Of every `step`-th pixel of every `step`-th row.
     """
     if hue == "white":
-        blue, green, red = cv2.split(image)
-        return np.asarray(np.minimum(cv2.min(cv2.min(blue, green), red), 254), np.uint8)
-    hues, saturation, value = cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2HSV))
-    light = cv2.multiply(saturation, value, scale=254.0 / 255.0**2)
-    low, high = hue
+        return np.asarray(np.minimum(window.of(image)[::step, ::step].min(axis=2), 254), np.uint8)
+    light: Image = np.empty(((window.bottom - window.top) // step, (window.right - window.left) // step), np.uint8)
+    rows = np.ascontiguousarray(image).reshape(len(image), -1)
+    _write_light(rows, window.left, window.top, step, int(hue[0]), int(hue[1]), light)
+    return light
+
+
+@compiled
+def _write_light(rows: Image, left: int, top: int, step: int, low: int, high: int, light: Image) -> None:
+    """Write `cue_light` of a picture's rows (H,3 W)."""
     over_red = low > high
-    band = cv2.inRange(hues, high + 1, low - 1) if over_red else cv2.inRange(hues, low, high)
-    light = cv2.bitwise_and(light, cv2.bitwise_not(band) if over_red else band)
-    white = cv2.bitwise_and(cv2.inRange(value, _CLIPPED, 255), cv2.inRange(light, 0, 0))
-    return np.asarray(cv2.bitwise_or(light, white), np.uint8)
+    reds = np.uint8(over_red or low <= 30 or high >= 150)
+    greens = np.uint8((low <= 90 or high >= 30) if over_red else (low <= 90 and high >= 30))
+    blues = np.uint8((low <= 150 or high >= 90) if over_red else (low <= 150 and high >= 90))
+    lit, columns = np.empty(step * light.shape[1], np.uint8), np.empty(light.shape[1], np.int64)
+    light[:] = 0
+    for row in range(len(light)):
+        pixels = rows[top + step * row, 3 * left : 3 * (left + len(lit))]
+        for column in range(len(lit)):  # in bytes and without branches: vector code
+            blue, green, red = pixels[3 * column], pixels[3 * column + 1], pixels[3 * column + 2]
+            most = blue if blue > green else green
+            most = most if most > red else red
+            least = blue if blue < green else green
+            least = least if least < red else red
+            near = (
+                (np.uint8(green == most) & greens) | (np.uint8(blue == most) & blues) | (np.uint8(red == most) & reds)
+            )
+            bright = np.uint8(np.uint8(most - least) >= np.uint8(_LEAST_SPREAD))
+            lit[column] = np.uint8((bright & np.uint8(near)) | np.uint8(most >= np.uint8(_CLIPPED)))
+        count = 0
+        for column in range(light.shape[1]):
+            columns[count] = column
+            count += lit[step * column]
+        for column in columns[:count]:
+            first = 3 * step * column
+            light[row, column] = _light_of(pixels[first], pixels[first + 1], pixels[first + 2], low, high)
+
+
+@compiled
+def _light_of(blue: int, green: int, red: int, low: int, high: int) -> int:
+    """`cue_light` of one pixel, in OpenCV's whole numbers."""
+    blue, green, red = np.int64(blue), np.int64(green), np.int64(red)
+    value = max(blue, green, red)
+    spread = value - min(blue, green, red)
+    hue = blue - red + 2 * spread if value == green else red - green + 4 * spread
+    hue = green - blue if value == red else hue
+    hue = (hue * _HUE[spread] + 2048) >> 12
+    hue = hue + 180 if hue < 0 else hue
+    inside = (low <= hue) & (hue <= high) | (low > high) & ((hue >= low) | (hue <= high))
+    light = np.int64(np.rint(((spread * _SATURATION[value] + 2048) >> 12) * value * (254.0 / 255.0**2)))
+    light = light if inside else 0
+    clipped = (light == 0) & (value >= _CLIPPED)
+    light = light if light >= FLOOR else 0
+    return 255 if clipped else light
 
 
 def find_regions(
@@ -87,13 +139,9 @@ def find_regions(
         hue: of the cue.
         polygons: of the cue.
     """
-    seen = window.of(image)
-    step = 2 if seen.shape[0] * seen.shape[1] >= _SPARSE_PX2 else 1
-    few = seen
-    if step > 1:
-        size = (seen.shape[1] // step, seen.shape[0] // step)
-        few = np.asarray(cv2.resize(seen, size, interpolation=cv2.INTER_NEAREST), np.uint8)
-    light = cue_light(few, hue)
+    height, width = window.bottom - window.top, window.right - window.left
+    step = 2 if height * width >= _SPARSE_PX2 else 1
+    light = cue_light(image, window, hue, step)
     parts = outlines(cv2.inRange(light, FLOOR, 254), (0, 0), parameters, step)
     lit = [part for part in parts if _HALF * int(_of_box(light, part).max()) >= FLOOR]
     lit = lit[: max(_MOST_PARTS, 2 * polygons)]
@@ -104,10 +152,15 @@ def find_regions(
     found: list[Contour] = []
     for part in lit:
         outline = part * (step // scale)
-        left, top, width, height = _box(outline)
-        crop, corner = (slice(top, top + height), slice(left, left + width)), np.array([left, top], np.int32)
-        picture = few[crop] if scale == step else seen[crop]
-        own = light[crop] if scale == step else cue_light(picture, hue)
+        left, top, right, bottom = _box(outline)
+        right, bottom = min(left + right, width // scale), min(top + bottom, height // scale)
+        crop = Window(*(scale * side for side in (left, top, right, bottom)))
+        crop = Window(
+            crop.left + window.left, crop.top + window.top, crop.right + window.left, crop.bottom + window.top
+        )
+        own = light[top:bottom, left:right] if scale == step else cue_light(image, crop, hue)
+        corner = np.array([left, top], np.int32)
+        picture = crop.of(image)[::scale, ::scale]
         found += [(contour + corner) * scale for contour in _regions_of(picture, own, outline - corner, parameters)]
     offset = np.array([window.left, window.top], np.int32)
     regions = (region_of(contour + offset, image, parameters) for contour in found)
@@ -135,14 +188,16 @@ def _regions_of(image: Image, light: Image, part: Contour, parameters: VisionPar
     cv2.drawContours(inside, [part], -1, 255, cv2.FILLED)
     inside = np.asarray(cv2.dilate(inside, _RIM), np.uint8)
     found = _cores(image, light, parameters)
-    brighter = np.zeros(light.shape, np.uint8)
+    brighter = beside = np.zeros(light.shape, np.uint8)
     for _ in range(_MOST_CUTS):
         cut, left = _cut(light, inside, parameters)
-        found += [contour for contour in cut if _has_rim(light, brighter, contour)]
+        found += [contour for contour in cut if _has_rim(light, beside, contour)]
         if not cut or left < _LEAST_LEFT:
             break
         cv2.drawContours(brighter, cut, -1, 255, cv2.FILLED)
-        inside = np.asarray(cv2.bitwise_and(inside, cv2.bitwise_not(cv2.dilate(brighter, _RIM))), np.uint8)
+        rim = cv2.dilate(brighter, _RIM)
+        inside = np.asarray(cv2.bitwise_and(inside, cv2.bitwise_not(rim)), np.uint8)
+        beside = np.asarray(cv2.dilate(rim, _RIM), np.uint8)
     return found
 
 
@@ -169,24 +224,25 @@ def _cut(light: Image, inside: Image, parameters: VisionParameters) -> tuple[lis
     return outlines(opened_and_closed(above, parameters.kernel_px), (0, 0), parameters), left
 
 
-def _has_rim(light: Image, brighter: Image, contour: Contour) -> bool:
+@compiled
+def _has_rim(light: Image, beside: Image, contour: Contour) -> bool:
     """Whether the outline of a region has the cue's colour, and is not that of something white or of a gap.
 
     Args:
         light: of the cue's colour.
-        brighter: where brighter regions are.
+        beside: around brighter regions.
         contour: the outline.
     """
-    columns, rows = contour[:, 0].T
-    on = light[rows, columns]
-    beside = cv2.dilate(brighter, _RIM, iterations=2)[rows, columns] if brighter.any() else np.zeros(1)
-    coloured = np.count_nonzero((on >= FLOOR) & (on < 255)) >= _COLOURED * len(on)
-    return bool(coloured and np.count_nonzero(beside) < _COLOURED * len(on))
+    coloured = bounded = 0
+    for column, row in contour[:, 0]:
+        coloured += FLOOR <= light[row, column] < 255
+        bounded += beside[row, column] > 0
+    return coloured >= _COLOURED * len(contour) and bounded < _COLOURED * len(contour)
 
 
 def _cores(image: Image, light: Image, parameters: VisionParameters) -> list[Contour]:
     """White regions that the cue's colour surrounds."""
-    if not cv2.countNonZero(cv2.inRange(light, 255, 255)):
+    if cv2.countNonZero(cv2.inRange(light, 255, 255)) < parameters.min_side_px**2:
         return []
     luma = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     mask = opened_and_closed(cv2.threshold(luma, _CORE - 1, 255, cv2.THRESH_BINARY)[1], parameters.kernel_px)

@@ -108,9 +108,8 @@ def stroke_polygons(
 
 def _cuts(image: Image, window: Window, parameters: VisionParameters, hue: Hue) -> list[Window]:
     """The boxes of small lit parts, the largest first."""
-    seen = window.of(image)
-    step = 2 if seen.shape[0] * seen.shape[1] >= _SPARSE_PX2 else 1
-    lit = cv2.inRange(cue_light(np.ascontiguousarray(seen[::step, ::step]), hue), FLOOR, 254)
+    step = 2 if (window.bottom - window.top) * (window.right - window.left) >= _SPARSE_PX2 else 1
+    lit = cv2.inRange(cue_light(image, window, hue, step), FLOOR, 254)
     joined = cv2.morphologyEx(lit, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     count, _, boxes, _ = cv2.connectedComponentsWithStats(joined)
     sides_px = step * boxes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]]
