@@ -31,7 +31,7 @@ def descended(from_deck_m, seconds=20.0):
     phases, descent, t_s = [], None, 0.0
     while t_s < seconds and (descent is None or descent.phase is not Phase.FINAL_DESCENT):
         height_m = 1.2 if descent is None else descent.height_m
-        outlook = Outlook(t_s, STEP_S, height_m, 0.0, 0.0, 1.0, True, 0.3, 1.2, from_deck_m(t_s))
+        outlook = Outlook(t_s, STEP_S, height_m, 0.0, 0.0, 1.0, 0.3, 1.2, from_deck_m(t_s))
         descent = next_descent(descent, outlook, DESCENT)
         if not phases or phases[-1][0] is not descent.phase:
             phases.append((descent.phase, t_s))
