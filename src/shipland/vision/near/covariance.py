@@ -218,7 +218,7 @@ def _carry_over_tilts(
 @compiled
 def likelihood(chi2: float, tail: float) -> float:
     """Of a pose, relative to the one that fits best, by how much larger its χ² is: Student's, of `tail` degrees."""
-    return (1.0 + chi2 / tail) ** (-0.5 * (tail + 1.0))
+    return float((1.0 + chi2 / tail) ** (-0.5 * (tail + 1.0)))
 
 
 @compiled

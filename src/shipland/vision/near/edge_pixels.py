@@ -276,8 +276,8 @@ def contrasts(
         values[side] = (values[side] - ground) * (1.0 / span)
         _level_by_station(values[side])
     noise2 = 0.0
-    for end in ends:
-        noise2 += 0.5 * np.sum((weights * np.interp(end, LIGHT, _LIGHT_A_LEVEL)) ** 2)
+    for lights in ends:
+        noise2 += 0.5 * np.sum((weights * np.interp(lights, LIGHT, _LIGHT_A_LEVEL)) ** 2)
     return True, clipped, math.sqrt(noise2)
 
 

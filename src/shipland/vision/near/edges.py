@@ -269,7 +269,7 @@ def _leave_out_strays(values: Array, pixels: Pixels, columns: Array) -> bool:
         return False
     for side in range(sides):
         kept = counted[side] & ~stray[side]
-        share = np.count_nonzero(kept) / max(np.count_nonzero(counted[side]), 1)
+        share = np.sum(kept) / max(1.0 * np.sum(counted[side]), 1.0)
         columns[side] = max(columns[side] * share, 1.0)
         for station in range(stations):
             if stray[side, station]:
@@ -306,7 +306,7 @@ def _mark_strays(
     values: Array, out_px: Array, along: Array, counted: npt.NDArray[np.bool_], stray: npt.NDArray[np.bool_]
 ) -> None:
     """Mark the stray ones among the columns of pixels (station,across) of a side."""
-    stations, across = values.shape
+    stations = len(values)
     # Where there are fewer stations than room for them, the last one is repeated: all count alike here.
     alike = np.arange(stations) * np.count_nonzero(counted) // stations
     inner, outer = 0.5 * (values[:, 0] + values[:, 1]), 0.5 * (values[:, -1] + values[:, -2])
@@ -321,8 +321,8 @@ def _mark_strays(
         slope = 0.0 if abs(run) < 0.1 else (crossing_px[last] - crossing_px[first]) / run
         off_px = np.abs(crossing_px - crossing_px[first] - slope * (along - along[first]))
         agree = fits & counted & (off_px <= _STRAY_PX)
-        if np.count_nonzero(agree) > most:
-            most = np.count_nonzero(agree)
+        if agree.sum() > most:
+            most = agree.sum()
             stray[:] = counted & ~agree
     if not np.count_nonzero(stray) < _MOST_STRAY * np.count_nonzero(counted):
         stray[:] = False

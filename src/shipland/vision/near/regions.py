@@ -103,24 +103,24 @@ def _write_light(rows: Image, left: int, top: int, step: int, low: int, high: in
         count = 0
         for column in range(light.shape[1]):
             columns[count] = column
-            count += lit[step * column]
+            count += 1 if lit[step * column] else 0
         for column in columns[:count]:
             first = 3 * step * column
-            light[row, column] = _light_of(pixels[first], pixels[first + 1], pixels[first + 2], low, high)
+            blue, green, red = pixels[first], pixels[first + 1], pixels[first + 2]
+            light[row, column] = _light_of(np.int64(blue), np.int64(green), np.int64(red), low, high)
 
 
 @compiled
-def _light_of(blue: int, green: int, red: int, low: int, high: int) -> int:
+def _light_of(blue: np.int64, green: np.int64, red: np.int64, low: int, high: int) -> int:
     """`cue_light` of one pixel, in OpenCV's whole numbers."""
-    blue, green, red = np.int64(blue), np.int64(green), np.int64(red)
-    value = max(blue, green, red)
-    spread = value - min(blue, green, red)
-    hue = blue - red + 2 * spread if value == green else red - green + 4 * spread
-    hue = green - blue if value == red else hue
-    hue = (hue * _HUE[spread] + 2048) >> 12
+    value = int(max(blue, green, red))
+    spread = value - int(min(blue, green, red))
+    turn = blue - red + 2 * spread if value == green else red - green + 4 * spread
+    turn = green - blue if value == red else turn
+    hue = int((turn * _HUE[spread] + 2048) >> 12)
     hue = hue + 180 if hue < 0 else hue
     inside = (low <= hue) & (hue <= high) | (low > high) & ((hue >= low) | (hue <= high))
-    light = np.int64(np.rint(((spread * _SATURATION[value] + 2048) >> 12) * value * (254.0 / 255.0**2)))
+    light = int(np.rint(((spread * _SATURATION[value] + 2048) >> 12) * value * (254.0 / 255.0**2)))
     light = light if inside else 0
     clipped = (light == 0) & (value >= _CLIPPED)
     light = light if light >= FLOOR else 0
